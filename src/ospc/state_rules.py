@@ -15,7 +15,7 @@ import numpy as np
 from ospc.correspondence import noise_estimation, pixel_statistics
 from ospc.correspondence.frame_sampling import FrameSampler
 from ospc.correspondence.image_circle import ImageCircle
-from ospc.correspondence.keyframe_selection import AGES, MOST_TRIALS, KeyframeSelectorState
+from ospc.correspondence.keyframe_selection import KeyframeSelectorState
 from ospc.correspondence.reservoir import Reservoir
 from ospc.correspondence.static_series import StaticSeries
 from ospc.correspondence.thumbnail import thumbnail_size
@@ -29,17 +29,28 @@ from ospc.estimation.response_basis import ResponseBasis
 from ospc.estimation.vignette_basis import LEAST_RADIUS, VignetteBasis
 from ospc.exposures.assessment import AssessmentState
 from ospc.exposures.evidence import EvidenceState
-from ospc.methods.change_detection import FASTEST, MOST_USUAL, SLOWEST, ChangeDetector
+from ospc.methods.change_detection import ChangeDetector
 from ospc.methods.maximum_likelihood_state import MaximumLikelihoodState
-from ospc.methods.prediction_errors import GREY_KNOTS, PairErrors
+from ospc.methods.prediction_errors import PairErrors
 from ospc.observations import MOMENTS
 from ospc.photometry.effect_estimate import EffectEstimate
 from ospc.photometry.geometry import MOST_PIXELS
 from ospc.photometry.grey_range import GreyRange
 from ospc.photometry.noise import NoiseModel
 from ospc.settings import DefaultSettings
+from ospc.settings.correspondence import (
+    AGE_CLASSES,
+    COVERAGE_GREY_CELLS,
+    COVERAGE_RADIUS_CELLS,
+    MAX_COMPARISONS,
+    MAX_COUNTED_FRAMES,
+    MAX_GREY_RANGES,
+    NOISE_BINS,
+    NOISE_FRAMES,
+)
 from ospc.settings.estimation import FACTOR_GREYS
 from ospc.settings.exposures import GREY_BIN_EDGES, MAX_CHANGES, MAX_REPEATED_FRAMES
+from ospc.settings.methods import CHANGE_GREY_KNOTS, MAX_FRAME_RATE, MAX_USUAL_PAIRS, MIN_FRAME_RATE
 
 _MOST = 2**40
 """Largest count: frames at a thousand per second for thirty years."""
@@ -54,7 +65,7 @@ _LARGEST_GREY, _LONGEST_LAG_FRAMES, _MOST_INTERVALS, _MOST_RADIAL = 65535, 1000,
 """Largest grey value, of 16 bits; largest lag that a command takes; most terms of response and of vignette, eight and
 three times those of any preset."""
 
-_CHANGES = len(GREY_KNOTS) + 3
+_CHANGES = len(CHANGE_GREY_KNOTS) + 3
 """Parameters of a change of the camera."""
 
 
@@ -139,11 +150,9 @@ RULES: Mapping[type, Mapping[str, Numbers | str]] = {
     },
     pixel_statistics.PixelStatistics: {
         "_histogram _brightest _max_grey _ranges _inherited": ELSEWHERE,
-        "_grey_share": _share("frames", pixel_statistics.GREY_CELLS, most=pixel_statistics.MOST_FRAMES),
-        "_radius_share": _share(
-            "frames", pixel_statistics.RADIUS_CELLS, unknown=True, most=pixel_statistics.MOST_FRAMES
-        ),
-        "_log_exposure": _logs("frames", most=pixel_statistics.MOST_FRAMES),
+        "_grey_share": _share("frames", COVERAGE_GREY_CELLS, most=MAX_COUNTED_FRAMES),
+        "_radius_share": _share("frames", COVERAGE_RADIUS_CELLS, unknown=True, most=MAX_COUNTED_FRAMES),
+        "_log_exposure": _logs("frames", most=MAX_COUNTED_FRAMES),
         "_bits": Numbers(0, _LARGEST_GREY),
     },
     EvidenceState: {
@@ -170,7 +179,7 @@ RULES: Mapping[type, Mapping[str, Numbers | str]] = {
         "frames uses": _count("kept"),
         "log_exposure": _logs("kept"),
         "selections": COUNT,
-        "seen": Numbers(0, 2 * MOST_TRIALS, (4, AGES)),
+        "seen": Numbers(0, 2 * MAX_COMPARISONS, (4, AGE_CLASSES)),
     },
     Reservoir: {"capacity _parts points": ELSEWHERE, "_halvings": Numbers(0, 64)},
     StaticSeries: {
@@ -205,14 +214,14 @@ RULES: Mapping[type, Mapping[str, Numbers | str]] = {
     ImageCircle: {"brightest allowed": ELSEWHERE, "looks": COUNT},
     ChangeDetector: {
         "reference pairs since": ELSEWHERE,
-        "usual_errors": Numbers(0, _LARGEST, ("errors",), most=MOST_USUAL),
-        "usual_effects": Numbers(0, _LARGEST, ("effects",), most=MOST_USUAL),
-        "surprises": _count("surprises", 2, most=MOST_USUAL),
+        "usual_errors": Numbers(0, _LARGEST, ("errors",), most=MAX_USUAL_PAIRS),
+        "usual_effects": Numbers(0, _LARGEST, ("effects",), most=MAX_USUAL_PAIRS),
+        "surprises": _count("surprises", 2, most=MAX_USUAL_PAIRS),
         "calm_until": COUNT,
         "lag_frames": LAG,
         "first_number": Numbers(-1, _MOST),
         "first_stamp_s": Numbers(),
-        "frames_per_s": Numbers(SLOWEST, FASTEST),
+        "frames_per_s": Numbers(MIN_FRAME_RATE, MAX_FRAME_RATE),
     },
     PairErrors: {
         "frame0 frame1 points": COUNT,
@@ -302,7 +311,7 @@ def _check_pixels(run: EngineState, frames: int) -> None:
     _require(
         (found._histogram is None) == (found._brightest is None) == (not found._grey_share), "pixels are missing"
     )
-    _require(len(found._ranges) <= pixel_statistics.MOST_RANGES, "black and white changed too often")
+    _require(len(found._ranges) <= MAX_GREY_RANGES, "black and white changed too often")
     numbers = [-1, *(number for number, _, _ in found._ranges), frames]
     _require(all(a < b for a, b in pairwise(numbers)), "changes of black and white are out of order")
     ends = [(found._inherited.black, found._inherited.white), *((low, high) for _, low, high in found._ranges)]
@@ -331,9 +340,9 @@ def _check_method(method: MaximumLikelihoodState, run: EngineState, settings: De
     if method.series is not None:
         _check_series(method.series, run, settings)
     _require(method.noise.max_grey == run.max_grey, "its noise is of another white")
-    _require(len(method.noise._found) == noise_estimation.BINS, "its noise has another number of grey levels")
+    _require(len(method.noise._found) == NOISE_BINS, "its noise has another number of grey levels")
     for variances in method.noise._found:
-        Numbers(0, 1, ("measured",), most=noise_estimation.REMEMBERED).check("noise", variances)
+        Numbers(0, 1, ("measured",), most=NOISE_FRAMES).check("noise", variances)
     width, height = settings.preprocessor().small_size(run.size)
     for image in (method.circle.brightest, method.circle.allowed):
         _require(image is None or image.shape == (height, width), "its image circle is of another size")

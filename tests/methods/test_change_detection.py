@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ospc.methods.change_detection import SLOWEST, ChangeDetector
+from ospc.methods.change_detection import ChangeDetector
+from ospc.settings.methods import MIN_FRAME_RATE
 
 
 @pytest.mark.parametrize(("rate", "counted"), [(5.0, 20.0), (20.0, 20.0), (50.0, 50.0), (1000.0, 100.0)])
@@ -21,4 +22,4 @@ def test_stamps_that_are_none_count_as_those_of_slow_film(stamps):
     detector = ChangeDetector()
     for number, stamp_s in enumerate(stamps):
         detector.clock(number, stamp_s)
-    assert detector.frames_per_s == SLOWEST
+    assert detector.frames_per_s == MIN_FRAME_RATE

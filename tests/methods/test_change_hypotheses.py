@@ -13,10 +13,11 @@ from ospc.estimation.response_basis import ResponseBasis
 from ospc.estimation.vignette_basis import VignetteBasis
 from ospc.exposures.table import ExposureTable
 from ospc.methods.change_hypotheses import explain
-from ospc.methods.prediction_errors import GREY_KNOTS, PARTS, ExplainedChange, PairErrors
+from ospc.methods.prediction_errors import PARTS, ExplainedChange, PairErrors
 from ospc.observations import ExposedObservations
 from ospc.photometry.vignette import LogVignette
 from ospc.settings import DefaultSettings
+from ospc.settings.methods import CHANGE_GREY_KNOTS
 from ospc.simulation.responses import make_response
 from synthetic_observations import POLYNOMIAL, SIZE, Camera
 
@@ -130,8 +131,8 @@ def test_a_few_pairs_prove_nothing(fit):
 
 def test_the_curve_of_a_response_is_finite_where_pairs_see_black():
     """A line in ln g and a bend at the knots, both evaluated at a grey level of zero."""
-    change = np.zeros(len(GREY_KNOTS) + 3)
+    change = np.zeros(len(CHANGE_GREY_KNOTS) + 3)
     change[PARTS["response"]] = 0.1
-    seen = ExplainedChange("response", change, np.eye(len(GREY_KNOTS) + 1), 1.0, 1.0, np.array([0.0, 0.5]))
+    seen = ExplainedChange("response", change, np.eye(len(CHANGE_GREY_KNOTS) + 1), 1.0, 1.0, np.array([0.0, 0.5]))
     assert np.isfinite(seen.curve).all()
     assert np.isfinite(seen.effect)

@@ -5,23 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from ospc.arrays import FloatArray
-
-NODE_STEP_PX = 2
-"""Distance of the nodes around a place from whose values a wider smoothing follows, in reduced pixels: for the
-usual stretches, up to 1.25, about that at which three nodes stand for a Gaussian (Gauss-Hermite)."""
+from ospc.settings.correspondence import MAX_STRETCH, NODE_STEP_PX, PIXEL_VARIANCE
 
 NODES = np.stack(np.meshgrid(*2 * [NODE_STEP_PX * np.arange(-1.0, 2.0)]), axis=-1).reshape(9, 2)
 """Offsets (x, y) of the nodes from the place, in reduced pixels, shape (9, 2)."""
 
 CENTRE = 4
 """Index of the node at the place itself."""
-
-_PIXEL_VARIANCE = 1 / 12
-"""Variance of a place within its pixel, which averages too, in square pixels."""
-
-_MOST_STRETCH = 1.6
-"""Largest stretch between two views, and the inverse of the smallest: about that from the centre to the corner of a
-view of 75°. More is an error of the registration at an edge in depth."""
 
 _VALUE, _SLOPE, _CURVATURE = (np.array(stencil) for stencil in ([0, 1, 0], [-0.5, 0, 0.5], [1, -2, 1]))
 _STENCILS = np.stack(
@@ -43,8 +33,8 @@ def further_smoothing(jacobian: FloatArray, smoothing_px: float) -> tuple[FloatA
     second view by those in the first has shape (n, 2, 2).
     """
     axes1, stretch, axes0 = np.linalg.svd(jacobian)
-    stretch = np.clip(stretch, 1 / _MOST_STRETCH, _MOST_STRETCH)
-    variance = smoothing_px**2 + _PIXEL_VARIANCE
+    stretch = np.clip(stretch, 1 / MAX_STRETCH, MAX_STRETCH)
+    variance = smoothing_px**2 + PIXEL_VARIANCE
     further0, further1 = (variance * np.maximum(by**2 - 1, 0)[:, None] for by in (1 / stretch, stretch))
     return np.swapaxes(axes0, 1, 2) * further0 @ axes0, axes1 * further1 @ np.swapaxes(axes1, 1, 2)
 

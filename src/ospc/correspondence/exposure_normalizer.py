@@ -12,31 +12,16 @@ from ospc.photometry.geometry import pixel_grid
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import Vignette
 from ospc.robust import robust_scale
-
-_DISPLAY_GAMMA = 2.2
-"""Exponent of the scale on which images are registered, that of displays: noise and contrast are similar in dark and
-bright parts."""
-
-_DARKEST, _BRIGHTEST = 8.0, 247.0
-"""Grey levels beyond which a quantile may be clipped, of 255."""
-
-_LARGEST_DISAGREEMENT = 0.4
-"""Largest difference, in ln, between the exposure ratio stated and that in the images at which the former is taken.
-With the response still unknown the images are wrong by as much; once it is known, by some hundredths."""
-
-_PLAIN_AGREEMENT = 0.2
-"""Largest difference, in ln, between the exposure ratio stated and that of the quantiles of grey at which the former
-is taken without a closer look. Quantiles are wrong by less where most of a view is shared."""
-
-_LEAST_SHARE = 0.15
-"""Share of the places of the thumbnails that two frames must have in common for their brightness to be compared place
-by place; where less is, the quantiles of their grey levels are compared."""
-
-_LARGEST_SPREAD = 0.15
-"""Standard deviation, in ln, of the ratios of single places up to which their median is relied on."""
-
-_DARKEST_IRRADIANCE = 1e-6
-"""Lowest irradiance whose logarithm is taken: below that of the first grey level of any camera."""
+from ospc.settings.correspondence import (
+    BRIGHTEST_COMPARED_GREY,
+    CLEAR_LOG_RATIO_AGREEMENT,
+    DARKEST_COMPARED_GREY,
+    DISPLAY_GAMMA,
+    MAX_LOG_RATIO_DISAGREEMENT,
+    MAX_LOG_RATIO_SPREAD,
+    MIN_IRRADIANCE,
+    MIN_SHARED_PLACES,
+)
 
 
 class ExposureNormalizer:
@@ -51,10 +36,10 @@ class ExposureNormalizer:
         self, response: Response | None = None, vignette: Vignette | None = None, *, trusts_stated: bool = False
     ) -> None:
         self._trusts_stated = trusts_stated
-        known = response if response is not None else Response.gamma(_DISPLAY_GAMMA)
+        known = response if response is not None else Response.gamma(DISPLAY_GAMMA)
         irradiance = known.inverse(np.arange(256) / 255)
-        self._root = irradiance ** (1 / _DISPLAY_GAMMA)
-        self._log_irradiance = np.log(np.maximum(irradiance, _DARKEST_IRRADIANCE))
+        self._root = irradiance ** (1 / DISPLAY_GAMMA)
+        self._log_irradiance = np.log(np.maximum(irradiance, MIN_IRRADIANCE))
         self._vignette = vignette
         self._lift: dict[tuple[int, ...], Float32Array] = {}
         self._register = ThumbnailRegistration()
@@ -67,10 +52,10 @@ class ExposureNormalizer:
         log_ratio = stated_log_ratio
         if np.isnan(stated_log_ratio) or not (
             self._trusts_stated
-            or abs(self._log_ratio_of_quantiles(frame0, frame1) - stated_log_ratio) < _PLAIN_AGREEMENT
+            or abs(self._log_ratio_of_quantiles(frame0, frame1) - stated_log_ratio) < CLEAR_LOG_RATIO_AGREEMENT
         ):
             shown, sure = self.log_ratio(frame0, frame1)
-            contradicted = sure and abs(stated_log_ratio - shown) > _LARGEST_DISAGREEMENT
+            contradicted = sure and abs(stated_log_ratio - shown) > MAX_LOG_RATIO_DISAGREEMENT
             log_ratio = shown if contradicted or np.isnan(stated_log_ratio) else stated_log_ratio
         # At the longer exposure both images clip at the same radiance, so that clipped areas have the same edges.
         return self._brightened(frame0, max(0.0, log_ratio)), self._brightened(frame1, max(0.0, -log_ratio))
@@ -80,18 +65,19 @@ class ExposureNormalizer:
         small0, small1 = frame0.thumbnail, frame1.thumbnail
         there, found = self._register(small0, small1)
         shared = exposed_in_both(small0, small1, there, found)
-        if np.count_nonzero(shared) < _LEAST_SHARE * shared.size:
+        if np.count_nonzero(shared) < MIN_SHARED_PLACES * shared.size:
             return self._log_ratio_of_quantiles(frame0, frame1), False
         log0 = self._log_radiance(small0.grey, frame0.size)
         log1 = values_at(self._log_radiance(small1.grey, frame1.size), there)
         difference = (log1 - log0)[shared]
         middle = np.median(difference)
-        return float(middle), robust_scale(difference - middle) < _LARGEST_SPREAD
+        return float(middle), robust_scale(difference - middle) < MAX_LOG_RATIO_SPREAD
 
     def _log_ratio_of_quantiles(self, frame0: ReducedFrame, frame1: ReducedFrame) -> float:
         """Return the same for frames that hardly overlap: the median over quantiles of grey exposed in both."""
         grey0, grey1 = frame0.grey_quantiles, frame1.grey_quantiles
-        exposed = (np.minimum(grey0, grey1) > _DARKEST) & (np.maximum(grey0, grey1) < _BRIGHTEST)
+        darkest, brightest = np.minimum(grey0, grey1), np.maximum(grey0, grey1)
+        exposed = (darkest > DARKEST_COMPARED_GREY) & (brightest < BRIGHTEST_COMPARED_GREY)
         log0, log1 = (np.interp(grey, np.arange(256), self._log_irradiance) for grey in (grey0, grey1))
         return float(np.median((log1 - log0)[exposed] if exposed.any() else log1 - log0))
 
@@ -99,10 +85,10 @@ class ExposureNormalizer:
         log_irradiance = np.interp(grey * 255, np.arange(256), self._log_irradiance).astype(np.float32)
         if self._vignette is None:
             return log_irradiance
-        return np.asarray(log_irradiance + _DISPLAY_GAMMA * np.log(self._lift_of(grey.shape, size)), dtype=np.float32)
+        return np.asarray(log_irradiance + DISPLAY_GAMMA * np.log(self._lift_of(grey.shape, size)), dtype=np.float32)
 
     def _brightened(self, frame: ReducedFrame, log_gain: float) -> Image:
-        table = (self._root * (np.exp(log_gain / _DISPLAY_GAMMA) * 255)).astype(np.float32)
+        table = (self._root * (np.exp(log_gain / DISPLAY_GAMMA) * 255)).astype(np.float32)
         if self._vignette is None:
             # A table of bytes has to be clipped here; below, the conversion to bytes clips.
             return np.asarray(cv2.LUT(frame.small, np.clip(table, 0, 255).astype(np.uint8)))
@@ -113,5 +99,5 @@ class ExposureNormalizer:
         if shape not in self._lift and self._vignette is not None:
             scale = np.array(size) / np.array(shape[::-1])
             places = (pixel_grid((shape[1], shape[0])) + 0.5) * scale - 0.5
-            self._lift[shape] = (self._vignette.at(places) ** (-1 / _DISPLAY_GAMMA)).astype(np.float32)
+            self._lift[shape] = (self._vignette.at(places) ** (-1 / DISPLAY_GAMMA)).astype(np.float32)
         return self._lift[shape]

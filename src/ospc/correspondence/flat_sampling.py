@@ -17,26 +17,17 @@ from ospc.correspondence.equal_smoothing import (
 )
 from ospc.correspondence.preprocessing import PreprocessedFrame, ReducedFrame
 from ospc.correspondence.registration import Registration, displacement_at, jacobian_at
-from ospc.correspondence.thumbnail_registration import MIN_OVERLAP
 from ospc.observations import Observations
 from ospc.photometry.geometry import normalised
-
-_GREY_CELLS, _RADIUS_CELLS = 8, 4
-"""Ranges of the root of grey level and of radius from which scene points are taken in turn where there are too many:
-otherwise the sky or a wall would make up most of them."""
-
-_MIN_MOTION_PLACES = 100
-"""Fewest places found again from which the motion is measured."""
-
-_STRUCTURE_QUANTILE = 0.8
-"""Quantile of the gradient above which a place shows motion: registration fills in flat ones from their
-surroundings."""
-
-_PARTS_PER_SIDE = 4
-"""Parts of the image, along each side, within which displacements are averaged as vectors, so that noise cancels."""
-
-_MIN_PART_PLACES = 8
-"""Fewest places of such a part: with fewer, noise does not cancel, and a camera that stands still seems to move."""
+from ospc.settings.correspondence import (
+    MIN_MOTION_PLACES,
+    MIN_OVERLAP,
+    MIN_PART_PLACES,
+    MOTION_PARTS_PER_SIDE,
+    SAMPLING_GREY_CELLS,
+    SAMPLING_RADIUS_CELLS,
+    STRUCTURE_QUANTILE,
+)
 
 
 @dataclass(frozen=True)
@@ -186,9 +177,9 @@ class FlatSampler:
         n = len(grey)
         if n <= self.max_points:
             return np.arange(n)
-        grey_cell = np.minimum((np.sqrt(grey) * _GREY_CELLS).astype(int), _GREY_CELLS - 1)
-        radius_cell = np.minimum((radius * _RADIUS_CELLS).astype(int), _RADIUS_CELLS - 1)
-        cell = grey_cell * _RADIUS_CELLS + radius_cell
+        grey_cell = np.minimum((np.sqrt(grey) * SAMPLING_GREY_CELLS).astype(int), SAMPLING_GREY_CELLS - 1)
+        radius_cell = np.minimum((radius * SAMPLING_RADIUS_CELLS).astype(int), SAMPLING_RADIUS_CELLS - 1)
+        cell = grey_cell * SAMPLING_RADIUS_CELLS + radius_cell
         random = np.random.default_rng(seed).random(n)
         # First one of each cell, then a second one of each, and so on.
         order = np.argsort(cell + random)
@@ -209,14 +200,15 @@ def _grid(size: ImageSize, spacing_px: int, margin_px: int) -> FloatArray:
 
 def _typical_motion(places: FloatArray, displacement: FloatArray, gradient: FloatArray) -> float:
     """Return the median displacement over parts of the image, at places with structure; NaN where there are none."""
-    if len(places) < _MIN_MOTION_PLACES:
+    if len(places) < MIN_MOTION_PLACES:
         return float("nan")
-    structured = gradient >= np.quantile(gradient, _STRUCTURE_QUANTILE)
+    structured = gradient >= np.quantile(gradient, STRUCTURE_QUANTILE)
     places, displacement = places[structured], displacement[structured]
-    part = np.floor(_PARTS_PER_SIDE * places / (places.max(axis=0) + 1)).astype(np.int64) @ [_PARTS_PER_SIDE, 1]
-    number = np.bincount(part, minlength=_PARTS_PER_SIDE**2)
+    parts = MOTION_PARTS_PER_SIDE
+    part = np.floor(parts * places / (places.max(axis=0) + 1)).astype(np.int64) @ [parts, 1]
+    number = np.bincount(part, minlength=parts**2)
     sums = np.stack([np.bincount(part, displacement[:, i], minlength=len(number)) for i in (0, 1)], axis=1)
-    known = number >= _MIN_PART_PLACES
+    known = number >= MIN_PART_PLACES
     if not known.any():
         return float("nan")
     return float(np.median(np.linalg.norm(sums[known] / number[known, None], axis=1)))

@@ -11,32 +11,19 @@ import numpy.typing as npt
 from ospc.arrays import BoolArray, FloatArray
 from ospc.correspondence.preprocessing import PreprocessedFrame
 from ospc.photometry.geometry import normalised, pixel_grid
-
-_LEAST_LOOKS = 8
-"""Fewest frames looked at before a dark place counts as surround: in a single frame the scene itself may be dark."""
-
-_LIT_QUANTILE = 0.9
-_LIT = 60
-"""Grey level, of 255, that the brightest tenth of the image must reach: in dark recordings all places look alike."""
-
-_DARK_SHARE = 0.1
-"""Grey level of the surround over that of this brightest tenth: a little stray light reaches it. A higher limit would
-take dark parts of the scene for it."""
-
-_LEAST_SHARE = 0.01
-"""Smallest part of the image that is taken for a surround: less is strong vignetting in the very corners."""
-
-_FEWEST_CORNERS = 3
-"""Corners that the surround must reach: an image circle may be off centre and leave one, a dark wall reaches two."""
-
-_MARGIN_PX = 3
-"""Widening of the surround, in small pixels: the edge of the circle is blurred, and light falls off steeply there."""
+from ospc.settings.correspondence import (
+    LIT_QUANTILE,
+    MAX_SURROUND_SHARE,
+    MIN_CIRCLE_FRAMES,
+    MIN_LIT_GREY,
+    MIN_SURROUND_AREA,
+    MIN_SURROUND_CORNERS,
+    SURROUND_MARGIN_PX,
+    WHOLE_IMAGE_RADIUS,
+)
 
 _CORNERS = np.array([(1, 1), (-1, 1), (1, -1), (-1, -1)])
 """Directions to the four corners."""
-
-_WHOLE = 0.97
-"""An image of which something is usable so far out counts as usable up to its corners."""
 
 
 @dataclass
@@ -65,18 +52,18 @@ class ImageCircle:
 
     def surround(self) -> BoolArray | None:
         """Return where the image never sees light, in the small size, shape (h, w); None where it does everywhere."""
-        if self.brightest is None or self.looks < _LEAST_LOOKS:
+        if self.brightest is None or self.looks < MIN_CIRCLE_FRAMES:
             return None
-        lit = float(np.quantile(self.brightest, _LIT_QUANTILE))
-        if lit < _LIT:
+        lit = float(np.quantile(self.brightest, LIT_QUANTILE))
+        if lit < MIN_LIT_GREY:
             return None
-        dark = (self.brightest <= _DARK_SHARE * lit).astype(np.uint8)
+        dark = (self.brightest <= MAX_SURROUND_SHARE * lit).astype(np.uint8)
         _, label = cv2.connectedComponents(dark)
         corners = label[[0, 0, -1, -1], [0, -1, 0, -1]]
         outside = np.isin(label, corners[corners > 0])
-        if np.count_nonzero(corners) < _FEWEST_CORNERS or outside.mean() < _LEAST_SHARE:
+        if np.count_nonzero(corners) < MIN_SURROUND_CORNERS or outside.mean() < MIN_SURROUND_AREA:
             return None
-        side = 2 * _MARGIN_PX + 1
+        side = 2 * SURROUND_MARGIN_PX + 1
         return np.asarray(cv2.dilate(outside.astype(np.uint8), np.ones((side, side), np.uint8)) > 0)
 
     def usable_radius(self) -> float:
@@ -93,7 +80,7 @@ class ImageCircle:
         if self.allowed is not None:
             # A mask may hide any side: the vignette is asked for as far out as there are pixels in use.
             reached = min(reached, float(radius[self.allowed].max(initial=0.0)))
-        return reached if 0 < reached < _WHOLE else 1.0
+        return reached if 0 < reached < WHOLE_IMAGE_RADIUS else 1.0
 
     def sees(self, position: FloatArray) -> BoolArray | None:
         """Return which positions, in half diagonals, (n, 2) -> (n,), are not in the surround; None without one."""

@@ -8,41 +8,20 @@ import numpy as np
 
 from ospc.arrays import FloatArray, IntArray
 from ospc.correspondence.flat_sampling import Keyframe, Samples
-
-AGES = 26
-"""Classes of age in frames, two for each doubling: up to 5800 frames."""
-
-_FIRST_OVERLAP, _FIRST_MOTION = 0.8, 0.01
-"""Overlap, and radial motion in half diagonals, expected of the youngest class before any comparison. Each further
-class is expected to overlap like the one before, and to have moved in proportion to its age."""
-
-_LARGEST_MOTION = 0.3
-"""Largest radial motion expected, in half diagonals."""
-
-_AGE_STEP = 2.0**0.5
-"""Age of a class over that of the one before."""
-
-_FIRST_TRIALS = 1.5
-"""Weight of what is expected before any comparison, in comparisons: the first real ones soon outweigh it."""
-
-MOST_TRIALS = 100
-"""Comparisons that count: the camera may move faster or slower than so many ago."""
-
-_RESPONSE_TURN = 3
-"""Every so many selections serve the response, of which a pair tells more than of the vignette."""
-
-_RESPONSE_SHARE = 0.01
-"""Worth of a change of exposure, squared, where the vignette is the aim: breaks ties between equal motions."""
-
-_LEAST_WORTH = 1e-6
-"""Worth of a comparison without change of exposure or motion, so that overlap decides between them."""
-
-_OVERLAP_POWER = 1.5
-"""Worth grows with this power of the overlap, faster than the number of shared places: registration is better too
-where more overlaps."""
-
-_OLDER_THAN_OLDEST = 1.5
-"""Age of an imagined keyframe before the oldest, over that of the oldest: it decides when the oldest is dropped."""
+from ospc.settings.correspondence import (
+    AGE_CLASS_RATIO,
+    AGE_CLASSES,
+    EXPOSURE_CHANGE_WEIGHT,
+    MAX_COMPARISONS,
+    MAX_PRIOR_RADIAL_MOTION,
+    MIN_INFORMATION,
+    OLDEST_AGE_FACTOR,
+    OVERLAP_POWER,
+    PRIOR_COMPARISONS,
+    PRIOR_OVERLAP,
+    PRIOR_RADIAL_MOTION,
+    RESPONSE_TURN,
+)
 
 
 @dataclass
@@ -84,7 +63,7 @@ class KeyframeSelector:
     """Changes of exposure beyond this, in ln, add nothing: most places are then clipped in one of the two."""
     _kept: list[_Kept] = field(default_factory=list, repr=False)
     _selections: int = field(default=0, repr=False)
-    _seen: FloatArray = field(default_factory=lambda: np.zeros((4, AGES)), repr=False)
+    _seen: FloatArray = field(default_factory=lambda: np.zeros((4, AGE_CLASSES)), repr=False)
 
     def select(self, number: int, log_exposure: float) -> Keyframe | None:
         """Return the keyframe to compare a frame of this number and ln exposure with; None where there is none."""
@@ -95,9 +74,9 @@ class KeyframeSelector:
         change = np.minimum(np.abs(known.log_exposure - log_exposure), self.max_log_ratio)
         overlap, motion = self._expected()
         age = _age_class(number - known.frames)
-        for_response = self._selections % _RESPONSE_TURN == 0
-        gain = change**2 if for_response else motion[age] ** 2 + _RESPONSE_SHARE * change**2
-        worth = (gain + _LEAST_WORTH) * overlap[age] ** _OVERLAP_POWER / (1 + known.uses)
+        for_response = self._selections % RESPONSE_TURN == 0
+        gain = change**2 if for_response else motion[age] ** 2 + EXPOSURE_CHANGE_WEIGHT * change**2
+        worth = (gain + MIN_INFORMATION) * overlap[age] ** OVERLAP_POWER / (1 + known.uses)
         best = self._kept[int(np.argmax(worth))]
         best.uses += 1
         return best.frame
@@ -106,12 +85,12 @@ class KeyframeSelector:
     def best_age(self) -> int:
         """Age in frames at which a comparison is expected to tell most about the vignette."""
         overlap, motion = self._expected()
-        return round(_AGE_STEP ** int(np.argmax(motion**2 * overlap**_OVERLAP_POWER)))
+        return round(AGE_CLASS_RATIO ** int(np.argmax(motion**2 * overlap**OVERLAP_POWER)))
 
     def learn(self, keyframe: Keyframe, number: int, samples: Samples) -> None:
         """Update the expected overlap and radial motion from a comparison with the frame of this number."""
         age = _age_class(number - keyframe.number)
-        self._seen *= 1 - 1 / MOST_TRIALS
+        self._seen *= 1 - 1 / MAX_COMPARISONS
         self._seen[:, age] += (1, samples.overlap, samples.overlap > 0, samples.radial_motion)
 
     def add(self, frame: Keyframe, log_exposure: float) -> None:
@@ -121,7 +100,7 @@ class KeyframeSelector:
             ages = 1 + frame.number - np.array([k.frame.number for k in self._kept], dtype=np.float64)
             # Without a keyframe its neighbours become adjacent: drop where that leaves the smallest step in ln age.
             # The newer half stays: only these can become old at other ages.
-            step = np.log(np.append(ages[0] * _OLDER_THAN_OLDEST, ages[:-2])) - np.log(ages[1:])
+            step = np.log(np.append(ages[0] * OLDEST_AGE_FACTOR, ages[:-2])) - np.log(ages[1:])
             del self._kept[int(np.argmin(step[: self.capacity // 2]))]
 
     def forget_before(self, number: int) -> None:
@@ -153,16 +132,16 @@ class KeyframeSelector:
 
     def _expected(self) -> tuple[FloatArray, FloatArray]:
         """Return the overlap and the radial motion expected of every class of age, shape (26,) each."""
-        expected = np.empty((2, AGES))
-        overlap, motion = _FIRST_OVERLAP, _FIRST_MOTION
+        expected = np.empty((2, AGE_CLASSES))
+        overlap, motion = PRIOR_OVERLAP, PRIOR_RADIAL_MOTION
         for age, (trials, overlaps, successes, motions) in enumerate(self._seen.T):
-            overlap = (_FIRST_TRIALS * overlap + overlaps) / (_FIRST_TRIALS + trials)
-            motion = (_FIRST_TRIALS * motion + motions) / (_FIRST_TRIALS + successes)
+            overlap = (PRIOR_COMPARISONS * overlap + overlaps) / (PRIOR_COMPARISONS + trials)
+            motion = (PRIOR_COMPARISONS * motion + motions) / (PRIOR_COMPARISONS + successes)
             expected[:, age] = overlap, motion
-            motion = min(motion * _AGE_STEP, _LARGEST_MOTION)
+            motion = min(motion * AGE_CLASS_RATIO, MAX_PRIOR_RADIAL_MOTION)
         return expected[0], expected[1]
 
 
 def _age_class(frames: IntArray | int) -> IntArray:
     """Return the class of an age in frames."""
-    return np.minimum((2 * np.log2(np.maximum(frames, 1))).astype(np.int64), AGES - 1)
+    return np.minimum((2 * np.log2(np.maximum(frames, 1))).astype(np.int64), AGE_CLASSES - 1)

@@ -16,59 +16,27 @@ from ospc.correspondence.thumbnail import Thumbnail
 from ospc.photometry.geometry import normalised, pixel_grid
 from ospc.photometry.grey_range import FULL_RANGE, VIDEO_RANGE, GreyRange
 from ospc.recording.frame import Frame
-
-MOST_FRAMES = 1024
-"""Frames whose own shares are kept; beyond, every second is dropped, which bounds the memory of endless runs."""
-
-MOST_RANGES = 100
-"""Latest changes of black and white that are remembered: usually there is one, in the first frames."""
-
-GREY_CELLS = 32
-"""Equal ranges of grey level whose coverage is reported: as many as the response has intervals between knots."""
-
-RADIUS_CELLS = 10
-"""Equal ranges of radius, from the centre to the corner, whose coverage is reported."""
-
-_EVERY = 2
-"""One in so many rows and columns is counted: a quarter of the pixels has the same shares, in a quarter of the
-time."""
-
-_COVERED_SHARE = 0.001
-"""Share of all pixels from which a range of grey is covered: less is noise, lettering, or a reflection."""
-
-_BLACK_PLACE = 0.045
-"""Grey level of a thumbnail below which a place is black: stray light, noise and a black level of a few grey values
-stay below it."""
-
-_LIT_PLACE = 0.15
-"""Median over the places of their largest grey level, below which nothing is said about black ones: the scene is
-dark."""
-
-_MIN_BORDER_SHARE = 0.002
-"""Smallest part of the image that is reported as a black surround, some forty places of a thumbnail: less is a dark
-object at the edge."""
+from ospc.settings.correspondence import (
+    BLACK_PLACE_LEVEL,
+    CLIPPING_MARGIN,
+    COUNTED_STRIDE,
+    COVERAGE_GREY_CELLS,
+    COVERAGE_RADIUS_CELLS,
+    HIGHEST_BLACK,
+    LOWEST_WHITE,
+    MAX_COUNTED_FRAMES,
+    MAX_GREY_RANGES,
+    MIN_BORDER_SHARE,
+    MIN_COMB_RANGE,
+    MIN_COVERED_SHARE,
+    MIN_MEDIAN_LEVEL,
+    MIN_MISSING_LEVELS_SHARE,
+    MIN_PILE_SHARE,
+    RECTANGLE_FILL,
+)
 
 _CORNERS = 4
 """Corners that the surround of a disc covers: all of them."""
-
-_RECTANGLE = 0.95
-"""Share of its bounding box above which the lit part is a rectangle in a black border; a disc fills π/4 of it."""
-
-_PILE_SHARE = 0.005
-"""Share of the pixels at an extreme grey value from which values are piled up there: noise would spread them."""
-
-_PILE_MARGIN = 0.02
-"""Distance of that value from the end of the scale, as a share of it: nearer, it is ordinary clipping."""
-
-_HIGHEST_BLACK, _LOWEST_WHITE = 0.2, 0.5
-"""Limits of black and white: what piles up between them is an even object, not an end."""
-
-_COMB_GAPS = 0.05
-"""Share of missing grey values between the extremes from which they are reported: a few rare ones miss by chance."""
-
-_MIN_COMB_RANGE = 32
-"""Least distance of the extremes, in grey values, from which missing ones are counted: a dark image has few
-values."""
 
 _MAX_COUNTED_BITS = 12
 """Most bits by which grey values are counted; of deeper images the upper ones are, which bounds the histogram."""
@@ -111,7 +79,7 @@ class PixelReport(ByValue):
     @property
     def covered_grey(self) -> BoolArray:
         """Which of the 32 ranges of grey hold at least a thousandth of all pixels, shape (32,)."""
-        return np.asarray(self.grey_share.mean(axis=0) >= _COVERED_SHARE)
+        return np.asarray(self.grey_share.mean(axis=0) >= MIN_COVERED_SHARE)
 
     @property
     def mean_radius_share(self) -> FloatArray:
@@ -140,27 +108,28 @@ class PixelStatistics:
 
     def observe(self, frame: Frame, small: Thumbnail) -> None:
         """Take a frame, its image decoded already, with its thumbnail."""
-        image = frame.image[::_EVERY, ::_EVERY]
+        image = frame.image[::COUNTED_STRIDE, ::COUNTED_STRIDE]
         if frame.mask is not None:
-            image = frame.image[frame.mask][:: _EVERY**2]
+            image = frame.image[frame.mask][:: COUNTED_STRIDE**2]
         self._max_grey = frame.max_grey
         counts = _counts(image, frame.max_grey)
         self._histogram = counts if self._histogram is None else self._histogram + counts
         self._bits |= int(np.bitwise_or.reduce(image, axis=None))
-        level = np.arange(len(counts)) * GREY_CELLS // len(counts)
-        self._grey_share.append(np.bincount(level, weights=counts, minlength=GREY_CELLS) / counts.sum())
+        level = np.arange(len(counts)) * COVERAGE_GREY_CELLS // len(counts)
+        self._grey_share.append(np.bincount(level, weights=counts, minlength=COVERAGE_GREY_CELLS) / counts.sum())
         cell = _radius_cells((small.grey.shape[1], small.grey.shape[0]))
-        places = np.bincount(cell, minlength=RADIUS_CELLS)
-        exposed = np.bincount(cell[small.exposed.ravel()], minlength=RADIUS_CELLS)
-        self._radius_share.append(np.divide(exposed, places, out=np.full(RADIUS_CELLS, np.nan), where=places > 0))
+        places = np.bincount(cell, minlength=COVERAGE_RADIUS_CELLS)
+        exposed = np.bincount(cell[small.exposed.ravel()], minlength=COVERAGE_RADIUS_CELLS)
+        unknown = np.full(COVERAGE_RADIUS_CELLS, np.nan)
+        self._radius_share.append(np.divide(exposed, places, out=unknown, where=places > 0))
         self._log_exposure.append(float(np.log(frame.exposure_ms)))
         self._brightest = small.grey if self._brightest is None else np.maximum(self._brightest, small.grey)
-        if len(self._grey_share) > MOST_FRAMES:
+        if len(self._grey_share) > MAX_COUNTED_FRAMES:
             self._grey_share, self._radius_share = self._grey_share[::2], self._radius_share[::2]
             self._log_exposure = self._log_exposure[::2]
         found = self._found_range()
         if found != self.grey_range:
-            self._ranges = [*self._ranges, (frame.index, found.black, found.white)][-MOST_RANGES:]
+            self._ranges = [*self._ranges, (frame.index, found.black, found.white)][-MAX_GREY_RANGES:]
 
     @property
     def grey_range(self) -> GreyRange:
@@ -190,8 +159,8 @@ class PixelStatistics:
         if inside and ((black_piles and black == VIDEO_RANGE.black) or (white_piles and white == VIDEO_RANGE.white)):
             return VIDEO_RANGE
         found = GreyRange(
-            black if black_piles and black < _HIGHEST_BLACK else 0.0,
-            white if white_piles and white > _LOWEST_WHITE else 1.0,
+            black if black_piles and black < HIGHEST_BLACK else 0.0,
+            white if white_piles and white > LOWEST_WHITE else 1.0,
         )
         usual = self._inherited
         return usual if found.is_full and usual.black <= black and white <= usual.white else found
@@ -202,8 +171,10 @@ class PixelStatistics:
         assert self._histogram is not None
         counts, last = self._histogram, len(self._histogram) - 1
         low, high = np.flatnonzero(counts)[[0, -1]].tolist()
-        many = counts > _PILE_SHARE * counts.sum()
-        return bool(low > _PILE_MARGIN * last and many[low]), bool(high < (1 - _PILE_MARGIN) * last and many[high])
+        many = counts > MIN_PILE_SHARE * counts.sum()
+        black_piles = low > CLIPPING_MARGIN * last and many[low]
+        white_piles = high < (1 - CLIPPING_MARGIN) * last and many[high]
+        return bool(black_piles), bool(white_piles)
 
     def report(self) -> PixelReport | None:
         """Return what was gathered; None if no frame was."""
@@ -214,7 +185,7 @@ class PixelStatistics:
         level = np.arange(len(counts)) * (white + 1) // len(counts)
         margin = white // 255
         low, high = (int(end) for end in np.flatnonzero(counts)[[0, -1]])
-        gaps = float(np.mean(counts[low : high + 1] == 0)) if white == 255 and high - low > _MIN_COMB_RANGE else 0.0
+        gaps = float(np.mean(counts[low : high + 1] == 0)) if white == 255 and high - low > MIN_COMB_RANGE else 0.0
         lit, surround = _lit_places(self._brightest)
         return PixelReport(
             np.array(self._grey_share),
@@ -226,7 +197,7 @@ class PixelStatistics:
             int(level[high]),
             white,
             (self._bits & -self._bits).bit_length() - 1 if self._bits else 0,
-            gaps if gaps >= _COMB_GAPS else 0.0,
+            gaps if gaps >= MIN_MISSING_LEVELS_SHARE else 0.0,
             *self._piles,
             lit,
             surround,
@@ -242,7 +213,7 @@ def level_count(max_grey: int) -> int:
 def _radius_cells(size: ImageSize) -> IntArray:
     """Return which range of R each place of a small image is in, shape (h · w,)."""
     radius = np.linalg.norm(normalised(pixel_grid(size), size), axis=-1)
-    cell = np.minimum((radius * RADIUS_CELLS).astype(np.int64), RADIUS_CELLS - 1).ravel()
+    cell = np.minimum((radius * COVERAGE_RADIUS_CELLS).astype(np.int64), COVERAGE_RADIUS_CELLS - 1).ravel()
     cell.setflags(write=False)
     return np.asarray(cell)
 
@@ -259,16 +230,16 @@ def _counts(image: Image, max_grey: int) -> npt.NDArray[np.int64]:
 def _lit_places(brightest: Float32Array) -> tuple[BoolArray, str]:
     """Return the places that are bright at least once, and what the dark ones along the border look like."""
     everything = np.ones(brightest.shape, bool)
-    dark = (brightest < _BLACK_PLACE).astype(np.uint8)
-    if np.median(brightest) < _LIT_PLACE or not dark.any():
+    dark = (brightest < BLACK_PLACE_LEVEL).astype(np.uint8)
+    if np.median(brightest) < MIN_MEDIAN_LEVEL or not dark.any():
         return everything, "none"
     _, label = cv2.connectedComponents(dark, connectivity=4)
     edge = np.concatenate([label[0], label[-1], label[:, 0], label[:, -1]])
     surround = np.isin(label, np.setdiff1d(edge, [0]))
-    if surround.mean() < _MIN_BORDER_SHARE:
+    if surround.mean() < MIN_BORDER_SHARE:
         return everything, "none"
     lit = ~surround
     corners = sum(bool(surround[y, x]) for y in (0, -1) for x in (0, -1))
     rows, columns = np.flatnonzero(lit.any(axis=1)), np.flatnonzero(lit.any(axis=0))
     filled = lit[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1].mean()
-    return lit, "disc" if corners == _CORNERS and filled < _RECTANGLE else "border"
+    return lit, "disc" if corners == _CORNERS and filled < RECTANGLE_FILL else "border"

@@ -15,24 +15,13 @@ from ospc.correspondence.thumbnail_registration import rescaled, values_at
 from ospc.observations import MOMENTS
 from ospc.photometry.grey_range import FULL_RANGE, GreyRange
 from ospc.recording.frame import Frame
-
-_SHARES = np.linspace(0.05, 0.95, 19)
-"""Shares of the pixels at whose quantiles the brightness of two images is compared; the ends are noise and
-clipping."""
-
-SURROUND_SIGMA = 0.1
-"""Standard deviation of the distance over which light scattered nearby comes, in widths of the image: between that of
-bloom, a few pixels, and veiling glare, the whole image. Local tone mapping reaches about as far."""
-
-SURROUND_WIDTH = 64
-"""Width of the coarse image whose surroundings are averaged: the means are as smooth as six of its pixels."""
-
-_LEAST_FLAT_AREA = 2.0
-"""Smallest area over which the image has to be flat, in areas over which grey levels are averaged: registration may
-be off by a pixel, and the image has to be flat there too."""
-
-_LEAST_VARIANCE = 0.04
-"""Least variance of a smoothing, in square pixels: narrower ones change nothing."""
+from ospc.settings.correspondence import (
+    COMPARED_QUANTILES,
+    MIN_FLAT_AREA_RATIO,
+    MIN_SMOOTHING_VARIANCE,
+    SURROUND_SIGMA,
+    SURROUND_WIDTH_PX,
+)
 
 
 @dataclass(frozen=True)
@@ -57,7 +46,7 @@ class ReducedFrame:
     def grey_quantiles(self) -> FloatArray:
         """Grey levels of 0 … 255 below which equal shares of the small image's pixels are, shape (19,)."""
         total = np.cumsum(self._counts)
-        return np.asarray(np.interp(_SHARES * total[-1], total, np.arange(256)))
+        return np.asarray(np.interp(COMPARED_QUANTILES * total[-1], total, np.arange(256)))
 
     @cached_property
     def moments(self) -> FloatArray:
@@ -69,10 +58,10 @@ class ReducedFrame:
     def surround_moments(self) -> Float32Array:
         """Weighted sums of 1, M, M² and M³ around each place of a coarse image, shape (h'', w'', 4)."""
         height, width = self.small.shape
-        size = (SURROUND_WIDTH, max(1, round(SURROUND_WIDTH * height / width)))
+        size = (SURROUND_WIDTH_PX, max(1, round(SURROUND_WIDTH_PX * height / width)))
         coarse = cv2.resize(self.small, size, interpolation=cv2.INTER_AREA).astype(np.float32) / np.float32(255)
         powers = np.stack([np.ones_like(coarse), coarse, coarse**2, coarse**3], axis=-1)
-        sigma = SURROUND_SIGMA * SURROUND_WIDTH
+        sigma = SURROUND_SIGMA * SURROUND_WIDTH_PX
         # Nothing is known of light beyond the frame: none of it counts.
         return np.asarray(cv2.GaussianBlur(powers, (0, 0), sigma, borderType=cv2.BORDER_CONSTANT))
 
@@ -176,8 +165,8 @@ class Preprocessor:
 
     def _gradient(self, small: Float32Array, further: int, white: int) -> Float32Array:
         # Variances of smoothings add up, that of the reduction to the small image too.
-        flat = max(self.flatness_px**2, _LEAST_FLAT_AREA * self.smoothing_px**2)
-        further_px = np.sqrt(max(flat - (further**2 - 1) / 12, _LEAST_VARIANCE)) / further
+        flat = max(self.flatness_px**2, MIN_FLAT_AREA_RATIO * self.smoothing_px**2)
+        further_px = np.sqrt(max(flat - (further**2 - 1) / 12, MIN_SMOOTHING_VARIANCE)) / further
         return gradient_magnitude(cv2.GaussianBlur(small, (0, 0), further_px)) / np.float32(white * further)
 
     def _clipped_nearby(self, frame: Frame, reduction: int, grey_range: GreyRange) -> BoolArray:

@@ -18,7 +18,6 @@ from ospc.arrays import Float32Array, FloatArray
 from ospc.correspondence.exposure_normalizer import ExposureNormalizer
 from ospc.correspondence.preprocessing import ReducedFrame
 from ospc.correspondence.thumbnail_registration import (
-    MIN_OVERLAP,
     OUTSIDE_PX,
     forward_backward_error,
     optical_flow,
@@ -27,31 +26,18 @@ from ospc.correspondence.thumbnail_registration import (
     values_at,
 )
 from ospc.errors import SettingError
-
-_GRADIENT_STEPS, _PATCH_STRIDE_PX = 8, 5
-"""Steps of descent per patch, and distance between patches in pixels, in the search for what a homography leaves: a
-third of OpenCV's steps on a coarser lattice. The search before it needs all of them: with fewer, half of what a pair
-tells of the vignette was lost."""
-
-_REFINEMENTS, _GRADIENT_WEIGHT = 5, 20.0
-"""Iterations of the variational refinement, OpenCV's for this quality, and the weight in it of the constancy of the
-gradient against smoothness of the displacements: twice OpenCV's default, since nothing else is weighed."""
-
-_LATTICE_PX, _LATTICE_ROWS = 16, 12
-"""Distance in pixels between the places to whose coarse displacements a homography is fitted, and fewest rows and
-columns of them: they are closer in small images. There are some hundreds of them."""
-
-_HOMOGRAPHY_ERROR_PX = 2.0
-"""Largest error of a coarse displacement that supports the homography, in pixels: as far as the search after it
-easily reaches."""
-
-_FEWEST_SUPPORTS = 16
-"""Fewest places that must support a homography: one through four places fits them whatever their errors."""
-
-_SLOPE_CELL_PX = 32
-"""Side of the squares within which displacements are averaged before their slopes are taken, in pixels of the small
-images. Ratios of areas from squares of 8 pixels were off by 3 %, enough for films that only move sideways to get a
-vignette with a centre of its own."""
+from ospc.settings.correspondence import (
+    HOMOGRAPHY_INLIER_PX,
+    HOMOGRAPHY_MIN_INLIERS,
+    HOMOGRAPHY_MIN_ROWS,
+    HOMOGRAPHY_SPACING_PX,
+    JACOBIAN_CELL_PX,
+    MIN_OVERLAP,
+    REFINEMENT_GRADIENT_WEIGHT,
+    REFINEMENT_ITERATIONS,
+    SECOND_SEARCH_STEPS,
+    SECOND_SEARCH_STRIDE_PX,
+)
 
 _Arguments = ParamSpec("_Arguments")
 _Result = TypeVar("_Result")
@@ -166,8 +152,8 @@ def make_registrar(name: str, second: SecondThread) -> Registrar:
 
 def _short_search(finest_scale: int) -> cv2.DISOpticalFlow:
     flow = optical_flow(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM, finest_scale)
-    flow.setGradientDescentIterations(_GRADIENT_STEPS)
-    flow.setPatchStride(_PATCH_STRIDE_PX)
+    flow.setGradientDescentIterations(SECOND_SEARCH_STEPS)
+    flow.setPatchStride(SECOND_SEARCH_STRIDE_PX)
     return flow
 
 
@@ -177,24 +163,24 @@ def _refined(flow: cv2.DISOpticalFlow) -> cv2.DISOpticalFlow:
     Constancy of brightness, weighed too by default, would pull flat places to where the brightness agrees: grey
     values sampled there would no longer show the difference that is to be measured.
     """
-    flow.setVariationalRefinementIterations(_REFINEMENTS)
+    flow.setVariationalRefinementIterations(REFINEMENT_ITERATIONS)
     flow.setVariationalRefinementDelta(0.0)
-    flow.setVariationalRefinementGamma(_GRADIENT_WEIGHT)
+    flow.setVariationalRefinementGamma(REFINEMENT_GRADIENT_WEIGHT)
     return flow
 
 
 def _homography(displacement: Float32Array) -> FloatArray | None:
     """Return the homography that explains most displacements, (h, w, 2) -> (3, 3); None if none explains enough."""
     height, width = displacement.shape[:2]
-    step = max(1, min(_LATTICE_PX, min(height, width) // _LATTICE_ROWS))
+    step = max(1, min(HOMOGRAPHY_SPACING_PX, min(height, width) // HOMOGRAPHY_MIN_ROWS))
     lattice = (slice(step // 2, None, step),) * 2
     places = pixel_places((width, height))[lattice].reshape(-1, 2)
     there = places + displacement[lattice].reshape(-1, 2)
     inside = np.all((there >= 0) & (there <= (width - 1, height - 1)), axis=1)
-    fewest = max(MIN_OVERLAP * len(places), _FEWEST_SUPPORTS)
+    fewest = max(MIN_OVERLAP * len(places), HOMOGRAPHY_MIN_INLIERS)
     if np.count_nonzero(inside) < fewest:
         return None
-    found, supports = cv2.findHomography(places[inside], there[inside], cv2.USAC_FAST, _HOMOGRAPHY_ERROR_PX)
+    found, supports = cv2.findHomography(places[inside], there[inside], cv2.USAC_FAST, HOMOGRAPHY_INLIER_PX)
     return None if found is None or np.count_nonzero(supports) < fewest else np.asarray(found)
 
 
@@ -220,7 +206,7 @@ def jacobian_at(registration: Registration, points: FloatArray, scale: float) ->
     if len(points) == 0:
         return np.empty((0, 2, 2))
     height, width = registration.forward.shape[:2]
-    cells = max(3, width // _SLOPE_CELL_PX), max(3, height // _SLOPE_CELL_PX)
+    cells = max(3, width // JACOBIAN_CELL_PX), max(3, height // JACOBIAN_CELL_PX)
     coarse = cv2.resize(registration.forward, cells, interpolation=cv2.INTER_AREA)
     by_y, by_x = np.gradient(coarse, height / cells[1], width / cells[0], axis=(0, 1), edge_order=2)
     there = rescaled(points, np.divide(cells, (width * scale, height * scale))).reshape(-1, 1, 2)

@@ -11,10 +11,7 @@ from ospc.observations import MOMENTS, Observations
 from ospc.photometry.geometry import normalised
 from ospc.photometry.noise import BRIGHTEST_EXPOSED, DARKEST_EXPOSED
 from ospc.recording.frame import Frame
-
-_BRIGHTNESS_CELLS = 64
-"""Equal ranges of ln brightness from which pixels are taken in turn: dark and bright ones are rare but most
-informative."""
+from ospc.settings.correspondence import SERIES_BRIGHTNESS_CELLS
 
 
 @dataclass
@@ -94,7 +91,7 @@ class StaticSeries:
             return usable
         # The sum over all frames increases with radiance whatever the response is, and noise hardly moves it.
         brightness = np.log(grey[usable].sum(axis=1))
-        cell = np.digitize(brightness, np.histogram_bin_edges(brightness, _BRIGHTNESS_CELLS))
+        cell = np.digitize(brightness, np.histogram_bin_edges(brightness, SERIES_BRIGHTNESS_CELLS))
         order = np.lexsort((np.arange(len(usable)), cell))
         _, start, count = np.unique(cell[order], return_index=True, return_counts=True)
         rank = np.arange(len(usable)) - np.repeat(start, count)

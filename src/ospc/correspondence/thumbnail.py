@@ -9,23 +9,14 @@ import numpy as np
 import numpy.typing as npt
 
 from ospc.arrays import BoolArray, Float32Array, ImageSize
-
-LONGEST_SIDE_PX = 160
-"""Longest side of a thumbnail in pixels: 19 000 places, by which neighbouring frames are compared in a
-millisecond."""
-
-_SMOOTHING_PX = 1.0
-"""Standard deviation of the smoothing of grey levels, in thumbnail pixels: about the error of the registration."""
-
-_GRADIENT_SMOOTHING_PX = 1.2
-"""Standard deviation of the further smoothing before gradients are taken, in thumbnail pixels: a flat place is flat
-as far around as registration may be wrong."""
-
-_DARK, _BRIGHT = 0.04, 0.97
-"""Grey levels beyond which a place counts as clipped: of a mean over many pixels, some are clipped before it is."""
-
-_CLIP_MARGIN_PX = 2
-"""Places this close to a clipped one are not used, in thumbnail pixels: twice the smoothing."""
+from ospc.settings.correspondence import (
+    BRIGHTEST_EXPOSED_LEVEL,
+    DARKEST_EXPOSED_LEVEL,
+    THUMBNAIL_CLIP_MARGIN_PX,
+    THUMBNAIL_GRADIENT_SMOOTHING_PX,
+    THUMBNAIL_SIDE_PX,
+    THUMBNAIL_SMOOTHING_PX,
+)
 
 
 @dataclass(frozen=True)
@@ -51,15 +42,15 @@ def thumbnail_of(frame: int, image: Float32Array, white: int, mask: BoolArray | 
     been reduced to any size before.
     """
     small = _reduced(image, size, white)
-    grey = cv2.GaussianBlur(small, (0, 0), _SMOOTHING_PX)
-    clipped = ((small < _DARK) | (small > _BRIGHT)).view(np.uint8)
+    grey = cv2.GaussianBlur(small, (0, 0), THUMBNAIL_SMOOTHING_PX)
+    clipped = ((small < DARKEST_EXPOSED_LEVEL) | (small > BRIGHTEST_EXPOSED_LEVEL)).view(np.uint8)
     if mask is not None:
         clipped |= _reduced(mask.astype(np.float32), size, 1) < 1
-    side = 2 * _CLIP_MARGIN_PX + 1
+    side = 2 * THUMBNAIL_CLIP_MARGIN_PX + 1
     near = cv2.dilate(clipped, np.ones((side, side), np.uint8))
     # The square root leaves dark images more than a handful of levels to equalize.
     levels = cv2.convertScaleAbs(np.sqrt(small), alpha=255.0)
-    gradient = gradient_magnitude(cv2.GaussianBlur(grey, (0, 0), _GRADIENT_SMOOTHING_PX))
+    gradient = gradient_magnitude(cv2.GaussianBlur(grey, (0, 0), THUMBNAIL_GRADIENT_SMOOTHING_PX))
     return Thumbnail(frame, grey, gradient, near == 0, cv2.equalizeHist(levels))
 
 
@@ -71,7 +62,7 @@ def gradient_magnitude(image: Float32Array) -> Float32Array:
 
 def thumbnail_size(size: ImageSize) -> ImageSize:
     """Return width and height of the thumbnail of a frame."""
-    scale = min(1.0, LONGEST_SIDE_PX / max(size))
+    scale = min(1.0, THUMBNAIL_SIDE_PX / max(size))
     return max(1, round(size[0] * scale)), max(1, round(size[1] * scale))
 
 

@@ -11,27 +11,15 @@ import numpy.typing as npt
 from ospc.arrays import BoolArray, Float32Array, FloatArray, ImageSize
 from ospc.correspondence.thumbnail import Thumbnail
 from ospc.photometry.geometry import pixel_grid
-
-MIN_OVERLAP = 0.25
-"""Smallest share of the places of one view that must be found in the other. Where less is, most of it is found by
-chance: it is alike in grey level whatever the exposures. Such pairs were wrong by a factor of two on average, those
-above by half a per cent."""
+from ospc.settings.correspondence import (
+    MAX_THUMBNAIL_ERROR_PX,
+    MIN_EXPOSED_SHARE,
+    MIN_REGISTERED_SIDE_PX,
+    THUMBNAIL_MARGIN_PX,
+)
 
 OUTSIDE_PX = 1e4
 """Displacement on the way back from outside the image: so far that no place comes back from there."""
-
-_MARGIN_PX = 2
-"""Places nearer to the border of the second thumbnail are not used, in its pixels."""
-
-_MAX_FORWARD_BACKWARD_ERROR_PX = 1.0
-"""Largest distance between a place and where registration there and back ends, in thumbnail pixels."""
-
-_SMALLEST_SIDE_PX = 32
-"""Dense inverse search needs a few patches along each side; smaller images are taken to stand still."""
-
-_EXPOSED_SHARE = 0.99
-"""Interpolated share of exposed pixels from which a place counts as exposed: all its neighbours are, but for
-rounding."""
 
 
 class ThumbnailRegistration:
@@ -47,14 +35,14 @@ class ThumbnailRegistration:
         """Return where every place of the first is in the second, (h, w, 2), and whether it was found, (h, w)."""
         height, width = first.grey.shape
         places = pixel_places((width, height))
-        if min(width, height) < _SMALLEST_SIDE_PX:
+        if min(width, height) < MIN_REGISTERED_SIDE_PX:
             return places, np.ones((height, width), bool)
         forward = self._there.calc(first.equalized, second.equalized, None)
         backward = self._back.calc(second.equalized, first.equalized, None)
         there = places + forward
-        low, high = (_MARGIN_PX, _MARGIN_PX, 0, 0), (width - 1 - _MARGIN_PX, height - 1 - _MARGIN_PX, 0, 0)
-        inside = cv2.inRange(there, low, high) > 0
-        return there, inside & (forward_backward_error(forward, backward) < _MAX_FORWARD_BACKWARD_ERROR_PX)
+        margin = THUMBNAIL_MARGIN_PX
+        inside = cv2.inRange(there, (margin, margin, 0, 0), (width - 1 - margin, height - 1 - margin, 0, 0)) > 0
+        return there, inside & (forward_backward_error(forward, backward) < MAX_THUMBNAIL_ERROR_PX)
 
 
 def values_at(image: Float32Array | npt.NDArray[np.uint8], places: Float32Array) -> Float32Array:
@@ -73,7 +61,7 @@ def exposed_in_both(first: Thumbnail, second: Thumbnail, there: Float32Array, fo
 
     ``there`` and ``found`` are what :class:`ThumbnailRegistration` returned.
     """
-    exposed = values_at(second.exposed.astype(np.float32), there) > _EXPOSED_SHARE
+    exposed = values_at(second.exposed.astype(np.float32), there) > MIN_EXPOSED_SHARE
     return np.asarray(found & first.exposed & exposed)
 
 

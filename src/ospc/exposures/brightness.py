@@ -9,16 +9,11 @@ import numpy as np
 
 from ospc.arrays import Float32Array, FloatArray, ImageSize
 from ospc.correspondence.thumbnail import Thumbnail
-from ospc.correspondence.thumbnail_registration import (
-    MIN_OVERLAP,
-    ThumbnailRegistration,
-    exposed_in_both,
-    pixel_places,
-    values_at,
-)
+from ospc.correspondence.thumbnail_registration import ThumbnailRegistration, exposed_in_both, pixel_places, values_at
 from ospc.observations import MOMENTS, Observations
 from ospc.photometry.geometry import normalised, pixel_grid
 from ospc.robust import robust_scale
+from ospc.settings.correspondence import MIN_OVERLAP
 from ospc.settings.exposures import (
     BIN_OUTLIER_SIGMAS,
     DARKEST_LEVEL,
@@ -31,8 +26,6 @@ from ospc.settings.exposures import (
     MOTION_STRIDE,
     PIXEL_SAMPLES_PER_PAIR,
 )
-
-GREY_BIN_EDGES.setflags(write=False)
 
 
 @dataclass(frozen=True)

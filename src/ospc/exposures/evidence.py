@@ -9,11 +9,7 @@ import numpy as np
 from ospc.arrays import FloatArray, ImageSize, IntArray
 from ospc.correspondence.thumbnail import Thumbnail
 from ospc.exposures.brightness import BrightnessChange, BrightnessComparer, PixelSamples
-from ospc.settings.exposures import (
-    MAX_CHANGES,
-    MAX_CHANGES_WITH_SAMPLES,
-    MAX_REPEATED_FRAMES,
-)
+from ospc.settings.exposures import MAX_CHANGES, MAX_CHANGES_WITH_SAMPLES, MAX_REPEATED_FRAMES
 
 
 @dataclass(frozen=True)

@@ -19,43 +19,27 @@ import numpy as np
 
 from ospc.estimation.fit import Fit
 from ospc.exposures.table import ExposureTable
-from ospc.methods.change_hypotheses import MIN_SIGMAS_OF_HALF, MIN_SPAN_S, best_explanations, explain
+from ospc.methods.change_hypotheses import best_explanations, explain
 from ospc.methods.prediction_errors import PairErrors
 from ospc.observations import Observations
-
-FEWEST_POINTS = 40
-"""Scene points of a pair below which its registration is not trusted."""
-
-MOST_USUAL = 480
-"""Pairs of neighbours whose errors say what is usual: a minute and a half of film at 20 frames/s."""
-
-FEWEST_USUAL = 12
-"""Pairs of neighbours before anything is unusual."""
-
-RECENT_NEIGHBOURS, SURPRISING_NEIGHBOURS = 8, 3
-"""Of the latest so many pairs of neighbours, so many must be surprising to raise a suspicion."""
-
-SURPRISE = 4.0
-"""How many times the usual error is a surprise; three in eight pairs exceed it when a lamp is switched, too."""
-
-USUAL_FLOOR_LOG = 0.001
-"""Least usual error, in ln: registration leaves as much."""
-
-LONGEST_WATCH_S = 9.6
-"""Time for which a suspicion is followed at most."""
-
-JUDGED_S = 5.6
-"""Latest time of a suspicion whose pairs are judged: light may have raised it before the camera changed."""
-
-CALM_S = 4.8
-"""Time without another suspicion after one that was followed to the end."""
-
-SLOWEST, FASTEST = 20.0, 100.0
-"""Frames per second between which these times are counted in frames: slower film needs as many frames as that of 20
-frames/s, and the pairs of more than 100 frames/s would be too many to judge."""
-
-WATCHED_NEIGHBOURS, MIN_SURPRISING_SHARE = 32, 0.25
-"""A suspicion ends early where fewer of the latest so many pairs of neighbours are surprising: the light changed."""
+from ospc.settings.methods import (
+    CALM_S,
+    JUDGED_S,
+    MAX_FRAME_RATE,
+    MAX_SUSPICION_S,
+    MAX_USUAL_PAIRS,
+    MIN_FRAME_RATE,
+    MIN_HALF_SIGMAS,
+    MIN_PAIR_POINTS,
+    MIN_SPAN_S,
+    MIN_SURPRISING_SHARE,
+    MIN_USUAL_ERROR_LOG,
+    MIN_USUAL_PAIRS,
+    RECENT_PAIRS,
+    SURPRISING_FACTOR,
+    SURPRISING_PAIRS,
+    WATCHED_PAIRS,
+)
 
 
 @dataclass(frozen=True)
@@ -110,7 +94,7 @@ class ChangeDetector:
     lag_frames: int = 0
     first_number: int = -1
     first_stamp_s: float = 0.0
-    frames_per_s: float = SLOWEST
+    frames_per_s: float = MIN_FRAME_RATE
 
     def clock(self, number: int, stamp_s: float) -> None:
         """Take the time stamp of a frame, by which light changes however many frames it fills."""
@@ -120,8 +104,8 @@ class ChangeDetector:
             self.first_number, self.first_stamp_s = number, stamp_s
             return
         passed_s = stamp_s - self.first_stamp_s
-        rate = (number - self.first_number) / passed_s if passed_s > 0 else SLOWEST
-        self.frames_per_s = min(max(rate, SLOWEST), FASTEST)
+        rate = (number - self.first_number) / passed_s if passed_s > 0 else MIN_FRAME_RATE
+        self.frames_per_s = min(max(rate, MIN_FRAME_RATE), MAX_FRAME_RATE)
 
     def rely_on(self, fit: Fit) -> None:
         """Predict by another fit from now on, unless a suspicion is followed: what it rests on must stay the same."""
@@ -138,7 +122,7 @@ class ChangeDetector:
 
         When a suspicion begins, :attr:`is_watching`, the reference is best replaced by a fit to everything so far.
         """
-        if self.reference is None or len(latest.starts) < FEWEST_POINTS:
+        if self.reference is None or len(latest.starts) < MIN_PAIR_POINTS:
             return None
         if self.since is None and latest.frame[1] != latest.frame[0] + 1:
             return None  # only neighbours raise a suspicion
@@ -162,26 +146,27 @@ class ChangeDetector:
         return Change(first, self.pairs[-1].frame1, part, f"{text}, since about frame {first}")
 
     def _look_for_surprises(self, pair: PairErrors) -> None:
-        if len(self.usual_errors) >= FEWEST_USUAL:
-            self.surprises = [*self.surprises, (pair.frame0, self._surprises(pair))][-RECENT_NEIGHBOURS:]
-        self.usual_errors = [*self.usual_errors, abs(pair.error)][-MOST_USUAL:]
-        self.usual_effects = [*self.usual_effects, pair.effect][-MOST_USUAL:]
+        if len(self.usual_errors) >= MIN_USUAL_PAIRS:
+            self.surprises = [*self.surprises, (pair.frame0, self._surprises(pair))][-RECENT_PAIRS:]
+        self.usual_errors = [*self.usual_errors, abs(pair.error)][-MAX_USUAL_PAIRS:]
+        self.usual_effects = [*self.usual_effects, pair.effect][-MAX_USUAL_PAIRS:]
         frames = [frame for frame, surprising in self.surprises if surprising]
-        if len(frames) >= SURPRISING_NEIGHBOURS and pair.frame1 >= self.calm_until:
+        if len(frames) >= SURPRISING_PAIRS and pair.frame1 >= self.calm_until:
             self.since, self.surprises = frames[0] + 1, []
 
     def _surprises(self, pair: PairErrors) -> bool:
-        usual_effect = max(float(np.median(self.usual_effects)), USUAL_FLOOR_LOG)
-        return abs(pair.error) > SURPRISE * self._usual_error or pair.effect > SURPRISE * usual_effect
+        usual_effect = max(float(np.median(self.usual_effects)), MIN_USUAL_ERROR_LOG)
+        large_error = abs(pair.error) > SURPRISING_FACTOR * self._usual_error
+        return large_error or pair.effect > SURPRISING_FACTOR * usual_effect
 
     def _end_suspicion(self, frame: int, since: int, reference: Fit) -> None:
         """End a suspicion that has lasted too long, or that nothing supports any more."""
-        latest = [pair for pair in self.pairs if pair.of_neighbours][-WATCHED_NEIGHBOURS:]
-        if frame > since + self._frames(LONGEST_WATCH_S):
+        latest = [pair for pair in self.pairs if pair.of_neighbours][-WATCHED_PAIRS:]
+        if frame > since + self._frames(MAX_SUSPICION_S):
             self.since, self.pairs, self.calm_until = None, [], frame + self._frames(CALM_S)
-        elif len(latest) == WATCHED_NEIGHBOURS:
+        elif len(latest) == WATCHED_PAIRS:
             surprising = sum(self._surprises(pair) for pair in latest) >= MIN_SURPRISING_SHARE * len(latest)
-            if not surprising and best_explanations(self.pairs, reference)[0].sigmas < MIN_SIGMAS_OF_HALF:
+            if not surprising and best_explanations(self.pairs, reference)[0].sigmas < MIN_HALF_SIGMAS:
                 self.since, self.pairs = None, []
 
     def _frames(self, duration_s: float) -> int:
@@ -189,4 +174,4 @@ class ChangeDetector:
 
     @property
     def _usual_error(self) -> float:
-        return max(float(np.median(self.usual_errors)), USUAL_FLOOR_LOG)
+        return max(float(np.median(self.usual_errors)), MIN_USUAL_ERROR_LOG)

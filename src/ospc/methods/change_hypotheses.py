@@ -9,59 +9,28 @@ from ospc.estimation.fit import Fit
 from ospc.exposures.table import ExposureTable
 from ospc.methods.prediction_errors import PARTS, ExplainedChange, PairErrors
 from ospc.robust import weighted_median
+from ospc.settings.methods import (
+    ALIKE_GAIN,
+    LIGHT_SLOPE,
+    MAJORITY,
+    MIN_CHANGE_SIGMAS,
+    MIN_CORRELATION,
+    MIN_EFFECT_LOG,
+    MIN_EXPECTED_FACTOR,
+    MIN_EXPLAINED_LOG,
+    MIN_HALF_PAIRS,
+    MIN_HALF_SIGMAS,
+    MIN_SIGNIFICANT_PAIRS,
+    MIN_SLOPE,
+    MIN_SLOPE_ERROR_LOG,
+    SYSTEMATIC_LOG,
+)
 
 Halves = tuple[list[PairErrors], list[PairErrors]]
 """Earlier and later pairs: what one half shows must explain the other."""
 
 Finding = tuple[str, str]
 """What changed, and how, as a part of a sentence."""
-
-MIN_SPAN_S = 3.0
-"""Time that the pairs must span: light that changes is often steady again by then."""
-
-FEWEST_PAIRS = 12
-"""Pairs in each half by which a change is judged: what happens once is no change."""
-
-MIN_EFFECT_LOG = 0.04
-"""Smallest change, in ln of irradiance, that counts: a refocused lens changes the corners by more, drift by less."""
-
-MIN_EXPLAINED_LOG = 0.005
-"""Root mean square error within pairs, in ln, that a change must explain. Other responses, and corners that lose a
-fifth, soon explained 0.0055 and more in simulated film; what only looked like a change explained 0.0047 at most."""
-
-MIN_CORRELATION = 0.7
-"""Correlation of the curves that both halves show; those of real changes had 0.87 and more."""
-
-MIN_SIGMAS, MIN_SIGMAS_OF_HALF = 12.0, 6.0
-"""Standard deviations, by the scatter between pairs, that a change must exceed in all pairs and in each half. Real
-changes of this size had 17 and 9 or more."""
-
-SYSTEMATIC_LOG = 0.006
-"""Standard deviation, in ln, by which registration is wrong in ways that pairs have in common."""
-
-ALIKE_GAIN = 0.9
-"""Share of the gain of one explanation from which on the other is as good; both are named then, unless the other
-would have to be the larger change: responses imitate corners that lose a fifth by changing two- to tenfold."""
-
-MAJORITY = 0.8
-"""Share of the pairs in each half that a change must explain, weighted by what it does to them: a few wrong
-registrations prove nothing."""
-
-TELLING = 3.0
-"""How many times the usual error a change must make of a pair for the pair to tell."""
-
-FEWEST_TELLING = 6
-"""Telling pairs needed in each half."""
-
-LIGHT_SLOPE = -0.75
-"""Slope of the error against the change of exposure from which on light that the exposure follows explains it: an
-exposure control that keeps brightness constant shows a slope of −1."""
-
-MIN_SLOPE = 0.15
-"""Smallest change of that slope by another response."""
-
-MIN_SLOPE_ERROR_LOG = 0.008
-"""Median error of neighbours, in ln, below which the slope is not judged: clouds change light by less a frame."""
 
 
 def explain(
@@ -78,7 +47,7 @@ def explain(
     min_span_frames
         Frames that the pairs must span.
     """
-    if len(pairs) < 2 * FEWEST_PAIRS or pairs[-1].frame1 - pairs[0].frame0 < min_span_frames:
+    if len(pairs) < 2 * MIN_HALF_PAIRS or pairs[-1].frame1 - pairs[0].frame0 < min_span_frames:
         return None
     return _steeper_response(pairs, exposures, usual_error) or _other_curve(pairs, fit)
 
@@ -93,13 +62,13 @@ def _other_curve(pairs: list[PairErrors], fit: Fit) -> Finding | None:
     """Return a change of response or vignette: errors that depend on the grey level or the radius."""
     whole, other = best_explanations(pairs, fit)
     explained_log = np.sqrt(max(whole.gain, 0.0) / sum(pair.points for pair in pairs))
-    if explained_log < MIN_EXPLAINED_LOG or abs(whole.effect) < MIN_EFFECT_LOG or whole.sigmas < MIN_SIGMAS:
+    if explained_log < MIN_EXPLAINED_LOG or abs(whole.effect) < MIN_EFFECT_LOG or whole.sigmas < MIN_CHANGE_SIGMAS:
         return None
     halves = _telling_halves(pairs, whole)
-    if min(len(half) for half in halves) < FEWEST_PAIRS:
+    if min(len(half) for half in halves) < MIN_HALF_PAIRS:
         return None
     parts = [ExplainedChange.of(half, fit, whole.part, SYSTEMATIC_LOG) for half in halves]
-    if min(half.sigmas for half in parts) < MIN_SIGMAS_OF_HALF:
+    if min(half.sigmas for half in parts) < MIN_HALF_SIGMAS:
         return None
     if np.corrcoef(parts[0].curve, parts[1].curve)[0, 1] < MIN_CORRELATION:
         return None
@@ -147,9 +116,9 @@ def _explained(halves: Halves, expected: list[FloatArray], usual_error: float) -
         frames = np.array([pair.frame1 - pair.frame0 for pair in half])[known]
         error = _without_drift(np.array([pair.error for pair in half])[known], frames)
         foretold = _without_drift(change[known], frames)
-        telling = np.abs(foretold) > TELLING * usual_error
+        telling = np.abs(foretold) > MIN_EXPECTED_FACTOR * usual_error
         better = np.abs(error - foretold)[telling] < np.abs(foretold)[telling] / 2
-        if np.count_nonzero(telling) < FEWEST_TELLING or better.mean() < MAJORITY:
+        if np.count_nonzero(telling) < MIN_SIGNIFICANT_PAIRS or better.mean() < MAJORITY:
             return False
     return True
 

@@ -33,36 +33,19 @@ from ospc.photometry.calibration import Calibration
 from ospc.photometry.grey_range import FULL_RANGE, GreyRange
 from ospc.recording.frame import Frame
 from ospc.settings import DefaultSettings
-
-_FIRST_REFINEMENT = 16
-"""Pairs before the first quick fit; the next follow whenever their number has doubled."""
-
-_TRUSTED_PAIRS = 64
-"""Pairs after which a quick fit predicts new pairs well enough to notice a change of the camera."""
-
-_LAST_FORGOTTEN = 32
-"""The first so many pairs are dropped in the end: they were registered before the vignette was known."""
-
-_REFINEMENT_POINTS = 5000
-"""Scene points of a quick fit: enough for registration, which needs the vignette to a few per cent."""
-
-_REFINEMENT_ROUNDS = 3
-"""Rounds of a quick fit that starts from the one before."""
-
-_REFINEMENT_TERMS = 5
-"""Radial terms of its vignette: more would take longer to be known, and pairs registered until then are worse."""
-
-_RELIABLE_SIGMA = 0.05
-"""Standard deviation of the vignette at the corner, by chance, up to which frames are registered without it."""
-
-_MOVING_PAIRS, _MOVING_FACTOR = 8, 4.0
-"""Pairs, and times the displacement of a still camera, after which a camera counts as moving for good."""
-
-_UNDECIDED_PAIRS = 60
-"""Pairs after which a camera that does not stand still counts as moving. Dark frames register badly at first."""
-
-_REMEMBERED_MOTIONS = 200
-"""Latest displacements that tell whether the camera stands still."""
+from ospc.settings.methods import (
+    DROPPED_PAIRS,
+    FIRST_QUICK_FIT_PAIRS,
+    MAX_MOTIONS,
+    MAX_VIGNETTE_SIGMA,
+    MIN_MOVING_PAIRS,
+    MOVING_FACTOR,
+    QUICK_FIT_POINTS,
+    QUICK_FIT_RADIAL_TERMS,
+    QUICK_FIT_ROUNDS,
+    REFERENCE_FIT_PAIRS,
+    UNDECIDED_PAIRS,
+)
 
 
 class MaximumLikelihoodMethod:
@@ -121,7 +104,7 @@ class MaximumLikelihoodMethod:
         if not len(samples.observations):
             return None
         self._accumulate(samples)
-        if self._pairs >= _FIRST_REFINEMENT and self._pairs.bit_count() == 1:
+        if self._pairs >= FIRST_QUICK_FIT_PAIRS and self._pairs.bit_count() == 1:
             self._refine(exposures)
         return self._proven(samples.observations, exposures)
 
@@ -259,33 +242,33 @@ class MaximumLikelihoodMethod:
     def _accumulate(self, samples: Samples) -> None:
         self._pairs += 1
         if np.isfinite(samples.motion_px):
-            self._motions = [*self._motions, samples.motion_px][-_REMEMBERED_MOTIONS:]
+            self._motions = [*self._motions, samples.motion_px][-MAX_MOTIONS:]
         self._reservoir.add(samples.observations)
         self._latest = samples.observations
 
     def _refine(self, exposures: ExposureTable) -> None:
         """Improve what registration relies on, by a quick fit to some of the observations."""
         if self._reservoir.points >= self._settings.min_points:
-            some = self._reservoir.some(_REFINEMENT_POINTS).with_exposures(exposures)
+            some = self._reservoir.some(QUICK_FIT_POINTS).with_exposures(exposures)
             if some.log_exposure_change >= self._settings.min_log_exposure_change:
-                rounds = self._settings.rounds if self._fit is None else _REFINEMENT_ROUNDS
-                vignette = VignetteBasis(_REFINEMENT_TERMS, usable_radius=self._circle.usable_radius())
+                rounds = self._settings.rounds if self._fit is None else QUICK_FIT_ROUNDS
+                vignette = VignetteBasis(QUICK_FIT_RADIAL_TERMS, usable_radius=self._circle.usable_radius())
                 estimator = MaximumLikelihoodEstimator(self._basis, vignette, self._noise.model(), rounds)
                 self._trusts_stated = exposures.trusted
                 self._rely_on(estimator.fit(some, self._fit))
-                if self._fit is not None and self._pairs >= _TRUSTED_PAIRS:
+                if self._fit is not None and self._pairs >= REFERENCE_FIT_PAIRS:
                     self._changes.rely_on(self._fit)
         # Early pairs were registered with the vignette still unknown, which draws registration a little to where
         # brightness agrees: once there are enough others they do more harm than good.
-        if self._pairs >= 4 * _FIRST_REFINEMENT:
-            self._reservoir.forget_before(min(self._pairs // 4, _LAST_FORGOTTEN))
+        if self._pairs >= 4 * FIRST_QUICK_FIT_PAIRS:
+            self._reservoir.forget_before(min(self._pairs // 4, DROPPED_PAIRS))
 
     def _rely_on(self, fit: Fit) -> None:
         """Bring frames to equal brightness by a fit from now on."""
         self._fit = fit
         sigma = fit.response(self._max_grey).inverse_sigma
         self._response_sigma = None if sigma is None else float(sigma.max())
-        reliable = fit.chance_vignette_sigma_at_corner < _RELIABLE_SIGMA
+        reliable = fit.chance_vignette_sigma_at_corner < MAX_VIGNETTE_SIGMA
         vignette = fit.vignette(self._size, self._circle.usable_radius())
         self._normalize = ExposureNormalizer(
             fit.response(255), vignette if reliable else None, trusts_stated=self._trusts_stated
@@ -296,8 +279,8 @@ class MaximumLikelihoodMethod:
             return
         self._series.observe(frame)
         moving = float(np.median(self._motions)) if self._motions else 0.0
-        plainly = len(self._motions) >= _MOVING_PAIRS and moving > _MOVING_FACTOR * self._settings.still_px
-        if plainly or (len(self._motions) >= _UNDECIDED_PAIRS and not self._standing_still):
+        plainly = len(self._motions) >= MIN_MOVING_PAIRS and moving > MOVING_FACTOR * self._settings.still_px
+        if plainly or (len(self._motions) >= UNDECIDED_PAIRS and not self._standing_still):
             self._series = None
 
     # The result of the frames so far.

@@ -17,9 +17,7 @@ from ospc.methods.summary import FitInputs
 from ospc.photometry.calibration import Calibration
 from ospc.photometry.grey_range import FULL_RANGE, GreyRange
 from ospc.recording.frame import Frame
-
-MIN_SIDE_PX = 32
-"""Shortest side of an image, in pixels, in which patches can be found again."""
+from ospc.settings.methods import MIN_SIDE_PX
 
 
 @dataclass(frozen=True)

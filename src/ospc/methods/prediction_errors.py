@@ -10,22 +10,14 @@ from ospc.arrays import FloatArray
 from ospc.estimation.fit import Fit
 from ospc.observations import ExposedObservations
 from ospc.settings.estimation import DARKEST_GREY
+from ospc.settings.methods import CHANGE_GREY_KNOTS, NO_CHANGE_POINTS, OUTLIER_ERROR_LOG, SEEN_QUANTILES
 
-OUTLIER_LOG = 0.3
-"""Errors of prediction far beyond this, in ln, are moving objects or wrong registration."""
-
-GREY_KNOTS = np.array([0.0, 0.15, 0.35, 0.6, 0.85, 1.0])
-"""Grey levels between which a change of ln g is taken to be linear."""
-GREY_KNOTS.setflags(write=False)
-
-PARTS = {"response": slice(0, len(GREY_KNOTS) + 1), "vignette": slice(len(GREY_KNOTS) + 1, len(GREY_KNOTS) + 3)}
+RESPONSE_PARAMETERS = len(CHANGE_GREY_KNOTS) + 1
+PARTS = {
+    "response": slice(0, RESPONSE_PARAMETERS),
+    "vignette": slice(RESPONSE_PARAMETERS, RESPONSE_PARAMETERS + 2),
+}
 """Parameters of a change: a relative change of ln g and one at each knot; the coefficients of R² and R⁴ in ln V."""
-
-RIDGE = 1.0
-"""Weight of the belief that nothing changed, in scene points: it keeps what no pair shows at zero."""
-
-_SEEN_QUANTILES = (0.02, 0.98)
-"""Quantiles of grey levels and radii between which nearly all observations lie."""
 
 _STEPS = np.linspace(0, 1, 21)
 """Where the effect of a change is evaluated, relative to the range of grey levels or radii that were seen."""
@@ -73,13 +65,13 @@ class PairErrors:
         grey = np.interp(predicted, log_g, basis.grid)
         rows = fit.log_irradiance_rows(grey, seen.position)
         squared = np.sum(seen.position**2, axis=1)
-        hats = np.stack([np.interp(grey, GREY_KNOTS, row) for row in np.eye(len(GREY_KNOTS))], axis=1)
+        hats = np.stack([np.interp(grey, CHANGE_GREY_KNOTS, row) for row in np.eye(len(CHANGE_GREY_KNOTS))], axis=1)
         columns = np.column_stack([-np.interp(grey, basis.grid, log_g), -hats, squared, squared**2])
         # The second observation of each point less the first.
         error, change, carried = (values[1::2] - values[0::2] for values in (log_radiance, columns, -rows))
         middle = float(np.median(error))
         # A predicted error has the weight of a well-measured one, whatever it is: a change may be large.
-        weight = (1 / (1 + ((error - middle) / OUTLIER_LOG) ** 2))[:, None]
+        weight = (1 / (1 + ((error - middle) / OUTLIER_ERROR_LOG) ** 2))[:, None]
         root = np.sqrt(weight)
 
         def centred(values: FloatArray) -> FloatArray:
@@ -94,8 +86,8 @@ class PairErrors:
             phi.T @ rho,
             phi.T @ x,
             middle,
-            float(np.sqrt(np.quantile(squared, _SEEN_QUANTILES[1]))),
-            np.quantile(grey, _SEEN_QUANTILES),
+            float(np.sqrt(np.quantile(squared, SEEN_QUANTILES[1]))),
+            np.quantile(grey, SEEN_QUANTILES),
         )
 
     @property
@@ -106,7 +98,7 @@ class PairErrors:
     @property
     def effect(self) -> float:
         """Root mean square error that a change of the camera could explain, in ln."""
-        change = np.linalg.solve(self.matrix + RIDGE * np.eye(len(self.vector)), self.vector)
+        change = np.linalg.solve(self.matrix + NO_CHANGE_POINTS * np.eye(len(self.vector)), self.vector)
         return float(np.sqrt(max(float(self.vector @ change), 0.0) / self.points))
 
     def energy(self, change: FloatArray) -> float:
@@ -145,7 +137,7 @@ class ExplainedChange:
         """Explain pairs by a change of one part; a systematic error of each parameter is part of the covariance."""
         own = PARTS[part]
         matrix = np.sum([pair.matrix[own, own] for pair in pairs], axis=0)
-        inverse = np.linalg.inv(matrix + RIDGE * np.eye(len(matrix)))
+        inverse = np.linalg.inv(matrix + NO_CHANGE_POINTS * np.eye(len(matrix)))
         found = inverse @ np.sum([pair.vector[own] for pair in pairs], axis=0)
         scores = np.stack([pair.vector[own] - pair.matrix[own, own] @ found for pair in pairs])
         carried = inverse @ np.sum([pair.carried[own] for pair in pairs], axis=0)
@@ -173,7 +165,7 @@ class ExplainedChange:
             squared = (self.reach * _STEPS) ** 2
             return np.asarray(found[0] * squared + found[1] * squared**2)
         grey = np.maximum(np.interp(_STEPS, (0, 1), self.greys), DARKEST_GREY)
-        values = found[0] * np.log(grey) + np.interp(grey, GREY_KNOTS, found[1:])
+        values = found[0] * np.log(grey) + np.interp(grey, CHANGE_GREY_KNOTS, found[1:])
         return np.asarray(values - np.median(values))
 
     @property

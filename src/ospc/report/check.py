@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from ospc.correspondence.pixel_statistics import GREY_CELLS, RADIUS_CELLS
 from ospc.diagnosis.report import RecordingReport
 from ospc.errors import counted
 from ospc.report.curves import RADIUS_LABEL, logarithmic
 from ospc.report.style import BLACK, BLUE, GREEN, GREY, ORANGE, new_figure, printable, rules, save
+from ospc.settings.correspondence import COVERAGE_GREY_CELLS, COVERAGE_RADIUS_CELLS
 
 _EXPOSURE_ROWS = 12
 """Classes of exposure."""
@@ -96,10 +96,10 @@ def _draw_grey(report: RecordingReport, axes: Any) -> None:
     else:
         edges = np.array([low - 0.05, low + 0.05])
     row = np.clip(np.searchsorted(edges, pixels.log_exposure, side="right") - 1, 0, len(edges) - 2)
-    share = np.full((len(edges) - 1, GREY_CELLS), np.nan)
+    share = np.full((len(edges) - 1, COVERAGE_GREY_CELLS), np.nan)
     for number in np.unique(row):
         share[number] = pixels.grey_share[row == number].mean(axis=0)
-    levels = np.linspace(0, pixels.max_grey, GREY_CELLS + 1)
+    levels = np.linspace(0, pixels.max_grey, COVERAGE_GREY_CELLS + 1)
     mesh = axes.pcolormesh(levels, np.exp(edges), np.sqrt(share), cmap="viridis", vmin=0)
     axes.figure.colorbar(mesh, ax=axes, label="√ share of pixels")
     logarithmic(axes, "y", float(np.exp(edges[0])), float(np.exp(edges[-1])))
@@ -109,8 +109,8 @@ def _draw_grey(report: RecordingReport, axes: Any) -> None:
 
 def _draw_radii(report: RecordingReport, axes: Any) -> None:
     share = report.pixels.mean_radius_share
-    radius = (np.arange(RADIUS_CELLS) + 0.5) / RADIUS_CELLS
-    axes.bar(radius, np.nan_to_num(share), width=0.9 / RADIUS_CELLS, color=BLUE, alpha=0.7)
+    radius = (np.arange(COVERAGE_RADIUS_CELLS) + 0.5) / COVERAGE_RADIUS_CELLS
+    axes.bar(radius, np.nan_to_num(share), width=0.9 / COVERAGE_RADIUS_CELLS, color=BLUE, alpha=0.7)
     reach = report.motion.radial_reach
     axes.annotate("", xy=(min(reach, 1.0), 1.06), xytext=(0, 1.06), arrowprops={"arrowstyle": "|-|", "color": ORANGE})
     axes.text(min(reach, 0.5) + 0.02, 1.09, f"radial motion {reach:.2f}", color=ORANGE, fontsize=8)

@@ -1,8 +1,9 @@
 """Every number of the methods: what it is, its unit, and why it has this value.
 
-:mod:`ospc.settings.presets` holds what a user may change, one dataclass for each method.
-:mod:`ospc.settings.estimation` holds the constants of the default method's fit, and :mod:`ospc.settings.exposures`
-those of the assessment of exposures.
+:mod:`ospc.settings.presets` holds what a user may change, one dataclass for each method. The constants are in one
+module for each step of the default method: :mod:`~ospc.settings.correspondence`, :mod:`~ospc.settings.exposures`,
+:mod:`~ospc.settings.estimation` and :mod:`~ospc.settings.methods`, which has those of the run and of the detection of
+changes.
 """
 
 from ospc.settings.presets import (

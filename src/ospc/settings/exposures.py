@@ -9,6 +9,7 @@ import numpy as np
 GREY_BIN_EDGES = np.array([0.05, 0.09, 0.14, 0.20, 0.27, 0.35, 0.44, 0.54, 0.65, 0.78, 0.93])
 """Edges of the grey bins: the same change of exposure changes ln M by different amounts at different grey levels.
 Bins are narrower where responses are steeper; black and white, where noise is clipped, are left out."""
+GREY_BIN_EDGES.setflags(write=False)
 
 MIN_BIN_PIXELS = 40
 """Fewest places that a bin's mean, or the median motion, is taken of: the standard error is a sixth of the scatter.

@@ -1,0 +1,142 @@
+"""Constants of the default method's run and of change detection: what each is, its unit, and why."""
+
+from __future__ import annotations
+
+import numpy as np
+
+# Images (ospc.methods.method)
+
+MIN_SIDE_PX = 32
+"""Shortest side of an image, in pixels, in which patches can be found again."""
+
+# Quick fits during a run (ospc.methods.maximum_likelihood)
+
+FIRST_QUICK_FIT_PAIRS = 16
+"""Pairs before the first quick fit; the next follow whenever their number has doubled."""
+
+REFERENCE_FIT_PAIRS = 64
+"""Pairs after which a quick fit predicts new pairs well enough to notice a change of the camera."""
+
+DROPPED_PAIRS = 32
+"""The first so many pairs are dropped in the end: they were registered before the vignette was known."""
+
+QUICK_FIT_POINTS = 5000
+"""Scene points of a quick fit: enough for registration, which needs the vignette to a few per cent."""
+
+QUICK_FIT_ROUNDS = 3
+"""Rounds of a quick fit that starts from the one before."""
+
+QUICK_FIT_RADIAL_TERMS = 5
+"""Radial terms of its vignette: more would take longer to be known, and pairs registered until then are worse."""
+
+MAX_VIGNETTE_SIGMA = 0.05
+"""Standard deviation of the vignette at the corner, by chance, up to which frames are registered without it."""
+
+MIN_MOVING_PAIRS, MOVING_FACTOR = 8, 4.0
+"""Pairs, and times the displacement of a still camera, after which a camera counts as moving for good."""
+
+UNDECIDED_PAIRS = 60
+"""Pairs after which a camera that does not stand still counts as moving. Dark frames register badly at first."""
+
+MAX_MOTIONS = 200
+"""Latest displacements that tell whether the camera stands still."""
+
+# Errors of prediction (ospc.methods.prediction_errors)
+
+OUTLIER_ERROR_LOG = 0.3
+"""Errors of prediction far beyond this, in ln, are moving objects or wrong registration."""
+
+CHANGE_GREY_KNOTS = np.array([0.0, 0.15, 0.35, 0.6, 0.85, 1.0])
+"""Grey levels between which a change of ln g is taken to be linear."""
+CHANGE_GREY_KNOTS.setflags(write=False)
+
+NO_CHANGE_POINTS = 1.0
+"""Weight of the belief that nothing changed, in scene points: it keeps what no pair shows at zero."""
+
+SEEN_QUANTILES = (0.02, 0.98)
+"""Quantiles of grey levels and radii between which nearly all observations lie."""
+
+# Whether the camera may have changed (ospc.methods.change_detection)
+
+MIN_PAIR_POINTS = 40
+"""Scene points of a pair below which its registration is not trusted."""
+
+MAX_USUAL_PAIRS = 480
+"""Pairs of neighbours whose errors say what is usual: a minute and a half of film at 20 frames/s."""
+
+MIN_USUAL_PAIRS = 12
+"""Pairs of neighbours before anything is unusual."""
+
+RECENT_PAIRS, SURPRISING_PAIRS = 8, 3
+"""Of the latest so many pairs of neighbours, so many must be surprising to raise a suspicion."""
+
+SURPRISING_FACTOR = 4.0
+"""How many times the usual error is a surprise; three in eight pairs exceed it when a lamp is switched, too."""
+
+MIN_USUAL_ERROR_LOG = 0.001
+"""Least usual error, in ln: registration leaves as much."""
+
+MAX_SUSPICION_S = 9.6
+"""Time for which a suspicion is followed at most."""
+
+JUDGED_S = 5.6
+"""Latest time of a suspicion whose pairs are judged: light may have raised it before the camera changed."""
+
+CALM_S = 4.8
+"""Time without another suspicion after one that was followed to the end."""
+
+MIN_FRAME_RATE, MAX_FRAME_RATE = 20.0, 100.0
+"""Frames per second between which these times are counted in frames: slower film needs as many frames as that of 20
+frames/s, and the pairs of more than 100 frames/s would be too many to judge."""
+
+WATCHED_PAIRS, MIN_SURPRISING_SHARE = 32, 0.25
+"""A suspicion ends early where fewer of the latest so many pairs of neighbours are surprising: the light changed."""
+
+# Whether it has (ospc.methods.change_hypotheses)
+
+MIN_SPAN_S = 3.0
+"""Time that the pairs must span: light that changes is often steady again by then."""
+
+MIN_HALF_PAIRS = 12
+"""Pairs in each half by which a change is judged: what happens once is no change."""
+
+MIN_EFFECT_LOG = 0.04
+"""Smallest change, in ln of irradiance, that counts: a refocused lens changes the corners by more, drift by less."""
+
+MIN_EXPLAINED_LOG = 0.005
+"""Root mean square error within pairs, in ln, that a change must explain. Other responses, and corners that lose a
+fifth, soon explained 0.0055 and more in simulated film; what only looked like a change explained 0.0047 at most."""
+
+MIN_CORRELATION = 0.7
+"""Correlation of the curves that both halves show; those of real changes had 0.87 and more."""
+
+MIN_CHANGE_SIGMAS, MIN_HALF_SIGMAS = 12.0, 6.0
+"""Standard deviations, by the scatter between pairs, that a change must exceed in all pairs and in each half. Real
+changes of this size had 17 and 9 or more."""
+
+SYSTEMATIC_LOG = 0.006
+"""Standard deviation, in ln, by which registration is wrong in ways that pairs have in common."""
+
+ALIKE_GAIN = 0.9
+"""Share of the gain of one explanation from which on the other is as good; both are named then, unless the other
+would have to be the larger change: responses imitate corners that lose a fifth by changing two- to tenfold."""
+
+MAJORITY = 0.8
+"""Share of the pairs in each half that a change must explain, weighted by what it does to them: a few wrong
+registrations prove nothing."""
+
+MIN_EXPECTED_FACTOR = 3.0
+"""How many times the usual error a change must make of a pair for the pair to tell."""
+
+MIN_SIGNIFICANT_PAIRS = 6
+"""Telling pairs needed in each half."""
+
+LIGHT_SLOPE = -0.75
+"""Slope of the error against the change of exposure from which on light that the exposure follows explains it: an
+exposure control that keeps brightness constant shows a slope of −1."""
+
+MIN_SLOPE = 0.15
+"""Smallest change of that slope by another response."""
+
+MIN_SLOPE_ERROR_LOG = 0.008
+"""Median error of neighbours, in ln, below which the slope is not judged: clouds change light by less a frame."""
