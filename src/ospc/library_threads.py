@@ -7,7 +7,6 @@ from contextlib import AbstractContextManager, contextmanager
 from functools import cache
 
 import cv2
-import scipy.linalg  # noqa: F401 (to be found: it has a linear algebra of its own beside NumPy's)
 from threadpoolctl import ThreadpoolController
 
 

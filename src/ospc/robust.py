@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from ospc.arrays import Float32Array, FloatArray
+from ospc.arrays import Float32Array, FloatArray, IntArray
 
 SIGMA_OF_MEDIAN = 1.4826
 """Standard deviation of a normal distribution over its median absolute value: 1 / Φ⁻¹(3/4)."""
@@ -31,3 +31,13 @@ def weighted_median(values: FloatArray, weights: npt.ArrayLike) -> float:
     order = np.argsort(values, kind="stable")
     cumulative = np.cumsum(np.asarray(weights, dtype=np.float64)[order])
     return float(values[order][np.searchsorted(cumulative, cumulative[-1] / 2)])
+
+
+def medians(values: FloatArray, group: IntArray) -> FloatArray:
+    """Return the median of each group of values, in the order of its number.
+
+    Values and the number of the group of each, from 0 with none left out, have shape (n,).
+    """
+    ordered, count = values[np.lexsort((values, group))], np.bincount(group)
+    begins = np.cumsum(count) - count
+    return np.asarray((ordered[begins + (count - 1) // 2] + ordered[begins + count // 2]) / 2)

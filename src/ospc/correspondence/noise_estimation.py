@@ -6,9 +6,9 @@ from dataclasses import dataclass, field
 
 import cv2
 import numpy as np
-from scipy.optimize import nnls
 
 from ospc.arrays import Float32Array, FloatArray, Image
+from ospc.least_squares import non_negative_least_squares
 from ospc.photometry.noise import BRIGHTEST_EXPOSED, DARKEST_EXPOSED, NoiseModel
 from ospc.recording.frame import Frame
 from ospc.settings.correspondence import (
@@ -77,7 +77,8 @@ class NoiseEstimator:
             return NoiseModel(max(floor, ASSUMED_NOISE_SIGMA**2), 0.0)
         level = (np.arange(NOISE_BINS)[known] + 0.5) / NOISE_BINS
         variance = np.maximum([np.median(found) for found in self._found if found], floor)
-        read, shot = nnls(np.stack([1 / variance, level / variance], axis=1), np.ones(len(level)))[0]
+        rows = np.stack([1 / variance, level / variance], axis=1)
+        read, shot = non_negative_least_squares(rows, np.ones(len(level)))
         trusted = MIN_END_DISTANCE_SIGMAS * np.sqrt(variance) < np.minimum(level, 1 - level)
         table: tuple[float, ...] = ()
         if trusted.any():

@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from scipy.optimize import nnls
 
 from ospc.arrays import FloatArray, IntArray
+from ospc.least_squares import non_negative_least_squares
 from ospc.settings.estimation import (
     FACTOR_GREYS,
     FACTOR_RANGE,
@@ -98,7 +98,7 @@ class ErrorModel:
             return self
         relative = np.array(rows) / np.array(targets)[:, None]
         scale = np.maximum(relative.max(axis=0), 1e-300)
-        found = nnls(relative / scale, np.ones(len(rows)))[0] / scale
+        found = non_negative_least_squares(relative / scale, np.ones(len(rows))) / scale
         law = ErrorModel(
             max(float(found[0]), MIN_GREY_SIGMA**2),
             float(found[1]),

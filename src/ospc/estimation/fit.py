@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.ndimage import maximum_filter1d
 
 from ospc.arrays import FloatArray, ImageSize
 from ospc.estimation.effects import Seen
@@ -201,8 +200,8 @@ class Fit(Model):
         How much it may jump is told by how sharply the fitted γ bends at the knots around.
         """
         knots = self.response_basis.knots
-        bend = np.pad(np.abs(np.diff(self.response_parameters, 2)), 1)
-        sharpest = np.interp(grey, knots, maximum_filter1d(bend, 3))
+        bend = np.pad(np.abs(np.diff(self.response_parameters, 2)), 2)
+        sharpest = np.interp(grey, knots, np.maximum.reduce([bend[:-2], bend[1:-1], bend[2:]]))
         width = np.interp(grey, knots[1:], np.diff(knots))
         return np.asarray(UNRESOLVED_JUMP * sharpest * width / np.maximum(grey, width))
 

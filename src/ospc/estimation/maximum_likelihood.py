@@ -10,7 +10,6 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
 
 from ospc.arrays import BoolArray, FloatArray
 from ospc.estimation.effects import Effects
@@ -120,7 +119,7 @@ class MaximumLikelihoodEstimator:
             self.effects,
             parameters,
             equations.covariance(prior, hyperparameters, system.disagreement(parameters)),
-            cho_solve(cho_factor(precision), np.eye(len(parameters))),
+            np.asarray(np.linalg.inv(precision), dtype=np.float64),
             errors,
             hyperparameters,
             int(np.count_nonzero(observations.combined(np.add, weight))),

@@ -12,14 +12,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from statistics import NormalDist
 
 import numpy as np
-from scipy.ndimage import maximum_filter1d
-from scipy.optimize import nnls
-from scipy.special import ndtri
 
-from ospc.arrays import FloatArray, IntArray
+from ospc.arrays import BoolArray, FloatArray, IntArray
 from ospc.estimation.response_basis import ResponseBasis
+from ospc.least_squares import non_negative_least_squares
 from ospc.observations import Observations
 from ospc.photometry.noise import NoiseModel
 from ospc.settings.estimation import (
@@ -37,7 +36,7 @@ from ospc.settings.estimation import (
     UNCLIPPED_SIGMAS,
 )
 
-_NORMAL = ndtri((np.arange(SHIFT_QUANTILES) + 0.5) / SHIFT_QUANTILES)
+_NORMAL = np.array([NormalDist().inv_cdf((i + 0.5) / SHIFT_QUANTILES) for i in range(SHIFT_QUANTILES)])
 """Equally probable values of a standard normal variable, shape (65,)."""
 
 
@@ -70,8 +69,8 @@ class PixelMeans:
         bend = basis.bend_of(coefficients)
         # Near white, little is measured, and a sharp bend may be chance.
         missed = np.where(basis.grid < SHOULDER_GREY, basis.bend_of(coefficients, KNEE_SMOOTHING) - bend, 0.0)
-        around = 2 * round(BEND_SMOOTHING * len(basis.grid))
-        missed_bend = np.where(maximum_filter1d(np.abs(missed), around) > KNEE_BEND, missed, 0.0)
+        at_knee = _around(np.abs(missed) > KNEE_BEND, round(BEND_SMOOTHING * len(basis.grid)))
+        missed_bend = np.where(at_knee, missed, 0.0)
         return cls(by_noise, basis.grid, bend, missed_bend, noise.variance(basis.grid))
 
     def texture(self, observations: Observations, index: IntArray) -> FloatArray:
@@ -107,6 +106,12 @@ class PixelMeans:
         return 1 + (self.noise_variance / (MAX_NOISE**2 * self._squared_grey)) ** 2
 
 
+def _around(mask: BoolArray, reach: int) -> BoolArray:
+    """Return where a mask is true at most so many places away, shape (n,)."""
+    so_far = np.pad(np.pad(np.cumsum(mask), (reach + 1, 0)), (0, reach), mode="edge")
+    return np.asarray(so_far[2 * reach + 1 :] > so_far[: len(mask)])
+
+
 def mean_shift(grid: FloatArray, log_response: FloatArray, noise: NoiseModel) -> FloatArray:
     """Return the mean of noisy pixels minus the noise-free grey level, at grey levels with their ln g, shape (n,)."""
     level = np.linspace(0, 1, SHIFT_LEVELS)
@@ -131,5 +136,5 @@ def _irradiance_noise(level: FloatArray, irradiance: FloatArray, noise: NoiseMod
         return 0.0, 0.0
     of_irradiance = variance[known] * slope[known] ** 2
     rows = np.stack([np.ones(len(of_irradiance)), irradiance[known]], axis=1) / of_irradiance[:, None]
-    constant, proportional = nnls(rows, np.ones(len(rows)))[0]
+    constant, proportional = non_negative_least_squares(rows, np.ones(len(rows)))
     return float(constant), float(proportional)

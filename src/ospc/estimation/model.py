@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import csc_matrix
 
 from ospc.arrays import FloatArray, IntArray
 from ospc.estimation.effects import Effects, Seen
@@ -118,9 +117,10 @@ class LinearSystem:
             matrix += rows.T @ weighted
             vector += weighted.T @ target
             misfit = target - rows @ about
-            # One column for each row, which holds its misfit in the line of its block.
-            by_block = csc_matrix((misfit, block[part][member], np.arange(len(rows) + 1)), (len(scores), len(rows)))
-            scores += by_block @ weighted
+            inside = block[part][member]
+            order = np.argsort(inside, kind="stable")
+            begins = np.flatnonzero(np.diff(inside[order], prepend=-1))
+            scores[inside[order[begins]]] += np.add.reduceat((weighted * misfit[:, None])[order], begins)
         return NormalEquations(matrix, vector, scores.T @ scores, blocks=len(scores))
 
     def disagreement(self, parameters: FloatArray) -> FloatArray:

@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import approx_fprime
 
 from ospc.arrays import FloatArray
 from ospc.estimation.effects import CONTRADICTIONS, CORRECTED, EFFECTS, Effects
@@ -272,6 +271,8 @@ def _without_typical_light(fit: Fit) -> Fit:
     effects, parameters = fit.effects.without_typical_light(fit.response_basis, fit.parameters)
     if not len(effects):
         return replace(fit, effects=effects)
+    from scipy.optimize import approx_fprime  # slow to import and rarely needed
+
     slope = approx_fprime(fit.parameters, changed)
     covariance, chance = (slope @ matrix @ slope.T for matrix in (fit.covariance, fit.chance))
     return replace(fit, effects=effects, parameters=parameters, covariance=covariance, chance=chance)
@@ -281,9 +282,9 @@ def _slope_of_left_out(fit: Fit, trial: _Trial) -> FloatArray:
     """Return how the parameters follow an effect that is left out, with a response that holds none of it, (p,)."""
     effects = fit.effects.and_(trial.name)
 
-    def changed(value: FloatArray) -> FloatArray:
-        parameters = np.append(fit.parameters + value[0] * trial.carried, value)
+    def changed(value: float) -> FloatArray:
+        parameters = np.append(fit.parameters + value * trial.carried, value)
         return effects.without_typical_light(fit.response_basis, parameters)[1][:-1]
 
     # A secant: near black ln g is far from linear in additional light.
-    return np.asarray(approx_fprime(np.zeros(1), changed, trial.sigma)).reshape(-1)
+    return (changed(trial.sigma) - changed(0.0)) / trial.sigma

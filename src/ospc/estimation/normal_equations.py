@@ -5,11 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve, cholesky, solve_triangular
-from scipy.optimize import nnls
 
 from ospc.arrays import FloatArray, IntArray
 from ospc.estimation.prior import CANDIDATES, Prior, PriorHyperparameters
+from ospc.least_squares import non_negative_least_squares
 
 
 @dataclass(frozen=True)
@@ -69,9 +68,10 @@ class NormalEquations:
         The others have a prior of a precision, shape (p − 1, p − 1), and a mean, (p − 1,), and it has one of its own;
         precisions are in units of :attr:`matrix`.
         """
-        factor, column = cho_factor(self.matrix[:-1, :-1] + precision), self.matrix[:-1, -1]
-        seen = self.matrix[-1, -1] - column @ cho_solve(factor, column)
-        value = self.vector[-1] - column @ cho_solve(factor, self.vector[:-1] + precision @ mean)
+        column = self.matrix[:-1, -1]
+        carried = np.linalg.solve(self.matrix[:-1, :-1] + precision, column)
+        seen = self.matrix[-1, -1] - column @ carried
+        value = self.vector[-1] - carried @ (self.vector[:-1] + precision @ mean)
         return float((value + own_precision * own_mean) / (seen + own_precision))
 
     def scaled(self, prior_precision: FloatArray, sandwich_factor: float) -> NormalEquations:
@@ -81,8 +81,8 @@ class NormalEquations:
         """
         # At the solution the scores add up to zero: of a single block nothing is left to tell its scatter.
         scatter = self.matrix if self.blocks == 1 else self.scatter * self.blocks / (self.blocks - 1)
-        factor = cho_factor(self.matrix + prior_precision)
-        spread = np.trace(cho_solve(factor, scatter)) / max(np.trace(cho_solve(factor, self.matrix)), 1e-300)
+        inverse = np.linalg.inv(self.matrix + prior_precision)
+        spread = np.sum(inverse * scatter) / max(np.sum(inverse * self.matrix), 1e-300)  # all are symmetric
         scale = float(sandwich_factor**2 / max(spread, 1e-6))
         return replace(self, scatter=scatter, information_scale=scale, sandwich_factor=sandwich_factor)
 
@@ -123,18 +123,18 @@ class NormalEquations:
         """
         precision = self.posterior_precision(prior, hyperparameters)
         target = np.asarray(self.information_scale * self.vector + prior.precision(hyperparameters) @ prior.mean)
-        free = cho_solve(cho_factor(precision), target)
+        free = np.linalg.solve(precision, target)
         if np.all(free >= floor):
             return np.asarray(free)
         # Eliminate the parameters without a floor; the rest, minus their floors, is a non-negative problem.
         bound = np.isfinite(floor)
         inside, cross, outside = precision[~bound][:, ~bound], precision[~bound][:, bound], precision[bound][:, bound]
-        factor = cho_factor(inside) if len(inside) else (inside, False)
-        reduced = outside - cross.T @ cho_solve(factor, cross)
-        reduced_target = target[bound] - cross.T @ cho_solve(factor, target[~bound])
-        upper, low = cholesky(reduced), floor[bound]
-        rest = solve_triangular(upper, reduced_target - reduced @ low, trans="T")
+        carried, low = np.linalg.solve(inside, cross), floor[bound]
+        reduced = outside - cross.T @ carried
+        reduced_target = target[bound] - carried.T @ target[~bound]
+        lower = np.asarray(np.linalg.cholesky(reduced), dtype=np.float64)
+        rest = np.asarray(np.linalg.solve(lower, reduced_target - reduced @ low), dtype=np.float64)
         found = np.empty_like(target)
-        found[bound] = low + nnls(upper, rest)[0]
-        found[~bound] = cho_solve(factor, target[~bound] - cross @ found[bound])
+        found[bound] = low + non_negative_least_squares(lower.T, rest)
+        found[~bound] = np.linalg.solve(inside, target[~bound] - cross @ found[bound])
         return found

@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from scipy.special import ndtri, stdtr
 
 from ospc.arrays import BoolArray, FloatArray, IntArray, members_of
 from ospc.observations import ExposedObservations
@@ -56,8 +55,13 @@ def uneven_vignette(residual: FloatArray, observations: ExposedObservations) -> 
     if not found:
         return ()
     mean, sigma, freedom = np.array(found).T
+    sigmas = np.abs(mean) / np.hypot(sigma, UNEVEN_SYSTEMATIC)
+    if sigmas.max() < UNEVEN_SIGMAS:
+        return ()
+    from scipy.special import ndtri, stdtr  # slow to import and rarely needed
+
     # The scatter between few blocks is itself uncertain: the normal deviate that is as improbable is smaller.
-    sigmas = -ndtri(stdtr(freedom, -np.abs(mean) / np.hypot(sigma, UNEVEN_SYSTEMATIC)))
+    sigmas = -ndtri(stdtr(freedom, -sigmas))
     worst = int(np.argmax(sigmas))
     if sigmas[worst] < UNEVEN_SIGMAS:
         return ()

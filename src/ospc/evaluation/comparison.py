@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.optimize import minimize_scalar
 
 from ospc.arrays import FloatArray
 from ospc.errors import FormatError, NotObservableError
@@ -114,6 +113,8 @@ def aligning_exponent(estimate: Photometry, truth: Photometry) -> float:
         if profiles is not None:
             total += float(np.nanmean((profiles[0] ** exponent - profiles[1]) ** 2))
         return total
+
+    from scipy.optimize import minimize_scalar  # slow to import and rarely needed
 
     ends = np.log(_EXPONENTS)
     best = minimize_scalar(error, bounds=tuple(ends), method="bounded", options={"xatol": 1e-6})

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-import scipy.linalg
 
 from ospc.arrays import BoolArray, FloatArray, IntArray
 from ospc.exposures.brightness import BrightnessChange
@@ -70,6 +69,8 @@ class BrightnessChanges:
         """
         if self.scatter <= 0:
             return values, np.ones(len(values))
+        import scipy.linalg  # slow to import and rarely needed
+
         # The factor of a tridiagonal matrix is bidiagonal; zeros beside the diagonal separate the runs.
         joined = np.diff(self.frame, append=self.frame[-1:] + 2) == 1
         bands = np.stack([np.full(len(values), 1 + 2 * self.scatter**2), -(self.scatter**2) * joined])

@@ -10,11 +10,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import median
 
 from ospc.arrays import FloatArray, IntArray
 from ospc.exposures.brightness import BrightnessChange
-from ospc.robust import robust_scale
+from ospc.robust import medians, robust_scale
 from ospc.settings.exposures import (
     CLEAR_TONE_SPREAD_LOG,
     GREY_BIN_EDGES,
@@ -115,9 +114,9 @@ def _spread_over_places(left: FloatArray, place: FloatArray, pair: IntArray) -> 
     extent = np.maximum(np.abs(place).max(axis=0), 1e-6)
     x, y = (np.clip((place[:, k] / extent[k] + 1) / 2 * n, 0, n - 1).astype(int) for k, n in ((0, across), (1, down)))
     cell = pair * across * down + y * across + x
-    number, count = np.unique(cell, return_counts=True)
-    number = number[count >= MIN_TONE_CELL_SAMPLES]
-    middle, of_pair = median(left, cell, number), number // (across * down)
+    number, group, count = np.unique(cell, return_inverse=True, return_counts=True)
+    enough = count >= MIN_TONE_CELL_SAMPLES
+    middle, of_pair = medians(left, group)[enough], number[enough] // (across * down)
     apart = [middle[of_pair == p] - np.median(middle[of_pair == p]) for p in np.unique(of_pair)]
     different = np.concatenate([np.abs(values) for values in apart if len(values) >= MIN_TONE_CELLS] or [np.zeros(1)])
     return robust_scale(different)

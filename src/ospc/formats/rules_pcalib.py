@@ -68,12 +68,14 @@ def strictly_increasing_float32(values: npt.ArrayLike) -> Float32Array:
     sense; all other values, non-decreasing from 0 to 255, stay. Subnormal numbers are avoided: some parsers refuse
     them.
     """
-    from scipy.optimize import isotonic_regression  # slow to import, and most commands write no table
-
     rounded = np.clip(np.asarray(values, dtype=np.float64), 0.0, 255.0).astype(np.float32)
     # Non-negative floats sort like the integers with the same bits, and neighbours stay neighbours.
     index = np.arange(rounded.size)
-    slack = isotonic_regression(rounded.view(np.int32) - index).x
+    slack = rounded.view(np.int32) - index
+    if np.any(np.diff(slack) < 0):
+        from scipy.optimize import isotonic_regression  # slow to import and rarely needed
+
+        slack = isotonic_regression(slack).x
     least, most = _SMALLEST_POSITIVE.view(np.int32) - 1, np.float32(255).view(np.int32) - index[-1]
     spread = np.round(np.clip(slack, least, most)).astype(np.int32) + index
     spread[0], spread[-1] = 0, np.float32(255).view(np.int32)

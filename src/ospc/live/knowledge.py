@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.linalg import block_diag
 
 from ospc.arrays import FloatArray
 from ospc.estimation.fit import Fit, measured_greys
@@ -158,7 +157,8 @@ def _wanted(fit: Fit, reference: float, radii: FloatArray) -> FloatArray:
     places = radii[:, None] * _DIAGONAL
     value = np.exp(vignette.log_value(fit.vignette_parameters, places))
     fall = value[:, None] * vignette.jacobian(fit.vignette_parameters, places)
-    return np.asarray(block_diag(response, fall))
+    n = len(basis)
+    return np.concatenate([np.pad(response, ((0, 0), (0, fall.shape[1]))), np.pad(fall, ((0, 0), (n, 0)))])
 
 
 def _variance(rows: FloatArray, covariance: FloatArray) -> FloatArray:

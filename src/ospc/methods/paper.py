@@ -16,12 +16,12 @@ from typing import Protocol
 
 import numpy as np
 from numpy.polynomial.polynomial import polyval
-from scipy.optimize import nnls
 
 from ospc.arrays import BoolArray, FloatArray, ImageSize
 from ospc.correspondence.features import Features, extract, make_extractor, match
 from ospc.correspondence.preprocessing import PreprocessedFrame
 from ospc.errors import counted
+from ospc.least_squares import non_negative_least_squares
 from ospc.methods.change_detection import Change
 from ospc.methods.method import Method, Progress, check_size
 from ospc.observations import ExposureLookup
@@ -185,7 +185,8 @@ def solve_nonnegative(gram: FloatArray) -> FloatArray:
     # One row demands Σc = 1. Its weight is far above that of all others, whose squares add up to one; what the
     # solution still misses is divided out.
     heavy = 1e4
-    solution, _ = nnls(np.vstack([root[:, 1:], np.full((1, n - 1), heavy)]), np.append(np.zeros(n), heavy))
+    rows = np.vstack([root[:, 1:], np.full((1, n - 1), heavy)])
+    solution = non_negative_least_squares(rows, np.append(np.zeros(n), heavy))
     return np.concatenate([[0.0], solution / solution.sum()])
 
 

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.ndimage import median
 
 from ospc.arrays import FloatArray, ImageSize, IntArray
 from ospc.estimation.fit import Fit, measured_greys
@@ -24,7 +23,7 @@ from ospc.photometry.calibration import PROFILE_RADII, Calibration, ExposureRati
 from ospc.photometry.effect_estimate import EffectEstimate
 from ospc.photometry.grey_range import FULL_RANGE, GreyRange
 from ospc.photometry.noise import BRIGHTEST_EXPOSED, DARKEST_EXPOSED, NoiseModel
-from ospc.robust import SIGMA_OF_MEDIAN
+from ospc.robust import SIGMA_OF_MEDIAN, medians
 from ospc.settings import DefaultSettings
 from ospc.settings.estimation import MISREGISTERED_SIGMAS, MISREGISTERED_SPREAD
 
@@ -142,19 +141,14 @@ def exposure_ratios(fit: Fit, observations: ExposedObservations) -> ExposureRati
     frames = np.stack([observations.frame[later - 1], observations.frame[later]], axis=1)
     pairs, first, pair, count = np.unique(frames, axis=0, return_index=True, return_inverse=True, return_counts=True)
     pair = pair.reshape(-1)  # NumPy 2.0 gives it another dimension
-    estimated = _medians(observed, pair)
-    spread = SIGMA_OF_MEDIAN * _medians(np.abs(observed - estimated[pair]), pair)
-    by_scatter = _sigma_of_medians(spread, count)
+    estimated = medians(observed, pair)
+    spread = SIGMA_OF_MEDIAN * medians(np.abs(observed - estimated[pair]), pair)
+    by_scatter = _sigma_ofmedians(spread, count)
     by_curves = _sigma_by_curves(fit, observations, later[np.argsort(pair, kind="stable")], count)
     return ExposureRatios(pairs, np.exp(metadata[first]), np.exp(estimated), count, np.hypot(by_scatter, by_curves))
 
 
-def _medians(values: FloatArray, group: IntArray) -> FloatArray:
-    """Return the median of each group of values, in the order of its number."""
-    return np.asarray(median(values, group, np.arange(group.max() + 1)))
-
-
-def _sigma_of_medians(spread: FloatArray, count: IntArray) -> FloatArray:
+def _sigma_ofmedians(spread: FloatArray, count: IntArray) -> FloatArray:
     """Return the standard deviation of the median of each group of points by their scatter, shape (groups,)."""
     typical = float(np.median(np.repeat(spread, count)))
     wrong = spread > MISREGISTERED_SPREAD * typical

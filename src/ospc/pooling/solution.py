@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
 
 from ospc.arrays import FloatArray
 from ospc.estimation.effects import Effects
@@ -92,7 +91,7 @@ def solve(information: Information, vignette: VignetteBasis = VIGNETTE, start: F
             precision = equations.posterior_precision(prior, hyperparameters)
             if float(change @ precision @ change) < _SETTLED:
                 break
-        chance = cho_solve(cho_factor(precision), np.eye(p))
+        chance = np.asarray(np.linalg.inv(precision), dtype=np.float64)
         return Fit(
             RESPONSE,
             vignette,

@@ -14,8 +14,6 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy.sparse import csr_matrix
-from scipy.sparse.linalg import lsqr
 
 from ospc.arrays import FloatArray, ImageSize, IntArray
 from ospc.errors import NotObservableError, counted
@@ -250,6 +248,9 @@ def _first_exposures(
     The alternation carries a change of exposure along a chain of tracks slowly; this linear system does so at once.
     Bergmann et al. solve it from frame to frame.
     """
+    from scipy.sparse import csr_matrix  # slow to import and rarely needed
+    from scipy.sparse.linalg import lsqr
+
     frames, points = tracks.frames.size, int(tracks.point.max()) + 1
     weight = np.sqrt(tracks.weight)
     columns = np.concatenate([tracks.frame, frames + tracks.point])
