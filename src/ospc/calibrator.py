@@ -11,7 +11,7 @@ from typing import Any
 from ospc.engine import Engine, Status, of_size
 from ospc.engine_state import EngineState, epoch_content, epoch_of
 from ospc.errors import FormatError, SettingError
-from ospc.exposures.findings import LagChoice, check_lag, checked_lag_choice, lag_choice, lag_choice_for
+from ospc.exposures.lag_choice import LagChoice, check_lag, checked_lag_choice, lag_choice, lag_choice_for
 from ospc.library_threads import one_library_thread
 from ospc.methods.maximum_likelihood_state import MaximumLikelihoodState
 from ospc.photometry.calibration import Calibration

@@ -17,7 +17,8 @@ from ospc.engine_state import Epoch
 from ospc.errors import ExposureError, FrameError, OspcError, RecordingError
 from ospc.exposures.assessment import ExposureAssessment
 from ospc.exposures.evidence import ExposureEvidence
-from ospc.exposures.findings import ExposureFindings, LagChoice, lag_in_words
+from ospc.exposures.findings import ExposureFindings, lag_in_words
+from ospc.exposures.lag_choice import LagChoice
 from ospc.exposures.table import ExposureTable
 from ospc.foresight import Foresight
 from ospc.methods.change_detection import Change

@@ -9,7 +9,8 @@ import cv2
 import numpy as np
 
 from ospc.exposures.evidence import ExposureEvidence
-from ospc.exposures.findings import ExposureFindings, LagChoice, assess_exposures
+from ospc.exposures.findings import ExposureFindings, assess_exposures
+from ospc.exposures.lag_choice import LagChoice
 from ospc.recording import ArrayRecording
 from ospc.settings import DefaultSettings
 

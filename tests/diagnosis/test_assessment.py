@@ -11,7 +11,7 @@ from ospc.correspondence.preprocessing import Preprocessor
 from ospc.correspondence.thumbnail import Thumbnail
 from ospc.exposures import assessment, evidence
 from ospc.exposures.assessment import ExposureAssessment
-from ospc.exposures.findings import LagChoice
+from ospc.exposures.lag_choice import LagChoice
 from ospc.settings.exposures import FIRST_ASSESSMENT_CHANGES
 
 SIZE = (64, 48)

@@ -12,7 +12,7 @@ from typing import Any
 
 from ospc.batch.object_store import is_address, matches
 from ospc.errors import FormatError, RecordingError, SettingError, needs_extra, said_by
-from ospc.exposures.findings import LagChoice, lag_choice
+from ospc.exposures.lag_choice import LagChoice, lag_choice
 from ospc.recording.kinds import kinds, open_recording
 from ospc.recording.options import ReadingOptions, declared_options
 from ospc.settings import DefaultSettings, with_overrides

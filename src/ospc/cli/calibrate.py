@@ -33,8 +33,9 @@ from ospc.settings import Settings, preset, with_overrides
 
 if TYPE_CHECKING:
     from ospc.cli.calibration_result import ResultFolder
-    from ospc.exposures.findings import LagChoice
+    from ospc.exposures.lag_choice import LagChoice
     from ospc.formats.opening import Photometry
+    from ospc.pooling.prior_calibration import PriorCalibration
 
 RIG_NAME = "rig.json"
 """Name of the file with the relative scales in the folder of the cameras' folders."""
@@ -135,6 +136,24 @@ class _Request:
         except SettingError as error:
             raise click.UsageError(str(error)) from None
 
+    @property
+    def prior(self) -> PriorCalibration | None:
+        """The earlier calibration to start from."""
+        if self.start_from is None:
+            return None
+        from ospc.pooling.prior_calibration import PriorCalibration
+
+        return PriorCalibration.open(self.start_from)
+
+    @property
+    def known(self) -> Photometry | None:
+        """The calibration to compare with."""
+        if self.truth is None:
+            return None
+        from ospc.formats.opening import open_photometry
+
+        return open_photometry(self.truth)
+
     def result(self, recording: Recording | None, truth: Photometry | None) -> ResultFolder:
         """Return where the result goes; refuse a folder that must not be written to."""
         from ospc.cli.calibration_result import ResultFolder
@@ -169,14 +188,8 @@ command = declared(
 
 
 def _calibrate_one(request: _Request, opened: Callable[[], Recording]) -> dict[str, Any]:
-    from ospc.cli.calibration_run import CalibrationRun
-    from ospc.cli.checkpoints import Checkpoints
-    from ospc.formats.opening import open_photometry
-    from ospc.pooling.prior_calibration import PriorCalibration
-
     settings = request.settings
-    prior = None if request.start_from is None else PriorCalibration.open(request.start_from)
-    truth = None if request.truth is None else open_photometry(request.truth)
+    prior, truth = request.prior, request.known
     try:
         recording = opened()
     except RecordingError as error:
@@ -185,6 +198,9 @@ def _calibrate_one(request: _Request, opened: Callable[[], Recording]) -> dict[s
         if request.path.is_file() and is_image_name(request.path.name):
             raise RecordingError(f"{error}, or guess from it alone with --fallback single-image") from None
         raise
+    from ospc.cli.calibration_run import CalibrationRun  # after what may be wrong with the recording, for it is slow
+    from ospc.cli.checkpoints import Checkpoints
+
     result = request.result(recording, truth)
     if request.exposures_unknown:
         from ospc.unknown_exposures import recover_exposures

@@ -18,7 +18,7 @@ from ospc.cli.interruption import leaving
 from ospc.cli.progress import progress_line
 from ospc.cli.terminal import say, say_notes
 from ospc.errors import OspcError, counted, one_line
-from ospc.exposures.findings import LagChoice
+from ospc.exposures.lag_choice import LagChoice
 from ospc.output import Written
 from ospc.recording import Frame, Recording, identity
 from ospc.report import style

@@ -16,7 +16,7 @@ from ospc.errors import counted
 
 if TYPE_CHECKING:
     from ospc.diagnosis import RecordingReport
-    from ospc.exposures.findings import LagChoice
+    from ospc.exposures.lag_choice import LagChoice
 
 _LABEL_COLUMNS = 14
 """Width of the names of the figures."""

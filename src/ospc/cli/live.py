@@ -19,7 +19,7 @@ from ospc.recording import Frame, Recording
 
 if TYPE_CHECKING:
     from ospc.cli.calibration_result import ResultFolder
-    from ospc.exposures.findings import LagChoice
+    from ospc.exposures.lag_choice import LagChoice
     from ospc.live.calibrator import LiveCalibrator
     from ospc.live.capture import Capture
 
@@ -86,7 +86,7 @@ def command(
     end of a recording. OUT then gets what 'ospc calibrate' writes.
     """
     from ospc.cli.calibration_result import ResultFolder
-    from ospc.exposures.findings import lag_choice_for
+    from ospc.exposures.lag_choice import lag_choice_for
     from ospc.live.calibrator import LiveCalibrator
     from ospc.live.capture import Capture
     from ospc.output import OutputFolder

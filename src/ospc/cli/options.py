@@ -17,7 +17,7 @@ from ospc.errors import SettingError
 from ospc.folders import check_usable, reserved
 
 if TYPE_CHECKING:
-    from ospc.exposures.findings import LagChoice
+    from ospc.exposures.lag_choice import LagChoice
 
 _MOST_LAG_FRAMES = 1000
 """Largest lag that can be stated; no camera buffers nearly as many frames."""
@@ -179,7 +179,7 @@ def _size(text: str, least: int, most: int) -> tuple[int, int]:
 
 
 def _lag(text: str) -> LagChoice:
-    from ospc.exposures.findings import lag_choice
+    from ospc.exposures.lag_choice import lag_choice
 
     choice = lag_choice(text)
     if isinstance(choice, int) and abs(choice) > _MOST_LAG_FRAMES:

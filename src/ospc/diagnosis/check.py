@@ -12,7 +12,8 @@ from ospc.correspondence.pixel_statistics import PixelReport
 from ospc.diagnosis.report import RecordingReport, Timing, motion, timing
 from ospc.errors import RecordingError, counted
 from ospc.exposures.brightness_report import BrightnessReport
-from ospc.exposures.findings import ExposureFindings, LagChoice
+from ospc.exposures.findings import ExposureFindings
+from ospc.exposures.lag_choice import LagChoice
 from ospc.exposures.tone_mapping import NO_LOCAL_TONE, LocalTone
 from ospc.recording.frame import Frame
 from ospc.recording.recording import Recording

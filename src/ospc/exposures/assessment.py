@@ -11,8 +11,9 @@ from ospc.correspondence.thumbnail import Thumbnail
 from ospc.errors import OspcError
 from ospc.exposures.brightness import BrightnessChange
 from ospc.exposures.evidence import ComparedAhead, EvidenceState, ExposureEvidence
-from ospc.exposures.findings import ExposureFindings, LagChoice, assess_exposures, checked_lag_choice, leaves_frames
+from ospc.exposures.findings import ExposureFindings, assess_exposures
 from ospc.exposures.lag_change import LagChange, lag_change
+from ospc.exposures.lag_choice import LagChoice, checked_lag_choice, leaves_frames
 from ospc.exposures.table import ExposureTable
 from ospc.library_threads import one_blas_thread
 from ospc.settings.exposures import (
@@ -49,7 +50,7 @@ class AssessmentState:
 class ExposureAssessment:
     """Keeps the exposures of a run, and judges them by the changes of brightness.
 
-    ``choice`` says what to do about a lag; SettingError if it is not a :data:`~ospc.exposures.findings.LagChoice`.
+    ``choice`` says what to do about a lag; SettingError if it is not a :data:`~ospc.exposures.lag_choice.LagChoice`.
     ``table`` holds the exposures written beside the frames so far, and ``evidence`` the changes of brightness between
     consecutive frames; it is None before the first usable frame.
     """

@@ -15,7 +15,7 @@ from typing import Any, Self
 
 from ospc.calibrator import OnlineCalibrator
 from ospc.errors import FrameError, OspcError, SettingError, said_by
-from ospc.exposures.findings import LagChoice
+from ospc.exposures.lag_choice import LagChoice
 from ospc.live.knowledge import GOAL
 from ospc.live.status import Findings, LiveStatus
 from ospc.methods.preview import Preview
