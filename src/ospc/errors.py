@@ -89,6 +89,15 @@ def needs_extra(feature: str, extra: str) -> Iterator[None]:
         raise MissingExtraError(feature, extra) from None
 
 
+@contextmanager
+def os_error_as(kind: type[OspcError], what: str, remedy: str) -> Iterator[None]:
+    """Raise an error of this kind, ``what (reason); remedy``, where the operating system refuses something."""
+    try:
+        yield
+    except OSError as error:
+        raise kind(f"{what} ({error.strerror or error}); {remedy}") from None
+
+
 def said_by(error: BaseException, most: int | None = None) -> str:
     """Return the message of an error on one line, cut after ``most`` characters."""
     return " ".join(str(error).split())[:most]

@@ -8,7 +8,7 @@ from contextlib import contextmanager, nullcontext, suppress
 from pathlib import Path
 
 from ospc.atomic import UNFINISHED
-from ospc.errors import SettingError
+from ospc.errors import SettingError, os_error_as
 
 try:
     import fcntl
@@ -24,7 +24,7 @@ def check_usable(
     SettingError if it is a file, a link to nothing, not writable, or the folder of the recording itself or of its
     images. ``check_content`` is asked about a folder that is there, and may refuse it.
     """
-    try:
+    with os_error_as(SettingError, f"{place}: cannot be used for output", "choose another folder"):
         if recording is not None and _holds(recording.resolve(), place.resolve()):
             raise SettingError(f"{place}: holds the recording itself; choose another folder for the output")
         if place.is_symlink() and not place.exists():
@@ -34,8 +34,6 @@ def check_usable(
         nearest = next(folder for folder in (place, *place.absolute().parents) if folder.exists())
         if nearest == place:
             check_content(place)
-    except OSError as error:
-        raise SettingError(f"{place}: cannot be used for output ({error.strerror}); choose another folder") from None
     if not (nearest.is_dir() and os.access(nearest, os.W_OK | os.X_OK)):
         why = "is not writable" if nearest == place else f"cannot be made: {nearest} is not writable"
         raise SettingError(f"{place}: {why}; choose another folder")
@@ -59,10 +57,8 @@ def reserved(folder: str | Path) -> Iterator[Path]:
     place = Path(folder)
     check_usable(place)
     made = [path for path in (place, *place.parents) if not path.exists()]
-    try:
+    with os_error_as(SettingError, f"{place}: cannot be made", "choose another folder"):
         place.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise SettingError(f"{place}: cannot be made ({error.strerror}); choose another folder") from None
     try:
         with _locked(place):
             _remove_unfinished(place)

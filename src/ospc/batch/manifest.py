@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from ospc.batch.object_store import is_address, matches
-from ospc.errors import FormatError, RecordingError, SettingError, needs_extra, said_by
+from ospc.errors import FormatError, RecordingError, SettingError, needs_extra, os_error_as, said_by
 from ospc.exposures.lag_choice import LagChoice, lag_choice
 from ospc.recording.kinds import kinds, open_recording
 from ospc.recording.options import ReadingOptions, declared_options
@@ -175,12 +175,10 @@ def _why_unknown(place: Path, depth: int) -> str:
 
 
 def _of_table(place: Path) -> Iterator[Entry]:
-    try:
+    with os_error_as(RecordingError, f"{place}: cannot be read", "check the path"):
         if place.stat().st_size > _MOST_BYTES:
             raise FormatError(f"{place}: is larger than {_MOST_BYTES // 10**6} MB; split it")
         rows = _of_parquet(place) if place.suffix.lower() == ".parquet" else _of_csv(place)
-    except OSError as error:
-        raise RecordingError(f"{place}: cannot be read ({error.strerror or error}); check the path") from None
     folder = place.absolute().parent
     for number, row in enumerate(rows, start=2):
         recording = (row.get("recording") or "").strip()

@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any, Literal
 
-from ospc.errors import FormatError, needs_extra
+from ospc.errors import FormatError, needs_extra, os_error_as
 from ospc.formats.files import csv_text, write_bytes, write_text
 from ospc.photometry.calibration import Calibration
 from ospc.pooling.summary import Summary
@@ -51,10 +51,8 @@ class Store:
         if (found.kind, found.version, found.content.get("key")) != (KIND, VERSION, key):
             raise FormatError(f"{name} is not what was asked for; do all workers have the same version?")
         place = self._place(key)
-        try:
+        with os_error_as(FormatError, f"{place.parent}: cannot be made", "check its permissions"):
             place.parent.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise FormatError(f"{place.parent}: cannot be made ({error.strerror}); check its permissions") from None
         return write_bytes(place, data)
 
     def get(self, key: str) -> Result:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import json
 import os
 import re
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import Any, NamedTuple
@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ospc.atomic import write_atomically
-from ospc.errors import OspcError, SettingError
+from ospc.errors import OspcError, SettingError, os_error_as
 from ospc.folders import check_usable
 from ospc.formats.files import json_object, read_bytes, read_text, write_bytes, write_text
 from ospc.formats.metadata import with_metadata
@@ -153,12 +153,8 @@ class CorrectedFolder:
         return [self.path / name for name in ("times.txt", _DONE, *_PARAMETERS, *_GEOMETRY)] + inside
 
 
-@contextmanager
-def _writing(place: Path, remedy: str) -> Iterator[None]:
-    try:
-        yield
-    except OSError as error:
-        raise SettingError(f"{place}: cannot be written ({error.strerror}); {remedy}") from None
+def _writing(place: Path, remedy: str) -> AbstractContextManager[None]:
+    return os_error_as(SettingError, f"{place}: cannot be written", remedy)
 
 
 def _check_replaceable(place: Path, force: bool) -> None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ospc.errors import ExposureError, FrameError, RecordingError, listed
+from ospc.errors import ExposureError, FrameError, RecordingError, listed, os_error_as
 from ospc.formats.files import read_bytes
 from ospc.recording.exposure_lists import lists_in
 from ospc.recording.exposure_units import EXPOSURE_RANGE_MS
@@ -66,11 +66,9 @@ def _photo(path: Path) -> tuple[float, Shot]:
 
 
 def _head(path: Path) -> bytes:
-    try:
-        with path.open("rb") as file:
-            return file.read(_HEAD_BYTES)
-    except OSError as error:
-        raise RecordingError(f"{path}: cannot be read ({error.strerror}); check the file and its rights") from None
+    unread = os_error_as(RecordingError, f"{path}: cannot be read", "check the file and its rights")
+    with unread, path.open("rb") as file:
+        return file.read(_HEAD_BYTES)
 
 
 def _table(path: Path, names: tuple[str, ...]) -> FrameTable:

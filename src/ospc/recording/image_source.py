@@ -11,7 +11,7 @@ from collections import deque
 from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 
-from ospc.errors import FrameError, RecordingError, escaped, listed, quoted
+from ospc.errors import FrameError, RecordingError, escaped, listed, os_error_as, quoted
 from ospc.formats.files import read_bytes
 from ospc.recording.channel import Channel
 from ospc.recording.decoding import decode_stored
@@ -79,11 +79,9 @@ class FolderImages(ImageSource):
     @classmethod
     def of(cls, folder: Path) -> FolderImages:
         """List a folder; RecordingError if that fails."""
-        try:
+        with os_error_as(RecordingError, f"{folder}: cannot be listed", "check its rights"):
             # is_file() excludes pipes and devices, which could block forever.
             names = [p.name for p in folder.iterdir() if is_image_name(p.name) and p.is_file()]
-        except OSError as error:
-            raise RecordingError(f"{folder}: cannot be listed ({error.strerror}); check its rights") from None
         names.sort(key=by_name)
         # Images that need no optional library come first, then those in the format of the first name.
         formats = [format_of(name) for name in names]

@@ -16,7 +16,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Protocol, runtime_checkable
 
-from ospc.errors import RecordingError, quoted
+from ospc.errors import RecordingError, os_error_as, quoted
 from ospc.recording.image_source import why_unread
 from ospc.recording.options import DEFAULT, ReadingOptions
 from ospc.recording.recording import Recording
@@ -73,11 +73,9 @@ def open_recording(path: str | Path, kind: str | None = None, options: ReadingOp
         If the path does not exist, is of no known kind, or its parts do not match.
     """
     place = Path(path)
-    try:
+    with os_error_as(RecordingError, f"{place}: cannot be read", "check the path and its rights"):
         _check_exists(place)
         chosen = _chosen(place, kind)
-    except OSError as error:
-        raise RecordingError(f"{place}: cannot be read ({error.strerror}); check the path and its rights") from None
     if chosen is not None:
         try:
             return chosen.open(place, options)

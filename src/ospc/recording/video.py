@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 
 from ospc.arrays import FloatArray, Image
-from ospc.errors import FrameError, RecordingError, counted, escaped
+from ospc.errors import FrameError, RecordingError, counted, escaped, os_error_as
 from ospc.recording.channel import Channel
 from ospc.recording.exposure_lists import only_list, read_list
 from ospc.recording.frame import MAX_DECODED_BYTES, Frame, check_size, size_of
@@ -176,12 +176,9 @@ class _VideoRecording(StoredRecording):
 
     def stored_bytes(self, index: int) -> bytes:
         # A piece of the file, as far into it as the frame is into the video.
-        try:
-            with self.path.open("rb") as file:
-                file.seek(self.path.stat().st_size * index // len(self))
-                return file.read(_SAMPLE_BYTES)
-        except OSError as error:
-            raise FrameError(f"{self.path}: cannot be read ({error.strerror}); check the file") from None
+        with os_error_as(FrameError, f"{self.path}: cannot be read", "check the file"), self.path.open("rb") as file:
+            file.seek(self.path.stat().st_size * index // len(self))
+            return file.read(_SAMPLE_BYTES)
 
     def _load(self, stream: VideoStream, index: int) -> Image:
         image = stream.read(index)

@@ -22,7 +22,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ospc.atomic import write_atomically
-from ospc.errors import UNREADABLE, FormatError
+from ospc.errors import UNREADABLE, FormatError, os_error_as
 
 Array = npt.NDArray[Any]
 
@@ -83,12 +83,8 @@ def to_bytes(container: Container) -> bytes:
 def save(container: Container, path: str | Path) -> Path:
     """Write a container and return its path; FormatError if that fails, which leaves an earlier file unchanged."""
     place = Path(path)
-    try:
+    with os_error_as(FormatError, f"{place}: cannot be written", "check that the folder exists and is writable"):
         return write_atomically(place, to_bytes(container))
-    except OSError as error:
-        raise FormatError(
-            f"{place}: cannot be written ({error.strerror}); check that the folder exists and is writable"
-        ) from None
 
 
 def load(path: str | Path, kind: str, version: int) -> Container:
@@ -97,13 +93,12 @@ def load(path: str | Path, kind: str, version: int) -> Container:
     FormatError if there is no such file, or it is no container, torn, damaged, or of another kind or version.
     """
     place = Path(path)
-    try:
-        with place.open("rb") as stream:
-            data = stream.read(_MAX_FILE_BYTES + 1)
-    except FileNotFoundError:
-        raise FormatError(f"{place}: there is no such state; check the path") from None
-    except OSError as error:
-        raise FormatError(f"{place}: cannot be read ({error.strerror}); check the path and its permissions") from None
+    with os_error_as(FormatError, f"{place}: cannot be read", "check the path and its permissions"):
+        try:
+            with place.open("rb") as stream:
+                data = stream.read(_MAX_FILE_BYTES + 1)
+        except FileNotFoundError:
+            raise FormatError(f"{place}: there is no such state; check the path") from None
     if len(data) > _MAX_FILE_BYTES:
         raise FormatError(f"{place}: no state is larger than {_MAX_FILE_BYTES // 2**20} MB; give another file")
     found = from_bytes(data, str(place))

@@ -11,7 +11,7 @@ import threading
 from importlib.resources import files
 from typing import TYPE_CHECKING, Any, Self
 
-from ospc.errors import SettingError, needs_extra
+from ospc.errors import SettingError, needs_extra, os_error_as
 from ospc.live.capture import Capture
 
 if TYPE_CHECKING:
@@ -64,10 +64,8 @@ class PageServer:
         self._pages: set[threading.Thread] = set()
         logger = logging.getLogger("ospc.live.page")
         logger.setLevel(logging.CRITICAL)  # a browser that goes away is no error
-        try:
+        with os_error_as(SettingError, f"port {port} cannot be used", "choose another one"):
             listening = socket.create_server((ADDRESS, port))
-        except OSError as error:
-            raise SettingError(f"port {port} cannot be used ({error.strerror}); choose another one") from None
         self.port: int = listening.getsockname()[1]
         self._hosts = {f"{ADDRESS}:{self.port}", f"localhost:{self.port}"}
         self._server: Server = serve(

@@ -13,7 +13,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from ospc.arrays import ImageSize
-from ospc.errors import FormatError, FrameError, RecordingError, SettingError, counted
+from ospc.errors import FormatError, FrameError, RecordingError, SettingError, counted, os_error_as
 from ospc.folders import check_usable
 from ospc.formats.dso import write_times
 from ospc.formats.files import read_text, write_text
@@ -158,13 +158,11 @@ def convert_recording(
     place = Path(out)
     existed = _check(place, recording.path, overwrite=overwrite)
     try:
-        place.mkdir(parents=True, exist_ok=True)
-        with TemporaryDirectory(prefix=_STAGE_PREFIX, dir=place, ignore_cleanup_errors=True) as stage:
-            converted = _write(recording, Path(stage), place, image_format, archive=archive, progress=progress)
-            _move(Path(stage), place)
-    except OSError as error:
-        reason = error.strerror or str(error)
-        raise SettingError(f"{place}: cannot be written ({reason}); choose another folder") from None
+        with os_error_as(SettingError, f"{place}: cannot be written", "choose another folder"):
+            place.mkdir(parents=True, exist_ok=True)
+            with TemporaryDirectory(prefix=_STAGE_PREFIX, dir=place, ignore_cleanup_errors=True) as stage:
+                converted = _write(recording, Path(stage), place, image_format, archive=archive, progress=progress)
+                _move(Path(stage), place)
     finally:
         if not existed and place.is_dir() and not any(place.iterdir()):
             place.rmdir()
@@ -173,7 +171,7 @@ def convert_recording(
 
 def _check(place: Path, source: Path, *, overwrite: bool) -> bool:
     """Tell whether the folder exists; refuse one that cannot be used."""
-    try:
+    with os_error_as(SettingError, f"{place}: cannot be used for output", "choose another"):
         check_usable(place)
         if place.is_dir() and any(place.iterdir()) and not overwrite:
             raise SettingError(f"{place}: is not empty; choose another folder, or replace its content with --force")
@@ -181,8 +179,6 @@ def _check(place: Path, source: Path, *, overwrite: bool) -> bool:
         if recorded == full or any(recorded.is_relative_to(full / part) for part in PARTS):
             raise SettingError(f"{place}: holds the recording itself; choose another folder")
         return place.exists()
-    except OSError as error:
-        raise SettingError(f"{place}: cannot be used for output ({error.strerror}); choose another") from None
 
 
 def _write(

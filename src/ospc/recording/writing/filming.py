@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-from ospc.errors import RecordingError, SettingError
+from ospc.errors import RecordingError, SettingError, os_error_as
 from ospc.formats.dso import write_times
 from ospc.recording.frame import Frame
 from ospc.recording.writing.images import NumberedImages, encode
@@ -51,12 +51,12 @@ def film(
     place = Path(out)
     if place.exists() and not (place.is_dir() and not any(place.iterdir())):
         raise SettingError(f"{place}: is not an empty folder; choose another")
+    writing = os_error_as(SettingError, f"{place}: cannot be written", "choose another folder")
     stamps_s: list[float] = []
     exposures_ms: list[float] = []
     repeated = 0
     try:
-        place.mkdir(parents=True, exist_ok=True)
-        with NumberedImages(place, min(most, _MOST_FRAMES), archive=False) as images:
+        with writing, NumberedImages(place, min(most, _MOST_FRAMES), archive=False) as images:
             for frame in frames:
                 if stamps_s and round(frame.stamp_s, 9) <= round(stamps_s[-1], 9):
                     repeated += 1
@@ -67,8 +67,6 @@ def film(
                     progress(len(stamps_s), most)
                 if stop() or len(stamps_s) >= most:
                     break
-    except OSError as error:
-        raise SettingError(f"{place}: cannot be written ({error.strerror}); choose another folder") from None
     finally:
         if stamps_s:
             write_times(place / "times.txt", range(len(stamps_s)), stamps_s, exposures_ms)

@@ -44,7 +44,7 @@ class NumberedImages:
         self._folder = place / "images"
         self._archive = zipfile.ZipFile(place / "images.zip", "w") if archive else None
         if self._archive is None:
-            self._folder.mkdir()
+            self._folder.mkdir(parents=True)
 
     def write(self, number: int, data: bytes) -> None:
         """Write an image file."""
