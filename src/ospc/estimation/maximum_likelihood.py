@@ -75,7 +75,7 @@ class MaximumLikelihoodEstimator:
 
     def _fit(self, observations: ExposedObservations, start: Fit | None) -> Fit:
         model = self.model
-        parameters = self._first_parameters(start)
+        parameters = self.model.typical if start is None else self.parameters_of(start)
         errors, texture_share = (start.errors, start.texture_share) if start else (ErrorModel(), 0.0)
         hyperparameters = start.hyperparameters if start else PriorHyperparameters(START_WALK, START_DRIFT)
         weight, sandwich_factor = np.ones(len(observations)), 1.0
@@ -159,9 +159,8 @@ class MaximumLikelihoodEstimator:
                 model.prior(about).precision(fit.hyperparameters), sandwich_factor
             )
 
-    def _first_parameters(self, start: Fit | None) -> FloatArray:
-        if start is None:
-            return self.model.typical
+    def parameters_of(self, start: Fit) -> FloatArray:
+        """Return the parameters of this model that say the same as a fit with the same response basis, shape (p,)."""
         vignette = np.zeros(len(self.vignette_basis))
         shared = min(self.vignette_basis.radial, start.vignette_basis.radial)
         vignette[:shared] = start.vignette_parameters[:shared]

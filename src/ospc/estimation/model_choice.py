@@ -15,6 +15,7 @@ from ospc.arrays import FloatArray
 from ospc.estimation.effects import CONTRADICTIONS, CORRECTED, EFFECTS, Effects
 from ospc.estimation.fit import Fit
 from ospc.estimation.maximum_likelihood import MaximumLikelihoodEstimator
+from ospc.estimation.normal_equations import NormalEquations
 from ospc.estimation.residual_effects import uneven_vignette, unsteadiness, unsteady_radiance
 from ospc.estimation.response_basis import ResponseBasis
 from ospc.estimation.vignette_basis import VignetteBasis
@@ -29,6 +30,7 @@ from ospc.settings.estimation import (
     MIN_GROUPS,
     MIN_GROUPS_TO_CONTRADICT,
     PREFERRED_SHARE,
+    PROMISING_SHARE,
     SIGNIFICANT_SIGMAS,
     SIGNIFICANT_SIGMAS_IN_ALL,
     SUSPECTED_SIGMAS,
@@ -73,21 +75,42 @@ def fit_with_chosen_vignette(  # noqa: PLR0917 (what is fitted, to what)
     for richer in (replace(simplest, free_centre=True), widest):
         if len(richer) <= len(fit.vignette_basis):
             continue
-        wider = MaximumLikelihoodEstimator(response, richer, noise, rounds, beside).fit(observations, fit)
-        if not supported(wider, len(richer) - len(fit.vignette_basis)):
+        added = len(richer) - len(fit.vignette_basis)
+        estimator = MaximumLikelihoodEstimator(response, richer, noise, rounds, beside)
+        if not supported(_glimpsed(observations, fit, estimator), added, PROMISING_SHARE):
+            break
+        wider = estimator.fit(observations, fit)
+        if not supported(wider, added):
             break
         fit = wider
     return fit
 
 
-def supported(fit: Fit, last: int) -> bool:
-    """Return whether the last ``last`` parameters of the vignette meet the criterion."""
+def _glimpsed(observations: ExposedObservations, fit: Fit, estimator: MaximumLikelihoodEstimator) -> Fit:
+    """Return what one step of Newton's method makes of a fit with further parameters of the vignette."""
+    about = estimator.parameters_of(fit)
+    equations = estimator.information(observations, fit, about).centred(about)
+    prior = estimator.model.prior(about)
+    found, chance = _step(equations, prior.precision(fit.hyperparameters), prior.mean)
+    return replace(fit, vignette_basis=estimator.vignette_basis, parameters=found, chance=chance)
+
+
+def _step(equations: NormalEquations, precision: FloatArray, mean: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return parameters and their covariance by chance, given precision and mean of their prior."""
+    scaled = equations.scaled(precision, equations.sandwich_factor)
+    whole = scaled.information_scale * scaled.matrix + precision
+    covariance = np.asarray(np.linalg.inv(whole), dtype=np.float64)
+    return covariance @ (scaled.information_scale * scaled.vector + precision @ mean), covariance
+
+
+def supported(fit: Fit, last: int, share: float = 1.0) -> bool:
+    """Return whether the last ``last`` parameters of the vignette meet the criterion, or a share of it."""
     end = fit.vignette_part.stop
     part = slice(end - last, end)
     value = fit.parameters[part]
     covariance = fit.chance[part, part] + np.diag(_registration_sigma(fit)[-last:] ** 2)
     statistic = float(value @ np.linalg.solve(covariance, value))
-    return bool(statistic > last * np.log(max(fit.groups, _FEWEST_GROUPS)))
+    return bool(statistic > share * last * np.log(max(fit.groups, _FEWEST_GROUPS)))
 
 
 def _registration_sigma(fit: Fit) -> FloatArray:
@@ -186,13 +209,9 @@ def _tried(
     trials = []
     for i, name in enumerate(names):
         chosen = np.append(np.arange(p), p + i)
-        own = precision[np.ix_(chosen, chosen)]
-        part = equations.part(chosen).scaled(own, equations.sandwich_factor)
-        whole = part.information_scale * part.matrix + own
-        inverse = np.linalg.inv(whole)
-        found = inverse @ (part.information_scale * part.vector + own @ prior.mean[chosen])
-        carried = -np.linalg.solve(whole[:p, :p], whole[:p, p])
-        trials.append(_Trial(name, float(found[p]), float(np.sqrt(inverse[p, p])), carried))
+        found, covariance = _step(equations.part(chosen), precision[np.ix_(chosen, chosen)], prior.mean[chosen])
+        carried = covariance[:p, p] / covariance[p, p]
+        trials.append(_Trial(name, float(found[p]), float(np.sqrt(covariance[p, p])), carried))
     return trials
 
 

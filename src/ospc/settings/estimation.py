@@ -46,6 +46,10 @@ covariance before a free centre or non-radial terms are accepted; of the centre,
 on average. Chosen by hand; 0.002 has no effect, 0.008 raises the vignette error by half. Where the same number was
 taken for a shift in half diagonals, four of 24 short films without a vignette got a centre of their own."""
 
+PROMISING_SHARE = 0.5
+"""Share of what a free centre or non-radial terms have to exceed that one step of Newton's method must give, or else
+they are not fitted at all: the step is a third of the work."""
+
 FIRST_FIT_POINTS = 10_000
 """Scene points from which the first, approximate fit is made, to save time: it only starts the fit to all of them.
 20000 has no harmful effect; 5000 raises the errors by a quarter to two thirds."""
