@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from filmed import Film, found, jumping, wandering
@@ -77,6 +79,19 @@ def test_whitening_undoes_the_correlation_of_single_errors() -> None:
 
 def test_the_slope_is_that_of_the_response() -> None:
     change = np.diff(wandering(300, 4))
-    fit = fit_exposures(simulated_observations(change, 0.0, np.random.default_rng(1)), change)
+    (fit,) = fit_exposures(simulated_observations(change, 0.0, np.random.default_rng(1)), change[None])
     assert fit.slopes[0] == pytest.approx(0.5, rel=0.02)
     assert fit.scale == pytest.approx(0.002, rel=0.25)
+
+
+@pytest.mark.parametrize("scatter", [0.0, 2.0])
+def test_fits_made_together_are_those_made_one_by_one(scatter: float) -> None:
+    exposure = wandering(80, 4)
+    changes = np.stack([np.diff(exposure)[lag : 75 + lag] for lag in range(4)] + [np.zeros(75)])
+    seen = replace(simulated_observations(changes[1], 0.01, np.random.default_rng(2)), scatter=scatter)
+    light = np.cos(np.arange(75.0))[:, None]
+    for fit, change in zip(fit_exposures(seen, changes, light), changes, strict=True):
+        (alone,) = fit_exposures(seen, change[None], light)
+        np.testing.assert_allclose(fit.log_likelihood, alone.log_likelihood, atol=1e-9)
+        np.testing.assert_allclose(fit.slopes, alone.slopes, atol=1e-9)
+        np.testing.assert_allclose(fit.explained, alone.explained, atol=1e-9)

@@ -58,7 +58,7 @@ def estimate_lag(seen: BrightnessChanges, log_exposure: FloatArray, max_lag: int
     changes = np.stack([inner.log_change(log_exposure, lag) for lag in lags.tolist()])
     if constant or np.abs(changes).max() < MIN_PAIR_LOG_CHANGE:
         trial = _with_flicker(Trial.of(inner, log_exposure, np.zeros(1, np.int64)))
-        return replace(unknown, fit=fit_exposures(inner, changes[max_lag]), flicker=trial.flickers)
+        return replace(unknown, fit=fit_exposures(inner, changes[max_lag : max_lag + 1])[0], flicker=trial.flickers)
     trial = _with_flicker(Trial.of(inner, log_exposure, lags))
     return _of_all_pairs(_decide(trial, seen), trial, inner)
 
@@ -82,7 +82,7 @@ def _of_all_pairs(found: LagEstimate, trial: Trial, seen: BrightnessChanges) -> 
     if len(trial.seen) == len(seen) or found.fit is None:
         return found
     change = seen.log_change(trial.log_exposure, found.candidates[0]) if found.candidates else np.zeros(len(seen))
-    return replace(found, fit=fit_exposures(seen, change), frame=seen.frame)
+    return replace(found, fit=fit_exposures(seen, change[None])[0], frame=seen.frame)
 
 
 def _holds_beside_a_swinging_light(first: LagEstimate, trial: Trial) -> bool:

@@ -81,7 +81,7 @@ def _leads(latest: BrightnessChanges, change: FloatArray, light: FloatArray | No
 
     Shape (lags, pairs).
     """
-    log_likelihood = np.array([fit_exposures(latest, row, light).log_likelihood for row in change])
+    log_likelihood = np.array([fit.log_likelihood for fit in fit_exposures(latest, change, light)])
     return np.asarray(log_likelihood - log_likelihood[MAX_COMMON_LAG])
 
 

@@ -131,7 +131,7 @@ class Trial:
         """Fit lags to changes of brightness, together with flicker if there is any."""
         changes = np.stack([seen.log_change(log_exposure, lag) for lag in lags.tolist()])
         nuisance = waves(seen.frame, [f.cycles_per_frame for f in flickers]) if flickers else None
-        fits = tuple(fit_exposures(seen, change, nuisance) for change in changes)
+        fits = tuple(fit_exposures(seen, changes, nuisance))
         return cls(seen, log_exposure, lags, changes, fits, flickers, nuisance)
 
     @property
@@ -160,7 +160,7 @@ def decide(trial: Trial) -> LagEstimate:
     open_ = (lead < enough * doubt**2) | (sigmas < MIN_LEAD_SIGMAS * caution * doubt) | few
     rivals = [int(trial.lags[i]) for i in np.argsort(lead, kind="stable") if open_[i] and i != best]
     best, rivals, state = _settled(trial, best, rivals)
-    steady = fit_exposures(trial.seen, np.zeros(len(trial.seen)), trial.nuisance)
+    steady = fit_exposures(trial.seen, np.zeros((1, len(trial.seen))), trial.nuisance)[0]
     advantage = trial.fits[best].log_likelihood - steady.log_likelihood
     explained_share = 1 - trial.fits[best].unexplained_share  # NaN where brightness does not change
     if advantage.sum() < enough or (not trial.flickers and not explained_share >= MIN_EXPLAINED_SHARE):
@@ -223,11 +223,10 @@ def _fraction(trial: Trial, best: int) -> float:
     """Return where between a lag and its neighbours exposures fit best, in frames."""
     if not 0 < best < len(trial.lags) - 1:
         return 0.0
-    totals = []
-    for part in FRACTIONAL_LAGS:
-        neighbour = trial.changes[best + int(np.sign(part))]
-        change = (1 - abs(part)) * trial.changes[best] + abs(part) * neighbour
-        totals.append(fit_exposures(trial.seen, change, trial.nuisance).total)
+    share = np.abs(FRACTIONAL_LAGS)[:, None]
+    neighbours = trial.changes[best + np.sign(FRACTIONAL_LAGS).astype(int)]
+    changes = (1 - share) * trial.changes[best] + share * neighbours
+    totals = [fit.total for fit in fit_exposures(trial.seen, changes, trial.nuisance)]
     top = int(np.argmax(totals))
     if totals[top] - totals[len(totals) // 2] < MIN_FRACTIONAL_LAG_LEAD:
         return 0.0
