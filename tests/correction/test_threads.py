@@ -7,7 +7,7 @@ import time
 
 import pytest
 
-from ospc.correction.threads import mapped
+from ospc.recording.stream import mapped
 
 
 @pytest.mark.parametrize("workers", [None, 1, 3])

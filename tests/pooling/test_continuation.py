@@ -16,8 +16,7 @@ from ospc.exposures.assessment import ExposureAssessment
 from ospc.methods.identifiability import judged
 from ospc.methods.summary import summarise
 from ospc.photometry.calibration import Calibration, Verdict
-from ospc.pooling.pool import Pool
-from ospc.pooling.pooled_calibration import merge
+from ospc.pooling.pool import Pool, merge
 from ospc.pooling.prior_calibration import PriorCalibration, summary_of_calibration
 from ospc.pooling.summary import summary_of
 from ospc.recording import Frame

@@ -11,8 +11,7 @@ import pytest
 from ospc.errors import SettingError
 from ospc.evaluation.metrics import log_ratio_error, response_shape_rmse, vignette_rmse
 from ospc.methods.summary import summarise
-from ospc.pooling.pool import Pool
-from ospc.pooling.pooled_calibration import merge
+from ospc.pooling.pool import Pool, merge
 from ospc.pooling.summary import summary_of
 from ospc.research.faults.judging import step_sigma
 from ospc.settings import DefaultSettings

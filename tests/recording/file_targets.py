@@ -35,8 +35,7 @@ from ospc.formats.radial import Optics
 from ospc.formats.validation import repair, validate
 from ospc.photometry.calibration import Calibration
 from ospc.photometry.vignette import PolynomialVignette, RasterVignette
-from ospc.pooling.pool import Pool
-from ospc.pooling.pooled_calibration import merge
+from ospc.pooling.pool import Pool, merge
 from ospc.pooling.prior_calibration import PriorCalibration
 from ospc.recording.derived import read_mask
 from ospc.recording.text_file import exposures_in

@@ -17,8 +17,7 @@ from ospc.engine_state import EngineState
 from ospc.errors import FormatError, OspcError
 from ospc.methods.maximum_likelihood_state import MaximumLikelihoodState
 from ospc.observations import Observations
-from ospc.pooling.pool import Pool
-from ospc.pooling.pooled_calibration import merge
+from ospc.pooling.pool import Pool, merge
 from ospc.settings import DefaultSettings
 from ospc.simulation import SimulationSettings, frames
 from ospc.state import container

@@ -13,8 +13,7 @@ from ospc.errors import OspcError, counted
 from ospc.output import OutputFolder
 from ospc.photometry.calibration import Calibration
 from ospc.pooling.agreement import Difference
-from ospc.pooling.pool import Pool
-from ospc.pooling.pooled_calibration import merge
+from ospc.pooling.pool import Pool, merge
 from ospc.report.html import Html, document, join, tag
 from ospc.state.container import STATE_NAME
 

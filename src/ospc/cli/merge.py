@@ -44,8 +44,7 @@ def command(
     from ospc.cli.calibration_result import Outcome, ResultFolder
     from ospc.formats.opening import open_photometry
     from ospc.output import OutputFolder, Written
-    from ospc.pooling.pool import Pool
-    from ospc.pooling.pooled_calibration import merge
+    from ospc.pooling.pool import Pool, merge
     from ospc.state.container import STATE_NAME
 
     known = None if truth is None else open_photometry(truth)

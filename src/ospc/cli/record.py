@@ -40,7 +40,7 @@ def command(
     OUT gets images/ and times.txt. Ctrl-C stops the recording; what was recorded so far is complete.
     """
     from ospc.recording.live import open_camera
-    from ospc.recording.writing.filming import film
+    from ospc.recording.writing.images import film
 
     with open_camera(camera, stated) as source:
         if not quiet:

@@ -14,7 +14,6 @@ from ospc.arrays import FloatArray, Image
 from ospc.correction.folder import CorrectedFolder, Counts
 from ospc.correction.settings import CorrectionSettings
 from ospc.correction.source import Source, ids_for
-from ospc.correction.threads import mapped
 from ospc.errors import ExposureError, FrameError, NotObservableError, RecordingError, SettingError
 from ospc.formats.dso import parameter_files, write_times
 from ospc.formats.metadata import WITH_METADATA
@@ -26,6 +25,7 @@ from ospc.recording import Frame, Recording, identity
 from ospc.recording.frame_table import NO_EXPOSURES, NO_STAMPS
 from ospc.recording.image_formats import format_of
 from ospc.recording.image_sequence import ImageSequence
+from ospc.recording.stream import mapped
 
 _DEFAULT = CorrectionSettings()
 _REASONS_KEPT = 20

@@ -1,4 +1,4 @@
-"""All that is known of one camera, from however many recordings: a set of summaries, one of each recording.
+"""All that is known of one camera, from however many recordings: a summary of each, and what they say together.
 
 Pools are added by taking the union, so that the order does not matter and a recording added twice counts once.
 Results are computed in the order of the recordings' keys, which makes them the same to the last bit.
@@ -6,21 +6,38 @@ Results are computed in the order of the recordings' keys, which makes them the 
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
+
 from ospc.arrays import ImageSize
-from ospc.errors import FormatError, SettingError
-from ospc.pooling.summary import Summary
+from ospc.errors import FormatError, SettingError, counted
+from ospc.estimation.fit import Fit
+from ospc.methods.identifiability import SURE_VIGNETTE, response_verdict_of_fit, vignette_verdict
+from ospc.methods.summary import covariance_of, vignette_sigma
+from ospc.photometry.calibration import Calibration, Verdict
+from ospc.pooling.agreement import Agreement, Part, agreement
+from ospc.pooling.solution import Information, solve_with_chosen_vignette
+from ospc.pooling.summary import PARAMETERS, VIGNETTE_PART, Summary, joint_range, triangle_of
+from ospc.settings import DefaultSettings
 from ospc.state import container
 from ospc.state.container import STATE_NAME, Container
 from ospc.state.run import KIND as RUN_KIND
 from ospc.state.run import load_summary
 from ospc.state.values import pack, unpack
+from ospc.versions import versions
 
 KIND, VERSION = "pool", 5
 """What files say they hold."""
+
+_FREE = 1e-4
+"""Precision of a part that is left free, in each parameter: a standard deviation of 100, far beyond any value, and
+yet not singular."""
+
+_MOST_NAMED = 5
+"""Most recordings named in a reason; all are listed in the calibration's ``source``."""
 
 
 @dataclass(frozen=True)
@@ -116,3 +133,139 @@ def _check_alike(one: Summary, other: Summary) -> None:
                 f"{one.name} has {first} {what}, {other.name} {second}: they are not recordings of one camera in one "
                 "mode; merge those of each by themselves"
             )
+
+
+@dataclass(frozen=True)
+class Merged:
+    """What the recordings of a pool give together, without parts on which they do not agree, and which differ."""
+
+    calibration: Calibration
+    agreement: Agreement
+
+
+def merge(pool: Pool) -> Merged:
+    """Return the calibration of a pool; recordings that differ from most are left out and named, not averaged.
+
+    A recording of which only the vignette differs still contributes to the response.
+
+    Raises
+    ------
+    SettingError
+        If the pool is empty.
+    """
+    if not len(pool):
+        raise SettingError("there is nothing to merge: give the states of one recording or more")
+    agreed = agreement(pool.summaries)
+    used = agreeing(pool, agreed)
+    fit = solve_with_chosen_vignette(Information.of(used).weakened(agreed.scatter))
+    radius = usable_radius(fit, used)
+    verdicts = {
+        "response": _judged("response", _response_verdict(fit, used), agreed, len(pool)),
+        "vignette": _judged("vignette", _vignette_verdict(fit, used, radius), agreed, len(pool)),
+    }
+    response, vignette = verdicts["response"].known, verdicts["vignette"].known
+    support = joint_range(s.support for s in used) if used else (0.0, 1.0)
+    names = sorted(s.name for s in pool.summaries)
+    calibration = Calibration(
+        size=pool.size,
+        response=fit.response(pool.max_grey, support, used[0].grey_range) if response else None,
+        vignette=fit.vignette(pool.size, radius) if vignette else None,
+        verdicts=verdicts,
+        vignette_sigma=vignette_sigma(fit, radius) if vignette else None,
+        # Of the recording with the most scene points.
+        noise=max(used, key=lambda s: (s.points, s.key)).noise if used else None,
+        covariance=covariance_of(fit, response, vignette),
+        max_grey=pool.max_grey,
+        converged=all(verdict.state == "identifiable" for verdict in verdicts.values()),
+        counts={
+            "recordings": len(pool),
+            "differing": len(agreed.differing),
+            "frames": sum(s.frames for s in pool.summaries),
+            "pairs": sum(s.pairs for s in pool.summaries),
+            "samples": sum(s.points for s in pool.summaries),
+        },
+        settings={"preset": "pooled", "scatter": agreed.scatter},
+        source={
+            "kind": "pool",
+            "name": names[0] if len(names) == 1 else f"{len(names)} recordings",
+            "recordings": [{"name": s.name, "key": s.key} for s in pool.summaries],
+            "differing": [{"name": d.name, "key": d.key, "text": d.text} for d in agreed.differing.values()],
+        },
+        versions=versions(),
+        advice=tuple(verdict.remedy for verdict in verdicts.values() if verdict.remedy),
+    )
+    return Merged(calibration, agreed)
+
+
+def agreeing(pool: Pool, agreed: Agreement) -> list[Summary]:
+    """Return what the recordings of a pool agree on.
+
+    Those whose response differs are left out. Those whose vignette differs, or all where no majority agrees on it,
+    say no more about it than if the camera had stood still.
+    """
+    used = [summary for summary in pool.summaries if not agreed.differs(summary, "response")]
+    if not agreed.majority["vignette"]:
+        return [_response_alone(summary) for summary in used]
+    return [_response_alone(s) if agreed.differs(s, "vignette") else s for s in used]
+
+
+def usable_radius(fit: Fit, used: Sequence[Summary]) -> float:
+    """Return the radius, in half diagonals, up to which a fit to recordings that agree gives the vignette.
+
+    A mask may hide what other recordings show, so the largest of theirs counts if V is known there. A dark or short
+    recording does not show where a fisheye's image ends, so otherwise it is the smallest.
+    """
+    largest = max((s.usable_radius for s in used if not s.standing_still), default=1.0)
+    # The basis of the fit has the smallest.
+    return largest if fit.worst_log_vignette_sigma(largest) <= SURE_VIGNETTE else fit.vignette_basis.usable_radius
+
+
+def _response_alone(summary: Summary) -> Summary:
+    """Return a recording's information on the response, its vignette, which is a different one, integrated out."""
+    n, p, whole = VIGNETTE_PART.start, PARAMETERS, summary.matrix
+    # A prior centred on the recording's own estimate only says that the vignette is free.
+    free = _FREE * np.eye(p - n)
+    carried = np.linalg.solve(whole[n:, n:] + free, whole[n:, :n])
+    reduced = np.concatenate([np.eye(n), -carried.T], axis=1)
+    matrix, vector, systematic = np.zeros((p, p)), np.zeros(p), np.zeros((p, p))
+    matrix[:n, :n] = whole[:n, :n] - whole[:n, n:] @ carried
+    vector[:n] = summary.vector[:n] - carried.T @ (summary.vector[n:] + free @ summary.estimate[n:])
+    systematic[:n, :n] = reduced @ summary.systematic_matrix @ reduced.T
+    return replace(
+        summary,
+        triangle=triangle_of(matrix),
+        vector=vector,
+        systematic=triangle_of(systematic),
+        standing_still=True,
+        reach=0.0,
+    )
+
+
+def _response_verdict(fit: Fit, used: Sequence[Summary]) -> Verdict:
+    if not used:
+        return Verdict("not identifiable", "")
+    range_ms = joint_range(s.exposure_range_ms for s in used)
+    return response_verdict_of_fit(fit, range_ms, float(np.median([s.unexplained for s in used])))
+
+
+def _vignette_verdict(fit: Fit, used: Sequence[Summary], radius: float) -> Verdict:
+    standing_still = bool(used) and all(s.standing_still for s in used)
+    unexplained = float(np.median([s.unexplained for s in used])) if used else 0.0
+    reach = max((s.reach for s in used), default=0.0)
+    return vignette_verdict(DefaultSettings(), fit, reach, standing_still, unexplained, usable_radius=radius)
+
+
+def _judged(part: Part, verdict: Verdict, agreed: Agreement, recordings: int) -> Verdict:
+    """Return the verdict with what the recordings' agreement adds to it."""
+    differing = [found.name for found in agreed.differing.values() if part in found.parts]
+    names = ", ".join(sorted(differing)[:_MOST_NAMED]) + (", …" if len(differing) > _MOST_NAMED else "")
+    if not agreed.majority[part]:
+        return Verdict(
+            "not identifiable",
+            f"{len(differing)} of {recordings} recordings contradict the others ({names}), and no majority agrees",
+            "merge only recordings of one camera whose lens, focus and aperture were not changed",
+        )
+    reason = f"{verdict.reason}, from {recordings - len(differing)} of {counted(recordings, 'recording')}"
+    if differing:
+        reason += f"; {names} left out, because it differs" if len(differing) == 1 else f"; {names} left out"
+    return replace(verdict, reason=reason)

@@ -18,8 +18,7 @@ from ospc.photometry.grey_range import GreyRange
 from ospc.photometry.noise import NoiseModel
 from ospc.photometry.vignette import LogVignette, Vignette
 from ospc.pooling.agreement import Difference, agreement, difference_of
-from ospc.pooling.pool import Pool
-from ospc.pooling.pooled_calibration import agreeing, merge, usable_radius
+from ospc.pooling.pool import Pool, agreeing, merge, usable_radius
 from ospc.pooling.solution import Information, solve
 from ospc.pooling.summary import (
     PARAMETERS,

@@ -1,12 +1,13 @@
-"""Frames from any iterable, and decoding ahead: a thread decodes the next ones while one is processed."""
+"""Frames from any iterable; decoding them ahead in a thread; and work on any stream in a few threads."""
 
 from __future__ import annotations
 
+import os
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
 
@@ -16,6 +17,9 @@ from ospc.recording.frame import Frame
 
 Item: TypeAlias = Frame | tuple[Image, float] | tuple[Image, float, float]
 """A frame, an image with its exposure in ms, or an image with its exposure in ms and time stamp in s."""
+
+T = TypeVar("T")
+Result = TypeVar("Result")
 
 
 def frames_of(items: Iterable[Item], *, max_grey: int | None = None) -> Iterator[Frame]:
@@ -132,3 +136,30 @@ def _verifying(frame: Frame, worker: ThreadPoolExecutor) -> Frame:
     if frame.verify is None or not frame.threads:
         return frame
     return replace(frame, verify=worker.submit(frame.verify).result)
+
+
+_MOST_WORKERS = 8
+"""More threads only hold more images in memory: writing to disk is the limit."""
+
+
+def mapped(
+    work: Callable[[T], Result], items: Iterable[T], workers: int | None = None, ahead: int = 2
+) -> Iterator[Result]:
+    """Yield the results of ``work``, called in other threads, in the order of the items.
+
+    There is one thread per processor, up to a few, unless ``workers`` says how many. Only the calling thread draws
+    items, at most ``workers + ahead`` before their results are yielded, which bounds the memory. An error of the work
+    or of the items is raised after the work in progress is finished; the rest is dropped.
+    """
+    count = workers or min(os.cpu_count() or 1, _MOST_WORKERS)
+    pending: deque[Future[Result]] = deque()
+    pool = ThreadPoolExecutor(count)
+    try:
+        for item in items:
+            pending.append(pool.submit(work, item))
+            if len(pending) >= count + ahead:
+                yield pending.popleft().result()
+        while pending:
+            yield pending.popleft().result()
+    finally:
+        pool.shutdown(wait=True, cancel_futures=True)

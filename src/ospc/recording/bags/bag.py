@@ -8,9 +8,8 @@ from pathlib import Path
 
 from ospc.errors import ExposureError, RecordingError, escaped, listed, quoted
 from ospc.recording.bags.carriers import candidates
-from ospc.recording.bags.container import BagFile, Message, Topic
+from ospc.recording.bags.container import ROS1_START, SQLITE_START, BagFile, Message, Ros1File, Sqlite3File, Topic
 from ospc.recording.bags.mcap_file import MCAP_START, McapFile
-from ospc.recording.bags.rosbags_files import ROS1_START, SQLITE_START, Ros1File, Sqlite3File
 from ospc.recording.image_source import by_name
 from ospc.recording.options import ReadingOptions
 

@@ -7,16 +7,14 @@ format text that ``compressed_image_transport`` writes.
 from __future__ import annotations
 
 import threading
-from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from ospc.arrays import Image
+from ospc.arrays import Image, IntArray
 from ospc.errors import FrameError, RecordingError, escaped, quoted
 from ospc.recording.bags.bag import RAW, Bag
 from ospc.recording.bags.container import Encoding, Message, Topic
@@ -130,17 +128,11 @@ class ImageStream:
     share a stream; their reads are serialised.
     """
 
-    def __init__(self, bag: Bag, topic: Topic, log_ns: npt.NDArray[np.int64], channel: Channel | None) -> None:
+    def __init__(self, bag: Bag, topic: Topic, log_ns: IntArray, channel: Channel | None) -> None:
         self._bag, self._topic, self._log_ns, self._channel = bag, topic, log_ns, channel
-        # How many earlier messages were recorded at the same time as each.
-        order = np.argsort(log_ns, kind="stable")
-        _, start, count = np.unique(log_ns[order], return_index=True, return_counts=True)
-        self._rank = np.empty(len(log_ns), np.int64)
-        self._rank[order] = np.arange(len(log_ns)) - np.repeat(start, count)
         self._lock = threading.Lock()
-        self._messages: Iterator[Message] | None = None
-        self._passed: Counter[int] = Counter()
-        self._next = 0
+        self._numbered: Iterator[tuple[int, Message]] = iter(())
+        self._start_ns, self._next = 0, len(log_ns)
 
     def again(self) -> ImageStream:
         """Return a stream of the same images with a position of its own."""
@@ -161,26 +153,18 @@ class ImageStream:
     def read(self, number: int) -> bytes:
         """Return a message; FrameError if the bag is damaged there or has changed since."""
         with self._lock:
-            try:
-                ahead = self._messages is not None and 0 <= number - self._next < _READ_ON
-                data = self._advance_to(number) if ahead else None
-                if data is None:
-                    self._passed = Counter()
-                    self._messages = self._bag.messages((self._topic.name,), int(self._log_ns[number]))
-                    data = self._advance_to(number)
-            except RecordingError as error:
-                raise FrameError(str(error)) from None
-            if data is None:
-                raise FrameError(f"{self._bag.path}: image {self.label(number)} is missing; the bag has changed")
+            log_ns = int(self._log_ns[number])
+            if not (0 <= number - self._next < _READ_ON and log_ns >= self._start_ns):
+                # The bag yields the messages recorded from then on in the order in which they are numbered.
+                numbers = np.flatnonzero(self._log_ns >= log_ns).tolist()
+                self._numbered = zip(numbers, self._bag.messages((self._topic.name,), log_ns), strict=False)
+                self._start_ns = log_ns
             self._next = number + 1
-            return data
-
-    def _advance_to(self, number: int) -> bytes | None:
-        wanted, rank = int(self._log_ns[number]), int(self._rank[number])
-        for message in self._messages or ():
-            if message.log_ns == wanted:
-                self._passed[wanted] += 1
-                if self._passed[wanted] == rank + 1:
-                    return message.data
-        self._messages = None
-        return None
+            try:
+                found = next((message for place, message in self._numbered if place == number), None)
+            except RecordingError as error:
+                self._next = len(self._log_ns)  # an iterator that failed is at its end
+                raise FrameError(str(error)) from None
+            if found is None or found.log_ns != log_ns:
+                raise FrameError(f"{self._bag.path}: image {self.label(number)} is missing; the bag has changed")
+            return found.data
