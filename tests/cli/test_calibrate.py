@@ -350,7 +350,7 @@ class TestInterruptions:
 
     def test_giving_up_on_the_estimate_keeps_the_state(self, recording, tmp_path, monkeypatch):
         from ospc.calibrator import OnlineCalibrator
-        from ospc.cli.checkpoints import Checkpoints
+        from ospc.cli.calibration_run import Checkpoints
 
         def stop_at_the_fifth(_checkpoints, calibrator):
             if calibrator.frames == 5:

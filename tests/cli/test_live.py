@@ -24,7 +24,7 @@ from ospc import OnlineCalibrator, open_recording, pace
 from ospc.cli import live as live_command
 from ospc.cli.calibration_run import figures
 from ospc.cli.live_view import LiveView, bars, drawn, falling, filled
-from ospc.cli.progress import ProgressLine
+from ospc.cli.terminal import ProgressLine
 from ospc.errors import OspcError, RecordingError
 from ospc.live import LiveCalibrator
 from ospc.live.capture import Capture

@@ -9,8 +9,7 @@ import click
 
 from ospc.cli.interruption import Interruption, leaving
 from ospc.cli.options import AS_JSON, QUIET, argument, declared, named, option, out_option
-from ospc.cli.progress import progress_line
-from ospc.cli.terminal import INTERRUPTED, print_json, say, say_notes
+from ospc.cli.terminal import INTERRUPTED, print_json, progress_line, say, say_notes
 from ospc.errors import counted
 
 if TYPE_CHECKING:

@@ -23,9 +23,8 @@ from ospc.cli.options import (
     option,
     out_option,
 )
-from ospc.cli.progress import progress_of
 from ospc.cli.reading import READING_OR_ESTIMATING, Reading, print_topics
-from ospc.cli.terminal import COMPLETE, FAILED, INTERRUPTED, UNDETERMINED, concluded, print_json, say
+from ospc.cli.terminal import COMPLETE, FAILED, INTERRUPTED, UNDETERMINED, concluded, print_json, progress_of, say
 from ospc.errors import NotObservableError, OspcError, RecordingError, SettingError
 from ospc.recording import Recording
 from ospc.recording.image_source import is_image_name
@@ -198,8 +197,8 @@ def _calibrate_one(request: _Request, opened: Callable[[], Recording]) -> dict[s
         if request.path.is_file() and is_image_name(request.path.name):
             raise RecordingError(f"{error}, or guess from it alone with --fallback single-image") from None
         raise
-    from ospc.cli.calibration_run import CalibrationRun  # after what may be wrong with the recording, for it is slow
-    from ospc.cli.checkpoints import Checkpoints
+    # After what may be wrong with the recording, for it is slow.
+    from ospc.cli.calibration_run import CalibrationRun, Checkpoints
 
     result = request.result(recording, truth)
     if request.exposures_unknown:

@@ -7,8 +7,17 @@ from dataclasses import dataclass, replace
 from typing import Any, TypeAlias
 
 from ospc.cli.interruption import Interruption
-from ospc.cli.progress import progress_line
-from ospc.cli.terminal import COMPLETE, FAILED, INTERRUPTED, UNDETERMINED, say, say_notes, say_table, styled
+from ospc.cli.terminal import (
+    COMPLETE,
+    FAILED,
+    INTERRUPTED,
+    UNDETERMINED,
+    progress_line,
+    say,
+    say_notes,
+    say_table,
+    styled,
+)
 from ospc.errors import counted
 from ospc.evaluation.comparison import Comparison, compare
 from ospc.formats.opening import Photometry

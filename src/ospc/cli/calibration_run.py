@@ -1,11 +1,12 @@
-"""One calibration as commands run it: visible, interruptible, and never in vain."""
+"""One calibration as commands run it: visible, interruptible, and never in vain, since checkpoints are saved."""
 
 from __future__ import annotations
 
+import math
 import sys
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from threading import Thread
@@ -13,17 +14,123 @@ from typing import Any
 
 from ospc.calibrator import OnlineCalibrator, Status, drive
 from ospc.cli.calibration_result import Outcome, ResultFolder, Saved
-from ospc.cli.checkpoints import Checkpoints
 from ospc.cli.interruption import leaving
-from ospc.cli.progress import progress_line
-from ospc.cli.terminal import say, say_notes
-from ospc.errors import OspcError, counted, one_line
+from ospc.cli.terminal import progress_line, say, say_notes
+from ospc.errors import FormatError, OspcError, SettingError, counted, one_line
 from ospc.exposures.lag_choice import LagChoice
 from ospc.output import Written
+from ospc.pace import Pace
+from ospc.pooling.prior_calibration import PriorCalibration
 from ospc.recording import Frame, Recording, identity
 from ospc.report import style
-from ospc.settings import Settings
+from ospc.settings import Settings, as_dict
+from ospc.state.container import STATE_NAME
 from ospc.unknown_exposures import labelled
+from ospc.versions import versions
+
+_LARGEST_SHARE = 0.02
+"""Checkpoints may take so much of a run's time at most."""
+
+_SAME = ("frames", "size", "frames_sha256", "images_sha256")
+
+
+class Checkpoints:
+    """Writes the state of one run into its output folder, if it is ``wanted`` and the method has one.
+
+    It is written at most every ``every_s`` seconds, or after every frame for 0; ``resume`` goes on from one that is
+    there. ``prior`` is an earlier calibration of the camera.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        every_s: float = 5.0,
+        *,
+        resume: bool = False,
+        prior: PriorCalibration | None = None,
+        wanted: bool = True,
+    ) -> None:
+        self.place = folder / STATE_NAME
+        self._notes: list[str] = []
+        self._resume, self._prior, self._kept = resume, prior, wanted
+        self._pace = Pace(every_s, _LARGEST_SHARE if every_s else math.inf)
+        self._failed = False
+
+    def resumed(self, calibrator: OnlineCalibrator) -> OnlineCalibrator:
+        """Return a new calibrator with its settings and source as it is, or one that goes on from the checkpoint.
+
+        FormatError if that is damaged, SettingError if it is of another recording or of other settings.
+        """
+        with self._pace.look():
+            pass  # the first is due only after that time
+        self._kept = self._kept and calibrator.settings.keeps_state
+        if not self._kept:
+            if self._resume:
+                name = calibrator.settings.name
+                raise SettingError(f"--resume: preset {name} has no checkpoints; leave --resume out")
+            return calibrator
+        if self._resume and self.place.exists():
+            calibrator = self._loaded(calibrator)
+        elif self._resume:
+            self._notes.append(f"{self.place.parent} holds no checkpoint yet: starting with the first frame")
+        calibrator.prior = self._prior
+        return calibrator
+
+    def after_frame(self, calibrator: OnlineCalibrator) -> None:
+        """Save the state if it is time to."""
+        if self._pace.due and not self._failed:
+            with self._pace.look():
+                self.save(calibrator)
+
+    def at_the_end(self, calibrator: OnlineCalibrator) -> Saved:
+        """Save the final state, with the summary that it can be merged by; or remove one of an earlier run.
+
+        Return what was written, and all notes on the state of this run.
+        """
+        difference = None if self._prior is None else self._prior.difference(calibrator.summary())
+        if self._prior is not None and difference is not None:
+            self._notes.append(f"this is not the camera of {self._prior.name}: {difference.text}")
+        self.save(calibrator, complete=True)
+        if not self._kept:
+            with suppress(OSError):
+                self.place.unlink(missing_ok=True)
+        return Written((self.place,) if self._kept and not self._failed else ()), self._notes
+
+    def save(self, calibrator: OnlineCalibrator, *, complete: bool = False) -> None:
+        """Save the state, if that is wanted."""
+        if not self._kept:
+            return
+        try:
+            self.place.parent.mkdir(parents=True, exist_ok=True)
+            calibrator.save_state(self.place, complete=complete)
+        except (OSError, FormatError) as error:
+            # Go on: the result matters more than being able to resume.
+            self._failed = True
+            self._notes.append(f"no state was saved: {error}")
+
+    def _loaded(self, new: OnlineCalibrator) -> OnlineCalibrator:
+        found = OnlineCalibrator.load_state(self.place)
+        start_anew = "leave out --resume to start anew"
+        if [found.source.get(name) for name in _SAME] != [new.source.get(name) for name in _SAME]:
+            name = found.source.get("name", "a live camera")
+            raise SettingError(f"{self.place}: is the state of another recording ({name}); {start_anew}")
+        if (found.settings, found.correct_lag) != (new.settings, new.correct_lag):
+            before = as_dict(found.settings)
+            changed = [
+                f"{name} {before.get(name)} instead of {value}"
+                for name, value in as_dict(new.settings).items()
+                if before.get(name) != value
+            ]
+            if found.correct_lag != new.correct_lag:
+                changed.append(f"--correct-lag {found.correct_lag} instead of {new.correct_lag}")
+            raise SettingError(f"{self.place}: was made with other settings ({', '.join(changed)}); {start_anew}")
+        self._notes.append(f"going on after frame {found.frames} from {self.place}")
+        made = {name: version for name, version in found.saved_by.items() if versions().get(name) != version}
+        if made:
+            names = ", ".join(f"{name} {version}" for name, version in made.items())
+            self._notes.append(f"the state was saved by {names}: the result may differ in the last digits")
+        found.source = new.source
+        return found
 
 
 @dataclass(frozen=True)
@@ -54,13 +161,8 @@ class CalibrationRun:
             calibrator, outcome = self._estimated()
             with ThreadPoolExecutor(1, "ospc-state") as second:
                 # Most of it is compression, which leaves the interpreter to those who draw.
-                saving = second.submit(self._saved, calibrator)
+                saving = second.submit(self.checkpoints.at_the_end, calibrator)
                 return self.result.take(outcome, saving.result)
-
-    def _saved(self, calibrator: OnlineCalibrator) -> Saved:
-        """Save the final state."""
-        self.checkpoints.at_the_end(calibrator)
-        return Written((self.checkpoints.place,) if self.checkpoints.saved else ()), self.checkpoints.notes
 
     def _estimated(self) -> tuple[OnlineCalibrator, Outcome]:
         """Calibrate; nothing observed before an interruption or a failure is lost."""
@@ -89,8 +191,8 @@ class CalibrationRun:
 
             failure = self._push_all(calibrator, after)
             early = self.result.interruption.requested
-            if early:
-                self.checkpoints.before_estimating(calibrator)
+            if early:  # who gives up now loses no frame
+                self.checkpoints.save(calibrator)
             show("estimating")
             if early and not self.result.quiet:
                 frames = counted(calibrator.frames, "frame")

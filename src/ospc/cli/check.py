@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING
 import click
 
 from ospc.cli.options import AS_JSON, CORRECT_LAG, LIST_TOPICS, PLOT, argument, declared, option
-from ospc.cli.progress import progress_of
 from ospc.cli.reading import READING_OR_ESTIMATING, Reading, print_topics
-from ospc.cli.terminal import COMPLETE, UNDETERMINED, print_json, say
+from ospc.cli.terminal import COMPLETE, UNDETERMINED, print_json, progress_of, say
 from ospc.errors import counted
 
 if TYPE_CHECKING:

@@ -8,9 +8,8 @@ import click
 
 from ospc.cli.interruption import Interruption, leaving
 from ospc.cli.options import QUIET, argument, declared, option, out_option
-from ospc.cli.progress import progress_of
 from ospc.cli.reading import READING, Reading
-from ospc.cli.terminal import say, say_notes
+from ospc.cli.terminal import progress_of, say, say_notes
 from ospc.errors import counted
 from ospc.recording.derived import with_exposure_lag
 from ospc.recording.writing.images import ImageFormat

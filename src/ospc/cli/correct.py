@@ -9,9 +9,8 @@ import click
 
 from ospc.cli.interruption import leaving
 from ospc.cli.options import ASSUME_MISSING, KIND, QUIET, argument, declared, option, out_option
-from ospc.cli.progress import progress_of
 from ospc.cli.reading import STATED
-from ospc.cli.terminal import INTERRUPTED, say, say_notes
+from ospc.cli.terminal import INTERRUPTED, progress_of, say, say_notes
 from ospc.correction.settings import CorrectionSettings, Output
 from ospc.errors import counted
 from ospc.recording.channel import Channel

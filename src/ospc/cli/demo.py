@@ -9,8 +9,7 @@ import click
 
 from ospc.cli.interruption import Interruption, leaving
 from ospc.cli.options import QUIET, declared, option, out_option
-from ospc.cli.progress import progress_of
-from ospc.cli.terminal import concluded, say
+from ospc.cli.terminal import concluded, progress_of, say
 
 if TYPE_CHECKING:
     from ospc.simulation.settings import SimulationSettings
@@ -41,8 +40,7 @@ def command(
     pictures that compare the estimate with the truth. The exit codes are those of 'ospc calibrate'.
     """
     from ospc.cli.calibration_result import ResultFolder
-    from ospc.cli.calibration_run import CalibrationRun
-    from ospc.cli.checkpoints import Checkpoints
+    from ospc.cli.calibration_run import CalibrationRun, Checkpoints
     from ospc.formats.opening import open_photometry
     from ospc.output import OutputFolder
     from ospc.recording import open_recording

@@ -11,9 +11,8 @@ import click
 from ospc.cli.correct import warn_of_assumed
 from ospc.cli.interruption import leaving
 from ospc.cli.options import AS_JSON, ASSUME_MISSING, KIND, argument, declared, option
-from ospc.cli.progress import progress_line, progress_of
 from ospc.cli.studies import CALIBRATIONS, JOBS, given_calibrations, run_study, study_out_option, words
-from ospc.cli.terminal import print_json, say
+from ospc.cli.terminal import print_json, progress_line, progress_of, say
 from ospc.errors import SettingError, counted, escaped
 
 if TYPE_CHECKING:

@@ -8,9 +8,8 @@ import click
 
 from ospc.cli.interruption import Interruption
 from ospc.cli.options import QUIET, argument, declared, option, out_option
-from ospc.cli.progress import progress_line
 from ospc.cli.reading import STATED_OF_CAMERA
-from ospc.cli.terminal import say, say_notes
+from ospc.cli.terminal import progress_line, say, say_notes
 from ospc.errors import counted
 from ospc.recording.options import ReadingOptions
 

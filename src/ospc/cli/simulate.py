@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from ospc.cli.options import SIZE, Parsed, argument, declared, option
-from ospc.cli.progress import progress_of
-from ospc.cli.terminal import say
+from ospc.cli.terminal import progress_of, say
 from ospc.errors import SettingError
 
 if TYPE_CHECKING:

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ospc.cli.options import named, option, out_option
-from ospc.cli.progress import progress_line
-from ospc.cli.terminal import console, print_json, say
+from ospc.cli.terminal import console, print_json, progress_line, say
 from ospc.errors import SettingError
 
 if TYPE_CHECKING:
