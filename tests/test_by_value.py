@@ -13,8 +13,7 @@ from ospc.correspondence.pixel_statistics import PixelReport
 from ospc.exposures.lag_decision import LagEstimate
 from ospc.observations import ExposedObservations, Observations
 from ospc.photometry.calibration import Calibration
-from ospc.photometry.coverage import Coverage
-from ospc.photometry.exposure_ratios import ExposureRatios
+from ospc.photometry.coverage import Coverage, ExposureRatios
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import RasterVignette
 

@@ -33,10 +33,10 @@ from ospc.methods.change_detection import ChangeDetector
 from ospc.methods.maximum_likelihood_state import MaximumLikelihoodState
 from ospc.methods.prediction_errors import PairErrors
 from ospc.observations import MOMENTS
-from ospc.photometry.effect_estimate import EffectEstimate
 from ospc.photometry.geometry import MOST_PIXELS
 from ospc.photometry.grey_range import GreyRange
 from ospc.photometry.noise import NoiseModel
+from ospc.photometry.verdict import EffectEstimate
 from ospc.settings import DefaultSettings
 from ospc.settings.correspondence import (
     AGE_CLASSES,

@@ -9,7 +9,7 @@ import pytest
 from command_line import ospc
 from ospc.errors import FormatError, SettingError
 from ospc.formats.dso import write_pcalib, write_vignette
-from ospc.formats.lensfun import write_lensfun
+from ospc.formats.lens_profiles import write_lensfun
 from ospc.formats.radial import Optics
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import PolynomialVignette

@@ -14,7 +14,7 @@ from ospc.exposures import findings as exposure_findings
 from ospc.exposures.brightness_changes import BrightnessChanges
 from ospc.exposures.lag_decision import LagEstimate
 from ospc.methods.maximum_likelihood import MaximumLikelihoodMethod
-from ospc.photometry.effect_estimate import LATE_EXPOSURES, EffectEstimate
+from ospc.photometry.verdict import LATE_EXPOSURES, EffectEstimate
 from ospc.recording import Frame
 
 FRAMES = 56

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from ospc.formats.metadata import with_metadata
+from ospc.formats.image_header import with_metadata
 
 PIXELS = np.full((8, 8), 100, np.uint8)
 

@@ -11,9 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ospc.errors import FormatError, SettingError
-from ospc.formats.adobe import read_lcp, write_lcp
 from ospc.formats.hugin import EmorBasis, read_emor, read_pto, write_pto
-from ospc.formats.lensfun import read_lensfun, write_lensfun
+from ospc.formats.lens_profiles import read_lcp, read_lensfun, write_lcp, write_lensfun
 from ospc.formats.radial import Optics
 from ospc.photometry.geometry import half_diagonal
 from ospc.photometry.response import Response

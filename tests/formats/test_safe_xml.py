@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from ospc.errors import FormatError
-from ospc.formats.safe_xml import read_xml
+from ospc.formats.lens_profiles import read_xml
 
 BOMB = (
     '<!DOCTYPE a [<!ENTITY x "xxxxxxxxxx"><!ENTITY y "&x;&x;&x;&x;&x;&x;&x;&x;&x;&x;">]><a>&y;&y;&y;&y;&y;&y;&y;</a>'

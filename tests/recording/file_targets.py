@@ -25,10 +25,9 @@ from ospc.calibrator import OnlineCalibrator
 from ospc.errors import FormatError, OspcError
 from ospc.evaluation.trajectory import read_trajectory
 from ospc.exposures.brightness import PixelSamples
-from ospc.formats.adobe import write_lcp
 from ospc.formats.dso import write_pcalib, write_vignette
 from ospc.formats.hugin import EMOR_SAMPLES, read_emor, write_pto
-from ospc.formats.lensfun import write_lensfun
+from ospc.formats.lens_profiles import write_lcp, write_lensfun
 from ospc.formats.opencv import write_opencv
 from ospc.formats.opening import open_photometry
 from ospc.formats.radial import Optics

@@ -12,7 +12,7 @@ from recordings import SIZE, calibration
 from ospc.photometry.calibration import ExposureRatios, Verdict
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import PolynomialVignette, RasterVignette
-from ospc.report.words import (
+from ospc.report.sections import (
     facts,
     headline,
     overall_state,

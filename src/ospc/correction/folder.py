@@ -19,7 +19,7 @@ from ospc.atomic import write_atomically
 from ospc.errors import OspcError, SettingError, os_error_as
 from ospc.folders import check_usable
 from ospc.formats.files import json_object, read_bytes, read_text, write_bytes, write_text
-from ospc.formats.metadata import with_metadata
+from ospc.formats.image_header import with_metadata
 
 NOTE = "correction.json"
 """Describes the correction; every output folder has it, written before the first image."""

@@ -16,7 +16,7 @@ from ospc.correction.settings import CorrectionSettings
 from ospc.correction.source import Source, ids_for
 from ospc.errors import ExposureError, FrameError, NotObservableError, RecordingError, SettingError
 from ospc.formats.dso import parameter_files, write_times
-from ospc.formats.metadata import WITH_METADATA
+from ospc.formats.image_header import WITH_METADATA
 from ospc.formats.opening import Photometry
 from ospc.photometry.correction import Corrector, wrong_size
 from ospc.photometry.response import Response

@@ -16,7 +16,7 @@ import numpy as np
 from ospc.arrays import FloatArray, IntArray
 from ospc.estimation.response_basis import ResponseBasis
 from ospc.observations import MOMENTS, ExposedObservations
-from ospc.photometry.effect_estimate import LATE_EXPOSURES
+from ospc.photometry.verdict import LATE_EXPOSURES
 from ospc.settings.estimation import (
     BLACK_DRIFT,
     CURVATURE,

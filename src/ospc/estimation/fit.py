@@ -14,10 +14,10 @@ from ospc.estimation.mean_of_pixels import PixelMeans
 from ospc.estimation.model import Model
 from ospc.estimation.prior import PriorHyperparameters
 from ospc.observations import ExposedObservations, Observations
-from ospc.photometry.effect_estimate import EffectEstimate
 from ospc.photometry.grey_range import FULL_RANGE, GreyRange
 from ospc.photometry.noise import BRIGHTEST_EXPOSED, DARKEST_EXPOSED, NoiseModel
 from ospc.photometry.response import Response
+from ospc.photometry.verdict import EffectEstimate
 from ospc.photometry.vignette import LogVignette
 from ospc.settings.estimation import UNRESOLVED_JUMP
 

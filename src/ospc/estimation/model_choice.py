@@ -20,8 +20,8 @@ from ospc.estimation.residual_effects import uneven_vignette, unsteadiness, unst
 from ospc.estimation.response_basis import ResponseBasis
 from ospc.estimation.vignette_basis import VignetteBasis
 from ospc.observations import ExposedObservations
-from ospc.photometry.effect_estimate import EffectEstimate
 from ospc.photometry.noise import NoiseModel
+from ospc.photometry.verdict import EffectEstimate
 from ospc.settings.estimation import (
     ASYMMETRY_SIGMA,
     CONTRADICTING_SIGMAS,

@@ -13,7 +13,7 @@ import numpy as np
 
 from ospc.arrays import BoolArray, FloatArray, IntArray, members_of
 from ospc.observations import ExposedObservations
-from ospc.photometry.effect_estimate import EffectEstimate
+from ospc.photometry.verdict import EffectEstimate
 from ospc.robust import robust_scale
 from ospc.settings.estimation import (
     DARKEST_GREY,

@@ -17,8 +17,7 @@ from ospc.exposures.lag_choice import LagChoice, check_lag
 from ospc.exposures.lag_decision import LagEstimate
 from ospc.exposures.table import ExposureReport, filled
 from ospc.exposures.tone_mapping import NO_LOCAL_TONE, LocalTone, local_tone
-from ospc.photometry.effect_estimate import LATE_EXPOSURES, EffectEstimate
-from ospc.photometry.verdict import Verdict
+from ospc.photometry.verdict import LATE_EXPOSURES, EffectEstimate, Verdict
 from ospc.settings.exposures import (
     DOUBTED_LAG_FRAMES,
     DOUBTED_LAG_SIGMAS,

@@ -8,10 +8,9 @@ from typing import Literal, TypeAlias, get_args
 
 from ospc.arrays import ImageSize
 from ospc.errors import FormatError, NotObservableError, SettingError
-from ospc.formats.adobe import write_lcp
 from ospc.formats.dso import CAVEAT, write_caveat, write_pcalib, write_vignette
 from ospc.formats.hugin import EmorBasis, write_pto
-from ospc.formats.lensfun import write_lensfun
+from ospc.formats.lens_profiles import write_lcp, write_lensfun
 from ospc.formats.opencv import write_opencv
 from ospc.formats.opening import Photometry
 from ospc.formats.radial import Optics

@@ -1,9 +1,10 @@
-"""Headers of encoded images, read and checked before decoding.
+"""Headers of encoded images, read and checked before decoding, and the metadata of photographs.
 
 A decoder allocates what the header asks for, and returns half a picture if the file ends early. Checking the bytes
 first bounds the memory and refuses incomplete files.
-Sources: PNG specification (W3C, third edition), ITU-T T.81 (JPEG), Netpbm's pgm(5) and ppm(5), the Windows bitmap
-header, TIFF 6.0.
+Metadata are EXIF, XMP and the colour profile. They are copied from one file to another.
+Sources: PNG specification (W3C, third edition; eXIf), ITU-T T.81 (JPEG segments), Netpbm's pgm(5) and ppm(5), the
+Windows bitmap header, TIFF 6.0, Exif 3.0, XMP part 3, ICC.1 annex B.
 """
 
 from __future__ import annotations
@@ -12,7 +13,9 @@ import re
 import struct
 import zlib
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
+from itertools import takewhile
 
 from ospc.errors import FrameError
 
@@ -38,7 +41,7 @@ def read_header(data: bytes, name: str) -> ImageHeader:
                 header = parse(data)
             except (struct.error, IndexError):
                 raise FrameError(f"{name}: the image is truncated; copy or download it again") from None
-            except DamagedError as error:
+            except _DamagedError as error:
                 raise FrameError(f"{name}: {error}; copy or download it again") from None
             if header.width <= 0 or header.height <= 0:
                 raise FrameError(f"{name}: its header states a size of {header.width}x{header.height} pixels")
@@ -48,9 +51,13 @@ def read_header(data: bytes, name: str) -> ImageHeader:
     raise FrameError(f"{name}: its content is not PNG, JPEG, TIFF, BMP, PGM or PPM; convert it to PNG or remove it")
 
 
-class DamagedError(Exception):
+class _DamagedError(Exception):
     """The bytes break the rules of the format."""
 
+
+PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
+PNG_HEADER_END = 33
+"""The signature and the first chunk of a PNG, IHDR, always take this many bytes."""
 
 _PNG_CHANNELS = {0: 1, 2: 3, 3: 3, 4: 2, 6: 4}
 _PNG_BITS = {0: (1, 2, 4, 8, 16), 2: (8, 16), 3: (1, 2, 4, 8), 4: (8, 16), 6: (8, 16)}
@@ -60,14 +67,14 @@ _PNG_BITS = {0: (1, 2, 4, 8, 16), 2: (8, 16), 3: (1, 2, 4, 8), 4: (8, 16), 6: (8
 def _png(data: bytes) -> ImageHeader:
     width, height, bits, colour = struct.unpack_from(">IIBB", data, 16)
     if data[12:16] != b"IHDR" or bits not in _PNG_BITS.get(colour, ()):
-        raise DamagedError("its PNG header is damaged")
-    for _chunk in png_chunks(data):
+        raise _DamagedError("its PNG header is damaged")
+    for _chunk in _png_chunks(data):
         pass  # to the last one, each with its checksum
     return ImageHeader(width, height, _PNG_CHANNELS[colour], bits)
 
 
-def png_chunks(data: bytes) -> Iterator[tuple[bytes, memoryview]]:
-    """Yield kind and content of every chunk of a PNG file; struct.error or DamagedError where it ends early."""
+def _png_chunks(data: bytes) -> Iterator[tuple[bytes, memoryview]]:
+    """Yield kind and content of every chunk of a PNG file; struct.error or _DamagedError where it ends early."""
     place = 8
     kind = b""
     while kind != b"IEND":
@@ -75,11 +82,18 @@ def png_chunks(data: bytes) -> Iterator[tuple[bytes, memoryview]]:
         end = place + 8 + length
         (checksum,) = struct.unpack_from(">I", data, end)
         if zlib.crc32(memoryview(data)[place + 4 : end]) != checksum:
-            raise DamagedError(f"a checksum of its PNG data is wrong at byte {place}")
+            raise _DamagedError(f"a checksum of its PNG data is wrong at byte {place}")
         yield kind, memoryview(data)[place + 8 : end]
         place = end + 4
 
 
+def png_chunk(kind: bytes, content: bytes) -> bytes:
+    """Return a chunk of a PNG file with its length and checksum."""
+    whole = kind + content
+    return struct.pack(">I", len(content)) + whole + struct.pack(">I", zlib.crc32(whole))
+
+
+_JPEG = b"\xff\xd8"
 _JPEG_MARKER = re.compile(rb"\xff[^\x00\xd0-\xd7\xff]")
 _JPEG_SIZES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
 _JPEG_END = 0xD9
@@ -88,17 +102,17 @@ _JPEG_END = 0xD9
 
 def _jpeg(data: bytes) -> ImageHeader:
     header = None
-    for kind, content in jpeg_segments(data):
+    for kind, content in _jpeg_segments(data):
         if kind in _JPEG_SIZES and header is None:
             bits, height, width, channels = struct.unpack_from(">BHHB", content)
             header = ImageHeader(width, height, channels, bits)
     if header is None:
-        raise DamagedError("its JPEG header states no size")
+        raise _DamagedError("its JPEG header states no size")
     return header
 
 
-def jpeg_segments(data: bytes) -> Iterator[tuple[int, memoryview]]:
-    """Yield marker and content of every segment of a JPEG file; struct.error or DamagedError where it ends early.
+def _jpeg_segments(data: bytes) -> Iterator[tuple[int, memoryview]]:
+    """Yield marker and content of every segment of a JPEG file; struct.error or _DamagedError where it ends early.
 
     The lengths of the segments are followed: the end marker of a thumbnail inside one does not end the picture.
     """
@@ -112,7 +126,7 @@ def jpeg_segments(data: bytes) -> Iterator[tuple[int, memoryview]]:
             break
         yield kind, memoryview(data)[place + 2 : place + length]
         place += length
-    raise DamagedError("the image is truncated: it has no end marker")
+    raise _DamagedError("the image is truncated: it has no end marker")
 
 
 _PNM_GAP = rb"(?:\s|#[^\r\n]*[\r\n])+"
@@ -124,11 +138,11 @@ _PNM_HEADER_BYTES = 4096
 def _pnm(data: bytes) -> ImageHeader:
     found = _PNM_HEADER.match(data[:_PNM_HEADER_BYTES])
     if found is None:
-        raise DamagedError("its PGM or PPM header is damaged")
+        raise _DamagedError("its PGM or PPM header is damaged")
     width, height, limit = (int(group) for group in found.groups())
     header = ImageHeader(width, height, 3 if data[1:2] == b"6" else 1, 16 if limit > 255 else 8)
     if len(data) - found.end() < width * height * header.channels * header.bits // 8:
-        raise DamagedError("the image is truncated")
+        raise _DamagedError("the image is truncated")
     return header
 
 
@@ -141,7 +155,7 @@ def _bmp(data: bytes) -> ImageHeader:
         width, height, _, bits, compression = struct.unpack_from("<iiHHI", data, 18)
     height = abs(height)
     if compression == 0 and len(data) < start + (width * bits + 31) // 32 * 4 * height:
-        raise DamagedError("the image is truncated")
+        raise _DamagedError("the image is truncated")
     return ImageHeader(width, height, 1 if bits <= 8 else 3, 8)
 
 
@@ -178,7 +192,7 @@ def _tiff(data: bytes) -> ImageHeader:
         if name is None or name in tags:
             continue
         if kind not in _TIFF_FORMATS or not 0 < number <= _TIFF_MAX_VALUES:
-            raise DamagedError("its TIFF directory is damaged")
+            raise _DamagedError("its TIFF directory is damaged")
         layout = f"{order}{number}{_TIFF_FORMATS[kind]}"
         inline = struct.calcsize(layout) <= 4
         where = place + 8 if inline else struct.unpack_from(order + "I", data, place + 8)[0]
@@ -186,15 +200,15 @@ def _tiff(data: bytes) -> ImageHeader:
     for places, sizes in (("strips", "strip bytes"), ("tiles", "tile bytes")):
         for offset, length in zip(tags.get(places, ()), tags.get(sizes, ()), strict=False):
             if offset + length > len(data):
-                raise DamagedError("the image is truncated")
+                raise _DamagedError("the image is truncated")
     if "width" not in tags or "height" not in tags:
-        raise DamagedError("its TIFF directory states no size")
+        raise _DamagedError("its TIFF directory states no size")
     width, height = (max(tags[side][0], tags.get(f"tile {side}", (0,))[0]) for side in ("width", "height"))
     return ImageHeader(width, height, tags.get("channels", (1,))[0], max(tags.get("bits", (1,))))
 
 
 _FORMATS: tuple[tuple[bytes, Callable[[bytes], ImageHeader]], ...] = (
-    (b"\x89PNG\r\n\x1a\n", _png),
+    (PNG_SIGNATURE, _png),
     (b"\xff\xd8\xff", _jpeg),
     (b"P5", _pnm),
     (b"P6", _pnm),
@@ -202,3 +216,52 @@ _FORMATS: tuple[tuple[bytes, Callable[[bytes], ImageHeader]], ...] = (
     (b"II*\x00", _tiff),
     (b"MM\x00*", _tiff),
 )
+
+
+WITH_METADATA = frozenset({".png", ".jpg", ".jpeg"})
+"""Suffixes of files that get metadata."""
+
+_EXIF = b"Exif\0\0"
+_COPIED = (_EXIF, b"http://ns.adobe.com/xap/1.0/\0", b"ICC_PROFILE\0")
+"""Beginnings of the JPEG segments that stay valid; an index of further pictures in the file would not."""
+
+_APP1, _APP2, _START_OF_SCAN = 0xE1, 0xE2, 0xDA
+"""Markers of JPEG segments: EXIF and XMP, colour profile, and the picture itself."""
+
+_LARGEST_SEGMENT = 65533
+"""Bytes that a segment holds besides the two of its length."""
+
+
+def with_metadata(image: bytes, original: bytes) -> bytes:
+    """Return an encoded image with the metadata of the file it was made from.
+
+    JPEG to JPEG keeps EXIF, XMP and colour profile; from or to PNG only EXIF is kept. Other formats are returned as
+    they are. The original is a JPEG or PNG file, or an EXIF block that begins with 'Exif'; damaged metadata count as
+    none, and the image has none of its own.
+    """
+    if image.startswith(_JPEG) and original.startswith(_JPEG):
+        kept = (_segment(kind, content) for kind, content in _segments(original) if content.startswith(_COPIED))
+        return _JPEG + b"".join(kept) + image[2:]
+    blocks = (content for _, content in _segments(original) if content.startswith(_EXIF))
+    exif = original if original.startswith(_EXIF) else next(blocks, None)
+    if exif is None:
+        return image
+    if image.startswith(_JPEG) and len(exif) <= _LARGEST_SEGMENT:
+        return _JPEG + _segment(_APP1, exif) + image[2:]
+    if image.startswith(PNG_SIGNATURE):
+        return image[:PNG_HEADER_END] + png_chunk(b"eXIf", exif[len(_EXIF) :]) + image[PNG_HEADER_END:]
+    return image
+
+
+def _segments(data: bytes) -> Iterator[tuple[int, bytes]]:
+    """Yield marker and content of application segments before the picture; a PNG has EXIF as a JPEG would."""
+    with suppress(struct.error, _DamagedError):
+        if data.startswith(_JPEG):
+            before = takewhile(lambda segment: segment[0] != _START_OF_SCAN, _jpeg_segments(data))
+            yield from ((marker, bytes(content)) for marker, content in before if marker in (_APP1, _APP2))
+        elif data.startswith(PNG_SIGNATURE):
+            yield from ((_APP1, _EXIF + content) for kind, content in _png_chunks(data) if kind == b"eXIf")
+
+
+def _segment(marker: int, content: bytes) -> bytes:
+    return struct.pack(">BBH", 0xFF, marker, 2 + len(content)) + content

@@ -7,11 +7,10 @@ from pathlib import Path
 
 from ospc.arrays import ImageSize
 from ospc.errors import FormatError, SettingError
-from ospc.formats.adobe import read_lcp
 from ospc.formats.dso import read_pcalib, read_vignette
 from ospc.formats.files import read_text
 from ospc.formats.hugin import read_pto
-from ospc.formats.lensfun import read_lensfun
+from ospc.formats.lens_profiles import read_lcp, read_lensfun
 from ospc.formats.opencv import read_opencv
 from ospc.formats.radial import RadialFit
 from ospc.formats.rules_pcalib import MOST_COLUMNS

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import struct
-import zlib
 from pathlib import Path
 
 import cv2
@@ -12,13 +10,8 @@ import numpy as np
 from ospc.arrays import Image
 from ospc.errors import FormatError, FrameError
 from ospc.formats.files import read_bytes, write_bytes
-from ospc.formats.image_header import read_header
+from ospc.formats.image_header import PNG_HEADER_END, PNG_SIGNATURE, png_chunk, read_header
 from ospc.photometry.geometry import MOST_PIXELS
-
-_SIGNATURE = b"\x89PNG\r\n\x1a\n"
-
-HEADER_END = 33
-"""The signature and the first chunk of a PNG, IHDR, always take this many bytes."""
 
 _LARGEST_FILE = 2**30
 """Bytes; a 16-bit picture of the most pixels, uncompressed, has a quarter of this."""
@@ -30,7 +23,7 @@ def read_png(path: str | Path) -> Image:
     FormatError if it is not a PNG, is damaged, or has more than :data:`~ospc.photometry.geometry.MOST_PIXELS` pixels.
     """
     content = read_bytes(path, _LARGEST_FILE)
-    if not content.startswith(_SIGNATURE):
+    if not content.startswith(PNG_SIGNATURE):
         raise FormatError(f"{path}: not a PNG; convert it to a grey PNG of 8 or 16 bit")
     try:
         header = read_header(content, str(path))
@@ -59,11 +52,5 @@ def write_png(path: str | Path, image: Image, description: str = "") -> Path:
     if description:
         # Keyword, no compression, and neither language nor translated keyword: an iTXt chunk of the specification.
         content = b"Description\0\0\0\0\0" + description.encode("utf-8")
-        data = data[:HEADER_END] + chunk(b"iTXt", content) + data[HEADER_END:]
+        data = data[:PNG_HEADER_END] + png_chunk(b"iTXt", content) + data[PNG_HEADER_END:]
     return write_bytes(path, data)
-
-
-def chunk(kind: bytes, content: bytes) -> bytes:
-    """Return a chunk of a PNG file with its length and checksum."""
-    whole = kind + content
-    return struct.pack(">I", len(content)) + whole + struct.pack(">I", zlib.crc32(whole))

@@ -9,8 +9,7 @@ from ospc.estimation.fit import Fit
 from ospc.estimation.residual_effects import UNEVEN, UNSTEADY_RADIANCE, UNSTEADY_RESPONSE, UNSTEADY_VIGNETTE
 from ospc.observations import ExposedObservations
 from ospc.photometry.calibration import ExposureRatios
-from ospc.photometry.effect_estimate import LATE_EXPOSURES, EffectEstimate
-from ospc.photometry.verdict import Verdict
+from ospc.photometry.verdict import LATE_EXPOSURES, EffectEstimate, Verdict
 from ospc.settings import DefaultSettings
 
 _SURE_RESPONSE, SURE_VIGNETTE = 0.012, 0.025

@@ -20,9 +20,9 @@ from ospc.methods.identifiability import (
 )
 from ospc.observations import ExposedObservations
 from ospc.photometry.calibration import PROFILE_RADII, Calibration, ExposureRatios
-from ospc.photometry.effect_estimate import EffectEstimate
 from ospc.photometry.grey_range import FULL_RANGE, GreyRange
 from ospc.photometry.noise import BRIGHTEST_EXPOSED, DARKEST_EXPOSED, NoiseModel
+from ospc.photometry.verdict import EffectEstimate
 from ospc.robust import SIGMA_OF_MEDIAN, medians
 from ospc.settings import DefaultSettings
 from ospc.settings.estimation import MISREGISTERED_SIGMAS, MISREGISTERED_SPREAD

@@ -17,13 +17,11 @@ from ospc.arrays import BoolArray, FloatArray, Image, ImageSize
 from ospc.atomic import write_atomically
 from ospc.by_value import ByValue
 from ospc.errors import FormatError, counted
-from ospc.photometry.coverage import Coverage
-from ospc.photometry.effect_estimate import EffectEstimate
-from ospc.photometry.exposure_ratios import ExposureRatios
+from ospc.photometry.coverage import Coverage, ExposureRatios
 from ospc.photometry.noise import NoiseModel
 from ospc.photometry.notebook import curve_as_svg
 from ospc.photometry.response import Response
-from ospc.photometry.verdict import State, Verdict
+from ospc.photometry.verdict import EffectEstimate, State, Verdict
 from ospc.photometry.vignette import RasterVignette, Vignette, diagonal_profile
 
 if TYPE_CHECKING:

@@ -12,13 +12,11 @@ import numpy as np
 from ospc.arrays import FloatArray, ImageSize
 from ospc.errors import FormatError, counted
 from ospc.photometry.calibration import PROFILE_RADII, SCHEMA, Calibration
-from ospc.photometry.coverage import Coverage
-from ospc.photometry.effect_estimate import EffectEstimate
-from ospc.photometry.exposure_ratios import ExposureRatios
+from ospc.photometry.coverage import Coverage, ExposureRatios
 from ospc.photometry.geometry import image_size
 from ospc.photometry.noise import NoiseModel
 from ospc.photometry.response import Response
-from ospc.photometry.verdict import State, Verdict
+from ospc.photometry.verdict import EffectEstimate, State, Verdict
 from ospc.photometry.vignette import (
     LARGEST_ATTENUATION,
     NON_RADIAL,

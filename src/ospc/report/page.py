@@ -16,9 +16,8 @@ from ospc.photometry.calibration import Verdict
 from ospc.report.charts import WIDTH_IN, Chart, Findings
 from ospc.report.examples import NOTHING_TRIED, Examples, Pictures
 from ospc.report.html import Html, document, join, tag
-from ospc.report.sections import SUMMARY, Section, basis_of, name_of, sections_of, shown
+from ospc.report.sections import SUMMARY, Section, basis_of, name_of, overall_state, sections_of, shown
 from ospc.report.style import as_svg, rules
-from ospc.report.words import overall_state
 
 _JPEG_QUALITY = 85
 _STATE_CLASSES = {"identifiable": "good", "marginal": "fair", "not identifiable": "bad"}

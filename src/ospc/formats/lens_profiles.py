@@ -1,0 +1,288 @@
+"""Vignettes in lens profiles, which are XML: those of Adobe (LCP) and of lensfun's database.
+
+Adobe's radius is in focal lengths, which are given in units of the longer side of the image (Adobe camera model,
+2010). lensfun's models ``pa`` and ``acm`` are the same polynomial of the attenuation, with the radius in half
+diagonals and in focal lengths; lensfun corrects by division.
+
+The XML of others is not trusted: no entities, bounded size and depth, nothing fetched.
+"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any, Literal
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element, SubElement, register_namespace
+from xml.parsers import expat
+
+from ospc.arrays import ImageSize
+from ospc.errors import FormatError, SettingError
+from ospc.formats.files import read_bytes, write_text
+from ospc.formats.radial import Optics, RadialFit, fit_radial, rescaled
+from ospc.formats.scanning import finite_number
+from ospc.photometry.geometry import half_diagonal, image_size
+from ospc.photometry.vignette import Vignette
+
+_NAMESPACES = {
+    "x": "adobe:ns:meta/",
+    "rdf": "http://www.w3.org/1999/02/22-rdf-syntax-ns#",
+    "photoshop": "http://ns.adobe.com/photoshop/1.0/",
+    "stCamera": "http://ns.adobe.com/photoshop/1.0/camera-profile",
+}
+
+
+def write_lcp(vignette: Vignette, path: str | Path, optics: Optics) -> RadialFit:
+    """Write a profile with one entry and return the polynomial that stands for the vignette, about its own centre.
+
+    SettingError if ``optics`` has no focal length, in pixels, or in millimetres with the crop factor; FormatError if
+    the polynomial is no vignette, or the file cannot be written.
+    """
+    fit = fit_radial(vignette, about_its_centre=True)
+    width, height = fit.size
+    half = half_diagonal(fit.size)
+    ratio = optics.focal_ratio(fit.size)
+    focal = ratio * half / max(fit.size)
+    root = Element(_tag("x", "xmpmeta"))
+    description = SubElement(SubElement(root, _tag("rdf", "RDF")), _tag("rdf", "Description"))
+    profiles = SubElement(SubElement(description, _tag("photoshop", "CameraProfiles")), _tag("rdf", "Seq"))
+    entry = _resource(
+        profiles,
+        _tag("rdf", "li"),
+        Make=optics.maker,
+        Model=optics.camera,
+        Lens=optics.lens,
+        LensPrettyName=optics.lens,
+        ProfileName=f"{optics.camera} ({optics.lens})",
+        CameraRawProfile="True",
+        ImageWidth=width,
+        ImageLength=height,
+        SensorFormatFactor=optics.crop_factor,
+        FocalLength=optics.focal_mm,
+        ApertureValue=None if optics.aperture is None else 2 * math.log2(optics.aperture),
+    )
+    model = _resource(
+        entry, _tag("stCamera", "PerspectiveModel"), Version="2", FocalLengthX=focal, FocalLengthY=focal
+    )
+    terms = rescaled(fit.coefficients, ratio)
+    _resource(
+        model,
+        _tag("stCamera", "VignetteModel"),
+        FocalLengthX=focal,
+        FocalLengthY=focal,
+        ImageXCenter=0.5 + fit.centre[0] * half / width,
+        ImageYCenter=0.5 + fit.centre[1] * half / height,
+        **{f"VignetteModelParam{n}": term for n, term in enumerate(terms, start=1)},
+    )
+    for prefix, uri in _NAMESPACES.items():
+        register_namespace(prefix, uri)
+    write_text(path, write_xml(root))
+    return fit
+
+
+def read_lcp(path: str | Path, size: ImageSize | None = None) -> tuple[RadialFit, ...]:
+    """Read the vignette models of all entries of a profile that have one.
+
+    SettingError if neither the caller nor the profile states the size of the images; FormatError if it is not such a
+    profile, or an entry is incomplete or no vignette.
+    """
+    entries = [element for element in read_xml(path).iter() if local_name(element.tag) == "li"]
+    try:
+        found = tuple(fit for entry in entries if (fit := _adobe_fit(entry, size)) is not None)
+    except (FormatError, SettingError) as error:
+        raise type(error)(f"{path}: {error}") from None
+    if not found:
+        raise FormatError(f"{path}: holds no vignette model of an Adobe lens profile")
+    return found
+
+
+def _adobe_fit(entry: Element, wanted: ImageSize | None) -> RadialFit | None:
+    model = next((element for element in entry.iter() if local_name(element.tag) == "VignetteModel"), None)
+    if model is None:
+        return None
+    geometry = next((e for e in entry.iter() if local_name(e.tag) in ("PerspectiveModel", "FisheyeModel")), None)
+    texts = _values(entry) | ({} if geometry is None else _values(geometry)) | _values(model)
+
+    def number(name: str, default: str) -> float:
+        return finite_number(texts.get(name, default), name)
+
+    width, height = wanted or (number("ImageWidth", "0"), number("ImageLength", "0"))
+    if not (width and height):
+        raise SettingError("does not state the image size; import it with 'ospc import --size WxH' first")
+    size = image_size(width, height)
+    half = half_diagonal(size)
+    if "FocalLengthX" in texts:
+        ratio = number("FocalLengthX", "0") * max(size) / half
+    else:
+        try:
+            focal_mm, crop_factor = number("FocalLength", "0"), number("SensorFormatFactor", "0")
+            ratio = Optics(focal_mm=focal_mm, crop_factor=crop_factor).focal_ratio(size)
+        except SettingError:
+            ratio = 0.0
+    if ratio <= 0:
+        raise FormatError("an entry does not state its focal length, the unit of its radius")
+    centre = (number("ImageXCenter", "0.5"), number("ImageYCenter", "0.5"))
+    first, second, third = (number(f"VignetteModelParam{n}", "0") for n in (1, 2, 3))
+    shift = ((centre[0] - 0.5) * size[0] / half, (centre[1] - 0.5) * size[1] / half)
+    return RadialFit(size, rescaled((first, second, third), 1 / ratio), shift)
+
+
+def _values(element: Element) -> dict[str, str]:
+    """Return the properties of a node, written as attributes, as elements, or inside an rdf:Description."""
+    values = {local_name(key): text for key, text in element.attrib.items()}
+    for child in element:
+        if local_name(child.tag) == "Description":
+            values |= _values(child)
+        elif len(child) == 0 and child.text and child.text.strip():
+            values[local_name(child.tag)] = child.text.strip()
+    return values
+
+
+def _tag(prefix: str, name: str) -> str:
+    return f"{{{_NAMESPACES[prefix]}}}{name}"
+
+
+def _resource(parent: Element, tag: str, **properties: str | float | None) -> Element:
+    """Add a node with those of the properties that are known."""
+    node = SubElement(parent, tag, {_tag("rdf", "parseType"): "Resource"})
+    for name, value in properties.items():
+        if value is not None:
+            text = value if isinstance(value, str) else f"{value:.9g}"
+            SubElement(node, _tag("stCamera", name)).text = text
+    return node
+
+
+_TERMS = {"pa": ("k1", "k2", "k3"), "acm": ("alpha1", "alpha2", "alpha3")}
+
+
+def write_lensfun(
+    vignette: Vignette, path: str | Path, optics: Optics, model: Literal["pa", "acm"] = "pa"
+) -> RadialFit:
+    """Write a database file with one lens and return the polynomial, about the image centre, of its vignette.
+
+    SettingError if ``optics`` lacks crop factor, aperture or focal length; FormatError if the polynomial
+    is no vignette, or the file cannot be written.
+    """
+    if optics.crop_factor is None or optics.aperture is None:
+        raise SettingError("lensfun needs optics; add --crop-factor, --aperture and --focal-mm (or --focal-px)")
+    fit = fit_radial(vignette)
+    focal_mm = optics.focal_in_mm(fit.size)
+    terms = fit.coefficients if model == "pa" else rescaled(fit.coefficients, optics.focal_ratio(fit.size))
+    divisor = math.gcd(*fit.size)
+    database = Element("lensdatabase", version="1")
+    lens = SubElement(database, "lens")
+    for name, text in (
+        ("maker", optics.maker),
+        ("model", optics.lens),
+        ("mount", "Generic"),
+        ("cropfactor", f"{optics.crop_factor:.9g}"),
+        ("aspect-ratio", f"{fit.size[0] // divisor}:{fit.size[1] // divisor}"),
+    ):
+        SubElement(lens, name).text = text
+    SubElement(
+        SubElement(lens, "calibration"),
+        "vignetting",
+        {
+            "model": model,
+            "focal": f"{focal_mm:.9g}",
+            "aperture": f"{optics.aperture:.9g}",
+            "distance": f"{optics.distance_m:.9g}",
+            **{name: f"{term:.9g}" for name, term in zip(_TERMS[model], terms, strict=True)},
+        },
+    )
+    write_text(path, write_xml(database))
+    return fit
+
+
+def read_lensfun(path: str | Path, size: ImageSize | None) -> tuple[RadialFit, ...]:
+    """Read the vignetting entries of all lenses of a database file, for cameras of the crop factor that it states.
+
+    The file does not state the size of the images: SettingError if it is None. FormatError if it is not such a file,
+    or an entry is incomplete or no vignette.
+    """
+    root = read_xml(path)
+    if local_name(root.tag) != "lensdatabase":
+        raise FormatError(f"{path}: not a lensfun database, its root is <{local_name(root.tag)}>")
+    entries = [
+        (lens, element)
+        for lens in root.iter("lens")
+        for element in lens.iter("vignetting")
+        if element.get("model") in _TERMS
+    ]
+    if entries and size is None:
+        raise SettingError(f"{path}: does not state the image size; import it with 'ospc import --size WxH' first")
+    try:
+        return tuple(_lensfun_fit(lens, element, size or (0, 0)) for lens, element in entries)
+    except (FormatError, SettingError) as error:
+        raise FormatError(f"{path}: {error}") from None
+
+
+def _lensfun_fit(lens: Element, element: Element, size: ImageSize) -> RadialFit:
+    # lensfun accepts the names of either model's terms in both
+    terms = (element.get(f"k{n}", element.get(f"alpha{n}", "0")) for n in (1, 2, 3))
+    k1, k2, k3 = (finite_number(term, f"k{n}") for n, term in enumerate(terms, start=1))
+    if element.get("model") == "pa":
+        return RadialFit(size, (k1, k2, k3))
+    optics = Optics(
+        focal_mm=finite_number(element.get("focal"), "focal"),
+        crop_factor=finite_number(lens.findtext("cropfactor"), "cropfactor"),
+    )
+    return RadialFit(size, rescaled((k1, k2, k3), 1 / optics.focal_ratio(size)))
+
+
+_DEEPEST = 64
+"""Levels of nesting; lens profiles have about ten."""
+
+_LARGEST = 2**24
+"""Bytes; the largest lens profiles have a few megabytes."""
+
+
+def read_xml(path: str | Path) -> ElementTree.Element:
+    """Return the root of an XML file; FormatError if it cannot be read, is not XML, or is nested too deeply.
+
+    A document type that only names an external definition, as in lensfun's files, is ignored and not fetched. One
+    with its own definitions is refused, because entities can expand without bound.
+    """
+    content = read_bytes(path, _LARGEST)
+    tree = ElementTree.TreeBuilder()
+    depth = 0
+
+    def begin(name: str, attributes: dict[str, str]) -> None:
+        nonlocal depth
+        depth += 1
+        if depth > _DEEPEST:
+            raise FormatError(f"{path}: elements are nested more than {_DEEPEST} deep")
+        tree.start(name, attributes)
+
+    def end(name: str) -> None:
+        nonlocal depth
+        depth -= 1
+        tree.end(name)
+
+    def doctype(_name: str, _system: str | None, _public: str | None, internal: int) -> None:
+        if internal:
+            raise FormatError(f"{path}: defines its own document type, which is not accepted; remove <!DOCTYPE>")
+
+    def entity(*_arguments: Any) -> None:
+        raise FormatError(f"{path}: defines or uses entities, which is not accepted")
+
+    parser = expat.ParserCreate(namespace_separator="}")
+    parser.buffer_text = True
+    parser.StartElementHandler, parser.EndElementHandler, parser.CharacterDataHandler = begin, end, tree.data
+    parser.StartDoctypeDeclHandler, parser.EntityDeclHandler, parser.SkippedEntityHandler = doctype, entity, entity
+    try:
+        parser.Parse(content, True)
+    except (expat.ExpatError, ValueError, LookupError) as error:
+        raise FormatError(f"{path}: not readable as XML ({error})") from None
+    return tree.close()
+
+
+def write_xml(root: ElementTree.Element) -> str:
+    """Return an element as the text of an XML file, indented."""
+    ElementTree.indent(root, " ")
+    return ElementTree.tostring(root, encoding="unicode", xml_declaration=False) + "\n"
+
+
+def local_name(tag: str) -> str:
+    """Return a tag or attribute name without its name space."""
+    return tag.rsplit("}", 1)[-1]
