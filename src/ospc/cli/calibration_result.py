@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import Any, TypeAlias
 
@@ -119,13 +120,16 @@ class ResultFolder:
             return self._as_dict(outcome, written, notes, comparison)
 
     def _written(self, outcome: Outcome) -> tuple[Outcome, Written]:
-        """Write data, report, then pictures; an interruption now only leaves out pictures."""
+        """Write data, report and pictures; an interruption now only leaves out pictures."""
         folder, before = self.folder, self.interruption.count
         written = folder.write(outcome.calibration, self.times if self.recording is None else self.recording)
         if not written.problems:
             findings = folder.findings(outcome.calibration, self.recording, self.truth)
-            written += folder.report(findings, self.recording, pdf=self.pdf)
-            written += folder.draw(findings, stop=lambda: self.interruption.count > before)
+            with ThreadPoolExecutor(1, "ospc-pictures") as second:
+                # Meanwhile the report tries the calibration on images, which leaves the interpreter to this.
+                drawing = second.submit(folder.draw, findings, stop=lambda: self.interruption.count > before)
+                written += folder.report(findings, self.recording, pdf=self.pdf)
+                written += drawing.result()
         if self.interruption.requested and not outcome.interrupted:
             unfinished = replace(outcome.calibration, partial=True)
             unfinished.save(folder.path / "calibration.json")
