@@ -16,9 +16,12 @@ from ospc.errors import SettingError
 from ospc.photometry.grey_range import GreyRange
 from ospc.robust import weighted_median
 
-MOMENTS = 3
+POWERS = 3
 """Powers of the grey level whose means are kept: a cubic follows the inverse of any usual response to a few per cent,
 and veiling glare is a few per cent of the mean irradiance."""
+
+MOMENTS = POWERS + 1
+"""These means, and the share of the pixels that are white: their irradiance is not known from their grey level."""
 
 _CLEAR_OF_ENDS = 1 / 255
 """Distance up to which a grey level counts as clipped at a black or white that is not the end of the scale: one grey
@@ -60,12 +63,12 @@ class Observations(ByValue):
     gradient
         Magnitude of the grey gradient around the place, per pixel of the image it was sampled in, shape (n,).
     frame_moments
-        Means of M, M² and M³ over the frame, from which its mean irradiance follows, shape (n, 3). Zeros where they
-        are unknown: veiling glare is not noticed then.
+        Means of M, M² and M³ over the frame, and the share of its pixels that are white, from which its mean
+        irradiance follows, shape (n, 4). Zeros where they are unknown: veiling glare is not noticed then.
     surround_moments
-        Sums of 1, M, M² and M³ over the surroundings of the place, weighted by a normal distribution whose standard
-        deviation is a tenth of the width; beyond the frame all are zero, shape (n, 4). Zeros where they are unknown:
-        light scattered nearby and local tone mapping are not noticed then.
+        Sums of 1, M, M², M³ and of the white pixels over the surroundings of the place, weighted by a normal
+        distribution whose standard deviation is a tenth of the width; beyond the frame all are zero, shape (n, 5).
+        Zeros where they are unknown: light scattered nearby and local tone mapping are not noticed then.
     frame
         Number of the frame, shape (n,).
     point
@@ -303,9 +306,9 @@ class ExposedObservations(Observations):
         high = grey_range.white - _CLEAR_OF_ENDS * (grey_range.white < 1)
         kept = self.seen_twice((self.grey >= low) & (self.grey <= high))
         # What turns the moments of grey levels, from the zeroth on, into those of stretched ones.
-        powers = np.zeros((1 + MOMENTS, 1 + MOMENTS))
+        powers = np.eye(1 + MOMENTS)
         stretch = np.polynomial.Polynomial([-grey_range.black / grey_range.span, 1 / grey_range.span])
-        for power in range(1 + MOMENTS):
+        for power in range(1 + POWERS):
             powers[: power + 1, power] = (stretch**power).coef
         known = kept.frame_moments.any(axis=1, keepdims=True).astype(np.float64)
         return replace(

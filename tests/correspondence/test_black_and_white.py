@@ -52,3 +52,13 @@ def test_a_new_epoch_keeps_them_until_something_is_darker_or_brighter(
     assert later.grey_range == VIDEO_RANGE
     observed(later, 1, low, high, piled=False)
     assert later.grey_range == expected
+
+
+def test_the_share_of_white_pixels_is_known_of_a_frame_and_around_a_place():
+    image = np.full((240, 320), 100, np.uint8)
+    image[:, :80] = 255
+    prepared = Preprocessor()(Frame.of_array(image, 1.0, index=0, max_grey=255))
+    assert prepared.moments[-1] == pytest.approx(0.25, abs=0.01)
+    inside, outside = prepared.values_at(prepared.surround_moments, np.array([[20.0, 120.0], [300.0, 120.0]]))
+    assert inside[-1] > 0.9 * inside[0]
+    assert outside[-1] == pytest.approx(0, abs=1e-6)

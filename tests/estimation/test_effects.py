@@ -16,6 +16,7 @@ from ospc.estimation.vignette_basis import VignetteBasis
 from ospc.evaluation.metrics import log_ratio_error, vignette_rmse
 from ospc.observations import ExposedObservations
 from ospc.photometry.noise import NoiseModel
+from ospc.settings.estimation import BEYOND_WHITE
 from ospc.simulation.responses import RESPONSES
 from synthetic_observations import POLYNOMIAL, SIZE
 
@@ -31,6 +32,7 @@ class Disturbed:
     """A camera with effects, by the definitions of the documentation."""
 
     glare: float = 0.0
+    most_white: float = 0.0
     scatter: float = 0.0
     dark: float = 0.0
     offset: float = 0.0
@@ -64,6 +66,11 @@ class Disturbed:
         attenuation *= 1 - self.smudge * np.exp(-np.sum((place - [0.3, 0.2]) ** 2, axis=2) / (2 * 0.1**2))
         # A frame is one even patch for its mean, a place is surrounded by another: their moments are powers then.
         frame_light = np.exp(random.normal(-1.2, 0.4, (FRAMES, 2)))[group]
+        # The brightest frames have most pixels that are white, as bright as they usually are.
+        white = self.most_white * np.clip(frame_light, 0, 1) ** 2
+        frame_moments = (1 - white)[..., None] * GAMMA(frame_light)[..., None] ** [1, 2, 3] + white[..., None]
+        frame_moments = np.concatenate([frame_moments, white[..., None]], axis=2)
+        frame_light = (1 - white) * frame_light + white * (1 + BEYOND_WHITE)
         nearby = np.exp(random.normal(-1.2, 0.6, (n, 2)))
         added = self.glare * frame_light + self.scatter * nearby + self.dark * true_ms / TYPICAL_MS
         grey = GAMMA(true_ms * radiance * attenuation + added)
@@ -77,14 +84,14 @@ class Disturbed:
         def both(values: FloatArray) -> FloatArray:
             return np.broadcast_to(values, (n, 2, *values.shape[2:]))[exposed].reshape(-1, *values.shape[2:])
 
-        powers = np.arange(4)
+        surround_moments = np.concatenate([around[..., None] ** np.arange(4), np.zeros((n, 2, 1))], axis=2)
         return ExposedObservations(
             grey=both(noisy),
             position=both(place),
             gradient=both(np.zeros((n, 2))),
             grey_variance=both(np.zeros((n, 2))),
-            frame_moments=both(GAMMA(frame_light)[..., None] ** powers[1:]),
-            surround_moments=both(around[..., None] ** powers),
+            frame_moments=both(frame_moments),
+            surround_moments=both(surround_moments),
             frame=both(2 * group[:, None] + [0, 1]),
             point=np.repeat(np.arange(exposed.sum()), 2),
             group=both(group[:, None]),
@@ -124,6 +131,7 @@ def test_a_camera_without_effects_has_none(seed: int) -> None:
     ("camera", "name", "value"),
     [
         (Disturbed(glare=0.03), "veiling glare", 0.03),
+        (Disturbed(glare=0.03, most_white=0.3), "veiling glare", 0.03),
         (Disturbed(scatter=0.04), "light scattered nearby", 0.04),
         (Disturbed(dark=0.02), "dark current", 0.02),
         (Disturbed(offset=0.05), "exposure offset", 0.05),

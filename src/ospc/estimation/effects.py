@@ -15,9 +15,10 @@ import numpy as np
 
 from ospc.arrays import FloatArray, IntArray
 from ospc.estimation.response_basis import ResponseBasis
-from ospc.observations import MOMENTS, ExposedObservations
+from ospc.observations import MOMENTS, POWERS, ExposedObservations
 from ospc.photometry.verdict import LATE_EXPOSURES
 from ospc.settings.estimation import (
+    BEYOND_WHITE,
     BLACK_DRIFT,
     CURVATURE,
     DARK_CURRENT,
@@ -167,7 +168,7 @@ class Effects:
     ) -> Seen:
         """Return what the effects depend on, by a response; ``index`` has the expected grey levels in its grid."""
         irradiance, grey = np.exp(basis.log_of(coefficients)), basis.grid[index]
-        gamma, cubic = basis.gamma_of(coefficients)[index], _cubic(basis.grid, irradiance)
+        gamma, factors = basis.gamma_of(coefficients)[index], _light_of_moments(basis.grid, irradiance)
         exposure = np.exp(observations.log_exposure - self.log_typical_exposure)
         first, last = self.groups
         time = 2 * (observations.group - first) / max(last - first, 1) - 1
@@ -175,8 +176,9 @@ class Effects:
         mean_around = np.where(share > 0, around[0] / np.maximum(share, DARKEST_GREY), 1.0)
         amounts = {
             # Light is what differs from that which the response holds.
-            "veiling glare": (observations.frame_moments - self.typical.frame_moments) @ cubic,
-            "light scattered nearby": (observations.surround_moments - self.typical.surround_moments)[:, 1:] @ cubic,
+            "veiling glare": (observations.frame_moments - self.typical.frame_moments) @ factors,
+            "light scattered nearby": (observations.surround_moments - self.typical.surround_moments)[:, 1:]
+            @ factors,
             "dark current": exposure - self.typical.dark,
             "exposure offset": np.ones_like(exposure),
             LATE_EXPOSURES: observations.log_exposure_rate,
@@ -197,12 +199,14 @@ class Effects:
         """
         n = len(basis)
         irradiance = np.exp(basis.log_of(parameters[:n]))
-        cubic = _cubic(basis.grid, irradiance)
+        factors = _light_of_moments(basis.grid, irradiance)
         values = dict(zip(self.chosen, parameters[len(parameters) - len(self) :], strict=True))
         glare, scatter, dark = (values.get(name, 0.0) for name in CORRECTED[:3])
         share, *around = self.typical.surround_moments
         # The response g̃ that holds the light, and that without, g, are g ∝ g̃ + c. Light of light gives the divisor.
-        held = glare * (self.typical.frame_moments @ cubic) + scatter * (around @ cubic) + dark * self.typical.dark
+        held = (
+            glare * (self.typical.frame_moments @ factors) + scatter * (around @ factors) + dark * self.typical.dark
+        )
         constant = held / (1 - glare - scatter * share)
         at_knots = np.maximum(np.interp(basis.knots, basis.grid, irradiance), np.finfo(np.float64).tiny)
         changed = parameters.copy()
@@ -236,7 +240,11 @@ class Effects:
         return added, factor, sums["log"]
 
 
-def _cubic(grid: FloatArray, irradiance: FloatArray) -> FloatArray:
-    """Return the coefficients of M, M², M³ in the cubic that follows g best, shape (3,)."""
-    powers = grid[::PIXEL_NOISE_STRIDE, None] ** np.arange(1, MOMENTS + 1)
-    return np.asarray(np.linalg.lstsq(powers, irradiance[::PIXEL_NOISE_STRIDE], rcond=None)[0])
+def _light_of_moments(grid: FloatArray, irradiance: FloatArray) -> FloatArray:
+    """Return the factors on moments whose sum is the mean irradiance, shape (4,).
+
+    The first are the coefficients of M, M², M³ in the cubic that follows g best; the last is what white hides.
+    """
+    powers = grid[::PIXEL_NOISE_STRIDE, None] ** np.arange(1, POWERS + 1)
+    cubic = np.linalg.lstsq(powers, irradiance[::PIXEL_NOISE_STRIDE], rcond=None)[0]
+    return np.append(cubic, BEYOND_WHITE)
