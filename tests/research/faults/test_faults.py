@@ -143,6 +143,15 @@ def test_what_darkens_every_frame_belongs_to_the_true_vignette(footage):
         assert np.std(ratio) < 0.3 * np.mean(ratio)
 
 
+def test_the_vignette_of_stabilised_images_is_that_of_what_they_show(footage):
+    even = footage.with_images([np.rint(250 * footage.vignette.image()).astype(np.uint8)] * len(footage))
+    found = put("stabilised", even, 3)
+    seen = stack(found).mean(axis=0) / 250
+    error = np.abs(seen - found.vignette.image())
+    assert error.max() < 0.02
+    assert error.mean() < 0.2 * np.abs(seen - footage.vignette.image()).mean()
+
+
 def test_a_camera_at_rest_sees_one_view(footage):
     found = put("standing-still", footage, 1)
     light = [

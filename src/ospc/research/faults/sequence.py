@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 
 from ospc.arrays import BoolArray, Image, IntArray
+from ospc.photometry.vignette import RasterVignette
 from ospc.research.faults.footage import Fault, Footage, some
 
 
@@ -88,9 +89,12 @@ def _zoomed_in(image: Image, factor: float, shift: tuple[float, float] = (0.0, 0
 
 
 def _stabilised(footage: Footage, shift_px: float, random: np.random.Generator) -> Footage:
+    """Move a crop of the images about the middle; the vignette of the images is that of the crop in the middle."""
     factor = 1 + 4 * shift_px / footage.images[0].shape[1]
     moves = shift_px * np.clip(random.standard_normal((len(footage), 2)), -2, 2)
-    return footage.with_images(_zoomed_in(image, factor, tuple(moves[i])) for i, image in enumerate(footage.images))
+    images = (_zoomed_in(image, factor, tuple(moves[i])) for i, image in enumerate(footage.images))
+    known = None if footage.vignette is None else RasterVignette(_zoomed_in(footage.vignette.image(), factor))
+    return replace(footage.with_images(images), vignette=known)
 
 
 def _sheared(footage: Footage, shear_px: float, random: np.random.Generator) -> Footage:
