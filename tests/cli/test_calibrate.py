@@ -77,14 +77,14 @@ class Method:
 
 @pytest.fixture
 def method(monkeypatch):
-    """The method in place of the real one, and no pictures; set its class attributes."""
+    """The method in place of the real one, and nothing drawn; set its class attributes."""
 
     class OfThisTest(Method):
         pass
 
     monkeypatch.setattr(DefaultSettings, "build", lambda *_arguments: OfThisTest())
     monkeypatch.setattr(DefaultSettings, "keeps_state", False)
-    leave_out(monkeypatch, "draw")
+    leave_out(monkeypatch, "draw", "report")
     return OfThisTest
 
 
@@ -381,13 +381,7 @@ class TestInterruptions:
         result = run(recording, "-o", tmp_path / "out")
         assert result.exit_code == 130
         assert stored(tmp_path / "out")["partial"] is True
-        assert names(tmp_path / "out") == [
-            "calibration.json",
-            "pcalib.txt",
-            "report.html",
-            "times.txt",
-            "vignette.png",
-        ]
+        assert names(tmp_path / "out") == ["calibration.json", "pcalib.txt", "times.txt", "vignette.png"]
         assert read_pcalib(tmp_path / "out" / "pcalib.txt")
         assert read_vignette(tmp_path / "out" / "vignette.png").size == SIZE
 

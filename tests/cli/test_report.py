@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from calibrations import SIZE, calibration
-from command_line import ospc
+from command_line import leave_out, ospc
 from ospc.errors import FormatError, OspcError
 from ospc.simulation import SimulationSettings, simulate
 
@@ -24,7 +24,8 @@ def folder(tmp_path):
     return tmp_path
 
 
-def test_calibrate_writes_one_even_if_nothing_was_found(recording, tmp_path):
+def test_calibrate_writes_one_even_if_nothing_was_found(recording, tmp_path, monkeypatch):
+    leave_out(monkeypatch, "draw")
     done = ospc("calibrate", recording, "-o", tmp_path / "out")
     assert done.exit_code == 3
     assert "report.html" in done.output
@@ -32,7 +33,8 @@ def test_calibrate_writes_one_even_if_nothing_was_found(recording, tmp_path):
     assert "This recording does not determine the response and the vignette" in content
 
 
-def test_calibrate_writes_a_pdf_on_request(recording, tmp_path):
+def test_calibrate_writes_a_pdf_on_request(recording, tmp_path, monkeypatch):
+    leave_out(monkeypatch, "draw")
     ospc("calibrate", recording, "-o", tmp_path / "out", "--pdf")
     assert (tmp_path / "out" / "report.pdf").read_bytes().startswith(b"%PDF")
     ospc("calibrate", recording, "-o", tmp_path / "out")

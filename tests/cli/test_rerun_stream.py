@@ -18,22 +18,12 @@ from ospc.simulation import SimulationSettings, simulate
 FRAMES = 24
 
 
-def simulated(place, bit_depth):
-    settings = SimulationSettings(
-        size=(160, 120),
-        frames=FRAMES,
-        exposure="sweep",
-        exposure_min_ms=3,
-        exposure_max_ms=12,
-        bit_depth=bit_depth,
-    )
-    simulate(place, settings)
-    return open_recording(place)
-
-
 @pytest.fixture(scope="module")
 def recording(tmp_path_factory):
-    return simulated(tmp_path_factory.mktemp("simulated") / "r", 8)
+    place = tmp_path_factory.mktemp("simulated") / "r"
+    exposures = {"exposure": "sweep", "exposure_min_ms": 3, "exposure_max_ms": 12}
+    simulate(place, SimulationSettings(size=(160, 120), frames=FRAMES, bit_depth=12, **exposures))
+    return open_recording(place)
 
 
 def read_back(place):
@@ -50,10 +40,8 @@ def read_back(place):
     return found
 
 
-@pytest.mark.parametrize("bit_depth", [8, 12])
-def test_the_file_holds_images_matches_curves_and_exposures(tmp_path, bit_depth):
+def test_the_file_holds_images_matches_curves_and_exposures(recording, tmp_path):
     pytest.importorskip("rerun")
-    recording = simulated(tmp_path / "r", bit_depth)
     place, calibrator = tmp_path / "new" / "run.rrd", OnlineCalibrator()
     with RerunStream.opened(recording, place, spawn=False, pace=Pace(0.0, 1.0)) as tell:
         for frame in recording:

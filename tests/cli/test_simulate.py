@@ -32,10 +32,10 @@ def test_it_makes_a_recording_and_says_where_the_truth_is(tmp_path):
 def test_it_replaces_only_with_force(tmp_path):
     assert run(tmp_path / "r", *SMALL).exit_code == 0
     before = (tmp_path / "r" / "images" / "00000.png").read_bytes()
-    refused = run(tmp_path / "r", *SMALL, "--seed", "3")
+    refused = run(tmp_path / "r", *SMALL, "--noise", "high")
     assert isinstance(refused.exception, SettingError)
     assert (tmp_path / "r" / "images" / "00000.png").read_bytes() == before
-    assert run(tmp_path / "r", *SMALL, "--seed", "3", "--force").exit_code == 0
+    assert run(tmp_path / "r", *SMALL, "--noise", "high", "--force").exit_code == 0
     assert (tmp_path / "r" / "images" / "00000.png").read_bytes() != before
 
 
