@@ -89,14 +89,14 @@ class _Run:
         run_study(tasks, self.out, self.jobs, report, partly=bool)
 
     def _show_ambiguity(self) -> None:
-        from ospc.research.experiments.ambiguity import Ambiguity, ambiguity_report, ambiguity_task
+        from ospc.research.experiments.ambiguity import ambiguity_report, ambiguity_task
 
         source, *_ = self._sources(1, _AMBIGUITY_FRAMES)
         run_study(
             [ambiguity_task(source)],
             self.out,
             1,
-            lambda finished: ambiguity_report(Ambiguity(**finished[0].result), source.name),
+            lambda finished: ambiguity_report(finished[0].result, source.name),
         )
 
     def _sources(self, count: int, frames: int, *, speed: float = 1.0, at_rest: bool = False) -> list[Source]:

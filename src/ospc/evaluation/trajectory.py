@@ -178,6 +178,26 @@ def associate(stamps_s: FloatArray, truth_stamps_s: FloatArray) -> IntArray:
 def alignment_error(estimate: Trajectory, truth: Trajectory) -> AlignmentError:
     """Return e_align, e_s and e_r of a trajectory; the truth is split at its middle row, NaN rows included.
 
+    Errors are those of :func:`half_alignments`.
+    """
+    (first, first_poses), (second, second_poses) = half_alignments(estimate, truth)
+    apart = first(estimate.positions) - second(estimate.positions)
+    turn = Rotation.from_matrix(second.rotation @ first.rotation.T)
+    return AlignmentError(
+        e_align=_rms_length(apart),
+        e_s=first.scale / second.scale,
+        e_r_deg=float(np.degrees(turn.magnitude())),
+        rmse=absolute_trajectory_error(estimate, truth),
+        poses=len(estimate),
+        first=first_poses,
+        second=second_poses,
+        unmatched=int(np.count_nonzero(associate(estimate.stamps_s, truth.stamps_s) < 0)),
+    )
+
+
+def half_alignments(estimate: Trajectory, truth: Trajectory) -> list[tuple[Similarity, int]]:
+    """Return the alignments to the first and to the second half of the truth, with the poses that each rests on.
+
     Raises
     ------
     FormatError
@@ -191,25 +211,14 @@ def alignment_error(estimate: Trajectory, truth: Trajectory) -> AlignmentError:
         "first": stamps_s <= truth.stamps_s[max(len(truth) // 2 - 1, 0)],
         "second": stamps_s >= truth.stamps_s[(len(truth) + 1) // 2 - 1],
     }
-    alignments: list[Similarity] = []
+    alignments = []
     for name, half in halves.items():
         try:
-            alignments.append(align_similarity(estimate.positions[matched][half], target[half]))
+            found = align_similarity(estimate.positions[matched][half], target[half])
         except NotObservableError as error:
             raise NotObservableError(f"{name} half of the truth: {error}") from None
-    first, second = alignments
-    apart = first(estimate.positions) - second(estimate.positions)
-    turn = Rotation.from_matrix(second.rotation @ first.rotation.T)
-    return AlignmentError(
-        e_align=_rms_length(apart),
-        e_s=first.scale / second.scale,
-        e_r_deg=float(np.degrees(turn.magnitude())),
-        rmse=absolute_trajectory_error(estimate, truth),
-        poses=len(estimate),
-        first=int(np.count_nonzero(halves["first"])),
-        second=int(np.count_nonzero(halves["second"])),
-        unmatched=int(np.count_nonzero(associate(estimate.stamps_s, truth.stamps_s) < 0)),
-    )
+        alignments.append((found, int(np.count_nonzero(half))))
+    return alignments
 
 
 def absolute_trajectory_error(estimate: Trajectory, truth: Trajectory) -> float:

@@ -16,7 +16,7 @@ from typing import Any, TypeAlias
 
 import ospc
 from ospc.atomic import write_atomically
-from ospc.errors import SettingError
+from ospc.errors import SettingError, os_error_as
 from ospc.versions import versions
 
 _SCHEMA = "ospc-research-result/1"
@@ -49,11 +49,9 @@ class ResultStore:
         """Store a result and return the path of its file."""
         place = self._place(name, description)
         content = {"schema": _SCHEMA, "name": name, "depends_on": description, "result": result}
-        try:
+        with os_error_as(SettingError, f"{place}: cannot be written", "choose another folder"):
             place.parent.mkdir(parents=True, exist_ok=True)
             return write_atomically(place, (json.dumps(content, indent=1) + "\n").encode())
-        except OSError as error:
-            raise SettingError(f"{place}: cannot be written ({error.strerror}); choose another folder") from None
 
     def _place(self, name: str, description: dict[str, Any]) -> Path:
         readable = re.sub(r"[^\w.+-]+", "_", name).strip(".")[:100]

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from ospc.atomic import write_atomically
-from ospc.errors import SettingError, escaped
+from ospc.errors import SettingError, escaped, os_error_as
 from ospc.formats.files import csv_text
 from ospc.research.measurement import METRICS, Measurement
 from ospc.research.runner import source_hash
@@ -103,12 +103,10 @@ class StudyReport:
 
     def write(self, folder: Path) -> list[Path]:
         """Write all files into a folder, which is made, and return them; SettingError if that fails."""
-        try:
+        with os_error_as(SettingError, f"{folder}: cannot be written", "choose another folder"):
             folder.mkdir(parents=True, exist_ok=True)
             files = [
                 write_atomically(folder / name, text.encode("utf-8", "backslashreplace"))
                 for name, text in self.texts.items()
             ]
-        except OSError as error:
-            raise SettingError(f"{folder}: cannot be written ({error.strerror}); choose another folder") from None
         return files + [draw(folder / name) for name, draw in self.pictures.items()]

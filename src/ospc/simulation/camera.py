@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from ospc.arrays import Float32Array, Image
-from ospc.errors import SettingError
+from ospc.errors import SettingError, os_error_as
 from ospc.formats.dso import write_pcalib, write_vignette
 from ospc.photometry.response import Response
 from ospc.recording.frame import Frame
@@ -145,7 +145,7 @@ def simulate(
     settings: SimulationSettings = _DEFAULT,
     *,
     overwrite: bool = False,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Callable[[int, int], None] = lambda _done, _all: None,
 ) -> SimulatedRecording:
     """Write a simulated recording and its truth.
 
@@ -170,7 +170,7 @@ def simulate(
         raise SettingError(f"{place}: is not an empty folder; choose another, or empty it")
     scene = Scene.of(settings)
     known = plan(settings, scene)
-    try:
+    with os_error_as(SettingError, f"{place}: cannot be written", "choose another folder"):
         if overwrite:
             remove_recording(place)
         place.mkdir(parents=True, exist_ok=True)
@@ -180,10 +180,7 @@ def simulate(
                 name, quality = f"image {index}", settings.jpg_quality
                 data = encoded(image, settings.image_format, name, png_compression=None, jpg_quality=quality)
                 images.write(index, data)
-                if progress is not None:
-                    progress(index + 1, settings.frames)
-    except OSError as error:
-        raise SettingError(f"{place}: cannot be written ({error}); choose another folder") from error
+                progress(index + 1, settings.frames)
     return SimulatedRecording(**vars(known), path=place)
 
 

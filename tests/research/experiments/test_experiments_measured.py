@@ -142,9 +142,9 @@ def test_joint_estimation_is_compared_with_and_without_truth(tmp_path):
 
 def test_powers_explain_as_much_until_exposures_are_known(tmp_path):
     found = measure_ambiguity(stand_ins(1, 30, (120, 90))[0])
-    np.testing.assert_allclose(found.free, found.free[0], rtol=1e-6)
-    known = np.array(found.known)
-    assert found.exponents[np.argmin(known)] == pytest.approx(1, abs=0.13)
+    exponents, free, known = (np.array(column) for column in found["ambiguity"].values())
+    np.testing.assert_allclose(free, free[0], rtol=1e-6)
+    assert exponents[np.argmin(known)] == pytest.approx(1, abs=0.13)
     assert known[[0, -1]].min() > 1.3 * known.min()
     written = ambiguity_report(found, "room").write(tmp_path)
     assert {p.name for p in written} == {"ambiguity.csv", "starts.csv", "ambiguity.png"}

@@ -12,7 +12,7 @@ from ospc.recording.frame import Frame
 from ospc.research.rivals.log_response import log_model
 from ospc.research.rivals.mo_2019 import Mo, exponent_of_edges, powered, rank_one_response
 from ospc.simulation.responses import srgb
-from ospc.unknown_exposures.single_image.edge_patches import EdgePatches
+from ospc.unknown_exposures.single_image.edges import EdgePatches
 from polygon_pictures import picture
 
 MODEL = log_model()

@@ -9,9 +9,13 @@ from ospc.errors import NotObservableError
 from ospc.evaluation.metrics import response_rmse
 from ospc.photometry.response import Response
 from ospc.simulation.responses import srgb
-from ospc.unknown_exposures.single_image.edge_patches import EdgePatches
-from ospc.unknown_exposures.single_image.lin_2004 import edge_colour_distance, edge_colour_response
-from ospc.unknown_exposures.single_image.lin_zhang_2005 import edge_histogram_response, histogram_unevenness
+from ospc.unknown_exposures.single_image.edges import (
+    EdgePatches,
+    edge_colour_distance,
+    edge_colour_response,
+    edge_histogram_response,
+    histogram_unevenness,
+)
 from ospc.unknown_exposures.single_image.response_prior import LEVELS, response_prior
 from polygon_pictures import picture
 

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TypeAlias
 
 import numpy as np
 
@@ -34,35 +32,23 @@ _FEWEST_VIEWS = 3
 """Observations of a point that residuals are counted of: with fewer its radiance fits too well."""
 
 
-@dataclass(frozen=True)
-class Ambiguity:
-    """How well powers of the truth explain a recording.
-
-    By exponent γ: the robust standard deviation of the grey levels that g^γ and V^γ leave unexplained, in full scale,
-    with exposures e^γ (``free``) and with those of the metadata (``known``). By the exponent that joint estimation
-    started at: the exponent of its result, and its mean robust residual (``costs``).
-    """
-
-    exponents: Sequence[float]
-    free: Sequence[float]
-    known: Sequence[float]
-    starts: Sequence[float]
-    reached: Sequence[float]
-    costs: Sequence[float]
+Columns: TypeAlias = dict[str, list[float]]
+"""A table of numbers: its columns by name."""
 
 
 def ambiguity_task(source: Source) -> Task:
     """Return the task of measuring the ambiguity on a recording."""
     depends_on = {"recording": source.describe(), "study": "ambiguity", "made_with": made_with()}
-    return Task(f"{source.name} (ambiguity)", depends_on, partial(_measured, source))
+    return Task(f"{source.name} (ambiguity)", depends_on, partial(measure_ambiguity, source))
 
 
-def _measured(source: Source, progress: OnProgress) -> dict[str, Any]:
-    return asdict(measure_ambiguity(source, progress))
+def measure_ambiguity(source: Source, progress: OnProgress = lambda _share: None) -> dict[str, Columns]:
+    """Measure how well powers of the truth explain a recording with known response and vignette.
 
-
-def measure_ambiguity(source: Source, progress: OnProgress = lambda _share: None) -> Ambiguity:
-    """Measure the ambiguity on a recording with known response and vignette."""
+    "ambiguity" has, by exponent γ, the robust standard deviation of the grey levels that g^γ and V^γ leave
+    unexplained, in full scale, with exposures e^γ (free) and with those of the metadata (known). "starts" has, by the
+    exponent that joint estimation started at, the exponent of its result, and its mean robust residual (cost).
+    """
     truth = source.truth()
     if truth.response is None or truth.vignette is None:
         raise FormatError(f"{source.name}: the ambiguity is shown with the true response and vignette; give both")
@@ -80,7 +66,13 @@ def measure_ambiguity(source: Source, progress: OnProgress = lambda _share: None
     free, known = zip(*residuals, strict=True)
     ends = [_estimate_from(tracks, start) for start in STARTS]
     reached = [_exponent_of(end, truth.response) for end in ends]
-    return Ambiguity(EXPONENTS.tolist(), free, known, STARTS, reached, [end.cost for end in ends])
+    by_exponent = {
+        "exponent": EXPONENTS.tolist(),
+        "residual_exposures_free": list(free),
+        "residual_exposures_known": list(known),
+    }
+    by_start = {"start_exponent": list(STARTS), "end_exponent": reached, "cost": [end.cost for end in ends]}
+    return {"ambiguity": by_exponent, "starts": by_start}
 
 
 def _residuals(
@@ -123,35 +115,29 @@ def _exponent_of(found: JointEstimate, truth: Response) -> float:
     return float(estimate @ true / (true @ true))
 
 
-def ambiguity_report(found: Ambiguity, name: str) -> StudyReport:
+def ambiguity_report(found: dict[str, Columns], name: str) -> StudyReport:
     """Return the report, with ``ambiguity.csv``, ``starts.csv`` and ``ambiguity.png``."""
-    by_exponent = {
-        "exponent": found.exponents,
-        "residual_exposures_free": found.free,
-        "residual_exposures_known": found.known,
+    texts = {
+        f"{table}.csv": csv_text([columns, *(map(rounded, row) for row in zip(*columns.values(), strict=True))])
+        for table, columns in found.items()
     }
-    by_start = {"start_exponent": found.starts, "end_exponent": found.reached, "cost": found.costs}
-    texts = {"ambiguity.csv": _columns(by_exponent), "starts.csv": _columns(by_start)}
     return StudyReport([], texts, {"ambiguity.png": partial(_draw, found, name)})
 
 
-def _columns(columns: Mapping[str, Sequence[float]]) -> str:
-    rows = zip(*columns.values(), strict=True)
-    return csv_text([columns, *(map(rounded, row) for row in rows)])
-
-
-def _draw(found: Ambiguity, name: str, path: Path) -> Path:
+def _draw(found: dict[str, Columns], name: str, path: Path) -> Path:
     """Draw what powers of the truth leave unexplained, and where joint estimation ends by where it starts."""
+    exponents, free, known = (np.array(column) for column in found["ambiguity"].values())
+    starts, reached, _ = found["starts"].values()
     figure = new_figure(11.0, 4.4)
     with rules():
         figure.suptitle(printable(name), parse_math=False)
         left, right = figure.subplots(1, 2)
-        left.plot(found.exponents, 255 * np.array(found.free), color=ORANGE, lw=2, label="exposures free: e^γ")
-        left.plot(found.exponents, 255 * np.array(found.known), color=BLUE, ls="--", lw=2, label="exposures known: e")
+        left.plot(exponents, 255 * free, color=ORANGE, lw=2, label="exposures free: e^γ")
+        left.plot(exponents, 255 * known, color=BLUE, ls="--", lw=2, label="exposures known: e")
         left.axvline(1, color=GREY, lw=1)
         left.set(xscale="log", ylim=(0, None), title="All exponents fit equally well, unless e is known")
         left.set(xlabel="exponent γ of response and vignette", ylabel="unexplained, grey levels")
-        right.plot(found.starts, found.reached, "o-", color=ORANGE, label="joint estimation")
+        right.plot(starts, reached, "o-", color=ORANGE, label="joint estimation")
         right.axhline(1, color=GREY, lw=1, label="truth")
         right.set(xscale="log", yscale="log", title="The result of joint estimation depends on its start")
         right.set(xlabel="exponent of the start", ylabel="exponent of the result")

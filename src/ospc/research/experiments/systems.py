@@ -36,8 +36,7 @@ from ospc.research.source import Methods, SimulatedSource, Source, measuring_tas
 from ospc.research.tables import StudyReport, Table, measurements_csv
 from ospc.settings import PaperSettings
 from ospc.simulation.responses import RESPONSES, make_response
-from ospc.unknown_exposures.single_image.lin_2004 import edge_colour_response
-from ospc.unknown_exposures.single_image.lin_zhang_2005 import edge_histogram_response
+from ospc.unknown_exposures.single_image.edges import edge_colour_response, edge_histogram_response
 
 _GREEN = CHANNELS.index("green")
 _EXPOSURES, _UNKNOWN, _REST = "exposures", "moving camera", "exposures, camera at rest"

@@ -23,7 +23,7 @@ from typing import Any, Literal
 import numpy as np
 
 from ospc.arrays import FloatArray
-from ospc.errors import FormatError, NotObservableError, RecordingError, SettingError, counted
+from ospc.errors import FormatError, NotObservableError, RecordingError, SettingError, counted, os_error_as
 from ospc.formats.dso import write_pcalib, write_times, write_vignette
 from ospc.formats.opening import Photometry, open_photometry
 from ospc.recording import Recording
@@ -176,12 +176,10 @@ def images_of(recording: Recording, cache: Path) -> Path:
     place = cache / f"images-{key_of(identity(recording))[:16]}"
     if (place / TIMES).is_file():
         return place / "images"
-    try:
+    with os_error_as(SettingError, f"{place}: cannot be written", "choose another folder"):
         if place.exists():
             shutil.rmtree(place)
         place.mkdir(parents=True)
-    except OSError as error:
-        raise SettingError(f"{place}: cannot be written ({error.strerror}); choose another folder") from None
     made = convert_recording(recording, place)
     if made.frames != len(recording):
         raise RecordingError(
@@ -250,7 +248,7 @@ def _save(estimate: Estimate, place: Path) -> None:
     """Write an estimate into a folder, which appears when it is complete."""
     if place.is_dir():
         return
-    try:
+    with os_error_as(SettingError, f"{place}: cannot be written", "choose another folder"):
         place.parent.mkdir(parents=True, exist_ok=True)
         with TemporaryDirectory(dir=place.parent, prefix=".unfinished-") as name:
             unfinished = Path(name) / place.name
@@ -260,5 +258,3 @@ def _save(estimate: Estimate, place: Path) -> None:
             else:
                 write_curves(estimate, unfinished)
             unfinished.rename(place)
-    except OSError as error:
-        raise SettingError(f"{place}: cannot be written ({error.strerror}); choose another folder") from None

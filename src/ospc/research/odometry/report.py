@@ -12,7 +12,7 @@ import numpy as np
 
 from ospc.arrays import FloatArray
 from ospc.errors import FormatError, NotObservableError
-from ospc.evaluation.trajectory import Trajectory, align_similarity, associate
+from ospc.evaluation.trajectory import Trajectory, half_alignments
 from ospc.formats.files import csv_text
 from ospc.report.style import BLUE, GREEN, ORANGE, new_figure, printable, rules, save
 from ospc.research.odometry.experiment import Experiment, RunResult
@@ -146,18 +146,9 @@ def _draw(axes: Any, result: RunResult, truth: Trajectory, plane: tuple[FloatArr
     axes.legend(loc="best")
 
 
-def _aligned_copies(trajectory: Trajectory | None, truth: Trajectory) -> list[FloatArray]:
+def _aligned_copies(tracked: Trajectory | None, truth: Trajectory) -> list[FloatArray]:
     """Return the positions aligned to either half of the truth; none where that is not possible."""
-    if trajectory is None:
-        return []
-    partner = associate(trajectory.stamps_s, truth.stamps_s)
-    target = truth.positions[partner]
-    known = (partner >= 0) & np.isfinite(target).all(axis=1) & trajectory.known
-    middle = len(truth) // 2
     try:
-        return [
-            align_similarity(trajectory.positions[half & known], target[half & known])(trajectory.positions)
-            for half in (partner < middle, partner >= middle)
-        ]
+        return [] if tracked is None else [to(tracked.positions) for to, _ in half_alignments(tracked, truth)]
     except (NotObservableError, FormatError):
         return []

@@ -11,7 +11,7 @@ from ospc.arrays import Image
 from ospc.photometry.response import Response
 from ospc.recording.frame import Frame
 from ospc.research.method import Estimate, Outcome, outcomes_of
-from ospc.unknown_exposures.single_image.edge_patches import EdgePatches
+from ospc.unknown_exposures.single_image.edges import EdgePatches
 from ospc.unknown_exposures.single_image.fallback import calibrate_single_images
 from ospc.unknown_exposures.single_image.response_prior import COMPONENTS, response_prior
 from ospc.unknown_exposures.single_image.zheng_2008 import radial_gradient_vignette, segment_vignette

@@ -4,7 +4,7 @@
    image times a radiance for each point. All gᵢ, of an empirical model, are found together by making the other
    singular values small against the first. g^γ fits as well: a common exponent remains.
 2. Edge colours fix it: γ is such that colours on edges lie on lines between those of their regions, as in Lin et al.
-   2004 (:mod:`ospc.unknown_exposures.single_image.lin_2004`).
+   2004 (:mod:`ospc.unknown_exposures.single_image.edges`).
 
 The publication compares points of equal normals, because the light differs from photograph to photograph; here it
 does not, and any points will do. Each image has its own response, as published; the result is their mean in ln g. The
@@ -25,8 +25,7 @@ from ospc.photometry.response import Response
 from ospc.recording.frame import Frame
 from ospc.research.method import Estimate, Outcome, outcomes_of
 from ospc.research.rivals.log_response import ANCHOR, log_model
-from ospc.unknown_exposures.single_image.edge_patches import EdgePatches
-from ospc.unknown_exposures.single_image.lin_2004 import edge_colour_distance
+from ospc.unknown_exposures.single_image.edges import EdgePatches, edge_colour_distance
 from ospc.unknown_exposures.tracking import GainRobustTracker
 
 _IMAGES, _APART = 6, 4

@@ -27,8 +27,7 @@ from ospc.recording.frame import size_of
 from ospc.recording.image_source import MAX_FILE_BYTES, is_image_name
 from ospc.recording.options import DEFAULT, ReadingOptions
 from ospc.recording.pixel_layout import detect_bit_depth
-from ospc.unknown_exposures.single_image.edge_patches import EdgePatches
-from ospc.unknown_exposures.single_image.lin_2004 import edge_colour_response
+from ospc.unknown_exposures.single_image.edges import EdgePatches, edge_colour_response
 from ospc.unknown_exposures.single_image.response_prior import COMPONENTS, response_prior
 from ospc.unknown_exposures.single_image.zheng_2008 import radial_gradient_vignette
 from ospc.versions import versions
