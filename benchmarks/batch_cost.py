@@ -14,13 +14,16 @@ import argparse
 import json
 import os
 import resource
+import shutil
 import tempfile
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import cv2
 import numpy as np
 
+from ospc.arrays import FloatArray
 from ospc.batch.cameras import merged_cameras
 from ospc.batch.manifest import Entry
 from ospc.batch.run import run_batch
@@ -30,7 +33,6 @@ from ospc.calibrator import OnlineCalibrator
 from ospc.recording import open_recording
 from ospc.recording.recording import identity
 from ospc.simulation import SimulationSettings, simulate
-from simulated_family import relinked
 
 RENDERED = 4
 PER_CAMERA = 10
@@ -52,6 +54,18 @@ def made(folder: Path, count: int, size: tuple[int, int], frames: int) -> list[E
             relinked(originals[n % len(originals)], place, lambda exposures_ms, n=n: exposures_ms * (1 + n / 1000))
         entries.append(Entry(str(place), f"c{n // PER_CAMERA}"))
     return entries
+
+
+def relinked(original: Path, place: Path, change: Callable[[FloatArray], FloatArray]) -> Path:
+    """Make a recording with the images of another, and other exposures."""
+    shutil.copytree(original, place, copy_function=os.link)
+    listed = [line.split() for line in (original / "times.txt").read_text().splitlines() if line[:1] != "#"]
+    exposures_ms = change(np.array([float(exposure) for *_, exposure in listed])).tolist()
+    # The file is linked to the original's, which must not change.
+    (place / "times.txt").unlink()
+    lines = (f"{name} {stamp} {e}\n" for (name, stamp, _), e in zip(listed, exposures_ms, strict=True))
+    (place / "times.txt").write_text("".join(lines))
+    return place
 
 
 def processor_s() -> float:

@@ -25,8 +25,7 @@ import cv2
 
 from long_film import CAMERAS, Camera, LongFilm, Switch
 from ospc import OnlineCalibrator
-from results import Row, measured, table_of
-from simulated_family import errors
+from results import Row, errors, measured, table_of
 
 SWITCH_AFTER_S, WATCHED_S = 60.0, 30.0
 """Time before a change of the camera, and after it."""

@@ -27,8 +27,7 @@ from ospc.methods.summary import FitInputs
 from ospc.research.accuracy.design import accuracy_sources
 from ospc.research.source import SimulatedSource
 from ospc.simulation import SimulationSettings, frames
-from results import Row, measured, table_of
-from simulated_family import errors
+from results import Row, errors, measured, table_of
 
 METRICS = ("V", "shape", "kappa")
 _COLUMNS = ("recording", *METRICS, *(f"bound {m}" for m in METRICS), *(f"no noise {m}" for m in METRICS))

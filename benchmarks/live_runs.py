@@ -1,15 +1,14 @@
 """Play simulated recordings to a live calibrator in real time, and report what it loses against the command.
 
-    python benchmarks/live_runs.py --work /tmp/live --recordings 40
-    python benchmarks/live_runs.py --work /tmp/live --recordings 4 --rates 20 --busy 2
+    python benchmarks/live_runs.py --results live --recordings 40
+    python benchmarks/live_runs.py --results live --recordings 4 --rates 20 --busy 2
 
-The camera never changes. A row tells how many changes were reported nevertheless, whether the
-result was lost (an error, or nothing identifiable where the command finds something), the final errors beside those
-of ospc.calibrate on the same frames, the longest push, and how many frames were dropped because the calibrator was
-busy.
+The camera never changes. A row tells how many changes were reported nevertheless, whether the result was lost (an
+error, or nothing identifiable where the command finds something), the final errors beside those of ospc.calibrate on
+the same frames, the longest push, and how many frames were dropped because the calibrator was busy.
 
-Recordings are rendered once and kept in the folder --work, which holds the results too: an interrupted run goes
-on where it stopped. Images are decoded before they are played; a camera costs no time either.
+Results are kept in a folder: an interrupted run goes on where it stopped. Recordings are rendered before they are
+played; a camera costs no time either.
 """
 
 from __future__ import annotations
@@ -25,11 +24,11 @@ from typing import TypeAlias
 
 import numpy as np
 
-from ospc import Calibration, Frame, LiveCalibrator, OspcError, calibrate, open_recording
+from ospc import Calibration, Frame, LiveCalibrator, OspcError, Response, calibrate
 from ospc.arrays import Image
 from ospc.research.source import SimulatedSource
-from results import Row, measured, table_of
-from simulated_family import errors, family, identified, rendered
+from ospc.simulation import SimulationSettings
+from results import Row, errors, measured, table_of
 
 _COLUMNS = (
     "recording", "rate", "busy", "frames", "false changes", "lost", "V", "shape", "kappa", "command V",
@@ -37,8 +36,65 @@ _COLUMNS = (
 )  # fmt: skip
 
 
+_RESPONSES: tuple[str | Response, ...] = (
+    *("srgb", "gamma2.2", "linear", "filmic", "log", "tum_narrow"),
+    *(Response.gamma(exponent, 2041) for exponent in (1.6, 2.8)),
+)
+_VIGNETTES = ((-0.35, 0.05, -0.15), (-0.12, 0.0, -0.03), (-0.55, 0.1, -0.1), (0.0, -0.25, -0.1))
+"""Coefficients of R², R⁴ and R⁶; V at the corner is 0.55, 0.85, 0.45 and 0.65."""
+
+_SHORTEST, _LONGEST = 400, 2000
+"""Frames of a recording; their logarithm is drawn evenly from this range."""
+
+
+def family(count: int, seed: int = 0) -> list[SimulatedSource]:
+    """Return the first recordings of a family; a larger count only adds to them."""
+    return [_member(number, seed) for number in range(count)]
+
+
+def _member(number: int, seed: int) -> SimulatedSource:
+    random = np.random.default_rng([seed, number])
+    response = _RESPONSES[number % len(_RESPONSES)]
+    frames = round(float(np.exp(random.uniform(np.log(_SHORTEST), np.log(_LONGEST)))))
+    size = ((320, 240), (640, 480))[number % 2 ^ (number // len(_RESPONSES)) % 2]
+    settings = SimulationSettings(
+        size=size,
+        frames=frames,
+        seed=1000 * seed + number,
+        response=response,
+        vignette="polynomial",
+        vignette_coefficients=_VIGNETTES[int(random.integers(len(_VIGNETTES)))],
+        noise=("low", "high")[int(random.integers(2))],
+        motion=("handheld", "handheld", "pan", "forward")[int(random.integers(4))],
+        speed=float(np.round(random.uniform(0.6, 1.6), 2)),
+        moving_objects=(0, 0, 6)[int(random.integers(3))],
+        auto_gain=float(random.choice([0.25, 0.6])),
+        auto_target=float(np.round(random.uniform(0.3, 0.5), 2)),
+        gain_max=float(random.choice([1.0, 4.0])),
+        exposure_max_ms=float(random.choice([15.0, 40.0])),
+        **_exposure_course(number, frames, random),
+    )
+    return SimulatedSource(f"{seed}-{number:03d}", settings)
+
+
+def _exposure_course(number: int, frames: int, random: np.random.Generator) -> dict[str, object]:
+    """Return how the exposure runs: by itself in three recordings of four, otherwise as a program says."""
+    if number % 4 != 3:
+        return {"exposure": "auto"}
+    if number % 8 == 3:
+        return {"exposure": "cycle", "exposures_ms": (4.0, 7.0, 12.0, 20.0)}
+    period = int(random.integers(60, 240))
+    triangle = np.abs(np.arange(frames) % period / (period / 2) - 1)
+    return {"exposure": "file", "exposures_ms": tuple((4.0 * 6.0**triangle).round(4).tolist())}
+
+
+def identified(calibration: Calibration | None) -> list[str]:
+    verdicts = {} if calibration is None else calibration.verdicts
+    return [name for name, verdict in verdicts.items() if verdict.known]
+
+
 Film: TypeAlias = list[tuple[Image, float]]
-"""Decoded images, ready to be played, and their exposures in ms."""
+"""Images, ready to be played, and their exposures in ms."""
 
 
 def play(film: Film, rate: float) -> tuple[Calibration | None, Row]:
@@ -81,9 +137,9 @@ def _burn() -> None:
         sum(range(100_000))
 
 
-def unchanged(member: SimulatedSource, place: Path, rate: float, processes: int, command: Row) -> Row:
+def unchanged(member: SimulatedSource, rate: float, processes: int, command: Row) -> Row:
     """Play a recording and compare with what the command found."""
-    film = [(frame.image, frame.exposure_ms) for frame in open_recording(place)]
+    film = [(frame.image, frame.exposure_ms) for frame in member.frames()]
     with busy(processes):
         calibration, played = play(film, rate)
     known = identified(calibration)
@@ -98,8 +154,8 @@ def unchanged(member: SimulatedSource, place: Path, rate: float, processes: int,
     }
 
 
-def by_command(member: SimulatedSource, place: Path) -> Row:
-    found = calibrate(place)
+def by_command(member: SimulatedSource) -> Row:
+    found = calibrate(member.frames())
     return {"identified": identified(found), **errors(found, member.settings, "command ")}
 
 
@@ -112,24 +168,20 @@ def summary(rows: Sequence[Row]) -> str:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--work", type=Path, required=True, help="Folder for the recordings and the results.")
+    parser.add_argument("--results", type=Path, required=True, help="Folder of the results.")
     parser.add_argument("--recordings", type=int, default=40, help="Number of recordings.")
     parser.add_argument("--seed", type=int, default=0, help="Chooses the family of recordings.")
     parser.add_argument("--rates", type=float, nargs="+", default=[20.0, 50.0], help="Frames per second.")
     parser.add_argument("--busy", type=int, default=0, metavar="N", help="Burn processor time with N processes.")
     arguments = parser.parse_args()
     members = family(arguments.recordings, arguments.seed)
-    places = rendered(members, arguments.work / "recordings")
-    results = arguments.work / "results"
-    commands = measured({f"command {m.name}": partial(by_command, m, places[m.name]) for m in members}, results)
+    commands = measured({f"command {m.name}": partial(by_command, m) for m in members}, arguments.results)
     calls = {
-        f"live {m.name} {rate:g} {arguments.busy}": partial(
-            unchanged, m, places[m.name], rate, arguments.busy, command
-        )
+        f"live {m.name} {rate:g} {arguments.busy}": partial(unchanged, m, rate, arguments.busy, command)
         for m, command in zip(members, commands, strict=True)
         for rate in arguments.rates
     }
-    rows = measured(calls, results)
+    rows = measured(calls, arguments.results)
     print(table_of("Live runs", rows, _COLUMNS))
     print(summary(rows))
 

@@ -1,4 +1,4 @@
-"""What all measuring programs share: calls whose results are kept, and tables of them."""
+"""What all measuring programs share: calls whose results are kept, tables of them, and errors of calibrations."""
 
 from __future__ import annotations
 
@@ -6,8 +6,12 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeAlias
 
+from ospc import Calibration
+from ospc.research.method import Estimate
 from ospc.research.runner import ResultStore, Task, made_with, run
+from ospc.research.scoring import Truth, score
 from ospc.research.tables import Table
+from ospc.simulation import SimulationSettings, truth
 
 Row: TypeAlias = dict[str, Any]
 """One result: JSON-compatible values by name."""
@@ -42,3 +46,15 @@ def _text(value: object) -> str:
     if isinstance(value, bool):
         return "yes" if value else "no"
     return f"{value:.4g}" if isinstance(value, float) else str(value)
+
+
+def errors(calibration: Calibration | None, known: Any, prefix: str = "") -> Row:
+    """Return vignette RMSE, response shape RMSE and κ; None for a part that the calibration lacks.
+
+    ``known`` has the true response and vignette, or is the settings of a simulation.
+    """
+    true = truth(known) if isinstance(known, SimulationSettings) else known
+    estimate = Estimate() if calibration is None else Estimate(calibration.response, calibration.vignette)
+    figures = score(estimate, Truth(true.response, true.vignette))
+    names = {"V": "vignette_rmse", "shape": "response_shape_rmse", "kappa": "log_ratio_error"}
+    return {f"{prefix}{name}": figures.get(figure) for name, figure in names.items()}
