@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import cv2
@@ -26,9 +26,6 @@ _NEAR_M = 0.02
 _MARGIN_PX = 2.0
 """Margin around the image within which surfaces are kept, in pixels: their antialiased edges reach half a pixel
 in."""
-
-_ROUNDING = 1e-6
-"""Bound of rounding errors of homogeneous pixels."""
 
 _CELL_PX = 32
 """Edge of the cells, in pixels, on which the level of detail is computed before it is interpolated."""
@@ -78,7 +75,6 @@ class View:
 def radiance(scene: Scene, view: View, time_s: float) -> Float32Array:
     """Return the radiance at every pixel in saturations per millisecond, shape (height, width), float32."""
     width, height = view.size
-    scene = _in_view(scene, view)
     canvas = np.zeros((height, width), np.float32)
     covered = np.zeros((height, width), np.float32)
     for face in scene.walls:
@@ -95,25 +91,6 @@ def radiance(scene: Scene, view: View, time_s: float) -> Float32Array:
             canvas[area] += change
     canvas *= np.float32(scene.scale)
     return canvas
-
-
-def _in_view(scene: Scene, view: View) -> Scene:
-    """Return a scene without the fixed faces all of whose corners are beyond one and the same edge of the view."""
-    corners = (scene.corners_m - view.position_m) @ view.projection.T
-    signed = corners @ view.half_spaces[:, :3].T + view.half_spaces[:, 3]
-    # What is on the edge but for rounding stays; clipping decides.
-    inside = np.any(signed > -_ROUNDING, axis=1)
-    kept = iter(np.all(inside, axis=1).tolist())
-
-    def of(faces: tuple[Face, ...]) -> tuple[Face, ...]:
-        return tuple([face for face in faces if next(kept)])
-
-    return replace(
-        scene,
-        walls=of(scene.walls),
-        pictures=of(scene.pictures),
-        solids=tuple([replace(solid, faces=of(solid.faces)) for solid in scene.solids]),
-    )
 
 
 def _in_order(scene: Scene, view: View, time_s: float) -> Iterable[tuple[Face, ...]]:

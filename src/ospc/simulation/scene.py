@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import lru_cache
 
 import numpy as np
 
-from ospc.arrays import Float32Array, FloatArray
+from ospc.arrays import Float32Array
 from ospc.simulation.motion import EYE_HEIGHT_M
 from ospc.simulation.settings import SimulationSettings
 from ospc.simulation.surface import UP, Face, Lamp, Rectangle, Solid, lit, pyramid
@@ -93,12 +93,6 @@ class Scene:
     """Moving patches between camera and boxes, the outermost first."""
     scale: float
     """Factor from the radiance of the faces to saturations per millisecond."""
-
-    @cached_property
-    def corners_m(self) -> FloatArray:
-        """Corners of the faces of walls, pictures and solids, in this order, shape (faces, 4, 3)."""
-        fixed = [*self.walls, *self.pictures, *(face for solid in self.solids for face in solid.faces)]
-        return np.array([face.place.corners_m for face in fixed])
 
     @classmethod
     def of(cls, settings: SimulationSettings) -> Scene:

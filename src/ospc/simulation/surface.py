@@ -57,12 +57,6 @@ class Rectangle:
         """Unit normal on the side from which the texture is not mirrored."""
         return np.asarray(np.cross(self.down, self.across))
 
-    @cached_property
-    def corners_m(self) -> FloatArray:
-        """Its corners in the world, shape (4, 3)."""
-        across, down = self.across * self.size_m[0], self.down * self.size_m[1]
-        return np.asarray(self.corner_m + np.array([np.zeros(3), across, across + down, down]))
-
     def grid(self, columns: int, rows: int) -> FloatArray:
         """Return the centres of equal cells on it, shape (rows, columns, 3)."""
         a = (np.arange(columns) + 0.5) / columns * self.size_m[0]

@@ -47,7 +47,7 @@ def write_chart(data, exposures=(1.0, 2.0, 4.0, 8.0)):
 
 
 def measure(source, preset):
-    return measured(measuring_task(source, PresetMethods(preset)).run(lambda _share: None))
+    return measured(measuring_task(source, PresetMethods(preset)).compute(lambda _share: None))
 
 
 @pytest.fixture(scope="module")

@@ -114,9 +114,9 @@ def test_the_stated_deviation_is_that_of_the_verdict():
 def test_errors_are_detected_and_breakdowns_are_told(tiny_source, monkeypatch):
     no_exposure = Fault("zero", "0 everywhere", (1, 2, 3), lambda f, _s, _r: f.with_exposures(0 * f.exposures_ms))
     task = fault_task(tiny_source, no_exposure)
-    assert task.run(lambda _share: None)["outcome"] == "detected"
+    assert task.compute(lambda _share: None)["outcome"] == "detected"
     monkeypatch.setattr(judging, "calibrate", lambda _frames: 1 / 0)
-    found = task.run(lambda _share: None)
+    found = task.compute(lambda _share: None)
     assert found["outcome"] == "crashed"
     assert "ZeroDivisionError" in found["said"][0]
 
