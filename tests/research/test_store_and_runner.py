@@ -95,7 +95,9 @@ def test_an_interruption_keeps_what_was_finished(tmp_path):
 def test_several_processes_give_the_same(tmp_path):
     tasks = [fake_task(name, shape) for name, shape in (("a", 0.1), ("b", 0.2))]
     results = list(run(tasks, ResultStore(tmp_path), 2))
-    assert {r.task.name: r.result for r in results} == {task.name: task.compute(lambda _share: None) for task in tasks}
+    assert {r.task.name: r.result for r in results} == {
+        task.name: task.compute(lambda _share: None) for task in tasks
+    }
     assert {row.figures["response_shape_rmse"] for r in results for row in measured(r.result)} == {0.1, 0.2}
 
 

@@ -81,15 +81,6 @@ class Trajectory:
     positions: FloatArray
     quaternions: FloatArray
 
-    def __post_init__(self) -> None:
-        """Check the shapes."""
-        count = self.stamps_s.shape[0]
-        if self.positions.shape != (count, 3) or self.quaternions.shape != (count, 4):
-            raise FormatError(
-                f"a trajectory has a stamp, a position and a quaternion for each pose, not {self.stamps_s.shape}, "
-                f"{self.positions.shape} and {self.quaternions.shape}"
-            )
-
     def __len__(self) -> int:
         """Return the number of poses."""
         return int(self.stamps_s.size)

@@ -16,7 +16,6 @@ from itertools import combinations, pairwise
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 from scipy.optimize import isotonic_regression
@@ -25,12 +24,13 @@ from ospc.arrays import FloatArray, Image, IntArray
 from ospc.errors import FormatError, OspcError
 from ospc.evaluation.metrics import response_shape_rmse
 from ospc.formats.files import read_bytes, read_text
-from ospc.formats.image_header import read_header
 from ospc.methods.paper import Correspondences, in_order, polynomial_response, response_rows, solve_response
 from ospc.photometry.geometry import pixel_grid
 from ospc.photometry.response import Response
 from ospc.recording import Frame
 from ospc.recording.arrays import ArrayRecording
+from ospc.recording.channel import Channel
+from ospc.recording.decoding import decode_stored
 from ospc.research.method import Estimate, Outcome
 from ospc.research.scoring import HeldOut, HeldOutPair, Truth
 from ospc.research.source import Source
@@ -40,8 +40,8 @@ ILLUMINANTS = (1, 2)
 CHANNELS = ("blue", "green", "red")
 """In the order the images are decoded in."""
 
-_LARGEST_SIDE, _MAX_BYTES, _MAX_TAGS_BYTES = 4096, 64 * 2**20, 2**20
-"""Limits on what is read: pixels of a side, bytes of a photograph and of the list of patches."""
+_MAX_BYTES, _MAX_TAGS_BYTES = 64 * 2**20, 2**20
+"""Limits on what is read: bytes of a photograph and of the list of patches."""
 
 _NEUTRAL, _HALF_WINDOW_PX = 6, 12
 """Number of the neutral patches, and half the side of the window that is read in the middle of a patch."""
@@ -140,14 +140,10 @@ def _increasing(grey: FloatArray, log_light: FloatArray) -> tuple[FloatArray, Fl
 
 
 def _read(path: Path) -> Image:
-    data = read_bytes(path, _MAX_BYTES)
-    header = read_header(data, str(path))
-    image = None
-    if header.bits == 8 and max(header.width, header.height) <= _LARGEST_SIDE:
-        image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
-    if image is None:
-        raise FormatError(f"{path}: not an 8-bit colour image of at most {_LARGEST_SIDE} pixels a side")
-    return np.asarray(image)
+    image = decode_stored(read_bytes(path, _MAX_BYTES), str(path), Channel.ALL).pixels
+    if image.dtype != np.uint8 or image.ndim != 3:
+        raise FormatError(f"{path}: not an 8-bit colour image")
+    return image
 
 
 def _patches(path: Path, width: int, height: int) -> IntArray:
