@@ -60,8 +60,7 @@ class McapFile(BagFile):
 
         self._read_summary(reader)
         if not self._channels:
-            reader.seek(len(MCAP_START))
-            for _ in self._messages_ahead(reader, (), 0):
+            for _ in self._messages(reader, (), None):
                 pass  # without a summary, the whole file is read
         for number, channel in self._channels.items():
             schema = self._schemas.get(channel.schema_id)
@@ -101,16 +100,13 @@ class McapFile(BagFile):
         start = start_ns or 0
         ahead = [place for place, end_ns in self._chunks if end_ns >= start]
         reader.seek(min(ahead) if start_ns is not None and ahead else len(MCAP_START))
-        yield from self._messages_ahead(reader, names, start)
-
-    def _messages_ahead(self, file: BinaryIO, names: Collection[str], start_ns: int) -> Iterator[Message]:
-        for opcode, content in _unpacked(file, start_ns):
+        for opcode, content in _unpacked(reader, start):
             if opcode != _MESSAGE:
                 self._note(opcode, content)
                 continue
             number, _, log_ns, _ = struct.unpack_from("<HIQQ", content)
             channel = self._channels.get(number)
-            if channel is not None and channel.topic in names and log_ns >= start_ns:
+            if channel is not None and channel.topic in names and log_ns >= start:
                 yield Message(channel.topic, log_ns, content[22:])
 
 

@@ -21,7 +21,7 @@ import numpy as np
 from ospc.arrays import Image
 from ospc.errors import ExposureError, MissingExtraError, RecordingError, SettingError, needs_extra, quoted
 from ospc.recording.exposure_units import REALSENSE_UNIT_GAIN, ExposureUnit, GainUnit
-from ospc.recording.live.source import Camera, DriverFrame, said_by_driver
+from ospc.recording.live.source import Camera, said_by_driver
 from ospc.recording.options import DEFAULT, ReadingOptions
 
 _UNITS = {"V4L2": ExposureUnit.US100, "DSHOW": ExposureUnit.LOG2_S, "MSMF": ExposureUnit.LOG2_S}
@@ -58,10 +58,10 @@ class OpenCvCamera(Camera):
         done, image = self._capture.read()
         return image if done else None
 
-    def _read(self, frame: Image) -> DriverFrame:
+    def _read(self, frame: Image) -> tuple[Image, float, float, float]:
         stamp_s = time.monotonic() - self._begun_s
         exposure, gain = (self._capture.get(key) for key in (cv2.CAP_PROP_EXPOSURE, cv2.CAP_PROP_GAIN))
-        return DriverFrame(frame, exposure, gain, stamp_s)
+        return frame, exposure, gain, stamp_s
 
 
 _WAITS, _WAIT_MS = 25, 200
@@ -118,7 +118,7 @@ class RealSenseCamera(Camera):
 
         return cls(wait, name, options, stop=pipeline.stop)
 
-    def _read(self, frame: Any) -> DriverFrame:
+    def _read(self, frame: Any) -> tuple[Image, float, float, float]:
         value = _module().frame_metadata_value
         if not frame.supports_frame_metadata(value.actual_exposure):
             raise ExposureError(
@@ -130,7 +130,7 @@ class RealSenseCamera(Camera):
             gain = frame.get_frame_metadata(value.gain_level) / REALSENSE_UNIT_GAIN
         exposure_us = float(frame.get_frame_metadata(value.actual_exposure))
         # The copy outlives the frame, whose memory the library reuses.
-        return DriverFrame(np.array(frame.get_data()), exposure_us, gain, float(frame.get_timestamp()) / 1e3)
+        return np.array(frame.get_data()), exposure_us, gain, float(frame.get_timestamp()) / 1e3
 
 
 def _module() -> Any:
@@ -175,8 +175,8 @@ class DepthAiCamera(Camera):
             raise RecordingError(f"{name}: cannot be opened ({said_by_driver(error)}); is it plugged in?") from None
         return cls(lambda: queue.get() if pipeline.isRunning() else None, name, options, stop=pipeline.stop)
 
-    def _read(self, frame: Any) -> DriverFrame:
-        return DriverFrame(
+    def _read(self, frame: Any) -> tuple[Image, float, float, float]:
+        return (
             np.asarray(frame.getCvFrame()),
             frame.getExposureTime().total_seconds(),
             float(frame.getSensitivity()),

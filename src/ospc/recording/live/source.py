@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from itertools import count
-from typing import Any, NamedTuple, Self
+from typing import Any, Self
 
 import numpy as np
 
@@ -18,15 +18,6 @@ from ospc.recording.options import DEFAULT, ReadingOptions
 
 _QUOTED_CHARACTERS = 160
 """Characters of a driver's own message that an error quotes."""
-
-
-class DriverFrame(NamedTuple):
-    """A frame with exposure and gain in the driver's units; a colour image has the channels blue, green, red."""
-
-    image: Image
-    exposure: float
-    gain: float
-    stamp_s: float
 
 
 class Camera(ABC):
@@ -70,8 +61,11 @@ class Camera(ABC):
         """Open the camera that follows the colon in the text of :func:`~ospc.recording.live.drivers.open_camera`."""
 
     @abstractmethod
-    def _read(self, frame: Any) -> DriverFrame:
-        """Return what a frame of the driver holds."""
+    def _read(self, frame: Any) -> tuple[Image, float, float, float]:
+        """Return image, exposure and gain in the driver's units, and time stamp in s, of a frame of the driver.
+
+        A colour image has the channels blue, green, red.
+        """
 
     def __iter__(self) -> Iterator[Frame]:
         """Yield the next frames as they arrive, numbered from 0.
@@ -86,9 +80,9 @@ class Camera(ABC):
                 raise RecordingError(f"{self.name}: stopped giving frames ({said_by_driver(error)})") from None
             if waited is None:
                 return
-            found = self._read(waited)
-            exposure_ms = self._exposure_ms(found.exposure, found.gain)
-            yield Frame.of_array(self._grey(found.image), exposure_ms, index=index, stamp_s=found.stamp_s)
+            image, exposure, gain, stamp_s = self._read(waited)
+            exposure_ms = self._exposure_ms(exposure, gain)
+            yield Frame.of_array(self._grey(image), exposure_ms, index=index, stamp_s=stamp_s)
 
     def close(self) -> None:
         """Release the device."""
