@@ -202,7 +202,8 @@ def _seen(frame: Frame, calibration: Calibration, extractor: SiftExtractor) -> F
     bad = ((image < _BLACK) | (image > _WHITE)).astype(np.float32)
     if frame.mask is not None:
         bad = np.maximum(bad, (~frame.mask).astype(np.float32))
-    small, bad = (_reduced(values, reduction) for values in (irradiance, bad))
+    size = (image.shape[1] // reduction, image.shape[0] // reduction)
+    small, bad = (np.asarray(cv2.resize(values, size, interpolation=cv2.INTER_AREA)) for values in (irradiance, bad))
     points, descriptors = extractor.detect(_alike(small))
     column, row = np.clip(np.rint(points).astype(np.int64), 0, np.array(small.shape[::-1]) - 1).T
     smooth = cv2.GaussianBlur(small, (0, 0), _SMOOTHING_PX)
@@ -217,13 +218,6 @@ def _alike(irradiance: Float32Array) -> npt.NDArray[np.uint8]:
     log_value = np.log(np.maximum(irradiance, np.float32(1e-9)))
     low, high = np.quantile(log_value, _STRETCHED_QUANTILES)
     return np.asarray(np.clip((log_value - low) / max(high - low, 1e-6) * 255, 0, 255), dtype=np.uint8)
-
-
-def _reduced(values: Float32Array, factor: int) -> Float32Array:
-    if factor == 1:
-        return values
-    size = (values.shape[1] // factor, values.shape[0] // factor)
-    return np.asarray(cv2.resize(values, size, interpolation=cv2.INTER_AREA), dtype=np.float32)
 
 
 def _compared(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from hashlib import sha256
@@ -14,11 +13,9 @@ from ospc.output import OutputFolder
 from ospc.photometry.calibration import Calibration
 from ospc.pooling.agreement import Difference
 from ospc.pooling.pool import Pool, merge
+from ospc.recording.kinds import safe_name
 from ospc.report.html import Html, document, join, tag
 from ospc.state.container import STATE_NAME
-
-_UNSAFE = re.compile(r"[^A-Za-z0-9._-]+")
-"""Characters that folder names do not get: some file system or shell gives them a meaning."""
 
 _LONGEST = 60
 """Most characters of a folder name, without the hash: file systems allow 255 bytes for it and what is added."""
@@ -70,9 +67,9 @@ def merged_cameras(
 
 def folder_name(camera: str) -> str:
     """Return a name for a camera's folder: its own if that is safe, else its safe characters and a hash."""
-    safe = _UNSAFE.sub("_", camera).strip("._")[:_LONGEST]
+    safe = safe_name(camera, _LONGEST)
     digest = sha256(camera.encode("utf-8", "surrogatepass")).hexdigest()
-    return camera if safe == camera else f"{safe or 'camera'}-{digest[:8]}"
+    return camera if safe == camera else f"{safe}-{digest[:8]}"
 
 
 def _merged(name: str, rows: Sequence[Row], store: Store, folder: Path) -> Camera:

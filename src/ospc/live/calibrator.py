@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import threading
 from collections import deque
-from collections.abc import AsyncIterable, Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import Future
 from contextlib import contextmanager
 from dataclasses import replace
@@ -22,7 +22,6 @@ from ospc.methods.preview import Preview
 from ospc.pace import Pace
 from ospc.photometry.calibration import Calibration
 from ospc.recording import Frame
-from ospc.recording.stream import Item, frames_of
 from ospc.settings import DefaultSettings, Settings
 
 QUEUE_BYTES = 64 * 2**20
@@ -116,16 +115,6 @@ class LiveCalibrator:
             self._dropped += wanted and full
             self._enqueue(work, size)
             return kept
-
-    def follow(self, source: Iterable[Item]) -> None:
-        """Push whatever an iterable gives, until it ends; see :func:`~ospc.recording.stream.frames_of`."""
-        for frame in frames_of(source):
-            self.push(frame)
-
-    async def follow_async(self, source: AsyncIterable[Frame]) -> None:
-        """Push the frames of an asynchronous source, until it ends."""
-        async for frame in source:
-            self.push(frame)
 
     def wait(self, most: int = 0) -> None:
         """Wait until at most so many frames are waiting for the background; of a recording, none is dropped then.

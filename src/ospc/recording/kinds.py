@@ -158,6 +158,6 @@ def _cameras(place: Path, kind: str | None, options: ReadingOptions) -> dict[str
     return {p.name: (p, options) for p in recordings} or single
 
 
-def safe_name(name: str) -> str:
-    """Return the name with everything replaced that does not fit a folder name."""
-    return _UNSAFE.sub("_", name).strip("._")[:_MAX_NAME_CHARACTERS] or "camera"
+def safe_name(name: str, most: int = _MAX_NAME_CHARACTERS) -> str:
+    """Return the name, cut after so many characters, with everything replaced that does not fit a folder name."""
+    return _UNSAFE.sub("_", name).strip("._")[:most] or "camera"

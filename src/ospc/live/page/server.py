@@ -9,7 +9,7 @@ import secrets
 import socket
 import threading
 from importlib.resources import files
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Self
 
 from ospc.errors import SettingError, needs_extra, os_error_as
 from ospc.live.capture import Capture
@@ -102,14 +102,13 @@ class PageServer:
         hosts = request.headers.get_all("Host")
         is_ours = len(hosts) == 1 and hosts[0] in self._hosts
         if not (hmac.compare_digest(token.encode(), self._token.encode()) and is_ours):
-            return _with_headers(connection.respond(403, "forbidden\n"), "text/plain; charset=utf-8")
+            return _replied(connection, 403, "forbidden\n")
         if name == _SOCKET:
             return None
         if name not in _ASSETS:
-            return _with_headers(connection.respond(404, "there is no such page\n"), "text/plain; charset=utf-8")
+            return _replied(connection, 404, "there is no such page\n")
         file, kind = _ASSETS[name]
-        text = files("ospc.live.page").joinpath(file).read_text(encoding="utf-8")
-        return _with_headers(connection.respond(200, text), kind)
+        return _replied(connection, 200, files("ospc.live.page").joinpath(file).read_text(encoding="utf-8"), kind)
 
     def _show(self, connection: ServerConnection) -> None:
         """Send a page what it shows until the end, and listen for the request to finish."""
@@ -120,7 +119,9 @@ class PageServer:
             last = False
             while not last:
                 last = self._stopped.is_set()
-                connection.send(json.dumps(_finite(self._capture.view()), allow_nan=False))
+                # JSON lacks numbers that are not finite.
+                view = json.loads(json.dumps(self._capture.view()), parse_constant=lambda _: None)
+                connection.send(json.dumps(view, allow_nan=False))
                 picture = self._capture.picture()
                 if picture is not None:
                     connection.send(picture)
@@ -136,14 +137,11 @@ class PageServer:
             self._pages.discard(threading.current_thread())
 
 
-def _with_headers(response: Response, kind: str) -> Response:
+def _replied(
+    connection: ServerConnection, status: int, text: str, kind: str = "text/plain; charset=utf-8"
+) -> Response:
+    response = connection.respond(status, text)
     del response.headers["Content-Type"]
-    response.headers["Content-Type"] = kind
-    for name, value in _HEADERS.items():
+    for name, value in {"Content-Type": kind, **_HEADERS}.items():
         response.headers[name] = value
     return response
-
-
-def _finite(content: Any) -> Any:
-    """Return the values with None instead of numbers that JSON lacks."""
-    return json.loads(json.dumps(content), parse_constant=lambda _: None)
