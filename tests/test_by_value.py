@@ -10,7 +10,7 @@ import pytest
 
 from ospc.by_value import ByValue
 from ospc.correspondence.pixel_statistics import PixelReport
-from ospc.exposures.lag_decision import LagEstimate
+from ospc.exposures.lag_selection import LagEstimate
 from ospc.observations import ExposedObservations, Observations
 from ospc.photometry.calibration import Calibration
 from ospc.photometry.coverage import Coverage, ExposureRatios

@@ -200,7 +200,7 @@ def test_frames_compared_ahead_are_not_compared_again_and_any_other_pair_is(monk
             for later in (1, 2, 3):
                 ahead.foresight.prepare(later, frames[later])
     assert compared == [2, 3, 1, 1, 2, 3, 4, 4]
-    for one, other in zip(plainly.evidence.changes, ahead.evidence.changes, strict=True):
+    for one, other in zip(plainly.brightness.changes, ahead.brightness.changes, strict=True):
         np.testing.assert_array_equal(one.log_ratio, other.log_ratio)
         np.testing.assert_array_equal(one.weight, other.weight)
 

@@ -134,8 +134,8 @@ class OnlineCalibrator(Engine):
         self._skipped, self._reasons = run.skipped, run.reasons
         self._first_reasons, self._first_frames = run.first_reasons, run.first_frames
         self._epochs = [epoch_of(content) for content in run.epochs]
-        self._exposures.restore(run.exposures, run.size, self.epochs[-1].first_frame)
-        if self._exposures.evidence is not None:
+        self._exposures.restore(run.exposures, self.epochs[-1].first_frame)
+        if run.max_grey:
             self._method = self.settings.build(run.size, run.max_grey)
             self._method.restore(method)
         self.source, self.saved_by = run.source, run.versions
@@ -144,20 +144,20 @@ class OnlineCalibrator(Engine):
     @property
     def wanted(self) -> frozenset[int]:
         """Numbers of the frames that a calibrator just loaded should be shown again."""
-        if self._method is None or self._exposures.evidence is None:
+        if self._method is None:
             return frozenset()
-        return self._method.wanted | self._exposures.evidence.wanted
+        return self._method.wanted | self._exposures.history.frames_to_replay
 
     def recall(self, frame: Frame) -> None:
         """Process a frame again that new ones were being compared with.
 
         FrameError if its image cannot be read any more, or has another size.
         """
-        if self._method is not None and self._exposures.evidence is not None:
+        if self._method is not None:
             shown = replace(frame, load=partial(of_size, frame, self._size))
             prepared = self._preprocess(shown, self.pixels.range_before(frame.index))
             self._method.recall(prepared)
-            self._exposures.evidence.recall(prepared.thumbnail)
+            self._exposures.history.replay(prepared.thumbnail)
 
 
 def _settings_of(content: dict[str, Any], name: str) -> DefaultSettings:

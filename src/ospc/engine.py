@@ -15,10 +15,10 @@ from ospc.correspondence.pixel_statistics import PixelStatistics
 from ospc.correspondence.registration import SecondThread
 from ospc.engine_state import Epoch
 from ospc.errors import ExposureError, FrameError, OspcError, RecordingError
-from ospc.exposures.assessment import ExposureAssessment
-from ospc.exposures.evidence import ExposureEvidence
-from ospc.exposures.findings import ExposureFindings, lag_in_words
-from ospc.exposures.lag_choice import LagChoice
+from ospc.exposures.brightness_history import BrightnessHistory
+from ospc.exposures.findings import ExposureFindings
+from ospc.exposures.lag_choice import LagChoice, lag_in_words
+from ospc.exposures.monitor import ExposureMonitor
 from ospc.exposures.table import ExposureTable
 from ospc.foresight import Foresight
 from ospc.methods.change_detection import Change
@@ -85,7 +85,7 @@ class Engine:
         self.prior: PriorCalibration | None = None
         self.pixels = PixelStatistics()
         self._lock = RLock()
-        self._exposures = ExposureAssessment(correct_lag)
+        self._exposures = ExposureMonitor(correct_lag)
         self._sampler = self.settings.sampler()
         self._preprocess = self.settings.preprocessor()
         self.foresight = Foresight(self._preprocess, self._sampler, lambda: self.pixels.grey_range)
@@ -119,7 +119,7 @@ class Engine:
                 self._skip(str(error))
                 return False
             except RecordingError:
-                self._exposures.take_back(number)
+                self._exposures.forget_from(number)
                 raise
             except BaseException:
                 self._half_taken = frame.name
@@ -188,7 +188,7 @@ class Engine:
             finally:
                 counting.result()
                 brightness = comparing.result()
-        elif self._sampler.compares_next or exposures.wants(frame.index):
+        elif self._sampler.compares_next or exposures.needs_comparison(frame.index):
             brightness = exposures.observe(*self.foresight.thumbnail(frame))
         if brightness is not None:
             change = change or method.compare(brightness, exposures.table)
@@ -196,14 +196,13 @@ class Engine:
         if change is not None:
             method = self._begin_epoch(method, change)
         self._sampler.advance(method.longest_pause)
-        exposures.reassess()
+        exposures.assess_if_due()
 
     def _started(self, frame: Frame) -> Method:
         """Return the method, made for frames like the first."""
         if self._method is None:
             size = size_of(frame.image)
             self._method = self.settings.build(size, frame.max_grey)
-            self._exposures.begin(size)
             self._size, self._max_grey = size, frame.max_grey
         return self._method
 
@@ -216,7 +215,7 @@ class Engine:
 
     def _change_of_lag(self, other: Change | None) -> Change | None:
         """Return a change of the frames that the exposures belong to; it may explain another change of the camera."""
-        found = self._exposures.change_of_lag(explains=other is not None)
+        found = self._exposures.detect_lag_change(camera_changed=other is not None)
         if found is None:
             return None
         late = lag_in_words(found.later_frames)
@@ -267,7 +266,7 @@ class Engine:
 
     def _exposures_used(self) -> tuple[ExposureTable, ExposureFindings]:
         """Return the exposures as the result uses them, and what was found about them."""
-        exposures, found = self._exposures.corrected, self._exposures.findings()
+        exposures, found = self._exposures.corrected_table, self._exposures.findings()
         if self._method is None:
             return exposures, found
         return self._unless_refuted(self._method, exposures, found, self.pixels.grey_range)
@@ -280,12 +279,12 @@ class Engine:
         inputs = method.inputs(exposures, grey_range) if moved else None
         if inputs is None or not found.refuted_by(inputs.effects):
             return exposures, found
-        return replace(exposures, lag_frames=0), found.moved_back()
+        return replace(exposures, lag_frames=0), found.without_correction()
 
     def _judged(self, known: Calibration, found: ExposureFindings, frames: int) -> Calibration:
         """Return the calibration from so many frames with the verdicts that their exposures allow."""
         found = found.doubted_by(known.effects)
-        verdicts = {name: found.judged(verdict) for name, verdict in known.verdicts.items()}
+        verdicts = {name: found.limited(verdict) for name, verdict in known.verdicts.items()}
         advice = (found.verdict.remedy, *known.advice) if found.warnings else known.advice
         source: dict[str, Any] = {"exposure_lag_frames": found.lag_frames}
         if found.corrected_frames:
@@ -307,6 +306,8 @@ class Engine:
     def exposure_findings(self) -> ExposureFindings:
         """Return what the images say about the exposures so far; OspcError if no frame could be read."""
         with self._lock:
+            if self._method is None:
+                raise OspcError("no frame could be used, so nothing is known about the exposures")
             return self._exposures_used()[1]
 
     def inputs(self) -> FitInputs | None:
@@ -362,13 +363,13 @@ class Engine:
         return self._exposures.choice
 
     @property
-    def evidence(self) -> ExposureEvidence | None:
-        """Changes of brightness between consecutive processed frames; None before the first frame."""
-        return self._exposures.evidence
+    def brightness(self) -> BrightnessHistory:
+        """Changes of brightness between consecutive frames of this epoch."""
+        return self._exposures.history
 
     def may_need(self, number: int) -> bool:
         """Whether the image of the frame with this number can be needed at all."""
-        return self._exposures.lag_is_open or self.foresight.needs(number)
+        return self._exposures.lag_is_uncertain or self.foresight.needs(number)
 
 
 def _check_exposure(exposure_ms: float, name: str) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 from ospc.arrays import ImageSize
 from ospc.correspondence.frame_sampling import FrameSampler
 from ospc.correspondence.pixel_statistics import PixelStatistics
-from ospc.exposures.assessment import AssessmentState
+from ospc.exposures.monitor import ExposureMonitorState
 from ospc.methods.change_detection import Change
 from ospc.photometry.calibration import Calibration
 
@@ -40,7 +40,7 @@ class EngineState:
     correct_lag: str
     size: ImageSize
     max_grey: int
-    exposures: AssessmentState
+    exposures: ExposureMonitorState
     sampler: FrameSampler
     pixels: PixelStatistics
     epochs: list[dict[str, Any]]

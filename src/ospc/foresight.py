@@ -10,7 +10,7 @@ from ospc.correspondence.frame_sampling import FrameSampler
 from ospc.correspondence.preprocessing import PreprocessedFrame, Preprocessor
 from ospc.correspondence.thumbnail import Thumbnail
 from ospc.exposures.brightness import BrightnessComparer
-from ospc.exposures.evidence import ComparedAhead
+from ospc.exposures.brightness_history import PrecomputedChange
 from ospc.photometry.grey_range import GreyRange
 from ospc.recording.frame import Frame
 
@@ -23,7 +23,7 @@ class _Prepared:
     grey_range: GreyRange | None
     frame: PreprocessedFrame | None
     thumbnail: Thumbnail
-    compared: ComparedAhead | None
+    compared: PrecomputedChange | None
 
 
 class Foresight:
@@ -39,13 +39,11 @@ class Foresight:
         self._latest: Thumbnail | None = None
         self._expected = (False, replace(sampler))
         self._size: ImageSize = (0, 0)
-        self._compare = BrightnessComparer(self._size)
+        self._compare = BrightnessComparer()
 
     def expect(self, sampler: FrameSampler, size: ImageSize, *, every: bool) -> None:
         """Take a copy of what decides on the next frames, and the size that they should have."""
-        self._expected = (every, replace(sampler))
-        if size != self._size:
-            self._size, self._compare = size, BrightnessComparer(size)
+        self._expected, self._size = (every, replace(sampler)), size
 
     def needs(self, number: int) -> bool:
         """Whether the image of the frame with this number will most likely be needed; waits for no other thread."""
@@ -67,11 +65,11 @@ class Foresight:
         thumbnail = self._preprocess.thumbnail(numbered) if prepared is None else prepared.thumbnail
         previous, compared = self._latest, None
         if previous is not None and previous.frame == number - 1:
-            compared = ComparedAhead(previous, thumbnail, self._compare(previous, thumbnail))
+            compared = PrecomputedChange(previous, thumbnail, self._compare(previous, thumbnail))
         self._prepared[number] = _Prepared(frame.image, grey_range, prepared, thumbnail, compared)
         self._latest = thumbnail
 
-    def preprocessed(self, frame: Frame) -> tuple[PreprocessedFrame, ComparedAhead | None]:
+    def preprocessed(self, frame: Frame) -> tuple[PreprocessedFrame, PrecomputedChange | None]:
         """Return a frame preprocessed, and its comparison with the frame before where that was made ahead.
 
         What was prepared ahead is of no use where black and white have moved since.
@@ -81,7 +79,7 @@ class Foresight:
             return made.frame, made.compared
         return self._preprocess(frame, grey_range), None
 
-    def thumbnail(self, frame: Frame) -> tuple[Thumbnail, ComparedAhead | None]:
+    def thumbnail(self, frame: Frame) -> tuple[Thumbnail, PrecomputedChange | None]:
         """Return the thumbnail of a frame, and its comparison with the frame before where that was made ahead."""
         made = self._prepared.get(frame.index)
         if made is not None and made.image is frame.image:

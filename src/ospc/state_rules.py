@@ -27,8 +27,9 @@ from ospc.estimation.fit import Fit
 from ospc.estimation.prior import PriorHyperparameters
 from ospc.estimation.response_basis import ResponseBasis
 from ospc.estimation.vignette_basis import LEAST_RADIUS, VignetteBasis
-from ospc.exposures.assessment import AssessmentState
-from ospc.exposures.evidence import EvidenceState
+from ospc.exposures.brightness import BrightnessChange, PixelSamples
+from ospc.exposures.brightness_history import BrightnessHistory
+from ospc.exposures.monitor import ExposureMonitorState
 from ospc.methods.change_detection import ChangeDetector
 from ospc.methods.maximum_likelihood_state import MaximumLikelihoodState
 from ospc.methods.prediction_errors import PairErrors
@@ -64,8 +65,8 @@ _LARGEST_GREY, _LONGEST_LAG_FRAMES, _MOST_INTERVALS, _MOST_RADIAL = 65535, 1000,
 """Largest grey value, of 16 bits; largest lag that a command takes; most terms of response and of vignette, eight and
 three times those of any preset."""
 
-_CHANGES = len(CHANGE_GREY_KNOTS) + 3
-"""Parameters of a change of the camera."""
+_CHANGES, _BINS = len(CHANGE_GREY_KNOTS) + 3, len(GREY_BIN_EDGES) - 1
+"""Parameters of a change of the camera, and grey bins of a change of brightness."""
 
 
 @dataclass(frozen=True)
@@ -132,7 +133,7 @@ RULES: Mapping[type, Mapping[str, Numbers | str]] = {
         "size epochs reasons first_reasons first_frames": ELSEWHERE,
         "max_grey": Numbers(0, _LARGEST_GREY),
     },
-    AssessmentState: {
+    ExposureMonitorState: {
         "log_exposure": _logs("frames", unknown=True),
         "lag_frames known_lag suspected_lag": LAG,
     },
@@ -143,17 +144,19 @@ RULES: Mapping[type, Mapping[str, Numbers | str]] = {
         "_log_exposure": _logs("frames", most=MAX_COUNTED_FRAMES),
         "_bits": Numbers(0, _LARGEST_GREY),
     },
-    EvidenceState: {
-        "frame0": _count("changes", most=MAX_CHANGES),
-        "log_ratio": _logs("changes", "bins"),
-        "weight": Numbers(0, _LARGEST, ("changes", "bins")),
-        "moved": Numbers(-3, 3, ("changes", "bins", 4)),
-        "found": _share("changes"),
-        "motion_px": Numbers(0, MOST_PIXELS, ("changes",), unknown=True),
-        "previous": Numbers(-1, _MOST),
+    BrightnessHistory: {
+        "last_frame": Numbers(-1, _MOST),
         "repeated": _count("repeated", most=MAX_REPEATED_FRAMES),
-        "samples": _count("changes"),
-        "place_log_ratio place_log_grey": _logs("places"),
+    },
+    BrightnessChange: {
+        "log_ratio": _logs(_BINS),
+        "weight": Numbers(0, _LARGEST, (_BINS,)),
+        "vignette_terms": Numbers(-3, 3, (_BINS, 4)),
+        "overlap": UNIT,
+        "motion_px": Numbers(0, MOST_PIXELS, unknown=True),
+    },
+    PixelSamples: {
+        "log_ratio log_grey": _logs("places"),
         "position0 position1": Numbers(-2, 2, ("places", 2)),
     },
     MaximumLikelihoodState: {"motions": Numbers(0, MOST_PIXELS, ("motions",))},
@@ -214,15 +217,13 @@ def check_run(run: EngineState, method: MaximumLikelihoodState | None, settings:
     frames = len(run.exposures.log_exposure)
     _check_sampler(run.sampler, frames, settings)
     _check_epochs(run, frames)
-    evidence = run.exposures.evidence
-    _require((evidence is None) == (method is None), "a run has both exposures and a method, or neither")
-    if evidence is None or method is None:
+    _require((run.max_grey == 0) == (method is None), "a run has both a first frame and a method, or neither")
+    if method is None:
         return
     width, height = run.size
     _require(min(run.size) >= 2 and width * height <= MOST_PIXELS, "it is of frames of an impossible size")
-    _require(run.max_grey > 0, "white is 0")
     _check_pixels(run, frames)
-    _check_evidence(evidence, frames)
+    _check_history(run.exposures.history, frames)
     _check_fields(method)
     _check_method(method, run, settings)
 
@@ -287,13 +288,14 @@ def _check_pixels(run: EngineState, frames: int) -> None:
     )
 
 
-def _check_evidence(found: EvidenceState, frames: int) -> None:
-    bins = len(GREY_BIN_EDGES) - 1 if len(found.frame0) else 0
-    _logs("changes", bins).check("evidence.log_ratio", found.log_ratio)
-    _require(np.all(np.diff(found.frame0) > 0), "changes of brightness are out of order")
-    _require(np.all(found.frame0 < frames - 1), "changes of brightness are of frames that were not there")
-    _require(found.previous < frames and found.compared <= frames, "frames were compared that were not there")
-    _require(found.samples.sum() == len(found.place_log_ratio), "places of changes of brightness are missing")
+def _check_history(found: BrightnessHistory, frames: int) -> None:
+    numbers = np.array([change.frame0 for change in found.changes], dtype=np.int64)
+    _require(len(numbers) <= MAX_CHANGES, "there are too many changes of brightness")
+    _require(np.all(np.diff(numbers) > 0), "changes of brightness are out of order")
+    _require(
+        all(c.frame1 == c.frame0 + 1 < frames for c in found.changes), "frames were compared that were not there"
+    )
+    _require(found.last_frame < frames and found.compared <= frames, "frames were observed that were not there")
 
 
 def _check_method(method: MaximumLikelihoodState, run: EngineState, settings: DefaultSettings) -> None:

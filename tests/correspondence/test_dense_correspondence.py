@@ -362,7 +362,7 @@ def test_views_of_different_scenes_make_no_samples(seed):
     )
     registration = DenseRegistration()(frame0, frame1, ExposureNormalizer(), 0.0)
     assert len(sampled(FlatSampler(), frame0, frame1, registration, 0).observations) == 0
-    change = BrightnessComparer(SIZE)(frame0.thumbnail, frame1.thumbnail)
+    change = BrightnessComparer()(frame0.thumbnail, frame1.thumbnail)
     assert not change.weight.any()
     assert np.isnan(change.motion_px)
 

@@ -8,7 +8,7 @@ from functools import lru_cache
 import cv2
 import numpy as np
 
-from ospc.exposures.evidence import ExposureEvidence
+from ospc.exposures.brightness_history import BrightnessHistory
 from ospc.exposures.findings import ExposureFindings, assess_exposures
 from ospc.exposures.lag_choice import LagChoice
 from ospc.recording import ArrayRecording
@@ -102,19 +102,19 @@ class Film:
 
 
 @lru_cache(maxsize=16)
-def observed(film: Film) -> tuple[ExposureEvidence, np.ndarray]:
+def observed(film: Film) -> tuple[BrightnessHistory, np.ndarray]:
     """Return what is seen of the exposures, and ln of those stated. Tests ask for the same film many times."""
-    recording, evidence = film.recording(), ExposureEvidence(film.size)
+    recording, history = film.recording(), BrightnessHistory()
     preprocess = DefaultSettings().preprocessor()
     for frame in recording:
-        evidence.observe(preprocess.thumbnail(frame))
-    return evidence, np.log(recording.exposures_ms)
+        history.observe(preprocess.thumbnail(frame))
+    return history, np.log(recording.exposures_ms)
 
 
 def found(film: Film, choice: LagChoice = "auto", stated_log_exposure: np.ndarray | None = None) -> ExposureFindings:
     """Return what a run finds out about the exposures, without the rest of the run."""
-    evidence, stated = observed(film)
-    return assess_exposures(evidence, stated if stated_log_exposure is None else stated_log_exposure, choice)
+    history, stated = observed(film)
+    return assess_exposures(history.changes, stated if stated_log_exposure is None else stated_log_exposure, choice)
 
 
 def _wall(rng: np.random.Generator) -> np.ndarray:

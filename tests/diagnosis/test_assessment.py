@@ -9,9 +9,10 @@ from filmed import Film, observed, wandering
 from ospc import Frame, OnlineCalibrator
 from ospc.correspondence.preprocessing import Preprocessor
 from ospc.correspondence.thumbnail import Thumbnail
-from ospc.exposures import assessment, evidence
-from ospc.exposures.assessment import ExposureAssessment
+from ospc.exposures import brightness_history, monitor
+from ospc.exposures.findings import assess_exposures
 from ospc.exposures.lag_choice import LagChoice
+from ospc.exposures.monitor import ExposureMonitor
 from ospc.settings.exposures import FIRST_ASSESSMENT_CHANGES
 
 SIZE = (64, 48)
@@ -27,22 +28,21 @@ def thumbnail(number: int) -> Thumbnail:
     return Preprocessor().thumbnail(Frame.of_array(image(number), 1.0, index=number))
 
 
-def after(frames: int, choice: LagChoice = "auto") -> ExposureAssessment:
+def after(frames: int, choice: LagChoice = "auto") -> ExposureMonitor:
     """Return what is known after so many frames of equal exposure."""
-    exposures = ExposureAssessment(choice)
-    exposures.begin(SIZE)
+    exposures = ExposureMonitor(choice)
     for number in range(frames):
         exposures.table.append(1.0)
         exposures.observe(thumbnail(number))
-        exposures.reassess()
+        exposures.assess_if_due()
     return exposures
 
 
 def test_a_long_run_goes_on_being_judged(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(evidence, "MAX_CHANGES", 50)
+    monkeypatch.setattr(brightness_history, "MAX_CHANGES", 50)
     judged = []
-    monkeypatch.setattr(ExposureAssessment, "_assessed", lambda self, *_: judged.append(len(self.table)) or found)
-    found = assessment.assess_exposures(evidence.ExposureEvidence(SIZE), np.zeros(3))
+    monkeypatch.setattr(ExposureMonitor, "_assess", lambda self, *_: judged.append(len(self.table)) or found)
+    found = assess_exposures((), np.zeros(3))
     after(140)
     assert judged == [40, 59, 88, 131]
 
@@ -50,14 +50,14 @@ def test_a_long_run_goes_on_being_judged(monkeypatch: pytest.MonkeyPatch) -> Non
 def test_a_change_is_measured_against_the_latest_certain_lag(monkeypatch: pytest.MonkeyPatch) -> None:
     """The change itself makes the lag of all frames uncertain."""
     film = Film(wandering(100, 5))
-    certain = assessment.assess_exposures(observed(film)[0], film.log_exposure)
-    uncertain = assessment.assess_exposures(evidence.ExposureEvidence(SIZE), np.zeros(3))
+    certain = assess_exposures(observed(film)[0].changes, film.log_exposure)
+    uncertain = assess_exposures((), np.zeros(3))
     found, known_lags = iter([certain, uncertain]), []
-    monkeypatch.setattr(ExposureAssessment, "_assessed", lambda *_: next(found))
-    monkeypatch.setattr(assessment, "lag_change", lambda _changes, _exposures, known: known_lags.append(known))
+    monkeypatch.setattr(ExposureMonitor, "_assess", lambda *_: next(found))
+    monkeypatch.setattr(monitor, "detect_lag_change", lambda _changes, _exposures, known: known_lags.append(known))
     exposures = after(70)
     assert next(found, None) is None
-    assert exposures.change_of_lag(explains=True) is None
+    assert exposures.detect_lag_change(camera_changed=True) is None
     assert known_lags == [0]
     assert not exposures.table.trusted
 

@@ -11,8 +11,8 @@ from filmed import LARGE, Film, found, wandering
 from ospc.calibrator import OnlineCalibrator, calibrate
 from ospc.evaluation.metrics import log_ratio_error
 from ospc.exposures import findings as exposure_findings
-from ospc.exposures.brightness_changes import BrightnessChanges
-from ospc.exposures.lag_decision import LagEstimate
+from ospc.exposures.brightness_series import BrightnessSeries
+from ospc.exposures.lag_selection import LagEstimate
 from ospc.methods.maximum_likelihood import MaximumLikelihoodMethod
 from ospc.photometry.verdict import LATE_EXPOSURES, EffectEstimate
 from ospc.recording import Frame
@@ -79,7 +79,7 @@ def test_exposures_are_moved_back_if_the_fit_refutes_their_lag(monkeypatch) -> N
     as_written = calibrate(film.recording(), correct_lag="never")
     right = exposure_findings.estimate_lag
 
-    def one_late(seen: BrightnessChanges, log_exposure: np.ndarray) -> LagEstimate:
+    def one_late(seen: BrightnessSeries, log_exposure: np.ndarray) -> LagEstimate:
         """Say that exposures are a frame late, unless they were already moved, which leaves one fewer."""
         return replace(right(seen, log_exposure), candidates=(int(len(log_exposure) == FRAMES),))
 

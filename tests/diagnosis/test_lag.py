@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from filmed import Film, found, jumping, wandering
 
-from ospc.exposures.brightness_changes import BrightnessChanges
+from ospc.exposures.brightness_series import BrightnessSeries
 from ospc.exposures.lag_likelihood import fit_exposures
 
 FRAMES = 80
@@ -60,18 +60,20 @@ def test_exposures_that_chase_a_swinging_light_are_never_given_a_wrong_lag(gain:
     assert exposures.lag_frames in (None, lag)
 
 
-def simulated_observations(change: np.ndarray, scatter: float, rng: np.random.Generator) -> BrightnessChanges:
+def simulated_observations(change: np.ndarray, scatter: float, rng: np.random.Generator) -> BrightnessSeries:
     """Changes as an inexactly known exposure leaves them, in one grey bin."""
     pairs = len(change)
     error = rng.normal(0, scatter, pairs + 1)
     seen = 0.5 * (change + np.diff(error)) + rng.normal(0, 0.002, pairs)
-    return BrightnessChanges(np.arange(pairs), seen[:, None], np.full((pairs, 1), 1000.0), np.zeros((pairs, 1, 2)))
+    return BrightnessSeries(np.arange(pairs), seen[:, None], np.full((pairs, 1), 1000.0), np.zeros((pairs, 1, 2)))
 
 
 def test_whitening_undoes_the_correlation_of_single_errors() -> None:
     rng = np.random.default_rng(0)
     seen = simulated_observations(np.zeros(4000), 0.02, rng)
-    inexact = BrightnessChanges(seen.frame, seen.log_ratio, seen.weight, seen.moved, scatter=0.5 * 0.02 / 0.002)
+    inexact = BrightnessSeries(
+        seen.frame, seen.log_ratio, seen.weight, seen.vignette_terms, exposure_error=0.5 * 0.02 / 0.002
+    )
     before, after = seen.log_ratio[:, 0], inexact.whitened(seen.log_ratio)[0][:, 0]
     assert np.corrcoef(before[1:], before[:-1])[0, 1] < -0.4
     assert abs(np.corrcoef(after[1:], after[:-1])[0, 1]) < 0.05
@@ -88,7 +90,7 @@ def test_the_slope_is_that_of_the_response() -> None:
 def test_fits_made_together_are_those_made_one_by_one(scatter: float) -> None:
     exposure = wandering(80, 4)
     changes = np.stack([np.diff(exposure)[lag : 75 + lag] for lag in range(4)] + [np.zeros(75)])
-    seen = replace(simulated_observations(changes[1], 0.01, np.random.default_rng(2)), scatter=scatter)
+    seen = replace(simulated_observations(changes[1], 0.01, np.random.default_rng(2)), exposure_error=scatter)
     light = np.cos(np.arange(75.0))[:, None]
     for fit, change in zip(fit_exposures(seen, changes, light), changes, strict=True):
         (alone,) = fit_exposures(seen, change[None], light)

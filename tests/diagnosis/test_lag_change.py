@@ -9,7 +9,7 @@ import pytest
 from filmed import LARGE, Film, jumping, observed, wandering
 
 from ospc.exposures.brightness import BrightnessChange
-from ospc.exposures.lag_change import LagChange, lag_change
+from ospc.exposures.lag_change import LagChange, detect_lag_change
 
 FRAMES, SWITCH = 200, 120
 CLOUD = -0.4 * np.exp(-(((np.arange(FRAMES) - 130) / 25) ** 2))
@@ -29,7 +29,7 @@ def stated(true: np.ndarray, before: int, after: int) -> np.ndarray:
 
 def proven(seen: Sequence[BrightnessChange], log_exposure: np.ndarray, known: int) -> LagChange | None:
     """Return the change of the lag if it is proven."""
-    change = lag_change(seen, log_exposure, known)
+    change = detect_lag_change(seen, log_exposure, known)
     return change if change is not None and change.proven else None
 
 
@@ -78,7 +78,7 @@ def test_what_slow_light_can_explain_is_suspected_but_not_proven() -> None:
     # From the switch on, brightness follows the exposure of one frame later.
     gain = (number >= SWITCH) * np.diff(course, append=course[-1])
     film = Film(course, hidden_log_gain=gain, noise=0.5, size=LARGE)
-    change = lag_change(changes(film), course, 0)
+    change = detect_lag_change(changes(film), course, 0)
     assert change is not None
     assert change.later_frames == 1
     assert not change.proven
@@ -88,7 +88,7 @@ def test_a_little_evidence_is_a_suspicion() -> None:
     """So that more frames are compared."""
     film, until = Film(WANDERING.log_exposure * 0.02, size=LARGE), SWITCH + 12
     little = [change for change in changes(film) if change.frame1 < until]
-    change = lag_change(little, stated(film.log_exposure, 0, 2)[:until], 0)
+    change = detect_lag_change(little, stated(film.log_exposure, 0, 2)[:until], 0)
     assert change is not None
     assert change.later_frames == 2
     assert not change.proven

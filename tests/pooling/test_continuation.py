@@ -12,7 +12,7 @@ from calibrations import calibration as made_up
 from ospc.calibrator import OnlineCalibrator
 from ospc.errors import FormatError, NotObservableError, SettingError
 from ospc.evaluation.metrics import vignette_rmse
-from ospc.exposures.assessment import ExposureAssessment
+from ospc.exposures.monitor import ExposureMonitor
 from ospc.methods.identifiability import judged
 from ospc.methods.summary import summarise
 from ospc.photometry.calibration import Calibration, Verdict
@@ -157,7 +157,7 @@ def test_a_warning_about_the_exposures_counts_however_much_was_known(yesterday, 
     calibrator.prior = PriorCalibration.open(yesterday)
     calibrator.push(Frame.of_array(np.full(SIZE[::-1], 90, np.uint8), 5.0))
     stale = replace(calibrator.exposure_findings(), warnings=("the metadata are stale",))
-    monkeypatch.setattr(ExposureAssessment, "findings", lambda _: stale)
+    monkeypatch.setattr(ExposureMonitor, "findings", lambda _: stale)
     found = calibrator.calibration()
     assert not found.converged
     assert {verdict.state for verdict in found.verdicts.values()} == {"marginal"}

@@ -186,10 +186,10 @@ def _batch_result(data: bytes, folder: Path) -> None:
 
 def _thinned(calibrator: OnlineCalibrator) -> OnlineCalibrator:
     """Return it with few of the places that its state is full of: what is small is loaded and damaged fast."""
-    evidence, series = calibrator.evidence, calibrator._method._series
-    evidence._changes = [
+    history, series = calibrator.brightness, calibrator._method._series
+    history.changes = [
         replace(change, samples=PixelSamples(*(values[::20] for values in vars(change.samples).values())))
-        for change in evidence._changes
+        for change in history.changes
     ]
     series._places, series._grey = series._places[::40], [grey[::40] for grey in series._grey]
     return calibrator

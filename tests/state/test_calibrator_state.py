@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from ospc.calibrator import OnlineCalibrator, remaining
 from ospc.engine_state import EngineState
 from ospc.errors import FormatError, FrameError, RecordingError, SettingError
-from ospc.exposures.assessment import AssessmentState, ExposureAssessment
+from ospc.exposures.monitor import ExposureMonitor, ExposureMonitorState
 from ospc.methods.maximum_likelihood import MaximumLikelihoodMethod
 from ospc.methods.maximum_likelihood_state import MaximumLikelihoodState
 from ospc.observations import Observations
@@ -182,10 +182,10 @@ def test_everything_an_engine_knows_is_in_its_state():
 
 
 def test_everything_known_of_the_exposures_is_in_their_state():
-    known = {name.lstrip("_") for name in vars(ExposureAssessment("auto"))}
-    saved = {"evidence", "next_assessment", "known_lag", "suspected_lag"}
-    assert known == saved | {"table", "choice", "since", "findings"}
-    assert set(AssessmentState.__dataclass_fields__) == saved | {"log_exposure", "lag_frames", "trusted"}
+    known = {name.lstrip("_") for name in vars(ExposureMonitor("auto"))}
+    saved = {"history", "next_assessment", "known_lag", "suspected_lag"}
+    assert known == saved | {"table", "choice", "first_frame", "findings"}
+    assert set(ExposureMonitorState.__dataclass_fields__) == saved | {"log_exposure", "lag_frames", "trusted"}
 
 
 def test_before_the_first_usable_frame_there_is_a_state_too(tmp_path):

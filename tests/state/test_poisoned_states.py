@@ -134,7 +134,7 @@ def test_a_poisoned_state_is_refused_or_everything_works_with_it(saved, motion, 
         ("run.sampler.number", 2**62),
         ("run.sampler.comparison_period_frames", 0),
         ("run.exposures.next_assessment", -1),
-        ("run.evidence", None),
+        ("run.exposures.history", None),
         ("run.pixels._max_grey", 10),
         ("method", None),
         ("method.fit.texture_share", "nan"),
@@ -161,7 +161,8 @@ def test_values_out_of_range_are_refused(saved, tmp_path, path, value):
         ("method.keyframes.frames", 10**6),
         ("method.reservoir._parts.gradient", 1e300),
         ("method.reservoir._parts.grey", 2.0),
-        ("run.evidence.samples", 10**6),
+        ("run.exposures.history.changes.log_ratio", 1e300),
+        ("run.exposures.history.changes.samples.position0", 3.0),
     ],
 )
 def test_arrays_out_of_range_are_refused(saved, tmp_path, name, value):

@@ -32,7 +32,9 @@ class Thumbnail:
     exposed: BoolArray
     """Whether neither the place nor anything near it is black, white or masked, shape (h, w)."""
     equalized: npt.NDArray[np.uint8]
-    """The image with its histogram made flat, 8 bit, shape (h, w): nearly the same at every exposure."""
+    """The image with its histogram equalized, 8 bit, shape (h, w): nearly the same at every exposure."""
+    frame_width_px: int
+    """Width of the frame."""
 
 
 def thumbnail_of(frame: int, image: Float32Array, white: int, mask: BoolArray | None, size: ImageSize) -> Thumbnail:
@@ -51,7 +53,7 @@ def thumbnail_of(frame: int, image: Float32Array, white: int, mask: BoolArray | 
     # The square root leaves dark images more than a handful of levels to equalize.
     levels = cv2.convertScaleAbs(np.sqrt(small), alpha=255.0)
     gradient = gradient_magnitude(cv2.GaussianBlur(grey, (0, 0), THUMBNAIL_GRADIENT_SMOOTHING_PX))
-    return Thumbnail(frame, grey, gradient, near == 0, cv2.equalizeHist(levels))
+    return Thumbnail(frame, grey, gradient, near == 0, cv2.equalizeHist(levels), size[0])
 
 
 def gradient_magnitude(image: Float32Array) -> Float32Array:

@@ -53,12 +53,12 @@ def check_recording(
             progress(calibrator.frames, total)
 
     drive(calibrator, islice(recording, total), count)
-    evidence, pixels = calibrator.evidence, calibrator.pixels.report()
-    if evidence is None or pixels is None:
+    brightness, pixels = calibrator.brightness, calibrator.pixels.report()
+    if pixels is None:
         why = calibrator.first_reasons[0] if calibrator.first_reasons else "there are none"
         raise RecordingError(f"{recording.path}: none of its frames can be used; the first: {why}")
     found, calibration = calibrator.exposure_findings(), labelled(calibrator.calibration(), recording)
-    when = timing(recording.stamps_s[:total], evidence.repeated, evidence.compared)
+    when = timing(recording.stamps_s[:total], brightness.repeated, brightness.compared)
     told = (
         *_about_frames(when, calibration.counts["skipped"]),
         *_about_lag(found),
@@ -77,7 +77,7 @@ def check_recording(
         exposures=found,
         pixels=pixels,
         timing=when,
-        motion=motion(evidence.changes, calibrator.inputs()),
+        motion=motion(brightness.changes, calibrator.inputs()),
         verdicts=calibration.verdicts,
         complete=calibration.complete,
         warnings=calibration.warnings,

@@ -79,7 +79,7 @@ def motion(changes: Sequence[BrightnessChange], inputs: FitInputs | None) -> Mot
     return MotionReport(
         float(np.median(displacement)) if displacement else float("nan"),
         0.0 if observations is None else observations.radial_reach,
-        float(np.median([c.found for c in changes])) if changes else float("nan"),
+        float(np.median([c.overlap for c in changes])) if changes else float("nan"),
         still,
     )
 

@@ -76,10 +76,10 @@ class BrightnessChange:
         Robust mean of ln M₁/M₀ over the flat places of each grey bin, shape (bins,); 0 where there are too few.
     weight
         Number of those places, limited; 0 where there are too few, shape (bins,).
-    moved
-        Mean changes of R², R⁴, x and y over them, in half diagonals: what a vignette acts through, that may be
-        decentred, shape (bins, 4).
-    found
+    vignette_terms
+        Mean changes of R², R⁴, x and y over them, in half diagonals: the change of ln V of a vignette, which may be
+        off centre, is about a linear combination of these, shape (bins, 4).
+    overlap
         Share of the first frame that is well exposed and was found again in the second.
     motion_px
         Median displacement of the structured places in pixels of the frame; NaN where there are none.
@@ -91,17 +91,16 @@ class BrightnessChange:
     frame1: int
     log_ratio: FloatArray
     weight: FloatArray
-    moved: FloatArray
-    found: float
+    vignette_terms: FloatArray
+    overlap: float
     motion_px: float
     samples: PixelSamples
 
 
 class BrightnessComparer:
-    """Compares the brightness of two frames, whose width and height are in pixels, by their thumbnails."""
+    """Compares the brightness of two frames by their thumbnails."""
 
-    def __init__(self, size: ImageSize) -> None:
-        self._size = size
+    def __init__(self) -> None:
         self._register = ThumbnailRegistration()
 
     def __call__(self, first: Thumbnail, second: Thumbnail) -> BrightnessChange:
@@ -126,18 +125,20 @@ class BrightnessComparer:
         squared0, squared1 = squared[flat], values_at(squared, there)[flat]
         half_diagonal = np.float32(np.hypot(width, height) / 2)
         shift = (there - places)[flat] / half_diagonal
-        moved = np.column_stack([squared1 - squared0, squared1**2 - squared0**2, shift])
-        log_ratio, weight, mean_moved = _binned(np.log(grey1[flat] / first.grey[flat]), mean[flat], moved)
+        terms = np.column_stack([squared1 - squared0, squared1**2 - squared0**2, shift])
+        log_ratio, weight, mean_terms = _binned(np.log(grey1[flat] / first.grey[flat]), mean[flat], terms)
         structured = visible & (first.gradient > MIN_MOTION_GRADIENT)
         distance = np.hypot(*(there - places)[structured][::MOTION_STRIDE].T)
+        known = distance.size >= MIN_BIN_PIXELS
+        motion_px = float(np.median(distance)) * first.frame_width_px / width if known else float("nan")
         return BrightnessChange(
             first.frame,
             second.frame,
             log_ratio,
             weight,
-            mean_moved,
+            mean_terms,
             float(visible.mean()),
-            float(np.median(distance)) * self._size[0] / width if distance.size >= MIN_BIN_PIXELS else float("nan"),
+            motion_px,
             _samples(first, second, places[flat], there[flat], (width, height)),
         )
 
@@ -152,11 +153,11 @@ def _squared_radius(size: ImageSize) -> Float32Array:
 
 
 def _binned(
-    log_ratio: Float32Array, grey: Float32Array, moved: Float32Array
+    log_ratio: Float32Array, grey: Float32Array, terms: Float32Array
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return robust means of the log ratio in the grey bins, their weights, and mean changes of place."""
+    """Return robust means of the log ratio in the grey bins, their weights, and the means of the vignette terms."""
     bins = len(GREY_BIN_EDGES) - 1
-    mean, weight, mean_moved = np.zeros(bins), np.zeros(bins), np.zeros((bins, moved.shape[1]))
+    mean, weight, mean_terms = np.zeros(bins), np.zeros(bins), np.zeros((bins, terms.shape[1]))
     number = np.digitize(grey, GREY_BIN_EDGES) - 1
     for b in range(bins):
         inside = np.flatnonzero(number == b)
@@ -168,9 +169,9 @@ def _binned(
         scatter = np.float32(robust_scale(deviation)) + MIN_BIN_SCATTER_LOG
         kept = inside[deviation <= BIN_OUTLIER_SIGMAS * scatter]
         mean[b] = log_ratio[kept].mean()
-        mean_moved[b] = moved[kept].mean(axis=0)
+        mean_terms[b] = terms[kept].mean(axis=0)
         weight[b] = min(float(len(inside)), MAX_BIN_WEIGHT)
-    return mean, weight, mean_moved
+    return mean, weight, mean_terms
 
 
 def _samples(

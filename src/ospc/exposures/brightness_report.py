@@ -1,4 +1,4 @@
-"""How much of the changes of brightness the exposures explain, and what the rest is: flicker, jumps, drift."""
+"""How much of the changes of brightness the exposures explain, and what is left: flicker, jumps, drift."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ import numpy as np
 
 from ospc.arrays import FloatArray, IntArray
 from ospc.exposures.flicker import Flicker, find_flicker, without_waves
-from ospc.exposures.lag_decision import LagEstimate
 from ospc.exposures.lag_likelihood import LagFit
+from ospc.exposures.lag_selection import LagEstimate
 from ospc.exposures.table import exposure_cycle
 from ospc.robust import robust_scale
 from ospc.settings.exposures import (
@@ -95,7 +95,7 @@ def brightness_report(lag: LagEstimate, log_exposure: FloatArray) -> BrightnessR
 
 
 def _reported_flicker(lag: LagEstimate, fit: LagFit, cycle: int | None) -> tuple[Flicker, ...]:
-    """Return the flicker to report: clear lines that are not harmonics of the exposures' own cycle."""
+    """Return the flicker to report: clear frequencies that are not harmonics of the exposures' own cycle."""
     found = lag.flicker
     if not found:
         one = find_flicker(lag.frame, fit.unexplained)
@@ -110,8 +110,8 @@ def _reported_flicker(lag: LagEstimate, fit: LagFit, cycle: int | None) -> tuple
     reported = tuple(f for f in found if f.share >= REPORTED_FLICKER_SHARE and not own(f))
     if not reported:
         return ()
-    left = without_waves(lag.frame, fit.unexplained, [f.cycles_per_frame for f in reported])
-    return reported if np.var(left) <= (1 - REPORTED_FLICKER_TOTAL_SHARE) * np.var(fit.unexplained) else ()
+    rest = without_waves(lag.frame, fit.unexplained, [f.cycles_per_frame for f in reported])
+    return reported if np.var(rest) <= (1 - REPORTED_FLICKER_TOTAL_SHARE) * np.var(fit.unexplained) else ()
 
 
 def _jumps(frame: IntArray, unexplained: FloatArray) -> tuple[Jump, ...]:

@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ospc.arrays import FloatArray
 from ospc.errors import counted
-from ospc.exposures.brightness_changes import BrightnessChanges
+from ospc.exposures.brightness import BrightnessChange
 from ospc.exposures.brightness_report import BrightnessReport, brightness_report
-from ospc.exposures.evidence import ExposureEvidence
+from ospc.exposures.brightness_series import BrightnessSeries
 from ospc.exposures.lag import estimate_lag
-from ospc.exposures.lag_choice import LagChoice, check_lag
-from ospc.exposures.lag_decision import LagEstimate
+from ospc.exposures.lag_choice import LagChoice, check_lag, lag_in_words
+from ospc.exposures.lag_selection import LagEstimate
 from ospc.exposures.table import ExposureReport, filled
 from ospc.exposures.tone_mapping import NO_LOCAL_TONE, LocalTone, local_tone
 from ospc.photometry.verdict import LATE_EXPOSURES, EffectEstimate, Verdict
@@ -78,20 +78,28 @@ class ExposureFindings:
         """By how many frames the exposures are written late; None where that cannot be determined."""
         return self.lag.frames
 
-    def judged(self, verdict: Verdict) -> Verdict:
+    def renumbered(self, offset: int) -> ExposureFindings:
+        """Return the findings with an offset added to the numbers of their frames."""
+        brightness = self.brightness
+        if brightness is not None:
+            jumps = tuple(replace(jump, frame=jump.frame + offset) for jump in brightness.jumps)
+            brightness = replace(brightness, jumps=jumps)
+        return replace(self, lag=replace(self.lag, frame=self.lag.frame + offset), brightness=brightness)
+
+    def limited(self, verdict: Verdict) -> Verdict:
         """Return the verdict on response or vignette: marginal at best where exposures cannot be relied on."""
         if not self.warnings or not verdict.known:
             return verdict
         return Verdict("marginal", f"{verdict.reason}, but {'; '.join(self.warnings)}", self.verdict.remedy)
 
     def refuted_by(self, effects: Iterable[EffectEstimate]) -> bool:
-        """Return whether a fit to exposures that were moved by their lag shows that they were right as written."""
+        """Return whether a fit to the corrected exposures shows that they were right as written."""
         lateness = _lateness(effects)
         if lateness is None or abs(lateness.value) < DOUBTED_LAG_SIGMAS * lateness.sigma:
             return False
         return abs(self.corrected_frames + lateness.value) < REFUTED_LAG_FRAMES < abs(lateness.value)
 
-    def moved_back(self) -> ExposureFindings:
+    def without_correction(self) -> ExposureFindings:
         """Return the findings with the exposures as they are written, and their lag as an open question."""
         alone = f"changes of brightness alone suggest that they are written {lag_in_words(self.corrected_frames)}"
         reason = f"{alone}, but the fit shows that they belong to their frames"
@@ -121,36 +129,38 @@ def _uncertain(reason: str) -> str:
 
 
 def assess_exposures(
-    evidence: ExposureEvidence, log_exposure: FloatArray, choice: LagChoice = "auto", *, since: int = 0
+    changes: Sequence[BrightnessChange], log_exposure: FloatArray, choice: LagChoice = "auto", *, first_frame: int = 0
 ) -> ExposureFindings:
     """Compare the changes of brightness with the exposures written.
 
-    ``log_exposure`` is ln of the exposure written beside every frame, NaN where there is none, shape (frames,), and
-    ``since`` the number of the first frame that counts.
+    Parameters
+    ----------
+    changes
+        Changes of brightness between consecutive frames, in the order of frames.
+    log_exposure
+        ln of the exposure written beside every frame, NaN where there is none, shape (frames,).
+    choice
+        What to do about a lag.
+    first_frame
+        Number of the first frame that counts.
     """
-    written = filled(log_exposure[since:])
-    changes = BrightnessChanges.of(evidence.changes)
-    found = _assess_choice(replace(changes, frame=changes.frame - since), written, choice)
-    brightness = found.brightness
-    if brightness is not None:
-        jumps = tuple(replace(jump, frame=jump.frame + since) for jump in brightness.jumps)
-        brightness = replace(brightness, jumps=jumps)
-    found = replace(found, lag=replace(found.lag, frame=found.lag.frame + since), brightness=brightness)
-    return found if choice == "trusted" else _with_local_tone(found, evidence, filled(log_exposure))
+    series = BrightnessSeries.from_changes(changes).renumbered(-first_frame)
+    found = _assess_choice(series, filled(log_exposure[first_frame:]), choice).renumbered(first_frame)
+    return found if choice == "trusted" else _with_local_tone(found, changes, filled(log_exposure))
 
 
-def _assess_choice(changes: BrightnessChanges, written: FloatArray, choice: LagChoice) -> ExposureFindings:
+def _assess_choice(series: BrightnessSeries, written: FloatArray, choice: LagChoice) -> ExposureFindings:
     if isinstance(choice, int):
-        found = _assess_shifted(changes, written, choice)
+        found = _assess_shifted(series, written, choice)
         return replace(_as_stated(found, choice), corrected_frames=choice)
-    found = _assess(changes, written)
+    found = _assess(series, written)
     if choice == "trusted":
         reason = "the exposures were estimated from the images"
         return replace(found, verdict=Verdict("marginal", reason), notes=(), warnings=())
     certain = found.lag.correction(found.course.cycle_frames)
     if not certain or choice == "never":
         return found
-    corrected = _assess_shifted(changes, written, certain)
+    corrected = _assess_shifted(series, written, certain)
     note = (
         f"exposures are written {lag_in_words(certain)}, as {counted(found.lag.pairs, 'pair')} of frames show, and "
         "were moved to the frames they belong to; --correct-lag never leaves them"
@@ -169,13 +179,13 @@ def _as_stated(found: ExposureFindings, lag: int) -> ExposureFindings:
 
 
 def _with_local_tone(
-    found: ExposureFindings, evidence: ExposureEvidence, log_exposure: FloatArray
+    found: ExposureFindings, changes: Sequence[BrightnessChange], log_exposure: FloatArray
 ) -> ExposureFindings:
     """Look for local tone mapping, with the exposures moved by the most likely lag."""
     lag = found.lag.candidates[0] if found.lag.candidates else found.corrected_frames
-    inside = [c for c in evidence.changes if c.frame0 + lag >= 0 and c.frame1 + lag < len(log_exposure)]
-    change = np.array([log_exposure[c.frame1 + lag] - log_exposure[c.frame0 + lag] for c in inside])
-    tone = local_tone(inside, change)
+    inside = [c for c in changes if c.frame0 + lag >= 0 and c.frame1 + lag < len(log_exposure)]
+    exposure_change = np.array([log_exposure[c.frame1 + lag] - log_exposure[c.frame0 + lag] for c in inside])
+    tone = local_tone(inside, exposure_change)
     if tone is None or not tone.is_clear:
         return replace(found, local_tone=tone)
     verdict = found.verdict
@@ -184,20 +194,19 @@ def _with_local_tone(
     return replace(found, local_tone=tone, verdict=verdict, warnings=(*found.warnings, tone.text))
 
 
-def _assess_shifted(changes: BrightnessChanges, written: FloatArray, lag: int) -> ExposureFindings:
-    """Assess the exposures as if they were written beside frames earlier by a lag; the lag found is the whole one."""
+def _assess_shifted(series: BrightnessSeries, written: FloatArray, lag: int) -> ExposureFindings:
+    """Assess the exposures moved to earlier frames by a lag; the lag found is that of the exposures as written."""
     check_lag(lag, len(written))
     first, last = max(0, -lag), len(written) - max(0, lag)
-    inside = changes.within(len(written), 0, lag)
-    inside = replace(inside, frame=inside.frame - first)
+    inside = series.with_exposures(len(written), 0, lag).renumbered(-first)
     found = _assess(inside, written[first + lag : last + lag])
     candidates = tuple(candidate + lag for candidate in found.lag.candidates)
     return replace(found, lag=replace(found.lag, candidates=candidates, frame=found.lag.frame + first))
 
 
-def _assess(changes: BrightnessChanges, written: FloatArray) -> ExposureFindings:
+def _assess(series: BrightnessSeries, written: FloatArray) -> ExposureFindings:
     course = ExposureReport.of(written)
-    lag = estimate_lag(changes, written)
+    lag = estimate_lag(series, written)
     brightness = brightness_report(lag, written)
     few = brightness is None and len(written) < MIN_CHECKED_FRAMES
     # Whether exposures leave much of the brightness unexplained, at their lag or at whichever fits best.
@@ -273,11 +282,6 @@ def _unknown_lag(course: ExposureReport, lag: LagEstimate) -> Verdict:
     if lag.state == "ambiguous" and course.cycle_frames is not None:
         reason = f"the exposures repeat every {course.cycle_frames} frames: lags of {either} look the same"
     return Verdict("marginal", reason, _CHANGE_IRREGULARLY)
-
-
-def lag_in_words(lag: int) -> str:
-    """Return a lag as words, such as "2 frames late"."""
-    return f"{counted(abs(lag), 'frame')} {'late' if lag > 0 else 'early'}"
 
 
 def _percent(log_change: float) -> str:

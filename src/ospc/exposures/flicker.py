@@ -55,19 +55,19 @@ def find_flicker(frame: IntArray, change: FloatArray) -> Flicker | None:
     value = change - np.median(change)
     limit = FLICKER_CLIP_SIGMAS * (robust_scale(value) + MIN_FLICKER_SCATTER_LOG)
     value = np.clip(value, -limit, limit)
-    line = _strongest(frame, value, MIN_FAST_PERIODS)
-    fitted = value - without_waves(frame, value, [line])
+    frequency = _strongest_frequency(frame, value, MIN_FAST_PERIODS)
+    fitted = value - without_waves(frame, value, [frequency])
     share = min(float(np.var(fitted)) / max(float(np.var(fast_part(frame, value))), 1e-12), 1.0)
-    # Chance that the largest of so many independent lines of white noise has this share of the power.
-    lines = len(value) // 2
-    chance = lines * (1 - min(share, MAX_FLICKER_SHARE)) ** max(lines / len(_runs(frame)) - 1, 1.0)
+    # Chance that the largest of so many independent frequencies of white noise has this share of the power.
+    count = len(value) // 2
+    chance = count * (1 - min(share, MAX_FLICKER_SHARE)) ** max(count / len(_runs(frame)) - 1, 1.0)
     amplitude = float(np.sqrt(2) * np.std(fitted))
     if amplitude < MIN_FLICKER_LOG or share < MIN_FLICKER_SHARE or chance > FLICKER_CHANCE:
         return None
-    return Flicker(line, amplitude, share)
+    return Flicker(frequency, amplitude, share)
 
 
-def main_line(frame: IntArray, change: FloatArray) -> tuple[float, float] | None:
+def strongest_wave(frame: IntArray, change: FloatArray) -> tuple[float, float] | None:
     """Return the strongest frequency of changes, in cycles per frame, and its share of their energy.
 
     Frequencies with less than two periods in a run of frames are ignored; None where no run is long enough.
@@ -75,9 +75,9 @@ def main_line(frame: IntArray, change: FloatArray) -> tuple[float, float] | None
     energy = float(np.sum(change**2))
     if energy <= 0 or not in_long_runs(frame).any():
         return None
-    line = _strongest(frame, change, MIN_PERIODS)
-    left = without_waves(frame, change, [line])
-    return line, 1 - float(np.sum(left**2)) / energy
+    frequency = _strongest_frequency(frame, change, MIN_PERIODS)
+    rest = without_waves(frame, change, [frequency])
+    return frequency, 1 - float(np.sum(rest**2)) / energy
 
 
 def waves(frame: IntArray, cycles_per_frame: Sequence[float]) -> FloatArray:
@@ -93,11 +93,11 @@ def waves(frame: IntArray, cycles_per_frame: Sequence[float]) -> FloatArray:
 
 def without_waves(frame: IntArray, change: FloatArray, cycles_per_frame: Sequence[float]) -> FloatArray:
     """Return changes without what waves of these frequencies explain of them, in each run of frames, shape (n,)."""
-    left = change.copy()
+    rest = change.copy()
     for run in _runs(frame):
         columns = waves(frame[run], cycles_per_frame)
-        left[run] -= columns @ np.linalg.lstsq(columns, change[run], rcond=None)[0]
-    return left
+        rest[run] -= columns @ np.linalg.lstsq(columns, change[run], rcond=None)[0]
+    return rest
 
 
 def in_long_runs(frame: IntArray) -> BoolArray:
@@ -119,14 +119,14 @@ def fast_part(frame: IntArray, change: FloatArray) -> FloatArray:
     return fast
 
 
-def _strongest(frame: IntArray, values: FloatArray, periods: int) -> float:
-    """Return the strongest frequency with so many periods in the longest run at least, in cycles per frame."""
+def _strongest_frequency(frame: IntArray, values: FloatArray, periods: int) -> float:
+    """Return the strongest frequency, in cycles per frame, with at least so many periods in the longest run."""
     grids = [_on_grid(frame[run], values[run]) for run in _runs(frame)]
     longest = max(len(grid) for grid in grids)
     length = FOURIER_OVERSAMPLING * longest
     power = sum((np.abs(np.fft.rfft(grid, length)) ** 2 for grid in grids), np.zeros(length // 2 + 1))
-    frequency = np.fft.rfftfreq(length)
-    return float(frequency[np.argmax(np.where(frequency >= periods / longest, power, 0.0))])
+    frequencies = np.fft.rfftfreq(length)
+    return float(frequencies[np.argmax(np.where(frequencies >= periods / longest, power, 0.0))])
 
 
 def _on_grid(frame: IntArray, values: FloatArray) -> FloatArray:

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 
 from ospc.arrays import FloatArray
-from ospc.exposures.brightness_changes import BrightnessChanges
-from ospc.exposures.flicker import Flicker, find_flicker, in_long_runs, main_line, without_waves
-from ospc.exposures.lag_decision import SILENT, LagEstimate, Trial, decide
+from ospc.exposures.brightness_series import BrightnessSeries
+from ospc.exposures.flicker import Flicker, find_flicker, in_long_runs, strongest_wave, without_waves
 from ospc.exposures.lag_likelihood import fit_exposures
+from ospc.exposures.lag_selection import UNRESPONSIVE, LagEstimate, LagHypotheses, select_lag
 from ospc.exposures.table import exposure_cycle
 from ospc.settings.exposures import (
     AGREEING_SIGMAS,
@@ -32,7 +32,7 @@ from ospc.settings.exposures import (
 )
 
 
-def estimate_lag(seen: BrightnessChanges, log_exposure: FloatArray, max_lag: int = MAX_LAG) -> LagEstimate:
+def estimate_lag(series: BrightnessSeries, log_exposure: FloatArray, max_lag: int = MAX_LAG) -> LagEstimate:
     """Estimate by how many frames exposures come late.
 
     Every lag is fitted to the same pairs of frames (those whose exposure is known for all lags). The most likely lag
@@ -41,7 +41,7 @@ def estimate_lag(seen: BrightnessChanges, log_exposure: FloatArray, max_lag: int
 
     Parameters
     ----------
-    seen
+    series
         Changes of brightness between consecutive frames.
     log_exposure
         ln of the exposure of every frame of the recording, shape (frames,).
@@ -49,74 +49,147 @@ def estimate_lag(seen: BrightnessChanges, log_exposure: FloatArray, max_lag: int
         Largest lag tried, either way.
     """
     lags = np.arange(-max_lag, max_lag + 1)
-    inner = seen.within(len(log_exposure), -max_lag, max_lag)
-    nothing = np.zeros(len(lags))
-    unknown = LagEstimate("constant exposure", (), lags, nothing, nothing, frame=inner.frame)
+    comparable = series.with_exposures(len(log_exposure), -max_lag, max_lag)
+    zeros = np.zeros(len(lags))
+    unknown = LagEstimate("constant exposure", (), lags, zeros, zeros, frame=comparable.frame)
     constant = float(np.ptp(log_exposure)) < CONSTANT_EXPOSURE_LOG
-    if len(inner.driven) < MIN_LAG_PAIRS:
+    if len(comparable.predicted) < MIN_LAG_PAIRS:
         return unknown if constant else replace(unknown, state="too few pairs")
-    changes = np.stack([inner.log_change(log_exposure, lag) for lag in lags.tolist()])
+    changes = np.stack([comparable.exposure_change(log_exposure, lag) for lag in lags.tolist()])
     if constant or np.abs(changes).max() < MIN_PAIR_LOG_CHANGE:
-        trial = _with_flicker(Trial.of(inner, log_exposure, np.zeros(1, np.int64)))
-        return replace(unknown, fit=fit_exposures(inner, changes[max_lag : max_lag + 1])[0], flicker=trial.flickers)
-    trial = _with_flicker(Trial.of(inner, log_exposure, lags))
-    return _of_all_pairs(_decide(trial, seen), trial, inner)
+        tried = _with_flicker(LagHypotheses.fit(comparable, log_exposure, np.zeros(1, np.int64)))
+        (fit,) = fit_exposures(comparable, changes[max_lag : max_lag + 1])
+        return replace(unknown, fit=fit, flicker=tried.flickers)
+    tried = _with_flicker(LagHypotheses.fit(comparable, log_exposure, lags))
+    return _with_fit_to_all_pairs(_select(tried, series), tried, comparable)
 
 
-def _decide(trial: Trial, seen: BrightnessChanges) -> LagEstimate:
+def _select(tried: LagHypotheses, series: BrightnessSeries) -> LagEstimate:
     """Return the lag from changes from frame to frame, or else from fits that suffer less from wrong exposures."""
-    first = decide(trial)
+    first = select_lag(tried)
     doubtful = first.fit is not None and float(np.median(first.fit.slopes)) < DOUBTFUL_RESPONSE_SLOPE
-    settled = first.state not in ("ambiguous", *SILENT)
+    settled = first.state not in ("ambiguous", *UNRESPONSIVE)
     if settled and not doubtful:
-        holds = _holds_beside_a_swinging_light(first, trial)
+        holds = _holds_under_swinging_light(first, tried)
         return first if holds else replace(first, state="follows flicker")
-    scattered = None if trial.flickers else _with_scatter(trial)
-    if scattered is not None:
-        return replace(scattered, fit=trial.fits[int(np.flatnonzero(trial.lags == scattered.frames)[0])])
-    return first if settled else _over_longer(first, trial, seen)
+    inexact = None if tried.flickers else _with_inexact_exposures(tried)
+    if inexact is not None:
+        return replace(inexact, fit=tried.fits[tried.index_of(inexact.candidates[0])])
+    return first if settled else _over_long_intervals(first, tried, series)
 
 
-def _of_all_pairs(found: LagEstimate, trial: Trial, seen: BrightnessChanges) -> LagEstimate:
-    """Return an estimate whose fit covers all pairs, where flicker was looked for in some of them."""
-    if len(trial.seen) == len(seen) or found.fit is None:
+def _with_fit_to_all_pairs(found: LagEstimate, tried: LagHypotheses, series: BrightnessSeries) -> LagEstimate:
+    """Return an estimate whose fit covers all pairs, where flicker was looked for in some of them only."""
+    if len(tried.series) == len(series) or found.fit is None:
         return found
-    change = seen.log_change(trial.log_exposure, found.candidates[0]) if found.candidates else np.zeros(len(seen))
-    return replace(found, fit=fit_exposures(seen, change[None])[0], frame=seen.frame)
+    known = bool(found.candidates)
+    change = series.exposure_change(tried.log_exposure, found.candidates[0]) if known else np.zeros(len(series))
+    return replace(found, fit=fit_exposures(series, change[None])[0], frame=series.frame)
 
 
-def _holds_beside_a_swinging_light(first: LagEstimate, trial: Trial) -> bool:
+# Flicker beside the exposures.
+
+
+def _with_flicker(tried: LagHypotheses) -> LagHypotheses:
+    """Return the lags with periodic changes fitted, too, where these make some lag much more likely.
+
+    An exposure control that follows the flicker of a lamp is as periodic as the lamp. What it does at that frequency
+    says nothing about the metadata; at some wrong lag it even seems to explain the flicker. So the frequencies that
+    any lag leaves unexplained are tried, in long runs of frames only.
+    """
+    in_runs = tried.series.where(in_long_runs(tried.series.frame))
+    if len(in_runs.predicted) < MIN_LAG_PAIRS:
+        return tried
+    all_in_runs = len(in_runs) == len(tried.series)
+    found = tried if all_in_runs else LagHypotheses.fit(in_runs, tried.log_exposure, tried.lags)
+    for _ in range(MAX_FLICKERS):
+        with_one_more = [
+            LagHypotheses.fit(in_runs, tried.log_exposure, tried.lags, (*found.flickers, flicker))
+            for flicker in _flicker_candidates(found)
+        ]
+        better = max(with_one_more, key=lambda each: each.max_log_likelihood, default=found)
+        if better.max_log_likelihood - found.max_log_likelihood < MIN_FLICKER_LEAD:
+            break
+        found = better
+    return found if found.flickers else tried
+
+
+def _flicker_candidates(tried: LagHypotheses) -> list[Flicker]:
+    """Return the different frequencies that stand out in what the lags leave unexplained."""
+    frame, known = tried.series.frame, [flicker.cycles_per_frame for flicker in tried.flickers]
+    candidates: list[Flicker] = []
+    for fit in sorted(tried.fits, key=lambda fit: -fit.total):
+        found = find_flicker(frame, without_waves(frame, fit.unexplained, known))
+        if found is None:
+            continue
+        if all(abs(found.cycles_per_frame - other.cycles_per_frame) > SAME_FREQUENCY for other in candidates):
+            candidates.append(found)
+    return candidates[:MAX_FLICKER_CANDIDATES]
+
+
+def _holds_under_swinging_light(first: LagEstimate, tried: LagHypotheses) -> bool:
     """Return whether a lag holds even if the light swings with the main period of the exposures.
 
     An exposure control that follows a swinging light leaves swings of brightness, which exposures at a wrong lag fit
     as well. Its exposures swing with one period, and little.
     """
-    if first.frames is None or trial.flickers or exposure_cycle(trial.log_exposure) is not None:
+    if first.frames is None or tried.flickers or exposure_cycle(tried.log_exposure) is not None:
         return True
-    change = trial.changes[trial.best]
-    found = main_line(trial.seen.frame, change)
+    change = tried.changes[tried.best]
+    found = strongest_wave(tried.series.frame, change)
     if found is None:
         return True
-    line, share = found
-    if share < SWINGING_EXPOSURE_SHARE or np.std(trial.log_exposure[trial.seen.frame]) > MAX_SWINGING_EXPOSURE_LOG:
+    cycles_per_frame, share = found
+    deviation = np.std(tried.log_exposure[tried.series.frame])
+    if share < SWINGING_EXPOSURE_SHARE or deviation > MAX_SWINGING_EXPOSURE_LOG:
         return True
-    flicker = (Flicker(line, float(np.sqrt(2) * np.std(change)), share),)
-    return decide(Trial.of(trial.seen, trial.log_exposure, trial.lags, flicker)).frames == first.frames
+    swing = Flicker(cycles_per_frame, float(np.sqrt(2) * np.std(change)), share)
+    beside = LagHypotheses.fit(tried.series, tried.log_exposure, tried.lags, (swing,))
+    return select_lag(beside).frames == first.frames
 
 
-def _over_longer(first: LagEstimate, trial: Trial, seen: BrightnessChanges) -> LagEstimate:
-    """Return the estimate from changes over several frames where those from frame to frame settle nothing."""
-    pairs = seen.where(in_long_runs(seen.frame)) if trial.flickers else seen
-    tried = (_over(step, pairs, trial) for step in LONG_INTERVALS_FRAMES)
-    overs = [over for over in tried if over is not None]
-    agreed = next((over for over in overs if _agree(first, over)), None)
-    silent = first.state in SILENT
-    chosen = agreed or (next((over for over in overs if over.state not in SILENT), None) if silent else None)
+# Where single exposures are inexact.
+
+
+def _with_inexact_exposures(tried: LagHypotheses) -> LagEstimate | None:
+    """Return the estimate that allows for errors of single exposures; None unless all sizes of errors agree on it.
+
+    Where errors of the metadata outweigh most changes of exposure, a model without them finds that brightness hardly
+    follows the exposure, and its preferred lag means nothing.
+    """
+    found = [
+        select_lag(LagHypotheses.fit(replace(tried.series, exposure_error=error), tried.log_exposure, tried.lags))
+        for error in EXPOSURE_ERROR_SCALES
+    ]
+    agreed = len({estimate.candidates[:1] for estimate in found}) == 1
+    possible = all(estimate.state in ("determined", "ambiguous") for estimate in found)
+    return next((e for e in found if e.frames is not None), None) if agreed and possible else None
+
+
+# Where changes from frame to frame leave the lag open.
+
+
+def _over_long_intervals(first: LagEstimate, tried: LagHypotheses, series: BrightnessSeries) -> LagEstimate:
+    """Return the estimate from changes over several frames, or the first one where those say no more."""
+    pairs = series.where(in_long_runs(series.frame)) if tried.flickers else series
+    estimates = [e for e in (_over(frames, pairs, tried) for frames in LONG_INTERVALS_FRAMES) if e is not None]
+    agreed = next((estimate for estimate in estimates if _agree(first, estimate)), None)
+    chosen = agreed
+    if chosen is None and first.state in UNRESPONSIVE:
+        chosen = next((estimate for estimate in estimates if estimate.state not in UNRESPONSIVE), None)
     if chosen is None:
         return first
     # The fit that is reported stays the one to changes from frame to frame.
-    at = int(np.flatnonzero(trial.lags == chosen.candidates[0])[0])
-    return replace(chosen, state=chosen.state if agreed else "ambiguous", fit=trial.fits[at], frame=trial.seen.frame)
+    fit = tried.fits[tried.index_of(chosen.candidates[0])]
+    return replace(chosen, state=chosen.state if agreed else "ambiguous", fit=fit, frame=tried.series.frame)
+
+
+def _over(interval_frames: int, series: BrightnessSeries, tried: LagHypotheses) -> LagEstimate | None:
+    """Return the estimate from changes over so many frames; None where there are too few."""
+    longer = series.over(interval_frames).with_exposures(len(tried.log_exposure), *tried.lags.tolist())
+    if len(longer.predicted) < MIN_LAG_PAIRS:
+        return None
+    return select_lag(LagHypotheses.fit(longer, tried.log_exposure, tried.lags, tried.flickers))
 
 
 def _agree(first: LagEstimate, longer: LagEstimate) -> bool:
@@ -127,57 +200,3 @@ def _agree(first: LagEstimate, longer: LagEstimate) -> bool:
     needed = AGREEING_SIGMAS if longer.frames == first.candidates[0] else OPPOSING_SIGMAS
     sure = np.delete(longer.sigmas, at).min() >= needed
     return bool(sure and first.score[at] > -MAX_DEFICIT)
-
-
-def _with_scatter(trial: Trial) -> LagEstimate | None:
-    """Return the estimate that allows for errors of single exposures; None unless all sizes of errors agree on it.
-
-    Where errors of the metadata outweigh most changes of exposure, a model without them finds that brightness hardly
-    follows the exposure, and its preferred lag means nothing.
-    """
-    found = [
-        decide(Trial.of(replace(trial.seen, scatter=scatter), trial.log_exposure, trial.lags))
-        for scatter in EXPOSURE_ERROR_SCALES
-    ]
-    agreed = len({estimate.candidates[:1] for estimate in found}) == 1
-    possible = all(estimate.state in ("determined", "ambiguous") for estimate in found)
-    return next((e for e in found if e.frames is not None), None) if agreed and possible else None
-
-
-def _over(step: int, seen: BrightnessChanges, trial: Trial) -> LagEstimate | None:
-    """Return the estimate from changes over several frames; None where there are too few."""
-    longer = seen.summed(step).within(len(trial.log_exposure), *trial.lags.tolist())
-    if len(longer.driven) < MIN_LAG_PAIRS:
-        return None
-    return decide(Trial.of(longer, trial.log_exposure, trial.lags, trial.flickers))
-
-
-def _with_flicker(trial: Trial) -> Trial:
-    """Return the trial with periodic changes fitted too, where these make some lag much more likely.
-
-    An exposure control that follows the flicker of a lamp is as periodic as the lamp. What it does at that frequency
-    says nothing about the metadata; at some wrong lag it even seems to explain the flicker. So the frequencies that
-    any lag leaves unexplained are tried, in long runs of frames only.
-    """
-    long = trial.seen.where(in_long_runs(trial.seen.frame))
-    if len(long.driven) < MIN_LAG_PAIRS:
-        return trial
-    found = trial if len(long) == len(trial.seen) else Trial.of(long, trial.log_exposure, trial.lags)
-    for _ in range(MAX_FLICKERS):
-        tried = [Trial.of(long, trial.log_exposure, trial.lags, (*found.flickers, line)) for line in _lines(found)]
-        better = max(tried, key=lambda each: each.likelihood, default=found)
-        if better.likelihood - found.likelihood < MIN_FLICKER_LEAD:
-            break
-        found = better
-    return found if found.flickers else trial
-
-
-def _lines(trial: Trial) -> list[Flicker]:
-    """Return the different frequencies that stand out in what the lags leave unexplained."""
-    known = [flicker.cycles_per_frame for flicker in trial.flickers]
-    lines: list[Flicker] = []
-    for fit in sorted(trial.fits, key=lambda fit: -fit.total):
-        line = find_flicker(trial.seen.frame, without_waves(trial.seen.frame, fit.unexplained, known))
-        if line is not None and all(abs(line.cycles_per_frame - f.cycles_per_frame) > SAME_FREQUENCY for f in lines):
-            lines.append(line)
-    return lines[:MAX_FLICKER_CANDIDATES]

@@ -1,4 +1,4 @@
-"""What to do about a lag of the exposures, as a user chooses."""
+"""What the user wants to be done about a lag of the exposures."""
 
 from __future__ import annotations
 
@@ -58,3 +58,8 @@ def check_lag(choice: LagChoice, frames: int) -> None:
 def leaves_frames(choice: LagChoice, frames: int) -> bool:
     """Whether a lag leaves at least two of the frames with an exposure of their own."""
     return not isinstance(choice, int) or frames - abs(choice) >= 2
+
+
+def lag_in_words(lag: int) -> str:
+    """Return a lag as words, such as "2 frames late"."""
+    return f"{counted(abs(lag), 'frame')} {'late' if lag > 0 else 'early'}"

@@ -2,11 +2,11 @@
 
 The observed change of pair i is the weighted mean over grey bins b of ln M₁/M₀, and the model is
 
-    d_ib = β_b x_i + a · q_ib + noise,        β_b ≥ 0,
+    d_ib = β_b x_i + a · q_ib + n_i,        β_b ≥ 0,
 
-with x_i the change of ln exposure, q_ib the mean changes of R², R⁴, x and y, of which ln of a vignette is about a
-linear combination, and β_b = d ln M/d ln e, the slope of whatever response there is. The noise has a slow part (no
-scene is registered perfectly) and heavy tails: it is an autoregressive process driven by Student's t.
+with x_i the change of ln exposure, q_ib the mean changes of R², R⁴, x and y, of which the change of ln V is about a
+linear combination, and β_b = d ln M/d ln e, the slope of whatever response there is. The noise n_i is autoregressive,
+for the errors of registration change slowly, and its innovations follow Student's t, for they have heavy tails.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ospc.arrays import FloatArray, IntArray
-from ospc.exposures.brightness_changes import BrightnessChanges
+from ospc.exposures.brightness_series import BrightnessSeries
 from ospc.robust import SIGMA_OF_MEDIAN
 from ospc.settings.exposures import (
     AR_ORDER,
@@ -37,13 +37,19 @@ from ospc.settings.exposures import (
 
 @dataclass(frozen=True)
 class LagFit:
-    """Exposures fitted to n observed changes.
+    """Exposures, at some lag, fitted to the changes of brightness of n pairs of frames.
 
-    ``observed`` is the change of brightness of each pair without what the vignette does, and ``explained`` what the
-    exposure explains of it, shape (n,). ``log_likelihood`` is that of each pair that comes right after others,
-    :attr:`BrightnessChanges.driven`, shape (m,), and ``slopes`` d ln M/d ln e in each grey bin, shape (bins,), 0
-    where the exposure does not change. ``scale`` is that of what drives the noise: the part of one pair that those
-    before do not predict.
+    Attributes
+    ----------
+    log_likelihood
+        That of each pair in :attr:`BrightnessSeries.predicted`, given those before it, shape (m,).
+    slopes
+        d ln M/d ln e in each grey bin, 0 where the exposure does not change, shape (bins,).
+    observed, explained
+        The change of brightness of each pair without what the vignette does, and what the exposure explains of it,
+        shape (n,).
+    scale
+        Scale of the innovations of the noise, in ln of the grey level.
     """
 
     log_likelihood: FloatArray
@@ -70,99 +76,122 @@ class LagFit:
 
 
 def fit_exposures(
-    seen: BrightnessChanges, log_changes: FloatArray, nuisance: FloatArray | None = None
+    series: BrightnessSeries, log_changes: FloatArray, nuisance: FloatArray | None = None
 ) -> list[LagFit]:
-    """Fit several changes of ln exposure, those of different lags, to observed changes of brightness.
+    """Fit changes of ln exposure, those of several lags, to the observed changes of brightness.
 
-    The changes have shape (lags, n), and there is a fit for each lag. The size of further causes of change,
-    ``nuisance`` of shape (n, causes), is fitted too. All lags are fitted at once: one by one, small arrays take
-    several times as long.
+    All lags are fitted at once: one by one, small arrays take several times as long.
+
+    Parameters
+    ----------
+    log_changes
+        Change of ln exposure of each pair at each lag, shape (lags, n).
+    nuisance
+        Other causes of change, such as waves of a flickering light, whose sizes are fitted too, shape (n, causes).
+
+    Returns
+    -------
+    list of LagFit
+        The fit of each lag.
     """
     lags, n = log_changes.shape
     changing = np.abs(log_changes).max(axis=1, initial=0.0) > MIN_FITTED_LOG_CHANGE
     log_changes = np.where(changing[:, None], log_changes, 0.0)
-    slopes, vignette = _slopes(seen, log_changes)
-    mean_change, mean_moved = seen.means
-    observed = mean_change - vignette @ mean_moved.T
-    predicted = slopes @ seen.share.T * log_changes
+    slopes, vignette = _fit_slopes(series, log_changes)
+    mean_change, mean_terms = series.means
+    observed = mean_change - vignette @ mean_terms.T
+    predicted = slopes @ series.bin_shares.T * log_changes
     causes = np.empty((n, 0)) if nuisance is None else nuisance
     columns = [observed[..., None], predicted[..., None], np.broadcast_to(causes, (lags, *causes.shape))]
     values = np.moveaxis(np.concatenate(columns, axis=2), 1, 0)
-    white, unit = seen.whitened(values.reshape(n, -1))
+    white, unit = series.whitened(values.reshape(n, -1))
     white = np.moveaxis(white.reshape(values.shape), 1, 0)
-    limits = SLOPE_FACTOR_LIMITS if seen.scatter == 0 else INEXACT_SLOPE_FACTOR_LIMITS
-    memory = MAX_AR_SUM if seen.scatter == 0 else 0.0
-    driven = seen.driven
-    size, innovation, scale = _regress(white[..., 0], white[..., 1:], driven, limits, memory)
+    exact = series.exposure_error == 0
+    size, innovation, scale = _regress_with_ar_noise(
+        white[..., 0],
+        white[..., 1:],
+        series.predicted,
+        first_limits=SLOPE_FACTOR_LIMITS if exact else INEXACT_SLOPE_FACTOR_LIMITS,
+        max_ar_sum=MAX_AR_SUM if exact else 0.0,
+    )
     # The logarithm of Student's density, but for a constant.
     log_density = -(STUDENT_T_DOF + 1) / 2 * np.log1p((innovation / scale) ** 2 / STUDENT_T_DOF) - np.log(scale)
-    log_likelihood = log_density - np.log(unit[driven])
+    log_likelihood = log_density - np.log(unit[series.predicted])
     factor = np.where(changing, size[:, 0], 0.0)[:, None]
     parts = zip(log_likelihood, slopes * factor, observed, predicted * factor, scale[:, 0].tolist(), strict=True)
     return [LagFit(*part) for part in parts]
 
 
-def _slopes(seen: BrightnessChanges, log_changes: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return β of each bin, and a, of each lag by iterated reweighting of whole pairs."""
-    robust = np.ones_like(log_changes)
-    mean_change, mean_moved = seen.means
-    changes, moves, moved_changes, squared_moves = seen.products
-    lags, (bins, terms) = len(log_changes), seen.moved.shape[1:]
-    solution = np.zeros((lags, bins + terms))
-    normal = np.zeros((lags, bins + terms, bins + terms))
+def _fit_slopes(series: BrightnessSeries, log_changes: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return β of each bin, and a, of each lag by iteratively reweighted least squares.
+
+    All bins of a pair have one weight.
+    """
+    mean_change, mean_terms = series.means
+    changes, terms, term_changes, term_products = series.products
+    lags, (bins, term_count) = len(log_changes), series.vignette_terms.shape[1:]
+    solution = np.zeros((lags, bins + term_count))
+    normal = np.zeros((lags, bins + term_count, bins + term_count))
     settled = np.zeros(lags, np.bool_)
+    robust = np.ones_like(log_changes)
     for _ in range(MAX_REWEIGHTINGS):
         by_x = robust * log_changes
-        xx, xd = (by_x * log_changes) @ seen.weight, by_x @ changes
+        xx, xd = (by_x * log_changes) @ series.weight, by_x @ changes
         pool = SLOPE_POOLING * xx.mean(axis=1, keepdims=True) + 1e-9
         normal[:, range(bins), range(bins)] = xx + pool
-        normal[:, :bins, bins:] = np.tensordot(by_x, moves, axes=1)
+        normal[:, :bins, bins:] = np.tensordot(by_x, terms, axes=1)
         normal[:, bins:, :bins] = np.swapaxes(normal[:, :bins, bins:], 1, 2)
-        normal[:, bins:, bins:] = np.tensordot(robust, squared_moves, axes=1) + 1e-6 * np.eye(terms)
+        normal[:, bins:, bins:] = np.tensordot(robust, term_products, axes=1) + 1e-6 * np.eye(term_count)
         common = xd.sum(axis=1, keepdims=True) / np.maximum(xx.sum(axis=1, keepdims=True), 1e-12)
-        target = np.concatenate([xd + pool * common, robust @ moved_changes], axis=1)
+        target = np.concatenate([xd + pool * common, robust @ term_changes], axis=1)
         before, found = solution, np.linalg.solve(normal, target[..., None])[..., 0]
         solution = np.where(settled[:, None], before, found)
         settled |= np.abs(solution - before).max(axis=1) < REWEIGHTING_TOLERANCE
         if settled.all():
             break
-        explained = np.maximum(solution[:, :bins], 0.0) @ seen.share.T * log_changes
-        left = mean_change - explained - solution[:, bins:] @ mean_moved.T
-        allowed = np.hypot(_robust_scales(left), RELATIVE_SLOPE_ERROR * np.abs(explained))
-        if seen.scatter > 0:
-            allowed = np.maximum(allowed, INEXACT_OUTLIER_FACTOR * np.abs(left).mean(axis=1, keepdims=True))
-        robust = (STUDENT_T_DOF + 1) / (STUDENT_T_DOF + (left / allowed) ** 2)
+        explained = np.maximum(solution[:, :bins], 0.0) @ series.bin_shares.T * log_changes
+        residual = mean_change - explained - solution[:, bins:] @ mean_terms.T
+        allowed = np.hypot(_robust_scales(residual), RELATIVE_SLOPE_ERROR * np.abs(explained))
+        if series.exposure_error > 0:
+            allowed = np.maximum(allowed, INEXACT_OUTLIER_FACTOR * np.abs(residual).mean(axis=1, keepdims=True))
+        robust = _student_t_weights(residual / allowed)
     return np.maximum(solution[:, :bins], 0.0), solution[:, bins:]
 
 
-def _regress(
-    observed: FloatArray, columns: FloatArray, driven: IntArray, limits: tuple[float, float], most: float
+def _regress_with_ar_noise(
+    observed: FloatArray,
+    columns: FloatArray,
+    predicted: IntArray,
+    *,
+    first_limits: tuple[float, float],
+    max_ar_sum: float,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the size of each column, (lags, c), what drives the noise, (lags, m), and its scale, (lags, 1).
+    """Return the size of each column, (lags, c), the innovations of the noise, (lags, m), and their scale, (lags, 1).
 
-    What is observed has shape (lags, n), and the columns (lags, n, c). The first column's size stays within the
-    limits.
+    What is observed has shape (lags, n), and the columns (lags, n, c). ``first_limits`` are those of the size of the
+    first column, and ``max_ar_sum`` is the largest sum of the magnitudes of the autoregressive coefficients.
     """
-    # What is observed and every column, at the driven pairs and those before: shape (1 + AR_ORDER, lags, m, 1 + c).
-    places = driven - np.arange(1 + AR_ORDER)[:, None]
+    # Observed values and columns, at the predicted pairs and at those before: shape (1 + AR_ORDER, lags, m, 1 + c).
+    places = predicted - np.arange(1 + AR_ORDER)[:, None]
     lagged = np.moveaxis(np.concatenate([observed[..., None], columns], axis=2)[:, places], 1, 0)
-    memory = np.zeros((len(observed), AR_ORDER))
-    innovation = observed[:, driven]
+    coefficients = np.zeros((len(observed), AR_ORDER))
+    innovation = observed[:, predicted]
     weight, scale = np.ones_like(innovation), _robust_scales(innovation)
     for _ in range(MAX_REWEIGHTINGS):
-        white = lagged[0] - np.einsum("lk,klmc->lmc", memory, lagged[1:])
+        white = lagged[0] - np.einsum("lk,klmc->lmc", coefficients, lagged[1:])
         target, whitened = white[..., 0], white[..., 1:]
         size = _least_squares(whitened, target, weight)
-        within = np.clip(size[:, :1], *limits)
+        within = np.clip(size[:, :1], *first_limits)
         rest = _least_squares(whitened[..., 1:], target - whitened[..., 0] * within, weight)
         size = np.where(within == size[:, :1], size, np.concatenate([within, rest], axis=1))
         noise = lagged[..., 0] - np.einsum("klmc,lc->klm", lagged[..., 1:], size)
         earlier = np.moveaxis(noise[1:], 0, 2)
-        memory = _least_squares(earlier, noise[0], weight, ridge=AR_RIDGE)
-        memory *= np.minimum(1.0, most / np.maximum(np.abs(memory).sum(axis=1, keepdims=True), 1e-12))
-        innovation = noise[0] - (earlier @ memory[..., None])[..., 0]
-        scale = _scales(innovation, scale)
-        weight = (STUDENT_T_DOF + 1) / (STUDENT_T_DOF + (innovation / scale) ** 2)
+        coefficients = _least_squares(earlier, noise[0], weight, ridge=AR_RIDGE)
+        ar_sum = np.abs(coefficients).sum(axis=1, keepdims=True)
+        coefficients *= np.minimum(1.0, max_ar_sum / np.maximum(ar_sum, 1e-12))
+        innovation = noise[0] - (earlier @ coefficients[..., None])[..., 0]
+        scale = _student_t_scales(innovation, scale)
+        weight = _student_t_weights(innovation / scale)
     return size, innovation, scale
 
 
@@ -178,7 +207,12 @@ def _least_squares(columns: FloatArray, target: FloatArray, weight: FloatArray, 
     return np.asarray(np.linalg.solve(normal, weighted @ target[..., None])[..., 0])
 
 
-def _scales(values: FloatArray, scale: FloatArray) -> FloatArray:
+def _student_t_weights(residual: FloatArray) -> FloatArray:
+    """Return the weights of residuals, over their scale, that make least squares the maximum likelihood."""
+    return (STUDENT_T_DOF + 1) / (STUDENT_T_DOF + residual**2)
+
+
+def _student_t_scales(values: FloatArray, scale: FloatArray) -> FloatArray:
     """Return the scale of Student's t that makes the values of each lag most likely, found from a rough one."""
     squared = values**2
     settled = np.zeros(scale.shape, np.bool_)

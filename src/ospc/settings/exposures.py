@@ -42,7 +42,7 @@ flatter ones from their surroundings."""
 DARKEST_LEVEL = 1e-3
 """Lowest grey level whose logarithm is taken, a quarter of an 8-bit level; darker ones are taken for this."""
 
-# Which of them are used (ospc.exposures.brightness_changes)
+# Which changes of brightness are used (ospc.exposures.brightness_series)
 
 AR_ORDER = 2
 """Order of the autoregressive noise: neighbouring pairs share a frame, and errors of registration swing back."""
@@ -55,7 +55,7 @@ MAX_BIN_DEVIATION_SHARE = 3.0
 """Difference from the middle bin, in ln of the grey level, up to which a bin is used: a constant for errors of
 registration, and a multiple of the middle change, since the slope of a response differs by as much between bins."""
 
-# How many are kept (ospc.exposures.evidence)
+# How many changes of brightness are kept (ospc.exposures.brightness_history)
 
 MAX_CHANGES = 1200
 """Most changes of brightness kept: the likelihood of a lag then takes a tenth of a second."""
@@ -66,7 +66,7 @@ MAX_CHANGES_WITH_SAMPLES = 160
 MAX_REPEATED_FRAMES = 1000
 """Most repeated frames whose numbers are kept: enough to look through, however endless the run."""
 
-# When the exposures are assessed (ospc.exposures.assessment)
+# When the exposures are assessed (ospc.exposures.monitor)
 
 FIRST_ASSESSMENT_CHANGES = 39
 """Changes of brightness before the exposures are assessed the first time: fewer seldom settle a lag."""
@@ -150,7 +150,7 @@ AR_RIDGE = 1e-3
 MIN_FITTED_LOG_CHANGE = 1e-9
 """Change of ln exposure up to which it is only rounding, and no slope is fitted."""
 
-# Which lag is accepted (ospc.exposures.lag_decision)
+# Which lag is accepted (ospc.exposures.lag_selection)
 
 MAX_COMMON_LAG = 3
 """Largest lag that is common, in frames; larger ones are believed only where nothing else fits."""
@@ -331,7 +331,7 @@ UNCHANGED_EXPOSURE_LOG = 1e-4
 
 STALE_DRIFT_LOG = 0.12
 """Drift of ln brightness from which an exposure that never changes counts as stale, however small each step is: an
-exposure control changes it by more within :data:`DRIFT_FRAMES`, errors of registration by less."""
+exposure control changes it by more within `DRIFT_FRAMES`, errors of registration by less."""
 
 MIN_STALE_PAIRS = 12
 """Fewest pairs of unchanged exposure that can show it to be stale: their root mean square is known to a fifth."""

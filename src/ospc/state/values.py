@@ -89,8 +89,10 @@ def _described(hint: Any) -> str:
 
 @cache
 def _is_column_wise(kind: Any) -> bool:
-    """Tell whether a list of these is packed as one array per field; thousands of small arrays would be slow."""
-    return _is_dataclass(kind) and all(map(_is_array, _hints(kind).values()))
+    """Tell whether a list of these is packed as one column per field; thousands of small arrays would be slow."""
+    return _is_dataclass(kind) and all(
+        _is_array(hint) or hint in (bool, int, float) or _is_column_wise(hint) for hint in _hints(kind).values()
+    )
 
 
 @cache
@@ -131,8 +133,8 @@ def _packed_sequence(values: list[Any], item: Any, place: str, arrays: dict[str,
     if not _is_column_wise(item):
         return [_packed(value, item, f"{place}.{number}", arrays) for number, value in enumerate(values)]
     columns = {
-        name: _packed_arrays([getattr(value, name) for value in values], f"{place}.{name}", arrays)
-        for name in _hints(item)
+        name: _packed_sequence([getattr(value, name) for value in values], part, f"{place}.{name}", arrays)
+        for name, part in _hints(item).items()
     }
     return {"columns": columns}
 
@@ -168,7 +170,7 @@ def _unpacked_list(content: Any, item: Any, arrays: typing.Mapping[str, Array]) 
     if _is_column_wise(item):
         columns, hints = content["columns"], _hints(item)
         _check_names(columns, hints)
-        parts = [[_array(a, hint) for a in _split(columns[name], arrays)] for name, hint in hints.items()]
+        parts = [_unpacked_list(columns[name], hint, arrays) for name, hint in hints.items()]
         return [_made(item, dict(zip(hints, row, strict=True))) for row in zip(*parts, strict=True)]
     return [_unpacked(value, item, arrays) for value in _checked(content, list)]
 

@@ -1,0 +1,302 @@
+"""Which of several lags the images support, and whether they support it clearly enough."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from ospc.arrays import FloatArray, IntArray
+from ospc.by_value import ByValue
+from ospc.exposures.brightness_series import BrightnessSeries
+from ospc.exposures.flicker import Flicker, fast_part, waves, without_waves
+from ospc.exposures.lag_likelihood import LagFit, fit_exposures
+from ospc.exposures.table import exposure_cycle
+from ospc.settings.exposures import (
+    CORRELATED_PAIRS,
+    DISTINCT_NOISE_SCALES,
+    FLAT_RESPONSE_SLOPE,
+    FLICKER_FACTOR,
+    FLICKERING_EXPOSURE_SHARE,
+    FRACTIONAL_LAGS,
+    MAX_COMMON_LAG,
+    MAX_FRACTIONAL_LAG,
+    MIN_CORRELATED_VARIANCE_RATIO,
+    MIN_DISTINCT_PAIRS,
+    MIN_EXPLAINED_SHARE,
+    MIN_FRACTIONAL_LAG_LEAD,
+    MIN_LEAD,
+    MIN_LEAD_SIGMAS,
+    UNCOMMON_LAG_FACTOR,
+)
+
+LagState = Literal[
+    "determined",
+    "constant exposure",
+    "too few pairs",
+    "changes too small",
+    "no response to exposure",
+    "ambiguous",
+    "follows flicker",
+    "between frames",
+    "changing",
+    "out of range",
+]
+
+UNRESPONSIVE: tuple[LagState, ...] = ("no response to exposure", "changes too small")
+"""States in which exposures do not show in the images at all."""
+
+
+@dataclass(frozen=True, eq=False)
+class LagEstimate(ByValue):
+    """By how many frames the exposures come late.
+
+    Attributes
+    ----------
+    state
+        ``"determined"``, or why the lag is not.
+    candidates
+        Lags that fit too well to be excluded, best first.
+    lags, score, sigmas
+        Lags tried, the log likelihood of each relative to the best, and by how many standard deviations the best fits
+        better than each, shape (m,).
+    fraction_frames
+        Where between the best lag and its neighbours the fit is best, in frames.
+    fit
+        The fit at the best lag, or without exposures where they do not change; None without pairs.
+    frame
+        Index of the first frame of each pair of the fit, shape (pairs,).
+    flicker
+        Periodic changes of brightness that the exposures do not explain, strongest first.
+    """
+
+    state: LagState
+    candidates: tuple[int, ...]
+    lags: IntArray
+    score: FloatArray
+    sigmas: FloatArray
+    fraction_frames: float = 0.0
+    fit: LagFit | None = field(default=None, repr=False)
+    frame: IntArray = field(default_factory=lambda: np.empty(0, np.int64), repr=False)
+    flicker: tuple[Flicker, ...] = ()
+
+    @property
+    def frames(self) -> int | None:
+        """The lag L: frame i − L was taken with the exposure beside frame i. None where it is not determined."""
+        return self.candidates[0] if self.state == "determined" else None
+
+    @property
+    def pairs(self) -> int:
+        """Number of pairs of consecutive frames behind it."""
+        return len(self.frame)
+
+    def correction(self, cycle_frames: int | None) -> int | None:
+        """Return the lag to correct exposures by; None where that is not certain.
+
+        If exposures repeat after some frames, all lags that differ by whole cycles correct them alike, and any of
+        them will do.
+        """
+        if self.frames is not None or self.state != "ambiguous" or cycle_frames is None:
+            return self.frames
+        smallest = min(self.candidates, key=abs)
+        return None if any((lag - smallest) % cycle_frames for lag in self.candidates) else smallest
+
+
+@dataclass(frozen=True)
+class LagHypotheses:
+    """Several lags, m of them, each fitted to the same changes of brightness of n pairs of frames.
+
+    Attributes
+    ----------
+    series, log_exposure
+        The changes of brightness, and ln of the exposure written beside every frame, shape (frames,).
+    lags, fits
+        The lags, shape (m,), and the fit at each.
+    changes
+        Change of ln exposure of each pair at each lag, shape (m, n).
+    flickers, nuisance
+        Periodic changes of brightness that were fitted, too, and their columns, shape (n, columns), None without.
+    """
+
+    series: BrightnessSeries
+    log_exposure: FloatArray
+    lags: IntArray
+    changes: FloatArray
+    fits: tuple[LagFit, ...]
+    flickers: tuple[Flicker, ...]
+    nuisance: FloatArray | None
+
+    @classmethod
+    def fit(
+        cls, series: BrightnessSeries, log_exposure: FloatArray, lags: IntArray, flickers: tuple[Flicker, ...] = ()
+    ) -> LagHypotheses:
+        """Fit each of the lags to changes of brightness, together with flicker if there is any."""
+        changes = np.stack([series.exposure_change(log_exposure, lag) for lag in lags.tolist()])
+        nuisance = waves(series.frame, [f.cycles_per_frame for f in flickers]) if flickers else None
+        fits = tuple(fit_exposures(series, changes, nuisance))
+        return cls(series, log_exposure, lags, changes, fits, flickers, nuisance)
+
+    @property
+    def best(self) -> int:
+        """Index of the most likely lag."""
+        return int(np.argmax([fit.total for fit in self.fits]))
+
+    @property
+    def max_log_likelihood(self) -> float:
+        """Log likelihood of the most likely lag."""
+        return self.fits[self.best].total
+
+    def index_of(self, lag: int) -> int:
+        """Return the index of a lag."""
+        return int(np.flatnonzero(self.lags == lag)[0])
+
+    @property
+    def min_lead(self) -> float:
+        """Log likelihood by which the best lag must lead: more for overlapping intervals, and beside flicker."""
+        return MIN_LEAD * float(np.sqrt(self.series.interval_frames)) * self._caution
+
+    @property
+    def min_sigmas(self) -> float:
+        """Standard deviations by which the best lag must lead."""
+        return MIN_LEAD_SIGMAS * self._caution
+
+    @property
+    def _caution(self) -> float:
+        return FLICKER_FACTOR if self.flickers else 1.0
+
+
+def select_lag(tried: LagHypotheses) -> LagEstimate:
+    """Accept the most likely lag, or say why not."""
+    best = tried.best
+    lead = np.array([tried.fits[best].total - fit.total for fit in tried.fits])
+    sigmas = _lead_sigmas(tried, best)
+    best, rivals, state = _resolve_cycle(tried, best, _rivals(tried, best, lead, sigmas))
+    without = fit_exposures(tried.series, np.zeros((1, len(tried.series))), tried.nuisance)[0]
+    unresponsive = _unresponsive(tried, best, without)
+    fraction = _fraction(tried, best)
+    if unresponsive is not None:
+        state = unresponsive
+    elif state == "determined":
+        state = _objection(tried, best, fraction) or state
+    return LagEstimate(
+        state,
+        candidates=() if unresponsive else (int(tried.lags[best]), *rivals),
+        lags=tried.lags,
+        score=-lead,
+        sigmas=sigmas,
+        fraction_frames=fraction,
+        fit=without if unresponsive else tried.fits[best],
+        frame=tried.series.frame,
+        flicker=tried.flickers,
+    )
+
+
+def _lead_sigmas(tried: LagHypotheses, best: int) -> FloatArray:
+    """Return by how many standard deviations the best lag leads each other one, shape (m,)."""
+    reach = CORRELATED_PAIRS + tried.series.interval_frames - 1
+    best_fit = tried.fits[best]
+    sigmas = np.array([_mean_sigmas(best_fit.log_likelihood - fit.log_likelihood, reach) for fit in tried.fits])
+    sigmas[best] = 0.0
+    return sigmas
+
+
+def _rivals(tried: LagHypotheses, best: int, lead: FloatArray, sigmas: FloatArray) -> list[int]:
+    """Return the lags that the best one does not beat clearly, the most likely first."""
+    # In how many pairs another lag predicts a clearly different change of brightness.
+    difference = float(np.median(tried.fits[best].slopes)) * np.abs(tried.changes[best] - tried.changes)
+    distinct = np.count_nonzero(difference > DISTINCT_NOISE_SCALES * tried.fits[best].scale, axis=1)
+    uncommon = (abs(tried.lags[best]) > MAX_COMMON_LAG) & (abs(tried.lags) <= MAX_COMMON_LAG)
+    factor = np.where(uncommon, UNCOMMON_LAG_FACTOR, 1.0)
+    possible = (
+        (lead < tried.min_lead * factor**2) | (sigmas < tried.min_sigmas * factor) | (distinct < MIN_DISTINCT_PAIRS)
+    )
+    return [int(tried.lags[i]) for i in np.argsort(lead, kind="stable") if possible[i] and i != best]
+
+
+def _resolve_cycle(tried: LagHypotheses, best: int, rivals: list[int]) -> tuple[int, list[int], LagState]:
+    """Return the index of the lag, its rivals, and the state, where only a cycle of the exposures leaves it open.
+
+    Lags that differ by whole cycles look the same. The only one of a common size is taken; the others stay rivals.
+    """
+    if not rivals:
+        return best, rivals, "determined"
+    cycle = exposure_cycle(tried.log_exposure)
+    alike = [int(tried.lags[best]), *rivals]
+    common = [lag for lag in alike if abs(lag) <= MAX_COMMON_LAG]
+    if cycle is None or len(common) != 1 or any((lag - common[0]) % cycle for lag in alike):
+        return best, rivals, "ambiguous"
+    return tried.index_of(common[0]), [lag for lag in alike if lag != common[0]], "determined"
+
+
+def _unresponsive(tried: LagHypotheses, best: int, without: LagFit) -> LagState | None:
+    """Return why exposures do not show in the images, given the fit without them; None where they do."""
+    advantage = float((tried.fits[best].log_likelihood - without.log_likelihood).sum())
+    explained_share = 1 - tried.fits[best].unexplained_share  # NaN where brightness does not change
+    if advantage >= tried.min_lead and (tried.flickers or explained_share >= MIN_EXPLAINED_SHARE):
+        return None
+    smallest_change_rms = float(np.sqrt(np.mean(tried.changes**2, axis=1)).min())
+    lost_in_noise = FLAT_RESPONSE_SLOPE * smallest_change_rms < without.scale
+    return "changes too small" if lost_in_noise else "no response to exposure"
+
+
+def _objection(tried: LagHypotheses, best: int, fraction_frames: float) -> LagState | None:
+    """Return why a lag without rivals is not accepted; None where nothing speaks against it."""
+    lag = abs(int(tried.lags[best]))
+    if _exposures_follow_flicker(tried, best):
+        return "follows flicker"
+    # The likelihood may go on rising beyond the largest lag tried: an exposure control that follows a slowly swinging
+    # light leaves swings of brightness that exposures at a distant, meaningless lag fit.
+    if MAX_COMMON_LAG < lag == np.abs(tried.lags).max():
+        return "out of range"
+    if abs(fraction_frames) > MAX_FRACTIONAL_LAG:
+        return "between frames"
+    return "changing" if _halves_differ(tried, best) else None
+
+
+def _mean_sigmas(values: FloatArray, reach: int) -> float:
+    """Return a mean over its standard error, pairs within reach taken to depend on each other (Newey, West 1987)."""
+    centred = values - values.mean()
+    independent = float(np.mean(centred**2))
+    variance = independent
+    for step in range(1, min(reach, len(values) - 1) + 1):
+        variance += 2 * (1 - step / (reach + 1)) * float(np.mean(centred[step:] * centred[:-step]))
+    variance = max(variance, independent * MIN_CORRELATED_VARIANCE_RATIO)
+    return float(values.mean() * np.sqrt(len(values) / variance)) if variance > 0 else 0.0
+
+
+def _fraction(tried: LagHypotheses, best: int) -> float:
+    """Return where between a lag and its neighbours exposures fit best, in frames."""
+    if not 0 < best < len(tried.lags) - 1:
+        return 0.0
+    share = np.abs(FRACTIONAL_LAGS)[:, None]
+    neighbours = tried.changes[best + np.sign(FRACTIONAL_LAGS).astype(int)]
+    changes = (1 - share) * tried.changes[best] + share * neighbours
+    totals = [fit.total for fit in fit_exposures(tried.series, changes, tried.nuisance)]
+    top = int(np.argmax(totals))
+    if totals[top] - totals[len(totals) // 2] < MIN_FRACTIONAL_LAG_LEAD:
+        return 0.0
+    return float(FRACTIONAL_LAGS[top])
+
+
+def _exposures_follow_flicker(tried: LagHypotheses, best: int) -> bool:
+    """Return whether nearly all fast changes of exposure have the period of unexplained changes of brightness.
+
+    A control loop that follows a flickering lamp is as periodic as the lamp, and the effects of lamp and exposure
+    cannot be separated. A programmed cycle of exposures repeats exactly; no control loop does.
+    """
+    if not tried.flickers or exposure_cycle(tried.log_exposure) is not None:
+        return False
+    fast = fast_part(tried.series.frame, tried.changes[best])
+    rest = without_waves(tried.series.frame, fast, [f.cycles_per_frame for f in tried.flickers])
+    return bool(np.sum(rest**2) < (1 - FLICKERING_EXPOSURE_SHARE) * np.sum(fast**2))
+
+
+def _halves_differ(tried: LagHypotheses, best: int) -> bool:
+    """Return whether a half of the recording clearly prefers another lag."""
+    half = len(tried.fits[best].log_likelihood) // 2
+    for part in (slice(None, half), slice(half, None)):
+        leads = [fit.log_likelihood[part] - tried.fits[best].log_likelihood[part] for fit in tried.fits]
+        if any(lead.sum() > MIN_LEAD and _mean_sigmas(lead, CORRELATED_PAIRS) > MIN_LEAD_SIGMAS for lead in leads):
+            return True
+    return False
