@@ -18,7 +18,14 @@ SIZE, FRAMES = (96, 72), 8
 def simulated(place: Path, seed: int, **settings: object) -> Path:
     """Simulate a recording."""
     exposures = (3.0, 6.0, 12.0, 24.0)
-    values = {"size": SIZE, "frames": FRAMES, "exposure": "cycle", "exposures_ms": exposures, "seed": seed}
+    values = {
+        "size": SIZE,
+        "frames": FRAMES,
+        "exposure": "cycle",
+        "exposures_ms": exposures,
+        "seed": seed,
+        "scene_seed": 0,
+    }
     simulate(place, SimulationSettings(**(values | settings)))
     return place
 

@@ -24,7 +24,7 @@ cv2.setNumThreads(1)  # OpenCV reads none of these
 
 # How long an example takes says something about the machine, not about the property; and what is tested is the same
 # everywhere: to look for more, run with --hypothesis-seed and other profiles.
-settings.register_profile("repeatable", deadline=None, derandomize=True)
+settings.register_profile("repeatable", deadline=None, derandomize=True, max_examples=40)
 settings.load_profile("repeatable")
 
 

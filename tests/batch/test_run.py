@@ -12,6 +12,7 @@ import pytest
 
 import ospc.batch.work as module
 from batch_recordings import QUICK, Pretending, simulated, variant
+from command_line import leave_out
 from ospc.batch.manifest import Entry
 from ospc.batch.run import run_batch
 from ospc.batch.work import Processes, Task, ThisProcess, work
@@ -19,6 +20,13 @@ from ospc.errors import FormatError, SettingError
 from ospc.photometry.calibration import Calibration
 from ospc.pooling.pool import Pool
 from ospc.state import container
+
+
+@pytest.fixture(scope="module", autouse=True)
+def nothing_drawn():
+    with pytest.MonkeyPatch.context() as patch:
+        leave_out(patch, "report")
+        yield
 
 
 @pytest.fixture(scope="module")

@@ -55,7 +55,7 @@ def by_the_c_library(line: str) -> list[float]:
     return [number.value, stamp.value, exposure.value][: max(count, 0)]
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=100, deadline=None)
 @given(st.text(alphabet="0123456789.-+ \t,#a", max_size=24))
 def test_scanned_agrees_with_the_c_library(line):
     expected, actual = by_the_c_library(line), scanned(line, "dff")

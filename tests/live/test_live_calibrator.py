@@ -186,7 +186,7 @@ def test_frames_may_come_from_another_thread_or_a_coroutine(cameras):
 
 def test_many_threads_may_push_into_one_calibrator(cameras):
     calibrator = OnlineCalibrator()
-    frames = cameras.before[:40]
+    frames = cameras.before[:24]
     parts = [frames[i::4] for i in range(4)]
     threads = [threading.Thread(target=lambda part: [calibrator.push(f) for f in part], args=(p,)) for p in parts]
     for thread in threads:
@@ -212,16 +212,16 @@ def _in_child(calibrator, live, frames, answers):
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")
 def test_a_fork_in_mid_run_is_survived_or_refused_with_a_sentence(cameras):
     calibrator = OnlineCalibrator()
-    for frame in cameras.before[:30]:
+    for frame in cameras.before[:12]:
         calibrator.push(frame)
     context = multiprocessing.get_context("fork")
     answers = context.Queue()
     with LiveCalibrator() as live:
         live.push(cameras.before[0])
-        child = context.Process(target=_in_child, args=(calibrator, live, cameras.before[30:50], answers))
+        child = context.Process(target=_in_child, args=(calibrator, live, cameras.before[12:18], answers))
         child.start()
         try:
-            assert answers.get(timeout=60) == 50
+            assert answers.get(timeout=60) == 18
             assert "fork" in answers.get(timeout=60)
         finally:
             child.kill()

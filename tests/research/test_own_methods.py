@@ -54,6 +54,23 @@ def test_every_solver_gives_what_it_gives_alone(recording, monkeypatch):
     assert counting.extracted == list(range(len(recording)))
     assert len(set(counting.matched)) == len(counting.matched)
     assert shares[-1] == 1.0
+    # The same features and matches for all three, for these take most of the time.
+    extract, match = FeatureMatcher.features, FeatureMatcher.correspondences
+    features, matches = {}, {}
+
+    def extracted(self, frame):
+        if frame.index not in features:
+            features[frame.index] = extract(self, frame)
+        return features[frame.index]
+
+    def matched(self, left, right, size):
+        pair = left.frame, right.frame
+        if pair not in matches:
+            matches[pair] = match(self, left, right, size)
+        return matches[pair]
+
+    monkeypatch.setattr(FeatureMatcher, "features", extracted)
+    monkeypatch.setattr(FeatureMatcher, "correspondences", matched)
     for solver in VIGNETTE_SOLVERS:
         alone = OnlineCalibrator(replace(preset("paper"), vignette_solver=solver))
         for frame in recording:

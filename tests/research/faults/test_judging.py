@@ -104,7 +104,8 @@ def test_a_missing_part_is_detected_unless_its_truth_is_unknown(footage):
     assert judged(found, unknown, RUN).outcome == "harmless"
 
 
-def test_the_stated_deviation_is_that_of_the_verdict():
+def test_the_stated_deviation_is_that_of_the_verdict(monkeypatch):
+    monkeypatch.setattr("ospc.research.faults.footage.SIZE", (160, 120))
     (source,), _ = good_sources(1, 45)
     found = calibrated(good_footage(source))
     assert found.response is not None
