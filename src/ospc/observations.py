@@ -16,9 +16,10 @@ from ospc.errors import SettingError
 from ospc.photometry.grey_range import GreyRange
 from ospc.robust import weighted_median
 
-POWERS = 3
-"""Powers of the grey level whose means are kept: a cubic follows the inverse of any usual response to a few per cent,
-and veiling glare is a few per cent of the mean irradiance."""
+POWERS = 5
+"""Powers of the grey level whose means are kept: a sum of them follows the inverse of smooth responses to 1 or 2 per
+cent, and glare is a few per cent of the mean irradiance. With three, dark surroundings of the simulator's filmic and
+logarithmic responses were wrong by a fifth."""
 
 MOMENTS = POWERS + 1
 """These means, and the share of the pixels that are white: their irradiance is not known from their grey level."""
@@ -63,11 +64,11 @@ class Observations(ByValue):
     gradient
         Magnitude of the grey gradient around the place, per pixel of the image it was sampled in, shape (n,).
     frame_moments
-        Means of M, M² and M³ over the frame, and the share of its pixels that are white, from which its mean
-        irradiance follows, shape (n, 4). Zeros where they are unknown: veiling glare is not noticed then.
+        Means of M … M⁵ over the frame, and the share of its pixels that are white, from which its mean irradiance
+        follows, shape (n, 6). Zeros where they are unknown: veiling glare is not noticed then.
     surround_moments
-        Sums of 1, M, M², M³ and of the white pixels over the surroundings of the place, weighted by a normal
-        distribution whose standard deviation is a tenth of the width; beyond the frame all are zero, shape (n, 5).
+        Sums of 1, M … M⁵ and of the white pixels over the surroundings of the place, weighted by a normal
+        distribution whose standard deviation is a tenth of the width; beyond the frame all are zero, shape (n, 7).
         Zeros where they are unknown: light scattered nearby and local tone mapping are not noticed then.
     frame
         Number of the frame, shape (n,).

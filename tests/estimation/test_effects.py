@@ -1,6 +1,6 @@
 """Effects beside response and vignette are found, corrected and stated where they are there, and only there."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -68,7 +68,7 @@ class Disturbed:
         frame_light = np.exp(random.normal(-1.2, 0.4, (FRAMES, 2)))[group]
         # The brightest frames have most pixels that are white, as bright as they usually are.
         white = self.most_white * np.clip(frame_light, 0, 1) ** 2
-        frame_moments = (1 - white)[..., None] * GAMMA(frame_light)[..., None] ** [1, 2, 3] + white[..., None]
+        frame_moments = (1 - white)[..., None] * GAMMA(frame_light)[..., None] ** np.arange(1, 6) + white[..., None]
         frame_moments = np.concatenate([frame_moments, white[..., None]], axis=2)
         frame_light = (1 - white) * frame_light + white * (1 + BEYOND_WHITE)
         nearby = np.exp(random.normal(-1.2, 0.6, (n, 2)))
@@ -84,7 +84,7 @@ class Disturbed:
         def both(values: FloatArray) -> FloatArray:
             return np.broadcast_to(values, (n, 2, *values.shape[2:]))[exposed].reshape(-1, *values.shape[2:])
 
-        surround_moments = np.concatenate([around[..., None] ** np.arange(4), np.zeros((n, 2, 1))], axis=2)
+        surround_moments = np.concatenate([around[..., None] ** np.arange(6), np.zeros((n, 2, 1))], axis=2)
         return ExposedObservations(
             grey=both(noisy),
             position=both(place),
@@ -202,6 +202,24 @@ def test_what_cannot_be_told_widens_the_bands() -> None:
     sigma = {one.name: one.sigma for one in known.effect_estimates}
     assert sigma["veiling glare"] < 0.1 * EFFECTS["veiling glare"].sigma
     assert known.log_response_step_sigma(0.25, 0.75) < 0.02
+
+
+@pytest.mark.parametrize("name", ["srgb", "gamma2.2", "log", "filmic"])
+def test_moments_tell_the_mean_irradiance(name: str) -> None:
+    """Dark and bright surroundings alike, whatever the response."""
+    basis = ResponseBasis(32)
+    knots = np.clip(basis.knots, 1e-3, 1 - 1e-3)
+    above, below = (np.log(RESPONSES[name]().inverse(knots + step)) for step in (1e-3, -0.99e-3))
+    coefficients = np.maximum(knots * (above - below) / 1.99e-3, 0.1)
+    grey = np.linspace(0.1, 0.97, 40)
+    everything = Disturbed().pairs()
+    moments = np.column_stack([grey[:, None] ** np.arange(1, 6), np.zeros(40)])
+    seen = Effects(("veiling glare",)).seen(
+        replace(everything.where(slice(0, 40)), frame_moments=moments), basis, coefficients, basis.index_of(grey)
+    )
+    light = np.exp(np.interp(grey, basis.grid, basis.log_of(coefficients)))
+    error = (seen.amounts["veiling glare"] - light) / (light + 0.02)
+    assert np.sqrt(np.mean(error**2)) < 0.03
 
 
 @settings(max_examples=30)

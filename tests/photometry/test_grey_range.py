@@ -18,7 +18,7 @@ NOTHING = type("Exposures", (), {"log_exposure_of": lambda self, frames: np.zero
 
 def observed(grey):
     """Return points of two equal frames with these grey levels, evenly spread over the frame."""
-    powers = np.append(np.mean(np.asarray(grey)[:, None] ** np.arange(4), axis=0), 0.1)
+    powers = np.append(np.mean(np.asarray(grey)[:, None] ** np.arange(6), axis=0), 0.1)
     place = np.zeros((len(grey), 2))
     moments = {f"frame_moments{i}": powers[1:] for i in (0, 1)} | {
         f"surround_moments{i}": 0.5 * powers for i in (0, 1)
@@ -30,7 +30,7 @@ def observed(grey):
 def test_stretching_undoes_the_range(grey_range, levels):
     grey = grey_range.grey(levels)
     np.testing.assert_allclose(grey_range.level(grey), levels, atol=1e-12)
-    expected = np.append(np.mean(np.asarray(levels)[:, None] ** np.arange(4), axis=0), 0.1)
+    expected = np.append(np.mean(np.asarray(levels)[:, None] ** np.arange(6), axis=0), 0.1)
     found = observed(np.clip(grey, 0, 1)).stretched(grey_range)
     if len(found):
         np.testing.assert_allclose(found.frame_moments[0], expected[1:], atol=1e-9)

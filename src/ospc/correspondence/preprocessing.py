@@ -12,6 +12,7 @@ import numpy.typing as npt
 from ospc.arrays import BoolArray, Float32Array, FloatArray, Image, ImageSize, IntArray
 from ospc.correspondence.thumbnail import Thumbnail, gradient_magnitude, thumbnail_of
 from ospc.correspondence.thumbnail_registration import rescaled, values_at
+from ospc.observations import POWERS
 from ospc.photometry.grey_range import FULL_RANGE, GreyRange
 from ospc.photometry.noise import BRIGHTEST_EXPOSED
 from ospc.recording.frame import Frame
@@ -50,20 +51,20 @@ class ReducedFrame:
 
     @cached_property
     def moments(self) -> FloatArray:
-        """Means of M, M² and M³ over the small image, and the share of white pixels, shape (4,)."""
+        """Means of M … M⁵ over the small image, and the share of white pixels, shape (6,)."""
         grey = np.linspace(0, 1, 256)
-        of_grey = np.stack([grey, grey**2, grey**3, grey > BRIGHTEST_EXPOSED], axis=1)
+        of_grey = np.column_stack([grey[:, None] ** np.arange(1, POWERS + 1), grey > BRIGHTEST_EXPOSED])
         return np.asarray(self._counts @ of_grey / self._counts.sum())
 
     @cached_property
     def surround_moments(self) -> Float32Array:
-        """Weighted sums of 1, M, M², M³ and white pixels around each place of a coarse image, shape (h'', w'', 5)."""
+        """Weighted sums of 1, M … M⁵ and white pixels around each place of a coarse image, shape (h'', w'', 7)."""
         height, width = self.small.shape
         size = (SURROUND_WIDTH_PX, max(1, round(SURROUND_WIDTH_PX * height / width)))
         coarse = cv2.resize(self.small, size, interpolation=cv2.INTER_AREA).astype(np.float32) / np.float32(255)
         white = (self.small > 255 * BRIGHTEST_EXPOSED).astype(np.float32)
         white = cv2.resize(white, size, interpolation=cv2.INTER_AREA)
-        powers = np.stack([np.ones_like(coarse), coarse, coarse**2, coarse**3, white], axis=-1)
+        powers = np.stack([*(coarse**power for power in range(1 + POWERS)), white], axis=-1)
         sigma = SURROUND_SIGMA * SURROUND_WIDTH_PX
         # Nothing is known of light beyond the frame: none of it counts.
         return np.asarray(cv2.GaussianBlur(powers, (0, 0), sigma, borderType=cv2.BORDER_CONSTANT))

@@ -37,6 +37,7 @@ from ospc.settings.estimation import (
     PIXEL_NOISE_STRIDE,
     RESPONSE_DRIFT,
     SCATTER,
+    USUAL_LIGHT,
     VIGNETTE_DRIFT,
 )
 
@@ -241,10 +242,11 @@ class Effects:
 
 
 def _light_of_moments(grid: FloatArray, irradiance: FloatArray) -> FloatArray:
-    """Return the factors on moments whose sum is the mean irradiance, shape (4,).
+    """Return the factors on moments whose sum is the mean irradiance, shape (6,).
 
-    The first are the coefficients of M, M², M³ in the cubic that follows g best; the last is what white hides.
+    The first are the coefficients of the powers of M whose sum follows g best; the last is what white hides.
     """
-    powers = grid[::PIXEL_NOISE_STRIDE, None] ** np.arange(1, POWERS + 1)
-    cubic = np.linalg.lstsq(powers, irradiance[::PIXEL_NOISE_STRIDE], rcond=None)[0]
-    return np.append(cubic, BEYOND_WHITE)
+    grey, light = grid[::PIXEL_NOISE_STRIDE], irradiance[::PIXEL_NOISE_STRIDE]
+    weight = 1 / (light + USUAL_LIGHT)
+    rows = grey[:, None] ** np.arange(1, POWERS + 1) * weight[:, None]
+    return np.append(np.linalg.lstsq(rows, light * weight, rcond=None)[0], BEYOND_WHITE)
