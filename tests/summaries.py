@@ -1,8 +1,9 @@
-"""Summaries of recordings of known cameras, and others quickly made."""
+"""Summaries of recordings of known cameras, each made once, and others quickly made."""
 
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 
@@ -21,6 +22,7 @@ OTHER_LENS = replace(CAMERA, vignette=LogVignette(SIZE, (-0.35, 0.05, -0.2)))
 OTHER_RESPONSE = replace(CAMERA, response=Response.gamma(2.2, 4097))
 
 
+@cache
 def inputs_of(camera: Camera, seed: int, groups: int = 40, points: int = 40) -> FitInputs:
     """Return what a short recording of a camera shows."""
     observations = camera.pairs(seed, groups, points)
@@ -28,6 +30,7 @@ def inputs_of(camera: Camera, seed: int, groups: int = 40, points: int = 40) -> 
     return FitInputs(SIZE, 255, NOISE, observations, fit, standing_still=False, pairs=groups)
 
 
+@cache
 def fisheye_inputs_of(camera: Camera, seed: int, radius: float) -> FitInputs:
     """Return what a recording of a camera shows whose image ends at a radius, in half diagonals."""
     whole = camera.pairs(seed, groups=60, points=80)
@@ -39,6 +42,7 @@ def fisheye_inputs_of(camera: Camera, seed: int, radius: float) -> FitInputs:
     )
 
 
+@cache
 def summary(camera: Camera, seed: int, **amount: int) -> Summary:
     """Return the summary of a short recording of a camera."""
     inputs = inputs_of(camera, seed, **amount)

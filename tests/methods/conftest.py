@@ -17,7 +17,7 @@ from ospc.settings import Settings
 @pytest.fixture(scope="session")
 def walk() -> Recorded:
     """A walk through the simulated room with auto exposure; its response is one of the paper's polynomials."""
-    return recorded(frames=150, noise="low", response=Response.gamma(2.0, 2041))
+    return recorded(frames=105, noise="low", response=Response.gamma(2.0, 2041))
 
 
 @pytest.fixture(scope="session")

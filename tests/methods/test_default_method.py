@@ -171,7 +171,9 @@ def test_a_constant_exposure_tells_nothing_of_the_response(calibrated):
 
 
 def test_a_camera_that_stands_still_tells_nothing_of_the_vignette(calibrated, tmp_path):
-    made = recorded(frames=24, motion="static", exposure="sweep", exposure_min_ms=2.0, exposure_max_ms=20.0)
+    made = recorded(
+        frames=24, size=(240, 180), motion="static", exposure="sweep", exposure_min_ms=2.0, exposure_max_ms=20.0
+    )
     result = calibrated(made.frames)
     assert result.vignette is None
     assert result.vignette_sigma is None
