@@ -92,13 +92,15 @@ class MaximumLikelihoodMethod:
         self._observe_standing_still(frame)
         keyframe = self._select_keyframe.select(prepared.number, log_exposure)
         samples = NOTHING_FOUND
+        registration = None
         if keyframe is not None:
             stated = _log_ratio(exposures, keyframe.number, prepared.number)
             registration = self._register(keyframe, prepared, self._normalize, stated)
+        measured = self._second.submit(self._noise.observe, frame)  # after registration, which waits for that thread
+        if keyframe is not None:
             samples = self._sample(keyframe, prepared, registration, self._pairs)
             self._select_keyframe.learn(keyframe, prepared.number, samples)
         self._lost = keyframe is not None and samples.overlap == 0
-        measured = self._second.submit(self._noise.observe, frame)  # after registration, which waits for that thread
         self._select_keyframe.add(self._sample.keyframe(prepared), log_exposure)
         measured.result()
         if not len(samples.observations):
