@@ -59,5 +59,5 @@ def non_negative_least_squares(matrix: FloatArray, target: FloatArray) -> FloatA
 def _solution(matrix: FloatArray, target: FloatArray, free: BoolArray) -> FloatArray:
     """Return the least squares solution in which only some unknowns differ from zero, shape (n,)."""
     solution = np.zeros(len(free))
-    solution[free] = np.linalg.lstsq(matrix[:, free], target)[0]
+    solution[free] = np.linalg.lstsq(matrix[:, free], target, rcond=None)[0]
     return solution
