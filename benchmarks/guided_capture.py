@@ -21,7 +21,7 @@ from ospc.photometry.calibration import PROFILE_RADII
 from ospc.photometry.vignette import diagonal_profile
 from ospc.simulation import SimulationSettings, truth
 from ospc.simulation.camera import Sensor
-from ospc.simulation.motion import Motion
+from ospc.simulation.motion import Motion, rotation
 from ospc.simulation.rendering import View, radiance
 from ospc.simulation.scene import Scene
 
@@ -56,10 +56,9 @@ _EYE, _BLOCK, _EVEN = (64, 48), 4, 0.1
 of the radiance of a block up to which it counts as even."""
 
 
-def rotation(yaw: float, pitch: float) -> FloatArray:
-    forward = np.array([np.cos(pitch) * np.cos(yaw), np.cos(pitch) * np.sin(yaw), np.sin(pitch)])
-    right = np.array([np.sin(yaw), -np.cos(yaw), 0.0])
-    return np.stack([right, np.cross(forward, right), forward], axis=-1)
+def turned(yaw: float, pitch: float) -> FloatArray:
+    """Return the camera-to-world rotation of a look without roll, shape (3, 3)."""
+    return rotation(*np.array([[yaw], [pitch], [0.0]]))[0]
 
 
 def settled(look: Float32Array, response: Response, mean: float) -> tuple[float, float, float]:
@@ -113,7 +112,7 @@ class Person:
         self._since_s = 0.0
         self._views = [(yaw, pitch) for yaw in YAWS for pitch in PITCHES]
         looks = [
-            radiance(scene, View(_EYE, _EYE[0] * self._focal[0], self._place(0.0), rotation(*view)), 0.0)
+            radiance(scene, View(_EYE, _EYE[0] * self._focal[0], self._place(0.0), turned(*view)), 0.0)
             for view in self._views
         ]
         exposures, white, black = np.array([settled(look, response, settings.auto_target) for look in looks]).T
@@ -135,7 +134,7 @@ class Person:
         wanted *= min(1.0, limit / max(float(np.hypot(*wanted)), 1e-9))
         self._speed += (wanted - self._speed) * min(1.0, 1 / (FPS * SETTLE_S))
         self._gaze = self._gaze + self._speed / FPS
-        return self._place(time_s), rotation(*self._gaze)
+        return self._place(time_s), turned(*self._gaze)
 
     def _aim(self, instruction: Instruction) -> None:
         """Choose between which directions to turn to and fro."""

@@ -1,12 +1,12 @@
 """Kill and disturb every command that takes long, let it go on, and compare what it leaves with an undisturbed run.
 
-    python benchmarks/kills_and_faults.py --results FILE [--kills 100] [--runs 10] [--only CASE] [--commands NAME]
+    python benchmarks/kills_and_faults.py --results FOLDER [--kills 40] [--runs 10] [--only CASE] [--commands NAME]
 
 Each case disturbs calibrate, live, correct, merge, batch and experiments at random moments. Then the command is run
 as its documentation says (--resume, --force, or simply again), and every file must be that of the undisturbed run,
 bit for bit, but for times that were measured. After each disturbance, every file must be whole by the rules of its
 format, and an error must be one sentence of ours. Needs root (full and read-only disks are mounted in memory) and the
-program faketime (for clocks). Results are lines of JSON; a case that FILE has already is not repeated.
+program faketime (for clocks). Results are kept in a folder: an interrupted run goes on where it stopped.
 """
 
 from __future__ import annotations
@@ -25,9 +25,10 @@ import sys
 import tempfile
 import time
 import zipfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -37,7 +38,7 @@ import numpy as np
 from ospc.errors import OspcError
 from ospc.simulation import SimulationSettings, simulate
 from ospc.state import container
-from results import table_of
+from results import Row, measured, table_of
 
 PROGRAM = "from ospc.cli.main import main; main()"
 SETTINGS = ("--set", "points_per_pair=100", "--set", "max_points=3000", "--set", "rounds=4")
@@ -66,20 +67,23 @@ Command: TypeAlias = tuple[tuple[str, ...], tuple[str, ...]]
 
 
 @dataclass
-class Row:
-    """What came of one case with one command."""
+class Outcome:
+    """What came of disturbing a command until it was let go on."""
 
-    case: str
     command: str
     runs: int = 0
+    early: int = 0
+    refused: int = 0
     lost: int = 0
     wrong: int = 0
     torn: int = 0
     hangs: int = 0
-    early: int = 0
-    refused: int = 0
-    slowest_answer_s: float = 0.0
+    answer_s: float | None = None
     remarks: list[str] = field(default_factory=list)
+
+
+COUNTS = ("runs", "early", "refused", "lost", "wrong", "torn", "hangs")
+"""What is counted of an outcome; "early" are those that had ended before they were disturbed."""
 
 
 def commands(work: Path) -> dict[str, Command]:
@@ -222,7 +226,7 @@ class Tester:
         if code not in ENDED_WELL:
             sys.exit(f"undisturbed {command[0]} failed: {errors}")
 
-    def judge(self, row: Row, out: Path, code: int | None, errors: str) -> None:
+    def judge(self, row: Outcome, out: Path, code: int | None, errors: str) -> None:
         row.runs += 1
         lines = [line for line in errors.splitlines() if line.strip()]
         if code is None:
@@ -243,7 +247,7 @@ class Tester:
             row.torn += 1
             row.remarks.append(f"torn: {broken}")
 
-    def complete(self, row: Row, out: Path) -> None:
+    def complete(self, row: Outcome, out: Path) -> None:
         """Let the command go on, undisturbed, and compare."""
         name = row.command
         if out.is_dir() and content(out) == self.expected[name]:
@@ -259,10 +263,10 @@ class Tester:
             row.remarks.append(f"differ: {different[:6]}")
         shutil.rmtree(out, ignore_errors=True)
 
-    def start(self, row: Row, out: Path, *, again: bool = False, **more: Any) -> subprocess.Popen[bytes]:
+    def start(self, row: Outcome, out: Path, *, again: bool = False, **more: Any) -> subprocess.Popen[bytes]:
         return started(self.commands[row.command], out, again=again, **more)
 
-    def runs_on(self, row: Row, process: subprocess.Popen[bytes]) -> bool:
+    def runs_on(self, row: Outcome, process: subprocess.Popen[bytes]) -> bool:
         """Wait for a random moment, and tell whether the command is still under way."""
         try:
             process.wait(self.rng.uniform(0, self.duration_s[row.command]))
@@ -272,39 +276,22 @@ class Tester:
         return False
 
 
-Disturbance: TypeAlias = Callable[[Tester, Row, Path, float], None]
-"""Disturbs and judges a run, given its output folder and the share of the runs of its case that were before it."""
-
-
-def kill(tester: Tester, row: Row, runs: int) -> None:
+def kill(tester: Tester, row: Outcome, out: Path, _share: float) -> None:
     """SIGKILL of the command and its workers, a few times in a row."""
-    while row.runs < runs:
-        out = tester.work / "out"
-        for number in range(min(tester.rng.randint(1, MOST_IN_A_ROW), runs - row.runs)):
-            process = tester.start(row, out, again=number > 0 and out.exists())
-            if tester.runs_on(row, process):
-                killed(process)
-            tester.judge(row, out, *ended(process))
-        tester.complete(row, out)
+    for number in range(tester.rng.randint(1, MOST_IN_A_ROW)):
+        process = tester.start(row, out, again=number > 0 and out.exists())
+        if tester.runs_on(row, process):
+            killed(process)
+        tester.judge(row, out, *ended(process))
+    tester.complete(row, out)
 
 
-def repeated(disturb: Disturbance) -> Callable[[Tester, Row, int], None]:
-    """Return the case of disturbing so many runs, each of which is then let go on."""
-
-    def case(tester: Tester, row: Row, runs: int) -> None:
-        out = tester.work / "out"
-        for number in range(runs):
-            disturb(tester, row, out, number / max(runs - 1, 1))
-            tester.complete(row, out)
-
-    return case
-
-
-def interrupt(tester: Tester, row: Row, out: Path, _share: float) -> None:
+def interrupt(tester: Tester, row: Outcome, out: Path, _share: float) -> None:
     """Ctrl-C, and once more if the first is taken as 'finish early'."""
     process = tester.start(row, out)
     if not tester.runs_on(row, process):
         tester.judge(row, out, *ended(process))
+        tester.complete(row, out)
         return
     begun_s = time.monotonic()
     os.killpg(process.pid, signal.SIGINT)
@@ -313,14 +300,15 @@ def interrupt(tester: Tester, row: Row, out: Path, _share: float) -> None:
     except subprocess.TimeoutExpired:
         os.killpg(process.pid, signal.SIGINT)
     code, errors = ended(process, ANSWER_S)
-    row.slowest_answer_s = max(row.slowest_answer_s, time.monotonic() - begun_s)
+    row.answer_s = time.monotonic() - begun_s
     # Before Python has begun to run the command, an interruption is Python's own.
     if "KeyboardInterrupt" in errors and "ospc/cli/main.py" not in errors.replace("ospc.cli.main", ""):
         code, errors = 130, ""
     tester.judge(row, out, 130 if code == -signal.SIGINT else code, errors)
+    tester.complete(row, out)
 
 
-def signals(tester: Tester, row: Row, out: Path, _share: float) -> None:
+def signals(tester: Tester, row: Outcome, out: Path, _share: float) -> None:
     """Reads and writes that are interrupted by signals a hundred times a second, and pauses of the process."""
     kinds = (signal.SIGWINCH, signal.SIGCONT, signal.SIGCHLD, signal.SIGURG, signal.SIGSTOP)
     process = tester.start(row, out)
@@ -330,9 +318,10 @@ def signals(tester: Tester, row: Row, out: Path, _share: float) -> None:
         time.sleep(0.01)
         os.killpg(process.pid, signal.SIGCONT)
     tester.judge(row, out, *ended(process))
+    tester.complete(row, out)
 
 
-def memory(tester: Tester, row: Row, out: Path, share: float) -> None:
+def memory(tester: Tester, row: Outcome, out: Path, share: float) -> None:
     """A limit of the address space, from less than Python needs to more than the command takes."""
     most = int(2**20 * (200 + 1400 * share))
     process = tester.start(row, out, before=lambda: resource.setrlimit(resource.RLIMIT_AS, (most, most)))
@@ -340,6 +329,7 @@ def memory(tester: Tester, row: Row, out: Path, share: float) -> None:
     if "OpenBLAS" in errors or "ImportError" in errors or "MemoryError" in errors:
         row.remarks.append(f"{most // 2**20} MiB, exit {code}: {errors.strip()[-300:]}")
     tester.judge(row, out, code, errors)
+    tester.complete(row, out)
 
 
 @contextmanager
@@ -359,32 +349,30 @@ def remounted(place: Path, option: str) -> bool:
     return done.returncode == 0
 
 
-def full_disk(tester: Tester, row: Row, runs: int) -> None:
+def full_disk(tester: Tester, row: Outcome, _out: Path, _share: float) -> None:
     """A disk that is full at a random size of the output; then there is room again."""
     needed = sum(map(len, tester.expected[row.command].values())) // 1024
-    for _ in range(runs):
-        with disk(tester.work / "disk", 8 + int(tester.rng.random() * needed)) as place:
-            tester.judge(row, place / "out", *ended(tester.start(row, place / "out")))
-            assert remounted(place, "size=200m")
-            tester.complete(row, place / "out")
+    with disk(tester.work / "disk", 8 + int(tester.rng.random() * needed)) as place:
+        tester.judge(row, place / "out", *ended(tester.start(row, place / "out")))
+        assert remounted(place, "size=200m")
+        tester.complete(row, place / "out")
 
 
-def read_only(tester: Tester, row: Row, runs: int) -> None:
+def read_only(tester: Tester, row: Outcome, _out: Path, share: float) -> None:
     """A disk that becomes read-only at a random moment, as one with errors does, or is so from the beginning."""
-    for number in range(runs):
-        with disk(tester.work / "disk", 200 * 1024) as place:
-            from_the_beginning = bool(number % 2) and remounted(place, "ro")
-            process = tester.start(row, place / "out")
-            if tester.runs_on(row, process) and not from_the_beginning:
-                # Refused while a file is open for writing.
-                while process.poll() is None and not remounted(place, "ro"):
-                    time.sleep(0.002)
-            tester.judge(row, place / "out", *ended(process))
-            assert remounted(place, "rw")
-            tester.complete(row, place / "out")
+    with disk(tester.work / "disk", 200 * 1024) as place:
+        from_the_beginning = share > 1 / 2 and remounted(place, "ro")
+        process = tester.start(row, place / "out")
+        if tester.runs_on(row, process) and not from_the_beginning:
+            # Refused while a file is open for writing.
+            while process.poll() is None and not remounted(place, "ro"):
+                time.sleep(0.002)
+        tester.judge(row, place / "out", *ended(process))
+        assert remounted(place, "rw")
+        tester.complete(row, place / "out")
 
 
-def removed_input(tester: Tester, row: Row, out: Path, _share: float) -> None:
+def removed_input(tester: Tester, row: Outcome, out: Path, _share: float) -> None:
     """The input is moved away at a random moment, and back before the command goes on."""
     place = tester.work / ("calibrated" if row.command == "merge" else "recordings")
     process = tester.start(row, out)
@@ -393,9 +381,10 @@ def removed_input(tester: Tester, row: Row, out: Path, _share: float) -> None:
     found = ended(process)
     moved.rename(place)
     tester.judge(row, out, *found)
+    tester.complete(row, out)
 
 
-def clock(tester: Tester, row: Row, out: Path, share: float) -> None:
+def clock(tester: Tester, row: Outcome, out: Path, share: float) -> None:
     """The clock is set ahead by an hour, or back by a day, at a random moment."""
     found = sorted(Path("/usr/lib").glob("*/faketime/libfaketimeMT.so.1"))
     if not found:
@@ -413,69 +402,66 @@ def clock(tester: Tester, row: Row, out: Path, share: float) -> None:
     tester.runs_on(row, process)
     setting.write_text("+3600" if share < 1 / 3 else "-86400")
     tester.judge(row, out, *ended(process))
+    tester.complete(row, out)
 
 
-CASES: dict[str, Callable[[Tester, Row, int], None]] = {
+Case: TypeAlias = Callable[[Tester, Outcome, Path, float], None]
+"""Disturbs a command, judges it and lets it go on, given an output folder and the share of its runs before this."""
+
+CASES: dict[str, Case] = {
     "kill": kill,
-    "interrupt": repeated(interrupt),
-    "signals": repeated(signals),
+    "interrupt": interrupt,
+    "signals": signals,
     "full disk": full_disk,
     "read-only": read_only,
-    "input removed": repeated(removed_input),
-    "clock": repeated(clock),
-    "memory": repeated(memory),
+    "input removed": removed_input,
+    "clock": clock,
+    "memory": memory,
 }
 
 
-def known(results: Path) -> list[Row]:
-    """Return what a file of results holds, one row for each case and command."""
-    rows: dict[tuple[str, str], Row] = {}
-    for line in results.read_text().splitlines() if results.exists() else ():
-        new = Row(**json.loads(line))
-        old = rows.setdefault((new.case, new.command), Row(new.case, new.command))
-        for name in ("runs", "lost", "wrong", "torn", "hangs", "early", "refused", "remarks"):
-            setattr(old, name, getattr(old, name) + getattr(new, name))
-        old.slowest_answer_s = max(old.slowest_answer_s, new.slowest_answer_s)
-    return list(rows.values())
+def disturbed(tester: Tester, case: str, name: str, share: float) -> Row:
+    """Disturb a command once, by the name of the case."""
+    tester.prepare(name)
+    outcome = Outcome(name)
+    CASES[case](tester, outcome, tester.work / "out", share)
+    for remark in outcome.remarks:
+        print(f"{case}, {name}: {remark}", flush=True)
+    return {"case": case, **asdict(outcome)}
 
 
-def done(results: Path, case: str, command: str) -> int:
-    """Return how often a command was disturbed; runs that ended before do not count where it is about kills."""
-    found = [row for row in known(results) if (row.case, row.command) == (case, command)]
-    return sum(row.runs - (row.early if case == "kill" else 0) for row in found)
-
-
-def table(rows: list[Row]) -> str:
-    shown = [
-        vars(row) | {"slowest answer s": row.slowest_answer_s or None, "ended before": row.early} for row in rows
-    ]
-    counts = ("runs", "ended before", "refused", "lost", "wrong", "torn", "hangs", "slowest answer s")
-    return table_of("Disturbed commands", shown, ("case", "command", *counts), names=2)
+def totals(rows: Sequence[Row]) -> list[Row]:
+    """Return the sums of each case and command, and the slowest answer."""
+    found: list[Row] = []
+    for names in dict.fromkeys((row["case"], row["command"]) for row in rows):
+        mine = [row for row in rows if (row["case"], row["command"]) == names]
+        counts = {name: sum(row[name] for row in mine) for name in COUNTS}
+        answers = [row["answer_s"] for row in mine if row["answer_s"] is not None]
+        found.append(
+            {"case": names[0], "command": names[1], **counts, "slowest answer s": max(answers, default=None)}
+        )
+    return found
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--results", type=Path, required=True)
-    parser.add_argument("--kills", type=int, default=100, help="how often each command is killed")
+    parser.add_argument("--kills", type=int, default=40, help="how often each command is killed some times in a row")
     parser.add_argument("--runs", type=int, default=10, help="how often it is disturbed in the other cases")
     parser.add_argument("--only", action="append", choices=list(CASES), help="this case")
     parser.add_argument("--commands", action="append", metavar="NAME", help="this command")
-    parser.add_argument("--table", action="store_true", help="only print what is known")
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
-        tester = None if arguments.table else Tester(Path(folder), random.Random(time.time_ns()))
-        for case in arguments.only or CASES:
-            for name in arguments.commands or COMMANDS:
-                wanted = arguments.kills if case == "kill" else arguments.runs
-                while tester and (missing := wanted - done(arguments.results, case, name)) > 0:
-                    tester.prepare(name)
-                    row = Row(case, name)
-                    CASES[case](tester, row, min(missing, MOST_IN_A_ROW) if case == "kill" else missing)
-                    with arguments.results.open("a") as stream:
-                        stream.write(json.dumps(asdict(row)) + "\n")
-                    for remark in row.remarks:
-                        print(f"{case}, {name}: {remark}", flush=True)
-    print(table(known(arguments.results)))
+        tester = Tester(Path(folder), random.Random(time.time_ns()))
+        calls = {
+            f"{case}, {name} {number}": partial(disturbed, tester, case, name, number / runs)
+            for case in arguments.only or CASES
+            for runs in (arguments.kills if case == "kill" else arguments.runs,)
+            for name in arguments.commands or COMMANDS
+            for number in range(runs)
+        }
+        rows = measured(calls, arguments.results)
+    print(table_of("Disturbed commands", totals(rows), ("case", "command", *COUNTS, "slowest answer s"), names=2))
 
 
 if __name__ == "__main__":

@@ -106,11 +106,11 @@ class Motion:
         shrink = (1 + ((x**2 + y**2) / REACH_M**2) ** 4) ** (-1 / 8)
         x, y = x * shrink, y * shrink
         position = np.stack([x, y, z + EYE_HEIGHT_M], axis=-1)
-        return Poses(position, _rotation(yaw, pitch, roll))
+        return Poses(position, rotation(yaw, pitch, roll))
 
 
-def _rotation(yaw: FloatArray, pitch: FloatArray, roll: FloatArray) -> FloatArray:
-    """Return camera-to-world rotations, shape (n, 3, 3); at zero angles the camera looks along world x."""
+def rotation(yaw: FloatArray, pitch: FloatArray, roll: FloatArray) -> FloatArray:
+    """Return camera-to-world rotations, shape (n,) -> (n, 3, 3); at zero angles the camera looks along world x."""
     zero = np.zeros_like(yaw)
     forward = np.stack([np.cos(pitch) * np.cos(yaw), np.cos(pitch) * np.sin(yaw), np.sin(pitch)], axis=-1)
     right = np.stack([np.sin(yaw), -np.cos(yaw), zero], axis=-1)
