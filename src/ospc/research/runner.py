@@ -98,6 +98,10 @@ class Task:
     compute: Callable[[OnProgress], Any] = field(repr=False)
     about: Any = None
 
+    def run(self, progress: OnProgress) -> Any:
+        """Compute the result."""
+        return self.compute(progress)
+
 
 @dataclass(frozen=True)
 class Finished:
@@ -137,7 +141,7 @@ def run(
 def _computed(tasks: list[Task], jobs: int, on_share: OnShare) -> Iterable[tuple[int, Any]]:
     if jobs == 1 or len(tasks) < 2:
         for number, task in enumerate(tasks):
-            yield number, task.compute(partial(on_share, task))
+            yield number, task.run(partial(on_share, task))
         return
     pool = get_context("spawn").Pool(min(jobs, len(tasks)), _prepare)
     try:
@@ -163,4 +167,4 @@ def _prepare() -> None:
 
 def _run(entry: tuple[int, Task]) -> tuple[int, Any]:
     number, task = entry
-    return number, task.compute(lambda _share: None)
+    return number, task.run(lambda _share: None)
