@@ -50,9 +50,8 @@ class _Rosbag:
             if not options.unknown_exposures:
                 raise
         carrier = None if carrying is None else carrier_of(carrying, options)
-        contents = _read_through(bag, topic, carrying, carrier)
-        source = str(path) if carrying is None else f"{path}: {escaped(carrying.name)}"
-        numbers, table = _table(contents, carrier, str(path), source)
+        contents = _read_through(bag, topic, carrier)
+        numbers, table = _table(contents, carrier, str(path))
         images = ImageStream(bag, topic, contents.images.log_ns, options.channel)
         sampled = images.again()  # a stream holds its file open and a part of it in memory
         layout, pixel_notes = find_layout(
@@ -136,21 +135,18 @@ class _Contents:
     gains: FloatArray
 
 
-def _read_through(
-    bag: Bag, images: Topic, carrying: Topic | None = None, carrier: Carrier | None = None
-) -> _Contents:
+def _read_through(bag: Bag, images: Topic, carrier: Carrier | None) -> _Contents:
     """Read times and exposures of a bag; one message at a time is in memory."""
     image_times, exposure_times = array("q"), array("q")  # a time stamp and a time of recording for each message
     readings = array("d")  # an exposure and a gain for each message
-    topic = carrying or images
-    names = {images.name, topic.name}
+    topic = carrying = images if carrier is None else carrier.topic
     try:
-        read = carrier.readings(topic) if carrier is not None else None
-        for message in bag.messages(names):
+        read = None if carrier is None else carrier.readings()
+        for message in bag.messages({images.name, carrying.name}):
             if message.topic == images.name:
                 topic = images
                 image_times.extend((read_stamp_ns(message.data, images), message.log_ns))
-            if carrying is not None and read is not None and message.topic == carrying.name:
+            if read is not None and message.topic == carrying.name:
                 topic = carrying
                 if (reading := read(message.data)) is not None:
                     exposure, gain, stamp_ns = reading
@@ -167,12 +163,13 @@ def _read_through(
     return _Contents(images_at, exposures_at, values, gains)
 
 
-def _table(found: _Contents, carrier: Carrier | None, path: str, source: str) -> tuple[IntArray, FrameTable]:
+def _table(found: _Contents, carrier: Carrier | None, path: str) -> tuple[IntArray, FrameTable]:
     """Return the numbers of the messages that are frames, and a table of these; unlisted ones without a carrier."""
     if carrier is None:
         numbers, stamps_ns, stamp_notes = _increasing(found.images, np.arange(len(found.images.log_ns)), path)
         table = unlisted(path, stamps_ns / NS_PER_S, stamped=True)
         return numbers, replace(table, notes=(*table.notes, *stamp_notes))
+    source = f"{path}: {escaped(carrier.topic.name)}"
     if not len(found.values):
         raise ExposureError(f"{source}: holds no exposures ({carrier.summary}); state another topic")
     exposure, match_notes = _match(found.images, found.exposures, source)

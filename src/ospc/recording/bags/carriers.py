@@ -42,16 +42,18 @@ class Carrier:
     gain.
     """
 
+    topic: Topic
     extract: _Extract
     unit: ExposureUnit | None
     gain_unit: GainUnit | None
     summary: str
 
-    def readings(self, topic: Topic) -> Callable[[bytes], tuple[float, float, int] | None]:
+    def readings(self) -> Callable[[bytes], tuple[float, float, int] | None]:
         """Return a function that reads exposure, gain and time stamp in ns, 0 for none, of serialised messages.
 
         DamagedMessageError if the bag does not define them.
         """
+        topic = self.topic
         kind = _type_of(topic)
 
         def read(data: bytes) -> tuple[float, float, int] | None:
@@ -130,29 +132,21 @@ def _diagnostics(message: Any) -> tuple[float, float] | None:
 
 
 _US, _MS, _LINEAR, _DB = ExposureUnit.US, ExposureUnit.MS, GainUnit.LINEAR, GainUnit.DB
-_TIME_AND_GAIN = _fields("exposure_time", "gain")
-_KNOWN = {
-    "ExtendedCameraInfo": Carrier(_TIME_AND_GAIN, _US, None, "exposure_time in µs, gain in the camera's unit"),
-    "ImageMetaData": Carrier(_TIME_AND_GAIN, _US, _DB, "exposure_time in µs, gain in dB"),
-    "ExposureSequence": Carrier(_fields("shutter", "gain"), _MS, _DB, "shutter in ms, gain in dB"),
-    "Metadata": Carrier(
-        _realsense, _US, _LINEAR, f"actual_exposure in µs, gain_level / {REALSENSE_UNIT_GAIN} as linear gain"
-    ),
-    "DiagnosticArray": Carrier(
-        _diagnostics, _US, _LINEAR, "ExposureTime in µs, AnalogueGain × DigitalGain as linear gain"
-    ),
+_TIME_AND_GAIN, _GAIN = _fields("exposure_time", "gain"), f"{REALSENSE_UNIT_GAIN} as linear gain"
+_KNOWN: dict[str, tuple[_Extract, ExposureUnit, GainUnit | None, str]] = {
+    "ExtendedCameraInfo": (_TIME_AND_GAIN, _US, None, "exposure_time in µs, gain in the camera's unit"),
+    "ImageMetaData": (_TIME_AND_GAIN, _US, _DB, "exposure_time in µs, gain in dB"),
+    "ExposureSequence": (_fields("shutter", "gain"), _MS, _DB, "shutter in ms, gain in dB"),
+    "Metadata": (_realsense, _US, _LINEAR, f"actual_exposure in µs, gain_level / {_GAIN}"),
+    "DiagnosticArray": (_diagnostics, _US, _LINEAR, "ExposureTime in µs, AnalogueGain × DigitalGain as linear gain"),
 }
-"""By the last part of the type, which is the same in all versions of the drivers."""
+"""How known messages carry exposures, by the last part of the type, which is the same in all versions of drivers."""
 
 _TEXT = "std_msgs/msg/String"
-_REALSENSE_RECORDER = Carrier(
-    _realsense_text, _US, _LINEAR, f"Actual Exposure in µs, Gain Level / {REALSENSE_UNIT_GAIN} as linear gain"
-)
 
 _NUMBERS = tuple(
     f"std_msgs/msg/{name}" for name in ("Float32", "Float64", "Int16", "UInt16", "Int32", "UInt32", "Int64", "UInt64")
 )
-_NUMBER = Carrier(_fields("data", None), None, _LINEAR, "its numbers")
 _EXPOSURE_WORDS = ("exposure", "shutter")
 """A topic of plain numbers carries exposures if its name contains one of these."""
 
@@ -167,10 +161,11 @@ def candidates(topics: tuple[Topic, ...]) -> Iterator[Topic]:
 
 def _known(topic: Topic) -> Carrier | None:
     if topic.type in _NUMBERS:
-        return _NUMBER
+        return Carrier(topic, _fields("data", None), None, _LINEAR, "its numbers")
     if topic.type == _TEXT and topic.name.endswith("/image/metadata"):
-        return _REALSENSE_RECORDER
-    return _KNOWN.get(topic.type.rpartition("/")[2])
+        return Carrier(topic, _realsense_text, _US, _LINEAR, f"Actual Exposure in µs, Gain Level / {_GAIN}")
+    known = _KNOWN.get(topic.type.rpartition("/")[2])
+    return None if known is None else Carrier(topic, *known)
 
 
 def carrier_of(topic: Topic, options: ReadingOptions) -> Carrier:
@@ -186,7 +181,7 @@ def carrier_of(topic: Topic, options: ReadingOptions) -> Carrier:
                     f"{quoted(field)} is not the name of a field, such as exposure_time or info.shutter[0]"
                 )
         extract = _fields(options.exposure_field, options.gain_field)
-        carrier = Carrier(extract, None, _LINEAR, f"the field {options.exposure_field}")
+        carrier = Carrier(topic, extract, None, _LINEAR, f"the field {options.exposure_field}")
     if carrier is None:
         try:
             numbers = shown(_type_of(topic).numbers())
