@@ -45,11 +45,10 @@ from ospc.recording.bags.carriers import carrier_of
 from ospc.recording.bags.container import Encoding, Topic
 from ospc.recording.bags.image_messages import read_image
 from ospc.recording.bags.messages import MessageType
-from ospc.recording.decoding import decode_stored
 from ospc.recording.derived import Region
 from ospc.recording.exif_photos import _photo
 from ospc.recording.exposure_lists import parse_columns, parse_image_list, parse_times
-from ospc.recording.image_source import ZipImages
+from ospc.recording.image_source import ZipImages, decode_stored
 from ospc.recording.options import DEFAULT
 from ospc.recording.video import VideoStream
 

@@ -15,7 +15,7 @@ from image_samples import encoded, grey
 from ospc.arrays import Image
 from ospc.recording import open_recording
 from ospc.recording.channel import Channel, Mosaic, find_mosaic
-from ospc.recording.decoding import decode_grey
+from ospc.recording.image_source import decode_grey
 
 
 def smooth(seed: int, dtype: type = np.uint16) -> Image:

@@ -13,8 +13,8 @@ from image_samples import encoded, grey, jpeg_of_size, png_of_size
 
 from ospc.errors import FrameError
 from ospc.formats.image_header import ImageHeader, read_header
-from ospc.recording.decoding import decode_grey
 from ospc.recording.frame import MAX_DECODED_BYTES
+from ospc.recording.image_source import decode_grey
 
 SIZE = (37, 23)
 COLOUR = np.dstack([grey(seed, SIZE) for seed in range(3)])

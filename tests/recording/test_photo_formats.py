@@ -21,9 +21,9 @@ from ospc.errors import FrameError, MissingExtraError, RecordingError
 from ospc.formats.opening import Photometry
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import PolynomialVignette
-from ospc.recording import decoding, frame, open_recording
+from ospc.recording import frame, image_source, open_recording
 from ospc.recording.channel import Channel
-from ospc.recording.decoding import decode_stored
+from ospc.recording.image_source import decode_stored
 from ospc.recording.options import ReadingOptions
 
 SIZE = (96, 64)
@@ -206,4 +206,4 @@ class TestWithoutTheLibrary:
 
 def test_decoding_knows_them_by_name_only() -> None:
     image = grey(0)
-    np.testing.assert_array_equal(decoding.decode_grey(encoded(image), "heic"), image)
+    np.testing.assert_array_equal(image_source.decode_grey(encoded(image), "heic"), image)

@@ -10,7 +10,7 @@ from ospc.photometry.calibration import PROFILE_RADII, Calibration, ExposureRati
 from ospc.photometry.coverage import Coverage
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import PolynomialVignette
-from ospc.recording.arrays import ArrayRecording
+from ospc.recording.recording import ArrayRecording
 
 SIZE = (160, 120)
 RESPONSE = Response.gamma(2.0)

@@ -9,7 +9,7 @@ from recordings import SIZE, before_a_wall, calibration, coverage
 from ospc.errors import FrameError
 from ospc.photometry.calibration import ExposureRatios
 from ospc.photometry.response import Response
-from ospc.recording.arrays import ArrayRecording
+from ospc.recording.recording import ArrayRecording
 from ospc.report.examples import Examples, examples_of, exposures_beside
 
 EXPOSURES_MS = np.geomspace(2, 10, 24)

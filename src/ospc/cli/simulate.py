@@ -85,7 +85,7 @@ class _Simulation:
         )
 
     def _settings(self) -> SimulationSettings:
-        from ospc.recording.text_file import exposures_in
+        from ospc.recording.frame_table import exposures_in
         from ospc.simulation import SimulationSettings
 
         own = ("out", "force", "jpg", "exposure_range", "exposures", "exposure_file", "vignette_coefficients")

@@ -4,9 +4,8 @@
 a kind.
 """
 
-from ospc.recording.arrays import ArrayRecording
 from ospc.recording.frame import Frame
 from ospc.recording.kinds import cameras_of, open_recording
-from ospc.recording.recording import Recording, identity
+from ospc.recording.recording import ArrayRecording, Recording, identity
 
 __all__ = ["ArrayRecording", "Frame", "Recording", "cameras_of", "identity", "open_recording"]

@@ -13,9 +13,8 @@ import numpy as np
 from ospc.arrays import BoolArray, FloatArray, ImageSize, IntArray
 from ospc.errors import FrameError, SettingError, counted, quoted
 from ospc.formats.files import read_bytes
-from ospc.recording.decoding import decode_grey
 from ospc.recording.frame import Frame, checked_mask, size_of
-from ospc.recording.image_source import MAX_FILE_BYTES
+from ospc.recording.image_source import MAX_FILE_BYTES, decode_grey
 from ospc.recording.recording import Recording, StoredRecording, stored_bytes
 
 

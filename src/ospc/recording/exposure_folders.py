@@ -12,11 +12,10 @@ from pathlib import Path, PurePosixPath
 
 from ospc.errors import RecordingError
 from ospc.recording.exposure_units import ExposureUnit
-from ospc.recording.frame_table import FrameTable, make_table
+from ospc.recording.frame_table import FrameTable, is_number, make_table
 from ospc.recording.image_sequence import ImageSequence, open_sequence
 from ospc.recording.image_source import FolderImages
 from ospc.recording.options import DEFAULT, ReadingOptions
-from ospc.recording.text_file import is_number
 
 _NAME = re.compile(r"(\d{1,9}(?:\.\d{1,9})?)[ _]?(ns|us|ms|s)?", re.ASCII)
 _LEAST_FOLDERS = 2

@@ -14,9 +14,8 @@ import numpy as np
 from ospc.arrays import FloatArray
 from ospc.errors import ExposureError, RecordingError, counted, listed
 from ospc.recording.exposure_units import Columns, ExposureUnit, infer_unit, name_columns
-from ospc.recording.frame_table import FrameTable, make_table
+from ospc.recording.frame_table import FrameTable, is_number, lines_of, make_table, parse_number, read_text
 from ospc.recording.options import DEFAULT, ReadingOptions
-from ospc.recording.text_file import is_number, lines_of, parse_number, read_text
 
 _IMAGE_LIST = "image_list.txt"
 _NAMES = ("times.txt", "exposures.txt", "exposures.csv", _IMAGE_LIST)

@@ -20,7 +20,7 @@ from ospc.recording.bags.bag import RAW, Bag
 from ospc.recording.bags.container import Encoding, Message, Topic
 from ospc.recording.bags.messages import DamagedMessageError, MessageType, stamp_ns_of
 from ospc.recording.channel import Channel, Mosaic
-from ospc.recording.decoding import decode_stored
+from ospc.recording.image_source import decode_stored
 from ospc.recording.pixel_layout import StoredImage
 
 

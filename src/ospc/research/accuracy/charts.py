@@ -28,9 +28,9 @@ from ospc.methods.paper import Correspondences, in_order, polynomial_response, r
 from ospc.photometry.geometry import pixel_grid
 from ospc.photometry.response import Response
 from ospc.recording import Frame
-from ospc.recording.arrays import ArrayRecording
 from ospc.recording.channel import Channel
-from ospc.recording.decoding import decode_stored
+from ospc.recording.image_source import decode_stored
+from ospc.recording.recording import ArrayRecording
 from ospc.research.method import Estimate, Outcome
 from ospc.research.scoring import HeldOut, HeldOutPair, Truth
 from ospc.research.source import Source

@@ -22,7 +22,7 @@ from ospc.formats.files import read_text
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import PolynomialVignette, Vignette
 from ospc.recording.frame import Frame
-from ospc.recording.text_file import exposures_in
+from ospc.recording.frame_table import exposures_in
 from ospc.research.source import SWEEP, SimulatedSource
 from ospc.simulation import SimulationSettings
 from ospc.simulation.camera import Sensor

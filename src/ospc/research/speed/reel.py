@@ -19,7 +19,7 @@ import numpy as np
 
 from ospc.arrays import Image, ImageSize
 from ospc.recording import Frame
-from ospc.recording.decoding import decode_grey
+from ospc.recording.image_source import decode_grey
 from ospc.recording.writing.images import encoded
 
 _DISTINCT, _QUALITY = 150, 92

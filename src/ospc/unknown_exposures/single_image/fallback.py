@@ -22,9 +22,8 @@ from ospc.photometry.response import Response
 from ospc.photometry.vignette import PolynomialVignette
 from ospc.recording import open_recording
 from ospc.recording.channel import Channel
-from ospc.recording.decoding import decode_stored
 from ospc.recording.frame import size_of
-from ospc.recording.image_source import MAX_FILE_BYTES, is_image_name
+from ospc.recording.image_source import MAX_FILE_BYTES, decode_stored, is_image_name
 from ospc.recording.options import DEFAULT, ReadingOptions
 from ospc.recording.pixel_layout import detect_bit_depth
 from ospc.unknown_exposures.single_image.edges import EdgePatches, edge_colour_response
