@@ -45,9 +45,11 @@ class NoiseEstimator:
         level, variance = self._blocks(image)
         number = np.minimum((level * NOISE_BINS).astype(np.int64), NOISE_BINS - 1)
         for b in range(NOISE_BINS):
-            inside = variance[number == b]
+            inside = np.sort(variance[number == b])
             if len(inside) >= MIN_NOISE_BLOCKS:
-                least = float(np.quantile(inside, NOISE_QUANTILE)) / NOISE_QUANTILE_RATIO
+                # A quantile; NumPy's function takes many times as long for some hundreds of values.
+                lowest = np.interp(NOISE_QUANTILE * (len(inside) - 1), np.arange(len(inside)), inside)
+                least = float(lowest) / NOISE_QUANTILE_RATIO
                 self._found[b] = [*self._found[b], least][-NOISE_FRAMES:]
 
     def _blocks(self, image: Image) -> FloatArray:
