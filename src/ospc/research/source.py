@@ -73,13 +73,9 @@ class Source(ABC):
 
 @dataclass(frozen=True)
 class Methods(ABC):
-    """A set of methods to compare, by its name."""
+    """A set of methods to compare, by its name; their settings are in the source of this package."""
 
     name: str
-
-    @abstractmethod
-    def describe(self) -> dict[str, Any]:
-        """Return all settings, as JSON-compatible values."""
 
     @abstractmethod
     def make(self, source: Source) -> dict[str, Method]:
@@ -92,7 +88,8 @@ class Methods(ABC):
 
 def measuring_task(source: Source, methods: Methods) -> Task:
     """Return the task of measuring methods on a recording, which it is about."""
-    depends_on = {"recording": source.describe(), "methods": methods.describe(), "made_with": made_with()}
+    compared = [type(methods).__name__, methods.name]
+    depends_on = {"recording": source.describe(), "methods": compared, "made_with": made_with()}
     return Task(f"{source.name} ({methods.name})", depends_on, partial(_measure, source, methods), source)
 
 
@@ -131,7 +128,7 @@ class SimulatedSource(Source):
 
     def describe(self) -> dict[str, Any]:
         """Return the settings, with hashes of curves that are given as tables."""
-        known = {"kind": "simulation", **self.settings.as_dict(), "with_pairs": self.with_pairs}
+        known = {"kind": type(self).__name__, **self.settings.as_dict(), "with_pairs": self.with_pairs}
         return known | fingerprints(self.truth())
 
     def frames(self) -> Iterator[Frame]:

@@ -27,7 +27,7 @@ from ospc.research.accuracy.real_video import FOLDER as VIDEO
 from ospc.research.accuracy.real_video import VideoSource
 from ospc.research.method import VIGNETTE_SOLVERS, Estimate, Method, Outcome, OwnMethod, PaperVariants
 from ospc.research.source import SWEEP, Methods, SimulatedSource, Source
-from ospc.settings import PaperSettings, as_dict, preset
+from ospc.settings import PaperSettings, preset
 from ospc.simulation import SimulationSettings
 from ospc.simulation.responses import LEVELS
 from ospc.simulation.settings import NoisePreset
@@ -60,10 +60,6 @@ _Item = TypeVar("_Item")
 @dataclass(frozen=True)
 class PresetMethods(Methods):
     """The methods of a preset, by its name."""
-
-    def describe(self) -> dict[str, Any]:
-        """Return the settings."""
-        return as_dict(preset(self.name))
 
     def make(self, source: Source) -> dict[str, Method]:
         """Return the methods; "paper" is run with every solver where the vignette can be known."""

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 from ospc.formats.files import csv_text
 from ospc.research.measurement import Measurement, medians, methods_of, metrics, recordings_of
@@ -64,11 +63,6 @@ class Experiment(Methods):
     varied: dict[str, float] = field(default_factory=dict)
     axis: str = ""
     with_ratios: bool = False
-
-    def describe(self) -> dict[str, Any]:
-        """Return the settings of the variants; other settings are part of the source."""
-        settings = {name: asdict(one) for group in self.variants.values() for name, one in group.items()}
-        return {"experiment": self.name, "variants": settings}
 
     def make(self, source: Source) -> dict[str, Method]:
         """Return new methods for a recording."""

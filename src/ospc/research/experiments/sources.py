@@ -11,7 +11,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -128,10 +127,6 @@ _CHANNELS = (1, 0, 2)
 @dataclass(frozen=True)
 class ColourSource(SimulatedSource):
     """A simulated recording whose frames are in colour, shape (height, width, 3), blue, green, red."""
-
-    def describe(self) -> dict[str, Any]:
-        """Return the settings."""
-        return super().describe() | {"kind": "simulation in colour"}
 
     def frames(self) -> Iterator[Frame]:
         """Give the frames."""

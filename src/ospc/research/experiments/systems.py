@@ -63,10 +63,6 @@ class System(Methods):
     without_point: str = ""
     colour: bool = False
 
-    def describe(self) -> dict[str, Any]:
-        """Return the name; all settings are in the source of this package."""
-        return {"system": self.name}
-
     def make(self, source: Source) -> dict[str, Method]:
         """Return a new method for a recording."""
         return {self.without_point or self.name: self.method(source.truth().response)}
