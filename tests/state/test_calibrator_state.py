@@ -56,7 +56,7 @@ def uninterrupted(recording):
     return as_text(pushed(recording, OnlineCalibrator(QUICK)))
 
 
-@settings(max_examples=3)
+@settings(max_examples=2)
 @given(data=st.data())
 def test_interrupted_anywhere_and_resumed_it_ends_bit_identical(recording, uninterrupted, tmp_path_factory, data):
     place = tmp_path_factory.mktemp("state") / "state.ospc"

@@ -117,7 +117,7 @@ def poisoned(state):
 
 def test_a_poisoned_state_is_refused_or_everything_works_with_it(saved, motion, recording, tmp_path):
     """Only some of the changes, others for each recording: all of them take minutes."""
-    for name, change in islice(poisoned(saved), 61 * MOTIONS.index(motion), None, 61 * len(MOTIONS)):
+    for name, change in islice(poisoned(saved), 97 * MOTIONS.index(motion), None, 97 * len(MOTIONS)):
         place = container.save(change(), tmp_path / "state.ospc")
         if name.startswith("summary"):  # all that merging reads
             with suppress(OspcError):

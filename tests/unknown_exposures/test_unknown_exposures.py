@@ -11,16 +11,17 @@ import pytest
 from click.testing import CliRunner
 from PIL import Image
 
+from command_line import leave_out
 from ospc.cli.main import cli
 from ospc.errors import NotObservableError, RecordingError
 from ospc.formats.dso import CAVEAT
 from ospc.output import OutputFolder
 from ospc.photometry.calibration import PROFILE_RADII, Calibration
 from ospc.photometry.response import Response
-from ospc.recording import ArrayRecording, open_recording
+from ospc.recording import ArrayRecording, Recording, open_recording
 from ospc.recording.options import ReadingOptions
 from ospc.report.pictures import words_around
-from ospc.simulation import SimulationSettings, frames, simulate, truth
+from ospc.simulation import SimulationSettings, simulate, truth
 from ospc.unknown_exposures import calibrate_without_exposures, recover_exposures
 from ospc.unknown_exposures.joint_estimation import JointEstimate
 from ospc.unknown_exposures.recovery import EXPONENT_SIGMA, typical_exponent
@@ -33,17 +34,28 @@ GREYS = np.linspace(0.15, 0.85, 15)
 
 
 @pytest.fixture(scope="module")
-def recording() -> ArrayRecording:
-    return ArrayRecording([frame.image for frame in frames(SETTINGS)], np.full(SETTINGS.frames, 5.0))
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A recording whose times.txt has no exposures."""
+    place = tmp_path_factory.mktemp("simulated") / "walk"
+    simulate(place, SETTINGS)
+    lines = [line.split()[:2] for line in (place / "times.txt").read_text().splitlines()]
+    (place / "times.txt").write_text("".join(f"{a} {b}\n" for a, b in lines))
+    return place
 
 
 @pytest.fixture(scope="module")
-def found(recording: ArrayRecording) -> Calibration:
-    return calibrate_without_exposures(recording)
+def recovered(folder: Path) -> Recording:
+    return recover_exposures(open_recording(folder, options=ReadingOptions(unknown_exposures=True)))
 
 
-def test_exposures_are_found_up_to_a_factor_and_an_exponent(recording: ArrayRecording) -> None:
-    recovered = recover_exposures(recording)
+@pytest.fixture(scope="module")
+def found(folder: Path, recovered: Recording) -> Calibration:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("ospc.unknown_exposures.recovery.recover_exposures", lambda _: recovered)
+        return calibrate_without_exposures(open_recording(folder, options=ReadingOptions(unknown_exposures=True)))
+
+
+def test_exposures_are_found_up_to_a_factor_and_an_exponent(recovered: Recording) -> None:
     true = np.log(truth(SETTINGS).exposures_ms)[recovered.frames]
     estimated = np.log(recovered.exposures_ms)
     exponent, factor = np.polyfit(true, estimated, 1)
@@ -103,17 +115,11 @@ def test_the_exponent_is_that_of_the_mean_response() -> None:
     assert len(curve) == SAMPLES
 
 
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A recording whose times.txt has no exposures."""
-    place = tmp_path_factory.mktemp("simulated") / "walk"
-    simulate(place, SETTINGS)
-    lines = [line.split()[:2] for line in (place / "times.txt").read_text().splitlines()]
-    (place / "times.txt").write_text("".join(f"{a} {b}\n" for a, b in lines))
-    return place
-
-
-def test_the_command_asks_for_it_explicitly_and_labels_every_output(folder: Path, tmp_path: Path) -> None:
+def test_the_command_asks_for_it_explicitly_and_labels_every_output(
+    folder: Path, recovered: Recording, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("ospc.unknown_exposures.recover_exposures", lambda *_: recovered)  # once is enough
+    leave_out(monkeypatch, "draw")
     out = tmp_path / "out"
     refused = CliRunner().invoke(cli, ["calibrate", str(folder), "-o", str(out)])
     assert isinstance(refused.exception, RecordingError)
