@@ -131,10 +131,10 @@ def test_a_frame_prepared_ahead_is_not_prepared_again_and_any_other_is(monkeypat
     calibrator = OnlineCalibrator(NotingSettings())
     frames = [Frame.of_array(IMAGE + i, 1.0 + i) for i in range(4)]
     calibrator.push(frames[0])
-    calibrator.foresight.prepare(1, frames[1])
-    calibrator.foresight.prepare(2, Frame.of_array(IMAGE, 1.0))  # not the frame that comes
-    calibrator.foresight.prepare(3, Frame.of_array(IMAGE[:3], 1.0))  # of another size
-    calibrator.foresight.prepare(3, replace(frames[3], mask=np.ones((3, 3), bool)))  # cannot be used
+    calibrator.prefetcher.prepare(1, frames[1])
+    calibrator.prefetcher.prepare(2, Frame.of_array(IMAGE, 1.0))  # not the frame that comes
+    calibrator.prefetcher.prepare(3, Frame.of_array(IMAGE[:3], 1.0))  # of another size
+    calibrator.prefetcher.prepare(3, replace(frames[3], mask=np.ones((3, 3), bool)))  # cannot be used
     assert made == [0, 1, 2]
     for frame in frames[1:]:
         assert calibrator.push(frame)
@@ -150,11 +150,11 @@ def test_what_is_prepared_of_a_frame_that_was_not_waited_for_does_not_stay_in_me
     calibrator.push(frame(0))
     if pushed == "before":
         calibrator.push(unused)
-        calibrator.foresight.prepare(1, unused)
+        calibrator.prefetcher.prepare(1, unused)
     else:
         plain = Preprocessor.__call__
         monkeypatch.setattr(Preprocessor, "__call__", lambda *given: calibrator.push(unused) or plain(*given))
-        calibrator.foresight.prepare(1, unused)
+        calibrator.prefetcher.prepare(1, unused)
         monkeypatch.undo()
         calibrator.push(frame(2))
     unused = image = None
@@ -198,7 +198,7 @@ def test_frames_compared_ahead_are_not_compared_again_and_any_other_pair_is(monk
         ahead.push(frame)
         if number == 0:
             for later in (1, 2, 3):
-                ahead.foresight.prepare(later, frames[later])
+                ahead.prefetcher.prepare(later, frames[later])
     assert compared == [2, 3, 1, 1, 2, 3, 4, 4]
     for one, other in zip(plainly.brightness.changes, ahead.brightness.changes, strict=True):
         np.testing.assert_array_equal(one.log_ratio, other.log_ratio)

@@ -107,8 +107,8 @@ class OnlineCalibrator(Engine):
     def load_state(cls, path: str | Path) -> OnlineCalibrator:
         """Return a calibrator that goes on where another was when :meth:`save_state` wrote the file.
 
-        Give it the frames it :attr:`wants <wanted>` by :meth:`recall` before the next is pushed, as
-        :func:`remaining` does, and results are the same, bit for bit, as without the interruption. Where these
+        Give its :attr:`frames_to_replay` to :meth:`replay` before the next frame is pushed, as :func:`remaining`
+        does, and results are the same, bit for bit, as without the interruption. Where these
         frames are gone, it goes on without: the first new frames then have no earlier ones to be compared with.
 
         Raises
@@ -139,16 +139,16 @@ class OnlineCalibrator(Engine):
             self._method = self.settings.build(run.size, run.max_grey)
             self._method.restore(method)
         self.source, self.saved_by = run.source, run.versions
-        self._foresee()
+        self._update_prefetcher()
 
     @property
-    def wanted(self) -> frozenset[int]:
-        """Numbers of the frames that a calibrator just loaded should be shown again."""
+    def frames_to_replay(self) -> frozenset[int]:
+        """Numbers of the frames that :meth:`replay` needs before a loaded calibrator goes on."""
         if self._method is None:
             return frozenset()
-        return self._method.wanted | self._exposures.history.frames_to_replay
+        return self._method.frames_to_replay | self._exposures.history.frames_to_replay
 
-    def recall(self, frame: Frame) -> None:
+    def replay(self, frame: Frame) -> None:
         """Process a frame again that new ones were being compared with.
 
         FrameError if its image cannot be read any more, or has another size.
@@ -156,7 +156,7 @@ class OnlineCalibrator(Engine):
         if self._method is not None:
             shown = replace(frame, load=partial(of_size, frame, self._size))
             prepared = self._preprocess(shown, self.pixels.range_before(frame.index))
-            self._method.recall(prepared)
+            self._method.replay(prepared)
             self._exposures.history.replay(prepared.thumbnail)
 
 
@@ -172,17 +172,17 @@ def _settings_of(content: dict[str, Any], name: str) -> DefaultSettings:
 
 
 def remaining(calibrator: OnlineCalibrator, recording: Iterable[Frame]) -> Iterator[Frame]:
-    """Give the frames of a recording that a calibrator was not pushed yet, after showing it those it wants again.
+    """Give the frames of a recording that were not pushed to a calibrator yet, after replaying those that it needs.
 
     The calibrator is new, or was loaded from a state of a run over the same recording. FrameError if a frame that had
     been read before cannot be read any more.
     """
-    wanted, done = calibrator.wanted, calibrator.frames
+    replayed, done = calibrator.frames_to_replay, calibrator.frames
     for number, frame in enumerate(recording):
         if number >= done:
             yield frame
-        elif number in wanted:
-            calibrator.recall(replace(frame, index=number))
+        elif number in replayed:
+            calibrator.replay(replace(frame, index=number))
 
 
 def drive(
@@ -192,12 +192,12 @@ def drive(
 
     ``after_frame`` is called after each frame with it and whether it could be used; it ends the run early by raising.
     """
-    foresight = calibrator.foresight
+    prefetcher = calibrator.prefetcher
     with one_library_thread():
         for frame in decoded_ahead(
             remaining(calibrator, frames),
-            lambda places: foresight.needs(calibrator.frames + places - 1),
-            lambda places: partial(foresight.prepare, calibrator.frames + places - 1),
+            lambda places: prefetcher.needs(calibrator.frames + places - 1),
+            lambda places: partial(prefetcher.prepare, calibrator.frames + places - 1),
         ):
             used = calibrator.push(frame)
             if after_frame is not None:

@@ -20,7 +20,6 @@ from ospc.exposures.findings import ExposureFindings
 from ospc.exposures.lag_choice import LagChoice, lag_in_words
 from ospc.exposures.monitor import ExposureMonitor
 from ospc.exposures.table import ExposureTable
-from ospc.foresight import Foresight
 from ospc.methods.change_detection import Change
 from ospc.methods.method import Method, Progress
 from ospc.methods.preview import Preview
@@ -29,6 +28,7 @@ from ospc.photometry.calibration import Calibration
 from ospc.photometry.grey_range import GreyRange
 from ospc.pooling.prior_calibration import PriorCalibration
 from ospc.pooling.summary import Summary, summary_of
+from ospc.prefetching import Prefetcher
 from ospc.recording.frame import Frame, size_of
 from ospc.settings import Settings, as_dict, preset
 from ospc.versions import versions
@@ -75,8 +75,8 @@ class Engine:
         for none. It is not kept with states.
     pixels
         Statistics of the grey values of the frames processed in this epoch.
-    foresight
-        Knows which frames will be processed, and takes what other threads prepare of them ahead.
+    prefetcher
+        Predicts which frames will be needed, and keeps those that another thread preprocessed ahead of time.
     """
 
     def __init__(self, settings: Settings | str = "default", *, correct_lag: LagChoice = "auto") -> None:
@@ -88,7 +88,7 @@ class Engine:
         self._exposures = ExposureMonitor(correct_lag)
         self._sampler = self.settings.sampler()
         self._preprocess = self.settings.preprocessor()
-        self.foresight = Foresight(self._preprocess, self._sampler, lambda: self.pixels.grey_range)
+        self.prefetcher = Prefetcher(self._preprocess, self._sampler, lambda: self.pixels.grey_range)
         self._second = SecondThread()
         self._size: ImageSize = (0, 0)
         self._max_grey = 0
@@ -125,8 +125,8 @@ class Engine:
                 self._half_taken = frame.name
                 raise
             finally:
-                self.foresight.forget(number)
-                self._foresee()
+                self.prefetcher.drop_until(number)
+                self._update_prefetcher()
             return True
 
     def note(self, exposure_ms: float, name: str, unusable: str = "") -> bool:
@@ -141,7 +141,7 @@ class Engine:
             except ExposureError as error:
                 unusable = str(error)
             self._skip(unusable)
-            self._foresee()
+            self._update_prefetcher()
         return not unusable
 
     # The steps of push.
@@ -179,7 +179,7 @@ class Engine:
         self._recognize(frame)  # at first: where it cannot read the image, nothing is learned from the frame yet
         change = brightness = None
         if self._sampler.processes_next:
-            prepared, compared = self.foresight.preprocessed(frame)
+            prepared, compared = self.prefetcher.preprocessed(frame)
             counting = self._second.submit(self.pixels.observe, frame, prepared.thumbnail)
             comparing = self._second.submit(exposures.observe, prepared.thumbnail, compared)
             try:
@@ -189,7 +189,7 @@ class Engine:
                 counting.result()
                 brightness = comparing.result()
         elif self._sampler.compares_next or exposures.needs_comparison(frame.index):
-            brightness = exposures.observe(*self.foresight.thumbnail(frame))
+            brightness = exposures.observe(*self.prefetcher.thumbnail(frame))
         if brightness is not None:
             change = change or method.compare(brightness, exposures.table)
             change = self._change_of_lag(change) or change
@@ -244,10 +244,10 @@ class Engine:
             self._first_reasons = [*self._first_reasons, reason][:FIRST_REASONS]
         self._sampler.skip()
 
-    def _foresee(self) -> None:
-        """Leave a copy of what decides on the next frames, for threads that must not wait."""
+    def _update_prefetcher(self) -> None:
+        """Tell the prefetcher, which waits for no other thread, what decides on the next frames."""
         every = self._method is not None and self._method.longest_pause == 0
-        self.foresight.expect(self._sampler, self._size, every=every)
+        self.prefetcher.update(self._sampler, self._size, every=every)
 
     # The result of the frames so far.
 
@@ -367,9 +367,9 @@ class Engine:
         """Changes of brightness between consecutive frames of this epoch."""
         return self._exposures.history
 
-    def may_need(self, number: int) -> bool:
+    def may_need_image(self, number: int) -> bool:
         """Whether the image of the frame with this number can be needed at all."""
-        return self._exposures.lag_is_uncertain or self.foresight.needs(number)
+        return self._exposures.lag_is_uncertain or self.prefetcher.needs(number)
 
 
 def _check_exposure(exposure_ms: float, name: str) -> None:

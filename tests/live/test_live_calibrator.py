@@ -59,7 +59,7 @@ def test_while_frames_wait_no_other_is_thought_unneeded(monkeypatch):
     with LiveCalibrator() as live:
         assert live.push(grey(0))
         assert held.begun.wait(10)
-        monkeypatch.setattr(Engine, "may_need", lambda engine, number: False)
+        monkeypatch.setattr(Engine, "may_need_image", lambda engine, number: False)
         assert live.push(grey(1))
         held.go.set()
         live.wait(1)

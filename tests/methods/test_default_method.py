@@ -246,7 +246,7 @@ def test_pauses_grow_faster_up_to_a_limit_and_are_foreseen(slowdown, dense, long
     at_longest = -(-frames // (longest + 1))
     assert len(numbers) <= max(len(processed(sampler(slowdown), frames)), at_longest + dense + slowdown)
     assert max(np.diff(numbers), default=0) <= longest + 1
-    foreseen = [limited.foreseen(frames + place).compares_next for place in range(ahead)]
+    foreseen = [limited.at(frames + place).compares_next for place in range(ahead)]
     happened = []
     for _ in range(ahead):
         happened.append(limited.compares_next)

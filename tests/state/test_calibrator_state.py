@@ -119,7 +119,7 @@ def test_without_the_earlier_frames_it_goes_on_all_the_same(recording, tmp_path)
     before = calibrator.calibration().counts["pairs"]
     calibrator.save_state(tmp_path / "state.ospc")
     robot = OnlineCalibrator.load_state(tmp_path / "state.ospc")
-    assert robot.wanted
+    assert robot.frames_to_replay
     for frame in recording[30:]:
         robot.push(frame)
     after = robot.calibration().counts
@@ -173,7 +173,7 @@ def test_everything_a_method_learns_is_in_its_state():
 
 def test_everything_an_engine_knows_is_in_its_state():
     made_anew = {"settings", "lock", "second", "preprocess", "method", "prior"}
-    not_needed = {"foresight", "saved_by", "half_taken"}
+    not_needed = {"prefetcher", "saved_by", "half_taken"}
     saved = {"sampler", "pixels", "size", "max_grey", "exposures", "skipped", "reasons"}
     saved |= {"first_reasons", "first_frames", "source", "epochs"}
     known = {name.lstrip("_") for name in vars(OnlineCalibrator())}

@@ -46,7 +46,7 @@ class FrameSampler:
         """Whether the brightness of the next frame is to be compared with that of the one before."""
         return self.processes_next or self.number % self.comparison_period_frames < self.comparison_run_frames
 
-    def foreseen(self, number: int) -> FrameSampler:
+    def at(self, number: int) -> FrameSampler:
         """Return the sampler as it will be before the frame with this number, a later one."""
         ahead = replace(self)
         while ahead.number < number:

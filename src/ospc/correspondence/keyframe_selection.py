@@ -108,7 +108,7 @@ class KeyframeSelector:
         self._kept = [kept for kept in self._kept if kept.frame.number >= number]
 
     def state(self) -> KeyframeSelectorState:
-        """Return everything needed to continue with :meth:`restore` and :meth:`recall`."""
+        """Return everything needed to continue with :meth:`restore` and :meth:`replay`."""
         return KeyframeSelectorState(
             np.array([k.frame.number for k in self._kept], dtype=np.int64),
             np.array([k.uses for k in self._kept], dtype=np.int64),
@@ -124,7 +124,7 @@ class KeyframeSelector:
             raise ValueError("the state of the keyframe selection has tables of the wrong length")
         self._kept, self._selections, self._seen = [], state.selections, state.seen.copy()
 
-    def recall(self, frame: Keyframe, state: KeyframeSelectorState) -> None:
+    def replay(self, frame: Keyframe, state: KeyframeSelectorState) -> None:
         """Keep a frame again that was a keyframe when the state was taken; any other is ignored."""
         for at in np.flatnonzero(state.frames == frame.number):
             self._kept.append(_Kept(frame, float(state.log_exposure[at]), int(state.uses[at])))

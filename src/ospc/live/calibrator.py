@@ -102,17 +102,17 @@ class LiveCalibrator:
         Images in memory are copied if they may be processed: a driver may fill its buffer anew.
         """
         with self._running():
-            wanted, full = self._engine.may_need(self._frames), self._waiting_bytes >= QUEUE_BYTES
+            needed, full = self._engine.may_need_image(self._frames), self._waiting_bytes >= QUEUE_BYTES
             work, size, kept = partial(self._engine.note, frame.exposure_ms, frame.name), 0, False
-            # What waits in the queue may change which frames are wanted: they are foreseen only while none waits.
-            if not full and (wanted or self._queue):
+            # What waits in the queue may change which frames are needed: that is predicted only while none waits.
+            if not full and (needed or self._queue):
                 try:
                     own = frame if frame.threads else in_memory(frame)
                     work, size, kept = partial(self._engine.push, own), 0 if own is frame else own.image.nbytes, True
                 except FrameError as error:
                     work = partial(work, str(error))
             self._frames += 1
-            self._dropped += wanted and full
+            self._dropped += needed and full
             self._enqueue(work, size)
             return kept
 

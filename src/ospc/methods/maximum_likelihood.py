@@ -214,7 +214,7 @@ class MaximumLikelihoodMethod:
         )
 
     def restore(self, state: MaximumLikelihoodState) -> None:
-        """Go on from a state; frames :attr:`wanted` are to be given to :meth:`recall` before the next is pushed.
+        """Go on from a state; the :attr:`frames_to_replay` come before the next is pushed.
 
         Raises
         ------
@@ -230,14 +230,14 @@ class MaximumLikelihoodMethod:
             self._rely_on(state.fit)
 
     @property
-    def wanted(self) -> frozenset[int]:
+    def frames_to_replay(self) -> frozenset[int]:
         """Numbers of the keyframes of the state it goes on from."""
         return frozenset() if self._recalled is None else frozenset(self._recalled.frames.tolist())
 
-    def recall(self, prepared: PreprocessedFrame) -> None:
+    def replay(self, prepared: PreprocessedFrame) -> None:
         """Take a keyframe of the state it goes on from again."""
         if self._recalled is not None:
-            self._select_keyframe.recall(self._sample.keyframe(prepared), self._recalled)
+            self._select_keyframe.replay(self._sample.keyframe(prepared), self._recalled)
 
     # The steps of push.
 

@@ -117,10 +117,10 @@ class Method(Protocol):
         raise ValueError("this method has no state to go on from")
 
     @property
-    def wanted(self) -> frozenset[int]:
-        """Numbers of the frames that are to be given to :meth:`recall` after a state was restored."""
+    def frames_to_replay(self) -> frozenset[int]:
+        """Numbers of the frames that are to be given to :meth:`replay` after a state was restored."""
         return frozenset()
 
-    def recall(self, prepared: PreprocessedFrame) -> None:
+    def replay(self, prepared: PreprocessedFrame) -> None:
         """Take a frame again that had been pushed before the state was saved."""
         return

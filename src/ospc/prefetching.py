@@ -1,4 +1,4 @@
-"""Frames prepared ahead, by the thread that decodes them, while the engine is busy with earlier ones."""
+"""Prefetching: the thread that decodes frames also preprocesses them while the engine is busy with earlier ones."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from ospc.recording.frame import Frame
 
 @dataclass(frozen=True)
 class _Prepared:
-    """What was made of a frame: everything or only its thumbnail, and for which black and white."""
+    """A frame, or only its thumbnail, preprocessed for some black and white."""
 
     image: Image
     grey_range: GreyRange | None
@@ -26,11 +26,11 @@ class _Prepared:
     compared: PrecomputedChange | None
 
 
-class Foresight:
-    """Knows which frames will most likely be needed, and prepares them ahead.
+class Prefetcher:
+    """Predicts which frames will be needed, and preprocesses them ahead of time.
 
-    What was prepared is used only if it is what would be made now, so that results do not depend on it.
-    ``grey_range`` returns black and white as they are known now.
+    A prefetched frame is used only where it is what would be computed now, so that results do not depend on
+    prefetching. ``grey_range`` returns black and white as they are known now.
     """
 
     def __init__(self, preprocess: Preprocessor, sampler: FrameSampler, grey_range: Callable[[], GreyRange]) -> None:
@@ -41,17 +41,17 @@ class Foresight:
         self._size: ImageSize = (0, 0)
         self._compare = BrightnessComparer()
 
-    def expect(self, sampler: FrameSampler, size: ImageSize, *, every: bool) -> None:
-        """Take a copy of what decides on the next frames, and the size that they should have."""
+    def update(self, sampler: FrameSampler, size: ImageSize, *, every: bool) -> None:
+        """Predict by a copy of this sampler from now on, or that every frame is needed, for frames of this size."""
         self._expected, self._size = (every, replace(sampler)), size
 
     def needs(self, number: int) -> bool:
-        """Whether the image of the frame with this number will most likely be needed; waits for no other thread."""
+        """Whether the image of the frame with this number will probably be needed; waits for no other thread."""
         every, sampler = self._expected
-        return every or sampler.foreseen(number).compares_next
+        return every or sampler.at(number).compares_next
 
     def prepare(self, number: int, frame: Frame) -> None:
-        """Prepare a frame that will be pushed with this number; one thread at a time may, and waits for no other."""
+        """Prefetch a frame that will be pushed with this number; one thread at a time may, and waits for no other."""
         every, sampler = self._expected
         if number < sampler.number:  # already pushed: frames without a valid exposure are not waited for
             return
@@ -59,7 +59,7 @@ class Foresight:
         if frame.image.shape != shape or (frame.mask is not None and frame.mask.shape != shape):
             return
         numbered, grey_range, prepared = replace(frame, index=number), None, None
-        if every or sampler.foreseen(number).processes_next:
+        if every or sampler.at(number).processes_next:
             grey_range = self._grey_range()
             prepared = self._preprocess(numbered, grey_range)
         thumbnail = self._preprocess.thumbnail(numbered) if prepared is None else prepared.thumbnail
@@ -70,9 +70,9 @@ class Foresight:
         self._latest = thumbnail
 
     def preprocessed(self, frame: Frame) -> tuple[PreprocessedFrame, PrecomputedChange | None]:
-        """Return a frame preprocessed, and its comparison with the frame before where that was made ahead.
+        """Return a frame preprocessed, and the change of brightness from the frame before where it was prefetched.
 
-        What was prepared ahead is of no use where black and white have moved since.
+        A prefetched frame is of no use if black and white have changed since.
         """
         grey_range, made = self._grey_range(), self._prepared.get(frame.index)
         if made is not None and made.frame and made.image is frame.image and made.grey_range == grey_range:
@@ -80,13 +80,13 @@ class Foresight:
         return self._preprocess(frame, grey_range), None
 
     def thumbnail(self, frame: Frame) -> tuple[Thumbnail, PrecomputedChange | None]:
-        """Return the thumbnail of a frame, and its comparison with the frame before where that was made ahead."""
+        """Return the thumbnail of a frame, and the change of brightness where it was prefetched."""
         made = self._prepared.get(frame.index)
         if made is not None and made.image is frame.image:
             return made.thumbnail, made.compared
         return self._preprocess.thumbnail(frame), None
 
-    def forget(self, number: int) -> None:
-        """Drop what was prepared of a frame and of those before it, which may have come too late to be used."""
+    def drop_until(self, number: int) -> None:
+        """Drop what was prefetched of the frames up to this one."""
         for old in [known for known in tuple(self._prepared) if known <= number]:
             del self._prepared[old]
