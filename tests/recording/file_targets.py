@@ -186,7 +186,7 @@ def _batch_result(data: bytes, folder: Path) -> None:
 
 def _thinned(calibrator: OnlineCalibrator) -> OnlineCalibrator:
     """Return it with few of the places that its state is full of: what is small is loaded and damaged fast."""
-    history, series = calibrator.brightness, calibrator._method._series
+    history, series = calibrator.brightness, calibrator._method._stationary.series
     history.changes = [
         replace(change, samples=PixelSamples(*(values[::20] for values in vars(change.samples).values())))
         for change in history.changes

@@ -134,7 +134,7 @@ def test_the_state_of_a_large_and_long_recording_is_small(tmp_path):
     noise = random.integers(0, 65535, (600, 800), dtype=np.uint16)
     calibrator = OnlineCalibrator()
     calibrator.push(Frame.of_array(noise, 1.0))
-    kept, series = calibrator._method._reservoir, calibrator._method._series
+    kept, series = calibrator._method._reservoir, calibrator._method._stationary.series
     points = kept.capacity // 300
     for pair in range(300):
         kept.add(seen_twice(random, points, pair))
@@ -161,14 +161,17 @@ def seen_twice(random, points, pair):
 
 def test_everything_a_method_learns_is_in_its_state():
     """An attribute that is neither saved nor made anew would be forgotten silently."""
-    made_anew = {"settings", "size", "max_grey", "register", "normalize", "sample", "basis", "series_basis"}
-    made_anew |= {"response_sigma", "second"}
-    not_needed = {"inputs", "recalled", "latest", "lost"}
-    saved = {"reservoir", "series", "noise", "fit", "motions", "pairs", "circle", "changes", "trusts_stated"}
+    made_anew = {"settings", "size", "max_grey", "register", "sample", "second"}
+    not_needed = {"inputs", "restored_keyframes", "latest", "lost"}
+    saved = {"reservoir", "noise", "pairs", "circle", "changes"}
+    in_parts = {"stationary": {"series", "motions"}, "quick_fit": {"fit", "trusts_stated"}}
     method = MaximumLikelihoodMethod(DefaultSettings(), (64, 48), 255)
     known = {name.lstrip("_") for name in vars(method)}
-    assert known == made_anew | not_needed | saved | {"select_keyframe"}
-    assert set(MaximumLikelihoodState.__dataclass_fields__) == saved | {"keyframes"}
+    assert known == made_anew | not_needed | saved | in_parts.keys() | {"select_keyframe"}
+    for part, held in in_parts.items():
+        made_anew = {"settings", "size", "max_grey", "still_px", "basis", "normalize", "response_sigma"}
+        assert {name.lstrip("_") for name in vars(getattr(method, f"_{part}"))} - made_anew == held
+    assert set(MaximumLikelihoodState.__dataclass_fields__) == saved.union(*in_parts.values()) | {"keyframes"}
 
 
 def test_everything_an_engine_knows_is_in_its_state():

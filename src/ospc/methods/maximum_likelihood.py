@@ -7,7 +7,6 @@ import sys
 import numpy as np
 
 from ospc.arrays import FloatArray, ImageSize
-from ospc.correspondence.exposure_normalizer import ExposureNormalizer
 from ospc.correspondence.flat_sampling import NOTHING_FOUND, FlatSampler, Samples
 from ospc.correspondence.image_circle import ImageCircle
 from ospc.correspondence.keyframe_selection import KeyframeSelector, KeyframeSelectorState
@@ -17,7 +16,6 @@ from ospc.correspondence.registration import SecondThread, make_registrar
 from ospc.correspondence.reservoir import Reservoir
 from ospc.correspondence.static_series import StaticSeries
 from ospc.estimation.fit import Fit
-from ospc.estimation.maximum_likelihood import MaximumLikelihoodEstimator
 from ospc.estimation.model_choice import fit_with_chosen_effects
 from ospc.estimation.response_basis import ResponseBasis
 from ospc.estimation.vignette_basis import VignetteBasis
@@ -27,25 +25,15 @@ from ospc.methods.change_detection import Change, ChangeDetector
 from ospc.methods.maximum_likelihood_state import MaximumLikelihoodState
 from ospc.methods.method import Progress, check_size
 from ospc.methods.preview import Preview, preview_of
+from ospc.methods.quick_fit import QuickFit
+from ospc.methods.stationary_camera import StationaryCamera
 from ospc.methods.summary import FitInputs, summarise
 from ospc.observations import ExposedObservations, Observations
 from ospc.photometry.calibration import Calibration
 from ospc.photometry.grey_range import FULL_RANGE, GreyRange
 from ospc.recording.frame import Frame
 from ospc.settings import DefaultSettings
-from ospc.settings.methods import (
-    DROPPED_PAIRS,
-    FIRST_QUICK_FIT_PAIRS,
-    MAX_MOTIONS,
-    MAX_VIGNETTE_SIGMA,
-    MIN_MOVING_PAIRS,
-    MOVING_FACTOR,
-    QUICK_FIT_POINTS,
-    QUICK_FIT_RADIAL_TERMS,
-    QUICK_FIT_ROUNDS,
-    REFERENCE_FIT_PAIRS,
-    UNDECIDED_PAIRS,
-)
+from ospc.settings.methods import DROPPED_PAIRS, FIRST_QUICK_FIT_PAIRS, QUICK_FIT_POINTS, REFERENCE_FIT_PAIRS
 
 
 class MaximumLikelihoodMethod:
@@ -60,10 +48,9 @@ class MaximumLikelihoodMethod:
         self._noise = NoiseEstimator(max_grey)
         self._changes = ChangeDetector()
         self._circle = ImageCircle()
-        self._series: StaticSeries | None = StaticSeries(points=settings.series_points)
+        self._stationary = StationaryCamera(settings.still_px, StaticSeries(points=settings.series_points))
         self._select_keyframe = KeyframeSelector(settings.keyframes, settings.max_log_ratio)
         self._register = make_registrar(settings.registration, self._second)
-        self._normalize = ExposureNormalizer()
         self._sample = FlatSampler(
             spacing_px=settings.grid_spacing_px,
             max_gradient=settings.max_gradient,
@@ -71,31 +58,26 @@ class MaximumLikelihoodMethod:
             max_points=settings.points_per_pair,
         )
         self._reservoir = Reservoir(settings.max_points)
-        self._basis = ResponseBasis(settings.response_intervals, settings.response_functions)
-        self._series_basis = ResponseBasis(settings.series_intervals, settings.response_functions)
-        self._fit: Fit | None = None
+        self._quick_fit = QuickFit(settings, size, max_grey)
         self._latest: Observations | None = None
-        self._motions: list[float] = []
-        self._trusts_stated = False
-        self._response_sigma: float | None = None
         self._pairs = 0
         self._lost = False
-        self._recalled: KeyframeSelectorState | None = None
+        self._restored_keyframes: KeyframeSelectorState | None = None
         self._inputs: dict[tuple[int, int, int, GreyRange], FitInputs] = {}
 
     def push(self, frame: Frame, prepared: PreprocessedFrame, exposures: ExposureTable) -> Change | None:
         """Take the next processed frame, and return the change of the camera that it proves, if any."""
-        self._recalled = None
+        self._restored_keyframes = None
         log_exposure = _log_exposure(exposures, prepared.number)
         self._circle.observe(prepared, frame.mask)
         self._changes.clock(prepared.number, frame.stamp_s)
-        self._observe_standing_still(frame)
+        self._stationary.observe(frame)
         keyframe = self._select_keyframe.select(prepared.number, log_exposure)
         samples = NOTHING_FOUND
         registration = None
         if keyframe is not None:
             stated = _log_ratio(exposures, keyframe.number, prepared.number)
-            registration = self._register(keyframe, prepared, self._normalize, stated)
+            registration = self._register(keyframe, prepared, self._quick_fit.normalize, stated)
         measured = self._second.submit(self._noise.observe, frame)  # after registration, which waits for that thread
         if keyframe is not None:
             samples = self._sample(keyframe, prepared, registration, self._pairs)
@@ -106,20 +88,45 @@ class MaximumLikelihoodMethod:
         if not len(samples.observations):
             return None
         self._accumulate(samples)
-        if self._pairs >= FIRST_QUICK_FIT_PAIRS and self._pairs.bit_count() == 1:
+        if self._pairs >= FIRST_QUICK_FIT_PAIRS and self._pairs.bit_count() == 1:  # whenever their number has doubled
             self._refine(exposures)
-        return self._proven(samples.observations, exposures)
+        return self._detect_change(samples.observations, exposures)
 
     def compare(self, brightness: BrightnessChange, exposures: ExposureTable) -> Change | None:
         """Take the change of brightness between consecutive frames, and return the change of the camera it proves."""
-        return self._proven(brightness.samples.observations(brightness.frame0, brightness.frame1), exposures)
+        return self._detect_change(brightness.samples.observations(brightness.frame0, brightness.frame1), exposures)
 
-    def _proven(self, observations: Observations, exposures: ExposureTable) -> Change | None:
+    # The steps of push.
+
+    def _accumulate(self, samples: Samples) -> None:
+        self._pairs += 1
+        self._stationary.add_motion(samples.motion_px)
+        self._reservoir.add(samples.observations)
+        self._latest = samples.observations
+
+    def _refine(self, exposures: ExposureTable) -> None:
+        """Improve what registration relies on, by a quick fit to some of the observations."""
+        if self._reservoir.points >= self._settings.min_points:
+            some = self._reservoir.some(QUICK_FIT_POINTS).with_exposures(exposures)
+            if some.log_exposure_change >= self._settings.min_log_exposure_change:
+                radius = self._circle.usable_radius()
+                self._quick_fit.refine(some, self._noise.model(), radius, trusts_stated=exposures.trusted)
+                if self._quick_fit.fit is not None and self._pairs >= REFERENCE_FIT_PAIRS:
+                    self._changes.rely_on(self._quick_fit.fit)
+        # Early pairs were registered with the vignette still unknown, which draws registration a little to where
+        # brightness agrees: once there are enough others they do more harm than good.
+        if self._pairs >= 4 * FIRST_QUICK_FIT_PAIRS:
+            self._reservoir.forget_before(min(self._pairs // 4, DROPPED_PAIRS))
+
+    def _detect_change(self, observations: Observations, exposures: ExposureTable) -> Change | None:
+        """Return the change of the camera that a pair proves; a suspicion is judged by a fit to all pairs so far."""
         was_watching = self._changes.is_watching
         change = self._changes.observe(observations, exposures)
         if self._changes.is_watching and not was_watching:
             self._refine(exposures)
         return change
+
+    # Epochs and pauses.
 
     def split(self, number: int) -> MaximumLikelihoodMethod:
         """Return a method that goes on with what was observed from a frame on; this one keeps what was before."""
@@ -129,8 +136,8 @@ class MaximumLikelihoodMethod:
         self._pairs = self._reservoir.latest_group + 1
         later._select_keyframe = self._select_keyframe
         later._select_keyframe.forget_before(number)
-        later._series = None
-        self._series = None if not self._series_stands_in else self._series
+        later._stationary.series = None
+        self._stationary.series = self._stationary.used_series
         self._inputs = {}
         return later
 
@@ -140,16 +147,18 @@ class MaximumLikelihoodMethod:
 
         A frame that had too little in common with its keyframe is followed by one that will have more with it.
         """
-        series_goes_on = self._series_stands_in and self._series is not None and not self._series.full
-        if series_goes_on or self._changes.is_watching:
+        series = self._stationary.used_series
+        if (series is not None and not series.full) or self._changes.is_watching:
             return 0
         return self._select_keyframe.best_age - 1 if self._lost else sys.maxsize
 
     @property
     def progress(self) -> Progress:
         """How far it has come."""
-        sigma_at_corner = None if self._fit is None else self._fit.vignette_sigma_at_corner
-        return Progress(self._pairs, self._reservoir.points, self._response_sigma, sigma_at_corner)
+        fit = self._quick_fit
+        return Progress(self._pairs, self._reservoir.points, fit.response_sigma, fit.vignette_sigma)
+
+    # What is known so far.
 
     def preview(self, exposures: ExposureTable) -> Preview | None:
         """Return what is known without a new fit; None before anything was observed."""
@@ -160,7 +169,7 @@ class MaximumLikelihoodMethod:
         return preview_of(
             observations,
             latest,
-            self._fit,
+            self._quick_fit.fit,
             size=self._size,
             max_grey=self._max_grey,
             pairs=self._pairs,
@@ -187,11 +196,11 @@ class MaximumLikelihoodMethod:
             noise=self._noise.model(),
             observations=observations,
             fit=None if observations is None else self._fitted(observations, grey_range),
-            standing_still=self._standing_still,
+            standing_still=self._stationary.stands_still,
             pairs=self._pairs,
             usable_radius=self._circle.usable_radius(),
             grey_range=grey_range,
-            single_pixels=self._series_stands_in,
+            single_pixels=self._stationary.used_series is not None,
         )
 
     def calibration(self, exposures: ExposureTable, grey_range: GreyRange = FULL_RANGE) -> Calibration:
@@ -201,16 +210,16 @@ class MaximumLikelihoodMethod:
     def state(self) -> MaximumLikelihoodState:
         """Return all that was learned; to be taken before the next frame is pushed."""
         return MaximumLikelihoodState(
-            keyframes=self._select_keyframe.state() if self._recalled is None else self._recalled,
+            keyframes=self._restored_keyframes or self._select_keyframe.state(),
             reservoir=self._reservoir,
-            series=self._series,
+            series=self._stationary.series,
             noise=self._noise,
-            fit=self._fit,
-            motions=self._motions,
+            fit=self._quick_fit.fit,
+            motions=self._stationary.motions,
             pairs=self._pairs,
             circle=self._circle,
             changes=self._changes,
-            trusts_stated=self._trusts_stated,
+            trusts_stated=self._quick_fit.trusts_stated,
         )
 
     def restore(self, state: MaximumLikelihoodState) -> None:
@@ -222,85 +231,31 @@ class MaximumLikelihoodMethod:
             If its parts do not fit each other.
         """
         self._select_keyframe.restore(state.keyframes)
-        self._reservoir, self._series, self._noise = state.reservoir, state.series, state.noise
-        self._motions, self._pairs, self._circle = state.motions, state.pairs, state.circle
-        self._changes, self._trusts_stated = state.changes, state.trusts_stated
-        self._recalled = state.keyframes
+        self._reservoir, self._noise, self._pairs = state.reservoir, state.noise, state.pairs
+        self._stationary.series, self._stationary.motions = state.series, state.motions
+        self._circle, self._changes, self._restored_keyframes = state.circle, state.changes, state.keyframes
         if state.fit is not None:
-            self._rely_on(state.fit)
+            self._quick_fit.rely_on(state.fit, self._circle.usable_radius(), trusts_stated=state.trusts_stated)
 
     @property
     def frames_to_replay(self) -> frozenset[int]:
         """Numbers of the keyframes of the state it goes on from."""
-        return frozenset() if self._recalled is None else frozenset(self._recalled.frames.tolist())
+        return (
+            frozenset() if self._restored_keyframes is None else frozenset(self._restored_keyframes.frames.tolist())
+        )
 
     def replay(self, prepared: PreprocessedFrame) -> None:
         """Take a keyframe of the state it goes on from again."""
-        if self._recalled is not None:
-            self._select_keyframe.replay(self._sample.keyframe(prepared), self._recalled)
-
-    # The steps of push.
-
-    def _accumulate(self, samples: Samples) -> None:
-        self._pairs += 1
-        if np.isfinite(samples.motion_px):
-            self._motions = [*self._motions, samples.motion_px][-MAX_MOTIONS:]
-        self._reservoir.add(samples.observations)
-        self._latest = samples.observations
-
-    def _refine(self, exposures: ExposureTable) -> None:
-        """Improve what registration relies on, by a quick fit to some of the observations."""
-        if self._reservoir.points >= self._settings.min_points:
-            some = self._reservoir.some(QUICK_FIT_POINTS).with_exposures(exposures)
-            if some.log_exposure_change >= self._settings.min_log_exposure_change:
-                rounds = self._settings.rounds if self._fit is None else QUICK_FIT_ROUNDS
-                vignette = VignetteBasis(QUICK_FIT_RADIAL_TERMS, usable_radius=self._circle.usable_radius())
-                estimator = MaximumLikelihoodEstimator(self._basis, vignette, self._noise.model(), rounds)
-                self._trusts_stated = exposures.trusted
-                self._rely_on(estimator.fit(some, self._fit))
-                if self._fit is not None and self._pairs >= REFERENCE_FIT_PAIRS:
-                    self._changes.rely_on(self._fit)
-        # Early pairs were registered with the vignette still unknown, which draws registration a little to where
-        # brightness agrees: once there are enough others they do more harm than good.
-        if self._pairs >= 4 * FIRST_QUICK_FIT_PAIRS:
-            self._reservoir.forget_before(min(self._pairs // 4, DROPPED_PAIRS))
-
-    def _rely_on(self, fit: Fit) -> None:
-        """Bring frames to equal brightness by a fit from now on."""
-        self._fit = fit
-        sigma = fit.response(self._max_grey).inverse_sigma
-        self._response_sigma = None if sigma is None else float(sigma.max())
-        reliable = fit.chance_vignette_sigma_at_corner < MAX_VIGNETTE_SIGMA
-        vignette = fit.vignette(self._size, self._circle.usable_radius())
-        self._normalize = ExposureNormalizer(
-            fit.response(255), vignette if reliable else None, trusts_stated=self._trusts_stated
-        )
-
-    def _observe_standing_still(self, frame: Frame) -> None:
-        if self._series is None:
-            return
-        self._series.observe(frame)
-        moving = float(np.median(self._motions)) if self._motions else 0.0
-        plainly = len(self._motions) >= MIN_MOVING_PAIRS and moving > MOVING_FACTOR * self._settings.still_px
-        if plainly or (len(self._motions) >= UNDECIDED_PAIRS and not self._standing_still):
-            self._series = None
-
-    # The result of the frames so far.
-
-    @property
-    def _standing_still(self) -> bool:
-        return len(self._motions) > 0 and float(np.median(self._motions)) <= self._settings.still_px
-
-    @property
-    def _series_stands_in(self) -> bool:
-        return self._standing_still and self._series is not None
+        if self._restored_keyframes is not None:
+            self._select_keyframe.replay(self._sample.keyframe(prepared), self._restored_keyframes)
 
     def _observations(
         self, exposures: ExposureTable, grey_range: GreyRange = FULL_RANGE
     ) -> ExposedObservations | None:
         """Return what is known by all frames; None without any."""
-        if self._series is not None and self._series_stands_in:
-            found = self._series.observations()
+        series = self._stationary.used_series
+        if series is not None:
+            found = series.observations()
         elif self._reservoir.points:
             found = self._reservoir.all()
             # A surround that never sees light is alike in all frames.
@@ -317,10 +272,12 @@ class MaximumLikelihoodMethod:
             return None
         if observations.log_exposure_change < settings.min_log_exposure_change:
             return None
-        basis = self._series_basis if self._series_stands_in else self._basis
-        noise = None if self._series_stands_in else grey_range.stretched_noise(self._noise.model())
+        single_pixels = self._stationary.used_series is not None
+        intervals = settings.series_intervals if single_pixels else settings.response_intervals
+        basis = ResponseBasis(intervals, settings.response_functions)
+        noise = None if single_pixels else grey_range.stretched_noise(self._noise.model())
         widest = VignetteBasis(0)
-        if not self._standing_still:
+        if not self._stationary.stands_still:
             reach = self._circle.usable_radius()
             widest = VignetteBasis(settings.radial_terms, free_centre=True, non_radial=True, usable_radius=reach)
         return fit_with_chosen_effects(observations, basis, widest, noise, settings.rounds)

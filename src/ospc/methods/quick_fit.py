@@ -1,0 +1,61 @@
+"""Quick fits in the course of a run: they tell registration what is known of response and vignette so far."""
+
+from __future__ import annotations
+
+from ospc.arrays import ImageSize
+from ospc.correspondence.exposure_normalizer import ExposureNormalizer
+from ospc.estimation.fit import Fit
+from ospc.estimation.maximum_likelihood import MaximumLikelihoodEstimator
+from ospc.estimation.response_basis import ResponseBasis
+from ospc.estimation.vignette_basis import VignetteBasis
+from ospc.observations import ExposedObservations
+from ospc.photometry.noise import NoiseModel
+from ospc.settings import DefaultSettings
+from ospc.settings.methods import MAX_VIGNETTE_SIGMA, QUICK_FIT_RADIAL_TERMS, QUICK_FIT_ROUNDS
+
+
+class QuickFit:
+    """The latest fit to some of the observations, and what follows from it for the frames to come.
+
+    Attributes
+    ----------
+    fit
+        The fit; None before there is one.
+    normalize
+        Brings frames to equal brightness by the fit, before they are registered.
+    trusts_stated
+        Whether it does so by the exposures as stated alone.
+    response_sigma
+        Standard deviation of g, its scale held, at the grey level where it is largest; None without a fit.
+    """
+
+    def __init__(self, settings: DefaultSettings, size: ImageSize, max_grey: int) -> None:
+        self._settings, self._size, self._max_grey = settings, size, max_grey
+        self._basis = ResponseBasis(settings.response_intervals, settings.response_functions)
+        self.fit: Fit | None = None
+        self.normalize = ExposureNormalizer()
+        self.trusts_stated = False
+        self.response_sigma: float | None = None
+
+    def refine(
+        self, observations: ExposedObservations, noise: NoiseModel, usable_radius: float, *, trusts_stated: bool
+    ) -> None:
+        """Fit again, from the latest fit on, to observations whose exposures are trusted or not."""
+        rounds = self._settings.rounds if self.fit is None else QUICK_FIT_ROUNDS
+        vignette = VignetteBasis(QUICK_FIT_RADIAL_TERMS, usable_radius=usable_radius)
+        estimator = MaximumLikelihoodEstimator(self._basis, vignette, noise, rounds)
+        self.rely_on(estimator.fit(observations, self.fit), usable_radius, trusts_stated=trusts_stated)
+
+    def rely_on(self, fit: Fit, usable_radius: float, *, trusts_stated: bool) -> None:
+        """Bring frames to equal brightness by a fit from now on."""
+        self.fit, self.trusts_stated = fit, trusts_stated
+        sigma = fit.response(self._max_grey).inverse_sigma
+        self.response_sigma = None if sigma is None else float(sigma.max())
+        reliable = fit.chance_vignette_sigma_at_corner < MAX_VIGNETTE_SIGMA
+        vignette = fit.vignette(self._size, usable_radius) if reliable else None
+        self.normalize = ExposureNormalizer(fit.response(255), vignette, trusts_stated=trusts_stated)
+
+    @property
+    def vignette_sigma(self) -> float | None:
+        """Standard deviation of V at the corner; None without a fit."""
+        return None if self.fit is None else self.fit.vignette_sigma_at_corner

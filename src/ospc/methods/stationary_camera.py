@@ -1,0 +1,53 @@
+"""Does the camera stand still? Then every pixel is a scene point observed in all frames."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ospc.correspondence.static_series import StaticSeries
+from ospc.recording.frame import Frame
+from ospc.settings.methods import MAX_MOTIONS, MIN_MOVING_PAIRS, MOVING_FACTOR, UNDECIDED_PAIRS
+
+
+class StationaryCamera:
+    """Decides from the displacements between frames whether the camera stands still.
+
+    Until a camera clearly moves, the grey values of some pixels are kept, as the observations of one that does not.
+
+    Parameters
+    ----------
+    still_px
+        Median displacement in pixels up to which a camera counts as standing still.
+    series
+        Where grey values are kept; None once the camera moved.
+    """
+
+    def __init__(self, still_px: float, series: StaticSeries | None) -> None:
+        self._still_px = still_px
+        self.series = series
+        self.motions: list[float] = []
+
+    def observe(self, frame: Frame) -> None:
+        """Keep the grey values of a frame, unless the camera has moved."""
+        if self.series is None:
+            return
+        self.series.observe(frame)
+        motion_px = float(np.median(self.motions)) if self.motions else 0.0
+        moves = len(self.motions) >= MIN_MOVING_PAIRS and motion_px > MOVING_FACTOR * self._still_px
+        if moves or (len(self.motions) >= UNDECIDED_PAIRS and not self.stands_still):
+            self.series = None
+
+    def add_motion(self, motion_px: float) -> None:
+        """Take the displacement between two frames, NaN where it is unknown."""
+        if np.isfinite(motion_px):
+            self.motions = [*self.motions, motion_px][-MAX_MOTIONS:]
+
+    @property
+    def stands_still(self) -> bool:
+        """Whether the camera did not move lately."""
+        return len(self.motions) > 0 and float(np.median(self.motions)) <= self._still_px
+
+    @property
+    def used_series(self) -> StaticSeries | None:
+        """The series of grey values that stands in for pairs of frames; None where the camera moves."""
+        return self.series if self.stands_still else None
