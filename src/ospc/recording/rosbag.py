@@ -50,9 +50,9 @@ class _Rosbag:
             if not options.unknown_exposures:
                 raise
         carrier = None if carrying is None else carrier_of(carrying, options)
-        contents = _read_through(bag, topic, carrier)
-        numbers, table = _table(contents, carrier, str(path))
-        images = ImageStream(bag, topic, contents.images.log_ns, options.channel)
+        sent, exposures, readings = _read_through(bag, topic, carrier)
+        numbers, table = _table(sent, exposures, readings, carrier, str(path))
+        images = ImageStream(bag, topic, sent.log_ns, options.channel)
         sampled = images.again()  # a stream holds its file open and a part of it in memory
         layout, pixel_notes = find_layout(
             lambda i: sampled.image(int(numbers[i])),
@@ -125,18 +125,8 @@ class _Times:
     log_ns: IntArray
 
 
-@dataclass(frozen=True)
-class _Contents:
-    """Times of the images; times, values and gains of the exposures in the units of their carrier."""
-
-    images: _Times
-    exposures: _Times
-    values: FloatArray
-    gains: FloatArray
-
-
-def _read_through(bag: Bag, images: Topic, carrier: Carrier | None) -> _Contents:
-    """Read times and exposures of a bag; one message at a time is in memory."""
+def _read_through(bag: Bag, images: Topic, carrier: Carrier | None) -> tuple[_Times, _Times, FloatArray]:
+    """Return the times of images and of exposures, and exposure and gain of the latter, shape (2, messages)."""
     image_times, exposure_times = array("q"), array("q")  # a time stamp and a time of recording for each message
     readings = array("d")  # an exposure and a gain for each message
     topic = carrying = images if carrier is None else carrier.topic
@@ -156,26 +146,27 @@ def _read_through(bag: Bag, images: Topic, carrier: Carrier | None) -> _Contents
         raise RecordingError(f"{bag.path}: a message of {topic.name} cannot be read: {error}") from None
     if not image_times:
         raise RecordingError(f"{bag.path}: {images.name} holds no images; choose another with --image-topic")
-    values, gains = np.array(readings, dtype=np.float64).reshape(-1, 2).T
     images_at, exposures_at = (
         _Times(*np.array(pairs, dtype=np.int64).reshape(-1, 2).T.copy()) for pairs in (image_times, exposure_times)
     )
-    return _Contents(images_at, exposures_at, values, gains)
+    return images_at, exposures_at, np.array(readings, dtype=np.float64).reshape(-1, 2).T
 
 
-def _table(found: _Contents, carrier: Carrier | None, path: str) -> tuple[IntArray, FrameTable]:
+def _table(
+    images: _Times, exposures: _Times, readings: FloatArray, carrier: Carrier | None, path: str
+) -> tuple[IntArray, FrameTable]:
     """Return the numbers of the messages that are frames, and a table of these; unlisted ones without a carrier."""
     if carrier is None:
-        numbers, stamps_ns, stamp_notes = _increasing(found.images, np.arange(len(found.images.log_ns)), path)
+        numbers, stamps_ns, stamp_notes = _increasing(images, np.arange(len(images.log_ns)), path)
         table = unlisted(path, stamps_ns / NS_PER_S, stamped=True)
         return numbers, replace(table, notes=(*table.notes, *stamp_notes))
     source = f"{path}: {escaped(carrier.topic.name)}"
-    if not len(found.values):
+    if not readings.size:
         raise ExposureError(f"{source}: holds no exposures ({carrier.summary}); state another topic")
-    exposure, match_notes = _match(found.images, found.exposures, source)
-    numbers, stamps_ns, stamp_notes = _increasing(found.images, np.flatnonzero(exposure >= 0), path)
+    exposure, match_notes = _match(images, exposures, source)
+    numbers, stamps_ns, stamp_notes = _increasing(images, np.flatnonzero(exposure >= 0), path)
     interval_ms = float(np.median(np.diff(stamps_ns))) / _NS_PER_MS if len(stamps_ns) > 1 else None
-    values, unit_notes = _in_ms(found, carrier, interval_ms, source)
+    values, unit_notes = _in_ms(readings, carrier, interval_ms, source)
     exposures_ms = checked_exposures(
         values[exposure[numbers]],
         lambda frames: f"{source}, image {listed(frames)}",
@@ -239,22 +230,23 @@ def _increasing(times: _Times, messages: IntArray, path: str) -> tuple[IntArray,
 
 
 def _in_ms(
-    found: _Contents, carrier: Carrier, interval_ms: float | None, source: str
+    readings: FloatArray, carrier: Carrier, interval_ms: float | None, source: str
 ) -> tuple[FloatArray, list[str]]:
     """Return exposure times gain in milliseconds, and notes about the units."""
-    unit = carrier.unit or infer_unit(found.values, interval_ms, source)
+    values, gains = readings
+    unit = carrier.unit or infer_unit(values, interval_ms, source)
     how = "" if carrier.unit is not None else f" taken as {unit.value}, by their size and the frame rate"
     notes = [f"{source}: exposures are {carrier.summary}{how}"]
     gain_unit = carrier.gain_unit
     if gain_unit is None:
-        if np.ptp(found.gains) > 0:
+        if np.ptp(gains) > 0:
             raise ExposureError(
-                f"{source}: the gain changes from {found.gains.min():g} to {found.gains.max():g} in the "
+                f"{source}: the gain changes from {gains.min():g} to {gains.max():g} in the "
                 f"camera's own unit; state the unit with --gain-unit (linear, db, iso, or none to ignore it)"
             )
         gain_unit = GainUnit.NONE
         notes.append(f"{source}: the gain is constant and ignored")
-    return unit.to_ms(found.values) * gain_unit.linear(found.gains), notes
+    return unit.to_ms(values) * gain_unit.linear(gains), notes
 
 
 KIND = _Rosbag()
