@@ -90,12 +90,12 @@ def needs_extra(feature: str, extra: str) -> Iterator[None]:
 
 
 @contextmanager
-def os_error_as(kind: type[OspcError], what: str, remedy: str) -> Iterator[None]:
+def os_error_as(kind: type[OspcError], what: str, remedy: str = "") -> Iterator[None]:
     """Raise an error of this kind, ``what (reason); remedy``, where the operating system refuses something."""
     try:
         yield
     except OSError as error:
-        raise kind(f"{what} ({error.strerror or error}); {remedy}") from None
+        raise kind(f"{what} ({error.strerror or error}){remedy and f'; {remedy}'}") from None
 
 
 def said_by(error: BaseException, most: int | None = None) -> str:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Protocol
 
 from ospc.arrays import FloatArray
-from ospc.errors import ExposureError, FormatError, OspcError, SettingError, one_line
+from ospc.errors import ExposureError, FormatError, OspcError, SettingError, one_line, os_error_as
 from ospc.folders import check_usable
 from ospc.formats.dso import CAVEAT, parameter_files, write_times
 from ospc.formats.files import json_object
@@ -82,10 +82,8 @@ class OutputFolder:
         FormatError, an earlier output stays as it was. A problem with a later file does not keep the others from
         being written.
         """
-        try:
+        with os_error_as(FormatError, f"{self.path}: the folder cannot be created"):
             self.path.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise FormatError(f"{self.path}: the folder cannot be created ({error.strerror})") from None
         first = [calibration.save(self.path / "calibration.json")]
         if isinstance(calibration.vignette, RasterVignette):
             first.append(self.path / _MAP)
