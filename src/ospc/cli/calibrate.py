@@ -153,13 +153,13 @@ class _Request:
 
         return open_photometry(self.truth)
 
-    def result(self, recording: Recording | None, truth: Photometry | None) -> ResultFolder:
+    def result(self, truth: Photometry | None) -> ResultFolder:
         """Return where the result goes; refuse a folder that must not be written to."""
         from ospc.cli.calibration_result import ResultFolder
         from ospc.output import OutputFolder
 
         folder = OutputFolder.at(self.out, recording=self.path, force=self.force)
-        return ResultFolder(folder, recording, self.interruption, self.quiet, self.as_json, truth, self.pdf)
+        return ResultFolder(folder, self.interruption, self.quiet, self.as_json, truth, self.pdf)
 
     def of_camera(self, name: str) -> _Request:
         """Return what is asked for of one camera of a rig."""
@@ -200,13 +200,12 @@ def _calibrate_one(request: _Request, opened: Callable[[], Recording]) -> dict[s
     # After what may be wrong with the recording, for it is slow.
     from ospc.cli.calibration_run import CalibrationRun, Checkpoints
 
-    result = request.result(recording, truth)
+    result = request.result(truth)
     if request.exposures_unknown:
         from ospc.unknown_exposures import recover_exposures
 
         with progress_of("exposures", quiet=request.quiet, interruption=request.interruption) as step:
             recording = recover_exposures(recording, step)
-        result = replace(result, recording=recording)
     if prior is not None:
         prior.check_size(recording.size)
     return CalibrationRun(
@@ -236,7 +235,7 @@ def _guess(request: _Request, truth: Photometry | None) -> dict[str, Any]:
 
     images = single_images(request.path, request.reading.kind, request.reading.options)
     calibration = replace(calibrate_single_images(images), source={"name": request.path.name})
-    content = request.result(None, truth).take(Outcome(calibration), lambda: (Written(), [calibration.caveat]))
+    content = request.result(truth).take(Outcome(calibration), lambda: (Written(), [calibration.caveat]))
     return content | {"rests_on": calibration.rests_on}
 
 

@@ -45,12 +45,13 @@ Saved: TypeAlias = tuple[Written, list[str]]
 
 @dataclass(frozen=True)
 class Outcome:
-    """A calibration, marked partial if the run did not come to its end.
+    """A calibration, marked partial if the run did not come to its end, and the recording, None if there is none.
 
     ``skipped`` has the first reasons for skipped frames, ``failure`` what went wrong; it is empty if nothing did.
     """
 
     calibration: Calibration
+    recording: Recording | None = None
     skipped: tuple[str, ...] = ()
     interrupted: bool = False
     failure: str = ""
@@ -64,13 +65,13 @@ class Outcome:
             return INTERRUPTED
         return COMPLETE if self.calibration.complete else UNDETERMINED
 
-    def basis(self, recording: Recording | None) -> Iterator[str]:
+    def basis(self) -> Iterator[str]:
         """Return what the calibration rests on, as lines."""
         counts, partial = self.calibration.counts, self.calibration.partial
         nouns = ("recording", "frame", "pair", "sample")
         seen = {noun: counted(counts[f"{noun}s"], noun) for noun in nouns if f"{noun}s" in counts}
-        if partial and recording is not None:
-            seen["frame"] = f"{counts['frames']} of {counted(len(recording), 'frame')}"
+        if partial and self.recording is not None:
+            seen["frame"] = f"{counts['frames']} of {counted(len(self.recording), 'frame')}"
         yield f"from {', '.join(seen.values())}"
         if self.interrupted:
             yield "partial: the run was interrupted; more frames would tell more"
@@ -82,12 +83,11 @@ class Outcome:
 class ResultFolder:
     """Where a result goes, and how it is reported.
 
-    ``recording`` is None where there is none; ``times`` then says when frames were taken. With ``as_json``,
-    somebody else prints the result. An interruption while files are written only leaves out pictures.
+    ``times`` says when frames were taken where there is no recording. With ``as_json``, somebody else prints the
+    result. An interruption while files are written only leaves out pictures.
     """
 
     folder: OutputFolder
-    recording: Recording | None
     interruption: Interruption
     quiet: bool = False
     as_json: bool = False
@@ -121,14 +121,14 @@ class ResultFolder:
 
     def _written(self, outcome: Outcome) -> tuple[Outcome, Written]:
         """Write data, report and pictures; an interruption now only leaves out pictures."""
-        folder, before = self.folder, self.interruption.count
-        written = folder.write(outcome.calibration, self.times if self.recording is None else self.recording)
+        folder, recording, before = self.folder, outcome.recording, self.interruption.count
+        written = folder.write(outcome.calibration, self.times if recording is None else recording)
         if not written.problems:
-            findings = folder.findings(outcome.calibration, self.recording, self.truth)
+            findings = folder.findings(outcome.calibration, recording, self.truth)
             with ThreadPoolExecutor(1, "ospc-pictures") as second:
                 # Meanwhile the report tries the calibration on images, which leaves the interpreter to this.
                 drawing = second.submit(folder.draw, findings, stop=lambda: self.interruption.count > before)
-                written += folder.report(findings, self.recording, pdf=self.pdf)
+                written += folder.report(findings, recording, pdf=self.pdf)
                 written += drawing.result()
         if self.interruption.requested and not outcome.interrupted:
             unfinished = replace(outcome.calibration, partial=True)
@@ -161,7 +161,7 @@ class ResultFolder:
             reasons = "; ".join(outcome.skipped) + ("; …" if counts["skipped"] > len(outcome.skipped) else "")
             say_notes([f"{counts['skipped']} of {counted(counts['frames'], 'frame')} skipped: {reasons}"], "warning")
         say_verdicts(calibration.verdicts)
-        for line in outcome.basis(self.recording):
+        for line in outcome.basis():
             say(line)
         say(f"written to {folder}: {', '.join(str(file.relative_to(folder)) for file in written.files)}")
         say_notes(written.notes)
@@ -182,7 +182,7 @@ class ResultFolder:
         self, outcome: Outcome, written: Written, notes: list[str], comparison: Comparison | None
     ) -> dict[str, Any]:
         calibration, ratios = outcome.calibration, outcome.calibration.exposure_ratios
-        of_recording = () if self.recording is None else self.recording.notes
+        of_recording = () if outcome.recording is None else outcome.recording.notes
         content: dict[str, Any] = {
             "exit_code": outcome.exit_code,
             "out": str(self.folder.path),

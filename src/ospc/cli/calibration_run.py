@@ -205,7 +205,7 @@ class CalibrationRun:
                 raise OspcError(failure or one_line(error)) from error
         stopped = self.result.interruption.requested
         calibration = replace(labelled(calibration, self.recording), partial=stopped or bool(failure))
-        return calibrator, Outcome(calibration, calibrator.first_reasons, stopped, failure)
+        return calibrator, Outcome(calibration, self.recording, calibrator.first_reasons, stopped, failure)
 
     def _push_all(self, calibrator: OnlineCalibrator, after: Callable[[Frame, bool], None]) -> str:
         """Push frames until their end or an interruption, and return what went wrong."""

@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ospc.cli.options import AS_JSON, PLOT, argument, declared, option
 from ospc.cli.terminal import console, print_json, say
-
-if TYPE_CHECKING:
-    from ospc.evaluation.comparison import Comparison
 
 _FREEDOMS = (
     "Scale is free, because it cannot be observed: g(0) = 0, g(255) = 1, V = 1 at the centre; "
@@ -32,7 +29,9 @@ def command(
     a file of hugin (.pto), Adobe (.lcp), lensfun (.xml) or OpenCV (.yml). A file that does not state the image size
     takes it from the other one.
     """
-    from ospc.cli.calibration_result import errors_as_dict
+    from rich.table import Table
+
+    from ospc.cli.calibration_result import error_rows, errors_as_dict
     from ospc.evaluation.comparison import aligning_exponent, compare
     from ospc.formats.opening import open_both
 
@@ -50,24 +49,17 @@ def command(
         }
         print_json({"a": a, "b": b, "freedoms": _FREEDOMS} | figures)
         return
-    _print_table(f"{a}  against  {b}", list(results.values()))
-    if plot is not None:
-        say(f"plot: {plot}")
-
-
-def _print_table(title: str, results: list[Comparison]) -> None:
-    from rich.table import Table
-
-    from ospc.cli.calibration_result import error_rows
-
     table = Table("", title=None)
-    for result, heading in zip(results, ("unaligned", "after γ = {:.4f}"), strict=False):
+    columns = []
+    for result, heading in zip(results.values(), ("unaligned", "after γ = {:.4f}"), strict=False):
         table.add_column(heading.format(result.exponent), justify="right")
-    columns = [error_rows(result) for result in results]
+        columns.append(error_rows(result))
     for label in columns[0]:
         table.add_row(label, *(column.get(label, "") for column in columns))
-    say(title)
+    say(f"{a}  against  {b}")
     console(soft_wrap=True).print(table)
     say(_FREEDOMS)
-    if len(results) > 1:
+    if gamma:
         say("The second column raises response and vignette of the first to one common exponent.")
+    if plot is not None:
+        say(f"plot: {plot}")

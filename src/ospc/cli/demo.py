@@ -56,7 +56,7 @@ def command(
     if not quiet:
         say(f"calibrating, as would: ospc calibrate {recording} -o {result} --truth {recording}")
     recorded, truth = open_recording(recording), open_photometry(recording)
-    written = ResultFolder(folder, recorded, interruption, quiet=quiet, truth=truth)
+    written = ResultFolder(folder, interruption, quiet=quiet, truth=truth)
     run = CalibrationRun(recorded, preset("default"), written, Checkpoints(result, wanted=False))
     code = concluded(run.calibrate(), as_json=False)
     picture = result / "figure.png"

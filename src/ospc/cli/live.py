@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,21 +20,10 @@ from ospc.recording import Frame, Recording
 if TYPE_CHECKING:
     from ospc.cli.calibration_result import ResultFolder
     from ospc.exposures.lag_choice import LagChoice
-    from ospc.live.calibrator import LiveCalibrator
     from ospc.live.capture import Capture
 
 _GOAL = 0.005
 """As :data:`ospc.live.knowledge.GOAL`, which would take long to import for a help text."""
-
-
-@dataclass(frozen=True)
-class _Source:
-    """Where frames come from: a recording, or a camera, of which there is no recording."""
-
-    notes: tuple[str, ...]
-    frames: Iterable[Frame]
-    identity: dict[str, Any]
-    recording: Recording | None = None
 
 
 @declared(
@@ -92,21 +81,20 @@ def command(
     from ospc.output import OutputFolder
 
     with leaving("no result was written"), ExitStack() as stack:
-        opened = stack.enter_context(_opened(source, reading, pace))
-        recording = opened.recording
+        recording, frames, identity, found = stack.enter_context(_opened(source, reading, pace))
         folder = OutputFolder.at(out, recording=None if recording is None else Path(source), force=force)
         if not (quiet or as_json):
-            say_notes(opened.notes)
+            say_notes(found)
         aim = goal or _GOAL
         if recording is not None:
             correct_lag = lag_choice_for(recording.kind, correct_lag)
-        live = stack.enter_context(LiveCalibrator(correct_lag=correct_lag, goal=aim, source=opened.identity))
+        live = stack.enter_context(LiveCalibrator(correct_lag=correct_lag, goal=aim, source=identity))
         capture = Capture(live, ends=goal > 0, out=str(out))
         if not no_page:
             _show_page(stack, capture, port, browser=not no_browser)
         try:
-            result = ResultFolder(folder, recording, interruption, quiet, as_json, times=capture)
-            content = _captured(capture, live, opened.frames, result, full=no_page)
+            result = ResultFolder(folder, interruption, quiet, as_json, times=capture)
+            content = _captured(capture, recording, frames, result, full=no_page)
         except OspcError as error:
             capture.stage, capture.message = "failed", str(error)
             raise
@@ -118,8 +106,10 @@ def command(
 
 
 @contextmanager
-def _opened(source: str, reading: Reading, pace: float) -> Iterator[_Source]:
-    """Open a recording where there is one of that name, otherwise a camera."""
+def _opened(
+    source: str, reading: Reading, pace: float
+) -> Iterator[tuple[Recording | None, Iterable[Frame], dict[str, Any], Iterable[str]]]:
+    """Open a recording of that name, else a camera; give the recording, frames, what identifies them, and notes."""
     from ospc.live.capture import replayed
     from ospc.recording.live import open_camera
 
@@ -128,14 +118,14 @@ def _opened(source: str, reading: Reading, pace: float) -> Iterator[_Source]:
         from ospc.cli.calibration_run import identification
 
         recording = reading.open(place)
-        yield _Source(recording.notes, replayed(recording, pace), identification(recording), recording)
+        yield recording, replayed(recording, pace), identification(recording), recording.notes
         return
     if reading.mask is not None or reading.region is not None or reading.each_channel or reading.kind is not None:
         raise click.UsageError("--kind, --mask, --roi and --channel each are for recordings, not for cameras")
     if place.name != source:
         raise OspcError(f"{source}: does not exist; name a recording, or a camera such as opencv:0")
     with open_camera(source, reading.options) as camera:
-        yield _Source(camera.notes, camera, {"kind": "camera", "name": camera.name})
+        yield None, camera, {"kind": "camera", "name": camera.name}, camera.notes
 
 
 def _show_page(stack: ExitStack, capture: Capture, port: int, *, browser: bool) -> None:
@@ -148,7 +138,7 @@ def _show_page(stack: ExitStack, capture: Capture, port: int, *, browser: bool) 
 
 
 def _captured(
-    capture: Capture, live: LiveCalibrator, frames: Iterable[Frame], result: ResultFolder, *, full: bool
+    capture: Capture, recording: Recording | None, frames: Iterable[Frame], result: ResultFolder, *, full: bool
 ) -> dict[str, Any]:
     """Film, estimate, write and report."""
     from ospc.cli.calibration_result import Outcome
@@ -157,7 +147,7 @@ def _captured(
     from ospc.output import Written
     from ospc.state.container import STATE_NAME
 
-    failure, interruption, replayed = "", result.interruption, result.recording is not None
+    live, interruption, failure, replayed = capture.live, result.interruption, "", recording is not None
     with interruption.deferred():
         with shown(capture, quiet=not result.talkative, full=full) as show:
 
@@ -178,7 +168,8 @@ def _captured(
         capture.stage = "writing"
         # Whoever ends a camera's capture has filmed enough; a recording has more to give.
         early = interruption.requested and replayed
-        outcome = Outcome(replace(found, partial=early or bool(failure)), live.first_reasons, early, failure)
+        found = replace(found, partial=early or bool(failure))
+        outcome = Outcome(found, recording, live.first_reasons, early, failure)
         place = result.folder.path
         place.mkdir(parents=True, exist_ok=True)
         state = Written((live.save_state(place / STATE_NAME),))

@@ -55,7 +55,7 @@ def command(
     differing = list(merged.agreement.differing.values())
     repeated = len(found) - len(pool.summaries)
     notes = [f"{repeated} of the {len(found)} given are of a recording given already; it counts once"]
-    content = ResultFolder(folder, None, interruption, quiet, as_json, known).take(
+    content = ResultFolder(folder, interruption, quiet, as_json, known).take(
         Outcome(merged.calibration),
         lambda: (Written((pool.save(folder.path / STATE_NAME),)), notes if repeated else []),
     )

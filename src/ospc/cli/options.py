@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Mapping
 from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 
@@ -34,72 +34,65 @@ _OF_ANNOTATION: Mapping[str, Mapping[str, Any]] = {
 """What the annotation of a parameter says about its option; ``tuple[…, ...]`` takes several."""
 
 
-class Declared:
+class Declared(NamedTuple):
     """The default of a parameter, which declares the option or argument that its value comes from.
 
     ``then`` makes the value of what was given; an :class:`~ospc.errors.OspcError` of it ends the command. With
-    ``reserve``, a folder is made, and kept for this process alone while the command runs. Other attributes are
-    click's.
+    ``reserve``, a folder is made, and kept for this process alone while the command runs. An argument has no flags;
+    the attributes are click's.
     """
 
-    reserve = False
-
-    def __init__(
-        self,
-        kind: type[click.Parameter],
-        *flags: str,
-        then: Callable[[Any], Any] | None = None,
-        reserve: bool = False,
-        **attributes: Any,
-    ) -> None:
-        self._kind, self._flags, self._then, self._attributes = kind, flags, then, attributes
-        self.reserve = reserve
+    flags: tuple[str, ...] | None
+    attributes: Mapping[str, Any]
+    then: Callable[[Any], Any] | None = None
+    reserve: bool = False
 
     def parameters(self, name: str, annotation: str) -> list[click.Parameter]:
         """Return what click is to parse for a parameter of this name and annotation."""
         several = annotation.startswith("tuple[") and annotation.endswith(", ...]")
         item = annotation.removeprefix("tuple[").removesuffix(", ...]").removesuffix(" | None")
-        attributes = {**_OF_ANNOTATION.get(item, {}), **self._attributes}
-        if self._kind is click.Argument:
+        attributes = {**_OF_ANNOTATION.get(item, {}), **self.attributes}
+        if self.flags is None:
             return [click.Argument([name], **({"nargs": -1} if several else {}) | attributes)]
-        flags = self._flags or (f"--{name.replace('_', '-')}",)
+        flags = self.flags or (f"--{name.replace('_', '-')}",)
         return [click.Option([*flags, name], **{"multiple": several} | attributes)]
 
     def taken(self, name: str, values: dict[str, Any]) -> Any:
         """Take the parameter's value out of what click has parsed."""
         value = values.pop(name)
-        return value if value is None or self._then is None else self._then(value)
+        return value if value is None or self.then is None else self.then(value)
 
 
-class Several(Declared):
+class Several(NamedTuple):
     """Declares several options, whose values ``make`` turns into that of one parameter."""
 
-    def __init__(self, make: Callable[..., Any], parts: Mapping[str, Declared]) -> None:
-        self._make, self._parts = make, parts
+    make: Callable[..., Any]
+    parts: Mapping[str, Declared]
+    reserve: bool = False
 
     def parameters(self, _name: str, _annotation: str) -> list[click.Parameter]:
         """Return what click is to parse."""
-        return [parameter for name, part in self._parts.items() for parameter in part.parameters(name, "")]
+        return [parameter for name, part in self.parts.items() for parameter in part.parameters(name, "")]
 
     def taken(self, _name: str, values: dict[str, Any]) -> Any:
         """Take the values of all parts, and return what is made of them."""
-        return self._make(**{name: part.taken(name, values) for name, part in self._parts.items()})
+        return self.make(**{name: part.taken(name, values) for name, part in self.parts.items()})
 
 
-def option(help: str | None, *flags: str, **attributes: Any) -> Any:  # noqa: A002
+def option(help: str | None, *flags: str, then: Callable[[Any], Any] | None = None, **attributes: Any) -> Any:  # noqa: A002
     """Declare an option, by default with the parameter's name as its flag."""
-    return Declared(click.Option, *flags, help=help, **attributes)
+    return Declared(flags, {"help": help} | attributes, then)
 
 
-def argument(**attributes: Any) -> Any:
+def argument(*, reserve: bool = False, **attributes: Any) -> Any:
     """Declare an argument."""
-    return Declared(click.Argument, **attributes)
+    return Declared(None, attributes, reserve=reserve)
 
 
 def out_option(help: str, *, folder: bool = True, **attributes: Any) -> Any:  # noqa: A002
     """Declare the option for the file or folder to write, which is required unless there is a default."""
     usual = {} if "default" in attributes else {"required": True}
-    return Declared(click.Option, "-o", "--out", reserve=folder, help=help, **usual | attributes)
+    return Declared(("-o", "--out"), {"help": help} | usual | attributes, reserve=folder)
 
 
 def declared(
@@ -113,7 +106,7 @@ def declared(
 
     def made(work: Callable[..., Any]) -> click.Command:
         signature = inspect.signature(work).parameters
-        options = {name: p.default for name, p in signature.items() if isinstance(p.default, Declared)}
+        options = {name: p.default for name, p in signature.items() if isinstance(p.default, Declared | Several)}
 
         def call(**values: Any) -> Any:
             given = {name: option.taken(name, values) for name, option in options.items()}
