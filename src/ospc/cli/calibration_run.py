@@ -14,7 +14,6 @@ from typing import Any
 
 from ospc.calibrator import OnlineCalibrator, Status, drive
 from ospc.cli.calibration_result import Outcome, ResultFolder, Saved
-from ospc.cli.interruption import leaving
 from ospc.cli.terminal import progress_line, say, say_notes
 from ospc.errors import FormatError, OspcError, SettingError, counted, one_line
 from ospc.exposures.lag_choice import LagChoice
@@ -157,7 +156,7 @@ class CalibrationRun:
         if self.result.talkative:
             say_notes(self.recording.notes)
         load_drawing()
-        with leaving("no result was written"), self.result.interruption.deferred():
+        with self.result.interruption.deferred():
             calibrator, outcome = self._estimated()
             with ThreadPoolExecutor(1, "ospc-state") as second:
                 # Most of it is compression, which leaves the interpreter to those who draw.

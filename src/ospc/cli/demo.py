@@ -51,14 +51,15 @@ def command(
     folder = OutputFolder.at(result)
     if not quiet:
         say(f"simulating {settings.frames} frames {settings.size[0]}×{settings.size[1]} in {recording}")
-    with leaving("no result was written"), progress_of("simulating", quiet=quiet) as step:
-        simulate(recording, settings, overwrite=True, progress=step)
-    if not quiet:
-        say(f"calibrating, as would: ospc calibrate {recording} -o {result} --truth {recording}")
-    recorded, truth = open_recording(recording), open_photometry(recording)
-    written = ResultFolder(folder, interruption, quiet=quiet, truth=truth)
-    run = CalibrationRun(recorded, preset("default"), written, Checkpoints(result, wanted=False))
-    code = concluded(run.calibrate(), as_json=False)
+    with leaving("no result was written"):
+        with progress_of("simulating", quiet=quiet) as step:
+            simulate(recording, settings, overwrite=True, progress=step)
+        if not quiet:
+            say(f"calibrating, as would: ospc calibrate {recording} -o {result} --truth {recording}")
+        recorded, truth = open_recording(recording), open_photometry(recording)
+        written = ResultFolder(folder, interruption, quiet=quiet, truth=truth)
+        run = CalibrationRun(recorded, preset("default"), written, Checkpoints(result, wanted=False))
+        code = concluded(run.calibrate(), as_json=False)
     picture = result / "figure.png"
     if not quiet and picture.exists():
         say()
