@@ -86,7 +86,7 @@ def read_lcp(path: str | Path, size: ImageSize | None = None) -> tuple[RadialFit
     SettingError if neither the caller nor the profile states the size of the images; FormatError if it is not such a
     profile, or an entry is incomplete or no vignette.
     """
-    entries = [element for element in read_xml(path).iter() if local_name(element.tag) == "li"]
+    entries = read_xml(path).iter("li")
     try:
         found = tuple(fit for entry in entries if (fit := _adobe_fit(entry, size)) is not None)
     except (FormatError, SettingError) as error:
@@ -97,10 +97,10 @@ def read_lcp(path: str | Path, size: ImageSize | None = None) -> tuple[RadialFit
 
 
 def _adobe_fit(entry: Element, wanted: ImageSize | None) -> RadialFit | None:
-    model = next((element for element in entry.iter() if local_name(element.tag) == "VignetteModel"), None)
+    model = next(entry.iter("VignetteModel"), None)
     if model is None:
         return None
-    geometry = next((e for e in entry.iter() if local_name(e.tag) in ("PerspectiveModel", "FisheyeModel")), None)
+    geometry = next((e for e in entry.iter() if e.tag in ("PerspectiveModel", "FisheyeModel")), None)
     texts = _values(entry) | ({} if geometry is None else _values(geometry)) | _values(model)
 
     def number(name: str, default: str) -> float:
@@ -129,12 +129,12 @@ def _adobe_fit(entry: Element, wanted: ImageSize | None) -> RadialFit | None:
 
 def _values(element: Element) -> dict[str, str]:
     """Return the properties of a node, written as attributes, as elements, or inside an rdf:Description."""
-    values = {local_name(key): text for key, text in element.attrib.items()}
+    values = dict(element.attrib)
     for child in element:
-        if local_name(child.tag) == "Description":
+        if child.tag == "Description":
             values |= _values(child)
         elif len(child) == 0 and child.text and child.text.strip():
-            values[local_name(child.tag)] = child.text.strip()
+            values[child.tag] = child.text.strip()
     return values
 
 
@@ -201,8 +201,8 @@ def read_lensfun(path: str | Path, size: ImageSize | None) -> tuple[RadialFit, .
     or an entry is incomplete or no vignette.
     """
     root = read_xml(path)
-    if local_name(root.tag) != "lensdatabase":
-        raise FormatError(f"{path}: not a lensfun database, its root is <{local_name(root.tag)}>")
+    if root.tag != "lensdatabase":
+        raise FormatError(f"{path}: not a lensfun database, its root is <{root.tag}>")
     entries = [
         (lens, element)
         for lens in root.iter("lens")
@@ -241,7 +241,7 @@ def read_xml(path: str | Path) -> ElementTree.Element:
     """Return the root of an XML file; FormatError if it cannot be read, is not XML, or is nested too deeply.
 
     A document type that only names an external definition, as in lensfun's files, is ignored and not fetched. One
-    with its own definitions is refused, because entities can expand without bound.
+    with its own definitions is refused, because entities can expand without bound. Names have no name space.
     """
     content = read_bytes(path, _LARGEST)
     tree = ElementTree.TreeBuilder()
@@ -252,12 +252,12 @@ def read_xml(path: str | Path) -> ElementTree.Element:
         depth += 1
         if depth > _DEEPEST:
             raise FormatError(f"{path}: elements are nested more than {_DEEPEST} deep")
-        tree.start(name, attributes)
+        tree.start(_local_name(name), {_local_name(key): text for key, text in attributes.items()})
 
     def end(name: str) -> None:
         nonlocal depth
         depth -= 1
-        tree.end(name)
+        tree.end(_local_name(name))
 
     def doctype(_name: str, _system: str | None, _public: str | None, internal: int) -> None:
         if internal:
@@ -277,12 +277,11 @@ def read_xml(path: str | Path) -> ElementTree.Element:
     return tree.close()
 
 
+def _local_name(tag: str) -> str:
+    return tag.rsplit("}", 1)[-1]
+
+
 def write_xml(root: ElementTree.Element) -> str:
     """Return an element as the text of an XML file, indented."""
     ElementTree.indent(root, " ")
     return ElementTree.tostring(root, encoding="unicode", xml_declaration=False) + "\n"
-
-
-def local_name(tag: str) -> str:
-    """Return a tag or attribute name without its name space."""
-    return tag.rsplit("}", 1)[-1]
