@@ -19,135 +19,6 @@ from ospc.photometry.vignette import Vignette, diagonal_profile
 from ospc.report.charts import Chart, Findings
 from ospc.report.examples import Examples, Pictures
 
-_LINEAR_WITHIN = 0.05
-"""Largest distance of the gamma exponent from 1 at which a response is called linear."""
-
-_UNEVEN = 0.01
-"""Difference between the corners, or between the centre and the brightest place, that is mentioned."""
-
-_HARDLY_VIGNETTED = 0.98
-"""Attenuation at the corners above which there is hardly any vignetting: less than 3 hundredths of a stop."""
-
-
-def headline(calibration: Calibration) -> str:
-    """Return the overall result in one or two sentences."""
-    states = {name: verdict.state for name, verdict in calibration.verdicts.items()}
-    known = [name for name, state in states.items() if state == "identifiable"]
-    rough = [name for name, state in states.items() if state == "marginal"]
-    unknown = [name for name, state in states.items() if state == "not identifiable"]
-    parts = []
-    if known:
-        parts.append(f"The {_listed(known)} of this camera {'is' if len(known) == 1 else 'are'} well determined.")
-    if rough:
-        parts.append(f"The {_listed(rough)} {'is' if len(rough) == 1 else 'are'} known only roughly.")
-    if unknown:
-        parts.append(f"This recording does not determine the {_listed(unknown)}; no estimate is given.")
-    if calibration.exponent_sigma:
-        parts.append(f"{calibration.caveat}, chosen so that the response resembles that of a typical camera.")
-    elif calibration.caveat:
-        parts.append(f"{calibration.caveat}.")
-    if calibration.partial:
-        parts.append("The run stopped before the end of the recording; more frames would improve the result.")
-    return " ".join(parts) or "This calibration does not say how well it is known."
-
-
-def overall_state(calibration: Calibration) -> str:
-    """Return the state that all verdicts share; "marginal" where they differ."""
-    states = {verdict.state for verdict in calibration.verdicts.values()}
-    return states.pop() if len(states) == 1 else "marginal"
-
-
-def facts(calibration: Calibration, tracking: TrackingComparison | None = None) -> list[str]:
-    """Return what the calibration says about the camera, and what it does for tracking, one sentence each."""
-    found: list[str] = []
-    if calibration.response is not None:
-        found.append(_response_fact(calibration.response, calibration.max_grey))
-    if calibration.vignette is not None:
-        found.append(_vignette_fact(calibration.vignette, calibration.vignette_sigma))
-    ratios = calibration.exposure_ratios
-    if ratios.metadata.size and calibration.response is not None and not calibration.exponent_sigma:
-        found.append(
-            f"Exposure ratios estimated from the images agree with the metadata to {_percent(ratios.misfit)} "
-            f"(median over {counted(ratios.metadata.size, 'pair')} of frames, weighted by their samples)."
-        )
-    if tracking is not None:
-        sentence = tracking.sentence
-        found.append(f"In an excerpt of this recording, {sentence[0].lower()}{sentence[1:]}")
-    return found
-
-
-def _response_fact(response: Response, max_grey: int) -> str:
-    middle, sigma = float(response.inverse(0.5)), None
-    if response.log_sigma is not None and response.scale_sigma is not None:
-        sigma = middle * float(np.hypot(np.interp(0.5, response.levels, response.log_sigma), response.scale_sigma))
-    return (
-        f"Middle grey ({max_grey / 2:.0f} of {max_grey}) corresponds to {_percent(middle, sigma)} of the irradiance "
-        f"that saturates the sensor{_like_curve(middle)}.{_shape_fact(response, max_grey)}"
-    )
-
-
-def _shape_fact(response: Response, max_grey: int) -> str:
-    """Say how well ratios of irradiance are known where grey levels were observed."""
-    if response.log_sigma is None:
-        return ""
-    low, high = response.support
-    seen = (response.levels >= low) & (response.levels <= high)
-    if not seen.any():
-        return ""
-    typical, most = (float(of(response.log_sigma[seen])) for of in (np.median, np.max))
-    known = _spread(typical)
-    if most > 2 * typical:
-        known += f" in the median and to {_spread(most)} at the worst"
-    return (
-        f" Between grey levels {low * max_grey:.0f} and {high * max_grey:.0f} the ratio of two irradiances is known "
-        f"to {known}; the scale, g = 1 at white, does not affect it."
-    )
-
-
-def _spread(log_sigma: float) -> str:
-    return f"±{100 * log_sigma:.2g} %"
-
-
-def _like_curve(middle: float) -> str:
-    """Say which gamma curve, g(M) = M to the power γ, has the same irradiance at middle grey."""
-    if not 0 < middle < 1:
-        return ""
-    exponent = float(np.log(middle) / np.log(0.5))
-    if abs(exponent - 1) < _LINEAR_WITHIN:
-        return ", as in a linear camera"
-    return f", as on a gamma curve with exponent {exponent:.2f}"
-
-
-def _vignette_fact(vignette: Vignette, sigma: FloatArray | None) -> str:
-    corner = float(diagonal_profile(vignette, PROFILE_RADII[-1:])[0])
-    said = f"The corners receive {_percent(corner, None if sigma is None else sigma[-1])} of the light at the centre"
-    image = vignette.image()
-    centre = float(vignette.at((np.array(vignette.size) - 1) / 2))
-    corners, brightest = image[[0, 0, -1, -1], [0, -1, 0, -1]] / centre, float(image.max()) / centre
-    if np.ptp(corners) > _UNEVEN:
-        said += f" on average ({100 * corners.min():.0f} to {100 * corners.max():.0f} %)"
-    if corner > _HARDLY_VIGNETTED:
-        said += ": there is hardly any vignetting"
-    elif corner > 0:
-        said += f", {-np.log2(corner):.1f} stops less"
-    if brightest - 1 > _UNEVEN:
-        relative = _percent(corner / brightest)
-        said += f"; vignette.png is relative to the brightest place, of which they receive {relative}"
-    return f"{said}."
-
-
-def _percent(share: float, sigma: float | None = None) -> str:
-    """Return a share in per cent, rounded to the first digit of its standard deviation, or to two digits."""
-    percent, spread = 100 * share, 100 * (share / 10 if sigma is None else sigma)
-    digits = int(np.clip(np.ceil(-np.log10(max(spread, 1e-9))), 0, 3))
-    return f"{percent:.{digits}f} %" if sigma is None else f"{percent:.{digits}f} ± {spread:.{digits}f} %"
-
-
-def _listed(names: list[str]) -> str:
-    *first, last = names
-    return f"{', the '.join(first)} and the {last}" if first else last
-
-
 SUMMARY = "Summary"
 """Heading of the first section."""
 
@@ -282,3 +153,132 @@ def shown(value: object) -> str:
 def sentence(text: str) -> str:
     """Return a text as a sentence, with a capital letter and a full stop."""
     return f"{text[:1].upper()}{text[1:].rstrip('.')}." if text else ""
+
+
+_LINEAR_WITHIN = 0.05
+"""Largest distance of the gamma exponent from 1 at which a response is called linear."""
+
+_UNEVEN = 0.01
+"""Difference between the corners, or between the centre and the brightest place, that is mentioned."""
+
+_HARDLY_VIGNETTED = 0.98
+"""Attenuation at the corners above which there is hardly any vignetting: less than 3 hundredths of a stop."""
+
+
+def headline(calibration: Calibration) -> str:
+    """Return the overall result in one or two sentences."""
+    states = {name: verdict.state for name, verdict in calibration.verdicts.items()}
+    known = [name for name, state in states.items() if state == "identifiable"]
+    rough = [name for name, state in states.items() if state == "marginal"]
+    unknown = [name for name, state in states.items() if state == "not identifiable"]
+    parts = []
+    if known:
+        parts.append(f"The {_listed(known)} of this camera {'is' if len(known) == 1 else 'are'} well determined.")
+    if rough:
+        parts.append(f"The {_listed(rough)} {'is' if len(rough) == 1 else 'are'} known only roughly.")
+    if unknown:
+        parts.append(f"This recording does not determine the {_listed(unknown)}; no estimate is given.")
+    if calibration.exponent_sigma:
+        parts.append(f"{calibration.caveat}, chosen so that the response resembles that of a typical camera.")
+    elif calibration.caveat:
+        parts.append(f"{calibration.caveat}.")
+    if calibration.partial:
+        parts.append("The run stopped before the end of the recording; more frames would improve the result.")
+    return " ".join(parts) or "This calibration does not say how well it is known."
+
+
+def overall_state(calibration: Calibration) -> str:
+    """Return the state that all verdicts share; "marginal" where they differ."""
+    states = {verdict.state for verdict in calibration.verdicts.values()}
+    return states.pop() if len(states) == 1 else "marginal"
+
+
+def facts(calibration: Calibration, tracking: TrackingComparison | None = None) -> list[str]:
+    """Return what the calibration says about the camera, and what it does for tracking, one sentence each."""
+    found: list[str] = []
+    if calibration.response is not None:
+        found.append(_response_fact(calibration.response, calibration.max_grey))
+    if calibration.vignette is not None:
+        found.append(_vignette_fact(calibration.vignette, calibration.vignette_sigma))
+    ratios = calibration.exposure_ratios
+    if ratios.metadata.size and calibration.response is not None and not calibration.exponent_sigma:
+        found.append(
+            f"Exposure ratios estimated from the images agree with the metadata to {_percent(ratios.misfit)} "
+            f"(median over {counted(ratios.metadata.size, 'pair')} of frames, weighted by their samples)."
+        )
+    if tracking is not None:
+        sentence = tracking.sentence
+        found.append(f"In an excerpt of this recording, {sentence[0].lower()}{sentence[1:]}")
+    return found
+
+
+def _response_fact(response: Response, max_grey: int) -> str:
+    middle, sigma = float(response.inverse(0.5)), None
+    if response.log_sigma is not None and response.scale_sigma is not None:
+        sigma = middle * float(np.hypot(np.interp(0.5, response.levels, response.log_sigma), response.scale_sigma))
+    return (
+        f"Middle grey ({max_grey / 2:.0f} of {max_grey}) corresponds to {_percent(middle, sigma)} of the irradiance "
+        f"that saturates the sensor{_like_curve(middle)}.{_shape_fact(response, max_grey)}"
+    )
+
+
+def _shape_fact(response: Response, max_grey: int) -> str:
+    """Say how well ratios of irradiance are known where grey levels were observed."""
+    if response.log_sigma is None:
+        return ""
+    low, high = response.support
+    seen = (response.levels >= low) & (response.levels <= high)
+    if not seen.any():
+        return ""
+    typical, most = (float(of(response.log_sigma[seen])) for of in (np.median, np.max))
+    known = _spread(typical)
+    if most > 2 * typical:
+        known += f" in the median and to {_spread(most)} at the worst"
+    return (
+        f" Between grey levels {low * max_grey:.0f} and {high * max_grey:.0f} the ratio of two irradiances is known "
+        f"to {known}; the scale, g = 1 at white, does not affect it."
+    )
+
+
+def _spread(log_sigma: float) -> str:
+    return f"±{100 * log_sigma:.2g} %"
+
+
+def _like_curve(middle: float) -> str:
+    """Say which gamma curve, g(M) = M to the power γ, has the same irradiance at middle grey."""
+    if not 0 < middle < 1:
+        return ""
+    exponent = float(np.log(middle) / np.log(0.5))
+    if abs(exponent - 1) < _LINEAR_WITHIN:
+        return ", as in a linear camera"
+    return f", as on a gamma curve with exponent {exponent:.2f}"
+
+
+def _vignette_fact(vignette: Vignette, sigma: FloatArray | None) -> str:
+    corner = float(diagonal_profile(vignette, PROFILE_RADII[-1:])[0])
+    said = f"The corners receive {_percent(corner, None if sigma is None else sigma[-1])} of the light at the centre"
+    image = vignette.image()
+    centre = float(vignette.at((np.array(vignette.size) - 1) / 2))
+    corners, brightest = image[[0, 0, -1, -1], [0, -1, 0, -1]] / centre, float(image.max()) / centre
+    if np.ptp(corners) > _UNEVEN:
+        said += f" on average ({100 * corners.min():.0f} to {100 * corners.max():.0f} %)"
+    if corner > _HARDLY_VIGNETTED:
+        said += ": there is hardly any vignetting"
+    elif corner > 0:
+        said += f", {-np.log2(corner):.1f} stops less"
+    if brightest - 1 > _UNEVEN:
+        relative = _percent(corner / brightest)
+        said += f"; vignette.png is relative to the brightest place, of which they receive {relative}"
+    return f"{said}."
+
+
+def _percent(share: float, sigma: float | None = None) -> str:
+    """Return a share in per cent, rounded to the first digit of its standard deviation, or to two digits."""
+    percent, spread = 100 * share, 100 * (share / 10 if sigma is None else sigma)
+    digits = int(np.clip(np.ceil(-np.log10(max(spread, 1e-9))), 0, 3))
+    return f"{percent:.{digits}f} %" if sigma is None else f"{percent:.{digits}f} ± {spread:.{digits}f} %"
+
+
+def _listed(names: list[str]) -> str:
+    *first, last = names
+    return f"{', the '.join(first)} and the {last}" if first else last
