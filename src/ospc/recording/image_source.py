@@ -1,4 +1,4 @@
-"""Image files of a recording, and decoding them: in a folder, or in a zip archive that is never extracted."""
+"""Image files of a recording, in a folder or in a zip archive that is never extracted, and how they are decoded."""
 
 from __future__ import annotations
 

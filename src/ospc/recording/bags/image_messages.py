@@ -154,17 +154,18 @@ class ImageStream:
         """Return a message; FrameError if the bag is damaged there or has changed since."""
         with self._lock:
             log_ns = int(self._log_ns[number])
-            if not (0 <= number - self._next < _READ_ON and log_ns >= self._start_ns):
+            ahead = 0 <= number - self._next < _READ_ON and log_ns >= self._start_ns
+            self._next = len(self._log_ns)  # after an error, reading begins anew
+            if not ahead:
                 # The bag yields the messages recorded from then on in the order in which they are numbered.
-                numbers = np.flatnonzero(self._log_ns >= log_ns).tolist()
+                numbers = map(int, np.flatnonzero(self._log_ns >= log_ns))
                 self._numbered = zip(numbers, self._bag.messages((self._topic.name,), log_ns), strict=False)
                 self._start_ns = log_ns
-            self._next = number + 1
             try:
                 found = next((message for place, message in self._numbered if place == number), None)
             except RecordingError as error:
-                self._next = len(self._log_ns)  # an iterator that failed is at its end
                 raise FrameError(str(error)) from None
             if found is None or found.log_ns != log_ns:
                 raise FrameError(f"{self._bag.path}: image {self.label(number)} is missing; the bag has changed")
+            self._next = number + 1
             return found.data
