@@ -19,7 +19,7 @@ from ospc.unknown_exposures.single_image.edges import (
 from ospc.unknown_exposures.single_image.response_prior import LEVELS, response_prior
 from polygon_pictures import picture
 
-WINDOWS, PIXELS = 30, 40
+WINDOWS, PIXELS = 20, 40
 
 
 def patches(response: Response, channels: int) -> EdgePatches:

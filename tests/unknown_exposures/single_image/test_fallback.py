@@ -54,7 +54,8 @@ def test_nothing_is_called_identifiable_and_grey_images_get_the_usual_response(p
         calibrate_single_images([image, image[:100]])
 
 
-def test_the_command_answers_only_where_it_is_asked_and_says_what_it_rests_on(photographs, tmp_path):
+def test_the_command_answers_only_where_it_is_asked_and_says_what_it_rests_on(photographs, tmp_path, monkeypatch):
+    leave_out(monkeypatch, "draw")
     photo, out = tmp_path / "photo.png", tmp_path / "out"
     cv2.imwrite(str(photo), photographs["srgb"][1])
     refused = ospc("calibrate", photo, "-o", out)
