@@ -195,6 +195,22 @@ def test_few_pairs_correct_nothing_but_widen_the_bands() -> None:
     assert found.log_response_step_sigma(0.25, 0.75) > 2 * usual.log_response_step_sigma(0.25, 0.75)
 
 
+def step_in_sigmas(fit: Fit) -> float:
+    """Return how far the step of ln g from grey level 1/4 to 3/4 is off, in its stated standard deviations."""
+    low, high = (float(np.log(fit.response().inverse(grey) / GAMMA.inverse(grey))) for grey in (0.25, 0.75))
+    return (high - low) / fit.log_response_step_sigma(0.25, 0.75)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_what_contradicts_the_model_widens_the_bands_by_what_it_does(seed: int) -> None:
+    assert abs(step_in_sigmas(Disturbed(tone=-0.1).fit(seed))) < 1
+
+
+@pytest.mark.parametrize("offset", [-0.006, -0.003, 0.003, 0.006])
+def test_a_suspicion_widens_the_bands_before_it_is_clear(offset: float) -> None:
+    assert abs(step_in_sigmas(Disturbed(offset=offset).fit(frames=FEW))) < 3
+
+
 def test_what_cannot_be_told_widens_the_bands() -> None:
     """Without moments of the frames glare is as likely as its prior says; with them it is known to be absent."""
     observations = Disturbed().pairs()

@@ -25,7 +25,8 @@ from ospc.photometry.verdict import EffectEstimate
 from ospc.settings.estimation import (
     ASYMMETRY_SIGMA,
     CONTRADICTING_SIGMAS,
-    DOUBTED_SIGMAS,
+    CONTRADICTION_PROBABILITY,
+    EFFECT_PROBABILITY,
     FIRST_FIT_POINTS,
     MIN_GROUPS,
     MIN_GROUPS_TO_CONTRADICT,
@@ -138,37 +139,33 @@ def fit_with_chosen_effects(
 
     One effect after the other is tried, the clearest first, and kept if it is significant by the scatter of the
     observations. As soon as something contradicts the model nothing is corrected: one effect imitates another. Few
-    pairs of frames can contradict the model, but correct nothing. What the effects that are left out may amount to is
+    pairs of frames can contradict the model, but correct nothing. What any effect that is left out may amount to is
     added to the covariance. A camera at rest shows none. The parameters are as in :func:`fit_with_chosen_vignette`.
     """
     plain = fit_with_chosen_vignette(observations, response, widest, noise, rounds, Effects.none_of(observations))
     if not len(widest):
         return plain  # of a camera at rest, time, exposure and place of the few frames go together
-    provable = _provable(plain.groups)
-    fit, possible = plain, tuple(name for name in EFFECTS if name in CORRECTED or name in provable)
-    refused: list[str] = []
+    fit, untried = plain, _provable(plain.groups)
     plain_trials = trials = _tried(observations, fit, noise, tuple(EFFECTS))
-    while name := _suspected(trials, possible):
-        possible = tuple(other for other in possible if other != name)
-        effects = fit.effects.and_(name)
-        wider = MaximumLikelihoodEstimator(response, fit.vignette_basis, noise, rounds, effects).fit(
-            observations, fit
+    while suspect := _suspected(trials, untried):
+        untried = tuple(name for name in untried if name != suspect.name)
+        start = _one_step(fit, suspect)
+        wider = MaximumLikelihoodEstimator(response, fit.vignette_basis, noise, rounds, start.effects).fit(
+            observations, start
         )
-        if name not in provable or not _accepted(wider):
-            if _remains_possible(wider, provable):
-                refused.append(name)
+        if not _accepted(wider):
             continue
-        if name in CONTRADICTIONS:
-            return _with_estimates(plain, plain_trials, _estimates(wider)[-1:], refused)
-        fit = fit_with_chosen_vignette(observations, response, widest, noise, rounds, effects)
-        trials = _tried(observations, fit, noise, [other for other in EFFECTS if other not in effects.chosen])
+        if suspect.name in CONTRADICTIONS:
+            return _with_estimates(plain, plain_trials, _estimates(wider)[-1:])
+        fit = fit_with_chosen_vignette(observations, response, widest, noise, rounds, start.effects)
+        trials = _tried(observations, fit, noise, [other for other in EFFECTS if other not in fit.effects.chosen])
     if fit.groups < MIN_GROUPS_TO_CONTRADICT:
-        return _with_estimates(fit, trials, (), refused)
+        return _with_estimates(fit, trials, ())
     residual = fit.residuals(observations)
     if unsteady := unsteadiness(residual, observations):
-        return _with_estimates(plain, plain_trials, unsteady, refused)
+        return _with_estimates(plain, plain_trials, unsteady)
     uneven = uneven_vignette(residual, observations) or unsteady_radiance(fit.errors.radiance_sigma, fit.groups)
-    return _with_estimates(fit, trials, (*_estimates(fit), *uneven), refused)
+    return _with_estimates(fit, trials, (*_estimates(fit), *uneven))
 
 
 @dataclass(frozen=True)
@@ -176,13 +173,14 @@ class _Trial:
     """What one step of Newton's method from a fit without an effect makes of it.
 
     ``sigma`` is the standard deviation of its value by chance; ``carried``, shape (p,), is how the parameters of the
-    fit follow that of the effect.
+    fit follow that of the effect. It is judged by ``groups`` groups of observations.
     """
 
     name: str
     value: float
     sigma: float
     carried: FloatArray
+    groups: int
 
     @property
     def sigmas(self) -> float:
@@ -193,6 +191,24 @@ class _Trial:
     def sigma_in_all(self) -> float:
         """Standard deviation by chance and by what other errors imitate."""
         return float(np.hypot(self.sigma, EFFECTS[self.name].systematic))
+
+    @property
+    def probability(self) -> float:
+        """Probability that the effect is there, by the criterion of Schwarz (1978)."""
+        before = CONTRADICTION_PROBABILITY if self.name in CONTRADICTIONS else EFFECT_PROBABILITY
+        log_odds = np.log(before / (1 - before)) + (self.sigmas**2 - np.log(self.groups)) / 2
+        return float(1 / (1 + np.exp(-log_odds)))
+
+    @property
+    def size_if_left_out(self) -> float:
+        """Root mean square of what is missing in a fit without the effect.
+
+        Every camera has a little of what can be corrected, within what chance hides. The value that the observations
+        suggest, if it makes sense, counts by its probability.
+        """
+        hidden = 0.0 if self.name in CONTRADICTIONS else self.sigma
+        suggested = self.value if EFFECTS[self.name].allows(self.value) else 0.0
+        return float(np.hypot(hidden, np.sqrt(self.probability) * suggested))
 
 
 def _tried(
@@ -211,7 +227,7 @@ def _tried(
         chosen = np.append(np.arange(p), p + i)
         found, covariance = _step(equations.part(chosen), precision[np.ix_(chosen, chosen)], prior.mean[chosen])
         carried = covariance[:p, p] / covariance[p, p]
-        trials.append(_Trial(name, float(found[p]), float(np.sqrt(covariance[p, p])), carried))
+        trials.append(_Trial(name, float(found[p]), float(np.sqrt(covariance[p, p])), carried, fit.groups))
     return trials
 
 
@@ -222,12 +238,24 @@ def _provable(groups: int) -> tuple[str, ...]:
     return CONTRADICTIONS if groups >= MIN_GROUPS_TO_CONTRADICT else ()
 
 
-def _suspected(trials: Sequence[_Trial], possible: Sequence[str]) -> str:
-    """Return the clearest of the possible effects, one of a camera where it is nearly so; empty if none is clear."""
-    clear = {trial.name: trial.sigmas for trial in trials if trial.name in possible}
-    threshold = max(SUSPECTED_SIGMAS, PREFERRED_SHARE * max(clear.values(), default=0.0))
-    clear = {name: sigmas for name, sigmas in clear.items() if sigmas > threshold}
-    return max(clear, key=lambda name: (name in CORRECTED, clear[name]), default="")
+def _suspected(trials: Sequence[_Trial], untried: Sequence[str]) -> _Trial | None:
+    """Return the clearest of the effects that were not tried, one of a camera where it is nearly so."""
+    likely = [trial for trial in trials if trial.name in untried]
+    threshold = max(SUSPECTED_SIGMAS, PREFERRED_SHARE * max((trial.sigmas for trial in likely), default=0.0))
+    clear = [trial for trial in likely if trial.sigmas > threshold]
+    return max(clear, key=lambda trial: (trial.name in CORRECTED, trial.sigmas), default=None)
+
+
+def _one_step(fit: Fit, trial: _Trial) -> Fit:
+    """Return where one step of Newton's method from a fit leads.
+
+    A fit that starts without the effect can take more rounds than it has: its first weights discard as outliers what
+    the effect would explain.
+    """
+    parameters = np.append(fit.parameters + trial.value * trial.carried, trial.value)
+    effects = fit.effects.and_(trial.name)
+    start = replace(fit, effects=effects, parameters=parameters)
+    return replace(start, parameters=np.maximum(parameters, start.floor))
 
 
 def _accepted(fit: Fit) -> bool:
@@ -239,14 +267,6 @@ def _accepted(fit: Fit) -> bool:
         significant |= by_chance > CONTRADICTING_SIGMAS
     values = zip(fit.effects.chosen, fit.effect_parameters, strict=True)
     return significant and all(EFFECTS[name].allows(value) for name, value in values)
-
-
-def _remains_possible(fit: Fit, provable: Sequence[str]) -> bool:
-    """Return whether the effect that was added last may be there although it is not proven."""
-    name = fit.effects.chosen[-1]
-    if name in CORRECTED and name in provable:
-        return True
-    return _sigmas_of_last(fit, fit.chance) > DOUBTED_SIGMAS
 
 
 def _sigmas_of_last(fit: Fit, covariance: FloatArray) -> float:
@@ -263,22 +283,15 @@ def _estimates(fit: Fit) -> tuple[EffectEstimate, ...]:
     )
 
 
-def _with_estimates(
-    fit: Fit, trials: Sequence[_Trial], found: tuple[EffectEstimate, ...], refused: Sequence[str]
-) -> Fit:
-    """Return a fit with the estimates of effects, and with a covariance that has those that are left out.
-
-    An effect that was suspected and refused may be there all the same, as large as it seems.
-    """
-    left_out = [trial for trial in trials if trial.name in CORRECTED or trial.name in refused]
-    sizes = [np.hypot(trial.sigma, trial.value if trial.name in refused else 0.0) for trial in left_out]
-    slopes = [_slope_of_left_out(fit, trial) for trial in left_out]
-    widened = sum(size**2 * np.outer(slope, slope) for size, slope in zip(sizes, slopes, strict=True))
+def _with_estimates(fit: Fit, trials: Sequence[_Trial], found: tuple[EffectEstimate, ...]) -> Fit:
+    """Return a fit with the estimates of effects, and with a covariance that has those that are left out."""
+    missing = [trial.size_if_left_out * _slope_of_left_out(fit, trial) for trial in trials]
     fit = _without_typical_light(fit)
+    covariance = fit.covariance + sum(np.outer(one, one) for one in missing)
     estimates = (
-        EffectEstimate(trial.name, trial.value, trial.sigma_in_all) for trial in left_out if trial.name in CORRECTED
+        EffectEstimate(trial.name, trial.value, trial.sigma_in_all) for trial in trials if trial.name in CORRECTED
     )
-    return replace(fit, covariance=fit.covariance + widened, effect_estimates=(*found, *estimates))
+    return replace(fit, covariance=covariance, effect_estimates=(*found, *estimates))
 
 
 def _without_typical_light(fit: Fit) -> Fit:
