@@ -1,4 +1,4 @@
-"""Every number of a module is explained by a docstring below it."""
+"""Every number of a module is explained by a docstring below it, and those of the method are settings."""
 
 from __future__ import annotations
 
@@ -12,6 +12,19 @@ import ospc
 ROOT = Path(ospc.__file__).parent
 NOT_CHECKED = {"cli", "report", "research"}
 MODULES = sorted(path for path in ROOT.rglob("*.py") if path.relative_to(ROOT).parts[0] not in NOT_CHECKED)
+
+STEPS_OF_THE_METHOD = ("correspondence", "exposures", "methods")
+CORE = [path for path in MODULES if path.relative_to(ROOT).parts[0] in STEPS_OF_THE_METHOD]
+
+STAY_IN_THE_CODE = {
+    # Formulas: stencils, nodes, powers, directions, and sizes and indices that follow from settings.
+    "NODES", "CENTRE", "(_VALUE, _SLOPE, _CURVATURE)", "_STENCILS", "_LAPLACIANS", "_CORNERS", "_VIGNETTE_POWERS",
+    "RESPONSE_PARAMETERS", "PARTS", "_LATER",
+    # Places at which curves are tabulated or drawn, and a displacement that is beyond any image.
+    "RESPONSE_LEVELS", "_STEPS", "OUTSIDE_PX",
+    # A value that is empty, and sizes of buffers.
+    "NOTHING_FOUND", "_MAX_COUNTED_BITS", "_MOST_PARTS", "_FIRST_CAPACITY", "_BLOCK",
+}  # fmt: skip
 
 MOST_TOGETHER = 3
 """Most assignments that one docstring can explain."""
@@ -45,6 +58,21 @@ def unexplained(source):
         elif isinstance(node, ast.Assign | ast.AnnAssign) and node.value is not None and holds_a_number(node.value):
             waiting.append(ast.unparse(node.targets[0] if isinstance(node, ast.Assign) else node.target))
     return missing + waiting
+
+
+def numbers(source):
+    """Return the names of module-level constants that hold a number."""
+    assigned = [node for node in ast.parse(source).body if isinstance(node, ast.Assign | ast.AnnAssign)]
+    return [
+        ast.unparse(node.targets[0] if isinstance(node, ast.Assign) else node.target)
+        for node in assigned
+        if node.value is not None and holds_a_number(node.value)
+    ]
+
+
+@pytest.mark.parametrize("path", CORE, ids=lambda path: path.relative_to(ROOT).as_posix())
+def test_numbers_of_the_method_are_settings(path):
+    assert set(numbers(path.read_text(encoding="utf-8"))) <= STAY_IN_THE_CODE
 
 
 @pytest.mark.parametrize("path", MODULES, ids=lambda path: path.relative_to(ROOT).as_posix())

@@ -15,6 +15,7 @@ from ospc.by_value import ByValue
 from ospc.errors import SettingError
 from ospc.photometry.grey_range import GreyRange
 from ospc.robust import weighted_median
+from ospc.settings.correspondence import CLIPPED_MARGIN, POSITION_TOLERANCE
 
 POWERS = 5
 """Powers of the grey level whose means are kept: a sum of them follows the inverse of smooth responses to 1 or 2 per
@@ -24,17 +25,10 @@ logarithmic responses were wrong by a fifth."""
 MOMENTS = POWERS + 1
 """These means, and the share of the pixels that are white: their irradiance is not known from their grey level."""
 
-_CLEAR_OF_ENDS = 1 / 255
-"""Distance up to which a grey level counts as clipped at a black or white that is not the end of the scale: one grey
-value of 8 bits."""
-
 _WIDTHS = {"position": (2,), "frame_moments": (MOMENTS,), "surround_moments": (1 + MOMENTS,)}
 """Further dimensions of the fields that have some."""
 
 _OF_A_FRAME = ("grey", "grey_variance", "position", "gradient", "frame_moments", "surround_moments", "frame")
-
-_ROUNDING = 0.02
-"""Share of the half diagonal by which a place may lie beyond the corner: half a pixel and rounding."""
 
 
 class ExposureLookup(Protocol):
@@ -199,7 +193,7 @@ class Observations(ByValue):
         moments = np.concatenate([self.frame_moments, self.surround_moments], axis=1)
         if np.any((moments < 0) | (moments > 1)):
             raise SettingError("means of powers of the grey level must lie in [0, 1]")
-        if np.any(np.hypot(*self.position.T) > 1 + _ROUNDING):
+        if np.any(np.hypot(*self.position.T) > 1 + POSITION_TOLERANCE):
             raise SettingError(
                 "a position lies outside the image; positions are relative to its centre, in half diagonals"
             )
@@ -303,8 +297,8 @@ class ExposedObservations(Observations):
         """Return what lies between black and white, with black at grey level 0 and white at 1."""
         if grey_range.is_full:
             return self
-        low = grey_range.black + _CLEAR_OF_ENDS * (grey_range.black > 0)
-        high = grey_range.white - _CLEAR_OF_ENDS * (grey_range.white < 1)
+        low = grey_range.black + CLIPPED_MARGIN * (grey_range.black > 0)
+        high = grey_range.white - CLIPPED_MARGIN * (grey_range.white < 1)
         kept = self.seen_twice((self.grey >= low) & (self.grey <= high))
         # What turns the moments of grey levels, from the zeroth on, into those of stretched ones.
         powers = np.eye(1 + MOMENTS)

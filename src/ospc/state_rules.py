@@ -193,10 +193,10 @@ RULES: Mapping[type, Mapping[str, Numbers | str]] = {
     PairErrors: {
         "matrix": Numbers(shape=(_CHANGES, _CHANGES)),
         "vector": Numbers(shape=(_CHANGES,)),
-        "carried": Numbers(shape=(_CHANGES, "parameters")),
+        "fit_products": Numbers(shape=(_CHANGES, "parameters")),
         "error": _logs(),
-        "reach": Numbers(0, 2),
-        "greys": _share(2),
+        "max_radius": Numbers(0, 2),
+        "grey_limits": _share(2),
     },
 }
 """What values of the dataclasses in a state can be, by the names of fields, where their types say too little."""
@@ -325,7 +325,7 @@ def _check_changes(found: ChangeDetector, frames: int) -> None:
     _require(found.reference or not found.pairs, "changes are judged by nothing")
     for pair in found.pairs:
         parameters = 0 if found.reference is None else len(found.reference.parameters)
-        Numbers(shape=(_CHANGES, parameters)).check("changes.pairs.carried", pair.carried)
+        Numbers(shape=(_CHANGES, parameters)).check("changes.pairs.fit_products", pair.fit_products)
         _require(pair.frame0 < pair.frame1 < frames, "changes are of frames that were not there")
     _require(found.since is None or 0 <= found.since < frames, "a suspicion begins in the future")
 

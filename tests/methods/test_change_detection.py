@@ -13,7 +13,7 @@ from ospc.settings.methods import MIN_FRAME_RATE
 def test_times_are_counted_in_frames_by_the_stamps(rate, counted):
     detector = ChangeDetector()
     for number in range(3, 400, 7):
-        detector.clock(number, 1.7e9 + number / rate)
+        detector.observe_time(number, 1.7e9 + number / rate)
     assert detector.frames_per_s == pytest.approx(counted, rel=1e-6)
 
 
@@ -21,5 +21,5 @@ def test_times_are_counted_in_frames_by_the_stamps(rate, counted):
 def test_stamps_that_are_none_count_as_those_of_slow_film(stamps):
     detector = ChangeDetector()
     for number, stamp_s in enumerate(stamps):
-        detector.clock(number, stamp_s)
+        detector.observe_time(number, stamp_s)
     assert detector.frames_per_s == MIN_FRAME_RATE

@@ -96,8 +96,8 @@ class ChangeDetector:
     first_stamp_s: float = 0.0
     frames_per_s: float = MIN_FRAME_RATE
 
-    def clock(self, number: int, stamp_s: float) -> None:
-        """Take the time stamp of a frame, by which light changes however many frames it fills."""
+    def observe_time(self, number: int, stamp_s: float) -> None:
+        """Take the time stamp of a frame: light changes with time, however many frames that takes."""
         if not math.isfinite(stamp_s):
             return
         if self.first_number < 0:
@@ -107,20 +107,20 @@ class ChangeDetector:
         rate = (number - self.first_number) / passed_s if passed_s > 0 else MIN_FRAME_RATE
         self.frames_per_s = min(max(rate, MIN_FRAME_RATE), MAX_FRAME_RATE)
 
-    def rely_on(self, fit: Fit) -> None:
+    def set_reference(self, fit: Fit) -> None:
         """Predict by another fit from now on, unless a suspicion is followed: what it rests on must stay the same."""
         if not self.pairs:
             self.reference = fit
 
     @property
-    def is_watching(self) -> bool:
+    def is_suspicious(self) -> bool:
         """Whether there is a suspicion, so that every frame is to be processed."""
         return self.since is not None
 
     def observe(self, latest: Observations, exposures: ExposureTable) -> Change | None:
         """Take the observations of the latest pair, and return the change of the camera that they prove, if any.
 
-        When a suspicion begins, :attr:`is_watching`, the reference is best replaced by a fit to everything so far.
+        When a suspicion begins, :attr:`is_suspicious`, the reference is best replaced by a fit to everything so far.
         """
         if self.reference is None or len(latest.starts) < MIN_PAIR_POINTS:
             return None
@@ -161,7 +161,7 @@ class ChangeDetector:
 
     def _end_suspicion(self, frame: int, since: int, reference: Fit) -> None:
         """End a suspicion that has lasted too long, or that nothing supports any more."""
-        latest = [pair for pair in self.pairs if pair.of_neighbours][-WATCHED_PAIRS:]
+        latest = [pair for pair in self.pairs if pair.consecutive][-WATCHED_PAIRS:]
         if frame > since + self._frames(MAX_SUSPICION_S):
             self.since, self.pairs, self.calm_until = None, [], frame + self._frames(CALM_S)
         elif len(latest) == WATCHED_PAIRS:

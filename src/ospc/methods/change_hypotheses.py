@@ -64,7 +64,7 @@ def _other_curve(pairs: list[PairErrors], fit: Fit) -> Finding | None:
     explained_log = np.sqrt(max(whole.gain, 0.0) / sum(pair.points for pair in pairs))
     if explained_log < MIN_EXPLAINED_LOG or abs(whole.effect) < MIN_EFFECT_LOG or whole.sigmas < MIN_CHANGE_SIGMAS:
         return None
-    halves = _telling_halves(pairs, whole)
+    halves = _halves_by_effect(pairs, whole)
     if min(len(half) for half in halves) < MIN_HALF_PAIRS:
         return None
     parts = [ExplainedChange.of(half, fit, whole.part, SYSTEMATIC_LOG) for half in halves]
@@ -82,8 +82,8 @@ def _other_curve(pairs: list[PairErrors], fit: Fit) -> Finding | None:
     return part, f"the {part} changed by {np.expm1(whole.effect):+.0%}"
 
 
-def _telling_halves(pairs: list[PairErrors], found: ExplainedChange) -> Halves:
-    """Split pairs where half of what a change does to them is done: while a camera stands still, nothing shows."""
+def _halves_by_effect(pairs: list[PairErrors], found: ExplainedChange) -> Halves:
+    """Split pairs into halves in which a change has equal effects: while a camera stands still, it has none."""
     done = np.cumsum([np.sqrt(pair.energy(found.change)) for pair in pairs])
     middle = int(np.searchsorted(done, done[-1] / 2))
     return pairs[:middle], pairs[middle:]
@@ -96,7 +96,7 @@ def _steeper_response(pairs: list[PairErrors], exposures: ExposureTable, usual_e
     slopes = [_median_slope(half, step) for half, step in zip(halves, steps, strict=True)]
     if any(not (slope > MIN_SLOPE or LIGHT_SLOPE < slope < -MIN_SLOPE) for slope in slopes):
         return None
-    errors = [abs(pair.error) for half in halves for pair in half if pair.of_neighbours]
+    errors = [abs(pair.error) for half in halves for pair in half if pair.consecutive]
     if not errors or np.median(errors) < MIN_SLOPE_ERROR_LOG:
         return None
     expected = [slope * step for slope, step in zip(reversed(slopes), steps, strict=True)]
@@ -107,7 +107,7 @@ def _steeper_response(pairs: list[PairErrors], exposures: ExposureTable, usual_e
 
 
 def _explained(halves: Halves, expected: list[FloatArray], usual_error: float) -> bool:
-    """Return whether the expected errors explain most of the telling pairs in each half.
+    """Return whether the expected errors explain most of the pairs in each half in which they are significant.
 
     Light that fades steadily is no evidence: what grows evenly with time is taken out of errors and expectations.
     """
@@ -115,10 +115,10 @@ def _explained(halves: Halves, expected: list[FloatArray], usual_error: float) -
         known = np.isfinite(change)
         frames = np.array([pair.frame1 - pair.frame0 for pair in half])[known]
         error = _without_drift(np.array([pair.error for pair in half])[known], frames)
-        foretold = _without_drift(change[known], frames)
-        telling = np.abs(foretold) > MIN_EXPECTED_FACTOR * usual_error
-        better = np.abs(error - foretold)[telling] < np.abs(foretold)[telling] / 2
-        if np.count_nonzero(telling) < MIN_SIGNIFICANT_PAIRS or better.mean() < MAJORITY:
+        predicted = _without_drift(change[known], frames)
+        significant = np.abs(predicted) > MIN_EXPECTED_FACTOR * usual_error
+        better = np.abs(error - predicted)[significant] < np.abs(predicted)[significant] / 2
+        if np.count_nonzero(significant) < MIN_SIGNIFICANT_PAIRS or better.mean() < MAJORITY:
             return False
     return True
 

@@ -9,15 +9,13 @@ from ospc.estimation.fit import Fit
 from ospc.observations import ExposedObservations
 from ospc.photometry.coverage import QUANTILES, Coverage
 from ospc.photometry.geometry import half_diagonal
-
-_GREYS, _RADII, _MOST_EXPOSURES = 32, 20, 16
-"""Classes of grey level, of radius, and at most of ln exposure, in the tables: some pixels of a chart each."""
-
-_COLUMNS = 16
-"""Columns of cells into which the image is divided; cells are squares."""
-
-_FEWEST = 10
-"""Residuals of a class below which their quantiles say nothing."""
+from ospc.settings.methods import (
+    GREY_CLASSES,
+    MAX_EXPOSURE_CLASSES,
+    MIN_CLASS_RESIDUALS,
+    PLACE_COLUMNS,
+    RADIUS_CLASSES,
+)
 
 
 def coverage_of(observations: ExposedObservations, fit: Fit | None, size: ImageSize) -> Coverage:
@@ -26,32 +24,32 @@ def coverage_of(observations: ExposedObservations, fit: Fit | None, size: ImageS
     The size is that of the frames in pixels.
     """
     radius = np.linalg.norm(observations.position, axis=1)
-    ring = np.clip((radius * _RADII).astype(np.int64), 0, _RADII - 1)
-    grey = np.clip((observations.grey * _GREYS).astype(np.int64), 0, _GREYS - 1)
+    ring = np.clip((radius * RADIUS_CLASSES).astype(np.int64), 0, RADIUS_CLASSES - 1)
+    grey = np.clip((observations.grey * GREY_CLASSES).astype(np.int64), 0, GREY_CLASSES - 1)
     edges = _exposure_edges(observations.log_exposure)
     exposure = np.clip(np.searchsorted(edges, observations.log_exposure, "right") - 1, 0, len(edges) - 2)
     later = np.flatnonzero(np.diff(observations.point) == 0) + 1
-    by_exposure = _counts(exposure, grey, (len(edges) - 1, _GREYS))
-    by_radii = _counts(ring[later - 1], ring[later], (_RADII, _RADII))
+    by_exposure = _counts(exposure, grey, (len(edges) - 1, GREY_CLASSES))
+    by_radii = _counts(ring[later - 1], ring[later], (RADIUS_CLASSES, RADIUS_CLASSES))
     if fit is None:
         return Coverage(np.exp(edges), by_exposure, by_radii)
     residual = fit.residuals(observations)
-    rows = max(1, round(_COLUMNS * size[1] / size[0]))
-    by_place = _quantiles(residual, _place(observations, size, rows), rows * _COLUMNS)
+    rows = max(1, round(PLACE_COLUMNS * size[1] / size[0]))
+    by_place = _quantiles(residual, _place(observations, size, rows), rows * PLACE_COLUMNS)
     return Coverage(
         np.exp(edges),
         by_exposure,
         by_radii,
-        _quantiles(residual, grey, _GREYS),
-        _quantiles(residual, ring, _RADII),
-        by_place[:, QUANTILES.index(0.5)].reshape(rows, _COLUMNS),
+        _quantiles(residual, grey, GREY_CLASSES),
+        _quantiles(residual, ring, RADIUS_CLASSES),
+        by_place[:, QUANTILES.index(0.5)].reshape(rows, PLACE_COLUMNS),
     )
 
 
 def _exposure_edges(log_exposure: FloatArray) -> FloatArray:
     """Return limits of equal classes of ln e, no more of them than there are values."""
     low, high = float(log_exposure.min()), float(log_exposure.max())
-    classes = min(_MOST_EXPOSURES, len(np.unique(log_exposure)))
+    classes = min(MAX_EXPOSURE_CLASSES, len(np.unique(log_exposure)))
     room = max(1e-3, 1e-6 * abs(high))  # the highest belongs to the last class
     return np.linspace(low, max(high, low) + room, classes + 1)
 
@@ -62,8 +60,9 @@ def _counts(first: IntArray, second: IntArray, shape: tuple[int, int]) -> IntArr
 
 def _place(observations: ExposedObservations, size: ImageSize, rows: int) -> IntArray:
     pixel = observations.position * half_diagonal(size) + (np.array(size) - 1) / 2
-    cell = np.clip((pixel / np.array(size) * (_COLUMNS, rows)).astype(np.int64), 0, (_COLUMNS - 1, rows - 1))
-    return np.asarray(cell[:, 1] * _COLUMNS + cell[:, 0])
+    cells = np.array([PLACE_COLUMNS, rows])
+    cell = np.clip((pixel / np.array(size) * cells).astype(np.int64), 0, cells - 1)
+    return np.asarray(cell[:, 1] * PLACE_COLUMNS + cell[:, 0])
 
 
 def _quantiles(residual: FloatArray, member: IntArray, classes: int) -> FloatArray:
@@ -74,6 +73,6 @@ def _quantiles(residual: FloatArray, member: IntArray, classes: int) -> FloatArr
     parts = np.split(residual[order], np.cumsum(np.bincount(member, minlength=classes))[:-1])
     found = np.full((classes, len(QUANTILES)), np.nan)
     for row, part in zip(found, parts, strict=True):
-        if len(part) >= _FEWEST:
+        if len(part) >= MIN_CLASS_RESIDUALS:
             row[:] = np.quantile(part, QUANTILES)
     return found

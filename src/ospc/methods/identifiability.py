@@ -11,28 +11,16 @@ from ospc.observations import ExposedObservations
 from ospc.photometry.calibration import ExposureRatios
 from ospc.photometry.verdict import LATE_EXPOSURES, EffectEstimate, Verdict
 from ospc.settings import DefaultSettings
-
-_SURE_RESPONSE, SURE_VIGNETTE = 0.012, 0.025
-"""Standard deviations of ln g(0.75)/g(0.25), and of ln V at the corner, up to which a curve is identifiable: errors
-are then below half a per cent, of κ and of V over the image. In 135 recordings with and without faults whose response
-was called identifiable and known to 0.012, κ was larger in one; in 15 known to between that and 0.015, in six."""
-
-_FEWEST_GROUPS = 5
-"""Comparisons of frames from which on their scatter tells how well a curve is known: with up to three, exposures off
-by one or two per cent gave errors of 6 to 28 stated standard deviations, from about five on of 1.5 at most."""
-
-_VAGUE = 0.2
-"""Either of them beyond which a curve is not identifiable: such errors are as large as what is corrected."""
-
-_EXPLAINED, _CONTRADICTED = 0.15, 0.5
-"""Shares of a typical change of exposure that may be missing in the images: beyond the first the exposures are
-doubted, beyond the second the response rests on nothing. Noise alone leaves less than a tenth."""
-
-_WIDE_RANGE = 8.0
-"""Longest over shortest exposure from which on a wider range is no longer the first thing to ask for."""
-
-_NOTABLE_LOG_K = 0.05
-"""Change of ln exposure of a pair from which on its misfit is compared with it; below, noise is as large."""
+from ospc.settings.methods import (
+    CONTRADICTING_UNEXPLAINED_SHARE,
+    DOUBTED_UNEXPLAINED_SHARE,
+    IDENTIFIABLE_RESPONSE_SIGMA,
+    IDENTIFIABLE_VIGNETTE_SIGMA,
+    MAX_CURVE_SIGMA,
+    MIN_COMPARED_LOG_K,
+    MIN_SCATTER_GROUPS,
+    WIDE_EXPOSURE_RATIO,
+)
 
 _SEE_MORE = (
     "record more frames, of a scene with even surfaces of all brightnesses: the exposure changes enough, "
@@ -83,12 +71,12 @@ def response_verdict_of_fit(fit: Fit, exposure_range_ms: tuple[float, float], un
     )
     contradiction = f"{unexplained:.0%} of a typical change of exposure does not show in the images"
     check_exposures = "check that each exposure belongs to its frame, and switch off gain control and tone mapping"
-    if unexplained > _CONTRADICTED:
+    if unexplained > CONTRADICTING_UNEXPLAINED_SHARE:
         return Verdict("not identifiable", contradiction, check_exposures)
-    remedy = _CHANGE_EXPOSURE if high < _WIDE_RANGE * low else _SEE_MORE
-    if sigma <= _VAGUE and unexplained > _EXPLAINED:
+    remedy = _CHANGE_EXPOSURE if high < WIDE_EXPOSURE_RATIO * low else _SEE_MORE
+    if sigma <= MAX_CURVE_SIGMA and unexplained > DOUBTED_UNEXPLAINED_SHARE:
         return Verdict("marginal", f"{figure}, but {contradiction}", check_exposures)
-    return _graded(fit, sigma, _SURE_RESPONSE, figure, remedy)
+    return _graded(fit, sigma, IDENTIFIABLE_RESPONSE_SIGMA, figure, remedy)
 
 
 def vignette_verdict(
@@ -121,18 +109,18 @@ def vignette_verdict(
             f"({settings.min_radial_reach:g} is needed)",
             _MOVE_RADIALLY,
         )
-    if fit is None or unexplained > _CONTRADICTED:
+    if fit is None or unexplained > CONTRADICTING_UNEXPLAINED_SHARE:
         return Verdict("not identifiable", "without a response there is no irradiance to compare", "")
     sigma = fit.worst_log_vignette_sigma(usable_radius)
     where = "at the corner" if usable_radius >= 1 else f"at {usable_radius:.2f} half diagonals, where the image ends,"
     figure = f"ln V {where} is known to ±{sigma:.2g} from radial motion of {reach:.2f} half diagonals"
-    return _graded(fit, sigma, SURE_VIGNETTE, figure, _MOVE_RADIALLY)
+    return _graded(fit, sigma, IDENTIFIABLE_VIGNETTE_SIGMA, figure, _MOVE_RADIALLY)
 
 
 def _graded(fit: Fit, sigma: float, sure: float, figure: str, remedy: str) -> Verdict:
     if sigma > sure:
-        return Verdict("not identifiable" if sigma > _VAGUE else "marginal", figure, remedy)
-    if fit.groups >= _FEWEST_GROUPS:
+        return Verdict("not identifiable" if sigma > MAX_CURVE_SIGMA else "marginal", figure, remedy)
+    if fit.groups >= MIN_SCATTER_GROUPS:
         return Verdict("identifiable", figure)
     few = f"{figure}, but from {counted(fit.groups, 'comparison')} of frames only"
     return Verdict("marginal", few, "record more frames: their scatter tells how well the curve is known")
@@ -142,7 +130,7 @@ def unexplained_share(ratios: ExposureRatios) -> float:
     """Return the median misfit of ln k over its median size, where the exposure changes."""
     # Every scene point counts, not every pair: one whose registration failed has hardly any left, and wrong ones.
     log_k, residual = (np.repeat(values, ratios.samples) for values in (np.log(ratios.metadata), ratios.log_residual))
-    changing = np.abs(log_k) > _NOTABLE_LOG_K
+    changing = np.abs(log_k) > MIN_COMPARED_LOG_K
     if not changing.any():
         return 0.0
     return float(np.median(np.abs(residual[changing])) / np.median(np.abs(log_k[changing])))

@@ -70,7 +70,7 @@ class MaximumLikelihoodMethod:
         self._restored_keyframes = None
         log_exposure = _log_exposure(exposures, prepared.number)
         self._circle.observe(prepared, frame.mask)
-        self._changes.clock(prepared.number, frame.stamp_s)
+        self._changes.observe_time(prepared.number, frame.stamp_s)
         self._stationary.observe(frame)
         keyframe = self._select_keyframe.select(prepared.number, log_exposure)
         samples = NOTHING_FOUND
@@ -112,7 +112,7 @@ class MaximumLikelihoodMethod:
                 radius = self._circle.usable_radius()
                 self._quick_fit.refine(some, self._noise.model(), radius, trusts_stated=exposures.trusted)
                 if self._quick_fit.fit is not None and self._pairs >= REFERENCE_FIT_PAIRS:
-                    self._changes.rely_on(self._quick_fit.fit)
+                    self._changes.set_reference(self._quick_fit.fit)
         # Early pairs were registered with the vignette still unknown, which draws registration a little to where
         # brightness agrees: once there are enough others they do more harm than good.
         if self._pairs >= 4 * FIRST_QUICK_FIT_PAIRS:
@@ -120,9 +120,9 @@ class MaximumLikelihoodMethod:
 
     def _detect_change(self, observations: Observations, exposures: ExposureTable) -> Change | None:
         """Return the change of the camera that a pair proves; a suspicion is judged by a fit to all pairs so far."""
-        was_watching = self._changes.is_watching
+        was_suspicious = self._changes.is_suspicious
         change = self._changes.observe(observations, exposures)
-        if self._changes.is_watching and not was_watching:
+        if self._changes.is_suspicious and not was_suspicious:
             self._refine(exposures)
         return change
 
@@ -148,7 +148,7 @@ class MaximumLikelihoodMethod:
         A frame that had too little in common with its keyframe is followed by one that will have more with it.
         """
         series = self._stationary.used_series
-        if (series is not None and not series.full) or self._changes.is_watching:
+        if (series is not None and not series.full) or self._changes.is_suspicious:
             return 0
         return self._select_keyframe.best_age - 1 if self._lost else sys.maxsize
 

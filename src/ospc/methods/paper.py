@@ -33,6 +33,11 @@ from ospc.photometry.vignette import PolynomialVignette, Vignette
 from ospc.recording.frame import Frame
 from ospc.robust import robust_scale
 from ospc.settings import PaperSettings
+from ospc.settings.correspondence import MIN_IRRADIANCE
+from ospc.settings.methods import (
+    MAX_VIGNETTE_ROUNDS,
+    VIGNETTE_TOLERANCE,
+)
 
 # Section 3.1: tracking.
 
@@ -214,9 +219,6 @@ def solve_response(gram: FloatArray, positivity: str) -> FloatArray | None:
 RESPONSE_LEVELS = np.linspace(0, 1, 256)
 """Grey levels at which g is tabulated: those of 8-bit images."""
 
-_LEAST_IRRADIANCE = 1e-6
-"""Lowest irradiance whose logarithm is taken: below that of the first grey level of any camera."""
-
 
 def polynomial_response(
     coefficients: FloatArray, estimates: FloatArray | None = None, support: tuple[float, float] = (0.0, 1.0)
@@ -228,7 +230,7 @@ def polynomial_response(
     log_sigma = scale_sigma = None
     if estimates is not None and len(estimates) > 1:
         greys = np.append(RESPONSE_LEVELS, sum(support) / 2)
-        curves = np.log([np.maximum(polyval(greys, c), _LEAST_IRRADIANCE) for c in estimates])
+        curves = np.log([np.maximum(polyval(greys, c), MIN_IRRADIANCE) for c in estimates])
         log_sigma = standard_error(curves[:, :-1] - curves[:, -1:])
         scale_sigma = float(np.std(curves[:, -1], ddof=1) / np.sqrt(len(curves)))
     return Response.from_values(
@@ -244,9 +246,6 @@ def polynomial_response(
 
 _VIGNETTE_POWERS = np.array([2, 4, 6])
 """Powers of R in V(R) = 1 + v₁R² + v₂R⁴ + v₃R⁶ (eq. radial)."""
-
-_MOST_ROUNDS, _CONVERGED = 100, 1e-9
-"""Most rounds of reweighting, and the relative change of the solution at which it has converged."""
 
 
 def vignette_rows(pairs: Correspondences, ratio: float, response: Response) -> tuple[FloatArray, FloatArray]:
@@ -273,10 +272,10 @@ def solver_weights(solver: str, residuals: FloatArray, tuning: float) -> FloatAr
 def solve_vignette(rows: FloatArray, target: FloatArray, solver: str, tuning: float) -> FloatArray:
     """Return (v₁, v₂, v₃) by iteratively reweighted least squares, with :func:`solver_weights`."""
     solution = np.linalg.lstsq(rows, target, rcond=None)[0]
-    for _ in range(_MOST_ROUNDS):
+    for _ in range(MAX_VIGNETTE_ROUNDS):
         root = np.sqrt(solver_weights(solver, rows @ solution - target, tuning))
         previous, solution = solution, np.linalg.lstsq(rows * root[:, None], target * root, rcond=None)[0]
-        if np.linalg.norm(solution - previous) <= _CONVERGED * max(float(np.linalg.norm(solution)), 1e-12):
+        if np.linalg.norm(solution - previous) <= VIGNETTE_TOLERANCE * max(float(np.linalg.norm(solution)), 1e-12):
             break
     return np.asarray(solution)
 

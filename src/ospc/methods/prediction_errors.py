@@ -1,4 +1,4 @@
-"""How far a new pair of frames is from what a fit predicts, and which change of the camera would explain it."""
+"""The prediction errors of a new pair of frames, and the change of the camera that would explain them."""
 
 from __future__ import annotations
 
@@ -35,11 +35,11 @@ class PairErrors:
     ----------
     frame0, frame1, points
         Numbers of the frames, and number of scene points n.
-    matrix, vector, carried
+    matrix, vector, fit_products
         ΦᵀΦ, shape (9, 9), Φᵀρ, shape (9,), and ΦᵀX, shape (9, p).
     error
         Median of ρ over the whole pair.
-    reach, greys
+    max_radius, grey_limits
         Radius in half diagonals, and the two grey levels, within which nearly all observations lie.
     """
 
@@ -48,10 +48,10 @@ class PairErrors:
     points: int
     matrix: FloatArray
     vector: FloatArray
-    carried: FloatArray
+    fit_products: FloatArray
     error: float
-    reach: float
-    greys: FloatArray
+    max_radius: float
+    grey_limits: FloatArray
 
     @classmethod
     def of(cls, seen: ExposedObservations, fit: Fit) -> PairErrors:
@@ -68,7 +68,7 @@ class PairErrors:
         hats = np.stack([np.interp(grey, CHANGE_GREY_KNOTS, row) for row in np.eye(len(CHANGE_GREY_KNOTS))], axis=1)
         columns = np.column_stack([-np.interp(grey, basis.grid, log_g), -hats, squared, squared**2])
         # The second observation of each point less the first.
-        error, change, carried = (values[1::2] - values[0::2] for values in (log_radiance, columns, -rows))
+        error, change, parameter = (values[1::2] - values[0::2] for values in (log_radiance, columns, -rows))
         middle = float(np.median(error))
         # A predicted error has the weight of a well-measured one, whatever it is: a change may be large.
         weight = (1 / (1 + ((error - middle) / OUTLIER_ERROR_LOG) ** 2))[:, None]
@@ -77,7 +77,7 @@ class PairErrors:
         def centred(values: FloatArray) -> FloatArray:
             return np.asarray(root * (values - np.sum(weight * values, axis=0) / weight.sum()))
 
-        phi, rho, x = centred(change), centred(error[:, None])[:, 0], centred(carried)
+        phi, rho, x = centred(change), centred(error[:, None])[:, 0], centred(parameter)
         return cls(
             int(seen.frame[0]),
             int(seen.frame[1]),
@@ -91,7 +91,7 @@ class PairErrors:
         )
 
     @property
-    def of_neighbours(self) -> bool:
+    def consecutive(self) -> bool:
         """Whether the frames follow one another."""
         return self.frame1 == self.frame0 + 1
 
@@ -121,7 +121,7 @@ class ExplainedChange:
         uncertainty of the fit.
     gain
         By how much it reduces the sum of squared errors.
-    reach, greys
+    max_radius, grey_limits
         Radius, and grey levels, within which the pairs have observations.
     """
 
@@ -129,8 +129,8 @@ class ExplainedChange:
     change: FloatArray
     covariance: FloatArray
     gain: float
-    reach: float
-    greys: FloatArray
+    max_radius: float
+    grey_limits: FloatArray
 
     @classmethod
     def of(cls, pairs: list[PairErrors], fit: Fit, part: str, systematic_log: float) -> ExplainedChange:
@@ -140,16 +140,16 @@ class ExplainedChange:
         inverse = np.linalg.inv(matrix + NO_CHANGE_POINTS * np.eye(len(matrix)))
         found = inverse @ np.sum([pair.vector[own] for pair in pairs], axis=0)
         scores = np.stack([pair.vector[own] - pair.matrix[own, own] @ found for pair in pairs])
-        carried = inverse @ np.sum([pair.carried[own] for pair in pairs], axis=0)
-        covariance = inverse @ (scores.T @ scores) @ inverse + carried @ fit.chance @ carried.T
+        by_fit = inverse @ np.sum([pair.fit_products[own] for pair in pairs], axis=0)
+        covariance = inverse @ (scores.T @ scores) @ inverse + by_fit @ fit.chance @ by_fit.T
         # Where pairs say nothing, the ridge keeps the change at zero, and so it says nothing about the certainty.
         covariance += systematic_log**2 * np.eye(len(found))
         change = np.zeros(len(pairs[0].vector))
         change[own] = found
         gain = sum(pair.gain(change) for pair in pairs)
-        reach = float(np.median([pair.reach for pair in pairs]))
-        greys = np.median([pair.greys for pair in pairs], axis=0)
-        return cls(part, change, covariance, gain, reach, greys)
+        max_radius = float(np.median([pair.max_radius for pair in pairs]))
+        grey_limits = np.median([pair.grey_limits for pair in pairs], axis=0)
+        return cls(part, change, covariance, gain, max_radius, grey_limits)
 
     @property
     def sigmas(self) -> float:
@@ -162,9 +162,9 @@ class ExplainedChange:
         """The change of ln V over the radii seen, or that of ln g over the grey levels seen, less its median."""
         found = self.change[PARTS[self.part]]
         if self.part == "vignette":
-            squared = (self.reach * _STEPS) ** 2
+            squared = (self.max_radius * _STEPS) ** 2
             return np.asarray(found[0] * squared + found[1] * squared**2)
-        grey = np.maximum(np.interp(_STEPS, (0, 1), self.greys), DARKEST_GREY)
+        grey = np.maximum(np.interp(_STEPS, (0, 1), self.grey_limits), DARKEST_GREY)
         values = found[0] * np.log(grey) + np.interp(grey, CHANGE_GREY_KNOTS, found[1:])
         return np.asarray(values - np.median(values))
 

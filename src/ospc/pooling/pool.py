@@ -15,13 +15,14 @@ import numpy as np
 from ospc.arrays import ImageSize
 from ospc.errors import FormatError, SettingError, counted
 from ospc.estimation.fit import Fit
-from ospc.methods.identifiability import SURE_VIGNETTE, response_verdict_of_fit, vignette_verdict
+from ospc.methods.identifiability import response_verdict_of_fit, vignette_verdict
 from ospc.methods.summary import covariance_of, vignette_sigma
 from ospc.photometry.calibration import Calibration, Verdict
 from ospc.pooling.agreement import Agreement, Part, agreement
 from ospc.pooling.solution import Information, solve_with_chosen_vignette
 from ospc.pooling.summary import PARAMETERS, VIGNETTE_PART, Summary, joint_range, triangle_of
 from ospc.settings import DefaultSettings
+from ospc.settings.methods import IDENTIFIABLE_VIGNETTE_SIGMA
 from ospc.state import container
 from ospc.state.container import STATE_NAME, Container
 from ospc.state.run import KIND as RUN_KIND
@@ -217,7 +218,8 @@ def usable_radius(fit: Fit, used: Sequence[Summary]) -> float:
     """
     largest = max((s.usable_radius for s in used if not s.standing_still), default=1.0)
     # The basis of the fit has the smallest.
-    return largest if fit.worst_log_vignette_sigma(largest) <= SURE_VIGNETTE else fit.vignette_basis.usable_radius
+    known = fit.worst_log_vignette_sigma(largest) <= IDENTIFIABLE_VIGNETTE_SIGMA
+    return largest if known else fit.vignette_basis.usable_radius
 
 
 def _response_alone(summary: Summary) -> Summary:

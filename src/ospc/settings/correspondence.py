@@ -303,3 +303,12 @@ MIN_MISSING_LEVELS_SHARE = 0.05
 MIN_COMB_RANGE = 32
 """Least distance of the extremes, in grey values, from which missing ones are counted: a dark image has few
 values."""
+
+# Observations (ospc.observations)
+
+CLIPPED_MARGIN = 1 / 255
+"""Distance up to which a grey level counts as clipped at a black or white that is not the end of the scale: one grey
+value of 8 bits."""
+
+POSITION_TOLERANCE = 0.02
+"""Share of the half diagonal by which a place may lie beyond the corner: half a pixel and rounding."""

@@ -126,10 +126,10 @@ MAJORITY = 0.8
 registrations prove nothing."""
 
 MIN_EXPECTED_FACTOR = 3.0
-"""How many times the usual error a change must make of a pair for the pair to tell."""
+"""Error that a change is expected to cause in a pair, over the usual error, from which on the pair counts."""
 
 MIN_SIGNIFICANT_PAIRS = 6
-"""Telling pairs needed in each half."""
+"""Fewest such pairs in each half."""
 
 LIGHT_SLOPE = -0.75
 """Slope of the error against the change of exposure from which on light that the exposure follows explains it: an
@@ -140,3 +140,43 @@ MIN_SLOPE = 0.15
 
 MIN_SLOPE_ERROR_LOG = 0.008
 """Median error of neighbours, in ln, below which the slope is not judged: clouds change light by less a frame."""
+
+# When response and vignette are identifiable (ospc.methods.identifiability)
+
+IDENTIFIABLE_RESPONSE_SIGMA, IDENTIFIABLE_VIGNETTE_SIGMA = 0.012, 0.025
+"""Standard deviations of ln g(0.75)/g(0.25), and of ln V at the corner, up to which a curve is identifiable: errors
+are then below half a per cent, of κ and of V over the image. In 135 recordings with and without faults whose response
+was called identifiable and known to 0.012, κ was larger in one; in 15 known to between that and 0.015, in six."""
+
+MIN_SCATTER_GROUPS = 5
+"""Comparisons of frames from which on their scatter tells how well a curve is known: with up to three, exposures off
+by one or two per cent gave errors of 6 to 28 stated standard deviations, from about five on of 1.5 at most."""
+
+MAX_CURVE_SIGMA = 0.2
+"""Either of them beyond which a curve is not identifiable: such errors are as large as what is corrected."""
+
+DOUBTED_UNEXPLAINED_SHARE, CONTRADICTING_UNEXPLAINED_SHARE = 0.15, 0.5
+"""Shares of a typical change of exposure that may be missing in the images: beyond the first the exposures are
+doubted, beyond the second the response rests on nothing. Noise alone leaves less than a tenth."""
+
+WIDE_EXPOSURE_RATIO = 8.0
+"""Longest over shortest exposure from which on a wider range is no longer the first thing to ask for."""
+
+MIN_COMPARED_LOG_K = 0.05
+"""Change of ln exposure of a pair from which on its misfit is compared with it; below, noise is as large."""
+
+# Tables of what observations cover (ospc.methods.coverage)
+
+GREY_CLASSES, RADIUS_CLASSES, MAX_EXPOSURE_CLASSES = 32, 20, 16
+"""Classes of grey level, of radius, and at most of ln exposure, in the tables: some pixels of a chart each."""
+
+PLACE_COLUMNS = 16
+"""Columns of cells into which the image is divided; cells are squares."""
+
+MIN_CLASS_RESIDUALS = 10
+"""Residuals of a class below which their quantiles say nothing."""
+
+# The paper's method (ospc.methods.paper)
+
+MAX_VIGNETTE_ROUNDS, VIGNETTE_TOLERANCE = 100, 1e-9
+"""Most rounds of reweighting, and the relative change of the solution at which it has converged."""
