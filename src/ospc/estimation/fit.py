@@ -105,9 +105,9 @@ class Fit(Model):
         if self._pixel_means is None:
             return observations.grey
         index = self.response_basis.index_of(observations.grey)
-        texture = self.texture_share * self._pixel_means.texture(observations, index)
-        by_texture = self._pixel_means.by_texture(texture, index)
-        return np.asarray(observations.grey - self._pixel_means.by_noise[index] + by_texture)
+        texture = self._pixel_means.texture(observations, index)
+        by_texture = self._pixel_means.by_texture(texture.squared_contrast, texture.level, index)
+        return np.asarray(observations.grey - self._pixel_means.by_noise[index] - self.texture_share * by_texture)
 
     @cached_property
     def _pixel_means(self) -> PixelMeans | None:
