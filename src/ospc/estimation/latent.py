@@ -152,7 +152,7 @@ class LatentModel:
     @cached_property
     def pixel_means(self) -> PixelMeans:
         """The means of pixels under the response."""
-        return PixelMeans.of(self.basis, self.coefficients, self.pixel_noise)
+        return PixelMeans.of(self.basis, self.coefficients, self.pixel_noise, self.texture_share)
 
     @cached_property
     def pixel_noise(self) -> NoiseModel:
@@ -179,7 +179,7 @@ class LatentModel:
             texture = means.texture(observations, index)
             contrast = texture.level
             by_texture = means.by_texture(texture.squared_contrast, contrast, index)
-            excess = excess - means.by_noise[index] - self.texture_share * by_texture
+            excess = excess - means.by_noise[index] - by_texture
             of_alike = -means.by_texture(texture.alike, contrast, index)
             slope, row = 1 / means.grey_slope(contrast, index), means.row_of(contrast, index)
         linear_log = self.log_response[index] + slope * excess

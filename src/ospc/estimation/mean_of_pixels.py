@@ -55,12 +55,12 @@ class Texture:
     Attributes
     ----------
     squared_contrast
-        Square of the standard deviation of their irradiance over its mean. Noise makes it negative where there is
-        next to no texture.
+        Square of the standard deviation of their irradiance over its mean, as far as it counts as texture. Noise
+        makes it negative where there is next to no texture.
     alike
-        Its mean over the observations of each point.
+        The mean of it over the observations of each point, if all variance beside noise counts as texture.
     level
-        Index of the tabulated contrast that is nearest to that.
+        Index of the tabulated contrast that is nearest to the share of that which counts.
     """
 
     squared_contrast: FloatArray
@@ -74,6 +74,8 @@ class PixelMeans:
 
     Attributes
     ----------
+    share
+        Share of the variance beside noise that counts as texture.
     grid, log_slope
         The grid of the response's basis, and d ln g/dM on it, shape (grid,) each.
     by_noise
@@ -88,6 +90,7 @@ class PixelMeans:
         it is that of the least one.
     """
 
+    share: float
     grid: FloatArray
     log_slope: FloatArray
     by_noise: FloatArray
@@ -96,8 +99,8 @@ class PixelMeans:
     texture_shift: FloatArray
 
     @classmethod
-    def of(cls, basis: ResponseBasis, coefficients: FloatArray, noise: NoiseModel) -> PixelMeans:
-        """Return the means under a response, by its coefficients and the noise of single pixels."""
+    def of(cls, basis: ResponseBasis, coefficients: FloatArray, noise: NoiseModel, share: float = 1.0) -> PixelMeans:
+        """Return the means under a response with its coefficients, the noise of single pixels and a share of texture."""
         log_response = basis.log_of(coefficients)
         slope = basis.gamma_of(coefficients) / np.maximum(basis.grid, DARKEST_GREY)
         relative = np.exp(_CONTRASTS[:, None] * _TEXTURE)
@@ -108,7 +111,7 @@ class PixelMeans:
         shift = (grey.mean(axis=2) - basis.grid[::TEXTURE_GRID_STRIDE]) / squared
         shift[0] = shift[1]
         by_noise = mean_shift(basis.grid, log_response, noise)
-        return cls(basis.grid, slope, by_noise, noise.variance(basis.grid), basis.index_of(grey), shift)
+        return cls(share, basis.grid, slope, by_noise, noise.variance(basis.grid), basis.index_of(grey), shift)
 
     def texture(self, observations: Observations, index: IntArray) -> Texture:
         """Return how uneven the pixels of observations are.
@@ -116,15 +119,15 @@ class PixelMeans:
         ``index`` has the place of each observation's grey level in the grid, shape (n,).
         """
         variance = observations.grey_variance
-        known = np.where(variance > 0, variance - self.noise_variance[index], 0.0)
-        squared = known * self.log_slope[index] ** 2
+        beside_noise = np.where(variance > 0, variance - self.noise_variance[index], 0.0)
+        squared = beside_noise * self.log_slope[index] ** 2
         # At a knee the slope at the mean is not that of most pixels.
-        squared = known / self.grey_slope(_level_of(squared), index) ** 2
-        share = _CONTRASTS[-1] ** 2 / np.maximum(np.abs(squared), _CONTRASTS[-1] ** 2) / self._distrust[index]
+        squared = beside_noise / self.grey_slope(_level_of(self.share * squared), index) ** 2
+        known = _CONTRASTS[-1] ** 2 / np.maximum(np.abs(squared), _CONTRASTS[-1] ** 2) / self._distrust[index]
         # The same of all observations of a point: what is corrected in one only would look like another exposure.
-        squared = squared * np.repeat(observations.combined(np.minimum, share), observations.counts)
+        squared = squared * np.repeat(observations.combined(np.minimum, known), observations.counts)
         alike = np.repeat(observations.combined(np.add, squared) / observations.counts, observations.counts)
-        return Texture(squared, alike, _level_of(alike))
+        return Texture(self.share * squared, alike, _level_of(self.share * alike))
 
     def by_texture(self, squared_contrast: FloatArray, level: IntArray, index: IntArray) -> FloatArray:
         """Return what texture of a squared contrast adds to the mean, (n,), by the nearest contrast tabulated."""
@@ -158,7 +161,7 @@ class PixelMeans:
 
     @cached_property
     def _grey_slope(self) -> FloatArray:
-        return np.maximum(self._pixel_slope.mean(axis=2), 1e-12)
+        return np.asarray(np.maximum(self._pixel_slope.mean(axis=2), 1e-12))
 
     @cached_property
     def _distrust(self) -> FloatArray:
