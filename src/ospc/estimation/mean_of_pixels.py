@@ -100,7 +100,7 @@ class PixelMeans:
 
     @classmethod
     def of(cls, basis: ResponseBasis, coefficients: FloatArray, noise: NoiseModel, share: float = 1.0) -> PixelMeans:
-        """Return the means under a response with its coefficients, the noise of single pixels and a share of texture."""
+        """Return the means under a response, by its coefficients, the noise of pixels and the share of texture."""
         log_response = basis.log_of(coefficients)
         slope = basis.gamma_of(coefficients) / np.maximum(basis.grid, DARKEST_GREY)
         relative = np.exp(_CONTRASTS[:, None] * _TEXTURE)
