@@ -7,15 +7,15 @@ uncertainty.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from ospc.arrays import FloatArray
+from ospc.estimation.effect_trials import Trial, one_step, slope_of_left_out, tried
 from ospc.estimation.effects import CONTRADICTIONS, CORRECTED, EFFECTS, Effects
 from ospc.estimation.fit import Fit
 from ospc.estimation.maximum_likelihood import MaximumLikelihoodEstimator
-from ospc.estimation.normal_equations import NormalEquations
 from ospc.estimation.residual_effects import uneven_vignette, unsteadiness, unsteady_radiance
 from ospc.estimation.response_basis import ResponseBasis
 from ospc.estimation.vignette_basis import VignetteBasis
@@ -25,8 +25,6 @@ from ospc.photometry.verdict import EffectEstimate
 from ospc.settings.estimation import (
     ASYMMETRY_SIGMA,
     CONTRADICTING_SIGMAS,
-    CONTRADICTION_PROBABILITY,
-    EFFECT_PROBABILITY,
     FIRST_FIT_POINTS,
     MIN_GROUPS,
     MIN_GROUPS_TO_CONTRADICT,
@@ -92,16 +90,8 @@ def _glimpsed(observations: ExposedObservations, fit: Fit, estimator: MaximumLik
     about = estimator.parameters_of(fit)
     equations = estimator.information(observations, fit, about).centred(about)
     prior = estimator.model.prior(about)
-    found, chance = _step(equations, prior.precision(fit.hyperparameters), prior.mean)
+    found, chance = equations.newton_step(prior.precision(fit.hyperparameters), prior.mean)
     return replace(fit, vignette_basis=estimator.vignette_basis, parameters=found, chance=chance)
-
-
-def _step(equations: NormalEquations, precision: FloatArray, mean: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return parameters and their covariance by chance, given precision and mean of their prior."""
-    scaled = equations.scaled(precision, equations.sandwich_factor)
-    whole = scaled.information_scale * scaled.matrix + precision
-    covariance = np.asarray(np.linalg.inv(whole), dtype=np.float64)
-    return covariance @ (scaled.information_scale * scaled.vector + precision @ mean), covariance
 
 
 def supported(fit: Fit, last: int, share: float = 1.0) -> bool:
@@ -146,10 +136,10 @@ def fit_with_chosen_effects(
     if not len(widest):
         return plain  # of a camera at rest, time, exposure and place of the few frames go together
     fit, untried = plain, _provable(plain.groups)
-    plain_trials = trials = _tried(observations, fit, noise, tuple(EFFECTS))
+    plain_trials = trials = tried(observations, fit, noise, tuple(EFFECTS))
     while suspect := _suspected(trials, untried):
         untried = tuple(name for name in untried if name != suspect.name)
-        start = _one_step(fit, suspect)
+        start = one_step(fit, suspect)
         wider = MaximumLikelihoodEstimator(response, fit.vignette_basis, noise, rounds, start.effects).fit(
             observations, start
         )
@@ -158,7 +148,7 @@ def fit_with_chosen_effects(
         if suspect.name in CONTRADICTIONS:
             return _with_estimates(plain, plain_trials, _estimates(wider)[-1:])
         fit = fit_with_chosen_vignette(observations, response, widest, noise, rounds, start.effects)
-        trials = _tried(observations, fit, noise, [other for other in EFFECTS if other not in fit.effects.chosen])
+        trials = tried(observations, fit, noise, [other for other in EFFECTS if other not in fit.effects.chosen])
     if fit.groups < MIN_GROUPS_TO_CONTRADICT:
         return _with_estimates(fit, trials, ())
     residual = fit.residuals(observations)
@@ -168,69 +158,6 @@ def fit_with_chosen_effects(
     return _with_estimates(fit, trials, (*_estimates(fit), *uneven))
 
 
-@dataclass(frozen=True)
-class _Trial:
-    """What one step of Newton's method from a fit without an effect makes of it.
-
-    ``sigma`` is the standard deviation of its value by chance; ``carried``, shape (p,), is how the parameters of the
-    fit follow that of the effect. It is judged by ``groups`` groups of observations.
-    """
-
-    name: str
-    value: float
-    sigma: float
-    carried: FloatArray
-    groups: int
-
-    @property
-    def sigmas(self) -> float:
-        """Distance from zero in standard deviations; 0 for a value that makes no sense."""
-        return abs(self.value) / self.sigma_in_all if EFFECTS[self.name].allows(self.value) else 0.0
-
-    @property
-    def sigma_in_all(self) -> float:
-        """Standard deviation by chance and by what other errors imitate."""
-        return float(np.hypot(self.sigma, EFFECTS[self.name].systematic))
-
-    @property
-    def probability(self) -> float:
-        """Probability that the effect is there, by the criterion of Schwarz (1978)."""
-        before = CONTRADICTION_PROBABILITY if self.name in CONTRADICTIONS else EFFECT_PROBABILITY
-        log_odds = np.log(before / (1 - before)) + (self.sigmas**2 - np.log(self.groups)) / 2
-        return float(1 / (1 + np.exp(-log_odds)))
-
-    @property
-    def size_if_left_out(self) -> float:
-        """Root mean square of what is missing in a fit without the effect.
-
-        Every camera has a little of what can be corrected, within what chance hides. The value that the observations
-        suggest, if it makes sense, counts by its probability.
-        """
-        hidden = 0.0 if self.name in CONTRADICTIONS else self.sigma
-        suggested = self.value if EFFECTS[self.name].allows(self.value) else 0.0
-        return float(np.hypot(hidden, np.sqrt(self.probability) * suggested))
-
-
-def _tried(
-    observations: ExposedObservations, fit: Fit, noise: NoiseModel | None, names: Sequence[str]
-) -> list[_Trial]:
-    """Return what the observations say about effects that a fit leaves out, about each as if it were the only one."""
-    effects = fit.effects.and_(*names)
-    estimator = MaximumLikelihoodEstimator(fit.response_basis, fit.vignette_basis, noise, effects=effects)
-    p = len(fit.parameters)
-    about = np.concatenate([fit.parameters, np.zeros(len(names))])
-    equations = estimator.information(observations, fit, about).centred(about)
-    prior = estimator.model.prior(about)
-    precision = prior.precision(fit.hyperparameters)
-    trials = []
-    for i, name in enumerate(names):
-        chosen = np.append(np.arange(p), p + i)
-        found, covariance = _step(equations.part(chosen), precision[np.ix_(chosen, chosen)], prior.mean[chosen])
-        carried = covariance[:p, p] / covariance[p, p]
-        trials.append(_Trial(name, float(found[p]), float(np.sqrt(covariance[p, p])), carried, fit.groups))
-    return trials
-
-
 def _provable(groups: int) -> tuple[str, ...]:
     """Return the effects that so many groups of observations can prove."""
     if groups >= MIN_GROUPS:
@@ -238,24 +165,12 @@ def _provable(groups: int) -> tuple[str, ...]:
     return CONTRADICTIONS if groups >= MIN_GROUPS_TO_CONTRADICT else ()
 
 
-def _suspected(trials: Sequence[_Trial], untried: Sequence[str]) -> _Trial | None:
+def _suspected(trials: Sequence[Trial], untried: Sequence[str]) -> Trial | None:
     """Return the clearest of the effects that were not tried, one of a camera where it is nearly so."""
     likely = [trial for trial in trials if trial.name in untried]
     threshold = max(SUSPECTED_SIGMAS, PREFERRED_SHARE * max((trial.sigmas for trial in likely), default=0.0))
     clear = [trial for trial in likely if trial.sigmas > threshold]
     return max(clear, key=lambda trial: (trial.name in CORRECTED, trial.sigmas), default=None)
-
-
-def _one_step(fit: Fit, trial: _Trial) -> Fit:
-    """Return where one step of Newton's method from a fit leads.
-
-    A fit that starts without the effect can take more rounds than it has: its first weights discard as outliers what
-    the effect would explain.
-    """
-    parameters = np.append(fit.parameters + trial.value * trial.carried, trial.value)
-    effects = fit.effects.and_(trial.name)
-    start = replace(fit, effects=effects, parameters=parameters)
-    return replace(start, parameters=np.maximum(parameters, start.floor))
 
 
 def _accepted(fit: Fit) -> bool:
@@ -283,9 +198,9 @@ def _estimates(fit: Fit) -> tuple[EffectEstimate, ...]:
     )
 
 
-def _with_estimates(fit: Fit, trials: Sequence[_Trial], found: tuple[EffectEstimate, ...]) -> Fit:
+def _with_estimates(fit: Fit, trials: Sequence[Trial], found: tuple[EffectEstimate, ...]) -> Fit:
     """Return a fit with the estimates of effects, and with a covariance that has those that are left out."""
-    missing = [trial.size_if_left_out * _slope_of_left_out(fit, trial) for trial in trials]
+    missing = [trial.size_if_left_out * slope_of_left_out(fit, trial) for trial in trials]
     fit = _without_typical_light(fit)
     covariance = fit.covariance + sum(np.outer(one, one) for one in missing)
     estimates = (
@@ -308,15 +223,3 @@ def _without_typical_light(fit: Fit) -> Fit:
     slope = approx_fprime(fit.parameters, changed)
     covariance, chance = (slope @ matrix @ slope.T for matrix in (fit.covariance, fit.chance))
     return replace(fit, effects=effects, parameters=parameters, covariance=covariance, chance=chance)
-
-
-def _slope_of_left_out(fit: Fit, trial: _Trial) -> FloatArray:
-    """Return how the parameters follow an effect that is left out, with a response that holds none of it, (p,)."""
-    effects = fit.effects.and_(trial.name)
-
-    def changed(value: float) -> FloatArray:
-        parameters = np.append(fit.parameters + value * trial.carried, value)
-        return effects.without_typical_light(fit.response_basis, parameters)[1][:-1]
-
-    # A secant: near black ln g is far from linear in additional light.
-    return (changed(trial.sigma) - changed(0.0)) / trial.sigma

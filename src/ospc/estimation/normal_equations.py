@@ -86,6 +86,16 @@ class NormalEquations:
         scale = float(sandwich_factor**2 / max(spread, 1e-6))
         return replace(self, scatter=scatter, information_scale=scale, sandwich_factor=sandwich_factor)
 
+    def newton_step(self, prior_precision: FloatArray, mean: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the most probable parameters, (p,), of no floor, and their covariance by chance, (p, p).
+
+        Precision, shape (p, p), and mean, (p,), are those of the prior. The equations are scaled anew.
+        """
+        scaled = self.scaled(prior_precision, self.sandwich_factor)
+        whole = scaled.information_scale * scaled.matrix + prior_precision
+        covariance = np.asarray(np.linalg.inv(whole), dtype=np.float64)
+        return covariance @ (scaled.information_scale * scaled.vector + prior_precision @ mean), covariance
+
     def posterior_precision(self, prior: Prior, hyperparameters: PriorHyperparameters) -> FloatArray:
         """Return the precision of the parameters given data and prior, shape (p, p)."""
         return self.information_scale * self.matrix + prior.precision(hyperparameters)

@@ -1,0 +1,107 @@
+"""Trials of effects: what one step of Newton's method from a fit without them makes of each."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ospc.arrays import FloatArray
+from ospc.estimation.effects import CONTRADICTIONS, EFFECTS
+from ospc.estimation.fit import Fit
+from ospc.estimation.maximum_likelihood import MaximumLikelihoodEstimator
+from ospc.observations import ExposedObservations
+from ospc.photometry.noise import NoiseModel
+from ospc.settings.estimation import CONTRADICTION_PROBABILITY, EFFECT_PROBABILITY
+
+
+@dataclass(frozen=True)
+class Trial:
+    """What one step of Newton's method from a fit without an effect makes of it.
+
+    Attributes
+    ----------
+    name, value, sigma
+        The effect, the value of its parameter, and the standard deviation of that by chance.
+    carried
+        How the p parameters of the fit follow that of the effect, shape (p,).
+    groups
+        Number of groups of observations that it is judged by.
+    """
+
+    name: str
+    value: float
+    sigma: float
+    carried: FloatArray
+    groups: int
+
+    @property
+    def sigmas(self) -> float:
+        """Distance from zero in standard deviations; 0 for a value that makes no sense."""
+        return abs(self.value) / self.sigma_in_all if EFFECTS[self.name].allows(self.value) else 0.0
+
+    @property
+    def sigma_in_all(self) -> float:
+        """Standard deviation by chance and by what other errors imitate."""
+        return float(np.hypot(self.sigma, EFFECTS[self.name].systematic))
+
+    @property
+    def probability(self) -> float:
+        """Probability that the effect is there, by the criterion of Schwarz (1978)."""
+        before = CONTRADICTION_PROBABILITY if self.name in CONTRADICTIONS else EFFECT_PROBABILITY
+        log_odds = np.log(before / (1 - before)) + (self.sigmas**2 - np.log(self.groups)) / 2
+        return float(1 / (1 + np.exp(-log_odds)))
+
+    @property
+    def size_if_left_out(self) -> float:
+        """Root mean square of what is missing in a fit without the effect.
+
+        Every camera has a little of what can be corrected, within what chance hides. The value that the observations
+        suggest, if it makes sense, counts by its probability.
+        """
+        hidden = 0.0 if self.name in CONTRADICTIONS else self.sigma
+        suggested = self.value if EFFECTS[self.name].allows(self.value) else 0.0
+        return float(np.hypot(hidden, np.sqrt(self.probability) * suggested))
+
+
+def tried(observations: ExposedObservations, fit: Fit, noise: NoiseModel | None, names: Sequence[str]) -> list[Trial]:
+    """Return what the observations say about effects that a fit leaves out, about each as if it were the only one."""
+    effects = fit.effects.and_(*names)
+    estimator = MaximumLikelihoodEstimator(fit.response_basis, fit.vignette_basis, noise, effects=effects)
+    p = len(fit.parameters)
+    about = np.concatenate([fit.parameters, np.zeros(len(names))])
+    equations = estimator.information(observations, fit, about).centred(about)
+    prior = estimator.model.prior(about)
+    precision = prior.precision(fit.hyperparameters)
+    trials = []
+    for i, name in enumerate(names):
+        chosen = np.append(np.arange(p), p + i)
+        found, covariance = equations.part(chosen).newton_step(precision[np.ix_(chosen, chosen)], prior.mean[chosen])
+        carried = covariance[:p, p] / covariance[p, p]
+        trials.append(Trial(name, float(found[p]), float(np.sqrt(covariance[p, p])), carried, fit.groups))
+    return trials
+
+
+def one_step(fit: Fit, trial: Trial) -> Fit:
+    """Return a fit with the effect of a trial where the step of Newton's method leads.
+
+    A fit that starts without the effect can take more rounds than it has: its first weights discard as outliers what
+    the effect would explain.
+    """
+    parameters = np.append(fit.parameters + trial.value * trial.carried, trial.value)
+    effects = fit.effects.and_(trial.name)
+    start = replace(fit, effects=effects, parameters=parameters)
+    return replace(start, parameters=np.maximum(parameters, start.floor))
+
+
+def slope_of_left_out(fit: Fit, trial: Trial) -> FloatArray:
+    """Return how the parameters follow an effect that is left out, with a response that holds none of it, (p,)."""
+    effects = fit.effects.and_(trial.name)
+
+    def changed(value: float) -> FloatArray:
+        parameters = np.append(fit.parameters + value * trial.carried, value)
+        return effects.without_typical_light(fit.response_basis, parameters)[1][:-1]
+
+    # A secant: near black ln g is far from linear in additional light.
+    return (changed(trial.sigma) - changed(0.0)) / trial.sigma
