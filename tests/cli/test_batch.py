@@ -9,7 +9,7 @@ from functools import partial
 import pytest
 
 from batch_recordings import QUICK, simulated, variant
-from command_line import ospc
+from command_line import leave_out, ospc
 from ospc.batch.work import ThisProcess
 from ospc.errors import RecordingError
 from ospc.simulation import SimulationSettings, simulate
@@ -32,6 +32,11 @@ def in_this_process(monkeypatch):
     monkeypatch.setattr("ospc.batch.work.Processes", lambda _count: ThisProcess())
 
 
+@pytest.fixture
+def undrawn(monkeypatch):
+    leave_out(monkeypatch, "report")
+
+
 run = partial(ospc, "batch")
 
 
@@ -48,6 +53,7 @@ def test_a_folder_becomes_a_page_a_table_and_calibrations(folder, tmp_path):
     assert "(2 of them before)" in again.stdout
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_failures_are_said_and_exit_code_4(folder, tmp_path):
     (tmp_path / "m.csv").write_text(f"recording,camera\n{folder / 'A' / 'r0'},X\nnone,X\n")
     result = run(tmp_path / "m.csv", "-o", tmp_path / "out", *SETTINGS)
@@ -79,6 +85,7 @@ def test_an_empty_folder_is_one_line(tmp_path):
     assert "no recordings there" in str(result.exception)
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_folders_without_a_recording_are_named_with_the_reason(folder, tmp_path):
     for name in ("empty", "notes/deep"):
         (tmp_path / "data" / name).mkdir(parents=True)
@@ -96,6 +103,7 @@ def test_folders_without_a_recording_are_named_with_the_reason(folder, tmp_path)
     )
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_why_a_camera_has_no_calibration_is_said(folder, tmp_path):
     shutil.copytree(folder / "A" / "r0", tmp_path / "data" / "r0")
     simulate(tmp_path / "data" / "r1", SimulationSettings(size=(96, 64), frames=20, exposure="cycle"))

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import re
 import shutil
-import struct
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -18,6 +17,7 @@ from rosbags.rosbag2 import Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from command_line import leave_out
+from exif_segments import exif
 from ospc.arrays import Image
 from ospc.cli.main import cli
 from ospc.recording import open_recording
@@ -160,34 +160,8 @@ def _photographs(stage: Stage, to: Path) -> None:
     to.mkdir()
     for i, (image, ms) in enumerate(_frames(stage)[::2]):
         jpeg = cv2.imencode(".jpg", image)[1].tobytes()
-        (to / f"DSC_{i:04d}.JPG").write_bytes(jpeg[:2] + _exif(ms, second=i) + jpeg[2:])
-
-
-def _exif(exposure_ms: float, second: int) -> bytes:
-    """Return a JPEG segment with exposure time, f-number, ISO and time of day."""
-    taken = f"2025:06:01 12:00:{second:02d}\0".encode()
-    entries = [
-        (0x829A, 5, 1, struct.pack("<II", round(exposure_ms * 1000), 1_000_000)),
-        (0x829D, 5, 1, struct.pack("<II", 8, 1)),
-        (0x8827, 3, 1, struct.pack("<HH", 100, 0)),
-        (0x9003, 2, len(taken), taken),
-    ]
-    main = _directory([(0x8769, 4, 1, struct.pack("<I", 26))], 8)
-    body = b"Exif\0\0II*\0" + struct.pack("<I", 8) + main + _directory(entries, 26)
-    return b"\xff\xe1" + struct.pack(">H", len(body) + 2) + body
-
-
-def _directory(entries: list[tuple[int, int, int, bytes]], start: int) -> bytes:
-    """Return a TIFF directory at an offset, its longer values after it."""
-    place = start + 2 + 12 * len(entries) + 4
-    rows, values = b"", b""
-    for tag, kind, count, value in entries:
-        stored = value.ljust(4, b"\0")
-        if len(value) > 4:
-            stored = struct.pack("<I", place + len(values))
-            values += value
-        rows += struct.pack("<HHI", tag, kind, count) + stored
-    return struct.pack("<H", len(entries)) + rows + bytes(4) + values
+        segment = exif(time=(round(ms * 1000), 10**6), taken=f"2025:06:01 12:00:{i:02d}")
+        (to / f"DSC_{i:04d}.JPG").write_bytes(jpeg[:2] + segment + jpeg[2:])
 
 
 def _brackets(_: Stage, to: Path) -> None:

@@ -36,8 +36,8 @@ from file_targets import file_targets
 from hypothesis import strategies as st
 from image_samples import encoded, grey, jpeg_of_size, png_of_size
 from photo_samples import dng, heic
-from test_exif_photos import exif
 
+from exif_segments import exif
 from ospc.errors import OspcError
 from ospc.recording import open_recording
 from ospc.recording.bags.bag import IMAGE_TYPES, Bag

@@ -6,8 +6,8 @@ import struct
 from io import BytesIO
 
 import numpy as np
-from test_exif_photos import directory, exif
 
+from exif_segments import directory, exif
 from ospc.arrays import Image
 
 _PHOTOMETRIC = {1: 32803, 3: 34892}

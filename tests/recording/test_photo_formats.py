@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from image_samples import encoded, grey
 from photo_samples import dng, heic
-from test_exif_photos import exif
 
+from exif_segments import exif
 from ospc.correction.folder import CorrectedFolder
 from ospc.correction.recording import correct_recording
 from ospc.correction.settings import CorrectionSettings

@@ -29,8 +29,8 @@ from bag_samples import (
     write_mcap2,
 )
 from image_samples import encoded
-from test_exif_photos import exif
 
+from exif_segments import exif
 from ospc.arrays import Image
 from ospc.recording import Recording, open_recording
 from ospc.recording.exposure_units import ExposureUnit
