@@ -8,10 +8,11 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from ospc.engine import Engine, Status, of_size
+from ospc.engine import Engine, Status
 from ospc.engine_state import EngineState, epoch_content, epoch_of
 from ospc.errors import FormatError, SettingError
 from ospc.exposures.lag_choice import LagChoice, check_lag, checked_lag_choice, lag_choice, lag_choice_for
+from ospc.frame_checks import image_of_size
 from ospc.library_threads import one_library_thread
 from ospc.methods.maximum_likelihood_state import MaximumLikelihoodState
 from ospc.photometry.calibration import Calibration
@@ -75,8 +76,8 @@ class OnlineCalibrator(Engine):
         FormatError
             If the file cannot be written, or an error such as the end of memory left a frame half processed.
         """
-        if self._half_taken:
-            raise FormatError(f"{path}: not written, for {self._half_taken} was processed in part only")
+        if self._partly_processed:
+            raise FormatError(f"{path}: not written, for {self._partly_processed} was processed in part only")
         if not self.settings.keeps_state:
             raise SettingError(
                 f"preset {self.settings.name} holds the features of hundreds of frames, which no state file takes; "
@@ -154,7 +155,7 @@ class OnlineCalibrator(Engine):
         FrameError if its image cannot be read any more, or has another size.
         """
         if self._method is not None:
-            shown = replace(frame, load=partial(of_size, frame, self._size))
+            shown = replace(frame, load=partial(image_of_size, frame, self._size))
             prepared = self._preprocess(shown, self.pixels.range_before(frame.index))
             self._method.replay(prepared)
             self._exposures.history.replay(prepared.thumbnail)

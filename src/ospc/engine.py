@@ -3,23 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import partial
 from hashlib import sha256
 from threading import RLock
 from typing import Any
 
-import numpy as np
-
-from ospc.arrays import Image, ImageSize
+from ospc.arrays import ImageSize
 from ospc.correspondence.pixel_statistics import PixelStatistics
-from ospc.correspondence.registration import SecondThread
 from ospc.engine_state import Epoch
 from ospc.errors import ExposureError, FrameError, OspcError, RecordingError
+from ospc.exposures.brightness import BrightnessChange
 from ospc.exposures.brightness_history import BrightnessHistory
 from ospc.exposures.findings import ExposureFindings
 from ospc.exposures.lag_choice import LagChoice, lag_in_words
 from ospc.exposures.monitor import ExposureMonitor
 from ospc.exposures.table import ExposureTable
+from ospc.frame_checks import check_exposure, checked_frame
 from ospc.methods.change_detection import Change
 from ospc.methods.method import Method, Progress
 from ospc.methods.preview import Preview
@@ -30,14 +28,15 @@ from ospc.pooling.prior_calibration import PriorCalibration
 from ospc.pooling.summary import Summary, summary_of
 from ospc.prefetching import Prefetcher
 from ospc.recording.frame import Frame, size_of
+from ospc.second_thread import SecondThread
 from ospc.settings import Settings, as_dict, preset
 from ospc.versions import versions
 
 REMEMBERED_REASONS, FIRST_REASONS = 20, 3
 """How many of the latest, and of the first, reasons for skipping a frame are kept."""
 
-RECOGNIZED_BY = 4
-"""Frames in the hash that tells streams apart."""
+HASHED_FRAMES = 4
+"""Frames in the hash by which a stream is recognized."""
 
 
 @dataclass(frozen=True)
@@ -98,7 +97,7 @@ class Engine:
         self._reasons: list[str] = []
         self._first_reasons: list[str] = []
         self._first_frames = ("", 0)
-        self._half_taken = ""  # name of a frame within which something failed
+        self._partly_processed = ""  # name of a frame in whose processing something failed
 
     def push(self, frame: Frame) -> bool:
         """Take the next frame and return whether it could be used; most often it is not even decoded.
@@ -114,7 +113,8 @@ class Engine:
         with self._lock:
             number = self._exposures.table.append(frame.exposure_ms)
             try:
-                self._process(self._checked(frame, number))
+                size = None if self._method is None else self._size
+                self._process(checked_frame(frame, number, size, self._max_grey))
             except (FrameError, ExposureError) as error:
                 self._skip(str(error))
                 return False
@@ -122,7 +122,7 @@ class Engine:
                 self._exposures.forget_from(number)
                 raise
             except BaseException:
-                self._half_taken = frame.name
+                self._partly_processed = frame.name
                 raise
             finally:
                 self.prefetcher.drop_until(number)
@@ -137,7 +137,7 @@ class Engine:
         with self._lock:
             self._exposures.table.append(exposure_ms)
             try:
-                _check_exposure(exposure_ms, name)
+                check_exposure(exposure_ms, name)
             except ExposureError as error:
                 unusable = str(error)
             self._skip(unusable)
@@ -146,57 +146,23 @@ class Engine:
 
     # The steps of push.
 
-    def _checked(self, frame: Frame, number: int) -> Frame:
-        """Return a frame under its number, its image of the size of the first; FrameError if it cannot be used."""
-        if frame.colour and frame.image.ndim != 2:
-            raise FrameError(f"{frame.name}: is in colour; open the recording with one of its channels")
-        _check_exposure(frame.exposure_ms, frame.name)
-        # Most frames need not be decoded; that one is missing or cut off is found out nevertheless.
-        if frame.verify is not None:
-            frame.verify()
-        size = size_of(frame.image) if self._method is None else self._size
-        checked = replace(frame, index=number, load=partial(of_size, frame, size))
-        if frame.verify is None:
-            checked.load()
-        if self._method is not None and frame.max_grey != self._max_grey:
-            raise FrameError(
-                f"{frame.name}: its largest grey value is {frame.max_grey}, but that of the first frame "
-                f"{self._max_grey}; calibrate each bit depth on its own"
-            )
-        if frame.mask is not None and size_of(frame.mask) != size:
-            width, height = size_of(frame.mask)
-            raise FrameError(
-                f"{frame.name}: its mask has {width}×{height} pixels, but the frames have {size[0]}×{size[1]}; make "
-                "them equal"
-            )
-        if frame.mask is not None and not frame.mask.any():
-            raise FrameError(f"{frame.name}: its mask leaves no pixel; True is where pixels may be used")
-        return checked
-
     def _process(self, frame: Frame) -> None:
-        """Take a frame through the steps of the method: all, or only the comparison of brightness, or none."""
-        method, exposures = self._started(frame), self._exposures
-        self._recognize(frame)  # at first: where it cannot read the image, nothing is learned from the frame yet
-        change = brightness = None
+        """Take a frame through the steps of the method: all of them, only the comparison of brightness, or none."""
+        method = self._started(frame)
+        self._hash(frame)  # first: where the image cannot be read, nothing is learned from the frame
+        change: Change | None = None
+        brightness: BrightnessChange | None = None
         if self._sampler.processes_next:
-            prepared, compared = self.prefetcher.preprocessed(frame)
-            counting = self._second.submit(self.pixels.observe, frame, prepared.thumbnail)
-            comparing = self._second.submit(exposures.observe, prepared.thumbnail, compared)
-            try:
-                # Selects a keyframe, registers the frame with it, samples both, and accumulates the samples.
-                change = method.push(frame, prepared, exposures.table)
-            finally:
-                counting.result()
-                brightness = comparing.result()
-        elif self._sampler.compares_next or exposures.needs_comparison(frame.index):
-            brightness = exposures.observe(*self.prefetcher.thumbnail(frame))
+            change, brightness = self._observe(method, frame)
+        elif self._sampler.compares_next or self._exposures.needs_comparison(frame.index):
+            brightness = self._exposures.observe(*self.prefetcher.thumbnail(frame))
         if brightness is not None:
-            change = change or method.compare(brightness, exposures.table)
-            change = self._change_of_lag(change) or change
+            change = change or method.compare(brightness, self._exposures.table)
+            change = self._detect_lag_change(change) or change
         if change is not None:
             method = self._begin_epoch(method, change)
         self._sampler.advance(method.longest_pause)
-        exposures.assess_if_due()
+        self._exposures.assess_if_due()
 
     def _started(self, frame: Frame) -> Method:
         """Return the method, made for frames like the first."""
@@ -206,15 +172,31 @@ class Engine:
             self._size, self._max_grey = size, frame.max_grey
         return self._method
 
-    def _recognize(self, frame: Frame) -> None:
-        """Take the first frames into the hash that tells this stream of frames from others."""
+    def _hash(self, frame: Frame) -> None:
+        """Take the first frames into the hash by which this stream of frames is recognized."""
         digest, count = self._first_frames
-        if count < RECOGNIZED_BY:
-            seen = f"{digest} {frame.stamp_s!r} {frame.exposure_ms!r} ".encode() + frame.image.tobytes()
-            self._first_frames = (sha256(seen).hexdigest(), count + 1)
+        if count < HASHED_FRAMES:
+            content = f"{digest} {frame.stamp_s!r} {frame.exposure_ms!r} ".encode() + frame.image.tobytes()
+            self._first_frames = (sha256(content).hexdigest(), count + 1)
 
-    def _change_of_lag(self, other: Change | None) -> Change | None:
-        """Return a change of the frames that the exposures belong to; it may explain another change of the camera."""
+    def _observe(self, method: Method, frame: Frame) -> tuple[Change | None, BrightnessChange | None]:
+        """Preprocess a frame and accumulate what it shows; return what changed of the camera, and in brightness.
+
+        Meanwhile, the second thread counts grey values and compares the brightness with that of the frame before.
+        """
+        prepared, precomputed = self.prefetcher.preprocessed(frame)
+        counting = self._second.submit(self.pixels.observe, frame, prepared.thumbnail)
+        comparing = self._second.submit(self._exposures.observe, prepared.thumbnail, precomputed)
+        try:
+            # Select a keyframe, register the frame with it, sample both, accumulate the samples.
+            change = method.push(frame, prepared, self._exposures.table)
+        finally:
+            counting.result()
+            brightness = comparing.result()
+        return change, brightness
+
+    def _detect_lag_change(self, other: Change | None) -> Change | None:
+        """Return a change of the lag of the exposures, which may explain another change of the camera."""
         found = self._exposures.detect_lag_change(camera_changed=other is not None)
         if found is None:
             return None
@@ -229,7 +211,7 @@ class Engine:
         grey_range = self.pixels.range_before(change.frame)
         exposures, found = self._unless_refuted(method, exposures, found, grey_range)
         known = method.calibration(exposures, grey_range)
-        ended = self._judged(known, found, change.frame - first)
+        ended = self._with_verdicts(known, found, change.frame - first)
         self._epochs.append(Epoch(first, change.frame - 1, ended, change))
         self.pixels = self.pixels.of_next_epoch()
         self._method = later
@@ -257,14 +239,14 @@ class Engine:
             if self._method is None:
                 why = f": {self._reasons[-1]}" if self._reasons else ""
                 raise OspcError(f"no frame could be used{why}")
-            exposures, found = self._exposures_used()
+            exposures, found = self._used_exposures()
             known = self._method.calibration(exposures, self.pixels.grey_range)
             if self.prior is not None:
                 known = self.prior.continued(known, self.summary())
-            judged = self._judged(known, found, self.frames)
+            judged = self._with_verdicts(known, found, self.frames)
             return replace(judged, source=self.source | judged.source)
 
-    def _exposures_used(self) -> tuple[ExposureTable, ExposureFindings]:
+    def _used_exposures(self) -> tuple[ExposureTable, ExposureFindings]:
         """Return the exposures as the result uses them, and what was found about them."""
         exposures, found = self._exposures.corrected_table, self._exposures.findings()
         if self._method is None:
@@ -281,7 +263,7 @@ class Engine:
             return exposures, found
         return replace(exposures, lag_frames=0), found.without_correction()
 
-    def _judged(self, known: Calibration, found: ExposureFindings, frames: int) -> Calibration:
+    def _with_verdicts(self, known: Calibration, found: ExposureFindings, frames: int) -> Calibration:
         """Return the calibration from so many frames with the verdicts that their exposures allow."""
         found = found.doubted_by(known.effects)
         verdicts = {name: found.limited(verdict) for name, verdict in known.verdicts.items()}
@@ -308,14 +290,14 @@ class Engine:
         with self._lock:
             if self._method is None:
                 raise OspcError("no frame could be used, so nothing is known about the exposures")
-            return self._exposures_used()[1]
+            return self._used_exposures()[1]
 
     def inputs(self) -> FitInputs | None:
         """Return the evidence on response and vignette; None where there is none that could be merged."""
         with self._lock:
             if self._method is None:
                 return None
-            return self._method.inputs(self._exposures_used()[0], self.pixels.grey_range)
+            return self._method.inputs(self._used_exposures()[0], self.pixels.grey_range)
 
     def summary(self) -> Summary | None:
         """Return what is known as a value that can be merged with others; None where nothing is."""
@@ -370,19 +352,3 @@ class Engine:
     def may_need_image(self, number: int) -> bool:
         """Whether the image of the frame with this number can be needed at all."""
         return self._exposures.lag_is_uncertain or self.prefetcher.needs(number)
-
-
-def _check_exposure(exposure_ms: float, name: str) -> None:
-    if not (np.isfinite(exposure_ms) and exposure_ms > 0):
-        raise ExposureError(f"{name}: exposure {exposure_ms} ms is not a positive number")
-
-
-def of_size(frame: Frame, size: ImageSize) -> Image:
-    """Return a frame's image, or say that it has another size than the first."""
-    width, height = size_of(frame.image)
-    if (width, height) != size:
-        raise FrameError(
-            f"{frame.name}: {width}×{height} pixels, but the first frame has {size[0]}×{size[1]}; "
-            "calibrate each image size on its own"
-        )
-    return frame.image

@@ -14,7 +14,6 @@ from ospc.correspondence.preprocessing import Preprocessor
 from ospc.correspondence.registration import (
     DenseRegistration,
     Registration,
-    SecondThread,
     displacement_at,
     jacobian_at,
     make_registrar,
@@ -25,6 +24,7 @@ from ospc.photometry.geometry import pixel_grid
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import PolynomialVignette
 from ospc.recording.frame import Frame
+from ospc.second_thread import SecondThread
 
 SIZE = (320, 240)
 RESPONSE = Response.gamma(2.0)

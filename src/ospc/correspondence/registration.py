@@ -5,11 +5,9 @@ To register frames in another way, write a class that satisfies :class:`Registra
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
-from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import ParamSpec, Protocol, TypeVar
+from typing import Protocol
 
 import cv2
 import numpy as np
@@ -26,6 +24,7 @@ from ospc.correspondence.thumbnail_registration import (
     values_at,
 )
 from ospc.errors import SettingError
+from ospc.second_thread import SecondThread
 from ospc.settings.correspondence import (
     HOMOGRAPHY_INLIER_PX,
     HOMOGRAPHY_MIN_INLIERS,
@@ -38,26 +37,6 @@ from ospc.settings.correspondence import (
     SECOND_SEARCH_STEPS,
     SECOND_SEARCH_STRIDE_PX,
 )
-
-_Arguments = ParamSpec("_Arguments")
-_Result = TypeVar("_Result")
-
-
-class SecondThread:
-    """Runs functions that release the interpreter lock, one after the other, in a thread of its own."""
-
-    def __init__(self) -> None:
-        self._process = 0
-        self._executor: ThreadPoolExecutor | None = None
-
-    def submit(
-        self, function: Callable[_Arguments, _Result], *args: _Arguments.args, **kwargs: _Arguments.kwargs
-    ) -> Future[_Result]:
-        """Call a function in the thread."""
-        # A fork copies the executor but not its thread: work given to it would wait for ever.
-        if self._executor is None or self._process != os.getpid():
-            self._process, self._executor = os.getpid(), ThreadPoolExecutor(1, "ospc-second")
-        return self._executor.submit(function, *args, **kwargs)
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from ospc.correspondence.image_circle import ImageCircle
 from ospc.correspondence.keyframe_selection import KeyframeSelector, KeyframeSelectorState
 from ospc.correspondence.noise_estimation import NoiseEstimator
 from ospc.correspondence.preprocessing import PreprocessedFrame
-from ospc.correspondence.registration import SecondThread, make_registrar
+from ospc.correspondence.registration import make_registrar
 from ospc.correspondence.reservoir import Reservoir
 from ospc.correspondence.static_series import StaticSeries
 from ospc.estimation.fit import Fit
@@ -32,6 +32,7 @@ from ospc.observations import ExposedObservations, Observations
 from ospc.photometry.calibration import Calibration
 from ospc.photometry.grey_range import FULL_RANGE, GreyRange
 from ospc.recording.frame import Frame
+from ospc.second_thread import SecondThread
 from ospc.settings import DefaultSettings
 from ospc.settings.methods import DROPPED_PAIRS, FIRST_QUICK_FIT_PAIRS, QUICK_FIT_POINTS, REFERENCE_FIT_PAIRS
 

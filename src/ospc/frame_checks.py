@@ -1,0 +1,69 @@
+"""Whether a frame can be used: its image, its exposure and its mask have to fit the first frame of the run."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from ospc.arrays import Image, ImageSize
+from ospc.errors import ExposureError, FrameError
+from ospc.recording.frame import Frame, size_of
+
+
+def checked_frame(frame: Frame, number: int, size: ImageSize | None, max_grey: int) -> Frame:
+    """Return a frame under its number in the run, with an image that has the size of the first.
+
+    Most frames need not be decoded: their files are only checked to be there and whole.
+
+    Parameters
+    ----------
+    size, max_grey
+        Those of the first frame; None and 0 for the first frame itself.
+
+    Raises
+    ------
+    FrameError, ExposureError
+        If the frame cannot be used.
+    """
+    if frame.colour and frame.image.ndim != 2:
+        raise FrameError(f"{frame.name}: is in colour; open the recording with one of its channels")
+    check_exposure(frame.exposure_ms, frame.name)
+    if frame.verify is not None:
+        frame.verify()
+    expected = size_of(frame.image) if size is None else size
+    checked = replace(frame, index=number, load=partial(image_of_size, frame, expected))
+    if frame.verify is None:
+        checked.load()
+    if size is not None and frame.max_grey != max_grey:
+        raise FrameError(
+            f"{frame.name}: its largest grey value is {frame.max_grey}, but that of the first frame "
+            f"{max_grey}; calibrate each bit depth on its own"
+        )
+    if frame.mask is not None and size_of(frame.mask) != expected:
+        width, height = size_of(frame.mask)
+        raise FrameError(
+            f"{frame.name}: its mask has {width}×{height} pixels, but the frames have {expected[0]}×{expected[1]}; "
+            "make them equal"
+        )
+    if frame.mask is not None and not frame.mask.any():
+        raise FrameError(f"{frame.name}: its mask leaves no pixel; True is where pixels may be used")
+    return checked
+
+
+def check_exposure(exposure_ms: float, name: str) -> None:
+    """Raise an ExposureError unless the exposure of a frame is a positive number."""
+    if not (np.isfinite(exposure_ms) and exposure_ms > 0):
+        raise ExposureError(f"{name}: exposure {exposure_ms} ms is not a positive number")
+
+
+def image_of_size(frame: Frame, size: ImageSize) -> Image:
+    """Return a frame's image; FrameError if it has another size than the first."""
+    width, height = size_of(frame.image)
+    if (width, height) != size:
+        raise FrameError(
+            f"{frame.name}: {width}×{height} pixels, but the first frame has {size[0]}×{size[1]}; "
+            "calibrate each image size on its own"
+        )
+    return frame.image

@@ -1,0 +1,28 @@
+"""A second thread, for steps that do not depend on each other."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
+from typing import ParamSpec, TypeVar
+
+_Arguments = ParamSpec("_Arguments")
+_Result = TypeVar("_Result")
+
+
+class SecondThread:
+    """Runs functions that release the interpreter lock, one after the other, in a thread of its own."""
+
+    def __init__(self) -> None:
+        self._process = 0
+        self._executor: ThreadPoolExecutor | None = None
+
+    def submit(
+        self, function: Callable[_Arguments, _Result], *args: _Arguments.args, **kwargs: _Arguments.kwargs
+    ) -> Future[_Result]:
+        """Call a function in the thread."""
+        # A fork copies the executor but not its thread: work given to it would wait for ever.
+        if self._executor is None or self._process != os.getpid():
+            self._process, self._executor = os.getpid(), ThreadPoolExecutor(1, "ospc-second")
+        return self._executor.submit(function, *args, **kwargs)
