@@ -63,6 +63,9 @@ def test_uncorrected_it_is_loud(late: Path, tmp_path: Path) -> None:
     assert (said["exposure_lag_frames"], said["exposure_lag_corrected_frames"]) == (2, 0)
     assert "2 frames late" in said["warnings"][0]
     assert all(verdict.state != "identifiable" for verdict in calibration.verdicts.values()), calibration.verdicts
+    response = calibration.verdicts["response"]
+    assert response.state == "not identifiable" or "2 frames late" in response.reason
+    assert not calibration.converged
     assert "WARNING: exposures are written 2 frames late" in result.stderr
     assert "--correct-lag" in result.stderr
 

@@ -35,15 +35,6 @@ def test_a_lag_is_corrected_and_told() -> None:
     assert "2 frames late" in told.notes[0]
 
 
-def test_a_lag_that_is_not_to_be_corrected_is_a_warning() -> None:
-    calibration = calibrate(LATE.recording(), correct_lag="never")
-    assert "2 frames late" in calibration.warnings[0]
-    response = calibration.verdicts["response"]
-    assert response.state == "not identifiable" or "2 frames late" in response.reason
-    assert not calibration.converged
-    assert "exposure_lag_corrected_frames" not in calibration.source
-
-
 @pytest.mark.parametrize(
     ("effect", "state"),
     [
