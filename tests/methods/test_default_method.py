@@ -20,7 +20,7 @@ from ospc.recording import Frame
 from ospc.settings import DefaultSettings
 
 QUICK = replace(DefaultSettings(), points_per_pair=120, rounds=5, longest_side_px=160)
-QUICK_FRAMES = 50
+QUICK_FRAMES = 42
 
 
 @pytest.fixture(scope="module")
@@ -113,7 +113,7 @@ def test_knees_noise_and_more_bits_are_no_obstacle(calibrated):
 
 
 def test_the_same_frames_give_the_same_result_whether_asked_in_between_or_not(walk, calibrated, quick):
-    asked = calibrated(walk.frames[:QUICK_FRAMES], QUICK, ask_after=(1, 2, 20, 45))
+    asked = calibrated(walk.frames[:QUICK_FRAMES], QUICK, ask_after=(1, 2, 20, 37))
     assert as_text(asked) == as_text(quick)
 
 
@@ -146,8 +146,8 @@ def test_frames_that_cannot_be_used_spoil_nothing(walk, quick):
     calibrator = OnlineCalibrator(QUICK)
     for number, frame in enumerate(good):
         assert calibrator.push(frame)
-        if number % 12 == 7:
-            assert not calibrator.push(bad[number // 12])
+        if number % 10 == 7:
+            assert not calibrator.push(bad[number // 10])
     mixed, clean = calibrator.calibration(), quick
     assert (mixed.counts["skipped"], mixed.counts["frames"]) == (4, QUICK_FRAMES + 4)
     assert [v.state for v in mixed.verdicts.values()] == [v.state for v in clean.verdicts.values()]
