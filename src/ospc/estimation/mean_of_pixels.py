@@ -106,7 +106,8 @@ class PixelMeans:
         relative = np.exp(_CONTRASTS[:, None] * _TEXTURE)
         log_relative = np.log(relative / relative.mean(axis=1, keepdims=True))
         pixels = log_response[::TEXTURE_GRID_STRIDE][None, :, None] + log_relative[:, None, :]
-        grey = np.interp(pixels, log_response, basis.grid)
+        # Places with saturated pixels are not observed, so pixels beyond white count as if the response went on.
+        grey = np.interp(pixels, log_response, basis.grid) + np.maximum(pixels, 0.0) / slope[-1]
         squared = np.maximum(_CONTRASTS, _CONTRASTS[1])[:, None] ** 2
         shift = (grey.mean(axis=2) - basis.grid[::TEXTURE_GRID_STRIDE]) / squared
         shift[0] = shift[1]
@@ -143,7 +144,7 @@ class PixelMeans:
         Its first rows are those of the grid, without texture; :meth:`row_of` says where the others are.
         """
         slope = self._pixel_slope
-        weight = slope / np.maximum(slope.sum(axis=2, keepdims=True), 1e-300)
+        weight = slope / slope.sum(axis=2, keepdims=True)
         rows = sum(weight[..., k, None] * basis.log_table[self.places[..., k]] for k in range(TEXTURE_QUANTILES))
         return np.concatenate([basis.log_table, np.reshape(rows, (-1, len(basis)))])
 
@@ -155,13 +156,12 @@ class PixelMeans:
 
     @cached_property
     def _pixel_slope(self) -> FloatArray:
-        """Slope dM/d ln g at the pixels, (contrasts, stretches, quantiles); zero where they are saturated."""
-        saturated = self.places == len(self.grid) - 1
-        return np.asarray(np.where(saturated, 0.0, 1 / self.log_slope[self.places]))
+        """Slope dM/d ln g at the pixels, (contrasts, stretches, quantiles)."""
+        return np.asarray(1 / self.log_slope[self.places])
 
     @cached_property
     def _grey_slope(self) -> FloatArray:
-        return np.asarray(np.maximum(self._pixel_slope.mean(axis=2), 1e-12))
+        return np.asarray(self._pixel_slope.mean(axis=2))
 
     @cached_property
     def _distrust(self) -> FloatArray:
