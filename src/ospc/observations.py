@@ -208,9 +208,10 @@ class Observations(ByValue):
 
     @property
     def radial_reach(self) -> float:
-        """Radial displacement, in half diagonals, of the scene points that tell the vignette.
+        """Radial displacement, in half diagonals, of the scene points that determine the vignette.
 
-        They tell it with the square of their displacement: half of what is told comes from points that move farther.
+        Their information on it grows with the square of their displacement: half of it comes from points that move
+        farther than this.
         """
         radius = np.linalg.norm(self.position, axis=1)
         reach = self.combined(np.maximum, radius) - self.combined(np.minimum, radius)
@@ -232,7 +233,7 @@ class Observations(ByValue):
         return bool(np.all(self.counts == 2))
 
     def combined(self, combine: np.ufunc, values: FloatArray) -> FloatArray:
-        """Return what ``np.add`` or the like makes of the values of each point, shape (n, ...) -> (points, ...)."""
+        """Reduce the values of each point by ``np.add`` or another ufunc, shape (n, ...) -> (points, ...)."""
         if self.in_pairs:  # in a tenth of the time
             return np.asarray(combine(values[0::2], values[1::2]))
         return np.asarray(combine.reduceat(values, self.starts, axis=0))

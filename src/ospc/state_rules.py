@@ -163,7 +163,7 @@ RULES: Mapping[type, Mapping[str, Numbers | str]] = {
     KeyframeSelectorState: {
         "frames uses": _count("kept"),
         "log_exposure": _logs("kept"),
-        "seen": Numbers(0, 2 * MAX_COMPARISONS, (4, AGE_CLASSES)),
+        "statistics": Numbers(0, 2 * MAX_COMPARISONS, (4, AGE_CLASSES)),
     },
     Reservoir: {"_halvings": Numbers(0, 64)},
     StaticSeries: {"_places _size _grey _index": ELSEWHERE, "_stride": Numbers(1, _MOST)},

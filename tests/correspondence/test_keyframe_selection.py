@@ -83,7 +83,7 @@ def test_changes_beyond_the_limit_count_no_more_than_the_limit():
         keyframes.add(one, log_exposure)
     # The newest overlaps best, and a change by e is as good as one by e⁵.
     for _ in range(12):
-        keyframes.learn(frames[0], 5, lost())
+        keyframes.update(frames[0], 5, lost())
     assert [keyframes.select(5, 0.0).number for _ in range(3)][2] in (0, 4)
 
 
@@ -98,9 +98,9 @@ def test_ages_at_which_nothing_was_found_again_are_avoided():
         keyframes.add(one, 0.8 * (one.number % 2))
     for _ in range(20):
         for one in frames[:8]:
-            keyframes.learn(one, 16, lost())
+            keyframes.update(one, 16, lost())
         for one in frames[8:]:
-            keyframes.learn(one, 16, replace(lost(), overlap=0.9, radial_motion=0.05))
+            keyframes.update(one, 16, replace(lost(), overlap=0.9, radial_motion=0.05))
     assert min(keyframes.select(16, 0.0).number for _ in range(8)) >= 8
     assert keyframes.best_age <= 8
 
@@ -115,7 +115,7 @@ def test_frames_that_are_farther_apart_are_expected_to_overlap_no_more():
                 attempts.append(one - selected.number)
                 overlaps = attempts[-1] == 1
                 found = replace(lost(), overlap=0.7, radial_motion=0.02) if overlaps else lost()
-                keyframes.learn(selected, one, found)
+                keyframes.update(selected, one, found)
             keyframes.add(frame(one), 0.0)
     # Every second frame has a neighbour to be compared with.
     assert np.mean(np.array(attempts[100:]) == 1) > 0.45
@@ -128,7 +128,7 @@ def test_a_camera_that_comes_to_rest_is_noticed():
         if number:
             selected = keyframes.select(number, 0.0)
             found = replace(lost(), overlap=0.8, radial_motion=0.01) if number > 60 else lost()
-            keyframes.learn(selected, number, found)
+            keyframes.update(selected, number, found)
         keyframes.add(frame(number), 0.0)
     assert keyframes.best_age > 1
 

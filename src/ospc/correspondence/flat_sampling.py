@@ -32,7 +32,7 @@ from ospc.settings.correspondence import (
 
 @dataclass(frozen=True)
 class Keyframe(ReducedFrame):
-    """A frame that later ones are compared with, as far as they need it: with a tenth of the memory."""
+    """What is kept of a frame for later ones to be compared with: a tenth of the preprocessed frame."""
 
     places: FloatArray
     """Places (x, y) of the grid on which scene points are chosen, in reduced pixels, shape (n, 2)."""
@@ -46,7 +46,7 @@ class Keyframe(ReducedFrame):
 
 @dataclass(frozen=True)
 class Samples:
-    """What comparing two frames gave."""
+    """The result of comparing two frames."""
 
     observations: Observations
     """Two observations for each scene point."""

@@ -28,7 +28,7 @@ _CORNERS = np.array([(1, 1), (-1, 1), (1, -1), (-1, -1)])
 
 @dataclass
 class ImageCircle:
-    """Remembers the brightest that every place of the image ever was.
+    """Keeps the largest grey level that each place of the image ever had.
 
     A place that a dark part of the scene covers is lit sooner or later; one outside the image circle never is. What
     stays dark and reaches the corners is taken for the surround of a fisheye's image.
@@ -36,14 +36,14 @@ class ImageCircle:
 
     brightest: npt.NDArray[np.uint8] | None = None
     """Largest grey level of each place in the size at which frames are registered, 8 bit, shape (h, w)."""
-    looks: int = 0
-    """Number of frames looked at."""
+    frames: int = 0
+    """Number of frames observed."""
     allowed: BoolArray | None = None
     """Where pixels may be used, in the same size; None for everywhere."""
 
     def observe(self, frame: PreprocessedFrame, mask: BoolArray | None) -> None:
-        """Look at a frame; the mask says where its pixels may be used, shape (height, width), None for everywhere."""
-        self.looks += 1
+        """Take a frame; the mask says where its pixels may be used, shape (height, width), None for everywhere."""
+        self.frames += 1
         # Nobody else changes the small image of a frame, so that it need not be copied.
         self.brightest = frame.small if self.brightest is None else np.maximum(self.brightest, frame.small)
         if mask is not None and self.allowed is None:
@@ -52,7 +52,7 @@ class ImageCircle:
 
     def surround(self) -> BoolArray | None:
         """Return where the image never sees light, in the small size, shape (h, w); None where it does everywhere."""
-        if self.brightest is None or self.looks < MIN_CIRCLE_FRAMES:
+        if self.brightest is None or self.frames < MIN_CIRCLE_FRAMES:
             return None
         lit = float(np.quantile(self.brightest, LIT_QUANTILE))
         if lit < MIN_LIT_GREY:
@@ -82,8 +82,8 @@ class ImageCircle:
             reached = min(reached, float(radius[self.allowed].max(initial=0.0)))
         return reached if 0 < reached < WHOLE_IMAGE_RADIUS else 1.0
 
-    def sees(self, position: FloatArray) -> BoolArray | None:
-        """Return which positions, in half diagonals, (n, 2) -> (n,), are not in the surround; None without one."""
+    def receives_light(self, position: FloatArray) -> BoolArray | None:
+        """Return which positions, in half diagonals, are not in the surround, (n, 2) -> (n,); None without one."""
         surround = self.surround()
         if surround is None:
             return None

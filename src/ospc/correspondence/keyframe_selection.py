@@ -43,7 +43,7 @@ class KeyframeSelectorState:
     """ln of its exposure when it was added, shape (kept,)."""
     selections: int
     """Selections made so far."""
-    seen: FloatArray
+    statistics: FloatArray
     """Of each class of age: the number of comparisons, the sum of their overlap, the number that found the view
     again, and the sum of their radial motion, the latest counting most, shape (4, 26)."""
 
@@ -52,8 +52,8 @@ class KeyframeSelectorState:
 class KeyframeSelector:
     """Keeps keyframes at ages that grow geometrically, and selects the one that is most informative to compare with.
 
-    The worth of a comparison is predicted before it is made: exposures are given, and overlap and radial motion at
-    each age are learned from the comparisons made so far. One selection in three goes for what serves the response
+    The information of a comparison is predicted before it is made: exposures are given, and overlap and radial motion
+    at each age are learned from the comparisons made so far. One selection in three goes for what serves the response
     (change of exposure), the others for what serves the vignette (radial motion).
     """
 
@@ -63,7 +63,7 @@ class KeyframeSelector:
     """Changes of exposure beyond this, in ln, add nothing: most places are then clipped in one of the two."""
     _kept: list[_Kept] = field(default_factory=list, repr=False)
     _selections: int = field(default=0, repr=False)
-    _seen: FloatArray = field(default_factory=lambda: np.zeros((4, AGE_CLASSES)), repr=False)
+    _statistics: FloatArray = field(default_factory=lambda: np.zeros((4, AGE_CLASSES)), repr=False)
 
     def select(self, number: int, log_exposure: float) -> Keyframe | None:
         """Return the keyframe to compare a frame of this number and ln exposure with; None where there is none."""
@@ -76,22 +76,22 @@ class KeyframeSelector:
         age = _age_class(number - known.frames)
         for_response = self._selections % RESPONSE_TURN == 0
         gain = change**2 if for_response else motion[age] ** 2 + EXPOSURE_CHANGE_WEIGHT * change**2
-        worth = (gain + MIN_INFORMATION) * overlap[age] ** OVERLAP_POWER / (1 + known.uses)
-        best = self._kept[int(np.argmax(worth))]
+        information = (gain + MIN_INFORMATION) * overlap[age] ** OVERLAP_POWER / (1 + known.uses)
+        best = self._kept[int(np.argmax(information))]
         best.uses += 1
         return best.frame
 
     @property
     def best_age(self) -> int:
-        """Age in frames at which a comparison is expected to tell most about the vignette."""
+        """Age in frames at which a comparison is expected to have most information on the vignette."""
         overlap, motion = self._expected()
         return round(AGE_CLASS_RATIO ** int(np.argmax(motion**2 * overlap**OVERLAP_POWER)))
 
-    def learn(self, keyframe: Keyframe, number: int, samples: Samples) -> None:
+    def update(self, keyframe: Keyframe, number: int, samples: Samples) -> None:
         """Update the expected overlap and radial motion from a comparison with the frame of this number."""
         age = _age_class(number - keyframe.number)
-        self._seen *= 1 - 1 / MAX_COMPARISONS
-        self._seen[:, age] += (1, samples.overlap, samples.overlap > 0, samples.radial_motion)
+        self._statistics *= 1 - 1 / MAX_COMPARISONS
+        self._statistics[:, age] += (1, samples.overlap, samples.overlap > 0, samples.radial_motion)
 
     def add(self, frame: Keyframe, log_exposure: float) -> None:
         """Keep a frame as a keyframe, and drop the least useful one if there are too many."""
@@ -114,15 +114,15 @@ class KeyframeSelector:
             np.array([k.uses for k in self._kept], dtype=np.int64),
             np.array([k.log_exposure for k in self._kept], dtype=np.float64),
             self._selections,
-            self._seen.copy(),
+            self._statistics.copy(),
         )
 
     def restore(self, state: KeyframeSelectorState) -> None:
         """Go on from a state, without the images of the keyframes; raise a ValueError if its arrays do not fit."""
         lengths = {len(state.frames), len(state.uses), len(state.log_exposure)}
-        if state.seen.shape != self._seen.shape or len(lengths) != 1:
+        if state.statistics.shape != self._statistics.shape or len(lengths) != 1:
             raise ValueError("the state of the keyframe selection has tables of the wrong length")
-        self._kept, self._selections, self._seen = [], state.selections, state.seen.copy()
+        self._kept, self._selections, self._statistics = [], state.selections, state.statistics.copy()
 
     def replay(self, frame: Keyframe, state: KeyframeSelectorState) -> None:
         """Keep a frame again that was a keyframe when the state was taken; any other is ignored."""
@@ -134,7 +134,7 @@ class KeyframeSelector:
         """Return the overlap and the radial motion expected of every class of age, shape (26,) each."""
         expected = np.empty((2, AGE_CLASSES))
         overlap, motion = PRIOR_OVERLAP, PRIOR_RADIAL_MOTION
-        for age, (trials, overlaps, successes, motions) in enumerate(self._seen.T):
+        for age, (trials, overlaps, successes, motions) in enumerate(self._statistics.T):
             overlap = (PRIOR_COMPARISONS * overlap + overlaps) / (PRIOR_COMPARISONS + trials)
             motion = (PRIOR_COMPARISONS * motion + motions) / (PRIOR_COMPARISONS + successes)
             expected[:, age] = overlap, motion

@@ -113,11 +113,11 @@ class DenseRegistration:
 
 
 REGISTRARS: dict[str, Callable[[SecondThread], Registrar]] = {"dense": DenseRegistration}
-"""Every way of registration by its name in settings."""
+"""Every registrar by its name in settings."""
 
 
 def make_registrar(name: str, second: SecondThread) -> Registrar:
-    """Return the way of registration of a name in :data:`REGISTRARS`, which may give work to a second thread.
+    """Return the registrar of a name in :data:`REGISTRARS`, which may give work to a second thread.
 
     Raises
     ------

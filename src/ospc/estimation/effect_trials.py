@@ -1,4 +1,4 @@
-"""Trials of effects: what one step of Newton's method from a fit without them makes of each."""
+"""One-step estimates of effects: one Newton step from a fit without them."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from ospc.settings.estimation import CONTRADICTION_PROBABILITY, EFFECT_PROBABILI
 
 @dataclass(frozen=True)
 class Trial:
-    """What one step of Newton's method from a fit without an effect makes of it.
+    """The one-step estimate of an effect that a fit leaves out.
 
     Attributes
     ----------
     name, value, sigma
         The effect, the value of its parameter, and the standard deviation of that by chance.
-    carried
-        How the p parameters of the fit follow that of the effect, shape (p,).
+    parameter_slope
+        Derivative of the p parameters of the fit by that of the effect, shape (p,).
     groups
         Number of groups of observations that it is judged by.
     """
@@ -33,17 +33,17 @@ class Trial:
     name: str
     value: float
     sigma: float
-    carried: FloatArray
+    parameter_slope: FloatArray
     groups: int
 
     @property
     def sigmas(self) -> float:
         """Distance from zero in standard deviations; 0 for a value that makes no sense."""
-        return abs(self.value) / self.sigma_in_all if EFFECTS[self.name].allows(self.value) else 0.0
+        return abs(self.value) / self.total_sigma if EFFECTS[self.name].allows(self.value) else 0.0
 
     @property
-    def sigma_in_all(self) -> float:
-        """Standard deviation by chance and by what other errors imitate."""
+    def total_sigma(self) -> float:
+        """Standard deviation by chance and by errors of other kinds that imitate the effect."""
         return float(np.hypot(self.sigma, EFFECTS[self.name].systematic))
 
     @property
@@ -55,7 +55,7 @@ class Trial:
 
     @property
     def size_if_left_out(self) -> float:
-        """Root mean square of what is missing in a fit without the effect.
+        """Root mean square of the effect's parameter, as the error of a fit without it.
 
         Every camera has a little of what can be corrected, within what chance hides. The value that the observations
         suggest, if it makes sense, counts by its probability.
@@ -65,8 +65,10 @@ class Trial:
         return float(np.hypot(hidden, np.sqrt(self.probability) * suggested))
 
 
-def tried(observations: ExposedObservations, fit: Fit, noise: NoiseModel | None, names: Sequence[str]) -> list[Trial]:
-    """Return what the observations say about effects that a fit leaves out, about each as if it were the only one."""
+def estimate_effects(
+    observations: ExposedObservations, fit: Fit, noise: NoiseModel | None, names: Sequence[str]
+) -> list[Trial]:
+    """Return the one-step estimate of each of several effects that a fit leaves out, as if it were the only one."""
     effects = fit.effects.and_(*names)
     estimator = MaximumLikelihoodEstimator(fit.response_basis, fit.vignette_basis, noise, effects=effects)
     p = len(fit.parameters)
@@ -78,29 +80,29 @@ def tried(observations: ExposedObservations, fit: Fit, noise: NoiseModel | None,
     for i, name in enumerate(names):
         chosen = np.append(np.arange(p), p + i)
         found, covariance = equations.part(chosen).newton_step(precision[np.ix_(chosen, chosen)], prior.mean[chosen])
-        carried = covariance[:p, p] / covariance[p, p]
-        trials.append(Trial(name, float(found[p]), float(np.sqrt(covariance[p, p])), carried, fit.groups))
+        parameter_slope = covariance[:p, p] / covariance[p, p]
+        trials.append(Trial(name, float(found[p]), float(np.sqrt(covariance[p, p])), parameter_slope, fit.groups))
     return trials
 
 
-def one_step(fit: Fit, trial: Trial) -> Fit:
-    """Return a fit with the effect of a trial where the step of Newton's method leads.
+def after_newton_step(fit: Fit, trial: Trial) -> Fit:
+    """Return the fit after the Newton step, as the start of a fit with the effect.
 
-    A fit that starts without the effect can take more rounds than it has: its first weights discard as outliers what
-    the effect would explain.
+    A fit that starts without the effect would need more rounds than it has: its first weights discard as outliers
+    what the effect would explain.
     """
-    parameters = np.append(fit.parameters + trial.value * trial.carried, trial.value)
+    parameters = np.append(fit.parameters + trial.value * trial.parameter_slope, trial.value)
     effects = fit.effects.and_(trial.name)
     start = replace(fit, effects=effects, parameters=parameters)
     return replace(start, parameters=np.maximum(parameters, start.floor))
 
 
 def slope_of_left_out(fit: Fit, trial: Trial) -> FloatArray:
-    """Return how the parameters follow an effect that is left out, with a response that holds none of it, (p,)."""
+    """Return the derivative of the parameters by an effect that is left out, with a response that has none of it."""
     effects = fit.effects.and_(trial.name)
 
     def changed(value: float) -> FloatArray:
-        parameters = np.append(fit.parameters + value * trial.carried, value)
+        parameters = np.append(fit.parameters + value * trial.parameter_slope, value)
         return effects.without_typical_light(fit.response_basis, parameters)[1][:-1]
 
     # A secant: near black ln g is far from linear in additional light.

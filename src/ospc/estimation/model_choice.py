@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from ospc.arrays import FloatArray
-from ospc.estimation.effect_trials import Trial, one_step, slope_of_left_out, tried
+from ospc.estimation.effect_trials import Trial, after_newton_step, estimate_effects, slope_of_left_out
 from ospc.estimation.effects import CONTRADICTIONS, CORRECTED, EFFECTS, Effects
 from ospc.estimation.fit import Fit
 from ospc.estimation.maximum_likelihood import MaximumLikelihoodEstimator
@@ -76,7 +76,7 @@ def fit_with_chosen_vignette(  # noqa: PLR0917 (what is fitted, to what)
             continue
         added = len(richer) - len(fit.vignette_basis)
         estimator = MaximumLikelihoodEstimator(response, richer, noise, rounds, beside)
-        if not supported(_glimpsed(observations, fit, estimator), added, PROMISING_SHARE):
+        if not supported(_after_newton_step(observations, fit, estimator), added, PROMISING_SHARE):
             break
         wider = estimator.fit(observations, fit)
         if not supported(wider, added):
@@ -85,8 +85,8 @@ def fit_with_chosen_vignette(  # noqa: PLR0917 (what is fitted, to what)
     return fit
 
 
-def _glimpsed(observations: ExposedObservations, fit: Fit, estimator: MaximumLikelihoodEstimator) -> Fit:
-    """Return what one step of Newton's method makes of a fit with further parameters of the vignette."""
+def _after_newton_step(observations: ExposedObservations, fit: Fit, estimator: MaximumLikelihoodEstimator) -> Fit:
+    """Return a fit with further parameters of the vignette after one Newton step."""
     about = estimator.parameters_of(fit)
     equations = estimator.information(observations, fit, about).centred(about)
     prior = estimator.model.prior(about)
@@ -136,10 +136,10 @@ def fit_with_chosen_effects(
     if not len(widest):
         return plain  # of a camera at rest, time, exposure and place of the few frames go together
     fit, untried = plain, _provable(plain.groups)
-    plain_trials = trials = tried(observations, fit, noise, tuple(EFFECTS))
+    plain_trials = trials = estimate_effects(observations, fit, noise, tuple(EFFECTS))
     while suspect := _suspected(trials, untried):
         untried = tuple(name for name in untried if name != suspect.name)
-        start = one_step(fit, suspect)
+        start = after_newton_step(fit, suspect)
         wider = MaximumLikelihoodEstimator(response, fit.vignette_basis, noise, rounds, start.effects).fit(
             observations, start
         )
@@ -148,7 +148,9 @@ def fit_with_chosen_effects(
         if suspect.name in CONTRADICTIONS:
             return _with_estimates(plain, plain_trials, _estimates(wider)[-1:])
         fit = fit_with_chosen_vignette(observations, response, widest, noise, rounds, start.effects)
-        trials = tried(observations, fit, noise, [other for other in EFFECTS if other not in fit.effects.chosen])
+        trials = estimate_effects(
+            observations, fit, noise, [other for other in EFFECTS if other not in fit.effects.chosen]
+        )
     if fit.groups < MIN_GROUPS_TO_CONTRADICT:
         return _with_estimates(fit, trials, ())
     residual = fit.residuals(observations)
@@ -204,13 +206,13 @@ def _with_estimates(fit: Fit, trials: Sequence[Trial], found: tuple[EffectEstima
     fit = _without_typical_light(fit)
     covariance = fit.covariance + sum(np.outer(one, one) for one in missing)
     estimates = (
-        EffectEstimate(trial.name, trial.value, trial.sigma_in_all) for trial in trials if trial.name in CORRECTED
+        EffectEstimate(trial.name, trial.value, trial.total_sigma) for trial in trials if trial.name in CORRECTED
     )
     return replace(fit, covariance=covariance, effect_estimates=(*found, *estimates))
 
 
 def _without_typical_light(fit: Fit) -> Fit:
-    """Return a fit whose response holds no additional light."""
+    """Return a fit whose response does not contain the typical amount of additional light."""
 
     def changed(parameters: FloatArray) -> FloatArray:
         return fit.effects.without_typical_light(fit.response_basis, parameters)[1]

@@ -93,8 +93,8 @@ def vignette_verdict(
     Parameters
     ----------
     reach
-        Radial displacement of the scene points that tell the vignette, in half diagonals: half of what is told comes
-        from points that move farther.
+        Radial displacement, in half diagonals, of the scene points that determine the vignette: half of the
+        information on it comes from points that move farther.
     unexplained
         Share of a typical change of exposure that the images do not show.
     usable_radius

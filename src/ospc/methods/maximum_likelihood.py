@@ -82,7 +82,7 @@ class MaximumLikelihoodMethod:
         measured = self._second.submit(self._noise.observe, frame)  # after registration, which waits for that thread
         if keyframe is not None:
             samples = self._sample(keyframe, prepared, registration, self._pairs)
-            self._select_keyframe.learn(keyframe, prepared.number, samples)
+            self._select_keyframe.update(keyframe, prepared.number, samples)
         self._lost = keyframe is not None and samples.overlap == 0
         self._select_keyframe.add(self._sample.keyframe(prepared), log_exposure)
         measured.result()
@@ -260,7 +260,7 @@ class MaximumLikelihoodMethod:
         elif self._reservoir.points:
             found = self._reservoir.all()
             # A surround that never sees light is alike in all frames.
-            seen = self._circle.sees(found.position)
+            seen = self._circle.receives_light(found.position)
             found = found if seen is None else found.of_points(np.logical_and.reduceat(seen, found.starts))
         else:
             return None

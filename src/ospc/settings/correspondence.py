@@ -142,14 +142,14 @@ RESPONSE_TURN = 3
 """Every so many selections serve the response, of which a pair tells more than of the vignette."""
 
 EXPOSURE_CHANGE_WEIGHT = 0.01
-"""Worth of a change of exposure, squared, where the vignette is the aim: breaks ties between equal motions."""
+"""Weight of a squared change of exposure where the vignette is the aim: it breaks ties between equal motions."""
 
 MIN_INFORMATION = 1e-6
-"""Worth of a comparison without change of exposure or motion, so that overlap decides between them."""
+"""Information assumed of a comparison without change of exposure or motion, so that overlap decides between them."""
 
 OVERLAP_POWER = 1.5
-"""Worth grows with this power of the overlap, faster than the number of shared places: registration is better too
-where more overlaps."""
+"""Information grows with this power of the overlap, faster than the number of shared places: registration is better,
+too, where more overlaps."""
 
 OLDEST_AGE_FACTOR = 1.5
 """Age of an imagined keyframe before the oldest, over that of the oldest: it decides when the oldest is dropped."""
