@@ -21,7 +21,7 @@ EXPOSURES = (3.0, 6.0, 12.0, 24.0)
 QUICK = ("--set", "points_per_pair=60", "--set", "max_points=1500", "--set", "rounds=3", "--set", "keyframes=6")
 PROGRAM = """
 import time
-from ospc.cli.checkpoints import Checkpoints
+from ospc.cli.calibration_run import Checkpoints
 from ospc.cli.main import main
 save = Checkpoints.after_frame
 def save_and_wait(checkpoints, calibrator):
