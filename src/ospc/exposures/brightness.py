@@ -7,7 +7,7 @@ from functools import cache
 
 import numpy as np
 
-from ospc.arrays import Float32Array, FloatArray, ImageSize
+from ospc.arrays import BoolArray, Float32Array, FloatArray, ImageSize
 from ospc.correspondence.thumbnail import Thumbnail
 from ospc.correspondence.thumbnail_registration import ThumbnailRegistration, exposed_in_both, pixel_places, values_at
 from ospc.observations import MOMENTS, Observations
@@ -66,12 +66,12 @@ class PixelSamples:
 
 @dataclass(frozen=True)
 class BrightnessChange:
-    """What comparing two frames gave.
+    """The change of brightness between two frames.
 
     Attributes
     ----------
     frame0, frame1
-        Indices of the frames.
+        Numbers of the frames.
     log_ratio
         Robust mean of ln M₁/M₀ over the flat places of each grey bin, shape (bins,); 0 where there are too few.
     weight
@@ -104,43 +104,55 @@ class BrightnessComparer:
         self._register = ThumbnailRegistration()
 
     def __call__(self, first: Thumbnail, second: Thumbnail) -> BrightnessChange:
-        """Compare two frames."""
-        there, found = self._register(first, second)
+        """Register two frames, and compare the grey levels of the places that are flat in both."""
+        places1, found = self._register(first, second)
         # Black surrounds and saturated windows would seem to stand still.
         visible = found & first.exposed
         if np.count_nonzero(visible) < MIN_OVERLAP * np.count_nonzero(first.exposed):
             found, visible = np.zeros_like(found), np.zeros_like(visible)
-        grey1 = values_at(second.grey, there)
+        grey1 = values_at(second.grey, places1)
         mean = np.sqrt(np.maximum(first.grey * grey1, DARKEST_LEVEL**2))
-        steep = np.maximum(first.gradient, values_at(second.gradient, there))
-        flat = (
-            exposed_in_both(first, second, there, found)
-            & (steep < MAX_RELATIVE_GRADIENT * mean)
-            & (mean > GREY_BIN_EDGES[0])
-            & (mean < GREY_BIN_EDGES[-1])
-        )
-        height, width = first.grey.shape
-        places = pixel_places((width, height))
-        squared = _squared_radius((width, height))
-        squared0, squared1 = squared[flat], values_at(squared, there)[flat]
-        half_diagonal = np.float32(np.hypot(width, height) / 2)
-        shift = (there - places)[flat] / half_diagonal
-        terms = np.column_stack([squared1 - squared0, squared1**2 - squared0**2, shift])
-        log_ratio, weight, mean_terms = _binned(np.log(grey1[flat] / first.grey[flat]), mean[flat], terms)
-        structured = visible & (first.gradient > MIN_MOTION_GRADIENT)
-        distance = np.hypot(*(there - places)[structured][::MOTION_STRIDE].T)
-        known = distance.size >= MIN_BIN_PIXELS
-        motion_px = float(np.median(distance)) * first.frame_width_px / width if known else float("nan")
+        flat = _flat_places(first, second, places1, mean) & exposed_in_both(first, second, places1, found)
+        log_ratio = np.log(grey1[flat] / first.grey[flat])
+        mean_log_ratio, weight, mean_terms = _binned(log_ratio, mean[flat], _vignette_terms(places1, flat))
         return BrightnessChange(
-            first.frame,
-            second.frame,
-            log_ratio,
-            weight,
-            mean_terms,
-            float(visible.mean()),
-            motion_px,
-            _samples(first, second, places[flat], there[flat], (width, height)),
+            frame0=first.frame,
+            frame1=second.frame,
+            log_ratio=mean_log_ratio,
+            weight=weight,
+            vignette_terms=mean_terms,
+            overlap=float(visible.mean()),
+            motion_px=_median_motion_px(first, places1, visible),
+            samples=_samples(first, second, places1, flat),
         )
+
+
+def _flat_places(first: Thumbnail, second: Thumbnail, places1: Float32Array, mean: Float32Array) -> BoolArray:
+    """Return which places of the first frame are flat in both, and of a mean grey level within the bins, (h, w)."""
+    steepest = np.maximum(first.gradient, values_at(second.gradient, places1))
+    flat = steepest < MAX_RELATIVE_GRADIENT * mean
+    return np.asarray(flat & (mean > GREY_BIN_EDGES[0]) & (mean < GREY_BIN_EDGES[-1]))
+
+
+def _vignette_terms(places1: Float32Array, flat: BoolArray) -> Float32Array:
+    """Return the changes of R², R⁴, x and y at the flat places, in half diagonals, shape (n, 4)."""
+    height, width = flat.shape
+    squared = _squared_radius((width, height))
+    squared0, squared1 = squared[flat], values_at(squared, places1)[flat]
+    shift = (places1 - pixel_places((width, height)))[flat] / np.float32(np.hypot(width, height) / 2)
+    return np.column_stack([squared1 - squared0, squared1**2 - squared0**2, shift])
+
+
+def _median_motion_px(first: Thumbnail, places1: Float32Array, visible: BoolArray) -> float:
+    """Return the median displacement of places with structure, in pixels of the frame; NaN where there are few."""
+    height, width = visible.shape
+    structured = visible & (first.gradient > MIN_MOTION_GRADIENT)
+    displacement = (places1 - pixel_places((width, height)))[structured][::MOTION_STRIDE]
+    distance = np.hypot(*displacement.T)
+    if distance.size < MIN_BIN_PIXELS:
+        return float("nan")
+    median_px = float(np.median(distance))
+    return median_px * first.frame_width_px / int(width)
 
 
 @cache
@@ -174,12 +186,12 @@ def _binned(
     return mean, weight, mean_terms
 
 
-def _samples(
-    first: Thumbnail, second: Thumbnail, places: Float32Array, there: Float32Array, size: ImageSize
-) -> PixelSamples:
-    """Return some of the places, spread evenly."""
+def _samples(first: Thumbnail, second: Thumbnail, places1: Float32Array, flat: BoolArray) -> PixelSamples:
+    """Return some of the flat places, spread evenly."""
+    size = (flat.shape[1], flat.shape[0])
+    places = pixel_places(size)[flat]
     step = max(1, len(places) // PIXEL_SAMPLES_PER_PAIR)
-    at0, at1 = places[step // 2 :: step], there[step // 2 :: step]
+    at0, at1 = places[step // 2 :: step], places1[flat][step // 2 :: step]
     if not len(at0):
         return PixelSamples.none()
 
