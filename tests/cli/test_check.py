@@ -98,9 +98,10 @@ def test_missing_exposures_name_the_way_without_them(late: Path, tmp_path: Path)
     assert "--unknown-exposures" not in str(check(tmp_path / "bare").exception)  # it would not help
 
 
-def test_unknown_exposures_are_estimated_and_everything_labelled(late: Path) -> None:
-    assert "--unknown-exposures" in str(check(late / "images").exception)
-    result = check(late / "images", "--unknown-exposures", "--json")
+def test_unknown_exposures_are_estimated_and_everything_labelled(tmp_path: Path) -> None:
+    convert_recording(Film(wandering(FRAMES, step=0.15), size=LARGE, speed_px=2.5).recording(), tmp_path / "film")
+    assert "--unknown-exposures" in str(check(tmp_path / "film" / "images").exception)
+    result = check(tmp_path / "film" / "images", "--unknown-exposures", "--json")
     assert result.exit_code == 3, result.output
     said = json.loads(result.stdout)
     for name, reason in said["reasons"].items():
