@@ -49,7 +49,7 @@ from ospc.settings.correspondence import (
     NOISE_FRAMES,
 )
 from ospc.settings.estimation import FACTOR_GREYS
-from ospc.settings.exposures import GREY_BIN_EDGES, MAX_CHANGES, MAX_REPEATED_FRAMES
+from ospc.settings.exposures import GREY_BIN_EDGES, MAX_BRIGHTNESS_CHANGES, MAX_REPEATED_FRAMES
 from ospc.settings.methods import CHANGE_GREY_KNOTS, MAX_FRAME_RATE, MAX_USUAL_PAIRS, MIN_FRAME_RATE
 
 _MOST = 2**40
@@ -290,7 +290,7 @@ def _check_pixels(run: EngineState, frames: int) -> None:
 
 def _check_history(found: BrightnessHistory, frames: int) -> None:
     numbers = np.array([change.frame0 for change in found.changes], dtype=np.int64)
-    _require(len(numbers) <= MAX_CHANGES, "there are too many changes of brightness")
+    _require(len(numbers) <= MAX_BRIGHTNESS_CHANGES, "there are too many changes of brightness")
     _require(np.all(np.diff(numbers) > 0), "changes of brightness are out of order")
     _require(
         all(c.frame1 == c.frame0 + 1 < frames for c in found.changes), "frames were compared that were not there"

@@ -39,7 +39,7 @@ def after(frames: int, choice: LagChoice = "auto") -> ExposureMonitor:
 
 
 def test_a_long_run_goes_on_being_judged(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(brightness_history, "MAX_CHANGES", 50)
+    monkeypatch.setattr(brightness_history, "MAX_BRIGHTNESS_CHANGES", 50)
     judged = []
     monkeypatch.setattr(ExposureMonitor, "_assess", lambda self, *_: judged.append(len(self.table)) or found)
     found = assess_exposures((), np.zeros(3))

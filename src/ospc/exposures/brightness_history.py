@@ -8,7 +8,7 @@ import numpy as np
 
 from ospc.correspondence.thumbnail import Thumbnail
 from ospc.exposures.brightness import BrightnessChange, BrightnessComparer, PixelSamples
-from ospc.settings.exposures import MAX_CHANGES, MAX_CHANGES_WITH_SAMPLES, MAX_REPEATED_FRAMES
+from ospc.settings.exposures import MAX_BRIGHTNESS_CHANGES, MAX_CHANGES_WITH_SAMPLES, MAX_REPEATED_FRAMES
 
 
 @dataclass(frozen=True)
@@ -73,7 +73,7 @@ class BrightnessHistory:
         with_samples = len(self.changes) < MAX_CHANGES_WITH_SAMPLES
         self.changes.append(change if with_samples else replace(change, samples=PixelSamples.none()))
         self.observed += 1
-        if len(self.changes) > MAX_CHANGES:
+        if len(self.changes) > MAX_BRIGHTNESS_CHANGES:
             self._thin_out()
         return change
 

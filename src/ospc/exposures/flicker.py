@@ -21,7 +21,7 @@ from ospc.settings.exposures import (
     MIN_FLICKER_LOG,
     MIN_FLICKER_SCATTER_LOG,
     MIN_FLICKER_SHARE,
-    MIN_PERIODS,
+    MIN_WAVE_PERIODS,
 )
 
 
@@ -75,7 +75,7 @@ def strongest_wave(frame: IntArray, change: FloatArray) -> tuple[float, float] |
     energy = float(np.sum(change**2))
     if energy <= 0 or not in_long_runs(frame).any():
         return None
-    frequency = _strongest_frequency(frame, change, MIN_PERIODS)
+    frequency = _strongest_frequency(frame, change, MIN_WAVE_PERIODS)
     rest = without_waves(frame, change, [frequency])
     return frequency, 1 - float(np.sum(rest**2)) / energy
 

@@ -13,20 +13,20 @@ from ospc.exposures.lag_likelihood import fit_exposures
 from ospc.exposures.lag_selection import UNRESPONSIVE, LagEstimate, LagHypotheses, select_lag
 from ospc.exposures.table import exposure_cycle
 from ospc.settings.exposures import (
-    AGREEING_SIGMAS,
+    AGREEING_LAG_SIGMAS,
     CONSTANT_EXPOSURE_LOG,
     DOUBTFUL_RESPONSE_SLOPE,
     EXPOSURE_ERROR_SCALES,
     LONG_INTERVALS_FRAMES,
-    MAX_DEFICIT,
     MAX_FLICKER_CANDIDATES,
     MAX_FLICKERS,
     MAX_LAG,
+    MAX_LONG_INTERVAL_DEFICIT,
     MAX_SWINGING_EXPOSURE_LOG,
     MIN_FLICKER_LEAD,
     MIN_LAG_PAIRS,
     MIN_PAIR_LOG_CHANGE,
-    OPPOSING_SIGMAS,
+    OPPOSING_LAG_SIGMAS,
     SAME_FREQUENCY,
     SWINGING_EXPOSURE_SHARE,
 )
@@ -197,6 +197,6 @@ def _agree(first: LagEstimate, longer: LagEstimate) -> bool:
     if longer.frames is None or longer.frames not in first.candidates:
         return False
     at = int(np.flatnonzero(longer.lags == longer.frames)[0])
-    needed = AGREEING_SIGMAS if longer.frames == first.candidates[0] else OPPOSING_SIGMAS
+    needed = AGREEING_LAG_SIGMAS if longer.frames == first.candidates[0] else OPPOSING_LAG_SIGMAS
     sure = np.delete(longer.sigmas, at).min() >= needed
-    return bool(sure and first.score[at] > -MAX_DEFICIT)
+    return bool(sure and first.score[at] > -MAX_LONG_INTERVAL_DEFICIT)

@@ -18,8 +18,8 @@ from ospc.settings.exposures import (
     LAG_CHANGE_WINDOW_FRAMES,
     LATER_LAG_LEAD,
     MAX_COMMON_LAG,
+    MIN_LAG_LEAD,
     MIN_LAG_PAIRS,
-    MIN_LEAD,
     MIN_LIGHT_PERIOD_FRAMES,
     MIN_PAIRS_BEFORE_LAG_CHANGE,
     SUSPECTED_LAG_CHANGE_LEAD,
@@ -77,7 +77,7 @@ def detect_lag_change(
         return None
     since_change = np.where(series.frame < first_frame, exposure_changes[_UNCHANGED], exposure_changes)
     leads = _leads(series, since_change, _slow_light(series.frame)).sum(axis=1)
-    likely = _LATER[leads > leads.max() - MIN_LEAD]
+    likely = _LATER[leads > leads.max() - MIN_LAG_LEAD]
     later = leads.max() > LATER_LAG_LEAD and likely.min() > 0
     earlier = leads.max() > EARLIER_LAG_LEAD and likely.max() < 0
     if not (later or earlier):

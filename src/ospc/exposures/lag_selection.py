@@ -17,7 +17,7 @@ from ospc.settings.exposures import (
     CORRELATED_PAIRS,
     DISTINCT_NOISE_SCALES,
     FLAT_RESPONSE_SLOPE,
-    FLICKER_FACTOR,
+    FLICKER_LEAD_FACTOR,
     FLICKERING_EXPOSURE_SHARE,
     FRACTIONAL_LAGS,
     MAX_COMMON_LAG,
@@ -26,8 +26,8 @@ from ospc.settings.exposures import (
     MIN_DISTINCT_PAIRS,
     MIN_EXPLAINED_SHARE,
     MIN_FRACTIONAL_LAG_LEAD,
-    MIN_LEAD,
-    MIN_LEAD_SIGMAS,
+    MIN_LAG_LEAD,
+    MIN_LAG_SIGMAS,
     UNCOMMON_LAG_FACTOR,
 )
 
@@ -154,16 +154,16 @@ class LagHypotheses:
     @property
     def min_lead(self) -> float:
         """Log likelihood by which the best lag must lead: more for overlapping intervals, and beside flicker."""
-        return MIN_LEAD * float(np.sqrt(self.series.interval_frames)) * self._caution
+        return MIN_LAG_LEAD * float(np.sqrt(self.series.interval_frames)) * self._caution
 
     @property
     def min_sigmas(self) -> float:
         """Standard deviations by which the best lag must lead."""
-        return MIN_LEAD_SIGMAS * self._caution
+        return MIN_LAG_SIGMAS * self._caution
 
     @property
     def _caution(self) -> float:
-        return FLICKER_FACTOR if self.flickers else 1.0
+        return FLICKER_LEAD_FACTOR if self.flickers else 1.0
 
 
 def select_lag(tried: LagHypotheses) -> LagEstimate:
@@ -297,6 +297,6 @@ def _halves_differ(tried: LagHypotheses, best: int) -> bool:
     half = len(tried.fits[best].log_likelihood) // 2
     for part in (slice(None, half), slice(half, None)):
         leads = [fit.log_likelihood[part] - tried.fits[best].log_likelihood[part] for fit in tried.fits]
-        if any(lead.sum() > MIN_LEAD and _mean_sigmas(lead, CORRELATED_PAIRS) > MIN_LEAD_SIGMAS for lead in leads):
+        if any(lead.sum() > MIN_LAG_LEAD and _mean_sigmas(lead, CORRELATED_PAIRS) > MIN_LAG_SIGMAS for lead in leads):
             return True
     return False

@@ -57,7 +57,7 @@ registration, and a multiple of the middle change, since the slope of a response
 
 # How many changes of brightness are kept (ospc.exposures.brightness_history)
 
-MAX_CHANGES = 1200
+MAX_BRIGHTNESS_CHANGES = 1200
 """Most changes of brightness kept: the likelihood of a lag then takes a tenth of a second."""
 
 MAX_CHANGES_WITH_SAMPLES = 160
@@ -155,15 +155,17 @@ MIN_FITTED_LOG_CHANGE = 1e-9
 MAX_COMMON_LAG = 3
 """Largest lag that is common, in frames; larger ones are believed only where nothing else fits."""
 
-MIN_LEAD = 10.0
+MIN_LAG_LEAD = 10.0
 """Log likelihood by which the best lag must lead. Taken literally that is 22000 to 1; the noise is not quite as
 modelled, and a wrong lag spoils a calibration while an open one only leaves it marginal."""
 
-MIN_LEAD_SIGMAS = 2.0
-"""The same lead over its standard error from pair to pair (Vuong 1989): few pairs with large leads do not decide."""
+MIN_LAG_SIGMAS = 2.0
+"""Lead of the best lag over its standard error from pair to pair (Vuong 1989): few pairs with large leads do not
+decide."""
 
-FLICKER_FACTOR = 1.5
-"""Factor on both where flicker is fitted too: it takes away most of what exposures of the same period could show."""
+FLICKER_LEAD_FACTOR = 1.5
+"""Factor on both limits of the lead where flicker is fitted, too: it takes away most of what exposures of the same
+period could show."""
 
 UNCOMMON_LAG_FACTOR = 1.75
 """Factor on the standard deviations, and squared on the lead, by which an unusual lag must beat a usual one."""
@@ -193,7 +195,7 @@ FRACTIONAL_LAGS = np.array([-0.6, -0.4, -0.2, 0.0, 0.2, 0.4, 0.6])
 MAX_FRACTIONAL_LAG = 0.45
 """Largest distance of the best place from the lag, in frames: nearer to the middle, neither of the two is right."""
 
-MIN_FRACTIONAL_LAG_LEAD = MIN_LEAD / 2
+MIN_FRACTIONAL_LAG_LEAD = MIN_LAG_LEAD / 2
 """Log likelihood by which a place between frames must lead: half of what a lag needs, for it only raises a doubt."""
 
 FLICKERING_EXPOSURE_SHARE = 0.87
@@ -228,13 +230,14 @@ LONG_INTERVALS_FRAMES = (4, 8)
 """Frames over which changes are compared where those from frame to frame settle nothing: an error of a single
 exposure counts that much less against a steady change. Over more frames the scene is lost."""
 
-AGREEING_SIGMAS = 2.4
-OPPOSING_SIGMAS = 4.0
-"""Standard deviations by which longer changes must prefer a lag that those from frame to frame prefer, or one that
-they do not. More than for a single answer: longer changes overlap, and slow errors weigh more in them."""
+AGREEING_LAG_SIGMAS = 2.4
+OPPOSING_LAG_SIGMAS = 4.0
+"""Standard deviations by which changes over long intervals must prefer a lag that changes from frame to frame prefer,
+too, or one that they do not. More than for a lag elsewhere: long intervals overlap, and slow errors weigh more."""
 
-MAX_DEFICIT = 3.0
-"""Log likelihood by which that lag may be behind in changes from frame to frame: twenty times less likely."""
+MAX_LONG_INTERVAL_DEFICIT = 3.0
+"""Log likelihood by which the lag from long intervals may be behind the best one from frame to frame: twenty times
+less likely."""
 
 DOUBTFUL_RESPONSE_SLOPE = 0.25
 """Median d ln M/d ln e below which a settled lag is tried again with inexact exposures. A gamma of 2.2 has 0.45;
@@ -284,7 +287,7 @@ MIN_FLICKER_FRAMES = 24
 MIN_FAST_PERIODS = 4
 """Fewest periods of a fast change within the time seen: slower ones are the scene's or an exposure control's."""
 
-MIN_PERIODS = 2
+MIN_WAVE_PERIODS = 2
 """Fewest periods of any line within the time seen: with fewer it cannot be distinguished from a trend."""
 
 FOURIER_OVERSAMPLING = 8
@@ -348,7 +351,7 @@ HARMONIC_TOLERANCE_TURNS = 0.1
 """Turns by which a flicker may miss a whole number within a cycle of exposures and still be its harmonic."""
 
 RMS_KEPT_SHARE = 0.98
-"""Share of the changes, the smaller ones, that a root mean square is taken of: a scene cut is no change of light."""
+"""Share of the changes of which a root mean square is taken, the smaller ones: a scene cut is no change of light."""
 
 JUMP_SIGMAS = 10.0
 """Least size of a jump, in robust standard deviations of the unexplained changes. Their tails are heavy, from failed
