@@ -10,10 +10,8 @@ from scipy.special import ndtr, ndtri
 
 from ospc.estimation.mean_of_pixels import PixelMeans, mean_shift
 from ospc.estimation.response_basis import ResponseBasis
-from ospc.observations import Observations
 from ospc.photometry.noise import NoiseModel
 from ospc.photometry.response import Response
-from ospc.settings.estimation import TEXTURE_CONTRASTS
 from ospc.simulation.responses import RESPONSES
 
 GRID = np.linspace(0, 1, 2041)
@@ -88,60 +86,24 @@ def test_in_the_middle_it_is_half_the_curvature_times_the_variance(exponent, sig
     assert np.interp(0.5, GRID, shift) == pytest.approx(0.5 * second * sigma**2, rel=0.15, abs=3e-7)
 
 
-NO_NOISE = NoiseModel(0.0, 0.0, (0.0,))
-QUANTILES = ndtri((np.arange(999) + 0.5) / 999)
-KNEE = np.where(np.arange(33) <= 11, 1.0, 4.0)
+def test_what_the_correction_for_texture_misses_at_a_knee_is_in_the_variance():
+    """The mean of textured pixels, drawn one by one, against the grey level of their mean irradiance."""
+    basis, coefficients = ResponseBasis(32), np.where(np.arange(33) <= 11, 1.0, 4.0)
+    means = PixelMeans.of(basis, coefficients, NoiseModel(0.0, 0.0, (0.0,)))
+    grey, log_response = np.linspace(0.25, 0.6, 15), basis.log_of(coefficients)
+    index = basis.index_of(grey)
+    pixels = np.exp(log_response[index])[:, None] * (1 + 0.1 * ndtri((np.arange(999) + 0.5) / 999))
+    levels = np.interp(np.log(pixels), log_response, basis.grid)
+    texture = levels.var(axis=1) / grey**2
+    missed = levels.mean(axis=1) - (basis.grid[index] - means.by_texture(texture, index))
+    stated = np.sqrt(means.missed_variance(texture, index))
+    assert np.abs(missed).max() > 0.003
+    assert np.all(np.abs(missed) <= 3 * stated + 0.001)
+    assert np.argmax(stated) == np.argmin(np.abs(grey - basis.knots[11]))
 
 
-def textured(basis, coefficients, log_irradiance, contrast):
-    """Return the grey levels of unevenly lit pixels, drawn one by one, with a mean irradiance, (n,) -> (n, 999)."""
-    pixels = log_irradiance[:, None] + np.log1p(contrast * QUANTILES)
-    return np.interp(pixels, basis.log_of(coefficients), basis.grid)
-
-
-@pytest.mark.parametrize("coefficients", [KNEE, np.linspace(0.8, 3.0, 33)], ids=["knee", "bent"])
-@pytest.mark.parametrize("contrast", [0.04, 0.1])
-def test_texture_shifts_the_mean_as_pixels_drawn_one_by_one(coefficients, contrast):
+def test_a_power_law_has_no_knee():
     basis = ResponseBasis(32)
-    means = PixelMeans.of(basis, coefficients, NO_NOISE)
-    index = basis.index_of(np.linspace(0.15, 0.85, 57))
-    pixels = textured(basis, coefficients, basis.log_of(coefficients)[index], contrast)
-    seen = observed(pixels.mean(axis=1), pixels.var(axis=1))
-    texture = means.texture(seen, np.repeat(index, 2))
-    found = means.by_texture(texture.squared_contrast, texture.level, np.repeat(index, 2))[::2]
-    true = pixels.mean(axis=1) - basis.grid[index]
-    assert np.abs(found - true).max() < 0.3 * np.abs(true).max() + 1e-5
-    np.testing.assert_allclose(np.sqrt(texture.squared_contrast[::2]), contrast, rtol=0.25)
-
-
-@pytest.mark.parametrize("coefficients", [KNEE, np.linspace(0.8, 3.0, 33)], ids=["knee", "bent"])
-def test_rows_are_the_derivatives_of_the_irradiance_that_explains_a_mean(coefficients):
-    basis, contrast, step = ResponseBasis(32), 0.1, 0.01
-    means = PixelMeans.of(basis, coefficients, NO_NOISE)
-    index = basis.index_of(np.array([0.3, 0.34, 0.36, 0.5]))
-    level = np.full(len(index), list(TEXTURE_CONTRASTS).index(contrast))
-    rows = means.log_rows(basis)[means.row_of(level, index)]
-    log_irradiance = basis.log_of(coefficients)[index]
-    slope = means.grey_slope(level, index)
-    for knot in (8, 10, 11, 13, 20):
-        up, down = (coefficients + side * step * (np.arange(33) == knot) for side in (1, -1))
-        change = textured(basis, up, log_irradiance, contrast) - textured(basis, down, log_irradiance, contrast)
-        expected = -change.mean(axis=1) / (2 * step) / slope
-        np.testing.assert_allclose(rows[:, knot], expected, rtol=0.1, atol=2e-3)
-
-
-def test_without_texture_rows_are_those_of_the_response():
-    basis = ResponseBasis(32)
-    means = PixelMeans.of(basis, KNEE, NO_NOISE)
-    index = basis.index_of(np.linspace(0.1, 0.9, 9))
-    texture = means.texture(observed(basis.grid[index], np.zeros(9)), np.repeat(index, 2))
-    np.testing.assert_array_equal(
-        means.log_rows(basis)[means.row_of(texture.level, np.repeat(index, 2))][::2], basis.log_table[index]
-    )
-    np.testing.assert_array_equal(texture.squared_contrast, 0.0)
-
-
-def observed(grey, variance):
-    """Return observations of points that look the same in two frames, with a variance of their pixels."""
-    place = np.zeros((len(grey), 2))
-    return Observations.of_pairs(grey, grey, place, place, 0, 1, grey_variance0=variance, grey_variance1=variance)
+    means = PixelMeans.of(basis, np.full(33, 2.2), NoiseModel(0.0, 0.0, (0.0,)))
+    index = basis.index_of(np.linspace(0.2, 1.0, 9))
+    assert np.all(means.missed_variance(np.full(9, 0.01), index) < 1e-8)

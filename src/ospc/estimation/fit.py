@@ -105,15 +105,15 @@ class Fit(Model):
         if self._pixel_means is None:
             return observations.grey
         index = self.response_basis.index_of(observations.grey)
-        texture = self._pixel_means.texture(observations, index)
-        by_texture = self._pixel_means.by_texture(texture.squared_contrast, texture.level, index)
-        return np.asarray(observations.grey - self._pixel_means.by_noise[index] - by_texture)
+        texture = self.texture_share * self._pixel_means.texture(observations, index)
+        by_texture = self._pixel_means.by_texture(texture, index)
+        return np.asarray(observations.grey - self._pixel_means.by_noise[index] + by_texture)
 
     @cached_property
     def _pixel_means(self) -> PixelMeans | None:
         if self.pixel_noise is None:
             return None
-        return PixelMeans.of(self.response_basis, self.response_parameters, self.pixel_noise, self.texture_share)
+        return PixelMeans.of(self.response_basis, self.response_parameters, self.pixel_noise)
 
     def log_irradiance_rows(self, grey: FloatArray, position: FloatArray) -> FloatArray:
         """Return the derivative of :meth:`log_irradiance` by the parameters of both curves, shape (n, curves).

@@ -45,9 +45,7 @@ class Latent:
         One over the variance of h, and the robust weight.
     texture
         What the texture lowers h by, if all of the variance seen is texture and all observations of a point have the
-        same contrast.
-    row
-        Where the derivatives of h by the response's coefficients are, in :meth:`LatentModel.log_rows`.
+        same over their grey level squared.
     offset
         ln of the exposure and of the gain by vignette and effects.
     total, mean
@@ -62,7 +60,6 @@ class Latent:
     precision: FloatArray
     weight: FloatArray
     texture: FloatArray
-    row: IntArray
     offset: FloatArray
     total: FloatArray
     mean: FloatArray
@@ -145,14 +142,9 @@ class LatentModel:
     def _flat_variance(self) -> tuple[FloatArray, FloatArray]:
         return self.errors.flat_variance(self.basis.grid, 1 / self._log_response_slope, self._irradiance)
 
-    def log_rows(self, basis: ResponseBasis) -> FloatArray:
-        """Return the derivatives of h by the coefficients of a basis, shape (rows, len)."""
-        return self.pixel_means.log_rows(basis) if self.trusted else basis.log_table
-
     @cached_property
-    def pixel_means(self) -> PixelMeans:
-        """The means of pixels under the response."""
-        return PixelMeans.of(self.basis, self.coefficients, self.pixel_noise, self.texture_share)
+    def _pixel_means(self) -> PixelMeans:
+        return PixelMeans.of(self.basis, self.coefficients, self.pixel_noise)
 
     @cached_property
     def pixel_noise(self) -> NoiseModel:
@@ -172,21 +164,18 @@ class LatentModel:
         level, slope, irradiance = self.basis.grid[index], self._log_response_slope[index], self._irradiance[index]
         excess, of_alike = np.clip(observations.grey, DARKEST_GREY, 1.0) - level, np.zeros(len(level))
         flat, factor = (table[index] for table in self._flat_variance)
-        variance, row = self.errors.with_gradient(flat, factor, observations.gradient), index
+        variance = self.errors.with_gradient(flat, factor, observations.gradient)
         if self.trusted:
             # Neither noise nor texture leave the mean of pixels at the grey level of their mean irradiance.
-            means = self.pixel_means
-            texture = means.texture(observations, index)
-            contrast = texture.level
-            by_texture = means.by_texture(texture.squared_contrast, contrast, index)
-            excess = excess - means.by_noise[index] - by_texture
-            of_alike = -means.by_texture(texture.alike, contrast, index)
-            slope, row = 1 / means.grey_slope(contrast, index), means.row_of(contrast, index)
+            means, texture = self._pixel_means, self._pixel_means.texture(observations, index)
+            excess = excess - means.by_noise[index] + self.texture_share * means.by_texture(texture, index)
+            variance = variance + means.missed_variance(texture, index)
+            of_alike = means.by_texture(weighted_means(texture, np.ones(len(texture)), observations)[1], index)
         linear_log = self.log_response[index] + slope * excess
         precision = 1 / (variance * slope**2)
         total, mean = weighted_means(linear_log - offset, weight * precision, observations)
         return Latent(
-            index, level, slope, irradiance, linear_log, precision, weight, slope * of_alike, row, offset, total, mean
+            index, level, slope, irradiance, linear_log, precision, weight, slope * of_alike, offset, total, mean
         )
 
 

@@ -99,8 +99,7 @@ class MaximumLikelihoodEstimator:
                     latent.irradiance,
                     observations.gradient,
                 )
-            log_rows = predict.log_rows(self.response_basis)
-            system = LinearSystem(model, parameters, observations, latent, weight, log_rows)
+            system = LinearSystem(model, parameters, observations, latent, weight)
             prior = model.prior(parameters)
             with_share, of_prior = system.equations(), prior.precision(hyperparameters)
             equations = with_share.part(np.arange(len(parameters))).scaled(of_prior, sandwich_factor)
@@ -155,8 +154,7 @@ class MaximumLikelihoodEstimator:
             model = self.model
             here = self.response_basis.log_of(model.split(about)[0])
             latent = replace(latent, linear_log=latent.linear_log + (here - predict.log_response)[latent.index])
-            log_rows = predict.log_rows(self.response_basis)
-            equations = LinearSystem(model, about, observations, latent, weight, log_rows).equations()
+            equations = LinearSystem(model, about, observations, latent, weight).equations()
             return equations.part(np.arange(len(about))).scaled(
                 model.prior(about).precision(fit.hyperparameters), sandwich_factor
             )

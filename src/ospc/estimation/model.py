@@ -97,8 +97,6 @@ class LinearSystem:
         n observations, and the same linearised.
     weight
         Robust weights, shape (n,).
-    log_rows
-        Derivatives of h by the coefficients of the response, shape (rows, len): :meth:`LatentModel.log_rows`.
     """
 
     model: Model
@@ -106,7 +104,6 @@ class LinearSystem:
     observations: ExposedObservations
     latent: Latent
     weight: FloatArray
-    log_rows: FloatArray
 
     def equations(self) -> NormalEquations:
         """Return the normal equations of the parameters and, last, of a change of the share of texture."""
@@ -163,7 +160,7 @@ class LinearSystem:
         jacobian = model.vignette_basis.jacobian(vignette, seen.position)
         # Where ln V is not linear in its parameters (the centre), what the linearisation leaves goes to the right.
         constant = model.vignette_basis.log_value(vignette, seen.position) - jacobian @ vignette
-        by_response = self.log_rows[self.latent.row[part]]
+        by_response = model.response_basis.log_table[index]
         columns = [by_response, -jacobian]
         # h at the measured grey level is h at the predicted one, which the rows hold, plus this much.
         excess = self.latent.linear_log[part] - by_response @ gamma
