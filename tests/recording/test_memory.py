@@ -37,7 +37,8 @@ def test_a_recording_twice_as_long_takes_no_more_memory(name: str, tmp_path: Pat
     paths = [FORMATS[name](tmp_path / f"{n}", filmed(n)) for n in (SHORT, LONG)]
     for _ in open_recording(FORMATS[name](tmp_path / "few", filmed(FEW))):
         pass  # the first reading of a kind loads modules
-    short, long = (peak_of_reading(path) for path in paths)
+    # What threads of earlier tests allocate meanwhile is counted, too, so the lower of two peaks is taken.
+    short, long = (min(peak_of_reading(path) for _ in range(2)) for path in paths)
     # Names and numbers of frames are kept: far less than their images.
     assert long - short < 0.2 * (LONG - SHORT) * IMAGE_BYTES
     assert short < 5 * 2**20

@@ -356,12 +356,13 @@ CONTRADICTING_SIGMAS = 8.0
 """Standard deviations, by chance and by what clean recordings imitate, from which on a contradiction counts whatever
 the halves disagree on: gentle tone mapping had 10, clean recordings 4 at most."""
 
-EFFECT_PROBABILITY, CONTRADICTION_PROBABILITY = 0.5, 0.02
-"""Probability, before any observation, that a camera has an effect, and that a recording has something that
-contradicts the model: most lenses have glare, few recordings are tone mapped. How much an effect that is left out
-widens the uncertainty follows from them. With 100 pairs, an effect of 2.1 standard deviations, by chance and by what
-clean recordings imitate, counts half, and a contradiction of 3.5: clean recordings had 4 at most. With 0.1 instead of
-0.02, tone mapping of 1.7 standard deviations widened the band of a real video without any by half."""
+EFFECT_PROBABILITY, CONTRADICTION_PROBABILITY = 0.3, 0.02
+"""Probability, before any observation, that a camera has an effect that matters, and that a recording has something
+that contradicts the model: few recordings are tone mapped. How much an effect that is left out widens the uncertainty
+follows from them. With 100 pairs, an effect of 2.5 standard deviations, by chance and by what clean recordings
+imitate, counts half, and a contradiction of 3.5: clean recordings had 4 at most. With 0.5 instead of 0.3, an offset
+of 2.2 standard deviations in a short recording without any left its response marginal. With 0.1 instead of 0.02,
+tone mapping of 1.7 standard deviations widened the band of a real video without any by half."""
 
 PREFERRED_SHARE = 0.9
 """Significance, over that of the clearest effect, from which on one of a camera is tried before a contradiction: an
