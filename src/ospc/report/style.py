@@ -66,17 +66,10 @@ def fit_into(figure: Any, width_in: float, height_in: float, margins_in: Mapping
 
 def load() -> None:
     """Import the parts of matplotlib that draw, so that nobody has to wait for them later."""
-    from matplotlib import artist
-
-    # Matplotlib lists what can be set of each of its classes, for their docstrings: half of the time of its import.
-    listed, artist.kwdoc = artist.kwdoc, lambda artist: ""
-    try:
-        import matplotlib.axes
-        import matplotlib.backends.backend_agg
-        import matplotlib.backends.backend_svg
-        import matplotlib.figure  # noqa: F401
-    finally:
-        artist.kwdoc = listed
+    import matplotlib.axes
+    import matplotlib.backends.backend_agg
+    import matplotlib.backends.backend_svg
+    import matplotlib.figure  # noqa: F401
 
 
 @contextmanager
