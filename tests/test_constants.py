@@ -13,17 +13,19 @@ ROOT = Path(ospc.__file__).parent
 NOT_CHECKED = {"cli", "report", "research"}
 MODULES = sorted(path for path in ROOT.rglob("*.py") if path.relative_to(ROOT).parts[0] not in NOT_CHECKED)
 
-STEPS_OF_THE_METHOD = ("correspondence", "exposures", "methods")
+STEPS_OF_THE_METHOD = ("correspondence", "estimation", "exposures", "methods")
 CORE = [path for path in MODULES if path.relative_to(ROOT).parts[0] in STEPS_OF_THE_METHOD]
 
 STAY_IN_THE_CODE = {
     # Formulas: stencils, nodes, powers, directions, and sizes and indices that follow from settings.
     "NODES", "CENTRE", "(_VALUE, _SLOPE, _CURVATURE)", "_STENCILS", "_LAPLACIANS", "_CORNERS", "_VIGNETTE_POWERS",
-    "RESPONSE_PARAMETERS", "PARTS", "_LATER",
+    "RESPONSE_PARAMETERS", "PARTS", "_LATER", "_DIAGONALS", "_NORMAL",
+    # Effects, each by settings, where there is no negative light.
+    "EFFECTS",
     # Places at which curves are tabulated or drawn, and a displacement that is beyond any image.
     "RESPONSE_LEVELS", "_STEPS", "OUTSIDE_PX",
     # A value that is empty, and sizes of buffers.
-    "NOTHING_FOUND", "_MAX_COUNTED_BITS", "_MOST_PARTS", "_FIRST_CAPACITY", "_BLOCK",
+    "NOTHING_FOUND", "_MAX_COUNTED_BITS", "_MOST_PARTS", "_FIRST_CAPACITY", "_BLOCK", "_KEPT_TABLES",
 }  # fmt: skip
 
 MOST_TOGETHER = 3

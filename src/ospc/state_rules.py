@@ -26,7 +26,7 @@ from ospc.estimation.error_model import ErrorModel
 from ospc.estimation.fit import Fit
 from ospc.estimation.prior import PriorHyperparameters
 from ospc.estimation.response_basis import ResponseBasis
-from ospc.estimation.vignette_basis import LEAST_RADIUS, VignetteBasis
+from ospc.estimation.vignette_basis import VignetteBasis
 from ospc.exposures.brightness import BrightnessChange, PixelSamples
 from ospc.exposures.brightness_history import BrightnessHistory
 from ospc.exposures.monitor import ExposureMonitorState
@@ -48,7 +48,7 @@ from ospc.settings.correspondence import (
     NOISE_BINS,
     NOISE_FRAMES,
 )
-from ospc.settings.estimation import FACTOR_GREYS
+from ospc.settings.estimation import FACTOR_GREYS, MIN_USABLE_RADIUS
 from ospc.settings.exposures import GREY_BIN_EDGES, MAX_BRIGHTNESS_CHANGES, MAX_REPEATED_FRAMES
 from ospc.settings.methods import CHANGE_GREY_KNOTS, MAX_FRAME_RATE, MAX_USUAL_PAIRS, MIN_FRAME_RATE
 
@@ -174,7 +174,7 @@ RULES: Mapping[type, Mapping[str, Numbers | str]] = {
     ResponseBasis: {"intervals": Numbers(1, _MOST_INTERVALS)},
     Effects: {"chosen groups": ELSEWHERE},
     TypicalLight: {"frame_moments surround_moments": ELSEWHERE},
-    VignetteBasis: {"radial": Numbers(0, _MOST_RADIAL), "usable_radius": Numbers(LEAST_RADIUS, 1)},
+    VignetteBasis: {"radial": Numbers(0, _MOST_RADIAL), "usable_radius": Numbers(MIN_USABLE_RADIUS, 1)},
     ErrorModel: {
         "constant shot read": UNIT,
         "registration_sigma_px radiance_sigma": Numbers(0, 100),

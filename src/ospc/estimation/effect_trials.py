@@ -73,13 +73,10 @@ def estimate_effects(
     estimator = MaximumLikelihoodEstimator(fit.response_basis, fit.vignette_basis, noise, effects=effects)
     p = len(fit.parameters)
     about = np.concatenate([fit.parameters, np.zeros(len(names))])
-    equations = estimator.information(observations, fit, about).centred(about)
-    prior = estimator.model.prior(about)
-    precision = prior.precision(fit.hyperparameters)
+    choices = [np.append(np.arange(p), p + i) for i in range(len(names))]
     trials = []
-    for i, name in enumerate(names):
-        chosen = np.append(np.arange(p), p + i)
-        found, covariance = equations.part(chosen).newton_step(precision[np.ix_(chosen, chosen)], prior.mean[chosen])
+    for name, step in zip(names, estimator.newton_steps(observations, fit, about, choices), strict=True):
+        found, covariance = step
         parameter_slope = covariance[:p, p] / covariance[p, p]
         trials.append(Trial(name, float(found[p]), float(np.sqrt(covariance[p, p])), parameter_slope, fit.groups))
     return trials

@@ -19,22 +19,10 @@ from ospc.photometry.noise import BRIGHTEST_EXPOSED, DARKEST_EXPOSED, NoiseModel
 from ospc.photometry.response import Response
 from ospc.photometry.verdict import EffectEstimate
 from ospc.photometry.vignette import LogVignette
-from ospc.settings.estimation import UNRESOLVED_JUMP
+from ospc.settings.estimation import MAX_RESPONSE_LEVELS, MIN_RESPONSE_STEP, SUPPORT_QUANTILES, UNRESOLVED_JUMP
 
 _DIAGONALS = np.array([(1, 1), (-1, 1), (1, -1), (-1, -1)]) / np.sqrt(2)
 """Unit vectors towards the four corners of a square image; the vignette's bands are averaged over them."""
-
-_MAX_LEVELS = 4096
-"""Most levels of a response, one for each grey value of 12 bits: between them it is straight far within its
-errors."""
-
-SUPPORT_QUANTILES = (0.002, 0.998)
-"""Quantiles of the grey levels observed between which a response counts as measured: single outliers measure
-nothing."""
-
-_SMALLEST_STEP = 1e-12
-"""Least step of g from one level to the next: a gamma as steep as 20 near black is zero in floating point for
-several."""
 
 
 @dataclass(frozen=True)
@@ -155,11 +143,11 @@ class Fit(Model):
         ``support`` are the lowest and the highest grey level that was measured, such as :func:`measured_greys`. The
         grey levels of the observations were stretched to the grey range.
         """
-        levels = min(max_grey + 1, _MAX_LEVELS)
+        levels = min(max_grey + 1, MAX_RESPONSE_LEVELS)
         grey = grey_range.level(np.linspace(0, 1, levels))
         table = np.exp(np.interp(grey, self.response_basis.grid, self.log_response))
         # Below black and above white, too, a response has to increase.
-        table, least = np.where(grey > 0, table, 0.0), np.arange(levels) * _SMALLEST_STEP
+        table, least = np.where(grey > 0, table, 0.0), np.arange(levels) * MIN_RESPONSE_STEP
         table = np.maximum(table, least) if grey_range.is_full else table + least
         reference = float(grey_range.level(sum(support) / 2))
         model = {

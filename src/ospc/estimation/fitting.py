@@ -12,10 +12,11 @@ from ospc.errors import NotObservableError, SettingError, counted
 from ospc.estimation.fit import Fit
 from ospc.estimation.model_choice import fit_with_chosen_effects
 from ospc.estimation.response_basis import ResponseBasis
-from ospc.estimation.vignette_basis import LEAST_RADIUS, VignetteBasis
+from ospc.estimation.vignette_basis import VignetteBasis
 from ospc.observations import ExposedObservations, Observations
 from ospc.photometry.noise import NoiseModel
 from ospc.settings import DefaultSettings
+from ospc.settings.estimation import MIN_USABLE_RADIUS
 
 
 def fit(
@@ -69,7 +70,7 @@ def fit(
     intervals = known.response_intervals if vignette else known.series_intervals
     widest = VignetteBasis(0)
     if vignette:
-        reach = float(np.clip(np.linalg.norm(exposed.position, axis=1).max(), LEAST_RADIUS, 1.0))
+        reach = float(np.clip(np.linalg.norm(exposed.position, axis=1).max(), MIN_USABLE_RADIUS, 1.0))
         widest = VignetteBasis(known.radial_terms, free_centre=True, non_radial=True, usable_radius=reach)
     response = ResponseBasis(intervals, known.response_functions)
     return fit_with_chosen_effects(exposed, response, widest, noise, known.rounds)

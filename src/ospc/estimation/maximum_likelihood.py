@@ -7,11 +7,12 @@ the strength of the prior chosen anew.
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ospc.arrays import BoolArray, FloatArray
+from ospc.arrays import BoolArray, FloatArray, IntArray
 from ospc.estimation.effects import Effects
 from ospc.estimation.error_model import ErrorModel
 from ospc.estimation.fit import Fit
@@ -158,6 +159,24 @@ class MaximumLikelihoodEstimator:
             return equations.part(np.arange(len(about))).scaled(
                 model.prior(about).precision(fit.hyperparameters), sandwich_factor
             )
+
+    def newton_steps(
+        self, observations: ExposedObservations, fit: Fit, about: FloatArray, choices: Iterable[IntArray]
+    ) -> Iterator[tuple[FloatArray, FloatArray]]:
+        """Take one Newton step from a fit with each of several choices of this model's parameters.
+
+        The first three are as for :meth:`information`; a choice holds the indices of m parameters, the others stay
+        zero.
+
+        Yields
+        ------
+        The parameters of a choice after the step, shape (m,), and their covariance by chance, (m, m).
+        """
+        equations = self.information(observations, fit, about).centred(about)
+        prior = self.model.prior(about)
+        precision = prior.precision(fit.hyperparameters)
+        for chosen in choices:
+            yield equations.part(chosen).newton_step(precision[np.ix_(chosen, chosen)], prior.mean[chosen])
 
     def parameters_of(self, start: Fit) -> FloatArray:
         """Return the parameters of this model that say the same as a fit with the same response basis, shape (p,)."""

@@ -26,6 +26,7 @@ from ospc.settings.estimation import (
     ASYMMETRY_SIGMA,
     CONTRADICTING_SIGMAS,
     FIRST_FIT_POINTS,
+    MIN_CRITERION_GROUPS,
     MIN_GROUPS,
     MIN_GROUPS_TO_CONTRADICT,
     PREFERRED_SHARE,
@@ -34,9 +35,6 @@ from ospc.settings.estimation import (
     SIGNIFICANT_SIGMAS_IN_ALL,
     SUSPECTED_SIGMAS,
 )
-
-_FEWEST_GROUPS = 3
-"""Number of groups that the criterion is computed for at least: the logarithm of one or two is no penalty."""
 
 
 def fit_with_chosen_vignette(  # noqa: PLR0917 (what is fitted, to what)
@@ -88,9 +86,7 @@ def fit_with_chosen_vignette(  # noqa: PLR0917 (what is fitted, to what)
 def _after_newton_step(observations: ExposedObservations, fit: Fit, estimator: MaximumLikelihoodEstimator) -> Fit:
     """Return a fit with further parameters of the vignette after one Newton step."""
     about = estimator.parameters_of(fit)
-    equations = estimator.information(observations, fit, about).centred(about)
-    prior = estimator.model.prior(about)
-    found, chance = equations.newton_step(prior.precision(fit.hyperparameters), prior.mean)
+    [(found, chance)] = estimator.newton_steps(observations, fit, about, [np.arange(len(about))])
     return replace(fit, vignette_basis=estimator.vignette_basis, parameters=found, chance=chance)
 
 
@@ -101,7 +97,7 @@ def supported(fit: Fit, last: int, share: float = 1.0) -> bool:
     value = fit.parameters[part]
     covariance = fit.chance[part, part] + np.diag(_registration_sigma(fit)[-last:] ** 2)
     statistic = float(value @ np.linalg.solve(covariance, value))
-    return bool(statistic > share * last * np.log(max(fit.groups, _FEWEST_GROUPS)))
+    return bool(statistic > share * last * np.log(max(fit.groups, MIN_CRITERION_GROUPS)))
 
 
 def _registration_sigma(fit: Fit) -> FloatArray:

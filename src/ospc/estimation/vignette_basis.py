@@ -10,9 +10,6 @@ from ospc.arrays import FloatArray, ImageSize
 from ospc.photometry.vignette import NON_RADIAL, LogVignette, non_radial_terms
 from ospc.settings.estimation import DARK_RADIUS, MAX_DECENTRING, VIGNETTE_SIGMA
 
-LEAST_RADIUS = 0.01
-"""Smallest usable radius, in half diagonals: few pixels, which tell nothing of a vignette."""
-
 
 @dataclass(frozen=True)
 class VignetteBasis:

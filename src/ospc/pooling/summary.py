@@ -19,7 +19,7 @@ from ospc.errors import FormatError
 from ospc.estimation.fit import Fit, measured_greys
 from ospc.estimation.maximum_likelihood import MaximumLikelihoodEstimator
 from ospc.estimation.response_basis import ResponseBasis
-from ospc.estimation.vignette_basis import LEAST_RADIUS, VignetteBasis
+from ospc.estimation.vignette_basis import VignetteBasis
 from ospc.methods.identifiability import unexplained_share
 from ospc.methods.summary import FitInputs
 from ospc.observations import ExposedObservations
@@ -28,6 +28,7 @@ from ospc.photometry.geometry import image_size
 from ospc.photometry.grey_range import FULL_RANGE, GreyRange
 from ospc.photometry.noise import NoiseModel
 from ospc.photometry.vignette import NON_RADIAL
+from ospc.settings.estimation import MIN_USABLE_RADIUS
 
 RESPONSE = ResponseBasis(32)
 VIGNETTE = VignetteBasis(10, free_centre=True, non_radial=True)
@@ -138,7 +139,7 @@ class Summary:
             and 0 <= self.reach <= _FARTHEST
             and 0 <= low <= high <= 1
             and 0 <= self.grey_range.black < self.grey_range.white <= 1
-            and LEAST_RADIUS <= self.usable_radius <= 1
+            and MIN_USABLE_RADIUS <= self.usable_radius <= 1
             and abs(self.unexplained) <= _LARGEST
             and all(0 <= variance <= 1 for variance in noise)
             and len(noise) <= LARGEST_GREY

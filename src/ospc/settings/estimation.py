@@ -54,6 +54,12 @@ FIRST_FIT_POINTS = 10_000
 """Scene points from which the first, approximate fit is made, to save time: it only starts the fit to all of them.
 20000 has no harmful effect; 5000 raises the errors by a quarter to two thirds."""
 
+MIN_CRITERION_GROUPS = 3
+"""Pairs of frames that the criterion is computed for at least: the logarithm of one or two is no penalty."""
+
+MIN_USABLE_RADIUS = 0.01
+"""Smallest usable radius of a vignette, in half diagonals: a few pixels, which tell nothing of it."""
+
 # The expected grey level (ospc.estimation.latent)
 
 DARKEST_GREY = 0.25 / 255
@@ -234,6 +240,18 @@ TEXTURE_SHARE_INFORMATION = 2000.0
 shifts by its standard deviation has a precision of one. In simulated recordings, where the share is one, the
 observations alone gave -0.2 and 0.8 at precisions of 20 and 240, and 0.98 to 1.15 above 1400. With 300 instead of
 2000, dark and noisy recordings gave 0 to 0.8, and κ was up to three times as large."""
+
+MAX_RESPONSE_LEVELS = 4096
+"""Most levels of the table of a response, one for each grey value of 12 bits: between them it is straight far within
+its errors."""
+
+MIN_RESPONSE_STEP = 1e-12
+"""Least step of that table, as a share of g at white: near black, a gamma as steep as 20 is zero in floating point
+for several levels, and a response has to increase."""
+
+SUPPORT_QUANTILES = (0.002, 0.998)
+"""Quantiles of the grey levels observed between which a response counts as measured: single outliers measure
+nothing."""
 
 UNRESOLVED_JUMP = 1 / 12
 """Standard deviation of ln g for a jump of γ by one within an interval of ln M of length one, where γ is fitted by a
