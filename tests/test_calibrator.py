@@ -224,9 +224,9 @@ def test_good_frames_reach_the_method_in_their_order():
     ("bad", "reason"),
     [
         (unreadable(7), "7.png: cannot be decoded; copy it again"),
-        (frame(7, float("nan")), "frame 7: exposure nan ms is not a positive number"),
-        (frame(7, None), "frame 7: exposure nan ms is not a positive number"),
-        (Frame(7, 0.0, None, "7.png", lambda: IMAGE), "7.png: exposure nan ms is not a positive number"),
+        (frame(7, float("nan")), "frame 7: its exposure is unknown"),
+        (frame(7, None), "frame 7: its exposure is unknown"),
+        (Frame(7, 0.0, None, "7.png", lambda: IMAGE), "7.png: its exposure is unknown"),
         (frame(7, float("inf")), "frame 7: exposure inf ms is not a positive number"),
         (frame(7, 0.0), "frame 7: exposure 0.0 ms is not a positive number"),
         (frame(7, -1.0), "frame 7: exposure -1.0 ms is not a positive number"),
@@ -280,6 +280,21 @@ def test_the_first_frame_that_can_be_read_says_how_large_they_are():
     assert not calibrator.push(frame(1, 0.0, np.zeros((3, 3), np.uint8)))
     assert calibrator.push(frame(2))
     assert calibrator.calibration().size == (8, 6)
+
+
+@pytest.mark.parametrize(("used", "told"), [(3, True), (4, False)])
+def test_where_most_frames_cannot_be_used_the_remedy_is_about_them(used, told):
+    calibrator = OnlineCalibrator()
+    for index in range(used):
+        calibrator.push(Frame.of_array(np.zeros((48, 64), np.uint8), 1.0, index=index))
+    for index in range(used, used + 4):
+        assert not calibrator.push(Frame.of_array(np.zeros((96, 128), np.uint8), 1.0, index=index))
+    found = calibrator.calibration()
+    lost = f"4 of {used + 4} frames could not be used: frame {used}: 128×96 pixels, but the first frame has 64×48"
+    unknown = [verdict for verdict in found.verdicts.values() if verdict.state != "identifiable"]
+    assert unknown
+    assert [verdict.remedy.startswith(lost) for verdict in unknown] == [told] * len(unknown)
+    assert any(text.startswith(lost) for text in found.advice) == told
 
 
 def test_only_the_latest_reasons_are_remembered_but_all_are_counted():

@@ -17,7 +17,7 @@ from ospc.exposures.findings import ExposureFindings
 from ospc.exposures.lag_choice import LagChoice, lag_in_words
 from ospc.exposures.monitor import ExposureMonitor
 from ospc.exposures.table import ExposureTable
-from ospc.frame_checks import check_exposure, checked_frame
+from ospc.frame_checks import check_exposure, checked_frame, why_most_are_lost
 from ospc.methods.change_detection import Change
 from ospc.methods.method import Method, Progress
 from ospc.methods.preview import Preview
@@ -268,13 +268,18 @@ class Engine:
         found = found.doubted_by(known.effects)
         verdicts = {name: found.limited(verdict) for name, verdict in known.verdicts.items()}
         advice = (found.verdict.remedy, *known.advice) if found.warnings else known.advice
+        verdicts["exposures"] = found.verdict
+        lost = why_most_are_lost(self._skipped, self.frames, self._first_reasons)
+        if lost:  # more frames of the same kind would not help
+            verdicts = {n: v if v.state == "identifiable" else replace(v, remedy=lost) for n, v in verdicts.items()}
+            advice = (lost, *advice)
         source: dict[str, Any] = {"exposure_lag_frames": found.lag_frames}
         if found.corrected_frames:
             source["exposure_lag_corrected_frames"] = found.corrected_frames
         changes = (epoch.change.text for epoch in self._epochs if epoch.change)
         return replace(
             known,
-            verdicts=verdicts | {"exposures": found.verdict},
+            verdicts=verdicts,
             converged=known.converged and not found.warnings,
             counts={"frames": frames, "skipped": self._skipped, **known.counts},
             settings=as_dict(self.settings),

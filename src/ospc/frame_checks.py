@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -54,6 +55,8 @@ def checked_frame(frame: Frame, number: int, size: ImageSize | None, max_grey: i
 
 def check_exposure(exposure_ms: float, name: str) -> None:
     """Raise an ExposureError unless the exposure of a frame is a positive number."""
+    if np.isnan(exposure_ms):
+        raise ExposureError(f"{name}: its exposure is unknown")
     if not (np.isfinite(exposure_ms) and exposure_ms > 0):
         raise ExposureError(f"{name}: exposure {exposure_ms} ms is not a positive number")
 
@@ -67,3 +70,10 @@ def image_of_size(frame: Frame, size: ImageSize) -> Image:
             "calibrate each image size on its own"
         )
     return frame.image
+
+
+def why_most_are_lost(skipped: int, frames: int, reasons: Sequence[str]) -> str:
+    """Return how many frames could not be used, and the first reason, if those are most; otherwise nothing."""
+    if 2 * skipped <= frames:
+        return ""
+    return ": ".join([f"{skipped} of {frames} frames could not be used", *reasons[:1]])

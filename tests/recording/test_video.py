@@ -138,6 +138,12 @@ def test_frames_missing_at_the_end_are_unreadable(
             _ = frames[index].image
 
 
+def test_for_a_folder_with_videos_the_message_names_them(video: Callable[..., Path]) -> None:
+    folder = video().parent
+    with pytest.raises(RecordingError, match=r"name one of the files in it that are: walk\.mkv"):
+        open_recording(folder)
+
+
 def test_a_file_that_only_begins_like_a_video_is_an_error(tmp_path: Path) -> None:
     (tmp_path / "walk.avi").write_bytes(b"RIFF\0\0\0\0AVI " + bytes(100))
     (tmp_path / "walk.csv").write_text(LIST)

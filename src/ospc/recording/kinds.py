@@ -11,12 +11,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from functools import partial
 from importlib import import_module
 from pathlib import Path
 from typing import Protocol, runtime_checkable
 
-from ospc.errors import RecordingError, os_error_as, quoted
+from ospc.errors import RecordingError, listed, os_error_as, quoted
 from ospc.recording.image_source import why_unread
 from ospc.recording.options import DEFAULT, ReadingOptions
 from ospc.recording.recording import Recording
@@ -29,6 +30,9 @@ _EXPECTED = (
     "images with a list of their exposures or with EXIF, a EuRoC folder, folders named by exposure, a video file, "
     "or a ROS bag"
 )
+
+_MOST_LOOKED_INTO = 100
+"""Files in a folder that are looked into, to name those that are recordings."""
 
 
 class Kind(Protocol):
@@ -87,10 +91,25 @@ def open_recording(path: str | Path, kind: str | None = None, options: ReadingOp
     if kind is not None:
         names = ", ".join(k.name for k in kinds())
         raise RecordingError(f"{quoted(kind)} is not a kind of recording; known: {names}")
+    raise RecordingError(f"{place}: {_recordings_inside(place) or why_unread(place) or _nothing_known(place)}")
+
+
+def _recordings_inside(place: Path) -> str | None:
+    """Return which files in a folder, such as videos, are recordings; None if there are none."""
+    inner = sorted(path for path in place.iterdir() if path.is_file()) if place.is_dir() else []
+    names = []
+    for path in inner[:_MOST_LOOKED_INTO]:
+        with suppress(OSError):  # a file that may not be read
+            if _chosen(path, None) is not None:
+                names.append(path.name)
+    return f"is no recording itself; name one of the files in it that are: {listed(names)}" if names else None
+
+
+def _nothing_known(place: Path) -> str:
     reason = "a file of this kind is not a recording"
     if place.is_dir():
         reason = "holds no images" if any(place.iterdir()) else "the folder is empty"
-    raise RecordingError(f"{place}: {why_unread(place) or f'{reason}; {_EXPECTED}'}")
+    return f"{reason}; {_EXPECTED}"
 
 
 def _check_exists(place: Path) -> None:
