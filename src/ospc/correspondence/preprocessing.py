@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import cv2
 import numpy as np
@@ -24,6 +23,10 @@ from ospc.settings.correspondence import (
     SURROUND_WIDTH_PX,
 )
 
+_GREY = np.linspace(0, 1, 256)[:, None]
+_POWERS_OF_GREY = np.hstack([_GREY ** np.arange(1, POWERS + 1), _GREY > BRIGHTEST_EXPOSED])
+"""M … M⁵ of each grey level, and whether it is white, shape (256, 6)."""
+
 
 @dataclass(frozen=True)
 class ReducedFrame:
@@ -37,41 +40,17 @@ class ReducedFrame:
     """Grey levels at the size at which frames are registered, 8 bit, shape (h', w')."""
     thumbnail: Thumbnail
     """A still smaller image, for the comparison of brightness with the neighbouring frames."""
+    grey_quantiles: FloatArray
+    """Grey levels of 0 … 255 below which equal shares of the small image's pixels are, shape (19,)."""
+    moments: FloatArray
+    """Means of M … M⁵ over the small image, and the share of white pixels, shape (6,)."""
+    surround_moments: Float32Array
+    """Weighted sums of 1, M … M⁵ and white pixels around each place of a coarse image, shape (h'', w'', 7)."""
 
     @property
     def reduced_size(self) -> ImageSize:
         """Width and height at which grey levels are read."""
         return self.size[0] // self.reduction, self.size[1] // self.reduction
-
-    @cached_property
-    def grey_quantiles(self) -> FloatArray:
-        """Grey levels of 0 … 255 below which equal shares of the small image's pixels are, shape (19,)."""
-        total = np.cumsum(self._counts)
-        return np.asarray(np.interp(COMPARED_QUANTILES * total[-1], total, np.arange(256)))
-
-    @cached_property
-    def moments(self) -> FloatArray:
-        """Means of M … M⁵ over the small image, and the share of white pixels, shape (6,)."""
-        grey = np.linspace(0, 1, 256)
-        of_grey = np.column_stack([grey[:, None] ** np.arange(1, POWERS + 1), grey > BRIGHTEST_EXPOSED])
-        return np.asarray(self._counts @ of_grey / self._counts.sum())
-
-    @cached_property
-    def surround_moments(self) -> Float32Array:
-        """Weighted sums of 1, M … M⁵ and white pixels around each place of a coarse image, shape (h'', w'', 7)."""
-        height, width = self.small.shape
-        size = (SURROUND_WIDTH_PX, max(1, round(SURROUND_WIDTH_PX * height / width)))
-        coarse = cv2.resize(self.small, size, interpolation=cv2.INTER_AREA).astype(np.float32) / np.float32(255)
-        white = (self.small > 255 * BRIGHTEST_EXPOSED).astype(np.float32)
-        white = cv2.resize(white, size, interpolation=cv2.INTER_AREA)
-        powers = np.stack([*(coarse**power for power in range(1 + POWERS)), white], axis=-1)
-        sigma = SURROUND_SIGMA * SURROUND_WIDTH_PX
-        # Nothing is known of light beyond the frame: none of it counts.
-        return np.asarray(cv2.GaussianBlur(powers, (0, 0), sigma, borderType=cv2.BORDER_CONSTANT))
-
-    @cached_property
-    def _counts(self) -> IntArray:
-        return np.bincount(self.small.ravel(), minlength=256)
 
     def values_at(self, image: Float32Array | npt.NDArray[np.uint8], places: FloatArray) -> FloatArray:
         """Return the values of an image of this frame, of any size, at places in the reduced size, interpolated.
@@ -136,12 +115,17 @@ class Preprocessor:
         squares /= np.float32(white) ** 2
         further = self._further_reduction(max(reduced.shape))
         small = _reduced(reduced, further)
+        levels = cv2.convertScaleAbs(small, alpha=255.0 / white)
+        counts = cv2.calcHist([levels], [0], None, [256], [0, 256]).ravel().astype(np.int64)
         return PreprocessedFrame(
             frame.index,
             size,
             reduction,
-            cv2.convertScaleAbs(small, alpha=255.0 / white),
+            levels,
             thumbnail_of(frame.index, reduced, white, frame.mask, size),
+            _quantiles(counts),
+            _moments(counts),
+            _surround_moments(levels),
             grey,
             squares,
             self.smoothing_px,
@@ -199,3 +183,27 @@ def _means(image: Image, factor: int) -> Image:
     height, width = (side // factor for side in image.shape)
     cut = image[: height * factor, : width * factor]
     return np.asarray(cv2.resize(cut, (width, height), interpolation=cv2.INTER_AREA))
+
+
+def _quantiles(counts: IntArray) -> FloatArray:
+    """Return the grey levels below which equal shares of the pixels are, by the number of each level, shape (256,)."""
+    total = np.cumsum(counts)
+    return np.asarray(np.interp(COMPARED_QUANTILES * total[-1], total, np.arange(256)))
+
+
+def _moments(counts: IntArray) -> FloatArray:
+    """Return the mean powers and the share of white pixels, by the number of each grey level, shape (256,)."""
+    return np.asarray(counts @ _POWERS_OF_GREY / counts.sum())
+
+
+def _surround_moments(small: npt.NDArray[np.uint8]) -> Float32Array:
+    """Return the sums of powers and of white pixels around each place, (h', w') -> (h'', w'', 7)."""
+    height, width = small.shape
+    size = (SURROUND_WIDTH_PX, max(1, round(SURROUND_WIDTH_PX * height / width)))
+    coarse = cv2.resize(small, size, interpolation=cv2.INTER_AREA).astype(np.float32) / np.float32(255)
+    white = (small > 255 * BRIGHTEST_EXPOSED).astype(np.float32)
+    white = cv2.resize(white, size, interpolation=cv2.INTER_AREA)
+    powers = np.stack([*(coarse**power for power in range(1 + POWERS)), white], axis=-1)
+    sigma = SURROUND_SIGMA * SURROUND_WIDTH_PX
+    # Nothing is known of light beyond the frame: none of it counts.
+    return np.asarray(cv2.GaussianBlur(powers, (0, 0), sigma, borderType=cv2.BORDER_CONSTANT))

@@ -73,6 +73,7 @@ class MaximumLikelihoodMethod:
         self._circle.observe(prepared, frame.mask)
         self._changes.observe_time(prepared.number, frame.stamp_s)
         self._stationary.observe(frame)
+        new_keyframe = self._second.submit(self._sample.keyframe, prepared)
         keyframe = self._select_keyframe.select(prepared.number, log_exposure)
         samples = NOTHING_FOUND
         registration = None
@@ -84,7 +85,7 @@ class MaximumLikelihoodMethod:
             samples = self._sample(keyframe, prepared, registration, self._pairs)
             self._select_keyframe.update(keyframe, prepared.number, samples)
         self._lost = keyframe is not None and samples.overlap == 0
-        self._select_keyframe.add(self._sample.keyframe(prepared), log_exposure)
+        self._select_keyframe.add(new_keyframe.result(), log_exposure)
         measured.result()
         if not len(samples.observations):
             return None

@@ -50,4 +50,4 @@ class StationaryCamera:
     @property
     def used_series(self) -> StaticSeries | None:
         """The series of grey values that stands in for pairs of frames; None where the camera moves."""
-        return self.series if self.stands_still else None
+        return self.series if self.series is not None and self.stands_still else None
