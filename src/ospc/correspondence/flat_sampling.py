@@ -121,16 +121,17 @@ class FlatSampler:
         gradient0 = keyframe.gradient.astype(np.float64)
         gradient1 = frame.values_at(frame.gradient, places1)
         flat = found & (gradient0 < self.max_gradient) & (gradient1 < self.max_gradient)
-        exposed = ~keyframe.clipped & ~_clipped_at(frame, places1)
+        index = np.flatnonzero(flat & ~keyframe.clipped)
+        index = index[~_clipped_at(frame, places1[index])]
         position0, position1 = (
             normalised(one.to_frame(places), one.size) for one, places in ((keyframe, places0), (frame, places1))
         )
-        radial = np.linalg.norm(position0[found], axis=1) - np.linalg.norm(position1[found], axis=1)
+        radius0, radius1 = (np.linalg.norm(position, axis=1) for position in (position0, position1))
+        radial = (radius0 - radius1)[found]
         motion = _typical_motion(places0[found], displacement[found], gradient0[found])
-        index = np.flatnonzero(flat & exposed)
         # By the mean of both frames: a choice by one grey level would be a choice by its noise.
         grey = np.sqrt(np.clip(keyframe.grey[index, CENTRE] * frame.values_at(frame.grey, places1[index]), 0, 1))
-        chosen = index[self._spread(grey, np.linalg.norm(position0[index], axis=1), group)]
+        chosen = index[self._spread(grey, radius0[index], group)]
         places0, places1 = places0[chosen], places1[chosen]
         jacobian = jacobian_at(registration, places0, scale)
         further0, further1 = further_smoothing(jacobian, frame.smoothing_px)

@@ -7,7 +7,7 @@ from functools import cache
 
 import numpy as np
 
-from ospc.arrays import BoolArray, Float32Array, FloatArray, ImageSize
+from ospc.arrays import BoolArray, Float32Array, FloatArray, ImageSize, IntArray
 from ospc.correspondence.thumbnail import Thumbnail
 from ospc.correspondence.thumbnail_registration import ThumbnailRegistration, exposed_in_both, pixel_places, values_at
 from ospc.observations import MOMENTS, Observations
@@ -112,9 +112,12 @@ class BrightnessComparer:
             found, visible = np.zeros_like(found), np.zeros_like(visible)
         grey1 = values_at(second.grey, places1)
         mean = np.sqrt(np.maximum(first.grey * grey1, DARKEST_LEVEL**2))
-        flat = _flat_places(first, second, places1, mean) & exposed_in_both(first, second, places1, found)
-        log_ratio = np.log(grey1[flat] / first.grey[flat])
-        mean_log_ratio, weight, mean_terms = _binned(log_ratio, mean[flat], _vignette_terms(places1, flat))
+        # By their numbers: places are taken from an image several times as fast as by a mask.
+        flat = np.flatnonzero(
+            _flat_places(first, second, places1, mean) & exposed_in_both(first, second, places1, found)
+        )
+        log_ratio = np.log(grey1.ravel()[flat] / first.grey.ravel()[flat])
+        mean_log_ratio, weight, mean_terms = _binned(log_ratio, mean.ravel()[flat], _vignette_terms(places1, flat))
         return BrightnessChange(
             frame0=first.frame,
             frame1=second.frame,
@@ -134,12 +137,12 @@ def _flat_places(first: Thumbnail, second: Thumbnail, places1: Float32Array, mea
     return np.asarray(flat & (mean > GREY_BIN_EDGES[0]) & (mean < GREY_BIN_EDGES[-1]))
 
 
-def _vignette_terms(places1: Float32Array, flat: BoolArray) -> Float32Array:
+def _vignette_terms(places1: Float32Array, flat: IntArray) -> Float32Array:
     """Return the changes of R², R⁴, x and y at the flat places, in half diagonals, shape (n, 4)."""
-    height, width = flat.shape
+    height, width = places1.shape[:2]
     squared = _squared_radius((width, height))
-    squared0, squared1 = squared[flat], values_at(squared, places1)[flat]
-    shift = (places1 - pixel_places((width, height)))[flat] / np.float32(np.hypot(width, height) / 2)
+    squared0, squared1 = (image.ravel()[flat] for image in (squared, values_at(squared, places1)))
+    shift = (places1 - pixel_places((width, height))).reshape(-1, 2)[flat] / np.float32(np.hypot(width, height) / 2)
     return np.column_stack([squared1 - squared0, squared1**2 - squared0**2, shift])
 
 
@@ -186,12 +189,11 @@ def _binned(
     return mean, weight, mean_terms
 
 
-def _samples(first: Thumbnail, second: Thumbnail, places1: Float32Array, flat: BoolArray) -> PixelSamples:
+def _samples(first: Thumbnail, second: Thumbnail, places1: Float32Array, flat: IntArray) -> PixelSamples:
     """Return some of the flat places, spread evenly."""
-    size = (flat.shape[1], flat.shape[0])
-    places = pixel_places(size)[flat]
-    step = max(1, len(places) // PIXEL_SAMPLES_PER_PAIR)
-    at0, at1 = places[step // 2 :: step], places1[flat][step // 2 :: step]
+    size = (places1.shape[1], places1.shape[0])
+    step = max(1, len(flat) // PIXEL_SAMPLES_PER_PAIR)
+    at0, at1 = (places.reshape(-1, 2)[flat[step // 2 :: step]] for places in (pixel_places(size), places1))
     if not len(at0):
         return PixelSamples.none()
 
