@@ -186,7 +186,7 @@ def _means(image: Image, factor: int) -> Image:
 
 
 def _quantiles(counts: IntArray) -> FloatArray:
-    """Return the grey levels below which equal shares of the pixels are, by the number of each level, shape (256,)."""
+    """Return the grey levels below which equal shares of pixels are, by the number of each level, shape (256,)."""
     total = np.cumsum(counts)
     return np.asarray(np.interp(COMPARED_QUANTILES * total[-1], total, np.arange(256)))
 

@@ -17,10 +17,10 @@ from ospc.correspondence.exposure_normalizer import ExposureNormalizer
 from ospc.correspondence.preprocessing import ReducedFrame
 from ospc.correspondence.thumbnail_registration import (
     OUTSIDE_PX,
-    forward_backward_error,
     optical_flow,
     pixel_places,
     rescaled,
+    there_and_back,
     values_at,
 )
 from ospc.errors import SettingError
@@ -105,11 +105,12 @@ class DenseRegistration:
             returning = self._second.submit(self._back.calc, warped, image0, None)
             forward = self._there.calc(image0, warped, None)
             backward = returning.result()
-        error = forward_backward_error(forward, backward)
-        there = cv2.perspectiveTransform(pixel_places(size) + forward, homography)
+        in_warped, error = there_and_back(forward, backward)
+        there = cv2.perspectiveTransform(in_warped, homography)
         # The warped image goes on beyond the second one, by its border: whatever is found there has left the view.
         error[cv2.inRange(there, (0, 0, 0, 0), (size[0] - 1, size[1] - 1, 0, 0)) == 0] = OUTSIDE_PX
-        return Registration(there - pixel_places(size), error)
+        there -= pixel_places(size)
+        return Registration(there, error)
 
 
 REGISTRARS: dict[str, Callable[[SecondThread], Registrar]] = {"dense": DenseRegistration}

@@ -39,10 +39,10 @@ class ThumbnailRegistration:
             return places, np.ones((height, width), bool)
         forward = self._there.calc(first.equalized, second.equalized, None)
         backward = self._back.calc(second.equalized, first.equalized, None)
-        there = places + forward
+        there, error = there_and_back(forward, backward)
         margin = THUMBNAIL_MARGIN_PX
         inside = cv2.inRange(there, (margin, margin, 0, 0), (width - 1 - margin, height - 1 - margin, 0, 0)) > 0
-        return there, inside & (forward_backward_error(forward, backward) < MAX_THUMBNAIL_ERROR_PX)
+        return there, inside & (error < MAX_THUMBNAIL_ERROR_PX)
 
 
 def values_at(image: Float32Array | npt.NDArray[np.uint8], places: Float32Array) -> Float32Array:
@@ -81,9 +81,10 @@ def optical_flow(preset: int, finest_scale: int) -> cv2.DISOpticalFlow:
     return flow
 
 
-def forward_backward_error(forward: Float32Array, backward: Float32Array) -> Float32Array:
-    """Return how far going there and back ends from where it began, in pixels, shape (h, w)."""
+def there_and_back(forward: Float32Array, backward: Float32Array) -> tuple[Float32Array, Float32Array]:
+    """Return where every place is found, (h, w, 2), and how far there and back ends from it, (h, w), in pixels."""
     there = pixel_places(forward.shape[1::-1]) + forward
     away = (OUTSIDE_PX, OUTSIDE_PX, 0.0, 0.0)
-    back = cv2.remap(backward, there, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=away)
-    return np.asarray(cv2.magnitude(*cv2.split(forward + back)), dtype=np.float32)
+    error = cv2.remap(backward, there, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=away)
+    error += forward
+    return there, np.asarray(cv2.magnitude(*cv2.split(error)), dtype=np.float32)
