@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 import cv2
 import numpy as np
@@ -22,10 +23,6 @@ from ospc.settings.correspondence import (
     SURROUND_SIGMA,
     SURROUND_WIDTH_PX,
 )
-
-_GREY = np.linspace(0, 1, 256)[:, None]
-_POWERS_OF_GREY = np.hstack([_GREY ** np.arange(1, POWERS + 1), _GREY > BRIGHTEST_EXPOSED])
-"""M … M⁵ of each grey level, and whether it is white, shape (256, 6)."""
 
 
 @dataclass(frozen=True)
@@ -193,7 +190,14 @@ def _quantiles(counts: IntArray) -> FloatArray:
 
 def _moments(counts: IntArray) -> FloatArray:
     """Return the mean powers and the share of white pixels, by the number of each grey level, shape (256,)."""
-    return np.asarray(counts @ _POWERS_OF_GREY / counts.sum())
+    return np.asarray(counts @ _powers_of_grey() / counts.sum())
+
+
+@cache
+def _powers_of_grey() -> FloatArray:
+    """Return M … M⁵ of each grey level, and whether it is white, shape (256, 6)."""
+    grey = np.linspace(0, 1, 256)
+    return np.column_stack([grey[:, None] ** np.arange(1, POWERS + 1), grey > BRIGHTEST_EXPOSED])
 
 
 def _surround_moments(small: npt.NDArray[np.uint8]) -> Float32Array:
