@@ -232,6 +232,11 @@ class Observations(ByValue):
         """Whether every point has two observations."""
         return bool(np.all(self.counts == 2))
 
+    @cached_property
+    def pair_of_point(self) -> IntArray:
+        """Number of the group that each point belongs to, none left out, shape (points,)."""
+        return np.unique(self.group[self.starts], return_inverse=True)[1]
+
     def combined(self, combine: np.ufunc, values: FloatArray) -> FloatArray:
         """Reduce the values of each point by ``np.add`` or another ufunc, shape (n, ...) -> (points, ...)."""
         if self.in_pairs:  # in a tenth of the time

@@ -10,6 +10,9 @@ from ospc.arrays import Float32Array, FloatArray, IntArray
 SIGMA_OF_MEDIAN = 1.4826
 """Standard deviation of a normal distribution over its median absolute value: 1 / Φ⁻¹(3/4)."""
 
+ERROR_OF_SCALE = 1.17
+"""Relative standard deviation of :func:`robust_scale` of n normal values, times √n."""
+
 
 def robust_scale(residuals: FloatArray | Float32Array) -> float:
     """Return the standard deviation of the normal distribution with the same median absolute value; 0 of none."""

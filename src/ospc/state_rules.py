@@ -177,7 +177,7 @@ RULES: Mapping[type, Mapping[str, Numbers | str]] = {
     VignetteBasis: {"radial": Numbers(0, _MOST_RADIAL), "usable_radius": Numbers(MIN_USABLE_RADIUS, 1)},
     ErrorModel: {
         "constant shot read": UNIT,
-        "registration_sigma_px radiance_sigma": Numbers(0, 100),
+        "registration_sigma_px radiance_sigma gain_sigma": Numbers(0, 100),
         "factors": Numbers(1e-6, 1e6, ("factors",)),
     },
     PriorHyperparameters: {"walk": Numbers(1e-6, 1e6), "drift": Numbers(0, 1e6)},

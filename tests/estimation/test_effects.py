@@ -46,6 +46,7 @@ class Disturbed:
     unsteady: float = 0.0
     stabilised: float = 0.0
     local: float = 0.0
+    light: float = 0.0
 
     def pairs(self, seed: int = 0) -> ExposedObservations:
         """Return points, each in two frames whose exposure, mean light and surroundings differ."""
@@ -58,6 +59,7 @@ class Disturbed:
         stated_ms = true_ms * np.exp(-self.late * rate) - self.offset * TYPICAL_MS
         stretched = np.log(stated_ms / TYPICAL_MS)
         stated_ms = TYPICAL_MS * np.exp(stretched - self.power_of_logarithm * stretched**2)
+        lit_ms = true_ms * np.exp(self.light * random.standard_normal((FRAMES, 2)))[group]
         radiance = np.exp(random.normal(-1.5, 0.9, n))[:, None] / TYPICAL_MS
         place = random.uniform(-1, 1, (n, 2, 2)) * np.array(SIZE) / np.hypot(*SIZE)
         squared_radius = np.sum(place**2, axis=2)
@@ -73,7 +75,7 @@ class Disturbed:
         frame_light = (1 - white) * frame_light + white * (1 + BEYOND_WHITE)
         nearby = np.exp(random.normal(-1.2, 0.6, (n, 2)))
         added = self.glare * frame_light + self.scatter * nearby + self.dark * true_ms / TYPICAL_MS
-        grey = GAMMA(true_ms * radiance * attenuation + added)
+        grey = GAMMA(lit_ms * radiance * attenuation + added)
         around = GAMMA(nearby)
         own = self.unsteady * random.standard_normal((FRAMES, 2))[group]
         grey = grey ** (1 + self.gamma_drift * time + own) * around**self.tone + self.black_drift * time
@@ -204,6 +206,22 @@ def step_in_sigmas(fit: Fit) -> float:
 @pytest.mark.parametrize("seed", range(3))
 def test_what_contradicts_the_model_widens_the_bands_by_what_it_does(seed: int) -> None:
     assert abs(step_in_sigmas(Disturbed(tone=-0.1).fit(seed))) < 1
+
+
+@pytest.mark.parametrize("light", [0.01, 0.03])
+@pytest.mark.parametrize("seed", range(3))
+def test_light_that_changes_from_frame_to_frame_is_measured_and_hurts_no_vignette(light: float, seed: int) -> None:
+    found = Disturbed(light=light).fit(seed)
+    assert stated(found) == {"unsteady light": pytest.approx(np.sqrt(2) * light, rel=0.3)}
+    assert abs(step_in_sigmas(found)) < 3
+    assert found.errors.radiance_sigma < 0.2 * light
+    assert vignette_rmse(found.vignette(SIZE), POLYNOMIAL, 1.0) < 0.005
+
+
+def test_effects_are_told_although_the_light_changes() -> None:
+    found = Disturbed(offset=-0.05, light=0.01).fit()
+    assert stated(found).keys() == {"exposure offset", "unsteady light"}
+    assert stated(found)["exposure offset"] == pytest.approx(-0.05, rel=0.3)
 
 
 @pytest.mark.parametrize("offset", [-0.006, -0.003, 0.003, 0.006])

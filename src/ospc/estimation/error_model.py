@@ -45,6 +45,8 @@ class ErrorModel:
     factors
         Factors on the sum at :data:`~ospc.settings.estimation.FACTOR_GREYS`, interpolated in between, for what this
         law leaves out; empty for a factor of 1 everywhere.
+    gain_sigma
+        Scale of a latent gain of each pair of frames, in ln, which is no part of this variance; 0 for none.
     """
 
     constant: float = START_GREY_SIGMA**2
@@ -53,6 +55,7 @@ class ErrorModel:
     registration_sigma_px: float = START_REGISTRATION_SIGMA_PX
     radiance_sigma: float = START_RADIANCE_SIGMA
     factors: tuple[float, ...] = ()
+    gain_sigma: float = 0.0
 
     def variance(
         self, grey: FloatArray, slope: FloatArray, irradiance: FloatArray, gradient: FloatArray
@@ -106,7 +109,8 @@ class ErrorModel:
             float(np.sqrt(found[3])),
             max(float(np.sqrt(found[4])), MIN_RADIANCE_SIGMA),
         )
-        return replace(law, factors=_factors(squared / law.variance(grey, slope, irradiance, gradient), grey))
+        factors = _factors(squared / law.variance(grey, slope, irradiance, gradient), grey)
+        return replace(law, factors=factors, gain_sigma=self.gain_sigma)
 
 
 def _by_cell(cell: IntArray, count: int) -> tuple[IntArray, dict[int, slice]]:

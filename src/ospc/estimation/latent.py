@@ -17,9 +17,11 @@ import numpy as np
 from ospc.arrays import FloatArray, IntArray
 from ospc.estimation.error_model import ErrorModel
 from ospc.estimation.mean_of_pixels import PixelMeans
+from ospc.estimation.pair_gains import PairGains
 from ospc.estimation.response_basis import ResponseBasis
 from ospc.observations import ExposedObservations
 from ospc.photometry.noise import NoiseModel
+from ospc.robust import medians
 from ospc.settings.estimation import (
     DARKEST_GREY,
     LATENT_ITERATIONS,
@@ -110,13 +112,28 @@ class LatentModel:
     def __call__(self, observations: ExposedObservations, log_gain: FloatArray, weight: FloatArray) -> Latent:
         """Return the observations linearised, given ln of the gain by vignette and effects, and weights, (n,)."""
         measured = np.clip(observations.grey, DARKEST_GREY, 1.0)
-        offset = observations.log_exposure + log_gain
+        offset = known = observations.log_exposure + log_gain
         latent = self._linearised(observations, measured, offset, weight)
         for _ in range(LATENT_ITERATIONS if self.trusted else 0):
+            if self.errors.gain_sigma and observations.in_pairs:
+                offset = known + self._log_gain_of_pairs(observations, latent.linear_log - known, latent.precision)
+                latent = self._linearised(observations, latent.grey, offset, weight)
             near = MAX_DEVIATION_SIGMAS / (latent.log_response_slope * np.sqrt(latent.precision))
             grey = np.clip(self._grey_of(latent.mean + offset), measured - near, measured + near)
             latent = self._linearised(observations, grey, offset, weight)
         return latent
+
+    def _log_gain_of_pairs(
+        self, observations: ExposedObservations, log_radiance: FloatArray, precision: FloatArray
+    ) -> FloatArray:
+        """Return the latent gain of the first frame of each pair, and 0 of the second, shape (n,)."""
+        # By medians: weights that are still those without gains would discard whole pairs.
+        pair, difference = observations.pair_of_point, log_radiance[0::2] - log_radiance[1::2]
+        by_chance = 1 / precision[0::2] + 1 / precision[1::2]
+        known = np.bincount(pair, 1 / by_chance).astype(np.float64)
+        log_gain = np.zeros(len(log_radiance))
+        log_gain[0::2] = PairGains(known, medians(difference, pair), self.errors.gain_sigma).values[pair]
+        return log_gain
 
     def _grey_of(self, log_irradiance: FloatArray) -> FloatArray:
         """Return the grey levels of logarithms of the irradiance, shape (n,)."""

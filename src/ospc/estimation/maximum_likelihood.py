@@ -100,9 +100,10 @@ class MaximumLikelihoodEstimator:
                     latent.irradiance,
                     observations.gradient,
                 )
-            system = LinearSystem(model, parameters, observations, latent, weight)
+            system = LinearSystem(model, parameters, observations, latent, weight, errors.gain_sigma)
             prior = model.prior(parameters)
-            with_share, of_prior = system.equations(), prior.precision(hyperparameters)
+            of_prior = prior.precision(hyperparameters)
+            with_share = system.equations(of_prior, sandwich_factor)
             equations = with_share.part(np.arange(len(parameters))).scaled(of_prior, sandwich_factor)
             if trusted:
                 in_units = of_prior / equations.information_scale
@@ -112,6 +113,8 @@ class MaximumLikelihoodEstimator:
             parameters = model.limited(equations.solve(prior, hyperparameters, model.floor), system.about)
             precision = equations.posterior_precision(prior, hyperparameters)
             moved = parameters - system.about
+            if system.has_gains:
+                errors = replace(errors, gain_sigma=system.gains(parameters).refitted_sigma)
             if round_number > 1 and float(moved @ precision @ moved) < SETTLED_SIGMAS**2 * len(moved):
                 break
         return Fit(
@@ -142,23 +145,33 @@ class MaximumLikelihoodEstimator:
             The same fit in parameters of this model, at which it is linearised, shape (p,).
         """
         with one_blas_thread():
-            predict = LatentModel(
-                fit.response_basis, fit.response_parameters, fit.errors, self.noise, fit.texture_share, trusted=True
-            )
-            index = fit.response_basis.index_of(observations.grey)
-            log_gain = fit.log_gain(fit.parameters, observations, index)
-            weight: FloatArray = np.ones(len(observations))
-            for _ in range(2):  # the second time with radiances that outliers no longer draw to themselves
-                latent = predict(observations, log_gain, weight)
-                weight, sandwich_factor = _redescending(latent, _unclipped(latent, predict.pixel_noise))
-            # This basis may not contain the fitted response exactly: refer the linearised values to the nearest one.
-            model = self.model
-            here = self.response_basis.log_of(model.split(about)[0])
-            latent = replace(latent, linear_log=latent.linear_log + (here - predict.log_response)[latent.index])
-            equations = LinearSystem(model, about, observations, latent, weight).equations()
-            return equations.part(np.arange(len(about))).scaled(
-                model.prior(about).precision(fit.hyperparameters), sandwich_factor
-            )
+            system, sandwich_factor = self._system(observations, fit, about)
+            precision = self.model.prior(about).precision(fit.hyperparameters)
+            equations = system.equations(precision, sandwich_factor)
+            return equations.part(np.arange(len(about))).scaled(precision, sandwich_factor)
+
+    def significant_gain_sigma(self, observations: ExposedObservations, fit: Fit) -> float:
+        """Return the scale of latent gains that pairs of frames show beyond chance, by a fit of this model."""
+        with one_blas_thread():
+            system, sandwich_factor = self._system(observations, fit, fit.parameters)
+            precision = self.model.prior(fit.parameters).precision(fit.hyperparameters)
+            return system.significant_gain_sigma(precision, sandwich_factor)
+
+    def _system(self, observations: ExposedObservations, fit: Fit, about: FloatArray) -> tuple[LinearSystem, float]:
+        """Return the linear system about a fit, and the sandwich factor of its weights."""
+        predict = LatentModel(
+            fit.response_basis, fit.response_parameters, fit.errors, self.noise, fit.texture_share, trusted=True
+        )
+        index = fit.response_basis.index_of(observations.grey)
+        log_gain = fit.log_gain(fit.parameters, observations, index)
+        weight: FloatArray = np.ones(len(observations))
+        for _ in range(2):  # the second time with radiances that outliers no longer draw to themselves
+            latent = predict(observations, log_gain, weight)
+            weight, sandwich_factor = _redescending(latent, _unclipped(latent, predict.pixel_noise))
+        # This basis may not contain the fitted response exactly: refer the linearised values to the nearest one.
+        here = self.response_basis.log_of(self.model.split(about)[0])
+        latent = replace(latent, linear_log=latent.linear_log + (here - predict.log_response)[latent.index])
+        return LinearSystem(self.model, about, observations, latent, weight, fit.errors.gain_sigma), sandwich_factor
 
     def newton_steps(
         self, observations: ExposedObservations, fit: Fit, about: FloatArray, choices: Iterable[IntArray]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from ospc.arrays import FloatArray, IntArray
 from ospc.estimation.effects import Effects, Seen
 from ospc.estimation.latent import Latent, weighted_means
 from ospc.estimation.normal_equations import NormalEquations
+from ospc.estimation.pair_gains import PairGains
 from ospc.estimation.prior import Prior
 from ospc.estimation.response_basis import ResponseBasis, typical_gamma
 from ospc.estimation.vignette_basis import VignetteBasis
@@ -86,6 +87,55 @@ class Model:
 
 
 @dataclass(frozen=True)
+class GroupSums:
+    """The normal equations, and sums over the points of each group of observations, with weights w and rows r.
+
+    Attributes
+    ----------
+    about, matrix, vector
+        Parameters at which misfits are taken, AᵀWA and AᵀWb, shapes (p,), (p, p) and (p,).
+    scores, rows
+        Sums of w r times the misfit, and of w r, shape (groups, p).
+    precision, misfit
+        Sums of w, and of w times the misfit, shape (groups,).
+    """
+
+    about: FloatArray
+    matrix: FloatArray
+    vector: FloatArray
+    scores: FloatArray
+    rows: FloatArray
+    precision: FloatArray
+    misfit: FloatArray
+
+    def gains(self, sigma: float) -> PairGains:
+        """Return what the groups say of their gains, whose scale is known."""
+        return PairGains(self.precision, self.misfit / np.maximum(self.precision, 1e-300), sigma)
+
+    def discounted(self, weight: FloatArray) -> GroupSums:
+        """Return the sums with as much less weight of the means of groups, shape (groups,)."""
+        precision = np.maximum(self.precision, 1e-300)
+        row, mean = self.rows / precision[:, None], self.misfit / precision
+        weighted = row * weight[:, None]
+        return replace(
+            self,
+            matrix=self.matrix - row.T @ weighted,
+            vector=self.vector - weighted.T @ (mean + row @ self.about),
+            scores=self.scores - weighted * mean[:, None],
+        )
+
+    def equations(self) -> NormalEquations:
+        """Return the equations with the scatter of the scores between blocks of groups.
+
+        Errors of one pair of frames recur in the next ones, which show the same scene. Consecutive groups form a
+        block, as long as enough blocks remain to measure a spread between them.
+        """
+        size = int(np.clip(len(self.scores) // MIN_BLOCKS, 1, GROUPS_PER_BLOCK))
+        by_block = np.add.reduceat(self.scores, np.arange(0, len(self.scores), size))
+        return NormalEquations(self.matrix, self.vector, by_block.T @ by_block, blocks=len(by_block))
+
+
+@dataclass(frozen=True)
 class LinearSystem:
     """h(M) − ln V − u = ln e + s of every observation, without the radiance u of its point.
 
@@ -97,6 +147,8 @@ class LinearSystem:
         n observations, and the same linearised.
     weight
         Robust weights, shape (n,).
+    gain_sigma
+        Scale of the latent gains of pairs of frames, in ln; 0 for none.
     """
 
     model: Model
@@ -104,24 +156,65 @@ class LinearSystem:
     observations: ExposedObservations
     latent: Latent
     weight: FloatArray
+    gain_sigma: float = 0.0
 
-    def equations(self) -> NormalEquations:
-        """Return the normal equations of the parameters and, last, of a change of the share of texture."""
-        about = np.append(self.about, 0.0)
-        p = len(about)
-        block = _blocks_of(self.observations.group)
-        matrix, vector, scores = np.zeros((p, p)), np.zeros(p), np.zeros((int(block.max()) + 1, p))
+    def equations(self, prior_precision: FloatArray, sandwich_factor: float) -> NormalEquations:
+        """Return the normal equations of the parameters and, last, of a change of the share of texture.
+
+        The precision of the prior, shape (p, p), and the sandwich factor say what the weights are worth; only latent
+        gains need that.
+        """
+        sums = self._sums(np.append(self.about, 0.0), with_rows=self.has_gains)
+        if not self.has_gains:
+            return sums.equations()
+        gains = sums.gains(self.gain_sigma)
+        # The variance of the gains is what it is; in units of the weights, which are too large, it is smaller.
+        scale = self._scale_within(sums, prior_precision, sandwich_factor)
+        total = scale * gains.variance + 1 / np.maximum(gains.precision, 1e-300)
+        return sums.discounted(gains.precision - 1 / total).equations()
+
+    def _scale_within(self, sums: GroupSums, prior_precision: FloatArray, sandwich_factor: float) -> float:
+        """Return the information scale of what points of a pair tell of each other."""
+        within = sums.discounted(sums.precision).equations().part(np.arange(len(self.about)))
+        return within.scaled(prior_precision, sandwich_factor).information_scale
+
+    @property
+    def has_gains(self) -> bool:
+        """Whether pairs of frames have a latent gain."""
+        return self.gain_sigma > 0 and self.observations.in_pairs
+
+    def gains(self, parameters: FloatArray) -> PairGains:
+        """Return what pairs of frames say of their gains, with parameters of shape (p,)."""
+        return self._sums(np.append(parameters, 0.0), with_rows=False).gains(self.gain_sigma)
+
+    def significant_gain_sigma(self, prior_precision: FloatArray, sandwich_factor: float) -> float:
+        """Return the scale of gains that the pairs show, 0 if chance explains it; arguments as for the equations.
+
+        Chance includes that errors of the points of a pair have common causes.
+        """
+        sums = self._sums(np.append(self.about, 0.0), with_rows=True)
+        scale = min(self._scale_within(sums, prior_precision, sandwich_factor), 1.0)
+        gains = sums.gains(0.0)
+        return replace(gains, precision=scale * gains.precision).significant_sigma
+
+    def _sums(self, about: FloatArray, *, with_rows: bool) -> GroupSums:
+        p, (groups, number) = len(about), np.unique(self.observations.group, return_inverse=True)
+        matrix, vector = np.zeros((p, p)), np.zeros(p)
+        kept = p if with_rows else 0  # they take time and serve gains only
+        of_group = np.zeros((len(groups), 2 + p + kept))
         for part in _chunks(self.observations):
             rows, target, factor, member = self._free_of_radiance(part)
             weighted = rows * factor[:, None]
             matrix += rows.T @ weighted
             vector += weighted.T @ target
             misfit = target - rows @ about
-            inside = block[part][member]
+            inside = number[part][member]
             order = np.argsort(inside, kind="stable")
             begins = np.flatnonzero(np.diff(inside[order], prepend=-1))
-            scores[inside[order[begins]]] += np.add.reduceat((weighted * misfit[:, None])[order], begins)
-        return NormalEquations(matrix, vector, scores.T @ scores, blocks=len(scores))
+            summed = np.column_stack([factor, factor * misfit, weighted * misfit[:, None], weighted[:, :kept]])
+            of_group[inside[order[begins]]] += np.add.reduceat(summed[order], begins)
+        precision, misfit, scores, rows = np.split(of_group, [1, 2, 2 + p], axis=1)
+        return GroupSums(about, matrix, vector, scores, rows, precision[:, 0], misfit[:, 0])
 
     def disagreement(self, parameters: FloatArray) -> FloatArray:
         """Return the scatter of the scores between the halves of the observations, cut in several ways, (p, p).
@@ -131,10 +224,13 @@ class LinearSystem:
         in the image. Then the halves would have the parameters move to opposite sides.
         """
         sides = np.repeat(_halves(self.observations), self.observations.counts, axis=1)
+        gain = np.zeros(len(self.observations))
+        if self.has_gains:
+            gain = np.repeat(self.gains(parameters).values[self.observations.pair_of_point], 2)
         scores = np.zeros((len(sides), len(parameters)))
         for part in _chunks(self.observations):
             rows, target, factor, member = self._free_of_radiance(part)
-            misfit = target - rows[:, :-1] @ parameters
+            misfit = target - rows[:, :-1] @ parameters - gain[part][member]
             scores += (sides[:, part][:, member] * (factor * misfit)) @ rows[:, :-1]
         return np.asarray(DISAGREEMENT_SHARE * scores.T @ scores)
 
@@ -171,17 +267,6 @@ class LinearSystem:
             columns.append(-slopes)
             target = target + model.effects.log_gain(values, known) - slopes @ values
         return [*columns, self.latent.texture[part, None]], target
-
-
-def _blocks_of(group: IntArray) -> IntArray:
-    """Return the block each observation counts to when the spread of scores is measured, shape (n,).
-
-    Errors of one pair of frames recur in the next ones, which show the same scene. Consecutive groups form a block,
-    as long as enough blocks remain to measure a spread between them.
-    """
-    _, number = np.unique(group, return_inverse=True)
-    size = int(np.clip((number.max() + 1) // MIN_BLOCKS, 1, GROUPS_PER_BLOCK))
-    return np.asarray(number // size)
 
 
 def _halves(observations: ExposedObservations) -> FloatArray:

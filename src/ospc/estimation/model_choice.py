@@ -16,7 +16,7 @@ from ospc.estimation.effect_trials import Trial, after_newton_step, estimate_eff
 from ospc.estimation.effects import CONTRADICTIONS, CORRECTED, EFFECTS, Effects
 from ospc.estimation.fit import Fit
 from ospc.estimation.maximum_likelihood import MaximumLikelihoodEstimator
-from ospc.estimation.residual_effects import uneven_vignette, unsteadiness, unsteady_radiance
+from ospc.estimation.residual_effects import UNSTEADY_LIGHT, uneven_vignette, unsteadiness, unsteady_radiance
 from ospc.estimation.response_basis import ResponseBasis
 from ospc.estimation.vignette_basis import VignetteBasis
 from ospc.observations import ExposedObservations
@@ -125,35 +125,100 @@ def fit_with_chosen_effects(
 
     One effect after the other is tried, the clearest first, and kept if it is significant by the scatter of the
     observations. As soon as something contradicts the model nothing is corrected: one effect imitates another. Few
-    pairs of frames can contradict the model, but correct nothing. What any effect that is left out may amount to is
+    pairs of frames can contradict the model, but correct nothing. Where frames are still brighter or darker than the
+    model says, by more than chance, each pair gets a latent gain. What any effect that is left out may amount to is
     added to the covariance. A camera at rest shows none. The parameters are as in :func:`fit_with_chosen_vignette`.
     """
     plain = fit_with_chosen_vignette(observations, response, widest, noise, rounds, Effects.none_of(observations))
     if not len(widest):
         return plain  # of a camera at rest, time, exposure and place of the few frames go together
-    fit, untried = plain, _provable(plain.groups)
-    plain_trials = trials = estimate_effects(observations, fit, noise, tuple(EFFECTS))
-    while suspect := _suspected(trials, untried):
-        untried = tuple(name for name in untried if name != suspect.name)
-        start = after_newton_step(fit, suspect)
-        wider = MaximumLikelihoodEstimator(response, fit.vignette_basis, noise, rounds, start.effects).fit(
-            observations, start
-        )
-        if not _accepted(wider):
-            continue
-        if suspect.name in CONTRADICTIONS:
-            return _with_estimates(plain, plain_trials, _estimates(wider)[-1:])
-        fit = fit_with_chosen_vignette(observations, response, widest, noise, rounds, start.effects)
-        trials = estimate_effects(
-            observations, fit, noise, [other for other in EFFECTS if other not in fit.effects.chosen]
-        )
+    plain_trials = estimate_effects(observations, plain, noise, tuple(EFFECTS))
+    fit, trials = _with_effects(observations, plain, plain_trials, widest, noise, rounds)
+    unsteady_light = _estimate_of_gains(observations, fit, noise)
+    if unsteady_light:
+        # Only now: gains would hide what an effect explains.
+        start = _with_gain_sigma(plain, unsteady_light[0].value)
+        plain = _estimator(start, noise, rounds).fit(observations, start)
+        plain_trials = trials = estimate_effects(observations, plain, noise, tuple(EFFECTS))
+        fit = _with_significant_effects(observations, _with_gain_sigma(fit, unsteady_light[0].value), noise, rounds)
+        if fit.effects.chosen:
+            trials = estimate_effects(observations, fit, noise, _left_out(fit))
+        else:
+            fit = plain
+    if any(name in CONTRADICTIONS for name in fit.effects.chosen):
+        return _with_estimates(plain, plain_trials, _estimates(fit)[-1:])
     if fit.groups < MIN_GROUPS_TO_CONTRADICT:
-        return _with_estimates(fit, trials, ())
+        return _with_estimates(fit, trials, unsteady_light)
     residual = fit.residuals(observations)
     if unsteady := unsteadiness(residual, observations):
         return _with_estimates(plain, plain_trials, unsteady)
     uneven = uneven_vignette(residual, observations) or unsteady_radiance(fit.errors.radiance_sigma, fit.groups)
-    return _with_estimates(fit, trials, (*_estimates(fit), *uneven))
+    return _with_estimates(fit, trials, (*_estimates(fit), *uneven, *unsteady_light))
+
+
+def _with_effects(  # noqa: PLR0917 (what is fitted, to what, from where)
+    observations: ExposedObservations,
+    fit: Fit,
+    trials: Sequence[Trial],
+    widest: VignetteBasis,
+    noise: NoiseModel | None,
+    rounds: int,
+) -> tuple[Fit, Sequence[Trial]]:
+    """Return a fit with the effects that are significant, and trials of the others.
+
+    The first that contradicts the model is the last one.
+    """
+    untried = _provable(fit.groups)
+    while suspect := _suspected(trials, untried):
+        untried = tuple(name for name in untried if name != suspect.name)
+        start = after_newton_step(fit, suspect)
+        wider = _estimator(start, noise, rounds).fit(observations, start)
+        if not _significant(wider, -1):
+            continue
+        if suspect.name in CONTRADICTIONS:
+            return wider, trials
+        fit = fit_with_chosen_vignette(observations, fit.response_basis, widest, noise, rounds, start.effects)
+        trials = estimate_effects(observations, fit, noise, _left_out(fit))
+    return fit, trials
+
+
+def _with_significant_effects(
+    observations: ExposedObservations, start: Fit, noise: NoiseModel | None, rounds: int
+) -> Fit:
+    """Return a fit with those effects of another one that are significant now, leaving out one after the other."""
+    while True:
+        fit = _estimator(start, noise, rounds).fit(observations, start)
+        doubtful = [i for i in range(len(fit.effects)) if not _significant(fit, i)]
+        if not doubtful:
+            return fit
+        weakest = min(doubtful, key=lambda i: _sigmas_of(fit, i, fit.chance))
+        at = fit.vignette_part.stop + weakest
+        kept = tuple(name for i, name in enumerate(fit.effects.chosen) if i != weakest)
+        start = replace(fit, effects=replace(fit.effects, chosen=kept), parameters=np.delete(fit.parameters, at))
+
+
+def _estimator(fit: Fit, noise: NoiseModel | None, rounds: int) -> MaximumLikelihoodEstimator:
+    return MaximumLikelihoodEstimator(fit.response_basis, fit.vignette_basis, noise, rounds, fit.effects)
+
+
+def _left_out(fit: Fit) -> tuple[str, ...]:
+    return tuple(name for name in EFFECTS if name not in fit.effects.chosen)
+
+
+def _with_gain_sigma(fit: Fit, sigma: float) -> Fit:
+    return replace(fit, errors=replace(fit.errors, gain_sigma=sigma))
+
+
+def _estimate_of_gains(
+    observations: ExposedObservations, fit: Fit, noise: NoiseModel | None
+) -> tuple[EffectEstimate, ...]:
+    """Return the scale of gains of pairs of frames beyond chance; nothing if there are none."""
+    if not observations.in_pairs or fit.groups < MIN_GROUPS_TO_CONTRADICT:
+        return ()
+    sigma = _estimator(fit, noise, 0).significant_gain_sigma(observations, fit)
+    if not sigma:
+        return ()
+    return (EffectEstimate(UNSTEADY_LIGHT, sigma, sigma / np.sqrt(2 * fit.groups), corrected=True),)
 
 
 def _provable(groups: int) -> tuple[str, ...]:
@@ -171,21 +236,21 @@ def _suspected(trials: Sequence[Trial], untried: Sequence[str]) -> Trial | None:
     return max(clear, key=lambda trial: (trial.name in CORRECTED, trial.sigmas), default=None)
 
 
-def _accepted(fit: Fit) -> bool:
-    """Return whether the effect that was added last is significant, and all make sense."""
-    by_chance, in_all = (_sigmas_of_last(fit, covariance) for covariance in (fit.chance, fit.covariance))
+def _significant(fit: Fit, number: int) -> bool:
+    """Return whether one of the effects is significant, and all make sense."""
+    by_chance, in_all = (_sigmas_of(fit, number, covariance) for covariance in (fit.chance, fit.covariance))
     significant = by_chance > SIGNIFICANT_SIGMAS and in_all > SIGNIFICANT_SIGMAS_IN_ALL
-    if fit.effects.chosen[-1] in CONTRADICTIONS:
+    if fit.effects.chosen[number] in CONTRADICTIONS:
         # What contradicts the model also makes the halves disagree: by that scatter it would hide itself.
         significant |= by_chance > CONTRADICTING_SIGMAS
     values = zip(fit.effects.chosen, fit.effect_parameters, strict=True)
     return significant and all(EFFECTS[name].allows(value) for name, value in values)
 
 
-def _sigmas_of_last(fit: Fit, covariance: FloatArray) -> float:
-    """Return how far the effect that was added last is from zero, in standard deviations by a covariance."""
-    systematic = EFFECTS[fit.effects.chosen[-1]].systematic
-    return float(abs(fit.parameters[-1]) / np.hypot(np.sqrt(covariance[-1, -1]), systematic))
+def _sigmas_of(fit: Fit, number: int, covariance: FloatArray) -> float:
+    """Return how far one of the effects is from zero, in standard deviations by a covariance."""
+    systematic, variance = EFFECTS[fit.effects.chosen[number]].systematic, np.diag(covariance)[-len(fit.effects) :]
+    return float(abs(fit.effect_parameters[number]) / np.hypot(np.sqrt(variance[number]), systematic))
 
 
 def _estimates(fit: Fit) -> tuple[EffectEstimate, ...]:

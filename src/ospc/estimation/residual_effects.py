@@ -34,6 +34,7 @@ from ospc.settings.estimation import (
 
 UNEVEN, UNSTEADY_RESPONSE, UNSTEADY_VIGNETTE = "uneven vignette", "unsteady response", "unsteady vignette"
 UNSTEADY_RADIANCE = "unsteady radiance"
+UNSTEADY_LIGHT = "unsteady light"
 """Names of the findings."""
 
 

@@ -6,7 +6,13 @@ import numpy as np
 
 from ospc.errors import counted
 from ospc.estimation.fit import Fit
-from ospc.estimation.residual_effects import UNEVEN, UNSTEADY_RADIANCE, UNSTEADY_RESPONSE, UNSTEADY_VIGNETTE
+from ospc.estimation.residual_effects import (
+    UNEVEN,
+    UNSTEADY_LIGHT,
+    UNSTEADY_RADIANCE,
+    UNSTEADY_RESPONSE,
+    UNSTEADY_VIGNETTE,
+)
 from ospc.observations import ExposedObservations
 from ospc.photometry.calibration import ExposureRatios
 from ospc.photometry.verdict import LATE_EXPOSURES, EffectEstimate, Verdict
@@ -212,6 +218,11 @@ def _corrected(found: EffectEstimate, typical_ms: float) -> str:
     if found.name == LATE_EXPOSURES:
         when, lag = ("late" if found.value > 0 else "early"), f"{abs(found.value):.2f} ± {found.sigma:.1g}"
         return f"exposures are {when} by {lag} of a frame; that is taken into account"
+    if found.name == UNSTEADY_LIGHT:
+        return (
+            f"frames are brighter or darker than their exposures say, by {share} from pair to pair; "
+            "that is taken into account"
+        )
     offset = f"{abs(found.value) * typical_ms:.3g} ± {found.sigma * typical_ms:.1g} ms"
     too = "short" if found.value > 0 else "long"
     return f"all exposures are too {too} by {offset}; that is taken into account"
