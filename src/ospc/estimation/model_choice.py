@@ -21,7 +21,7 @@ from ospc.estimation.response_basis import ResponseBasis
 from ospc.estimation.vignette_basis import VignetteBasis
 from ospc.observations import ExposedObservations
 from ospc.photometry.noise import NoiseModel
-from ospc.photometry.verdict import EffectEstimate
+from ospc.photometry.verdict import LATE_EXPOSURES, EffectEstimate
 from ospc.settings.estimation import (
     ASYMMETRY_SIGMA,
     CONTRADICTING_SIGMAS,
@@ -134,9 +134,9 @@ def fit_with_chosen_effects(
         return plain  # of a camera at rest, time, exposure and place of the few frames go together
     plain_trials = estimate_effects(observations, plain, noise, tuple(EFFECTS))
     fit, trials = _with_effects(observations, plain, plain_trials, widest, noise, rounds)
-    unsteady_light = _estimate_of_gains(observations, fit, noise)
+    # Gains come last, and not where exposures belong to other frames: they would hide what explains the brightness.
+    unsteady_light = () if _shows_lag(trials) else _estimate_of_gains(observations, fit, noise)
     if unsteady_light:
-        # Only now: gains would hide what an effect explains.
         start = _with_gain_sigma(plain, unsteady_light[0].value)
         plain = _estimator(start, noise, rounds).fit(observations, start)
         plain_trials = trials = estimate_effects(observations, plain, noise, tuple(EFFECTS))
@@ -164,7 +164,7 @@ def _with_effects(  # noqa: PLR0917 (what is fitted, to what, from where)
     noise: NoiseModel | None,
     rounds: int,
 ) -> tuple[Fit, Sequence[Trial]]:
-    """Return a fit with the effects that are significant, and trials of the others.
+    """Return a fit with those effects that are significant, and trials of the others.
 
     The first that contradicts the model is the last one.
     """
@@ -195,6 +195,12 @@ def _with_significant_effects(
         at = fit.vignette_part.stop + weakest
         kept = tuple(name for i, name in enumerate(fit.effects.chosen) if i != weakest)
         start = replace(fit, effects=replace(fit.effects, chosen=kept), parameters=np.delete(fit.parameters, at))
+
+
+def _shows_lag(trials: Sequence[Trial]) -> bool:
+    """Return whether exposures are clearly late or early by more than a part of a frame."""
+    late = [trial for trial in trials if trial.name == LATE_EXPOSURES and not EFFECTS[trial.name].allows(trial.value)]
+    return any(abs(trial.value) > SIGNIFICANT_SIGMAS * trial.total_sigma for trial in late)
 
 
 def _estimator(fit: Fit, noise: NoiseModel | None, rounds: int) -> MaximumLikelihoodEstimator:
