@@ -197,9 +197,9 @@ def _with_significant_effects(
         start = replace(fit, effects=replace(fit.effects, chosen=kept), parameters=np.delete(fit.parameters, at))
 
 
-def _shows_lag(trials: Sequence[Trial]) -> bool:
-    """Return whether exposures are clearly late or early by more than a part of a frame."""
-    late = [trial for trial in trials if trial.name == LATE_EXPOSURES and not EFFECTS[trial.name].allows(trial.value)]
+def _shows_lag(left_out: Sequence[Trial]) -> bool:
+    """Return whether exposures are clearly late or early although that is not corrected."""
+    late = (trial for trial in left_out if trial.name == LATE_EXPOSURES)
     return any(abs(trial.value) > SIGNIFICANT_SIGMAS * trial.total_sigma for trial in late)
 
 
