@@ -129,8 +129,8 @@ class Engine:
                 self._update_prefetcher()
             return True
 
-    def note(self, exposure_ms: float, name: str, unusable: str = "") -> bool:
-        """Take note of a frame without its image, and return whether it could have been used for all that is known.
+    def push_without_image(self, exposure_ms: float, name: str, unusable: str = "") -> bool:
+        """Count a frame whose image is not wanted, and return whether it could have been used for all that is known.
 
         ``unusable`` says why its image cannot be used, where somebody looked at it.
         """

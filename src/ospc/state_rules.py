@@ -21,7 +21,7 @@ from ospc.correspondence.static_series import StaticSeries
 from ospc.correspondence.thumbnail import thumbnail_size
 from ospc.engine_state import EngineState, epoch_of
 from ospc.errors import FormatError
-from ospc.estimation.effects import Effects, TypicalLight
+from ospc.estimation.effects import AbsorbedLight, Effects
 from ospc.estimation.error_model import ErrorModel
 from ospc.estimation.fit import Fit
 from ospc.estimation.prior import PriorHyperparameters
@@ -50,7 +50,7 @@ from ospc.settings.correspondence import (
 )
 from ospc.settings.estimation import FACTOR_GREYS, MIN_USABLE_RADIUS
 from ospc.settings.exposures import GREY_BIN_EDGES, MAX_BRIGHTNESS_CHANGES, MAX_REPEATED_FRAMES
-from ospc.settings.methods import CHANGE_GREY_KNOTS, MAX_FRAME_RATE, MAX_USUAL_PAIRS, MIN_FRAME_RATE
+from ospc.settings.methods import CHANGE_GREY_KNOTS, MAX_BASELINE_PAIRS, MAX_FRAME_RATE, MIN_FRAME_RATE
 
 _MOST = 2**40
 """Largest count: frames at a thousand per second for thirty years."""
@@ -173,7 +173,7 @@ RULES: Mapping[type, Mapping[str, Numbers | str]] = {
     NoiseModel: {"read_variance": UNIT, "shot_variance": Numbers(-1, 1), "table": Numbers(0, 1, ("levels",))},
     ResponseBasis: {"intervals": Numbers(1, _MOST_INTERVALS)},
     Effects: {"chosen groups": ELSEWHERE},
-    TypicalLight: {"frame_moments surround_moments": ELSEWHERE},
+    AbsorbedLight: {"frame_moments surround_moments": ELSEWHERE},
     VignetteBasis: {"radial": Numbers(0, _MOST_RADIAL), "usable_radius": Numbers(MIN_USABLE_RADIUS, 1)},
     ErrorModel: {
         "constant shot read": UNIT,
@@ -183,9 +183,9 @@ RULES: Mapping[type, Mapping[str, Numbers | str]] = {
     PriorHyperparameters: {"walk": Numbers(1e-6, 1e6), "drift": Numbers(0, 1e6)},
     ImageCircle: {"brightest allowed": ELSEWHERE},
     ChangeDetector: {
-        "usual_errors": Numbers(0, _LARGEST, ("errors",), most=MAX_USUAL_PAIRS),
-        "usual_effects": Numbers(0, _LARGEST, ("effects",), most=MAX_USUAL_PAIRS),
-        "surprises": _count("surprises", 2, most=MAX_USUAL_PAIRS),
+        "baseline_errors": Numbers(0, _LARGEST, ("errors",), most=MAX_BASELINE_PAIRS),
+        "baseline_effects": Numbers(0, _LARGEST, ("effects",), most=MAX_BASELINE_PAIRS),
+        "outliers": _count("outliers", 2, most=MAX_BASELINE_PAIRS),
         "lag_frames": LAG,
         "first_number": Numbers(-1, _MOST),
         "frames_per_s": Numbers(MIN_FRAME_RATE, MAX_FRAME_RATE),

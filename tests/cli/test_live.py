@@ -20,7 +20,7 @@ from hypothesis import strategies as st
 from rich.console import Console
 
 from command_line import leave_out, ospc
-from ospc import OnlineCalibrator, open_recording, pace
+from ospc import OnlineCalibrator, open_recording, throttle
 from ospc.cli import live as live_command
 from ospc.cli.calibration_run import figures
 from ospc.cli.live_view import LiveView, bars, drawn, falling, filled
@@ -29,9 +29,9 @@ from ospc.errors import OspcError, RecordingError
 from ospc.live import LiveCalibrator
 from ospc.live.capture import Capture
 from ospc.live.knowledge import GOAL
-from ospc.pace import Pace
 from ospc.recording import Frame
 from ospc.simulation import SimulationSettings, simulate
+from ospc.throttle import Throttle
 
 needs_main_thread = pytest.mark.skipif(
     threading.current_thread() is not threading.main_thread(), reason="signals reach only the main thread"
@@ -282,18 +282,18 @@ def test_a_mask_is_for_recordings(tmp_path):
     assert ospc("live", "opencv:0", "-o", tmp_path / "out", "--no-page", "--roi", "0,0,9,9").exit_code == 2
 
 
-def test_looks_are_rare_where_they_take_long(monkeypatch):
+def test_work_that_takes_long_is_done_rarely(monkeypatch):
     now_s = [100.0]
-    monkeypatch.setattr(pace.time, "monotonic", lambda: now_s[0])
-    waiting = Pace(0.5, 0.1)
+    monkeypatch.setattr(throttle.time, "monotonic", lambda: now_s[0])
+    waiting = Throttle(0.5, 0.1)
     assert waiting.due
-    with waiting.look():
+    with waiting.timed():
         now_s[0] += 1.0
     now_s[0] += 9.9
     assert not waiting.due
     now_s[0] += 0.2
     assert waiting.due
-    with waiting.look():
+    with waiting.timed():
         pass
     assert not waiting.due
     now_s[0] += 0.6

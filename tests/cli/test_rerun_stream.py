@@ -11,9 +11,9 @@ from command_line import leave_out, ospc
 from ospc.calibrator import OnlineCalibrator
 from ospc.cli.rerun_stream import RerunStream
 from ospc.errors import FormatError, MissingExtraError
-from ospc.pace import Pace
 from ospc.recording import open_recording
 from ospc.simulation import SimulationSettings, simulate
+from ospc.throttle import Throttle
 
 FRAMES = 24
 
@@ -43,7 +43,7 @@ def read_back(place):
 def test_the_file_holds_images_matches_curves_and_exposures(recording, tmp_path):
     pytest.importorskip("rerun")
     place, calibrator = tmp_path / "new" / "run.rrd", OnlineCalibrator()
-    with RerunStream.opened(recording, place, spawn=False, pace=Pace(0.0, 1.0)) as tell:
+    with RerunStream.opened(recording, place, spawn=False, throttle=Throttle(0.0, 1.0)) as tell:
         for frame in recording:
             if calibrator.push(frame):
                 tell(calibrator, frame)

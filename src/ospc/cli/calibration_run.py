@@ -18,12 +18,12 @@ from ospc.cli.terminal import progress_line, say, say_notes
 from ospc.errors import FormatError, OspcError, SettingError, counted, one_line
 from ospc.exposures.lag_choice import LagChoice
 from ospc.output import Written
-from ospc.pace import Pace
 from ospc.pooling.prior_calibration import PriorCalibration
 from ospc.recording import Frame, Recording, identity
 from ospc.report import style
 from ospc.settings import Settings, as_dict
 from ospc.state.container import STATE_NAME
+from ospc.throttle import Throttle
 from ospc.unknown_exposures import labelled
 from ospc.versions import versions
 
@@ -52,7 +52,7 @@ class Checkpoints:
         self.place = folder / STATE_NAME
         self._notes: list[str] = []
         self._resume, self._prior, self._kept = resume, prior, wanted
-        self._pace = Pace(every_s, _LARGEST_SHARE if every_s else math.inf)
+        self._throttle = Throttle(every_s, _LARGEST_SHARE if every_s else math.inf)
         self._failed = False
 
     def resumed(self, calibrator: OnlineCalibrator) -> OnlineCalibrator:
@@ -60,7 +60,7 @@ class Checkpoints:
 
         FormatError if that is damaged, SettingError if it is of another recording or of other settings.
         """
-        with self._pace.look():
+        with self._throttle.timed():
             pass  # the first is due only after that time
         self._kept = self._kept and calibrator.settings.keeps_state
         if not self._kept:
@@ -77,8 +77,8 @@ class Checkpoints:
 
     def after_frame(self, calibrator: OnlineCalibrator) -> None:
         """Save the state if it is time to."""
-        if self._pace.due and not self._failed:
-            with self._pace.look():
+        if self._throttle.due and not self._failed:
+            with self._throttle.timed():
                 self.save(calibrator)
 
     def at_the_end(self, calibrator: OnlineCalibrator) -> Saved:

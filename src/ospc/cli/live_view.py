@@ -21,9 +21,9 @@ from ospc.errors import counted
 from ospc.live.capture import Capture
 from ospc.live.status import LiveStatus
 from ospc.methods.preview import Preview
-from ospc.pace import Pace
 from ospc.photometry.calibration import PROFILE_RADII
 from ospc.photometry.vignette import diagonal_profile
+from ospc.throttle import Throttle
 
 _BARS = "▁▂▃▄▅▆▇█"
 _NOTHING = "·"
@@ -133,7 +133,7 @@ class LiveView:
 
     capture: Capture
     console: Console | None = None
-    _pace: Pace = field(default_factory=partial(Pace, _REFRESH_S, _LARGEST_SHARE))
+    _throttle: Throttle = field(default_factory=partial(Throttle, _REFRESH_S, _LARGEST_SHARE))
     _responses: list[FloatArray] = field(default_factory=list)
     _vignettes: list[FloatArray] = field(default_factory=list)
     _spreads: tuple[list[float], list[float]] = field(default_factory=lambda: ([], []))
@@ -145,8 +145,8 @@ class LiveView:
         with Live(console=on, transient=True, auto_refresh=False) as live:
 
             def show() -> None:
-                if self._pace.due:
-                    with self._pace.look():
+                if self._throttle.due:
+                    with self._throttle.timed():
                         live.update(self.picture(on.width), refresh=True)
 
             yield show

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ospc.arrays import Image
-from ospc.errors import FormatError, SettingError, counted, needs_extra
-from ospc.pace import Pace
+from ospc.errors import FormatError, SettingError, counted, needs_extra, os_error_as
 from ospc.photometry.calibration import PROFILE_RADII
 from ospc.photometry.correction import Corrector
 from ospc.photometry.vignette import diagonal_profile
 from ospc.report.examples import corrected_picture
+from ospc.throttle import Throttle
 
 if TYPE_CHECKING:
     from ospc.calibrator import OnlineCalibrator
@@ -43,16 +43,16 @@ class RerunStream:
     - ``coverage``: grey level × exposure.
     """
 
-    def __init__(self, rerun: Any, stream: Any, pace: Pace | None = None) -> None:
+    def __init__(self, rerun: Any, stream: Any, throttle: Throttle | None = None) -> None:
         self._rr, self._stream = rerun, stream
-        self._pace = pace or Pace(_REFRESH_S, _LARGEST_SHARE)
+        self._throttle = throttle or Throttle(_REFRESH_S, _LARGEST_SHARE)
         self._pairs = -1
         self._longest_ms = 0.0
 
     @classmethod
     @contextmanager
     def opened(
-        cls, recording: Recording, file: Path | None, *, spawn: bool, pace: Pace | None = None
+        cls, recording: Recording, file: Path | None, *, spawn: bool, throttle: Throttle | None = None
     ) -> Iterator[RerunStream]:
         """Open a stream to a file, to a viewer that is started, or both, and close it at the end."""
         with needs_extra("streaming to the Rerun viewer", "rerun"):
@@ -77,7 +77,7 @@ class RerunStream:
         )
         _style(rr, stream)
         try:
-            yield cls(rr, stream, pace)
+            yield cls(rr, stream, throttle)
         finally:
             stream.flush()
             stream.disconnect()
@@ -93,8 +93,8 @@ class RerunStream:
         self._pairs = pairs
         self._longest_ms = max(self._longest_ms, frame.exposure_ms)
         self._log_image("recorded/image", frame.image_8_bit)
-        if self._pace.due:
-            with self._pace.look():
+        if self._throttle.due:
+            with self._throttle.timed():
                 preview = calibrator.preview()
                 if preview is not None:
                     self._log_preview(preview, frame)
@@ -142,11 +142,9 @@ class RerunStream:
 
 def _check_place(file: Path) -> None:
     """Refuse a place that cannot be written to, which the package would only say much later, if at all."""
-    try:
+    with os_error_as(FormatError, f"{file}: cannot be written", "name another file"):
         file.parent.mkdir(parents=True, exist_ok=True)
         file.open("ab").close()
-    except OSError as error:
-        raise FormatError(f"{file}: cannot be written ({error.strerror}); name another file") from None
 
 
 def _style(rr: Any, stream: Any) -> None:

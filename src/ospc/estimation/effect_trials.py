@@ -100,7 +100,7 @@ def slope_of_left_out(fit: Fit, trial: Trial) -> FloatArray:
 
     def changed(value: float) -> FloatArray:
         parameters = np.append(fit.parameters + value * trial.parameter_slope, value)
-        return effects.without_typical_light(fit.response_basis, parameters)[1][:-1]
+        return effects.without_absorbed_light(fit.response_basis, parameters)[1][:-1]
 
     # A secant: near black ln g is far from linear in additional light.
     return (changed(trial.sigma) - changed(0.0)) / trial.sigma

@@ -26,6 +26,7 @@ from ospc.settings.estimation import (
     DARKEST_IRRADIANCE,
     GLARE,
     LATENESS,
+    LIGHT_FIT_FLOOR,
     LOCAL_TONE,
     MAX_ADDED_SHARE,
     MIN_EXPOSURE_FACTOR,
@@ -37,7 +38,6 @@ from ospc.settings.estimation import (
     PIXEL_NOISE_STRIDE,
     RESPONSE_DRIFT,
     SCATTER,
-    USUAL_LIGHT,
     VIGNETTE_DRIFT,
 )
 
@@ -94,8 +94,8 @@ CONTRADICTIONS = tuple(name for name in EFFECTS if name not in CORRECTED)
 
 
 @dataclass(frozen=True)
-class Seen:
-    """What effects do to n observations.
+class EffectTerms:
+    """What the effects of n observations are computed from.
 
     Attributes
     ----------
@@ -111,8 +111,8 @@ class Seen:
 
 
 @dataclass(frozen=True)
-class TypicalLight:
-    """What additional light is made of, in a typical observation: moments, and exposure over the typical one."""
+class AbsorbedLight:
+    """Additional light of a typical observation, which the response absorbs: moments, and relative exposure."""
 
     frame_moments: tuple[float, ...] = (0.0,) * MOMENTS
     surround_moments: tuple[float, ...] = (0.0,) * (1 + MOMENTS)
@@ -129,7 +129,7 @@ class Effects:
         Names of the effects, in the order of their parameters.
     log_typical_exposure, groups
         ln ē, in milliseconds, and first and last group of the observations.
-    typical
+    absorbed
         Amounts of additional light that the response holds. A constant amount cannot be told from the response, so
         that while it is fitted the effects only describe by how much each observation differs from the typical one.
         All zero once the response is without them.
@@ -138,18 +138,18 @@ class Effects:
     chosen: tuple[str, ...] = ()
     log_typical_exposure: float = 0.0
     groups: tuple[int, int] = (0, 1)
-    typical: TypicalLight = TypicalLight()
+    absorbed: AbsorbedLight = AbsorbedLight()
 
     @classmethod
     def none_of(cls, observations: ExposedObservations) -> Effects:
         """Return no effects, relative to what is typical of observations."""
         groups = int(observations.group.min()), int(observations.group.max())
-        typical = TypicalLight(
+        absorbed = AbsorbedLight(
             tuple(observations.frame_moments.mean(axis=0).tolist()),
             tuple(observations.surround_moments.mean(axis=0).tolist()),
             1.0,
         )
-        return cls((), float(np.median(observations.log_exposure)), groups, typical)
+        return cls((), float(np.median(observations.log_exposure)), groups, absorbed)
 
     def __len__(self) -> int:
         """Return the number of parameters."""
@@ -164,9 +164,9 @@ class Effects:
         """Return these effects with others."""
         return replace(self, chosen=(*self.chosen, *names))
 
-    def seen(
+    def terms(
         self, observations: ExposedObservations, basis: ResponseBasis, coefficients: FloatArray, index: IntArray
-    ) -> Seen:
+    ) -> EffectTerms:
         """Return what the effects depend on, by a response; ``index`` has the expected grey levels in its grid."""
         irradiance, grey = np.exp(basis.log_of(coefficients)), basis.grid[index]
         gamma, factors = basis.gamma_of(coefficients)[index], _light_of_moments(basis.grid, irradiance)
@@ -177,10 +177,10 @@ class Effects:
         mean_around = np.where(share > 0, around[0] / np.maximum(share, DARKEST_GREY), 1.0)
         amounts = {
             # Light is what differs from that which the response holds.
-            "veiling glare": (observations.frame_moments - self.typical.frame_moments) @ factors,
-            "light scattered nearby": (observations.surround_moments - self.typical.surround_moments)[:, 1:]
+            "veiling glare": (observations.frame_moments - self.absorbed.frame_moments) @ factors,
+            "light scattered nearby": (observations.surround_moments - self.absorbed.surround_moments)[:, 1:]
             @ factors,
-            "dark current": exposure - self.typical.dark,
+            "dark current": exposure - self.absorbed.dark,
             "exposure offset": np.ones_like(exposure),
             LATE_EXPOSURES: observations.log_exposure_rate,
             # The grey level is multiplied by a power θ of that of the surroundings.
@@ -191,9 +191,9 @@ class Effects:
             "drifting black level": time * (gamma / grey),
             "drifting vignette": time * np.sum(observations.position**2, axis=1),
         }
-        return Seen(exposure, np.maximum(irradiance[index], DARKEST_IRRADIANCE), amounts)
+        return EffectTerms(exposure, np.maximum(irradiance[index], DARKEST_IRRADIANCE), amounts)
 
-    def without_typical_light(self, basis: ResponseBasis, parameters: FloatArray) -> tuple[Effects, FloatArray]:
+    def without_absorbed_light(self, basis: ResponseBasis, parameters: FloatArray) -> tuple[Effects, FloatArray]:
         """Return effects whose response holds no additional light, and what becomes of the parameters.
 
         These are the coefficients of the response, any others, and last those of the effects, shape (p,).
@@ -203,10 +203,10 @@ class Effects:
         factors = _light_of_moments(basis.grid, irradiance)
         values = dict(zip(self.chosen, parameters[len(parameters) - len(self) :], strict=True))
         glare, scatter, dark = (values.get(name, 0.0) for name in CORRECTED[:3])
-        share, *around = self.typical.surround_moments
+        share, *around = self.absorbed.surround_moments
         # The response g̃ that holds the light, and that without, g, are g ∝ g̃ + c. Light of light gives the divisor.
         held = (
-            glare * (self.typical.frame_moments @ factors) + scatter * (around @ factors) + dark * self.typical.dark
+            glare * (self.absorbed.frame_moments @ factors) + scatter * (around @ factors) + dark * self.absorbed.dark
         )
         constant = held / (1 - glare - scatter * share)
         at_knots = np.maximum(np.interp(basis.knots, basis.grid, irradiance), np.finfo(np.float64).tiny)
@@ -214,30 +214,30 @@ class Effects:
         changed[:n] = np.maximum(parameters[:n] * at_knots / (at_knots + constant), MIN_GAMMA)
         if "dark current" in values:
             changed[len(parameters) - len(self) + self.chosen.index("dark current")] /= 1 + constant
-        return replace(self, typical=TypicalLight()), changed
+        return replace(self, absorbed=AbsorbedLight()), changed
 
-    def log_gain(self, values: FloatArray, seen: Seen) -> FloatArray:
+    def log_gain(self, values: FloatArray, terms: EffectTerms) -> FloatArray:
         """Return by how much ln g is larger than without the effects, shape (n,)."""
-        added, factor, log_gain = self._parts(values, seen)
+        added, factor, log_gain = self._parts(values, terms)
         return np.asarray(log_gain + np.log(factor) - np.log(1 - added))
 
-    def log_added(self, values: FloatArray, seen: Seen) -> FloatArray:
+    def log_added(self, values: FloatArray, terms: EffectTerms) -> FloatArray:
         """Return the part of :meth:`log_gain` that additional light has, shape (n,)."""
-        return np.asarray(-np.log(1 - self._parts(values, seen)[0]))
+        return np.asarray(-np.log(1 - self._parts(values, terms)[0]))
 
-    def jacobian(self, values: FloatArray, seen: Seen) -> FloatArray:
+    def jacobian(self, values: FloatArray, terms: EffectTerms) -> FloatArray:
         """Return the derivative of :meth:`log_gain` by the parameters, shape (n, len)."""
-        added, factor, _ = self._parts(values, seen)
-        over = {"light": seen.light * (1 - added), "exposure": seen.exposure * factor, "log": np.ones_like(added)}
-        return np.stack([seen.amounts[name] / over[EFFECTS[name].adds] for name in self.chosen], axis=1)
+        added, factor, _ = self._parts(values, terms)
+        over = {"light": terms.light * (1 - added), "exposure": terms.exposure * factor, "log": np.ones_like(added)}
+        return np.stack([terms.amounts[name] / over[EFFECTS[name].adds] for name in self.chosen], axis=1)
 
-    def _parts(self, values: FloatArray, seen: Seen) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def _parts(self, values: FloatArray, terms: EffectTerms) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return the share of light added, the factor on the exposure, and what is added to ln g, shape (n,) each."""
-        sums = {adds: np.zeros_like(seen.exposure) for adds in get_args(Addition)}
+        sums = {adds: np.zeros_like(terms.exposure) for adds in get_args(Addition)}
         for name, value in zip(self.chosen, values, strict=True):
-            sums[EFFECTS[name].adds] += value * seen.amounts[name]
-        added = np.clip(sums["light"] / seen.light, -MAX_ADDED_SHARE, MAX_ADDED_SHARE)
-        factor = np.maximum(1 + sums["exposure"] / seen.exposure, MIN_EXPOSURE_FACTOR)
+            sums[EFFECTS[name].adds] += value * terms.amounts[name]
+        added = np.clip(sums["light"] / terms.light, -MAX_ADDED_SHARE, MAX_ADDED_SHARE)
+        factor = np.maximum(1 + sums["exposure"] / terms.exposure, MIN_EXPOSURE_FACTOR)
         return added, factor, sums["log"]
 
 
@@ -247,6 +247,6 @@ def _light_of_moments(grid: FloatArray, irradiance: FloatArray) -> FloatArray:
     The first are the coefficients of the powers of M whose sum follows g best; the last is what white hides.
     """
     grey, light = grid[::PIXEL_NOISE_STRIDE], irradiance[::PIXEL_NOISE_STRIDE]
-    weight = 1 / (light + USUAL_LIGHT)
+    weight = 1 / (light + LIGHT_FIT_FLOOR)
     rows = grey[:, None] ** np.arange(1, POWERS + 1) * weight[:, None]
     return np.append(np.linalg.lstsq(rows, light * weight, rcond=None)[0], BEYOND_WHITE)

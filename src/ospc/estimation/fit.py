@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from ospc.arrays import FloatArray, ImageSize
-from ospc.estimation.effects import Seen
+from ospc.estimation.effects import EffectTerms
 from ospc.estimation.error_model import ErrorModel
 from ospc.estimation.mean_of_pixels import PixelMeans
 from ospc.estimation.model import Model
@@ -86,7 +86,7 @@ class Fit(Model):
         without_vignette = log_g - self.vignette_basis.log_value(self.vignette_parameters, observations.position)
         if not len(self.effects):
             return without_vignette
-        return without_vignette - self.effects.log_added(self.effect_parameters, self._seen(observations))
+        return without_vignette - self.effects.log_added(self.effect_parameters, self._effect_terms(observations))
 
     def grey_of_mean(self, observations: Observations) -> FloatArray:
         """Return the grey level of the mean irradiance of the pixels of each observation, shape (n,)."""
@@ -117,8 +117,8 @@ class Fit(Model):
         found = self.log_irradiance(observations) - observations.log_exposure
         if not len(self.effects):
             return found
-        seen, values = self._seen(observations), self.effect_parameters
-        return np.asarray(found - self.effects.log_gain(values, seen) + self.effects.log_added(values, seen))
+        terms, values = self._effect_terms(observations), self.effect_parameters
+        return np.asarray(found - self.effects.log_gain(values, terms) + self.effects.log_added(values, terms))
 
     def residuals(self, observations: ExposedObservations) -> FloatArray:
         """Return by how much each observation differs from the mean of its point in ln L, shape (n,).
@@ -132,8 +132,8 @@ class Fit(Model):
         mean = np.where(count > 1, total / np.maximum(count, 1), np.nan)
         return np.where(exposed, log_radiance - np.repeat(mean, observations.counts), np.nan)
 
-    def _seen(self, observations: ExposedObservations) -> Seen:
-        return self.seen(self.parameters, observations, self.response_basis.index_of(observations.grey))
+    def _effect_terms(self, observations: ExposedObservations) -> EffectTerms:
+        return self.effect_terms(self.parameters, observations, self.response_basis.index_of(observations.grey))
 
     def response(
         self, max_grey: int = 255, support: tuple[float, float] = (0.0, 1.0), grey_range: GreyRange = FULL_RANGE

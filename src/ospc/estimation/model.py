@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ospc.arrays import FloatArray, IntArray
-from ospc.estimation.effects import Effects, Seen
+from ospc.estimation.effects import Effects, EffectTerms
 from ospc.estimation.latent import Latent, weighted_means
 from ospc.estimation.normal_equations import NormalEquations
 from ospc.estimation.pair_gains import PairGains
@@ -73,17 +73,20 @@ class Model:
         further_sigma = np.concatenate([self.vignette_basis.prior_sigma, self.effects.sigma])
         return Prior(self.response_basis.knots, self.split(parameters)[0], further_sigma)
 
-    def seen(self, parameters: FloatArray, observations: ExposedObservations, index: IntArray) -> Seen:
+    def effect_terms(self, parameters: FloatArray, observations: ExposedObservations, index: IntArray) -> EffectTerms:
         """Return what effects depend on; ``index`` has the expected grey levels in the basis's grid, shape (n,)."""
-        return self.effects.seen(observations, self.response_basis, self.split(parameters)[0], index)
+        return self.effects.terms(observations, self.response_basis, self.split(parameters)[0], index)
 
     def log_gain(self, parameters: FloatArray, observations: ExposedObservations, index: IntArray) -> FloatArray:
-        """Return ln of the irradiance over exposure and radiance, shape (n,); the index is that of :meth:`seen`."""
+        """Return ln of the irradiance over exposure and radiance, shape (n,).
+
+        The index is that of :meth:`effect_terms`.
+        """
         _, vignette, values = self.split(parameters)
         log_vignette = self.vignette_basis.log_value(vignette, observations.position)
         if not len(self.effects):
             return log_vignette
-        return log_vignette + self.effects.log_gain(values, self.seen(parameters, observations, index))
+        return log_vignette + self.effects.log_gain(values, self.effect_terms(parameters, observations, index))
 
 
 @dataclass(frozen=True)
@@ -236,36 +239,36 @@ class LinearSystem:
 
     def _free_of_radiance(self, part: slice) -> tuple[FloatArray, FloatArray, FloatArray, IntArray | slice]:
         """Return rows, right-hand sides, weights, and whose they are, with each point's radiance eliminated."""
-        seen = self.observations.where(part)
-        columns, target = self._columns(seen, part)
+        observed = self.observations.where(part)
+        columns, target = self._columns(observed, part)
         factor = self.weight[part] * self.latent.precision[part]
-        if seen.in_pairs:
+        if observed.in_pairs:
             # Minus their weighted mean, the two observations of a pair give the same equation: keep one difference.
             both = factor[0::2] + factor[1::2]
             factor = factor[0::2] * factor[1::2] / np.maximum(both, 1e-300)
             rows = np.concatenate([each[0::2] - each[1::2] for each in columns], axis=1)
             return rows, target[0::2] - target[1::2], factor, slice(0, None, 2)
         rows = np.concatenate(columns, axis=1)
-        _, mean = weighted_means(np.column_stack([rows, target]), factor, seen)
+        _, mean = weighted_means(np.column_stack([rows, target]), factor, observed)
         return rows - mean[:, :-1], target - mean[:, -1], factor, slice(None)
 
-    def _columns(self, seen: ExposedObservations, part: slice) -> tuple[list[FloatArray], FloatArray]:
+    def _columns(self, observed: ExposedObservations, part: slice) -> tuple[list[FloatArray], FloatArray]:
         """Return the parts of rows, linear in all parameters and the share of texture, and right-hand sides."""
         model, index = self.model, self.latent.index[part]
         gamma, vignette, values = model.split(self.about)
-        jacobian = model.vignette_basis.jacobian(vignette, seen.position)
+        jacobian = model.vignette_basis.jacobian(vignette, observed.position)
         # Where ln V is not linear in its parameters (the centre), what the linearisation leaves goes to the right.
-        constant = model.vignette_basis.log_value(vignette, seen.position) - jacobian @ vignette
+        constant = model.vignette_basis.log_value(vignette, observed.position) - jacobian @ vignette
         by_response = model.response_basis.log_table[index]
         columns = [by_response, -jacobian]
         # h at the measured grey level is h at the predicted one, which the rows hold, plus this much.
         excess = self.latent.linear_log[part] - by_response @ gamma
-        target = seen.log_exposure + constant - excess
+        target = observed.log_exposure + constant - excess
         if len(model.effects):
-            known = model.seen(self.about, seen, index)
-            slopes = model.effects.jacobian(values, known)
+            terms = model.effect_terms(self.about, observed, index)
+            slopes = model.effects.jacobian(values, terms)
             columns.append(-slopes)
-            target = target + model.effects.log_gain(values, known) - slopes @ values
+            target = target + model.effects.log_gain(values, terms) - slopes @ values
         return [*columns, self.latent.texture[part, None]], target
 
 

@@ -270,7 +270,7 @@ def _estimates(fit: Fit) -> tuple[EffectEstimate, ...]:
 def _with_estimates(fit: Fit, trials: Sequence[Trial], found: tuple[EffectEstimate, ...]) -> Fit:
     """Return a fit with the estimates of effects, and with a covariance that has those that are left out."""
     missing = [trial.size_if_left_out * slope_of_left_out(fit, trial) for trial in trials]
-    fit = _without_typical_light(fit)
+    fit = _without_absorbed_light(fit)
     covariance = fit.covariance + sum(np.outer(one, one) for one in missing)
     estimates = (
         EffectEstimate(trial.name, trial.value, trial.total_sigma) for trial in trials if trial.name in CORRECTED
@@ -278,13 +278,13 @@ def _with_estimates(fit: Fit, trials: Sequence[Trial], found: tuple[EffectEstima
     return replace(fit, covariance=covariance, effect_estimates=(*found, *estimates))
 
 
-def _without_typical_light(fit: Fit) -> Fit:
+def _without_absorbed_light(fit: Fit) -> Fit:
     """Return a fit whose response does not contain the typical amount of additional light."""
 
     def changed(parameters: FloatArray) -> FloatArray:
-        return fit.effects.without_typical_light(fit.response_basis, parameters)[1]
+        return fit.effects.without_absorbed_light(fit.response_basis, parameters)[1]
 
-    effects, parameters = fit.effects.without_typical_light(fit.response_basis, fit.parameters)
+    effects, parameters = fit.effects.without_absorbed_light(fit.response_basis, fit.parameters)
     if not len(effects):
         return replace(fit, effects=effects)
     from scipy.optimize import approx_fprime  # slow to import and rarely needed

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Literal, TypeAlias, get_args
 
 from ospc.arrays import ImageSize
-from ospc.errors import FormatError, NotObservableError, SettingError
+from ospc.errors import FormatError, NotObservableError, SettingError, os_error_as
 from ospc.formats.dso import CAVEAT, write_caveat, write_pcalib, write_vignette
 from ospc.formats.hugin import EmorBasis, write_pto
 from ospc.formats.lens_profiles import write_lcp, write_lensfun
@@ -144,10 +144,8 @@ def export(
 
 
 def _to_dso(photometry: Photometry, folder: Path, values: int) -> list[Path]:
-    try:
+    with os_error_as(FormatError, f"{folder}: the folder cannot be made"):
         folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise FormatError(f"{folder}: the folder cannot be made ({error.strerror})") from None
     files: list[Path] = []
     if photometry.response is not None:
         files.append(write_pcalib(photometry.response, folder / "pcalib.txt", values))

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from ospc.atomic import write_atomically
-from ospc.errors import FormatError, OspcError, escaped
+from ospc.errors import FormatError, OspcError, escaped, os_error_as
 
 LARGEST_TEXT = 64 * 2**20
 """Bytes; larger text files are refused. A table of 65536 values has half a megabyte, a list of 10⁶ frames 50."""
@@ -58,12 +58,8 @@ def json_object(path: str | Path) -> dict[str, Any]:
 
 def write_bytes(path: str | Path, content: bytes) -> Path:
     """Write a file and return its path, FormatError if that fails; readers see the old content or the new, whole."""
-    try:
+    with os_error_as(FormatError, f"{path}: cannot be written", "check that the folder exists and is writable"):
         return write_atomically(path, content)
-    except OSError as error:
-        raise FormatError(
-            f"{path}: cannot be written ({error.strerror}); check that the folder exists and is writable"
-        ) from None
 
 
 def write_text(path: str | Path, content: str) -> Path:

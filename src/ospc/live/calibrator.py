@@ -19,16 +19,16 @@ from ospc.exposures.lag_choice import LagChoice
 from ospc.live.knowledge import GOAL
 from ospc.live.status import Findings, LiveStatus
 from ospc.methods.preview import Preview
-from ospc.pace import Pace
 from ospc.photometry.calibration import Calibration
 from ospc.recording import Frame
 from ospc.settings import DefaultSettings, Settings
+from ospc.throttle import Throttle
 
 QUEUE_BYTES = 64 * 2**20
 """Images that wait for the background, in bytes: they cover the time of a fit. Beyond, frames are dropped."""
 
-LOOK_S, LOOK_SHARE = 0.4, 0.1
-"""Shortest time in seconds between two looks for advice, and the largest share of the time that they may take."""
+ADVICE_S, ADVICE_SHARE = 0.4, 0.1
+"""Shortest time in seconds between two pieces of advice, and the largest share of the time that they may take."""
 
 
 class LiveCalibrator:
@@ -91,7 +91,7 @@ class LiveCalibrator:
         self._failure: BaseException | None = None
         self._frames = self._dropped = self._unusable = 0
         self._found = Findings(self._engine, goal)
-        self._pace = Pace(LOOK_S, LOOK_SHARE)
+        self._throttle = Throttle(ADVICE_S, ADVICE_SHARE)
         self._unseen = False  # whether anything was taken since the last look
         self._worker = threading.Thread(target=self._work, name="ospc-live", daemon=True)
         self._worker.start()
@@ -103,7 +103,7 @@ class LiveCalibrator:
         """
         with self._running():
             needed, full = self._engine.may_need_image(self._frames), self._waiting_bytes >= QUEUE_BYTES
-            work, size, kept = partial(self._engine.note, frame.exposure_ms, frame.name), 0, False
+            work, size, kept = partial(self._engine.push_without_image, frame.exposure_ms, frame.name), 0, False
             # What waits in the queue may change which frames are needed: that is predicted only while none waits.
             if not full and (needed or self._queue):
                 try:
@@ -217,7 +217,7 @@ class LiveCalibrator:
             while self._wait_for_work():
                 if self._queue:
                     self._take()
-                if self._unseen and self._pace.due:
+                if self._unseen and self._throttle.due:
                     self._advise()
         except BaseException as error:
             with self._changed:
@@ -230,8 +230,8 @@ class LiveCalibrator:
     def _wait_for_work(self) -> bool:
         """Wait until there is something to do; return whether there is, and not the end."""
         with self._changed:
-            until_look_s = self._pace.remaining_s if self._unseen else None
-            self._changed.wait_for(lambda: self._queue or self._closed, until_look_s)
+            until_advice_s = self._throttle.remaining_s if self._unseen else None
+            self._changed.wait_for(lambda: self._queue or self._closed, until_advice_s)
             return not self._closed or bool(self._asked)
 
     def _take(self) -> None:
@@ -246,7 +246,7 @@ class LiveCalibrator:
         self._found.follow(self._frames)
 
     def _advise(self) -> None:
-        with self._pace.look():
+        with self._throttle.timed():
             self._found.advise(self._frames)
             with self._changed:
                 self._unseen = False

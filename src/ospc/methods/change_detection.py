@@ -6,8 +6,8 @@ depend on the radius or on the grey level within each pair. Light that changes, 
 of a pair alike: it is subtracted, and seldom mistaken for a change of the camera. Exposures that are suddenly written
 late are found by :mod:`ospc.exposures.lag_change`.
 
-Errors that are larger than usual raise a suspicion. From then on every frame is processed for a while, and only pairs
-that begin after the suspicion count: in a pair that spans a change of the light nothing can be told.
+Outliers among these errors raise a suspicion. From then on every frame is processed for a while, and only pairs that
+begin after the suspicion count: in a pair that spans a change of the light nothing can be told.
 """
 
 from __future__ import annotations
@@ -25,19 +25,19 @@ from ospc.observations import Observations
 from ospc.settings.methods import (
     CALM_S,
     JUDGED_S,
+    MAX_BASELINE_PAIRS,
     MAX_FRAME_RATE,
     MAX_SUSPICION_S,
-    MAX_USUAL_PAIRS,
+    MIN_BASELINE_ERROR_LOG,
+    MIN_BASELINE_PAIRS,
     MIN_FRAME_RATE,
     MIN_HALF_SIGMAS,
+    MIN_OUTLIER_SHARE,
     MIN_PAIR_POINTS,
     MIN_SPAN_S,
-    MIN_SURPRISING_SHARE,
-    MIN_USUAL_ERROR_LOG,
-    MIN_USUAL_PAIRS,
+    OUTLIER_FACTOR,
+    OUTLIER_PAIRS,
     RECENT_PAIRS,
-    SURPRISING_FACTOR,
-    SURPRISING_PAIRS,
     WATCHED_PAIRS,
 )
 
@@ -70,10 +70,10 @@ class ChangeDetector:
     ----------
     reference
         The fit that predicts; None before there is one.
-    usual_errors, usual_effects
+    baseline_errors, baseline_effects
         Absolute errors of whole pairs of neighbours, and errors within them, while nothing was suspected.
-    surprises
-        Numbers of the first frames of the latest pairs of neighbours, and whether they were surprising.
+    outliers
+        Numbers of the first frames of the latest pairs of neighbours, and whether they were outliers.
     pairs, since
         Pairs of frames since the suspicion, and the number of its first frame; None while there is none.
     calm_until
@@ -85,9 +85,9 @@ class ChangeDetector:
     """
 
     reference: Fit | None = None
-    usual_errors: list[float] = field(default_factory=list, repr=False)
-    usual_effects: list[float] = field(default_factory=list, repr=False)
-    surprises: list[tuple[int, bool]] = field(default_factory=list, repr=False)
+    baseline_errors: list[float] = field(default_factory=list, repr=False)
+    baseline_effects: list[float] = field(default_factory=list, repr=False)
+    outliers: list[tuple[int, bool]] = field(default_factory=list, repr=False)
     pairs: list[PairErrors] = field(default_factory=list, repr=False)
     since: int | None = None
     calm_until: int = 0
@@ -130,14 +130,14 @@ class ChangeDetector:
         if not len(exposed):
             return None
         if exposures.lag_frames != self.lag_frames:
-            self.lag_frames, self.since, self.pairs, self.surprises = exposures.lag_frames, None, [], []
+            self.lag_frames, self.since, self.pairs, self.outliers = exposures.lag_frames, None, [], []
         pair = PairErrors.of(exposed, self.reference)
         if self.since is None:
-            self._look_for_surprises(pair)
+            self._look_for_outliers(pair)
             return None
         first = max(self.since, pair.frame1 - self._frames(JUDGED_S))
         self.pairs = [old for old in (*self.pairs, pair) if old.frame0 >= first]
-        found = explain(self.pairs, self.reference, exposures, self._usual_error, self._frames(MIN_SPAN_S))
+        found = explain(self.pairs, self.reference, exposures, self._baseline_error, self._frames(MIN_SPAN_S))
         if found is None:
             self._end_suspicion(pair.frame1, self.since, self.reference)
             return None
@@ -145,19 +145,19 @@ class ChangeDetector:
         first = min(old.frame0 for old in self.pairs)
         return Change(first, self.pairs[-1].frame1, part, f"{text}, since about frame {first}")
 
-    def _look_for_surprises(self, pair: PairErrors) -> None:
-        if len(self.usual_errors) >= MIN_USUAL_PAIRS:
-            self.surprises = [*self.surprises, (pair.frame0, self._surprises(pair))][-RECENT_PAIRS:]
-        self.usual_errors = [*self.usual_errors, abs(pair.error)][-MAX_USUAL_PAIRS:]
-        self.usual_effects = [*self.usual_effects, pair.effect][-MAX_USUAL_PAIRS:]
-        frames = [frame for frame, surprising in self.surprises if surprising]
-        if len(frames) >= SURPRISING_PAIRS and pair.frame1 >= self.calm_until:
-            self.since, self.surprises = frames[0] + 1, []
+    def _look_for_outliers(self, pair: PairErrors) -> None:
+        if len(self.baseline_errors) >= MIN_BASELINE_PAIRS:
+            self.outliers = [*self.outliers, (pair.frame0, self._is_outlier(pair))][-RECENT_PAIRS:]
+        self.baseline_errors = [*self.baseline_errors, abs(pair.error)][-MAX_BASELINE_PAIRS:]
+        self.baseline_effects = [*self.baseline_effects, pair.effect][-MAX_BASELINE_PAIRS:]
+        frames = [frame for frame, is_outlier in self.outliers if is_outlier]
+        if len(frames) >= OUTLIER_PAIRS and pair.frame1 >= self.calm_until:
+            self.since, self.outliers = frames[0] + 1, []
 
-    def _surprises(self, pair: PairErrors) -> bool:
-        usual_effect = max(float(np.median(self.usual_effects)), MIN_USUAL_ERROR_LOG)
-        large_error = abs(pair.error) > SURPRISING_FACTOR * self._usual_error
-        return large_error or pair.effect > SURPRISING_FACTOR * usual_effect
+    def _is_outlier(self, pair: PairErrors) -> bool:
+        baseline_effect = max(float(np.median(self.baseline_effects)), MIN_BASELINE_ERROR_LOG)
+        large_error = abs(pair.error) > OUTLIER_FACTOR * self._baseline_error
+        return large_error or pair.effect > OUTLIER_FACTOR * baseline_effect
 
     def _end_suspicion(self, frame: int, since: int, reference: Fit) -> None:
         """End a suspicion that has lasted too long, or that nothing supports any more."""
@@ -165,13 +165,13 @@ class ChangeDetector:
         if frame > since + self._frames(MAX_SUSPICION_S):
             self.since, self.pairs, self.calm_until = None, [], frame + self._frames(CALM_S)
         elif len(latest) == WATCHED_PAIRS:
-            surprising = sum(self._surprises(pair) for pair in latest) >= MIN_SURPRISING_SHARE * len(latest)
-            if not surprising and best_explanations(self.pairs, reference)[0].sigmas < MIN_HALF_SIGMAS:
+            many_outliers = sum(self._is_outlier(pair) for pair in latest) >= MIN_OUTLIER_SHARE * len(latest)
+            if not many_outliers and best_explanations(self.pairs, reference)[0].sigmas < MIN_HALF_SIGMAS:
                 self.since, self.pairs = None, []
 
     def _frames(self, duration_s: float) -> int:
         return round(duration_s * self.frames_per_s)
 
     @property
-    def _usual_error(self) -> float:
-        return max(float(np.median(self.usual_errors)), MIN_USUAL_ERROR_LOG)
+    def _baseline_error(self) -> float:
+        return max(float(np.median(self.baseline_errors)), MIN_BASELINE_ERROR_LOG)

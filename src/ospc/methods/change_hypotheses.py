@@ -34,7 +34,7 @@ Finding = tuple[str, str]
 
 
 def explain(
-    pairs: list[PairErrors], fit: Fit, exposures: ExposureTable, usual_error: float, min_span_frames: int
+    pairs: list[PairErrors], fit: Fit, exposures: ExposureTable, baseline_error: float, min_span_frames: int
 ) -> Finding | None:
     """Return the change of the camera that pairs, in the order of frames, prove; None if they prove none.
 
@@ -42,14 +42,14 @@ def explain(
     ----------
     fit, exposures
         What predicted them.
-    usual_error
+    baseline_error
         Usual absolute error of a whole pair, in ln.
     min_span_frames
         Frames that the pairs must span.
     """
     if len(pairs) < 2 * MIN_HALF_PAIRS or pairs[-1].frame1 - pairs[0].frame0 < min_span_frames:
         return None
-    return _steeper_response(pairs, exposures, usual_error) or _other_curve(pairs, fit)
+    return _steeper_response(pairs, exposures, baseline_error) or _other_curve(pairs, fit)
 
 
 def best_explanations(pairs: list[PairErrors], fit: Fit) -> list[ExplainedChange]:
@@ -89,7 +89,7 @@ def _halves_by_effect(pairs: list[PairErrors], found: ExplainedChange) -> Halves
     return pairs[:middle], pairs[middle:]
 
 
-def _steeper_response(pairs: list[PairErrors], exposures: ExposureTable, usual_error: float) -> Finding | None:
+def _steeper_response(pairs: list[PairErrors], exposures: ExposureTable, baseline_error: float) -> Finding | None:
     """Return a change of the response: brightness follows the exposure more or less than before."""
     halves = (pairs[: len(pairs) // 2], pairs[len(pairs) // 2 :])
     steps = [_log_ratios(half, exposures) for half in halves]
@@ -100,13 +100,13 @@ def _steeper_response(pairs: list[PairErrors], exposures: ExposureTable, usual_e
     if not errors or np.median(errors) < MIN_SLOPE_ERROR_LOG:
         return None
     expected = [slope * step for slope, step in zip(reversed(slopes), steps, strict=True)]
-    if not _explained(halves, expected, usual_error):
+    if not _explained(halves, expected, baseline_error):
         return None
     steeper = f"brightness follows the exposure by {np.mean(slopes):+.0%}"
     return "response", f"the response changed, or a gain that is missing in the exposures: {steeper}"
 
 
-def _explained(halves: Halves, expected: list[FloatArray], usual_error: float) -> bool:
+def _explained(halves: Halves, expected: list[FloatArray], baseline_error: float) -> bool:
     """Return whether the expected errors explain most of the pairs in each half in which they are significant.
 
     Light that fades steadily is no evidence: what grows evenly with time is taken out of errors and expectations.
@@ -116,7 +116,7 @@ def _explained(halves: Halves, expected: list[FloatArray], usual_error: float) -
         frames = np.array([pair.frame1 - pair.frame0 for pair in half])[known]
         error = _without_drift(np.array([pair.error for pair in half])[known], frames)
         predicted = _without_drift(change[known], frames)
-        significant = np.abs(predicted) > MIN_EXPECTED_FACTOR * usual_error
+        significant = np.abs(predicted) > MIN_EXPECTED_FACTOR * baseline_error
         better = np.abs(error - predicted)[significant] < np.abs(predicted)[significant] / 2
         if np.count_nonzero(significant) < MIN_SIGNIFICANT_PAIRS or better.mean() < MAJORITY:
             return False

@@ -297,7 +297,7 @@ BEYOND_WHITE = 0.6
 and glare comes from them too. It was 0.3 to 0.9 in eight simulated recordings. With zero, glare of 2 per cent
 was found as 2.5, as if bright frames had more of it than they have light."""
 
-USUAL_LIGHT = 0.1
+LIGHT_FIT_FLOOR = 0.1
 """Irradiance, over that at white, from which on the powers of the grey level follow g in proportion to its size, and
 below which errors of any size count alike: few surroundings are darker. Without it, the error of dark ones is three
 times as large for the simulator's filmic response."""

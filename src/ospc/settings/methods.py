@@ -61,20 +61,22 @@ SEEN_QUANTILES = (0.02, 0.98)
 MIN_PAIR_POINTS = 40
 """Scene points of a pair below which its registration is not trusted."""
 
-MAX_USUAL_PAIRS = 480
-"""Pairs of neighbours whose errors say what is usual: a minute and a half of film at 20 frames/s."""
+MAX_BASELINE_PAIRS = 480
+"""Latest pairs of neighbours whose errors are the baseline for outliers: a minute and a half of film at 20
+frames/s."""
 
-MIN_USUAL_PAIRS = 12
-"""Pairs of neighbours before anything is unusual."""
+MIN_BASELINE_PAIRS = 12
+"""Pairs of neighbours in the baseline before anything is an outlier."""
 
-RECENT_PAIRS, SURPRISING_PAIRS = 8, 3
-"""Of the latest so many pairs of neighbours, so many must be surprising to raise a suspicion."""
+RECENT_PAIRS, OUTLIER_PAIRS = 8, 3
+"""Of the latest so many pairs of neighbours, so many must be outliers to raise a suspicion."""
 
-SURPRISING_FACTOR = 4.0
-"""How many times the usual error is a surprise; three in eight pairs exceed it when a lamp is switched, too."""
+OUTLIER_FACTOR = 4.0
+"""Least error of an outlier over the median of the baseline; three in eight pairs exceed it when a lamp is switched,
+too."""
 
-MIN_USUAL_ERROR_LOG = 0.001
-"""Least usual error, in ln: registration leaves as much."""
+MIN_BASELINE_ERROR_LOG = 0.001
+"""Least value of that median, in ln: registration leaves as much."""
 
 MAX_SUSPICION_S = 9.6
 """Time for which a suspicion is followed at most."""
@@ -89,8 +91,8 @@ MIN_FRAME_RATE, MAX_FRAME_RATE = 20.0, 100.0
 """Frames per second between which these times are counted in frames: slower film needs as many frames as that of 20
 frames/s, and the pairs of more than 100 frames/s would be too many to judge."""
 
-WATCHED_PAIRS, MIN_SURPRISING_SHARE = 32, 0.25
-"""A suspicion ends early where fewer of the latest so many pairs of neighbours are surprising: the light changed."""
+WATCHED_PAIRS, MIN_OUTLIER_SHARE = 32, 0.25
+"""A suspicion ends early where fewer of the latest so many pairs of neighbours are outliers: the light changed."""
 
 # Whether it has (ospc.methods.change_hypotheses)
 
@@ -126,7 +128,8 @@ MAJORITY = 0.8
 registrations prove nothing."""
 
 MIN_EXPECTED_FACTOR = 3.0
-"""Error that a change is expected to cause in a pair, over the usual error, from which on the pair counts."""
+"""Error that a change is expected to cause in a pair, over the median of the baseline, from which on the pair
+counts."""
 
 MIN_SIGNIFICANT_PAIRS = 6
 """Fewest such pairs in each half."""

@@ -32,6 +32,9 @@ SLOW_FRAMES = 30
 _CORRECTIONS = 40
 """Times that one image is corrected, and copied, in turns."""
 
+_SHORTEST_S = 1e-6
+"""Least time that is told: others are divided by it, and a coarse clock may stand still for one copy."""
+
 _COMMAND = (sys.executable, "-c", "from ospc.cli.main import main; main()")
 
 
@@ -99,7 +102,8 @@ class _Spent:
         return self
 
     def __exit__(self, *_error: object) -> None:
-        self.seconds, self.cpu_s = self.seconds + time.perf_counter(), self.cpu_s + time.process_time()
+        self.seconds = max(self.seconds + time.perf_counter(), _SHORTEST_S)
+        self.cpu_s = max(self.cpu_s + time.process_time(), _SHORTEST_S)
 
 
 def calibrating(size: ImageSize, reel: Reel, preset: str, count: int) -> SpeedRow:

@@ -1,4 +1,4 @@
-"""When to do again what costs time beside the work itself."""
+"""A limit on how often, and for how much of the time, something is done beside the work itself."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 
-class Pace:
-    """Says when to look again: not before ``least_s``, and so that looking takes at most a ``share`` of the time."""
+class Throttle:
+    """Spaces repeated work: at least ``least_s`` apart, and such that it takes at most a ``share`` of the time."""
 
     def __init__(self, least_s: float, share: float) -> None:
         self._least_s, self._share = least_s, share
@@ -16,17 +16,17 @@ class Pace:
 
     @property
     def due(self) -> bool:
-        """Whether it is time."""
+        """Whether the work may be done now."""
         return self.remaining_s == 0
 
     @property
     def remaining_s(self) -> float:
-        """How long it is until it is time."""
+        """How long it is until the work may be done."""
         return max(0.0, self._next_s - time.monotonic())
 
     @contextmanager
-    def look(self) -> Iterator[None]:
-        """Measure how long a look takes."""
+    def timed(self) -> Iterator[None]:
+        """Measure how long the work in this context takes."""
         begun_s = time.monotonic()
         yield
         now_s = time.monotonic()
