@@ -220,7 +220,7 @@ def _corrected(found: EffectEstimate, typical_ms: float) -> str:
         return f"exposures are {when} by {lag} of a frame; that is taken into account"
     if found.name == UNSTEADY_LIGHT:
         return (
-            f"frames are brighter or darker than their exposures say, by {share} from pair to pair; "
+            f"frames are brighter or darker than their exposures say, by {found.value:.1%} from pair to pair; "
             "that is taken into account"
         )
     offset = f"{abs(found.value) * typical_ms:.3g} ± {found.sigma * typical_ms:.1g} ms"
