@@ -248,11 +248,11 @@ def test_moments_tell_the_mean_irradiance(name: str) -> None:
     grey = np.linspace(0.1, 0.97, 40)
     everything = Disturbed().pairs()
     moments = np.column_stack([grey[:, None] ** np.arange(1, 6), np.zeros(40)])
-    seen = Effects(("veiling glare",)).seen(
+    terms = Effects(("veiling glare",)).terms(
         replace(everything.where(slice(0, 40)), frame_moments=moments), basis, coefficients, basis.index_of(grey)
     )
     light = np.exp(np.interp(grey, basis.grid, basis.log_of(coefficients)))
-    error = (seen.amounts["veiling glare"] - light) / (light + 0.02)
+    error = (terms.amounts["veiling glare"] - light) / (light + 0.02)
     assert np.sqrt(np.mean(error**2)) < 0.03
 
 
@@ -268,11 +268,11 @@ def test_the_jacobian_is_the_derivative(values: list[float], seed: int) -> None:
     observations = bright.where(slice(0, 40))
     basis = ResponseBasis(32)
     effects = Effects.none_of(observations).and_(*EFFECTS)
-    seen = effects.seen(observations, basis, typical_gamma(basis.knots), basis.index_of(observations.grey))
+    terms = effects.terms(observations, basis, typical_gamma(basis.knots), basis.index_of(observations.grey))
     about = np.array(values)
-    analytic = effects.jacobian(about, seen)
+    analytic = effects.jacobian(about, terms)
     for i in range(len(effects)):
         step = np.zeros(len(effects))
         step[i] = 1e-6
-        numeric = (effects.log_gain(about + step, seen) - effects.log_gain(about - step, seen)) / 2e-6
+        numeric = (effects.log_gain(about + step, terms) - effects.log_gain(about - step, terms)) / 2e-6
         np.testing.assert_allclose(analytic[:, i], numeric, rtol=1e-4, atol=1e-6)

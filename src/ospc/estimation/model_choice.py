@@ -6,6 +6,7 @@ uncertainty.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -22,6 +23,7 @@ from ospc.estimation.vignette_basis import VignetteBasis
 from ospc.observations import ExposedObservations
 from ospc.photometry.noise import NoiseModel
 from ospc.photometry.verdict import LATE_EXPOSURES, EffectEstimate
+from ospc.robust import ERROR_OF_SCALE
 from ospc.settings.estimation import (
     ASYMMETRY_SIGMA,
     CONTRADICTING_SIGMAS,
@@ -135,25 +137,18 @@ def fit_with_chosen_effects(
     plain_trials = estimate_effects(observations, plain, noise, tuple(EFFECTS))
     fit, trials = _with_effects(observations, plain, plain_trials, widest, noise, rounds)
     # Gains come last, and not where exposures belong to other frames: they would hide what explains the brightness.
-    unsteady_light = () if _shows_lag(trials) else _estimate_of_gains(observations, fit, noise)
-    if unsteady_light:
-        start = _with_gain_sigma(plain, unsteady_light[0].value)
-        plain = _estimator(start, noise, rounds).fit(observations, start)
-        plain_trials = trials = estimate_effects(observations, plain, noise, tuple(EFFECTS))
-        fit = _with_significant_effects(observations, _with_gain_sigma(fit, unsteady_light[0].value), noise, rounds)
-        if fit.effects.chosen:
-            trials = estimate_effects(observations, fit, noise, _left_out(fit))
-        else:
-            fit = plain
+    if not _shows_lag(trials) and (gain_sigma := _gain_sigma(observations, fit, noise)):
+        plain, fit = (_with_gains(observations, each, gain_sigma, noise, rounds) for each in (plain, fit))
+        plain_trials, trials = (estimate_effects(observations, each, noise, _left_out(each)) for each in (plain, fit))
     if any(name in CONTRADICTIONS for name in fit.effects.chosen):
         return _with_estimates(plain, plain_trials, _estimates(fit)[-1:])
     if fit.groups < MIN_GROUPS_TO_CONTRADICT:
-        return _with_estimates(fit, trials, unsteady_light)
+        return _with_estimates(fit, trials, ())
     residual = fit.residuals(observations)
     if unsteady := unsteadiness(residual, observations):
         return _with_estimates(plain, plain_trials, unsteady)
     uneven = uneven_vignette(residual, observations) or unsteady_radiance(fit.errors.radiance_sigma, fit.groups)
-    return _with_estimates(fit, trials, (*_estimates(fit), *uneven, *unsteady_light))
+    return _with_estimates(fit, trials, (*_estimates(fit), *uneven))
 
 
 def _with_effects(  # noqa: PLR0917 (what is fitted, to what, from where)
@@ -182,19 +177,20 @@ def _with_effects(  # noqa: PLR0917 (what is fitted, to what, from where)
     return fit, trials
 
 
-def _with_significant_effects(
-    observations: ExposedObservations, start: Fit, noise: NoiseModel | None, rounds: int
+def _with_gains(
+    observations: ExposedObservations, fit: Fit, gain_sigma: float, noise: NoiseModel | None, rounds: int
 ) -> Fit:
-    """Return a fit with those effects of another one that are significant now, leaving out one after the other."""
+    """Return a fit with latent gains, and with those effects that are significant still."""
+    start = replace(fit, errors=replace(fit.errors, gain_sigma=gain_sigma))
     while True:
         fit = _estimator(start, noise, rounds).fit(observations, start)
         doubtful = [i for i in range(len(fit.effects)) if not _significant(fit, i)]
         if not doubtful:
             return fit
         weakest = min(doubtful, key=lambda i: _sigmas_of(fit, i, fit.chance))
-        at = fit.vignette_part.stop + weakest
         kept = tuple(name for i, name in enumerate(fit.effects.chosen) if i != weakest)
-        start = replace(fit, effects=replace(fit.effects, chosen=kept), parameters=np.delete(fit.parameters, at))
+        parameters = np.delete(fit.parameters, fit.vignette_part.stop + weakest)
+        start = replace(fit, effects=replace(fit.effects, chosen=kept), parameters=parameters)
 
 
 def _shows_lag(left_out: Sequence[Trial]) -> bool:
@@ -211,20 +207,11 @@ def _left_out(fit: Fit) -> tuple[str, ...]:
     return tuple(name for name in EFFECTS if name not in fit.effects.chosen)
 
 
-def _with_gain_sigma(fit: Fit, sigma: float) -> Fit:
-    return replace(fit, errors=replace(fit.errors, gain_sigma=sigma))
-
-
-def _estimate_of_gains(
-    observations: ExposedObservations, fit: Fit, noise: NoiseModel | None
-) -> tuple[EffectEstimate, ...]:
-    """Return the scale of gains of pairs of frames beyond chance; nothing if there are none."""
+def _gain_sigma(observations: ExposedObservations, fit: Fit, noise: NoiseModel | None) -> float:
+    """Return the scale of latent gains beyond chance, 0 where there are none or too few pairs of frames to tell."""
     if not observations.in_pairs or fit.groups < MIN_GROUPS_TO_CONTRADICT:
-        return ()
-    sigma = _estimator(fit, noise, 0).significant_gain_sigma(observations, fit)
-    if not sigma:
-        return ()
-    return (EffectEstimate(UNSTEADY_LIGHT, sigma, sigma / np.sqrt(2 * fit.groups), corrected=True),)
+        return 0.0
+    return _estimator(fit, noise, 0).significant_gain_sigma(observations, fit)
 
 
 def _provable(groups: int) -> tuple[str, ...]:
@@ -260,8 +247,10 @@ def _sigmas_of(fit: Fit, number: int, covariance: FloatArray) -> float:
 
 
 def _estimates(fit: Fit) -> tuple[EffectEstimate, ...]:
-    sigma = np.sqrt(np.diag(fit.covariance))[fit.vignette_part.stop :]
-    return tuple(
+    """Return the estimates of latent gains, if there are any, and of the effects."""
+    sigma, gain = np.sqrt(np.diag(fit.covariance))[fit.vignette_part.stop :], fit.errors.gain_sigma
+    of_gains = EffectEstimate(UNSTEADY_LIGHT, gain, gain * ERROR_OF_SCALE / math.sqrt(fit.groups), corrected=True)
+    return (of_gains,) * (gain > 0) + tuple(
         EffectEstimate(name, float(value), float(deviation), name in CORRECTED, name in CONTRADICTIONS)
         for name, value, deviation in zip(fit.effects.chosen, fit.effect_parameters, sigma, strict=True)
     )

@@ -6,7 +6,6 @@ import io
 import math
 import zipfile
 from dataclasses import dataclass, field
-from functools import lru_cache
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -68,16 +67,8 @@ class VignetteModel:
         return self._values(position[..., 0], position[..., 1])
 
     def image(self) -> Float32Array:
-        """Return the attenuation of every pixel, shape (height, width), which cannot be written to."""
-        return _image_of(self)
-
-
-@lru_cache(maxsize=1)
-def _image_of(vignette: VignetteModel) -> Float32Array:
-    """Return the image of a vignette; files, pictures and corrections ask for the same one after the other."""
-    image = image_of(vignette._values, vignette.size)
-    image.setflags(write=False)
-    return image
+        """Return the attenuation of every pixel, shape (height, width)."""
+        return image_of(self._values, self.size)
 
 
 @dataclass(frozen=True)
