@@ -59,7 +59,13 @@ def thumbnail_of(frame: int, image: Float32Array, white: int, mask: BoolArray | 
 def gradient_magnitude(image: Float32Array) -> Float32Array:
     """Return the magnitude of an image's gradient per pixel."""
     along_x, along_y = (cv2.Sobel(image, cv2.CV_32F, dx, 1 - dx, ksize=3, scale=1 / 8) for dx in (1, 0))
-    return np.asarray(cv2.magnitude(along_x, along_y), dtype=np.float32)
+    return magnitude(along_x, along_y)
+
+
+def magnitude(x: Float32Array, y: Float32Array) -> Float32Array:
+    """Return the lengths of vectors."""
+    # cv2.magnitude rounds by where in memory its arrays happen to be, so that results differ from run to run.
+    return np.asarray(np.sqrt(x * x + y * y))
 
 
 def thumbnail_size(size: ImageSize) -> ImageSize:

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ospc.arrays import BoolArray, Float32Array, FloatArray, ImageSize
-from ospc.correspondence.thumbnail import Thumbnail
+from ospc.correspondence.thumbnail import Thumbnail, magnitude
 from ospc.photometry.geometry import pixel_grid
 from ospc.settings.correspondence import (
     MAX_THUMBNAIL_ERROR_PX,
@@ -87,4 +87,4 @@ def there_and_back(forward: Float32Array, backward: Float32Array) -> tuple[Float
     away = (OUTSIDE_PX, OUTSIDE_PX, 0.0, 0.0)
     error = cv2.remap(backward, there, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=away)
     error += forward
-    return there, np.asarray(cv2.magnitude(*cv2.split(error)), dtype=np.float32)
+    return there, magnitude(error[..., 0], error[..., 1])
