@@ -81,7 +81,7 @@ MUTATIONS = (
         replaced("LATENT_ITERATIONS if self.trusted else 0", "0"),
         "linearises at the noisy grey level measured, which attenuates the fit"),
     Mutation("any-place", "FlatSampler.__call__",
-        replaced("flat & exposed", "found"),
+        replaced("np.flatnonzero(usable)", "np.flatnonzero(found)"),
         "samples edges and clipped pixels too"),
     Mutation("nothing-forgotten", "Reservoir.forget_before", body("return None"),
         "keeps the early pairs, which were registered before the vignette was known"),

@@ -120,9 +120,9 @@ class FlatSampler:
             return NOTHING_FOUND
         gradient0 = keyframe.gradient.astype(np.float64)
         gradient1 = frame.values_at(frame.gradient, places1)
-        flat = found & (gradient0 < self.max_gradient) & (gradient1 < self.max_gradient)
-        index = np.flatnonzero(flat & ~keyframe.clipped)
-        index = index[~_clipped_at(frame, places1[index])]
+        usable = found & (gradient0 < self.max_gradient) & (gradient1 < self.max_gradient) & ~keyframe.clipped
+        usable[usable] = ~_clipped_at(frame, places1[usable])
+        index = np.flatnonzero(usable)
         position0, position1 = (
             normalised(one.to_frame(places), one.size) for one, places in ((keyframe, places0), (frame, places1))
         )
