@@ -431,8 +431,9 @@ UNSTEADY_SLOPE = 0.01
 
 GAIN_SIGMAS = 3.0
 """Standard deviations by which the scatter of the mean residuals of pairs must exceed what chance explains, before
-pairs of frames have latent gains. By independent errors of the points it was 0.7 to 1.0 times that in 24 clean
-simulated recordings, 2.5 times in a real video, and 5 to 18 times with clouds, flicker or drifting white balance."""
+pairs of frames have latent gains. By independent errors of the points it was at most as large as that in 23 of 24
+clean simulated recordings, 2.5 times in a real video, and 5 to 18 times with clouds, flicker or drifting white
+balance."""
 
 GAIN_FREEDOM = 4.0
 """Degrees of freedom of the distribution of these gains: it has heavy tails, for a few frames whose exposure is
