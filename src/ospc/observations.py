@@ -233,9 +233,9 @@ class Observations(ByValue):
         return bool(np.all(self.counts == 2))
 
     @cached_property
-    def pair_of_point(self) -> IntArray:
-        """Number of the group that each point belongs to, none left out, shape (points,)."""
-        return np.unique(self.group[self.starts], return_inverse=True)[1]
+    def group_number(self) -> IntArray:
+        """Number of the group of each observation, with none left out, shape (n,)."""
+        return np.unique(self.group, return_inverse=True)[1]
 
     def combined(self, combine: np.ufunc, values: FloatArray) -> FloatArray:
         """Reduce the values of each point by ``np.add`` or another ufunc, shape (n, ...) -> (points, ...)."""

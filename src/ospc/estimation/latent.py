@@ -128,7 +128,7 @@ class LatentModel:
     ) -> FloatArray:
         """Return the latent gain of the first frame of each pair, and 0 of the second, shape (n,)."""
         # By medians: weights that are still those without gains would discard whole pairs.
-        pair, difference = observations.pair_of_point, log_radiance[0::2] - log_radiance[1::2]
+        pair, difference = observations.group_number[0::2], log_radiance[0::2] - log_radiance[1::2]
         by_chance = 1 / precision[0::2] + 1 / precision[1::2]
         known = np.bincount(pair, 1 / by_chance).astype(np.float64)
         log_gain = np.zeros(len(log_radiance))

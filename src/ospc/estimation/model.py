@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from ospc.arrays import FloatArray, IntArray
 from ospc.estimation.effects import Effects, EffectTerms
+from ospc.estimation.group_sums import GroupSums
 from ospc.estimation.latent import Latent, weighted_means
 from ospc.estimation.normal_equations import NormalEquations
 from ospc.estimation.pair_gains import PairGains
@@ -19,9 +21,7 @@ from ospc.observations import ExposedObservations
 from ospc.settings.estimation import (
     CHUNK_OBSERVATIONS,
     DISAGREEMENT_SHARE,
-    GROUPS_PER_BLOCK,
     MAX_GAMMA_CHANGE,
-    MIN_BLOCKS,
     MIN_GAMMA,
 )
 
@@ -90,55 +90,6 @@ class Model:
 
 
 @dataclass(frozen=True)
-class GroupSums:
-    """The normal equations, and sums over the points of each group of observations, with weights w and rows r.
-
-    Attributes
-    ----------
-    about, matrix, vector
-        Parameters at which misfits are taken, AᵀWA and AᵀWb, shapes (p,), (p, p) and (p,).
-    scores, rows
-        Sums of w r times the misfit, and of w r, shape (groups, p).
-    precision, misfit
-        Sums of w, and of w times the misfit, shape (groups,).
-    """
-
-    about: FloatArray
-    matrix: FloatArray
-    vector: FloatArray
-    scores: FloatArray
-    rows: FloatArray
-    precision: FloatArray
-    misfit: FloatArray
-
-    def gains(self, sigma: float) -> PairGains:
-        """Return what the groups say of their gains, whose scale is known."""
-        return PairGains(self.precision, self.misfit / np.maximum(self.precision, 1e-300), sigma)
-
-    def discounted(self, weight: FloatArray) -> GroupSums:
-        """Return the sums with as much less weight of the means of groups, shape (groups,)."""
-        precision = np.maximum(self.precision, 1e-300)
-        row, mean = self.rows / precision[:, None], self.misfit / precision
-        weighted = row * weight[:, None]
-        return replace(
-            self,
-            matrix=self.matrix - row.T @ weighted,
-            vector=self.vector - weighted.T @ (mean + row @ self.about),
-            scores=self.scores - weighted * mean[:, None],
-        )
-
-    def equations(self) -> NormalEquations:
-        """Return the equations with the scatter of the scores between blocks of groups.
-
-        Errors of one pair of frames recur in the next ones, which show the same scene. Consecutive groups form a
-        block, as long as enough blocks remain to measure a spread between them.
-        """
-        size = int(np.clip(len(self.scores) // MIN_BLOCKS, 1, GROUPS_PER_BLOCK))
-        by_block = np.add.reduceat(self.scores, np.arange(0, len(self.scores), size))
-        return NormalEquations(self.matrix, self.vector, by_block.T @ by_block, blocks=len(by_block))
-
-
-@dataclass(frozen=True)
 class LinearSystem:
     """h(M) − ln V − u = ln e + s of every observation, without the radiance u of its point.
 
@@ -167,14 +118,13 @@ class LinearSystem:
         The precision of the prior, shape (p, p), and the sandwich factor say what the weights are worth; only latent
         gains need that.
         """
-        sums = self._sums(np.append(self.about, 0.0), with_rows=self.has_gains)
+        sums = self._sums
         if not self.has_gains:
             return sums.equations()
-        gains = sums.gains(self.gain_sigma)
+        gains = self.gains(self.about)
         # The variance of the gains is what it is; in units of the weights, which are too large, it is smaller.
         scale = self._scale_within(sums, prior_precision, sandwich_factor)
-        total = scale * gains.variance + 1 / np.maximum(gains.precision, 1e-300)
-        return sums.discounted(gains.precision - 1 / total).equations()
+        return sums.discounted(gains.precision - 1 / (scale * gains.variance + gains.by_chance)).equations()
 
     def _scale_within(self, sums: GroupSums, prior_precision: FloatArray, sandwich_factor: float) -> float:
         """Return the information scale of what points of a pair tell of each other."""
@@ -188,23 +138,29 @@ class LinearSystem:
 
     def gains(self, parameters: FloatArray) -> PairGains:
         """Return what pairs of frames say of their gains, with parameters of shape (p,)."""
-        return self._sums(np.append(parameters, 0.0), with_rows=False).gains(self.gain_sigma)
+        return self._sums.gains(self.gain_sigma, np.append(parameters, 0.0))
 
     def significant_gain_sigma(self, prior_precision: FloatArray, sandwich_factor: float) -> float:
         """Return the scale of gains that the pairs show, 0 if chance explains it; arguments as for the equations.
 
         Chance includes that errors of the points of a pair have common causes.
         """
-        sums = self._sums(np.append(self.about, 0.0), with_rows=True)
+        sums = self._summed(with_rows=True)
         scale = min(self._scale_within(sums, prior_precision, sandwich_factor), 1.0)
-        gains = sums.gains(0.0)
+        gains = sums.gains(0.0, sums.about)
         return replace(gains, precision=scale * gains.precision).significant_sigma
 
-    def _sums(self, about: FloatArray, *, with_rows: bool) -> GroupSums:
-        p, (groups, number) = len(about), np.unique(self.observations.group, return_inverse=True)
+    @cached_property
+    def _sums(self) -> GroupSums:
+        return self._summed(with_rows=self.has_gains)
+
+    def _summed(self, *, with_rows: bool) -> GroupSums:
+        """Return the sums; those of rows take time and serve gains only."""
+        about, number = np.append(self.about, 0.0), self.observations.group_number
+        p = len(about)
         matrix, vector = np.zeros((p, p)), np.zeros(p)
-        kept = p if with_rows else 0  # they take time and serve gains only
-        of_group = np.zeros((len(groups), 2 + p + kept))
+        kept = p if with_rows else 0
+        of_group = np.zeros((int(number.max()) + 1, 2 + p + kept))
         for part in _chunks(self.observations):
             rows, target, factor, member = self._free_of_radiance(part)
             weighted = rows * factor[:, None]
@@ -229,7 +185,7 @@ class LinearSystem:
         sides = np.repeat(_halves(self.observations), self.observations.counts, axis=1)
         gain = np.zeros(len(self.observations))
         if self.has_gains:
-            gain = np.repeat(self.gains(parameters).values[self.observations.pair_of_point], 2)
+            gain = self.gains(parameters).values[self.observations.group_number]
         scores = np.zeros((len(sides), len(parameters)))
         for part in _chunks(self.observations):
             rows, target, factor, member = self._free_of_radiance(part)

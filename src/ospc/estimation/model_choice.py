@@ -138,8 +138,11 @@ def fit_with_chosen_effects(
     fit, trials = _with_effects(observations, plain, plain_trials, widest, noise, rounds)
     # Gains come last, and not where exposures belong to other frames: they would hide what explains the brightness.
     if not _shows_lag(trials) and (gain_sigma := _gain_sigma(observations, fit, noise)):
-        plain, fit = (_with_gains(observations, each, gain_sigma, noise, rounds) for each in (plain, fit))
-        plain_trials, trials = (estimate_effects(observations, each, noise, _left_out(each)) for each in (plain, fit))
+        found_none = fit is plain
+        plain = _with_gains(observations, plain, gain_sigma, noise, rounds)
+        plain_trials = estimate_effects(observations, plain, noise, tuple(EFFECTS))
+        fit = plain if found_none else _with_gains(observations, fit, gain_sigma, noise, rounds)
+        trials = plain_trials if found_none else estimate_effects(observations, fit, noise, _left_out(fit))
     if any(name in CONTRADICTIONS for name in fit.effects.chosen):
         return _with_estimates(plain, plain_trials, _estimates(fit)[-1:])
     if fit.groups < MIN_GROUPS_TO_CONTRADICT:
@@ -250,10 +253,11 @@ def _estimates(fit: Fit) -> tuple[EffectEstimate, ...]:
     """Return the estimates of latent gains, if there are any, and of the effects."""
     sigma, gain = np.sqrt(np.diag(fit.covariance))[fit.vignette_part.stop :], fit.errors.gain_sigma
     of_gains = EffectEstimate(UNSTEADY_LIGHT, gain, gain * ERROR_OF_SCALE / math.sqrt(fit.groups), corrected=True)
-    return (of_gains,) * (gain > 0) + tuple(
+    of_effects = (
         EffectEstimate(name, float(value), float(deviation), name in CORRECTED, name in CONTRADICTIONS)
         for name, value, deviation in zip(fit.effects.chosen, fit.effect_parameters, sigma, strict=True)
     )
+    return (of_gains, *of_effects) if gain else tuple(of_effects)
 
 
 def _with_estimates(fit: Fit, trials: Sequence[Trial], found: tuple[EffectEstimate, ...]) -> Fit:

@@ -34,41 +34,42 @@ class PairGains:
     sigma: float = 0.0
 
     @cached_property
+    def by_chance(self) -> FloatArray:
+        """Variance of each mean by chance, shape (pairs,); huge where a pair has no point."""
+        return np.asarray(1 / np.maximum(self.precision, 1e-300))
+
+    @cached_property
     def variance(self) -> FloatArray:
         """Variance of the prior of each gain, shape (pairs,).
 
         It is larger for exceptional pairs: the weights are those of Student's t (Lange, Little and Taylor 1989).
         """
-        usual = self.sigma**2 + self._by_chance
+        usual = self.sigma**2 + self.by_chance
         exceptional = (GAIN_FREEDOM + self.mean**2 / usual) / (GAIN_FREEDOM + 1)
         return np.asarray(self.sigma**2 + usual * np.maximum(exceptional - 1, 0.0))
 
     @cached_property
     def values(self) -> FloatArray:
         """Most probable gains, shape (pairs,)."""
-        return np.asarray(self.mean * self.variance / (self.variance + self._by_chance))
+        return np.asarray(self.mean * self.variance / (self.variance + self.by_chance))
 
     @property
     def refitted_sigma(self) -> float:
         """The scale after one more iteration: by the scale at hand, the means should have unit scatter."""
-        return self.sigma * robust_scale(self._known / np.sqrt(self.sigma**2 + self._known_by_chance))
+        mean, by_chance = self._known
+        return self.sigma * robust_scale(mean / np.sqrt(self.sigma**2 + by_chance))
 
     @property
     def significant_sigma(self) -> float:
         """The scale that the scatter of the means shows, 0 if chance explains it."""
-        scatter = robust_scale(self._known / np.sqrt(self._known_by_chance))
-        if scatter < 1 + GAIN_SIGMAS * ERROR_OF_SCALE / np.sqrt(max(len(self._known), 1)):
+        mean, by_chance = self._known
+        scatter = robust_scale(mean / np.sqrt(by_chance))
+        if scatter < 1 + GAIN_SIGMAS * ERROR_OF_SCALE / np.sqrt(max(len(mean), 1)):
             return 0.0
-        return float(np.sqrt(max(robust_scale(self._known) ** 2 - float(np.median(self._known_by_chance)), 0.0)))
+        return float(np.sqrt(max(robust_scale(mean) ** 2 - float(np.median(by_chance)), 0.0)))
 
     @property
-    def _by_chance(self) -> FloatArray:
-        return np.asarray(1 / np.maximum(self.precision, 1e-12))
-
-    @property
-    def _known(self) -> FloatArray:
-        return np.asarray(self.mean[self.precision > 0])
-
-    @property
-    def _known_by_chance(self) -> FloatArray:
-        return np.asarray(1 / self.precision[self.precision > 0])
+    def _known(self) -> tuple[FloatArray, FloatArray]:
+        """Mean and variance by chance of the pairs that have points."""
+        known = self.precision > 0
+        return self.mean[known], self.by_chance[known]
