@@ -17,7 +17,7 @@ from ospc.exposures.findings import ExposureFindings
 from ospc.exposures.lag_choice import LagChoice, lag_in_words
 from ospc.exposures.monitor import ExposureMonitor
 from ospc.exposures.table import ExposureTable
-from ospc.frame_checks import check_exposure, checked_frame, why_most_are_lost
+from ospc.frame_checks import check_exposure, check_is_frame, checked_frame, why_most_are_lost
 from ospc.methods.change_detection import Change
 from ospc.methods.method import Method, Progress
 from ospc.methods.preview import Preview
@@ -107,10 +107,13 @@ class Engine:
 
         Raises
         ------
+        FrameError
+            If it is no frame.
         RecordingError
             If no frame can be read any more. Nothing has changed then, and the frame may be pushed again.
         """
         with self._lock:
+            check_is_frame(frame, self.frames)
             number = self._exposures.table.append(frame.exposure_ms)
             try:
                 size = None if self._method is None else self._size

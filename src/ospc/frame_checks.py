@@ -13,6 +13,15 @@ from ospc.errors import ExposureError, FrameError
 from ospc.recording.frame import Frame, size_of
 
 
+def check_is_frame(pushed: object, number: int) -> None:
+    """Raise a FrameError where something else than a frame was pushed."""
+    if not isinstance(pushed, Frame):
+        raise FrameError(
+            f"frame {number}: a Frame must be pushed, not {type(pushed).__name__}; make one with "
+            "Frame.of_array(image, exposure_ms)"
+        )
+
+
 def checked_frame(frame: Frame, number: int, size: ImageSize | None, max_grey: int) -> Frame:
     """Return a frame under its number in the run, with an image that has the size of the first.
 

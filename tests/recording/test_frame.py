@@ -8,7 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ospc.errors import FrameError
+from ospc.calibrator import OnlineCalibrator
+from ospc.errors import ExposureError, FrameError
+from ospc.live import LiveCalibrator
 from ospc.recording import ArrayRecording, Frame
 from ospc.recording.derived import masked
 
@@ -58,3 +60,49 @@ def test_a_mask_may_be_an_image() -> None:
 def test_what_is_no_mask_is_refused(mask: Any) -> None:
     with pytest.raises(FrameError, match="frame 0: a mask is an array of bool or uint8 with two dimensions"):
         replace(FRAME, mask=mask)
+
+
+@pytest.mark.parametrize("value", ["5.0", "5,0", b"5", [5.0], np.array([5.0]), 5j])
+def test_an_exposure_that_is_no_number_is_refused(value: Any) -> None:
+    for make in (
+        lambda: Frame.of_array(IMAGE, value, index=7),
+        lambda: replace(FRAME, name="frame 7", exposure_ms=value),
+    ):
+        with pytest.raises(ExposureError, match=r"^frame 7: exposure_ms is .*; give a number$"):
+            make()
+
+
+@pytest.mark.parametrize("value", [5, np.float32(5), np.array(5.0), np.uint8(5)])
+def test_an_exposure_may_be_of_numpy(value: Any) -> None:
+    for frame in (Frame.of_array(IMAGE, value), replace(FRAME, exposure_ms=value)):
+        assert frame.exposure_ms == 5
+        assert type(frame.exposure_ms) is float
+
+
+@pytest.mark.parametrize("value", [None, "now", [0.0]])
+def test_a_time_stamp_that_is_no_number_is_refused(value: Any) -> None:
+    with pytest.raises(ExposureError, match=r"^frame 0: stamp_s is .*; give a number$"):
+        replace(FRAME, stamp_s=value)
+
+
+@pytest.mark.parametrize("value", [None, "a.png"])
+def test_what_is_no_image_is_refused(value: Any) -> None:
+    for make in (lambda: Frame.of_array(value, 1.0), lambda: replace(FRAME, load=lambda: value).image):
+        with pytest.raises(FrameError, match=rf"^frame 0: its image is {value}; give an array"):
+            make()
+    with pytest.raises(FrameError, match=r"^frame 0: load must be a function; .* Frame\.of_array$"):
+        replace(FRAME, load=value)
+
+
+@pytest.mark.parametrize("kind", [OnlineCalibrator, LiveCalibrator])
+def test_what_is_no_frame_is_refused_and_the_run_goes_on(kind: type[OnlineCalibrator | LiveCalibrator]) -> None:
+    calibrator = kind()
+    for pushed in (IMAGE, (IMAGE, 1.0), None):
+        with pytest.raises(FrameError, match=r"^frame 0: a Frame must be pushed, not .*Frame\.of_array"):
+            calibrator.push(pushed)  # type: ignore[arg-type]
+    calibrator.push(replace(FRAME, load=lambda: None))  # type: ignore[arg-type, return-value]
+    if isinstance(calibrator, LiveCalibrator):
+        calibrator.wait()
+        calibrator.close()
+    assert calibrator.status.frames == 1
+    assert "its image is None" in calibrator.first_reasons[0]

@@ -16,6 +16,7 @@ from typing import Any, Self
 from ospc.calibrator import OnlineCalibrator
 from ospc.errors import FrameError, OspcError, SettingError, said_by
 from ospc.exposures.lag_choice import LagChoice
+from ospc.frame_checks import check_is_frame
 from ospc.live.knowledge import GOAL
 from ospc.live.status import Findings, LiveStatus
 from ospc.methods.preview import Preview
@@ -99,9 +100,11 @@ class LiveCalibrator:
     def push(self, frame: Frame) -> bool:
         """Take the next frame, without waiting for any work on it, and return whether its image was kept.
 
-        Images in memory are copied if they may be processed: a driver may fill its buffer anew.
+        Images in memory are copied if they may be processed: a driver may fill its buffer anew. FrameError if it is
+        no frame.
         """
         with self._running():
+            check_is_frame(frame, self._frames)
             needed, full = self._engine.may_need_image(self._frames), self._waiting_bytes >= QUEUE_BYTES
             work, size, kept = partial(self._engine.push_without_image, frame.exposure_ms, frame.name), 0, False
             # What waits in the queue may change which frames are needed: that is predicted only while none waits.

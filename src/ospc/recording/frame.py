@@ -5,11 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from ospc.arrays import BoolArray, Image, ImageSize
-from ospc.errors import FrameError
+from ospc.errors import ExposureError, FrameError
 
 MAX_DECODED_BYTES = 512 * 2**20
 """Images that would need more, counting all stored channels, are refused before decoding."""
@@ -54,7 +56,9 @@ class Frame:
     Raises
     ------
     FrameError
-        If ``max_grey`` is no grey value of 16 bits, or ``mask`` is no mask.
+        If ``load`` cannot be called, ``max_grey`` is no grey value of 16 bits, or ``mask`` is no mask.
+    ExposureError
+        If the exposure or the time stamp is no number.
     """
 
     index: int
@@ -69,9 +73,13 @@ class Frame:
     colour: bool = field(default=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        """Take None as an unknown exposure, an integer of NumPy as int, and the image of a mask as truth values."""
-        if self.exposure_ms is None:
-            object.__setattr__(self, "exposure_ms", math.nan)
+        """Take None as an unknown exposure, other numbers as those of Python, and the image of a mask as a mask."""
+        if not callable(self.load):
+            raise FrameError(f"{self.name}: load must be a function; for an image in memory use Frame.of_array")
+        unknown = self.exposure_ms is None
+        exposure_ms = math.nan if unknown else checked_number(self.exposure_ms, "exposure_ms", self.name)
+        object.__setattr__(self, "exposure_ms", exposure_ms)
+        object.__setattr__(self, "stamp_s", checked_number(self.stamp_s, "stamp_s", self.name))
         object.__setattr__(self, "max_grey", checked_max_grey(self.max_grey, self.name))
         if self.mask is not None:
             object.__setattr__(self, "mask", checked_mask(self.mask, self.name))
@@ -79,7 +87,7 @@ class Frame:
     @classmethod
     def of_array(
         cls,
-        image: Image,
+        image: npt.ArrayLike,
         exposure_ms: float | None,
         *,
         index: int = 0,
@@ -90,10 +98,10 @@ class Frame:
 
         The other parameters are the attributes of a frame; ``max_grey`` is by default that of the data type. Larger
         values of 16 bits count as saturated. FrameError if the array is not a grey image of 8 or 16 bits, or
-        ``max_grey`` does not fit it.
+        ``max_grey`` does not fit it; ExposureError if exposure or time stamp is no number.
         """
         name = f"frame {index}"
-        checked = check_image(np.asarray(image), name)
+        checked = check_image(image, name)
         most = int(np.iinfo(checked.dtype).max)
         limit = most if max_grey is None else checked_max_grey(max_grey, name)
         if most == 255 and (limit > most or (limit < most and checked.max() > limit)):
@@ -101,8 +109,8 @@ class Frame:
                 f"{name}: max_grey is {limit}, which does not fit 8-bit grey values up to {checked.max()}; give the "
                 "largest value of the sensor"
             )
-        known_ms = math.nan if exposure_ms is None else float(exposure_ms)
-        return cls(index, float(stamp_s), known_ms, name, lambda: checked, limit)
+        unknown_ms = math.nan if exposure_ms is None else exposure_ms
+        return cls(index, stamp_s, unknown_ms, name, lambda: checked, limit)
 
     @property
     def image(self) -> Image:
@@ -124,14 +132,27 @@ class Frame:
         return np.rint(np.minimum(self.image, self.max_grey) * (255 / self.max_grey)).astype(np.uint8)
 
 
-def check_image(image: Image, name: str, *, colour: bool = False) -> Image:
-    """Return the image if it is grey, or in colour if allowed, with 8 or 16 bits; FrameError if it is not."""
+def check_image(pixels: npt.ArrayLike, name: str, *, colour: bool = False) -> Image:
+    """Return an image if it is grey, or in colour if allowed, with 8 or 16 bits; FrameError if it is not."""
+    image = np.asarray(pixels)
+    if image.ndim == 0:
+        raise FrameError(f"{name}: its image is {image}; give an array of shape (height, width)")
     three = colour and image.ndim == 3 and image.shape[2] == 3
     if not (image.ndim == 2 or three) or image.size == 0:
         raise FrameError(f"{name}: a grey image has two dimensions, but this array has shape {image.shape}")
     if image.dtype not in (np.uint8, np.uint16):
         raise FrameError(f"{name}: grey values must be uint8 or uint16, not {image.dtype}")
     return image
+
+
+def checked_number(value: Any, what: str, name: str) -> float:
+    """Return a number as float; ExposureError if it is none. A text is none: nobody knows its unit or its comma."""
+    try:
+        if not isinstance(value, str | bytes):
+            return float(value)
+    except (TypeError, ValueError, OverflowError):
+        pass
+    raise ExposureError(f"{name}: {what} is {value!r}; give a number")
 
 
 def checked_max_grey(max_grey: int, name: str) -> int:

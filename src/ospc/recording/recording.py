@@ -225,7 +225,7 @@ class ArrayRecording(StoredRecording):
         if len(images) == 0:
             raise RecordingError(f"{name}: holds no images; give at least one")
         try:
-            first = check_image(np.asarray(images[0]), f"{name}[0]")
+            first = check_image(images[0], f"{name}[0]")
         except FrameError as error:
             raise RecordingError(f"{error}; convert the images to grey with shape (frames, height, width)") from None
         notes: tuple[str, ...] = ()
@@ -262,7 +262,7 @@ class ArrayRecording(StoredRecording):
 
     def _load(self, index: int) -> Image:
         name = f"{self._name}[{index}]"
-        image = check_image(np.asarray(self._images[index]), name)
+        image = check_image(self._images[index], name)
         check_size(size_of(image), self.size, name)
         return image
 
