@@ -387,7 +387,7 @@ def test_a_path_that_holds_no_recording_is_named(tmp_path):
 
 def test_exposures_no_camera_has_are_refused_before_any_work():
     with pytest.raises(ExposureError):
-        calibrate(ArrayRecording([IMAGE] * 2, [1.0, float("nan")]))
+        calibrate(ArrayRecording([IMAGE] * 2, [1.0, 0.0]))
 
 
 @pytest.mark.parametrize("name", ["default", "paper"])

@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 
 from ospc.arrays import Image, ImageSize
-from ospc.errors import ExposureError, FrameError
+from ospc.errors import ExposureError, FrameError, counted
 from ospc.recording.frame import Frame, size_of
 
 
@@ -79,6 +79,11 @@ def image_of_size(frame: Frame, size: ImageSize) -> Image:
             "calibrate each image size on its own"
         )
     return frame.image
+
+
+def skipped_in_words(skipped: int, frames: int, reasons: Sequence[str]) -> str:
+    """Return how many frames were skipped, and the first reasons."""
+    return f"{skipped} of {counted(frames, 'frame')} skipped: {'; '.join(reasons)}" + "; …" * (skipped > len(reasons))
 
 
 def why_most_are_lost(skipped: int, frames: int, reasons: Sequence[str]) -> str:

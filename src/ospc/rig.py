@@ -22,8 +22,9 @@ from scipy.sparse.csgraph import connected_components
 
 from ospc.arrays import BoolArray, Float32Array, FloatArray, IntArray, nearest
 from ospc.correspondence.features import Features, SiftExtractor, match
-from ospc.errors import FrameError, NotObservableError
+from ospc.errors import ExposureError, FrameError, NotObservableError
 from ospc.formats.files import write_text
+from ospc.frame_checks import check_exposure
 from ospc.photometry.calibration import Calibration
 from ospc.recording import Frame, Recording
 from ospc.robust import robust_scale
@@ -181,12 +182,13 @@ def _moments(recordings: Sequence[Recording]) -> IntArray:
 
 
 def _all_seen(recording: Recording, calibration: Calibration, frames: IntArray) -> list[Features | None]:
-    """Return what a camera saw at each moment; None where there is no frame, or none that can be read."""
+    """Return what a camera saw at each moment; None where there is no frame, or none that can be used."""
     found: list[Features | None] = [None] * len(frames)
     extractor = SiftExtractor(_MAX_FEATURES)
     for frame in recording:
         for moment in np.flatnonzero(frames == frame.index):
-            with suppress(FrameError):
+            with suppress(FrameError, ExposureError):
+                check_exposure(frame.exposure_ms, frame.name)
                 found[moment] = _seen(frame, calibration, extractor)
     return found
 

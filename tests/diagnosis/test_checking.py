@@ -206,7 +206,7 @@ def test_frames_that_cannot_be_read_are_passed_over() -> None:
     broken = _WithHoles(recording, frozenset({3, 17}))
     report = check_recording(broken)
     assert report.unreadable == 2
-    assert said(report, "2 frames cannot be used")
+    assert said(report, "2 of 50 frames skipped: damaged; damaged")
     with pytest.raises(RecordingError, match="none of its frames can be used"):
         check_recording(_WithHoles(recording, frozenset(range(50))))
 

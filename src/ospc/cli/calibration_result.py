@@ -22,6 +22,7 @@ from ospc.cli.terminal import (
 from ospc.errors import counted
 from ospc.evaluation.comparison import Comparison, compare
 from ospc.formats.opening import Photometry
+from ospc.frame_checks import skipped_in_words
 from ospc.output import OutputFolder, Times, Written
 from ospc.photometry.calibration import Calibration, Verdict
 from ospc.recording import Recording
@@ -158,8 +159,7 @@ class ResultFolder:
         calibration, folder, truth = outcome.calibration, self.folder.path, self.truth
         counts, ratios = calibration.counts, calibration.exposure_ratios
         if counts.get("skipped"):
-            reasons = "; ".join(outcome.skipped) + ("; …" if counts["skipped"] > len(outcome.skipped) else "")
-            say_notes([f"{counts['skipped']} of {counted(counts['frames'], 'frame')} skipped: {reasons}"], "warning")
+            say_notes([skipped_in_words(counts["skipped"], counts["frames"], outcome.skipped)], "warning")
         say_verdicts(calibration.verdicts)
         for line in outcome.basis():
             say(line)

@@ -18,6 +18,7 @@ from ospc.errors import ExposureError, FrameError, NotObservableError, Recording
 from ospc.formats.dso import parameter_files, write_times
 from ospc.formats.image_header import WITH_METADATA
 from ospc.formats.opening import Photometry
+from ospc.frame_checks import check_exposure
 from ospc.photometry.correction import Corrector, wrong_size
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import RasterVignette
@@ -50,7 +51,7 @@ class Corrected:
     frames, exposures_ms
         Indices of the written frames, and the exposures of their images, shape (frames,); all 1 ms if unknown.
     skipped, reasons
-        Number of frames that could not be read, and why, for the first few of them.
+        Number of frames that could not be read or have no exposure, and why, for the first few of them.
     saturated, clipped
         Shares of the pixels that were saturated, and of the others that exceed the range of the output.
     assumed
@@ -213,7 +214,7 @@ def _notes_on(source: Source, photometry: Photometry, settings: CorrectionSettin
         )
     if photometry.caveat:
         yield photometry.caveat
-    low, high = np.min(recording.exposures_ms), np.max(recording.exposures_ms)
+    low, high = np.nanmin(recording.exposures_ms), np.nanmax(recording.exposures_ms)
     if settings.output == "grey8" and settings.normalise_exposure and high > _WIDE * low:
         yield (
             f"8 bits are too few for exposures from {low:.3g} to {high:.3g} ms at one scale; use grey16 or irradiance"
@@ -280,13 +281,14 @@ class _Work:
 
 
 def _readable(recording: Recording, done: Container[int], reasons: list[str]) -> Iterator[tuple[Frame, Image]]:
-    """Yield the readable frames that are not done, with their images, and collect the reasons for the others."""
+    """Yield the usable frames that are not done, with their images, and collect the reasons for the others."""
     for frame in recording:
         if frame.index in done:
             continue
         try:
+            check_exposure(frame.exposure_ms, frame.name)
             image = frame.image
-        except FrameError as error:
+        except (FrameError, ExposureError) as error:
             reasons.append(str(error))
             continue
         yield frame, image

@@ -68,7 +68,7 @@ class CorrectionSettings:
         output = self.output or (as_they_are if self.keep_response else "irradiance")
         reference_ms = self.reference_ms
         if self.normalise_exposure and reference_ms is None:
-            choices = {"irradiance": 1.0, "grey16": exposures_ms.min(), "grey8": np.median(exposures_ms)}
+            choices = {"irradiance": 1.0, "grey16": np.nanmin(exposures_ms), "grey8": np.nanmedian(exposures_ms)}
             reference_ms = float(choices[output])
         return replace(self, output=output, reference_ms=reference_ms)
 

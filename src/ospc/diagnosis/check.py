@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import islice
 
 import numpy as np
@@ -15,6 +15,7 @@ from ospc.exposures.brightness_report import BrightnessReport
 from ospc.exposures.findings import ExposureFindings
 from ospc.exposures.lag_choice import LagChoice
 from ospc.exposures.tone_mapping import NO_LOCAL_TONE, LocalTone
+from ospc.frame_checks import skipped_in_words
 from ospc.recording.frame import Frame
 from ospc.recording.recording import Recording
 from ospc.settings.exposures import MAX_LAG
@@ -60,7 +61,7 @@ def check_recording(
     found, calibration = calibrator.exposure_findings(), labelled(calibrator.calibration(), recording)
     when = timing(recording.stamps_s[:total], brightness.repeated, brightness.compared)
     told = (
-        *_about_frames(when, calibration.counts["skipped"]),
+        *_about_frames(when, calibration.counts, calibrator.first_reasons),
         *_about_lag(found),
         *_about_brightness(found.brightness, when),
         *_about_tone(found.local_tone),
@@ -99,9 +100,9 @@ _SLOWEST_VIDEO_S = 0.7
 rate by which frames could be missing."""
 
 
-def _about_frames(timing: Timing, unreadable: int) -> Iterator[str]:
-    if unreadable:
-        yield f"{counted(unreadable, 'frame')} cannot be used; remove or copy again"
+def _about_frames(timing: Timing, counts: Mapping[str, int], reasons: Sequence[str]) -> Iterator[str]:
+    if counts["skipped"]:
+        yield skipped_in_words(counts["skipped"], counts["frames"], reasons)
     if timing.duplicate_frames:
         yield (
             f"{len(timing.duplicate_frames)} of {timing.compared_frames} frames repeat the image of the one before, "

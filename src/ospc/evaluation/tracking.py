@@ -20,8 +20,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from ospc.errors import FrameError, NotObservableError, counted
+from ospc.errors import ExposureError, FrameError, NotObservableError, counted
 from ospc.evaluation.tracks import EVERY, TrackFigures, Tracks
+from ospc.frame_checks import check_exposure
 from ospc.photometry.correction import Corrector
 from ospc.recording import Frame, Recording
 
@@ -110,8 +111,9 @@ def compare_tracking(
     for number, frame in enumerate(recording, start=1):
         progress(number, len(recording))
         try:
+            check_exposure(frame.exposure_ms, frame.name)
             _ = frame.image
-        except FrameError:
+        except (FrameError, ExposureError):
             skipped += 1
             continue
         if before is not None:

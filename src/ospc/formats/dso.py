@@ -129,7 +129,7 @@ def write_times(
     with np.errstate(over="ignore", under="ignore"):
         stored = exposures.astype(np.float32)
     if not np.all(np.isfinite(stored) & (stored > 0)):
-        raise ExposureError(f"{path}: exposures must be finite and positive, in milliseconds")
+        raise ExposureError(f"{path}: exposures must be known, finite and positive, in milliseconds")
     lines = (
         f"{i:d} {s:.9f}\n" if exposures_ms is None else f"{i:d} {s:.9f} {e:.9g}\n"
         for i, s, e in zip(ids, stamps, exposures, strict=True)

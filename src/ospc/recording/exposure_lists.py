@@ -100,7 +100,7 @@ def parse_times(text: str, source: str, options: ReadingOptions = DEFAULT) -> Fr
     columns = Columns(3, image=0, stamp=1, exposure=2, unit=ExposureUnit.MS)
     table = _table(columns, rows, source, options)
     interval_ms = 1e3 * float(np.median(np.diff(table.stamps_s))) if len(table) > 1 else math.inf
-    middle_ms = float(np.median(table.exposures_ms))
+    middle_ms = float(np.nanmedian(table.exposures_ms))
     if middle_ms <= _LONG_EXPOSURE * interval_ms:
         return table
     remark = (
@@ -126,7 +126,7 @@ def parse_image_list(text: str, source: str) -> FrameTable:
         exposure_s = parse_number(fields[1], "the exposure", place)
         others = [parse_number(field, "every further column", place) for field in fields[2:]]
         # The inverse confirms that the column holds exposure times in seconds.
-        if others and not abs(exposure_s * others[0] - 1) < _INVERSE_TOLERANCE:
+        if others and abs(exposure_s * others[0] - 1) >= _INVERSE_TOLERANCE:
             raise ExposureError(
                 f"{place}: the exposure {exposure_s:g} s contradicts its inverse {others[0]:g}; {_IMAGE_LIST_LINE}"
             )

@@ -98,9 +98,9 @@ Where = Callable[[Sequence[int]], str]
 class FrameTable:
     """A checked list of frames from the file ``source``; stamps increase, and exposures are finite and positive.
 
-    Both have shape (frames,). ``ids`` are the names of the images in the list, empty if they are not named; ``notes``
-    say what was inferred; ``stamped`` tells whether the list has time stamps: otherwise the frames are numbered, one
-    per second.
+    Both have shape (frames,); an unknown exposure is NaN. ``ids`` are the names of the images in the list, empty if
+    they are not named; ``notes`` say what was inferred; ``stamped`` tells whether the list has time stamps: otherwise
+    the frames are numbered, one per second.
     """
 
     source: str
@@ -126,8 +126,8 @@ def make_table(
 ) -> FrameTable:
     """Check a list of frames in temporal order; stamps too large for seconds are converted from the unit that fits.
 
-    ``lines`` are those of the frames in the file, for messages; by default they are counted from 1. ExposureError if
-    an exposure is not finite and positive; RecordingError if there are no frames, stamps do not increase, or an image
+    ``lines`` are those of the frames in the file, for messages; by default they are counted from 1. ExposureError as
+    by :func:`checked_exposures`; RecordingError if there are no frames, stamps do not increase, or an image
     is named twice.
     """
     numbers = lines or range(1, len(np.atleast_1d(exposures_ms)) + 1)
@@ -155,15 +155,21 @@ def make_table(
 def checked_exposures(
     exposures_ms: npt.ArrayLike, where: Where, remedy: str = "remove the frame or give its exposure"
 ) -> FloatArray:
-    """Return a read-only copy of exposures; ExposureError if one is not finite and positive."""
+    """Return a read-only copy of exposures, NaN where one is unknown.
+
+    ExposureError if one is not finite and positive, or all are unknown.
+    """
     exposures = np.array(exposures_ms, dtype=np.float64)
     low, high = EXPOSURE_RANGE_MS
-    bad = np.flatnonzero(~((exposures >= low) & (exposures <= high)))
+    unknown = np.isnan(exposures)
+    bad = np.flatnonzero(~((exposures >= low) & (exposures <= high) | unknown))
     if bad.size:
         raise ExposureError(
             f"{where(bad.tolist())}: the exposure must be a positive number of milliseconds, not "
             f"{exposures[bad[0]]:g}; {remedy}"
         )
+    if unknown.all():
+        raise ExposureError(f"{where(np.flatnonzero(unknown).tolist())}: no exposure is known; {remedy}")
     return _read_only(exposures)
 
 

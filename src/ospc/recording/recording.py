@@ -144,7 +144,7 @@ def identity(recording: Recording) -> dict[str, Any]:
         "frames": len(recording),
         "size": list(recording.size),
         "max_grey": recording.max_grey,
-        "exposure_range_ms": [float(exposures_ms.min()), float(exposures_ms.max())],
+        "exposure_range_ms": [float(np.nanmin(exposures_ms)), float(np.nanmax(exposures_ms))],
         "frames_sha256": sha256(stamps_s.tobytes() + exposures_ms.tobytes()).hexdigest(),
         "images_sha256": _images_sha256(recording, indices),
         "images_hashed": indices,
@@ -188,7 +188,7 @@ class ArrayRecording(StoredRecording):
         Grey images, uint8 or uint16: an array of shape (frames, height, width), or a sequence of arrays of shape
         (height, width). They are not copied.
     exposures_ms
-        Exposure time in milliseconds times linear gain of every frame, shape (frames,).
+        Exposure time in milliseconds times linear gain of every frame, NaN where it is unknown, shape (frames,).
     stamps_s
         Time stamps in seconds, strictly increasing, shape (frames,); by default one frame per second.
     name
@@ -199,7 +199,7 @@ class ArrayRecording(StoredRecording):
     Raises
     ------
     ExposureError
-        If exposures are not finite and positive, or their number is not that of the images.
+        If known exposures are not finite and positive, none is known, or their number is not that of the images.
     RecordingError
         If there are no images, the first is not a grey image, ``max_grey`` is no grey value, or stamps do not
         increase.

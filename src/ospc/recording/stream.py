@@ -15,7 +15,7 @@ from ospc.arrays import Image
 from ospc.errors import ExposureError, FrameError
 from ospc.recording.frame import Frame
 
-Item: TypeAlias = Frame | tuple[Image, float] | tuple[Image, float, float]
+Item: TypeAlias = Frame | tuple[Image, float | None] | tuple[Image, float | None, float]
 """A frame, an image with its exposure in ms, or an image with its exposure in ms and time stamp in s."""
 
 T = TypeVar("T")
@@ -29,7 +29,7 @@ def frames_of(items: Iterable[Item], *, max_grey: int | None = None) -> Iterator
     ----------
     items
         Frames, or tuples ``(image, exposure_ms)`` or ``(image, exposure_ms, stamp_s)`` with grey images of shape
-        (height, width), uint8 or uint16.
+        (height, width), uint8 or uint16. An unknown exposure is None or NaN.
     max_grey
         Largest grey value of the images; required if they have more than 8 bits.
 
@@ -38,7 +38,7 @@ def frames_of(items: Iterable[Item], *, max_grey: int | None = None) -> Iterator
     FrameError
         If an item is none of these, or an image is not grey.
     ExposureError
-        If an exposure is not finite and positive.
+        If a known exposure is not finite and positive.
 
     Examples
     --------
@@ -53,18 +53,15 @@ def frames_of(items: Iterable[Item], *, max_grey: int | None = None) -> Iterator
 def _frame(item: Any, index: int, max_grey: int | None) -> Frame:
     if not isinstance(item, tuple | list) or len(item) not in (2, 3):
         raise FrameError(f"item {index}: must be a frame, (image, exposure_ms) or (image, exposure_ms, stamp_s)")
-    image = np.asarray(item[0])
-    try:
-        exposure_ms, stamp_s = float(item[1]), float(item[2]) if len(item) == 3 else float(index)
-    except (TypeError, ValueError):
-        raise ExposureError(f"item {index}: exposure and time stamp must be numbers") from None
-    if not 0 < exposure_ms < np.inf:
-        raise ExposureError(f"item {index}: exposure {exposure_ms} ms is not a positive number")
+    image, exposure_ms, stamp_s = np.asarray(item[0]), *(*item[1:], index)[:2]
     if image.dtype != np.uint8 and max_grey is None:
         raise FrameError(
             f"item {index}: has grey values of type {image.dtype}; state max_grey, the largest value of the sensor"
         )
-    return Frame.of_array(image, exposure_ms, index=index, stamp_s=stamp_s, max_grey=max_grey)
+    frame = Frame.of_array(image, exposure_ms, index=index, stamp_s=stamp_s, max_grey=max_grey)
+    if not (np.isnan(frame.exposure_ms) or 0 < frame.exposure_ms < np.inf):
+        raise ExposureError(f"item {index}: exposure {frame.exposure_ms} ms is not a positive number")
+    return frame
 
 
 _DECODED, _VERIFIED = 3, 64

@@ -12,6 +12,7 @@ import numpy as np
 from ospc.arrays import FloatArray, Image
 from ospc.errors import OspcError
 from ospc.evaluation.tracking import TrackingComparison, compare_tracking
+from ospc.exposures.table import filled
 from ospc.photometry.calibration import Calibration, ExposureRatios
 from ospc.photometry.correction import Corrector
 from ospc.photometry.coverage import Coverage
@@ -108,7 +109,7 @@ def exposures_beside(folder: Path) -> FloatArray | None:
 def _where_exposure_changes(recording: Recording, count: int, reach: int) -> DerivedRecording:
     """Return the successive frames with the largest range of exposures, the earliest of several."""
     count = min(count, reach)
-    log_exposure = np.log(np.maximum(recording.exposures_ms[:reach], 1e-12))
+    log_exposure = filled(np.log(np.maximum(recording.exposures_ms[:reach], 1e-12)))
     pieces = np.lib.stride_tricks.sliding_window_view(log_exposure, count)
     frames = int(np.argmax(np.ptp(pieces, axis=1).round(3))) + np.arange(count)
     return DerivedRecording.of(recording, frames, recording.exposures_ms[frames], note="some frames only")
@@ -135,8 +136,8 @@ def _stands_still(coverage: Coverage | None) -> bool:
 
 
 def _far_exposures(exposures_ms: FloatArray) -> list[tuple[int, ...]]:
-    """Return the frames whose exposures have a fifth of all exposures below and above them."""
-    order = np.argsort(exposures_ms, kind="stable")
+    """Return the frames whose exposures have a fifth of all known exposures below and above them."""
+    order = np.argsort(exposures_ms, kind="stable")[: np.count_nonzero(np.isfinite(exposures_ms))]
     return [(int(order[len(order) // 5]), int(order[-1 - len(order) // 5]))]
 
 
