@@ -159,3 +159,35 @@ def test_exposures_swapped_between_neighbours_are_not_relied_on(share: float) ->
     for i in np.random.default_rng(1).permutation(np.arange(1, 100))[: int(share * 100)]:
         swapped[[i - 1, i]] = swapped[[i, i - 1]]
     assert found(film, stated_log_exposure=swapped).warnings
+
+
+OPPOSED = "the images get darker where the exposures written get longer"
+
+
+@pytest.mark.parametrize(
+    "log_exposure",
+    [wandering(FRAMES), np.linspace(-0.6, 0.6, 60), np.log([1.0, 2, 4, 8] * 15) - 1],
+    ids=["wandering", "rising", "repeating"],
+)
+@pytest.mark.parametrize("lag", [0, 2])
+def test_inverse_exposures_are_told_as_such(log_exposure: np.ndarray, lag: int) -> None:
+    inverse = found(Film(-log_exposure, lag=lag, hidden_log_gain=2 * log_exposure))
+    assert inverse.verdict.state == "not identifiable"
+    assert inverse.verdict.reason.startswith(OPPOSED)
+    assert "1/250 s is 4 ms" in inverse.verdict.remedy
+    assert inverse.warnings == (inverse.verdict.reason,)
+
+
+@pytest.mark.parametrize("film", [STALE, LATE, Film(wandering(FRAMES), hidden_log_gain=-wandering(FRAMES))])
+def test_what_else_is_wrong_with_exposures_is_not_taken_for_their_inverse(film: Film) -> None:
+    assert OPPOSED not in found(film).verdict.reason
+
+
+def test_a_moving_camera_is_not_said_to_stand_still_for_inverse_exposures() -> None:
+    log_exposure = wandering(FRAMES)
+    made = calibrate(Film(-log_exposure, hidden_log_gain=2 * log_exposure, size=LARGE, speed_px=4).recording())
+    for verdict in made.verdicts.values():
+        assert verdict.state == "not identifiable"
+        assert "stands still" not in verdict.reason
+    assert made.warnings == (made.verdicts["exposures"].reason,)
+    assert not made.notes

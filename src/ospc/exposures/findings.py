@@ -12,7 +12,7 @@ from ospc.errors import counted
 from ospc.exposures.brightness import BrightnessChange
 from ospc.exposures.brightness_report import BrightnessReport, brightness_report
 from ospc.exposures.brightness_series import BrightnessSeries
-from ospc.exposures.lag import estimate_lag
+from ospc.exposures.lag import estimate_lag, explained_by_inverse
 from ospc.exposures.lag_choice import LagChoice, check_lag, lag_in_words
 from ospc.exposures.lag_selection import LagEstimate
 from ospc.exposures.table import ExposureReport, filled
@@ -35,6 +35,9 @@ _CHANGE_IRREGULARLY = (
 _FIX_METADATA = (
     "read exposure and gain from each frame's own metadata, not from the driver's settings, and switch off tone "
     "mapping"
+)
+_GIVE_TIMES = (
+    "give exposure times, not their inverses: 1/250 s is 4 ms, not 250; if they are times, record the gain as well"
 )
 _SLOWER = "record a well-exposed scene with even surfaces and some texture, and move slowly"
 _MORE_FRAMES = "record sixty consecutive frames or more"
@@ -216,7 +219,8 @@ def _assess(series: BrightnessSeries, written: FloatArray) -> ExposureFindings:
         and brightness.unexplained_share > MAX_UNEXPLAINED_SHARE
         and brightness.unexplained_rms_log > NOTABLE_RMS_LOG
     )
-    verdict = next(_verdicts(course, lag, brightness, len(written), unlike=unlike))
+    opposed = explained_by_inverse(lag, series, written)
+    verdict = next(_verdicts(course, lag, brightness, len(written), opposed, unlike=unlike))
     late = bool(lag.candidates) and 0 not in lag.candidates
     contradicted = not verdict.known or late or unlike
     warnings = (verdict.reason,) if contradicted and not few else ()
@@ -226,7 +230,13 @@ def _assess(series: BrightnessSeries, written: FloatArray) -> ExposureFindings:
 
 
 def _verdicts(
-    course: ExposureReport, lag: LagEstimate, brightness: BrightnessReport | None, frames: int, *, unlike: bool
+    course: ExposureReport,
+    lag: LagEstimate,
+    brightness: BrightnessReport | None,
+    frames: int,
+    opposed: float,
+    *,
+    unlike: bool,
 ) -> Iterator[Verdict]:
     """Give the verdicts that hold, the one that matters most first."""
     if brightness is None and frames < MIN_CHECKED_FRAMES:
@@ -248,6 +258,13 @@ def _verdicts(
         )
     if lag.state == "constant exposure":
         yield Verdict("identifiable", f"the exposure is constant at {course.in_words()}, and the images agree")
+    if opposed > 1 - MAX_UNEXPLAINED_SHARE:
+        yield Verdict(
+            "not identifiable",
+            f"the images get darker where the exposures written get longer: {opposed:.0%} of the changes of "
+            "brightness follow their inverse",
+            _GIVE_TIMES,
+        )
     if lag.state == "no response to exposure":
         silent = f"exposures range over {course.in_words()}, but the brightness of the scene does not follow them"
         yield Verdict("not identifiable", silent, _FIX_METADATA)

@@ -23,6 +23,7 @@ from ospc.settings.exposures import (
     MAX_LAG,
     MAX_LONG_INTERVAL_DEFICIT,
     MAX_SWINGING_EXPOSURE_LOG,
+    MAX_UNEXPLAINED_SHARE,
     MIN_FLICKER_LEAD,
     MIN_LAG_PAIRS,
     MIN_PAIR_LOG_CHANGE,
@@ -85,6 +86,13 @@ def _with_fit_to_all_pairs(found: LagEstimate, tried: LagHypotheses, series: Bri
     known = bool(found.candidates)
     change = series.exposure_change(tried.log_exposure, found.candidates[0]) if known else np.zeros(len(series))
     return replace(found, fit=fit_exposures(series, change[None])[0], frame=series.frame)
+
+
+def explained_by_inverse(found: LagEstimate, series: BrightnessSeries, log_exposure: FloatArray) -> float:
+    """Return the share of the changes of brightness that the inverse of exposures explains; 0 where they do well."""
+    poor = found.fit is not None and found.fit.unexplained_share > MAX_UNEXPLAINED_SHARE
+    inverse = estimate_lag(series, -log_exposure).fit if poor and found.state != "constant exposure" else None
+    return 0.0 if inverse is None else 1 - inverse.unexplained_share
 
 
 # Flicker beside the exposures.

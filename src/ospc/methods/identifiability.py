@@ -75,8 +75,10 @@ def response_verdict_of_fit(fit: Fit, exposure_range_ms: tuple[float, float], un
         f"ln g(0.75)/g(0.25) is known to ±{sigma:.2g} from exposures of {low:.4g} to {high:.4g} ms, "
         "taken as proportional to the light"
     )
-    contradiction = f"{unexplained:.0%} of a typical change of exposure does not show in the images"
-    check_exposures = "check that each exposure belongs to its frame, and switch off gain control and tone mapping"
+    contradiction = f"{min(unexplained, 1):.0%} of a typical change of exposure does not show in the images"
+    check_exposures = (
+        "check that each exposure is a time and belongs to its frame, and switch off gain control and tone mapping"
+    )
     if unexplained > CONTRADICTING_UNEXPLAINED_SHARE:
         return Verdict("not identifiable", contradiction, check_exposures)
     remedy = _CHANGE_EXPOSURE if high < WIDE_EXPOSURE_RATIO * low else _SEE_MORE

@@ -8,10 +8,17 @@ from ospc.estimation.fit import Fit
 from ospc.estimation.maximum_likelihood import MaximumLikelihoodEstimator
 from ospc.estimation.response_basis import ResponseBasis
 from ospc.estimation.vignette_basis import VignetteBasis
+from ospc.methods.identifiability import unexplained_share
+from ospc.methods.summary import exposure_ratios
 from ospc.observations import ExposedObservations
 from ospc.photometry.noise import NoiseModel
 from ospc.settings import DefaultSettings
-from ospc.settings.methods import MAX_VIGNETTE_SIGMA, QUICK_FIT_RADIAL_TERMS, QUICK_FIT_ROUNDS
+from ospc.settings.methods import (
+    CONTRADICTING_UNEXPLAINED_SHARE,
+    MAX_VIGNETTE_SIGMA,
+    QUICK_FIT_RADIAL_TERMS,
+    QUICK_FIT_ROUNDS,
+)
 
 
 class QuickFit:
@@ -40,11 +47,16 @@ class QuickFit:
     def refine(
         self, observations: ExposedObservations, noise: NoiseModel, usable_radius: float, *, trusts_stated: bool
     ) -> None:
-        """Fit again, from the latest fit on, to observations whose exposures are trusted or not."""
+        """Fit again, from the latest fit on, to observations whose exposures are trusted or not.
+
+        A fit whose exposures the images contradict is not relied on: by its response, no frame could be registered.
+        """
         rounds = self._settings.rounds if self.fit is None else QUICK_FIT_ROUNDS
         vignette = VignetteBasis(QUICK_FIT_RADIAL_TERMS, usable_radius=usable_radius)
         estimator = MaximumLikelihoodEstimator(self._basis, vignette, noise, rounds)
-        self.rely_on(estimator.fit(observations, self.fit), usable_radius, trusts_stated=trusts_stated)
+        fit = estimator.fit(observations, self.fit)
+        if unexplained_share(exposure_ratios(fit, observations)) <= CONTRADICTING_UNEXPLAINED_SHARE:
+            self.rely_on(fit, usable_radius, trusts_stated=trusts_stated)
 
     def rely_on(self, fit: Fit, usable_radius: float, *, trusts_stated: bool) -> None:
         """Bring frames to equal brightness by a fit from now on."""

@@ -26,6 +26,7 @@ from ospc.photometry.verdict import EffectEstimate
 from ospc.robust import SIGMA_OF_MEDIAN, medians
 from ospc.settings import DefaultSettings
 from ospc.settings.estimation import MISREGISTERED_SIGMAS, MISREGISTERED_SPREAD
+from ospc.settings.methods import CONTRADICTING_UNEXPLAINED_SHARE
 
 
 @dataclass(frozen=True)
@@ -90,7 +91,9 @@ def summarise(inputs: FitInputs, settings: DefaultSettings) -> Calibration:
             settings, fit, reach, inputs.standing_still, unexplained, usable_radius=inputs.usable_radius
         ),
     }
-    contradictions = () if fit is None else contradictions_of(fit)
+    # What a fit shows beside exposures that the images contradict means nothing.
+    refuted = unexplained > CONTRADICTING_UNEXPLAINED_SHARE
+    contradictions = () if fit is None or refuted else contradictions_of(fit)
     verdicts = {name: judged(verdict, contradictions) for name, verdict in verdicts.items()}
     response_known, vignette_known = (verdicts[name].known and fit is not None for name in ("response", "vignette"))
     coverage = None if observations is None else coverage_of(observations, fit, inputs.size)
@@ -111,7 +114,7 @@ def summarise(inputs: FitInputs, settings: DefaultSettings) -> Calibration:
             *(() if coverage is None else coverage.gaps(inputs.max_grey)),
         ),
         effects=inputs.effects,
-        notes=() if fit is None else (*filter(None, [inputs.grey_range.note]), *notes_of(fit)),
+        notes=() if fit is None else (*filter(None, [inputs.grey_range.note]), *(() if refuted else notes_of(fit))),
         warnings=tuple(what for what, _ in contradictions),
         coverage=coverage,
     )
