@@ -197,6 +197,16 @@ def test_exposures_that_do_not_belong_to_the_frames_are_noticed(walk, calibrated
     assert "belongs to its frame" in result.verdicts["response"].remedy
 
 
+def test_where_the_light_is_unsteady_steadier_light_is_asked_for(walk, calibrated):
+    rng = np.random.default_rng(0)
+    frames = [replace(f, exposure_ms=f.exposure_ms * np.exp(rng.normal(0, 0.01))) for f in walk.frames[:60]]
+    result = calibrated(frames, QUICK)
+    for name in ("response", "vignette"):
+        assert result.verdicts[name].state != "identifiable"
+        assert result.verdicts[name].remedy.startswith("film in steadier light or give more exact exposures")
+        assert result.verdicts[name].remedy in result.advice
+
+
 @pytest.mark.parametrize("count", [1, 2, 5])
 def test_a_few_frames_are_too_few(walk, calibrated, count):
     result = calibrated(walk.frames[:count])

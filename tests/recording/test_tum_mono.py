@@ -11,8 +11,10 @@ import numpy as np
 import pytest
 from image_samples import encoded, grey, jpeg_of_size, png_of_size
 
-from ospc.errors import ExposureError, FrameError, RecordingError
+from ospc.errors import ExposureError, FrameError, RecordingError, SettingError
 from ospc.recording import open_recording
+from ospc.recording.channel import Channel
+from ospc.recording.options import ReadingOptions
 
 Make = Callable[..., Path]
 
@@ -51,6 +53,14 @@ def test_colour_becomes_rounded_luma_with_a_note(tum_folder: Make, suffix: str) 
     luma = colour @ np.array([0.114, 0.587, 0.299])
     assert np.abs(next(iter(recording)).image - luma).max() < 0.51
     assert "luma" in recording.notes[0]
+
+
+def test_a_channel_of_grey_images_is_refused_with_what_to_do(tum_folder: Make) -> None:
+    path = tum_folder()
+    for channel in (Channel.RED, Channel.GREEN, Channel.BLUE):
+        expected = f"{path}/images: its images are grey and have no {channel.value} channel; leave out --channel, or "
+        with pytest.raises(SettingError, match=f"^{expected}.* --bayer"):
+            open_recording(path, options=ReadingOptions(channel=channel))
 
 
 def test_grey_stored_as_colour_is_unchanged(tum_folder: Make) -> None:

@@ -40,6 +40,10 @@ _MOVE_RADIALLY = (
     "pan and tilt the camera so that the same objects cross the image between centre and corners, by a fifth of the "
     "half diagonal or more"
 )
+_STEADIER = (
+    "film in steadier light or give more exact exposures, and record more frames that differ much in exposure: "
+    "frames are brighter or darker than their exposures say"
+)
 
 
 def response_verdict(
@@ -82,6 +86,7 @@ def response_verdict_of_fit(fit: Fit, exposure_range_ms: tuple[float, float], un
     if unexplained > CONTRADICTING_UNEXPLAINED_SHARE:
         return Verdict("not identifiable", contradiction, check_exposures)
     remedy = _CHANGE_EXPOSURE if high < WIDE_EXPOSURE_RATIO * low else _SEE_MORE
+    remedy = _STEADIER if _is_unsteady(fit) else remedy
     if sigma <= MAX_CURVE_SIGMA and unexplained > DOUBTED_UNEXPLAINED_SHARE:
         return Verdict("marginal", f"{figure}, but {contradiction}", check_exposures)
     return _graded(fit, sigma, IDENTIFIABLE_RESPONSE_SIGMA, figure, remedy)
@@ -122,7 +127,13 @@ def vignette_verdict(
     sigma = fit.worst_log_vignette_sigma(usable_radius)
     where = "at the corner" if usable_radius >= 1 else f"at {usable_radius:.2f} half diagonals, where the image ends,"
     figure = f"ln V {where} is known to ±{sigma:.2g} from radial motion of {reach:.2f} half diagonals"
-    return _graded(fit, sigma, IDENTIFIABLE_VIGNETTE_SIGMA, figure, _MOVE_RADIALLY)
+    remedy = _STEADIER if _is_unsteady(fit) else _MOVE_RADIALLY
+    return _graded(fit, sigma, IDENTIFIABLE_VIGNETTE_SIGMA, figure, remedy)
+
+
+def _is_unsteady(fit: Fit) -> bool:
+    """Return whether unsteady light keeps the response from being known, and with it the vignette."""
+    return fit.errors.gain_sigma > 0 and fit.log_response_step_sigma(0.25, 0.75) > IDENTIFIABLE_RESPONSE_SIGMA
 
 
 def _graded(fit: Fit, sigma: float, sure: float, figure: str, remedy: str) -> Verdict:

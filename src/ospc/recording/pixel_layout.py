@@ -157,7 +157,10 @@ def find_layout(
     mosaic = options.bayer or first.mosaic or find_mosaic(first.pixels)
     if mosaic is None:
         if wanted not in (None, Channel.LUMINANCE):
-            raise SettingError(f"{place}: its images are grey and have no {wanted.value} channel")
+            raise SettingError(
+                f"{place}: its images are grey and have no {wanted.value} channel; leave out --channel, or state the "
+                f"pattern of a Bayer mosaic with --bayer ({', '.join(Mosaic.PATTERNS)})"
+            )
         return layout, notes
     if wanted is None and not mosaic.complete and not take_green:
         notes.append(
