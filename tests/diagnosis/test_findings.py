@@ -190,4 +190,3 @@ def test_a_moving_camera_is_not_said_to_stand_still_for_inverse_exposures() -> N
         assert verdict.state == "not identifiable"
         assert "stands still" not in verdict.reason
     assert made.warnings == (made.verdicts["exposures"].reason,)
-    assert not made.notes

@@ -14,6 +14,7 @@ from ospc.estimation.model_choice import fit_with_chosen_effects
 from ospc.estimation.response_basis import ResponseBasis, typical_gamma
 from ospc.estimation.vignette_basis import VignetteBasis
 from ospc.evaluation.metrics import log_ratio_error, vignette_rmse
+from ospc.methods.identifiability import contradictions_of
 from ospc.observations import ExposedObservations
 from ospc.photometry.noise import NoiseModel
 from ospc.settings.estimation import BEYOND_WHITE
@@ -176,6 +177,15 @@ def test_what_no_camera_does_is_stated_and_not_corrected(camera: Disturbed, name
     of_residuals = {"uneven vignette", "unsteady response", "unsteady vignette", "unsteady radiance"}
     assert set(stated(found)) <= {*CONTRADICTIONS, *of_residuals}
     assert not len(found.effects)
+
+
+def test_what_flickering_light_can_look_like_is_told_with_both_causes() -> None:
+    for tone in (-0.1, 0.1):
+        told = dict(contradictions_of(Disturbed(tone=tone).fit()))
+        (what,) = (text for text in told if "brightness around" in text)
+        assert "local tone mapping or flickering light" in what
+        assert "tone mapping" in told[what]
+        assert "steady light" in told[what]
 
 
 @pytest.mark.parametrize("seed", range(4))

@@ -81,7 +81,8 @@ def response_verdict_of_fit(fit: Fit, exposure_range_ms: tuple[float, float], un
     )
     contradiction = f"{min(unexplained, 1):.0%} of a typical change of exposure does not show in the images"
     check_exposures = (
-        "check that each exposure is a time and belongs to its frame, and switch off gain control and tone mapping"
+        "check that each exposure is a time and belongs to its frame, film in steady light, and switch off gain "
+        "control and tone mapping"
     )
     if unexplained > CONTRADICTING_UNEXPLAINED_SHARE:
         return Verdict("not identifiable", contradiction, check_exposures)
@@ -155,10 +156,12 @@ def unexplained_share(ratios: ExposureRatios) -> float:
     return float(np.median(np.abs(residual[changing])) / np.median(np.abs(log_k[changing])))
 
 
+_SAME_FOR_ALL_PLACES = "switch off local contrast, HDR and tone mapping in the camera, and film in steady light"
+
 _CONTRADICTIONS = {
     "local tone mapping": (
-        "grey levels depend on their surroundings, as local tone mapping makes them",
-        "switch off local contrast, HDR and tone mapping in the camera",
+        "grey levels change with the brightness around them, as local tone mapping or flickering light makes them",
+        _SAME_FOR_ALL_PLACES,
     ),
     "curved exposures": (
         "the images do not follow the exposures in proportion over their whole range",
@@ -182,7 +185,7 @@ _CONTRADICTIONS = {
     ),
     UNSTEADY_RADIANCE: (
         "the same places differ in brightness from frame to frame by more than noise and exposure explain, in ln",
-        "switch off local contrast, HDR and tone mapping in the camera, and film in steady light",
+        _SAME_FOR_ALL_PLACES,
     ),
     UNEVEN: (
         "a part of the image is darker or brighter than a smooth vignette would have it, in ln V",

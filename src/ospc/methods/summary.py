@@ -114,7 +114,7 @@ def summarise(inputs: FitInputs, settings: DefaultSettings) -> Calibration:
             *(() if coverage is None else coverage.gaps(inputs.max_grey)),
         ),
         effects=inputs.effects,
-        notes=() if fit is None else (*filter(None, [inputs.grey_range.note]), *(() if refuted else notes_of(fit))),
+        notes=() if fit is None else (*filter(None, [inputs.grey_range.note]), *notes_of(fit)),
         warnings=tuple(what for what, _ in contradictions),
         coverage=coverage,
     )
