@@ -137,7 +137,7 @@ def _print_tracking(result: TrackingComparison, *, exposures_known: bool) -> Non
         f"{result.horizon}; {exposures}"
     )
     if result.skipped:
-        say(f"{counted(result.skipped, 'frame')} could not be read", err=True)
+        say(f"{counted(result.skipped, 'frame')} could not be used", err=True)
     say(result.sentence)
 
 

@@ -36,7 +36,7 @@ class TrackingComparison:
 
     Both residuals of ``raw`` and ``corrected`` frames are computed at the same places: along the track in the
     corrected frames or, if only that one is lost, along the raw one. There are ``tracks`` in ``frames`` that could be
-    read, besides those ``skipped``, each followed for at most ``horizon`` frames. ``largest_step`` is the largest
+    used, besides those ``skipped``, each followed for at most ``horizon`` frames. ``largest_step`` is the largest
     ratio of the exposures of two successive frames.
     """
 
