@@ -228,6 +228,14 @@ def test_light_that_changes_from_frame_to_frame_is_measured_and_hurts_no_vignett
     assert vignette_rmse(found.vignette(SIZE), POLYNOMIAL, 1.0) < 0.005
 
 
+def test_unsteady_light_passes_for_no_offset_of_the_exposures() -> None:
+    """An exposure that is stated too short is in the equations twice: as exposure, and as what an offset adds to."""
+    fits = [Disturbed(light=0.03).fit(seed) for seed in range(10)]
+    offset = [one for fit in fits for one in fit.effect_estimates if one.name == "exposure offset"]
+    mean = np.mean([one.value for one in offset])
+    assert abs(mean) < 2.5 * np.mean([one.sigma for one in offset]) / np.sqrt(len(offset))
+
+
 def test_effects_are_told_although_the_light_changes() -> None:
     found = Disturbed(offset=-0.05, light=0.01).fit()
     assert stated(found).keys() == {"exposure offset", "unsteady light"}

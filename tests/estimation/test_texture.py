@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from ospc.estimation.latent import LatentModel
 from ospc.estimation.maximum_likelihood import MaximumLikelihoodEstimator
 from ospc.estimation.response_basis import ResponseBasis
 from ospc.estimation.vignette_basis import VignetteBasis
@@ -50,6 +51,18 @@ def textured(contrast, response):
 def error(observations, response):
     estimator = MaximumLikelihoodEstimator(ResponseBasis(32), VignetteBasis(0), NOISE)
     return log_ratio_error(estimator.fit(observations).response(), response)
+
+
+def test_grey_levels_are_predicted_by_the_exposures_however_strong_the_texture():
+    """No noise of a measured grey level gets into the rows: both predicted ones belong to the same radiance."""
+    seen = textured(0.2, TOE_AND_SHOULDER)
+    found = MaximumLikelihoodEstimator(ResponseBasis(32), VignetteBasis(0), NOISE).fit(seen)
+    predict = LatentModel(found.response_basis, found.parameters, found.errors, NOISE, found.texture_share, trusted=True)
+    latent = predict(seen, np.zeros(len(seen)), np.ones(len(seen)))
+    near = np.repeat(np.maximum.reduceat(np.abs(latent.studentised), seen.starts) < 3, 2)
+    error = found.log_response[latent.index] - latent.mean - latent.offset
+    grid_step = found.response_basis.grid[1]
+    assert np.all(np.abs(error[near]) < latent.log_response_slope[near] * grid_step)
 
 
 @pytest.mark.parametrize("contrast", [0.15, 0.2])

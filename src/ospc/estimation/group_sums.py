@@ -51,6 +51,15 @@ class GroupSums:
             scores=self.scores - weighted * mean[:, None],
         )
 
+    def discount_of_means(self, gains: PairGains, scale: float) -> tuple[FloatArray, FloatArray]:
+        """Return what to subtract from the rows and misfits of each group, shapes (groups, p − 1) and (groups,).
+
+        What is left, with the weights w, is equivalent to :meth:`discounted` (Fuller and Battese 1973).
+        """
+        share = 1 - np.sqrt(gains.precision_of_means(scale) * gains.by_chance)
+        row = self.rows[:, :-1] / np.maximum(self.precision, 1e-300)[:, None]
+        return share[:, None] * row, share * gains.mean
+
     def equations(self) -> NormalEquations:
         """Return the equations with the scatter of the scores between blocks of groups.
 

@@ -48,8 +48,10 @@ class Latent:
     texture
         What the texture lowers h by, if all of the variance seen is texture and all observations of a point have the
         same over their grey level squared.
+    log_exposure
+        ln of the exposure that the images show: the stated one with half of the pair's latent gain on either frame.
     offset
-        ln of the exposure and of the gain by vignette and effects.
+        That, and ln of the gain by vignette and effects.
     total, mean
         Sum of weights of the point, and its log radiance u.
     """
@@ -62,6 +64,7 @@ class Latent:
     precision: FloatArray
     weight: FloatArray
     texture: FloatArray
+    log_exposure: FloatArray
     offset: FloatArray
     total: FloatArray
     mean: FloatArray
@@ -112,28 +115,28 @@ class LatentModel:
     def __call__(self, observations: ExposedObservations, log_gain: FloatArray, weight: FloatArray) -> Latent:
         """Return the observations linearised, given ln of the gain by vignette and effects, and weights, (n,)."""
         measured = np.clip(observations.grey, DARKEST_GREY, 1.0)
-        offset = known = observations.log_exposure + log_gain
-        latent = self._linearised(observations, measured, offset, weight)
+        latent = self._linearised(observations, measured, observations.log_exposure, log_gain, weight)
         for _ in range(LATENT_ITERATIONS if self.trusted else 0):
             if self.errors.gain_sigma and observations.in_pairs:
-                offset = known + self._log_gain_of_pairs(observations, latent.linear_log - known, latent.precision)
-                latent = self._linearised(observations, latent.grey, offset, weight)
-            near = MAX_DEVIATION_SIGMAS / (latent.log_response_slope * np.sqrt(latent.precision))
-            grey = np.clip(self._grey_of(latent.mean + offset), measured - near, measured + near)
-            latent = self._linearised(observations, grey, offset, weight)
+                log_exposure = observations.log_exposure + self._log_gain_of_pairs(observations, latent, log_gain)
+                latent = self._linearised(observations, latent.grey, log_exposure, log_gain, weight)
+            # About the measured grey level as it would be without texture and noise, which may shift it farther.
+            near = MAX_DEVIATION_SIGMAS / np.sqrt(latent.precision)
+            grey = self._grey_of(latent.linear_log + np.clip(-latent.residual, -near, near))
+            latent = self._linearised(observations, grey, latent.log_exposure, log_gain, weight)
         return latent
 
     def _log_gain_of_pairs(
-        self, observations: ExposedObservations, log_radiance: FloatArray, precision: FloatArray
+        self, observations: ExposedObservations, latent: Latent, log_gain: FloatArray
     ) -> FloatArray:
-        """Return the latent gain of the first frame of each pair, and 0 of the second, shape (n,)."""
+        """Return the latent gain of each pair of frames, half of it in either frame, shape (n,)."""
         # By medians: weights that are still those without gains would discard whole pairs.
+        log_radiance, precision = latent.linear_log - observations.log_exposure - log_gain, latent.precision
         pair, difference = observations.group_number[0::2], log_radiance[0::2] - log_radiance[1::2]
         by_chance = 1 / precision[0::2] + 1 / precision[1::2]
         known = np.bincount(pair, 1 / by_chance).astype(np.float64)
-        log_gain = np.zeros(len(log_radiance))
-        log_gain[0::2] = PairGains(known, medians(difference, pair), self.errors.gain_sigma).values[pair]
-        return log_gain
+        gain = PairGains(known, medians(difference, pair), self.errors.gain_sigma).values[pair]
+        return np.stack([gain / 2, -gain / 2], axis=1).ravel()
 
     def _grey_of(self, log_irradiance: FloatArray) -> FloatArray:
         """Return the grey levels of logarithms of the irradiance, shape (n,)."""
@@ -174,7 +177,12 @@ class LatentModel:
         return NoiseModel(0.0, 0.0, tuple(variance))
 
     def _linearised(
-        self, observations: ExposedObservations, grey: FloatArray, offset: FloatArray, weight: FloatArray
+        self,
+        observations: ExposedObservations,
+        grey: FloatArray,
+        log_exposure: FloatArray,
+        log_gain: FloatArray,
+        weight: FloatArray,
     ) -> Latent:
         # The grid is much finer than the noise, so the nearest grid point serves as the point of linearisation.
         index = self.basis.index_of(grey)
@@ -189,11 +197,10 @@ class LatentModel:
             variance = variance + means.missed_variance(texture, index)
             of_alike = means.by_texture(weighted_means(texture, np.ones(len(texture)), observations)[1], index)
         linear_log = self.log_response[index] + slope * excess
-        precision = 1 / (variance * slope**2)
+        precision, offset, alike = 1 / (variance * slope**2), log_exposure + log_gain, slope * of_alike
         total, mean = weighted_means(linear_log - offset, weight * precision, observations)
-        return Latent(
-            index, level, slope, irradiance, linear_log, precision, weight, slope * of_alike, offset, total, mean
-        )
+        of_grey = index, level, slope, irradiance, linear_log, precision
+        return Latent(*of_grey, weight, alike, log_exposure, offset, total, mean)
 
 
 def weighted_means(

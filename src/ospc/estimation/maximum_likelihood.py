@@ -122,7 +122,7 @@ class MaximumLikelihoodEstimator:
             self.vignette_basis,
             self.effects,
             parameters,
-            equations.covariance(prior, hyperparameters, system.disagreement(parameters)),
+            equations.covariance(prior, hyperparameters, system.disagreement(parameters, of_prior, sandwich_factor)),
             np.asarray(np.linalg.inv(precision), dtype=np.float64),
             errors,
             hyperparameters,

@@ -121,10 +121,9 @@ class LinearSystem:
         sums = self._sums
         if not self.has_gains:
             return sums.equations()
-        gains = self.gains(self.about)
-        # The variance of the gains is what it is; in units of the weights, which are too large, it is smaller.
         scale = self._scale_within(sums, prior_precision, sandwich_factor)
-        return sums.discounted(gains.precision - 1 / (scale * gains.variance + gains.by_chance)).equations()
+        gains = self.gains(self.about)
+        return sums.discounted(gains.precision - gains.precision_of_means(scale)).equations()
 
     def _scale_within(self, sums: GroupSums, prior_precision: FloatArray, sandwich_factor: float) -> float:
         """Return the information scale of what points of a pair tell of each other."""
@@ -175,22 +174,29 @@ class LinearSystem:
         precision, misfit, scores, rows = np.split(of_group, [1, 2, 2 + p], axis=1)
         return GroupSums(about, matrix, vector, scores, rows, precision[:, 0], misfit[:, 0])
 
-    def disagreement(self, parameters: FloatArray) -> FloatArray:
+    def disagreement(self, parameters: FloatArray, prior_precision: FloatArray, sandwich_factor: float) -> FloatArray:
         """Return the scatter of the scores between the halves of the observations, cut in several ways, (p, p).
 
         Errors that all groups share, such as registration that is drawn to equal brightness, do not show in the
         scatter between groups. Most of them depend on something: on time, on the ratio of the exposures, on the place
-        in the image. Then the halves would have the parameters move to opposite sides.
+        in the image. Then the halves would have the parameters move to opposite sides. The arguments are parameters,
+        shape (p,), and those of :meth:`equations`.
         """
-        sides = np.repeat(_halves(self.observations), self.observations.counts, axis=1)
-        gain = np.zeros(len(self.observations))
+        shown = replace(self.observations, log_exposure=self.latent.log_exposure)
+        sides = np.repeat(_halves(shown), self.observations.counts, axis=1)
+        discount = None
         if self.has_gains:
-            gain = self.gains(parameters).values[self.observations.group_number]
+            scale = self._scale_within(self._sums, prior_precision, sandwich_factor)
+            discount = self._sums.discount_of_means(self.gains(parameters), scale)
         scores = np.zeros((len(sides), len(parameters)))
         for part in _chunks(self.observations):
             rows, target, factor, member = self._free_of_radiance(part)
-            misfit = target - rows[:, :-1] @ parameters - gain[part][member]
-            scores += (sides[:, part][:, member] * (factor * misfit)) @ rows[:, :-1]
+            rows = rows[:, :-1]
+            misfit = target - rows @ parameters
+            if discount is not None:
+                number = self.observations.group_number[part][member]
+                rows, misfit = rows - discount[0][number], misfit - discount[1][number]
+            scores += (sides[:, part][:, member] * (factor * misfit)) @ rows
         return np.asarray(DISAGREEMENT_SHARE * scores.T @ scores)
 
     def _free_of_radiance(self, part: slice) -> tuple[FloatArray, FloatArray, FloatArray, IntArray | slice]:
@@ -221,7 +227,9 @@ class LinearSystem:
         excess = self.latent.linear_log[part] - by_response @ gamma
         target = observed.log_exposure + constant - excess
         if len(model.effects):
-            terms = model.effect_terms(self.about, observed, index)
+            # Stated exposures have errors, which the target has, too: both together would pass for an effect.
+            shown = replace(observed, log_exposure=self.latent.log_exposure[part])
+            terms = model.effect_terms(self.about, shown, index)
             slopes = model.effects.jacobian(values, terms)
             columns.append(-slopes)
             target = target + model.effects.log_gain(values, terms) - slopes @ values

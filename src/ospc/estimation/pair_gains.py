@@ -53,6 +53,13 @@ class PairGains:
         """Most probable gains, shape (pairs,)."""
         return np.asarray(self.mean * self.variance / (self.variance + self.by_chance))
 
+    def precision_of_means(self, scale: float) -> FloatArray:
+        """Return one over the variance of each mean, gains included, shape (pairs,), in units of the precision.
+
+        The precision at hand is too large by one over the scale, because errors of a pair have common causes.
+        """
+        return np.asarray(1 / (scale * self.variance + self.by_chance))
+
     @property
     def refitted_sigma(self) -> float:
         """The scale after one more iteration: by the scale at hand, the means should have unit scatter."""
