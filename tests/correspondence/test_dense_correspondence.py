@@ -28,6 +28,7 @@ from ospc.second_thread import SecondThread
 
 SIZE = (320, 240)
 RESPONSE = Response.gamma(2.0)
+LOG_RESPONSE = np.log(RESPONSE.inverse(np.maximum(np.arange(256), 1) / 255))
 VIGNETTE = PolynomialVignette(SIZE, (-0.35, 0.05, -0.1))
 
 
@@ -129,8 +130,13 @@ def seen(shift, exposure, vignette=VIGNETTE, noise=0.003):
 
 @pytest.mark.parametrize(
     "normalizer",
-    [ExposureNormalizer(), ExposureNormalizer(RESPONSE), ExposureNormalizer(RESPONSE, VIGNETTE)],
-    ids=["nothing known", "response known", "both known"],
+    [
+        ExposureNormalizer(),
+        ExposureNormalizer(LOG_RESPONSE),
+        ExposureNormalizer(LOG_RESPONSE, VIGNETTE),
+        ExposureNormalizer(LOG_RESPONSE - 40.0, VIGNETTE),
+    ],
+    ids=["nothing known", "response known", "both known", "next to no light below a white never seen"],
 )
 def test_registration_finds_a_shift_in_spite_of_exposure_and_vignette(normalizer):
     frame0, frame1 = (Preprocessor()(seen(s, e)) for s, e in ((np.zeros(2), 1.0), (SHIFT, 2.0)))
@@ -146,28 +152,28 @@ def test_registration_finds_a_shift_in_spite_of_exposure_and_vignette(normalizer
 @pytest.mark.parametrize("stated", [np.log(1.9), np.nan, np.log(1 / 1.9), 3.0])
 def test_a_normalizer_brings_frames_to_one_brightness_whatever_exposures_are_stated(stated):
     frame0, frame1 = (Preprocessor()(seen(np.zeros(2), e, noise=0)) for e in (1.0, 1.9))
-    image0, image1 = (image.astype(float) for image in ExposureNormalizer(RESPONSE)(frame0, frame1, stated))
+    image0, image1 = (image.astype(float) for image in ExposureNormalizer(LOG_RESPONSE)(frame0, frame1, stated))
     unclipped = (frame1.small < 250) & (frame0.small > 20)
     np.testing.assert_allclose(image0[unclipped], image1[unclipped], atol=4)
 
 
 def test_a_ratio_that_is_unknown_is_measured_though_exposures_are_trusted():
     frames = [Preprocessor()(seen(np.zeros(2), e, noise=0)) for e in (1.0, 1.9)]
-    trusting, looking = ExposureNormalizer(RESPONSE, trusts_stated=True), ExposureNormalizer(RESPONSE)
+    trusting, looking = ExposureNormalizer(LOG_RESPONSE, trusts_stated=True), ExposureNormalizer(LOG_RESPONSE)
     for found, expected in zip(trusting(*frames, np.nan), looking(*frames, np.nan), strict=True):
         np.testing.assert_array_equal(found, expected)
 
 
 def test_with_the_vignette_known_the_same_scene_looks_the_same_wherever_it_is():
     frames = (Preprocessor()(seen(np.array(s), 1.0, noise=0)) for s in ((0.0, 0.0), (40.0, 30.0)))
-    whole, shifted = ExposureNormalizer(RESPONSE, VIGNETTE)(*frames, 0.0)
+    whole, shifted = ExposureNormalizer(LOG_RESPONSE, VIGNETTE)(*frames, 0.0)
     np.testing.assert_allclose(whole[:-30, :-40].astype(float), shifted[30:, 40:], atol=4)
 
 
 @pytest.mark.parametrize("exposure", [0.4, 1.0, 2.5])
 def test_the_exposure_ratio_is_read_off_the_images(exposure):
     frame0, frame1 = (Preprocessor()(seen(s, e)) for s, e in ((np.zeros(2), 1.0), (SHIFT, exposure)))
-    log_ratio, sure = ExposureNormalizer(RESPONSE, VIGNETTE).log_ratio(frame0, frame1)
+    log_ratio, sure = ExposureNormalizer(LOG_RESPONSE, VIGNETTE).log_ratio(frame0, frame1)
     assert sure
     assert log_ratio == pytest.approx(np.log(exposure), abs=0.02)
 
@@ -180,7 +186,7 @@ def test_displacements_that_grow_from_place_to_place_are_not_held_back(angle):
     centre = (np.array(SIZE) - 1) / 2
     to_second = cv2.getRotationMatrix2D(centre.tolist(), angle, 1.2)
     frames = (Preprocessor()(of_array(view)) for view in (image, cv2.warpAffine(image, to_second, SIZE)))
-    registration = DenseRegistration()(*frames, ExposureNormalizer(RESPONSE), 0.0)
+    registration = DenseRegistration()(*frames, ExposureNormalizer(LOG_RESPONSE), 0.0)
     places = pixel_grid(SIZE)
     true = places @ to_second[:, :2].T + to_second[:, 2]
     radius = np.linalg.norm(places - centre, axis=-1)
@@ -196,7 +202,7 @@ def test_images_of_every_size_are_registered(size):
     texture = cv2.GaussianBlur(np.random.default_rng(2).normal(0, 1, (height, width + 2)), (0, 0), 2)
     image = np.clip(128 + 60 * texture / texture.std(), 0, 255).astype(np.uint8)
     frames = (Preprocessor()(of_array(np.ascontiguousarray(view))) for view in (image[:, 2:], image[:, :-2]))
-    registration = DenseRegistration()(*frames, ExposureNormalizer(RESPONSE), 0.0)
+    registration = DenseRegistration()(*frames, ExposureNormalizer(LOG_RESPONSE), 0.0)
     assert registration is not None
     inner = registration.forward[8:-8, 8:-8]
     assert np.median(np.linalg.norm(inner - [2.0, 0.0], axis=-1)) < 0.3
@@ -204,7 +210,7 @@ def test_images_of_every_size_are_registered(size):
 
 def test_what_leaves_the_image_has_a_large_forward_backward_error():
     frame0, frame1 = (Preprocessor()(seen(s, 1.0)) for s in (np.zeros(2), np.array([40.0, 0.0])))
-    registration = DenseRegistration()(frame0, frame1, ExposureNormalizer(RESPONSE))
+    registration = DenseRegistration()(frame0, frame1, ExposureNormalizer(LOG_RESPONSE))
     gone = pixel_grid(SIZE)[20:-20, -24:-10].reshape(-1, 2)
     assert np.median(displacement_at(registration, gone, 1.0)[1]) > 5
 

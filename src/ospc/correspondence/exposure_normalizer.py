@@ -5,11 +5,10 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from ospc.arrays import Float32Array, Image, ImageSize
+from ospc.arrays import Float32Array, FloatArray, Image, ImageSize
 from ospc.correspondence.preprocessing import ReducedFrame
 from ospc.correspondence.thumbnail_registration import ThumbnailRegistration, exposed_in_both, values_at
 from ospc.photometry.geometry import pixel_grid
-from ospc.photometry.response import Response
 from ospc.photometry.vignette import Vignette
 from ospc.robust import robust_scale
 from ospc.settings.correspondence import (
@@ -19,9 +18,10 @@ from ospc.settings.correspondence import (
     DISPLAY_GAMMA,
     MAX_LOG_RATIO_DISAGREEMENT,
     MAX_LOG_RATIO_SPREAD,
-    MIN_IRRADIANCE,
+    MIN_KEPT_BRIGHTNESS,
     MIN_SHARED_PLACES,
 )
+from ospc.settings.estimation import DARKEST_GREY
 
 
 class ExposureNormalizer:
@@ -30,16 +30,23 @@ class ExposureNormalizer:
     How much brighter one is, is what the exposures stated say, unless the images clearly contradict them. The images
     are not asked where the exposures stated are trusted. Without exposures, what the images say is taken. Where the
     response is unknown, the typical display gamma is assumed; where the vignette is, V ≡ 1.
+
+    Parameters
+    ----------
+    log_response
+        ln g at the grey values 0 … 255, in any scale, shape (256,); None if unknown.
+    vignette
+        None if unknown.
+    trusts_stated
+        Whether the exposures stated are trusted.
     """
 
     def __init__(
-        self, response: Response | None = None, vignette: Vignette | None = None, *, trusts_stated: bool = False
+        self, log_response: FloatArray | None = None, vignette: Vignette | None = None, *, trusts_stated: bool = False
     ) -> None:
         self._trusts_stated = trusts_stated
-        known = response if response is not None else Response.gamma(DISPLAY_GAMMA)
-        irradiance = known.inverse(np.arange(256) / 255)
-        self._root = irradiance ** (1 / DISPLAY_GAMMA)
-        self._log_irradiance = np.log(np.maximum(irradiance, MIN_IRRADIANCE))
+        self._log_display = DISPLAY_GAMMA * np.log(np.maximum(np.arange(256) / 255, DARKEST_GREY))
+        self._log_irradiance = self._log_display if log_response is None else log_response
         self._vignette = vignette
         self._lift: dict[tuple[int, ...], Float32Array] = {}
         self._register = ThumbnailRegistration()
@@ -58,7 +65,11 @@ class ExposureNormalizer:
             contradicted = sure and abs(stated_log_ratio - shown) > MAX_LOG_RATIO_DISAGREEMENT
             log_ratio = shown if contradicted or np.isnan(stated_log_ratio) else stated_log_ratio
         # At the longer exposure both images clip at the same radiance, so that clipped areas have the same edges.
-        return self._brightened(frame0, max(0.0, log_ratio)), self._brightened(frame1, max(0.0, -log_ratio))
+        log_gain = self._log_gain(frame1 if log_ratio > 0 else frame0)
+        return (
+            self._brightened(frame0, log_gain + max(0.0, log_ratio)),
+            self._brightened(frame1, log_gain + max(0.0, -log_ratio)),
+        )
 
     def log_ratio(self, frame0: ReducedFrame, frame1: ReducedFrame) -> tuple[float, bool]:
         """Return ln of the irradiance of the same places, second frame over first, and whether it is certain."""
@@ -87,8 +98,19 @@ class ExposureNormalizer:
             return log_irradiance
         return np.asarray(log_irradiance + DISPLAY_GAMMA * np.log(self._lift_of(grey.shape, size)), dtype=np.float32)
 
+    def _log_gain(self, frame: ReducedFrame) -> float:
+        """Return the gain, in ln, that keeps the middle of a frame visible.
+
+        The scale of g follows from grey levels next to white: where they are never seen, g may be next to nothing at
+        all others.
+        """
+        middle = max(float(np.median(frame.grey_quantiles)), DARKEST_COMPARED_GREY)
+        log_kept = np.interp(middle, np.arange(256), self._log_display) + DISPLAY_GAMMA * np.log(MIN_KEPT_BRIGHTNESS)
+        return max(0.0, float(log_kept - np.interp(middle, np.arange(256), self._log_irradiance)))
+
     def _brightened(self, frame: ReducedFrame, log_gain: float) -> Image:
-        table = (self._root * (np.exp(log_gain / DISPLAY_GAMMA) * 255)).astype(np.float32)
+        table = (np.exp((self._log_irradiance + log_gain) / DISPLAY_GAMMA) * 255).astype(np.float32)
+        table[0] = 0  # ln g tends to −∞ at black
         if self._vignette is None:
             # A table of bytes has to be clipped here; below, the conversion to bytes clips.
             return np.asarray(cv2.LUT(frame.small, np.clip(table, 0, 255).astype(np.uint8)))

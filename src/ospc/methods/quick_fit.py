@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from ospc.arrays import ImageSize
 from ospc.correspondence.exposure_normalizer import ExposureNormalizer
 from ospc.estimation.fit import Fit
@@ -65,7 +67,8 @@ class QuickFit:
         self.response_sigma = None if sigma is None else float(sigma.max())
         reliable = fit.chance_vignette_sigma_at_corner < MAX_VIGNETTE_SIGMA
         vignette = fit.vignette(self._size, usable_radius) if reliable else None
-        self.normalize = ExposureNormalizer(fit.response(255), vignette, trusts_stated=trusts_stated)
+        log_response = np.interp(np.arange(256) / 255, fit.response_basis.grid, fit.log_response)
+        self.normalize = ExposureNormalizer(log_response, vignette, trusts_stated=trusts_stated)
 
     @property
     def vignette_sigma(self) -> float | None:

@@ -87,6 +87,11 @@ by place; where less is, the quantiles of their grey levels are compared."""
 MAX_LOG_RATIO_SPREAD = 0.15
 """Standard deviation, in ln, of the ratios of single places up to which their median is relied on."""
 
+MIN_KEPT_BRIGHTNESS = 0.5
+"""Least brightness of the middle of the longer exposed image, on a display's scale, as a share of what it is in the
+frame. Of responses from black to white, the logarithm of 1 to 51 keeps 0.77; where grey levels end at 128, quick fits
+kept a thousandth and less, and moving cameras seemed to stand still."""
+
 MIN_IRRADIANCE = 1e-6
 """Lowest irradiance whose logarithm is taken: below that of the first grey level of any camera."""
 
