@@ -31,6 +31,14 @@ def test_what_was_known_at_each_frame_is_remembered() -> None:
     assert statistics.grey_range == FULL_RANGE
 
 
+@pytest.mark.parametrize("white", [60, 110, 200])
+@pytest.mark.parametrize("piled", [True, False])
+def test_white_is_wherever_grey_values_pile_up(white: int, piled: bool) -> None:
+    statistics = PixelStatistics()
+    observed(statistics, 0, 0, white, piled=piled)
+    assert statistics.grey_range == (GreyRange(0.0, white / 255) if piled else FULL_RANGE)
+
+
 @pytest.mark.parametrize(("before", "after"), [(LIMITED, FULL), (FULL, LIMITED)])
 def test_a_new_epoch_finds_its_own(before: tuple[int, int], after: tuple[int, int]) -> None:
     statistics = PixelStatistics()

@@ -109,6 +109,20 @@ def test_knees_noise_and_more_bits_are_no_obstacle(calibrated):
     assert vignette_pixel_rmse(result.vignette, made.truth.vignette) < 0.02
 
 
+def test_a_camera_whose_grey_values_end_halfway_is_seen_to_move(calibrated):
+    made = recorded(frames=48, seed=31)
+    dark = [
+        Frame.of_array(frame.image // 2, frame.exposure_ms, index=frame.index, stamp_s=frame.stamp_s)
+        for frame in made.frames
+    ]
+    result = calibrated(dark, QUICK)
+    assert {result.verdicts[part].state for part in ("response", "vignette")} <= {"identifiable", "marginal"}
+    seen = np.array([0.1, 0.2, 0.3, 0.4])
+    found, true = (np.diff(np.log(g)) for g in (result.response.inverse(seen), made.truth.response.inverse(2 * seen)))
+    np.testing.assert_allclose(found, true, atol=0.03)
+    assert vignette_rmse(result.vignette, made.truth.vignette) < 0.03
+
+
 # Repeatable.
 
 

@@ -33,6 +33,7 @@ from ospc.settings.correspondence import (
     MIN_MISSING_LEVELS_SHARE,
     MIN_PILE_SHARE,
     RECTANGLE_FILL,
+    WHITE_NEIGHBOURHOOD,
 )
 
 _CORNERS = 4
@@ -172,8 +173,9 @@ class PixelStatistics:
         counts, last = self._histogram, len(self._histogram) - 1
         low, high = np.flatnonzero(counts)[[0, -1]].tolist()
         many = counts > MIN_PILE_SHARE * counts.sum()
+        below = counts[high - round(WHITE_NEIGHBOURHOOD * last) : high]
         black_piles = low > CLIPPING_MARGIN * last and many[low]
-        white_piles = high < (1 - CLIPPING_MARGIN) * last and many[high]
+        white_piles = high < (1 - CLIPPING_MARGIN) * last and many[high] and counts[high] > below.sum()
         return bool(black_piles), bool(white_piles)
 
     def report(self) -> PixelReport | None:

@@ -299,8 +299,13 @@ MIN_PILE_SHARE = 0.005
 CLIPPING_MARGIN = 0.02
 """Distance of that value from the end of the scale, as a share of it: nearer, it is ordinary clipping."""
 
-HIGHEST_BLACK, LOWEST_WHITE = 0.2, 0.5
-"""Limits of black and white: what piles up between them is an even object, not an end."""
+WHITE_NEIGHBOURHOOD = 2 / 255
+"""Distance below the highest grey value within which all others together must have fewer pixels, for values to be
+piled up there: of few grey values, each has a large share. White had four times as many and more in 20 films."""
+
+HIGHEST_BLACK = LOWEST_WHITE = 0.2
+"""Limits of black and of white. Wherever white was, from grey value 76 to 128, it had 0.009 of all pixels and more;
+in 43 dark films that were not clipped, the highest grey value had less than 0.0005."""
 
 MIN_MISSING_LEVELS_SHARE = 0.05
 """Share of missing grey values between the extremes from which they are reported: a few rare ones miss by chance."""
