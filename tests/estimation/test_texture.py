@@ -57,7 +57,8 @@ def test_grey_levels_are_predicted_by_the_exposures_however_strong_the_texture()
     """No noise of a measured grey level gets into the rows: both predicted ones belong to the same radiance."""
     seen = textured(0.2, TOE_AND_SHOULDER)
     found = MaximumLikelihoodEstimator(ResponseBasis(32), VignetteBasis(0), NOISE).fit(seen)
-    predict = LatentModel(found.response_basis, found.parameters, found.errors, NOISE, found.texture_share, trusted=True)
+    share = found.texture_share
+    predict = LatentModel(found.response_basis, found.parameters, found.errors, NOISE, share, trusted=True)
     latent = predict(seen, np.zeros(len(seen)), np.ones(len(seen)))
     near = np.repeat(np.maximum.reduceat(np.abs(latent.studentised), seen.starts) < 3, 2)
     error = found.log_response[latent.index] - latent.mean - latent.offset
