@@ -305,7 +305,7 @@ piled up there: of few grey values, each has a large share. White had four times
 
 HIGHEST_BLACK = LOWEST_WHITE = 0.2
 """Limits of black and of white. Wherever white was, from grey value 76 to 128, it had 0.009 of all pixels and more;
-in 43 dark films that were not clipped, the highest grey value had less than 0.0005."""
+in 39 dark films that were not clipped, the highest grey value had less than 0.0005."""
 
 MIN_MISSING_LEVELS_SHARE = 0.05
 """Share of missing grey values between the extremes from which they are reported: a few rare ones miss by chance."""
