@@ -57,12 +57,13 @@ class Trial:
     def size_if_left_out(self) -> float:
         """Root mean square of the effect's parameter, as the error of a fit without it.
 
-        Every camera has a little of what can be corrected, within what chance hides. The value that the observations
-        suggest, if it makes sense, counts by its probability.
+        Either it is there, near the value that the observations suggest, if that makes sense. Or it is as small as
+        usual, or smaller where the observations say so.
         """
-        hidden = 0.0 if self.name in CONTRADICTIONS else self.sigma
-        suggested = self.value if EFFECTS[self.name].allows(self.value) else 0.0
-        return float(np.hypot(hidden, np.sqrt(self.probability) * suggested))
+        effect, probability = EFFECTS[self.name], self.probability
+        if_there = self.sigma**2 + (self.value**2 if effect.allows(self.value) else 0.0)
+        if_not = self.sigma**2 * effect.usual_sigma**2 / (self.sigma**2 + effect.usual_sigma**2)
+        return float(np.sqrt(probability * if_there + (1 - probability) * if_not))
 
 
 def estimate_effects(

@@ -53,8 +53,8 @@ class Effect:
     ----------
     adds
         What it adds to.
-    sigma
-        Prior standard deviation of the parameter.
+    sigma, usual_sigma
+        Prior standard deviations of the parameter: of what has the effect, and of what is not said to have it.
     systematic
         Standard deviation of the parameter that other errors of clean recordings imitate.
     least, most
@@ -63,6 +63,7 @@ class Effect:
 
     adds: Addition
     sigma: float
+    usual_sigma: float
     systematic: float
     least: float = -np.inf
     most: float = np.inf

@@ -289,8 +289,9 @@ of 426 to 1704 frames, and 72 and 94 per cent of the vignette's profile."""
 
 # Effects beside response and vignette (ospc.estimation.effects)
 #
-# Each has a prior standard deviation, and one of what clean recordings imitate: about a quarter of the largest values
-# in 47 simulated ones, none of which is significant then.
+# Each has three standard deviations. The first is that of cameras that have it, the second that of cameras of which
+# nobody would say so: from data sheets and judgement, since no recording tells. The third is that of what clean
+# recordings imitate: about a quarter of the largest values in 47 simulated ones, none of which is significant then.
 
 BEYOND_WHITE = 0.6
 """Mean irradiance of white pixels less that at white, over that at white: their grey level hides how bright they are,
@@ -302,41 +303,42 @@ LIGHT_FIT_FLOOR = 0.1
 below which errors of any size count alike: few surroundings are darker. Without it, the error of dark ones is three
 times as large for the simulator's filmic response."""
 
-GLARE = (0.03, 0.0005)
-"""Veiling glare, as a share of the frame's mean irradiance. Lenses have 1 to 5 per cent."""
+GLARE = (0.03, 0.03, 0.0005)
+"""Veiling glare, as a share of the frame's mean irradiance. All lenses have some, most 1 to 5 per cent."""
 
-SCATTER = (0.03, 0.003)
-"""Light scattered nearby, as a share of the irradiance there. Registration errors at edges look a little
-like it."""
+SCATTER = (0.03, 0.03, 0.003)
+"""Light scattered nearby, as a share of the irradiance there, in all lenses. Registration errors at edges look
+a little like it."""
 
-DARK_CURRENT = (0.03, 0.001)
+DARK_CURRENT = (0.03, 0.005, 0.001)
 """Dark signal of a typical exposure, as a share of the irradiance at white."""
 
-OFFSET = (0.1, 0.001)
-"""Constant error of all exposures, as a share of a typical one."""
+OFFSET = (0.1, 0.005, 0.001)
+"""Constant error of all exposures, as a share of a typical one: 25 µs of 5 ms are nothing special. With 0.1 for the
+second, exposures with random errors of 1 per cent gave bands four times as wide as the errors."""
 
-LATENESS = (0.3, 0.01)
+LATENESS = (0.3, 0.03, 0.01)
 """Frames by which all exposures are late, after those of a whole number have been moved: stamped, interpolated or
 averaged exposures are."""
 
 MOST_LATE_FRAMES = 1.0
 """Largest of these: more is moved by whole frames."""
 
-LOCAL_TONE = (0.1, 0.005)
+LOCAL_TONE = (0.1, 0.0, 0.005)
 """Exponent by which bright surroundings brighten a place; negative where they darken it. Tone mapping that people
 notice has -0.1 or more; equalisation within tiles of the image had 0.2. Clean recordings had 0.003 on average, and
 0.013 at most."""
 
-CURVATURE = (0.3, 0.002)
+CURVATURE = (0.3, 0.0, 0.002)
 """Curvature of ln exposure by its stated value: logarithms of exposures have some 0.4."""
 
-RESPONSE_DRIFT = (0.1, 0.003)
+RESPONSE_DRIFT = (0.1, 0.0, 0.003)
 """Half the change of ln γ from the first to the last group."""
 
-BLACK_DRIFT = (0.1, 0.0005)
+BLACK_DRIFT = (0.1, 0.0, 0.0005)
 """Half the change of the black level over white."""
 
-VIGNETTE_DRIFT = (0.1, 0.002)
+VIGNETTE_DRIFT = (0.1, 0.0, 0.002)
 """Half the change of ln V at the corner."""
 
 MAX_ADDED_SHARE = 0.9
