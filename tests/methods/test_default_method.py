@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -219,6 +220,18 @@ def test_where_the_light_is_unsteady_steadier_light_is_asked_for(walk, calibrate
         assert result.verdicts[name].state != "identifiable"
         assert result.verdicts[name].remedy.startswith("film in steadier light or give more exact exposures")
         assert result.verdicts[name].remedy in result.advice
+
+
+def test_what_is_done_about_a_contradiction_is_advised_first(walk, calibrated):
+    def tone_mapped(frame):
+        grey = np.maximum(frame.image_8_bit.astype(np.float32), 1) / 255
+        nearby = cv2.GaussianBlur(grey, (0, 0), 0.1 * grey.shape[1])
+        image = np.rint(255 * np.clip(grey * nearby**-0.15, 0, 1)).astype(np.uint8)
+        return Frame.of_array(image, frame.exposure_ms, index=frame.index)
+
+    result = calibrated([tone_mapped(frame) for frame in walk.frames], QUICK)
+    assert result.warnings
+    assert result.advice[0].startswith("switch off local contrast")
 
 
 @pytest.mark.parametrize("count", [1, 2, 5])

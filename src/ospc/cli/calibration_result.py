@@ -151,8 +151,7 @@ class ResultFolder:
         for warning in calibration.warnings:
             say(styled("WARNING", fg="red", bold=True), f": {warning}", err=True)
         if calibration.warnings:
-            remedy = calibration.verdicts["exposures"].remedy
-            say(f"  response and vignette are marginal at best; {remedy}", err=True)
+            say("; ".join(["  response and vignette are marginal at best", *calibration.advice[:1]]), err=True)
 
     def _say(self, outcome: Outcome, written: Written, comparison: Comparison | None) -> None:
         """Print skipped frames, verdicts, what they rest on, the files, and how far the result is from a truth."""

@@ -110,6 +110,7 @@ def summarise(inputs: FitInputs, settings: DefaultSettings) -> Calibration:
         converged=all(verdict.state == "identifiable" for verdict in verdicts.values()),
         counts={"pairs": inputs.pairs, "samples": points},
         advice=(
+            *(remedy for _, remedy in contradictions),
             *(verdict.remedy for verdict in verdicts.values() if verdict.remedy),
             *(() if coverage is None else coverage.gaps(inputs.max_grey)),
         ),
