@@ -48,19 +48,22 @@ class Disturbed:
     stabilised: float = 0.0
     local: float = 0.0
     light: float = 0.0
+    slow_light: float = 0.0
 
     def pairs(self, seed: int = 0) -> ExposedObservations:
         """Return points, each in two frames whose exposure, mean light and surroundings differ."""
         random = np.random.default_rng(seed)
         n = FRAMES * POINTS
         group = np.repeat(np.arange(FRAMES), POINTS)
-        time = (2 * group / (FRAMES - 1) - 1)[:, None]
+        time_of = np.linspace(-1, 1, FRAMES)[:, None]
+        time = time_of[group]
         true_ms = TYPICAL_MS * np.exp(random.uniform(-1, 1, (FRAMES, 2)))[group]
         rate = random.normal(0, 0.1, (FRAMES, 2))[group]
         stated_ms = true_ms * np.exp(-self.late * rate) - self.offset * TYPICAL_MS
         stretched = np.log(stated_ms / TYPICAL_MS)
         stated_ms = TYPICAL_MS * np.exp(stretched - self.power_of_logarithm * stretched**2)
-        lit_ms = true_ms * np.exp(self.light * random.standard_normal((FRAMES, 2)))[group]
+        log_light = self.light * random.standard_normal((FRAMES, 2)) + self.slow_light * np.sin(12 * time_of) * [0, 1]
+        lit_ms = true_ms * np.exp(log_light)[group]
         radiance = np.exp(random.normal(-1.5, 0.9, n))[:, None] / TYPICAL_MS
         place = random.uniform(-1, 1, (n, 2, 2)) * np.array(SIZE) / np.hypot(*SIZE)
         squared_radius = np.sum(place**2, axis=2)
@@ -231,6 +234,16 @@ def test_light_that_changes_from_frame_to_frame_is_measured_and_hurts_no_vignett
 def test_the_bands_of_unsteady_light_are_as_wide_as_the_errors() -> None:
     sigmas = np.array([step_in_sigmas(Disturbed(light=0.03).fit(seed)) for seed in range(10)])
     assert 0.4 < np.sqrt(np.mean(sigmas**2)) < 1.4
+
+
+def test_light_that_changes_slowly_hides_less_than_light_that_changes_at_once() -> None:
+    """What a pair of frames shows beside its gain, which resembles that of the pairs before, is the more certain."""
+    errors = {}
+    for name, scale in (("light", 0.03), ("slow_light", 0.06)):
+        fits = [Disturbed(**{name: scale}).fit(seed) for seed in range(6)]
+        assert all("unsteady light" in stated(fit) for fit in fits)
+        errors[name] = [step_in_sigmas(fit) * fit.log_response_step_sigma(0.25, 0.75) for fit in fits]
+    assert np.std(errors["slow_light"]) < 0.2 * np.std(errors["light"])
 
 
 def test_unsteady_light_passes_for_no_offset_of_the_exposures() -> None:

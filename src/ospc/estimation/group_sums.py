@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ospc.arrays import FloatArray
+from ospc.estimation.autoregression import UNCORRELATED, Autoregression
 from ospc.estimation.normal_equations import NormalEquations
 from ospc.estimation.pair_gains import PairGains
 from ospc.settings.estimation import GROUPS_PER_BLOCK, MIN_BLOCKS
@@ -39,26 +40,35 @@ class GroupSums:
         misfit = self.misfit - self.rows @ (parameters - self.about)
         return PairGains(self.precision, misfit / np.maximum(self.precision, 1e-300), sigma)
 
-    def discounted(self, weight: FloatArray) -> GroupSums:
-        """Return the sums with as much less weight of the means of groups, shape (groups,)."""
-        precision = np.maximum(self.precision, 1e-300)
-        row, mean = self.rows / precision[:, None], self.misfit / precision
-        weighted = row * weight[:, None]
+    @property
+    def within(self) -> GroupSums:
+        """What the points of each group say of each other, without the means of groups."""
+        return self._plus(-1, self.means(self.precision, UNCORRELATED, self.about))
+
+    def with_means(self, precision: FloatArray, memory: Autoregression) -> GroupSums:
+        """Return the sums with means of groups that have another precision, shape (groups,), and a memory."""
+        return self.within._plus(1, self.means(precision, memory, self.about))
+
+    def means(self, precision: FloatArray, memory: Autoregression, about: FloatArray) -> GroupSums:
+        """Return the sums of the means of groups alone, with misfits at parameters of shape (p,)."""
+        root = np.sqrt(precision)
+        row = memory.whitened(self.mean_rows * root[:, None])
+        misfit = memory.whitened(self.gains(0.0, about).mean * root)
+        matrix, vector, scores = row.T @ row, row.T @ (misfit + row @ about), row * misfit[:, None]
+        return replace(self, about=about, matrix=matrix, vector=vector, scores=scores)
+
+    @property
+    def mean_rows(self) -> FloatArray:
+        """The mean row of each group, shape (groups, p)."""
+        return np.asarray(self.rows / np.maximum(self.precision, 1e-300)[:, None])
+
+    def _plus(self, sign: int, other: GroupSums) -> GroupSums:
         return replace(
             self,
-            matrix=self.matrix - row.T @ weighted,
-            vector=self.vector - weighted.T @ (mean + row @ self.about),
-            scores=self.scores - weighted * mean[:, None],
+            matrix=self.matrix + sign * other.matrix,
+            vector=self.vector + sign * other.vector,
+            scores=self.scores + sign * other.scores,
         )
-
-    def discount_of_means(self, gains: PairGains, scale: float) -> tuple[FloatArray, FloatArray]:
-        """Return what to subtract from the rows and misfits of each group, shapes (groups, p − 1) and (groups,).
-
-        What is left, with the weights w, is equivalent to :meth:`discounted` (Fuller and Battese 1973).
-        """
-        share = 1 - np.sqrt(gains.precision_of_means(scale) * gains.by_chance)
-        row = self.rows[:, :-1] / np.maximum(self.precision, 1e-300)[:, None]
-        return share[:, None] * row, share * gains.mean
 
     def equations(self) -> NormalEquations:
         """Return the equations with the scatter of the scores between blocks of groups.

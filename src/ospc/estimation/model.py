@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from ospc.arrays import FloatArray, IntArray
+from ospc.estimation.autoregression import Autoregression
 from ospc.estimation.effects import Effects, EffectTerms
 from ospc.estimation.group_sums import GroupSums
 from ospc.estimation.latent import Latent, weighted_means
@@ -118,16 +119,21 @@ class LinearSystem:
         The precision of the prior, shape (p, p), and the sandwich factor say what the weights are worth; only latent
         gains need that.
         """
-        sums = self._sums
         if not self.has_gains:
-            return sums.equations()
-        scale = self._scale_within(sums, prior_precision, sandwich_factor)
-        gains = self.gains(self.about)
-        return sums.discounted(gains.precision - gains.precision_of_means(scale)).equations()
+            return self._sums.equations()
+        return self._sums.with_means(*self._means(self.about, prior_precision, sandwich_factor)).equations()
+
+    def _means(
+        self, parameters: FloatArray, prior_precision: FloatArray, sandwich_factor: float
+    ) -> tuple[FloatArray, Autoregression]:
+        """Return the precision of the mean of each pair, gains included, shape (pairs,), and the gains' memory."""
+        gains = self.gains(parameters)
+        precision = gains.precision_of_means(self._scale_within(self._sums, prior_precision, sandwich_factor))
+        return precision, Autoregression.of(gains.mean * np.sqrt(precision))
 
     def _scale_within(self, sums: GroupSums, prior_precision: FloatArray, sandwich_factor: float) -> float:
         """Return the information scale of what points of a pair tell of each other."""
-        within = sums.discounted(sums.precision).equations().part(np.arange(len(self.about)))
+        within = sums.within.equations().part(np.arange(len(self.about)))
         return within.scaled(prior_precision, sandwich_factor).information_scale
 
     @property
@@ -184,20 +190,26 @@ class LinearSystem:
         """
         shown = replace(self.observations, log_exposure=self.latent.log_exposure)
         sides = np.repeat(_halves(shown), self.observations.counts, axis=1)
-        discount = None
-        if self.has_gains:
-            scale = self._scale_within(self._sums, prior_precision, sandwich_factor)
-            discount = self._sums.discount_of_means(self.gains(parameters), scale)
         scores = np.zeros((len(sides), len(parameters)))
+        if self.has_gains:  # the means of pairs count apart, and their halves are of whole pairs
+            sums, known = self._sums, np.append(parameters, 0.0)
+            row_of_pair, misfit_of_pair = sums.mean_rows[:, :-1], sums.gains(0.0, known).mean
+            means = sums.means(*self._means(parameters, prior_precision, sandwich_factor), known)
+            scores += self._sides_of_pairs(sides) @ means.scores[:, :-1]
         for part in _chunks(self.observations):
             rows, target, factor, member = self._free_of_radiance(part)
             rows = rows[:, :-1]
             misfit = target - rows @ parameters
-            if discount is not None:
+            if self.has_gains:
                 number = self.observations.group_number[part][member]
-                rows, misfit = rows - discount[0][number], misfit - discount[1][number]
+                rows, misfit = rows - row_of_pair[number], misfit - misfit_of_pair[number]
             scores += (sides[:, part][:, member] * (factor * misfit)) @ rows
         return np.asarray(DISAGREEMENT_SHARE * scores.T @ scores)
+
+    def _sides_of_pairs(self, sides: FloatArray) -> FloatArray:
+        """Return the mean over the points of each pair of the sides of observations, (ways, n) -> (ways, pairs)."""
+        pair = self.observations.group_number
+        return np.stack([np.bincount(pair, side) / np.bincount(pair) for side in sides])
 
     def _free_of_radiance(self, part: slice) -> tuple[FloatArray, FloatArray, FloatArray, IntArray | slice]:
         """Return rows, right-hand sides, weights, and whose they are, with each point's radiance eliminated."""
