@@ -445,7 +445,7 @@ response."""
 LONGEST_GAIN_MEMORY, VALUES_PER_GAIN_MEMORY = 12, 8
 """Most pairs before it that the gain of a pair follows from, and fewest pairs of the recording for each of them: an
 autoregressive model of more would follow chance. In simulated light that changes by 10 per cent within 150 to 500
-frames, the step of ln g was off by 0.055 (root mean square) without it and by 0.017 with it, both beside a stated 0.02.
+frames, the step of ln g was off by 0.055 (root mean square) without it, where 0.021 was stated, and by 0.017 with it.
 Where exposures have independent errors, it makes no difference."""
 
 MOST_RADIANCE_SIGMA = 0.04
