@@ -54,7 +54,7 @@ class Effect:
     adds
         What it adds to.
     sigma, usual_sigma
-        Prior standard deviations of the parameter: of what has the effect, and of what is not said to have it.
+        Prior standard deviations of the parameter: in cameras that have the effect, and in all others.
     systematic
         Standard deviation of the parameter that other errors of clean recordings imitate.
     least, most

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -40,29 +41,29 @@ class GroupSums:
         misfit = self.misfit - self.rows @ (parameters - self.about)
         return PairGains(self.precision, misfit / np.maximum(self.precision, 1e-300), sigma)
 
-    @property
+    @cached_property
     def within(self) -> GroupSums:
         """What the points of each group say of each other, without the means of groups."""
-        return self._plus(-1, self.means(self.precision, UNCORRELATED, self.about))
-
-    def with_means(self, precision: FloatArray, memory: Autoregression) -> GroupSums:
-        """Return the sums with means of groups that have another precision, shape (groups,), and a memory."""
-        return self.within._plus(1, self.means(precision, memory, self.about))
+        return self.plus(self.means(self.precision, UNCORRELATED, self.about), sign=-1)
 
     def means(self, precision: FloatArray, memory: Autoregression, about: FloatArray) -> GroupSums:
-        """Return the sums of the means of groups alone, with misfits at parameters of shape (p,)."""
+        """Return the sums of the means of groups alone, with a precision of each, shape (groups,).
+
+        What means have in common with those before them is taken out. Misfits are those at parameters of shape (p,).
+        """
         root = np.sqrt(precision)
         row = memory.whitened(self.mean_rows * root[:, None])
         misfit = memory.whitened(self.gains(0.0, about).mean * root)
         matrix, vector, scores = row.T @ row, row.T @ (misfit + row @ about), row * misfit[:, None]
         return replace(self, about=about, matrix=matrix, vector=vector, scores=scores)
 
-    @property
+    @cached_property
     def mean_rows(self) -> FloatArray:
         """The mean row of each group, shape (groups, p)."""
         return np.asarray(self.rows / np.maximum(self.precision, 1e-300)[:, None])
 
-    def _plus(self, sign: int, other: GroupSums) -> GroupSums:
+    def plus(self, other: GroupSums, sign: int = 1) -> GroupSums:
+        """Return these sums and others of the same groups, added or subtracted."""
         return replace(
             self,
             matrix=self.matrix + sign * other.matrix,

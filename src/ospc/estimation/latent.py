@@ -199,8 +199,9 @@ class LatentModel:
         linear_log = self.log_response[index] + slope * excess
         precision, offset, alike = 1 / (variance * slope**2), log_exposure + log_gain, slope * of_alike
         total, mean = weighted_means(linear_log - offset, weight * precision, observations)
-        of_grey = index, level, slope, irradiance, linear_log, precision
-        return Latent(*of_grey, weight, alike, log_exposure, offset, total, mean)
+        return Latent(
+            index, level, slope, irradiance, linear_log, precision, weight, alike, log_exposure, offset, total, mean
+        )
 
 
 def weighted_means(

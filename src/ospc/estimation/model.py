@@ -121,15 +121,15 @@ class LinearSystem:
         """
         if not self.has_gains:
             return self._sums.equations()
-        return self._sums.with_means(*self._means(self.about, prior_precision, sandwich_factor)).equations()
+        means = self._means(self.about, prior_precision, sandwich_factor)
+        return self._sums.within.plus(means).equations()
 
-    def _means(
-        self, parameters: FloatArray, prior_precision: FloatArray, sandwich_factor: float
-    ) -> tuple[FloatArray, Autoregression]:
-        """Return the precision of the mean of each pair, gains included, shape (pairs,), and the gains' memory."""
+    def _means(self, parameters: FloatArray, prior_precision: FloatArray, sandwich_factor: float) -> GroupSums:
+        """Return the sums of the means of pairs, with gains in their precision, about parameters of shape (p,)."""
         gains = self.gains(parameters)
         precision = gains.precision_of_means(self._scale_within(self._sums, prior_precision, sandwich_factor))
-        return precision, Autoregression.of(gains.mean * np.sqrt(precision))
+        memory = Autoregression.of(gains.mean * np.sqrt(precision))
+        return self._sums.means(precision, memory, np.append(parameters, 0.0))
 
     def _scale_within(self, sums: GroupSums, prior_precision: FloatArray, sandwich_factor: float) -> float:
         """Return the information scale of what points of a pair tell of each other."""
@@ -191,10 +191,9 @@ class LinearSystem:
         shown = replace(self.observations, log_exposure=self.latent.log_exposure)
         sides = np.repeat(_halves(shown), self.observations.counts, axis=1)
         scores = np.zeros((len(sides), len(parameters)))
-        if self.has_gains:  # the means of pairs count apart, and their halves are of whole pairs
-            sums, known = self._sums, np.append(parameters, 0.0)
-            row_of_pair, misfit_of_pair = sums.mean_rows[:, :-1], sums.gains(0.0, known).mean
-            means = sums.means(*self._means(parameters, prior_precision, sandwich_factor), known)
+        if self.has_gains:  # the mean of a pair has a weight of its own, and belongs to one half as a whole
+            row_of_pair, misfit_of_pair = self._sums.mean_rows[:, :-1], self.gains(parameters).mean
+            means = self._means(parameters, prior_precision, sandwich_factor)
             scores += self._sides_of_pairs(sides) @ means.scores[:, :-1]
         for part in _chunks(self.observations):
             rows, target, factor, member = self._free_of_radiance(part)
@@ -239,7 +238,7 @@ class LinearSystem:
         excess = self.latent.linear_log[part] - by_response @ gamma
         target = observed.log_exposure + constant - excess
         if len(model.effects):
-            # Stated exposures have errors, which the target has, too: both together would pass for an effect.
+            # An error of a stated exposure is in the target; in the terms, too, it would pass for an effect.
             shown = replace(observed, log_exposure=self.latent.log_exposure[part])
             terms = model.effect_terms(self.about, shown, index)
             slopes = model.effects.jacobian(values, terms)

@@ -109,8 +109,8 @@ class Frame:
                 f"{name}: max_grey is {limit}, which does not fit 8-bit grey values up to {checked.max()}; give the "
                 "largest value of the sensor"
             )
-        unknown_ms = math.nan if exposure_ms is None else exposure_ms
-        return cls(index, stamp_s, unknown_ms, name, lambda: checked, limit)
+        known_ms = math.nan if exposure_ms is None else exposure_ms
+        return cls(index, stamp_s, known_ms, name, lambda: checked, limit)
 
     @property
     def image(self) -> Image:

@@ -289,9 +289,9 @@ of 426 to 1704 frames, and 72 and 94 per cent of the vignette's profile."""
 
 # Effects beside response and vignette (ospc.estimation.effects)
 #
-# Each has three standard deviations. The first is that of cameras that have it, the second that of cameras of which
-# nobody would say so: from data sheets and judgement, since no recording tells. The third is that of what clean
-# recordings imitate: about a quarter of the largest values in 47 simulated ones, none of which is significant then.
+# Each has three standard deviations: in cameras that have the effect, in cameras where it goes unnoticed, and of what
+# clean recordings imitate. The second was chosen by hand. The third is about a quarter of the largest values in 47
+# clean simulated recordings, none of which is significant then.
 
 BEYOND_WHITE = 0.6
 """Mean irradiance of white pixels less that at white, over that at white: their grey level hides how bright they are,
@@ -314,8 +314,8 @@ DARK_CURRENT = (0.03, 0.005, 0.001)
 """Dark signal of a typical exposure, as a share of the irradiance at white."""
 
 OFFSET = (0.1, 0.005, 0.001)
-"""Constant error of all exposures, as a share of a typical one: 25 µs of 5 ms are nothing special. With 0.1 for the
-second, exposures with random errors of 1 per cent gave bands four times as wide as the errors."""
+"""Constant error of all exposures, as a share of a typical one: an offset of 25 µs at 5 ms is common. With 0.1 for
+the second, exposures with random errors of 1 per cent gave bands four times as wide as the errors."""
 
 LATENESS = (0.3, 0.03, 0.01)
 """Frames by which all exposures are late, after those of a whole number have been moved: stamped, interpolated or
