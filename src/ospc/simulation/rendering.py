@@ -72,6 +72,17 @@ class View:
         )
 
 
+    @cached_property
+    def world_half_spaces(self) -> FloatArray:
+        """Those of homogeneous world positions: rows (a, b, c, d) with a·x + b·y + c·z + d >= 0 inside."""
+        normals = self.half_spaces[:, :3] @ self.projection
+        return np.column_stack([normals, self.half_spaces[:, 3] - normals @ self.position_m])
+
+    def misses(self, place: Rectangle) -> bool:
+        """Whether a rectangle is out of view for lying beyond one of its bounds."""
+        return bool((self.world_half_spaces @ place.corners).max(axis=1).min() < 0)
+
+
 def radiance(scene: Scene, view: View, time_s: float) -> Float32Array:
     """Return the radiance at every pixel in saturations per millisecond, shape (height, width), float32."""
     width, height = view.size
@@ -114,6 +125,8 @@ _Piece = tuple[tuple[slice, slice], Float32Array, Float32Array]
 
 def _drawn(face: Face, view: View) -> Iterable[_Piece]:
     """Yield the image area that a face covers, its radiance there, and the share of each pixel that it covers."""
+    if view.misses(face.place):
+        return
     to_image = view.homography(face.place)
     outline = _outline(face.place.size_m, to_image, view.half_spaces)
     if outline is None:
@@ -172,12 +185,13 @@ def _sampled(face: Face, to_metres: FloatArray, shape: tuple[int, int], outline:
     """Return the radiance of a face over an area of the image, blended between pyramid levels, shape ``shape``."""
     height, width = shape
     rows, columns = max(2, -(-height // _CELL_PX)), max(2, -(-width // _CELL_PX))
-    x = (np.arange(columns) + 0.5) * width / columns - 0.5
-    y = (np.arange(rows) + 0.5) * height / rows - 0.5
-    cells = np.stack(np.meshgrid(x, y), axis=-1)
+    points = np.empty((len(outline) + rows * columns, 2))
+    points[: len(outline)] = outline
+    cells = points[len(outline) :].reshape(rows, columns, 2)
+    cells[:, :, 0] = (np.arange(columns) + 0.5) * width / columns - 0.5
+    cells[:, :, 1] = ((np.arange(rows) + 0.5) * height / rows - 0.5)[:, None]
     texel_m = face.place.size_m[0] / face.mips[0].shape[1]
-    detail = _detail(to_metres, np.concatenate([outline, cells.reshape(-1, 2)]), texel_m)
-    detail = np.minimum(np.maximum(detail, 0), len(face.mips) - 1)
+    detail = np.minimum(np.maximum(_detail(to_metres, points, texel_m), 0), len(face.mips) - 1)
     bounds, detail = detail[: len(outline)], detail[len(outline) :].reshape(rows, columns)
     detail = np.minimum(np.maximum(detail, bounds.min()), bounds.max())
     first, final = math.floor(detail.min()), math.ceil(detail.max())

@@ -103,8 +103,10 @@ def _coated(log_contrast: Float32Array, level: float, rng: np.random.Generator, 
         rows, columns = (max(2, round(side * TEXEL_M / cell_m)) for side in (height, width))
         coarse = rng.standard_normal((rows, columns)).astype(np.float32)
         stains += np.float32(weight) * cv2.resize(coarse, (width, height), interpolation=cv2.INTER_CUBIC)
-    reflectance = np.float32(level) * np.exp(log_contrast) * np.exp(np.float32(stained) * stains)
-    return np.asarray(np.clip(reflectance, _DARKEST, _BRIGHTEST), dtype=np.float32)
+    reflectance = np.float32(level) * np.exp(log_contrast)
+    stains *= np.float32(stained)
+    reflectance *= np.exp(stains, out=stains)
+    return np.clip(reflectance, _DARKEST, _BRIGHTEST, out=reflectance)
 
 
 def _log_contrast(reflectance: Float32Array) -> Float32Array:
@@ -119,6 +121,7 @@ def _strewn(name: str, size: tuple[int, int], rng: np.random.Generator, edge: in
     of the sum of weights keeps the variance of the photograph everywhere.
     """
     source = _log_contrast(_resized(photograph(name), (edge, edge)))
+    turned = [np.ascontiguousarray(np.rot90(source, quarters)) for quarters in range(4)]
     piece = edge // 2
     ramp = np.sin(np.pi * (np.arange(piece, dtype=np.float32) + 0.5) / piece)
     window = np.outer(ramp, ramp).astype(np.float32)
@@ -127,17 +130,21 @@ def _strewn(name: str, size: tuple[int, int], rng: np.random.Generator, edge: in
     rows, columns = size[1] // step + 2, size[0] // step + 2
     total = np.zeros(((rows + 1) * step + piece, (columns + 1) * step + piece), np.float32)
     squares = np.full(total.shape, 1e-6, np.float32)
+    weighted = np.empty_like(window)
     for row in range(rows):
         for column in range(columns):
-            y, x = rng.integers(0, edge - piece + 1, 2)
-            cut = np.rot90(source[y : y + piece, x : x + piece], int(rng.integers(4)))
-            dy, dx = rng.integers(0, step // 2 + 1, 2)
+            y, x = rng.integers(0, edge - piece + 1, 2).tolist()
+            quarters = int(rng.integers(4))
+            # A quarter turn brings the far end of the columns to the top, and the top to the left.
+            for _ in range(quarters):
+                y, x = edge - piece - x, y
+            dy, dx = rng.integers(0, step // 2 + 1, 2).tolist()
             top, left = row * step + dy, column * step + dx
             place = (slice(top, top + piece), slice(left, left + piece))
-            total[place] += window * cut
+            total[place] += np.multiply(window, turned[quarters][y : y + piece, x : x + piece], out=weighted)
             squares[place] += squared_window
     kept = (slice(piece, piece + size[1]), slice(piece, piece + size[0]))
-    return np.asarray(total[kept] / np.sqrt(squares[kept]), dtype=np.float32)
+    return total[kept] / np.sqrt(squares[kept])
 
 
 def _texels(size_m: tuple[float, float]) -> tuple[int, int]:
