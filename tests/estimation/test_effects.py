@@ -1,6 +1,7 @@
 """Effects beside response and vignette are found, corrected and stated where they are there, and only there."""
 
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -105,6 +106,7 @@ class Disturbed:
             log_exposure_rate=both(rate),
         )
 
+    @cache  # noqa: B019 - tests ask for the same fits
     def fit(self, seed: int = 0, frames: int = FRAMES) -> Fit:
         """Return the fit to the first of these pairs of frames."""
         everything = self.pairs(seed)

@@ -121,7 +121,6 @@ def _strewn(name: str, size: tuple[int, int], rng: np.random.Generator, edge: in
     of the sum of weights keeps the variance of the photograph everywhere.
     """
     source = _log_contrast(_resized(photograph(name), (edge, edge)))
-    turned = [np.ascontiguousarray(np.rot90(source, quarters)) for quarters in range(4)]
     piece = edge // 2
     ramp = np.sin(np.pi * (np.arange(piece, dtype=np.float32) + 0.5) / piece)
     window = np.outer(ramp, ramp).astype(np.float32)
@@ -133,18 +132,15 @@ def _strewn(name: str, size: tuple[int, int], rng: np.random.Generator, edge: in
     weighted = np.empty_like(window)
     for row in range(rows):
         for column in range(columns):
-            y, x = rng.integers(0, edge - piece + 1, 2).tolist()
-            quarters = int(rng.integers(4))
-            # A quarter turn brings the far end of the columns to the top, and the top to the left.
-            for _ in range(quarters):
-                y, x = edge - piece - x, y
-            dy, dx = rng.integers(0, step // 2 + 1, 2).tolist()
+            y, x = rng.integers(0, edge - piece + 1, 2)
+            cut = np.rot90(source[y : y + piece, x : x + piece], int(rng.integers(4)))
+            dy, dx = rng.integers(0, step // 2 + 1, 2)
             top, left = row * step + dy, column * step + dx
             place = (slice(top, top + piece), slice(left, left + piece))
-            total[place] += np.multiply(window, turned[quarters][y : y + piece, x : x + piece], out=weighted)
+            total[place] += np.multiply(window, cut, out=weighted)
             squares[place] += squared_window
     kept = (slice(piece, piece + size[1]), slice(piece, piece + size[0]))
-    return total[kept] / np.sqrt(squares[kept])
+    return np.asarray(total[kept] / np.sqrt(squares[kept]), dtype=np.float32)
 
 
 def _texels(size_m: tuple[float, float]) -> tuple[int, int]:
