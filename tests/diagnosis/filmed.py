@@ -14,7 +14,7 @@ from ospc.exposures.lag_choice import LagChoice
 from ospc.recording import ArrayRecording
 from ospc.settings import DefaultSettings
 
-SIZE, LARGE = (128, 96), (160, 120)
+SIZE, LARGE, LARGEST = (96, 72), (128, 96), (160, 120)
 _WALL_PX = 700
 
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from filmed import LARGE, SIZE, Film, jumping, wandering
+from filmed import LARGE, LARGEST, SIZE, Film, jumping, wandering
 
 from ospc.calibrator import calibrate
 from ospc.diagnosis import RecordingReport, check_recording
@@ -31,7 +31,7 @@ def good() -> RecordingReport:
 
 @pytest.fixture(scope="module")
 def still() -> RecordingReport:
-    return check(speed_px=0.0, log_exposure=wandering(40), size=LARGE)
+    return check(speed_px=0.0, log_exposure=wandering(40), size=LARGEST)
 
 
 @pytest.fixture
@@ -193,7 +193,7 @@ def test_padded_bits_are_told() -> None:
 
 def test_few_frames_cannot_be_checked_and_do_not_speak_against_the_response() -> None:
     exposures = np.log(2.0) * np.arange(6) - 2
-    report = check(log_exposure=exposures, speed_px=0.0)
+    report = check(log_exposure=exposures, speed_px=0.0, size=LARGE)
     assert report.exposure_lag_frames is None
     assert states(report)["exposures"] == "marginal"
     assert "only 6 frames" in report.verdicts["exposures"].reason

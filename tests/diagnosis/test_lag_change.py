@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import pytest
-from filmed import LARGE, Film, jumping, observed, wandering
+from filmed import LARGE, LARGEST, Film, jumping, observed, wandering
 
 from ospc.exposures.brightness import BrightnessChange
 from ospc.exposures.lag_change import LagChange, detect_lag_change
@@ -61,7 +61,7 @@ def test_noise_clouds_and_lamps_are_none(film: Film, lag: int) -> None:
 def test_earlier_exposures_need_stronger_evidence_because_light_that_is_followed_looks_like_them(
     seed: int, size: float
 ) -> None:
-    film = Film(wandering(FRAMES, seed) * size, noise=2.0, size=LARGE)
+    film = Film(wandering(FRAMES, seed) * size, noise=2.0, size=LARGEST)
     assert proven(changes(film), stated(film.log_exposure, 0, 2), 0) is not None
     assert proven(changes(film), stated(film.log_exposure, 0, -2), 0) is None
 
