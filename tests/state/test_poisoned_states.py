@@ -31,6 +31,12 @@ NUMBERS = [-1, 0, 2**62, 10**400, 1e300, -1e300, "nan", "inf", "1e999", None, Tr
 MOTIONS = ["handheld", "static"]
 
 
+@pytest.fixture(autouse=True)
+def uncompressed(monkeypatch):
+    """Compression takes most of the time of a state that is refused at once."""
+    monkeypatch.setattr(container, "_COMPRESSION", 0)
+
+
 @pytest.fixture(scope="module", params=MOTIONS)
 def motion(request):
     return request.param
