@@ -27,7 +27,7 @@ def test_a_recording_that_is_not_there_is_refused_before_anything_heavy_is_impor
 
 def test_a_usual_calibration_does_without_scipy(tmp_path: Path) -> None:
     recording = tmp_path / "recording"
-    simulate(recording, SimulationSettings(size=(320, 240), frames=60))
+    simulate(recording, SimulationSettings(size=(240, 180), frames=40))
     program = f"import ospc; assert ospc.calibrate({str(recording)!r}).vignette is not None"
     names = ("scipy.linalg", "scipy.ndimage", "scipy.optimize", "scipy.special", "ospc.estimation.fit")
     assert imported(program, *names) == ["ospc.estimation.fit"]

@@ -71,7 +71,6 @@ class View:
             ]
         )
 
-
     @cached_property
     def world_half_spaces(self) -> FloatArray:
         """Those of homogeneous world positions: rows (a, b, c, d) with a·x + b·y + c·z + d >= 0 inside."""
