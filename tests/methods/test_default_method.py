@@ -100,7 +100,7 @@ def test_covariances_name_their_parameters(result):
 
 def test_knees_noise_and_more_bits_are_no_obstacle(calibrated):
     made = recorded(
-        frames=60, size=(240, 180), response="tum_narrow", vignette="decentred", noise="high", bit_depth=12,
+        frames=45, size=(240, 180), response="tum_narrow", vignette="decentred", noise="high", bit_depth=12,
         exposure="sweep", exposure_min_ms=4.0, exposure_max_ms=16.0,
     )  # fmt: skip
     result = calibrated(made.frames)
@@ -111,7 +111,7 @@ def test_knees_noise_and_more_bits_are_no_obstacle(calibrated):
 
 
 def test_a_camera_whose_grey_values_end_halfway_is_seen_to_move(calibrated):
-    made = recorded(frames=48, seed=31)
+    made = recorded(frames=48, seed=31, scene_seed=0)
     dark = [
         Frame.of_array(frame.image // 2, frame.exposure_ms, index=frame.index, stamp_s=frame.stamp_s)
         for frame in made.frames
@@ -229,7 +229,7 @@ def test_what_is_done_about_a_contradiction_is_advised_first(walk, calibrated):
         image = np.rint(255 * np.clip(grey * nearby**-0.15, 0, 1)).astype(np.uint8)
         return Frame.of_array(image, frame.exposure_ms, index=frame.index)
 
-    result = calibrated([tone_mapped(frame) for frame in walk.frames], QUICK)
+    result = calibrated([tone_mapped(frame) for frame in walk.frames[:60]], QUICK)
     assert result.warnings
     assert result.advice[0].startswith("switch off local contrast")
 

@@ -9,7 +9,7 @@ from ospc import OnlineCalibrator, open_recording
 from ospc.simulation import SimulationSettings, simulate
 
 SIZE = (240, 180)
-FRAMES = 40
+FRAMES = 30
 
 
 @pytest.fixture(scope="module")

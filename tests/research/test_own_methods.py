@@ -17,7 +17,7 @@ from ospc.research.source import SimulatedSource
 from ospc.settings import PaperSettings, preset
 from ospc.simulation import SimulationSettings, frames
 
-SETTINGS = SimulationSettings(size=(240, 180), frames=40, seed=3, exposure="cycle", speed=1.5)
+SETTINGS = SimulationSettings(size=(240, 180), frames=30, seed=3, scene_seed=0, exposure="cycle", speed=1.5)
 
 
 @pytest.fixture(scope="module")

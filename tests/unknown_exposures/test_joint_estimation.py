@@ -111,7 +111,7 @@ def test_it_does_not_look_at_exposures():
 
 def test_exposures_of_a_simulated_recording_are_recovered_up_to_an_exponent():
     settings_ = SimulationSettings(
-        frames=60, size=(240, 180), seed=5, exposure="sweep", exposure_min_ms=5, exposure_max_ms=20
+        frames=40, size=(200, 150), seed=5, scene_seed=0, exposure="sweep", exposure_min_ms=5, exposure_max_ms=20
     )
     found = estimate_from(frames(settings_))
     true = np.log(truth(settings_).exposures_ms[found.frames])

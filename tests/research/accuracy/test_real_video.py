@@ -15,7 +15,14 @@ from ospc.simulation import SimulationSettings, frames
 
 GREYS = (5 / 255, 250 / 255)
 SETTINGS = SimulationSettings(
-    size=(400, 300), frames=4, fps=10.0, exposure="cycle", exposures_ms=(6.0, 12.0), vignette="none", seed=8
+    size=(400, 300),
+    frames=4,
+    fps=10.0,
+    exposure="cycle",
+    exposures_ms=(6.0, 12.0),
+    vignette="none",
+    seed=8,
+    scene_seed=0,
 )
 
 
