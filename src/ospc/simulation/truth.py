@@ -138,10 +138,10 @@ def _auto_exposure(
     width = min(_METER_SIZE, settings.size[0])
     low = float(np.log(settings.exposure_min_ms * settings.gain))
     high = float(np.log(settings.exposure_max_ms * settings.gain_max))
+    attenuation = _thumbnail(vignette, view_at(settings, motion, 0.0, width).size)
 
     def meter(stamp_s: float) -> FloatArray:
-        small = radiance(scene, view_at(settings, motion, stamp_s, width), stamp_s)
-        return small * _thumbnail(vignette, (small.shape[1], small.shape[0]))
+        return radiance(scene, view_at(settings, motion, stamp_s, width), stamp_s) * attenuation
 
     def controlled(log_e: float, light: FloatArray) -> float:
         """Step by a share of the deviation of the mean grey level, limited."""
