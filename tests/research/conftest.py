@@ -7,7 +7,16 @@ from pathlib import Path
 
 import pytest
 
-from ospc.simulation import SimulationSettings, simulate
+from ospc.simulation import SimulationSettings, scene, simulate
+
+
+@pytest.fixture(scope="module", autouse=True)
+def one_room() -> Iterator[None]:
+    """Film the same room whatever the seed: it takes longer to build than most recordings here to film."""
+    room = scene._room
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(scene, "_room", lambda _seed: room(0))
+        yield
 
 
 @pytest.fixture(scope="session")

@@ -8,7 +8,7 @@ from ospc.research.faults.footage import Footage, good_footage
 from ospc.research.source import SimulatedSource
 from ospc.simulation import SimulationSettings
 
-SETTINGS = SimulationSettings(size=(64, 48), frames=60, seed=3, response="srgb", auto_rate=0.3)
+SETTINGS = SimulationSettings(size=(64, 48), frames=60, seed=3, scene_seed=0, response="srgb", auto_rate=0.3)
 
 
 @pytest.fixture(scope="session")

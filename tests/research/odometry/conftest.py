@@ -41,7 +41,10 @@ with open("result.txt", "w") as out:
 def simulated(tmp_path_factory) -> Path:
     place = tmp_path_factory.mktemp("odometry") / "room"
     simulate(
-        place, SimulationSettings(size=(160, 120), frames=40, fps=10.0, speed=0.5, seed=3, response="tum_narrow")
+        place,
+        SimulationSettings(
+            size=(160, 120), frames=40, fps=10.0, speed=0.5, seed=3, scene_seed=0, response="tum_narrow"
+        ),
     )
     return place
 
