@@ -20,7 +20,9 @@ logging.disable(logging.DEBUG)
 Parser.parse_definition = lambda _: None  # looks for lines of the source to link to, which no page does
 signatures = _loader._format_signatures  # of what can be called they come from the code, and hold no links
 _loader._format_signatures = lambda props, **given: (
-    [('()', '')] if props.obj_type in ('class', 'exception', 'function', 'method') else signatures(props=props, **given)
+    [('()', '')]
+    if props.obj_type in ('class', 'exception', 'function', 'method')
+    else signatures(props=props, **given)
 )
 sys.exit(main(sys.argv[1:]))
 """

@@ -137,8 +137,7 @@ def test_what_darkens_every_frame_belongs_to_the_true_vignette(footage):
         assert np.ptp(change) > 0.05
         unclipped = (stack(footage) < 240) & (stack(footage) > 20) & (stack(found) < 240) & (stack(found) > 20)
         light = [footage.responses[0].inverse(stack(f) / 255) for f in (found, footage)]
-        ratio = np.divide(*light, out=np.full_like(light[0], np.nan), where=unclipped)
-        seen = np.median(ratio[0], axis=0)
+        seen = np.median(np.divide(*light, out=np.full_like(light[0], np.nan), where=unclipped)[0], axis=0)
         known = np.isfinite(seen)
         ratio = seen[known] / np.broadcast_to(change[0], seen.shape)[known]
         assert np.std(ratio) < 0.3 * np.mean(ratio)
