@@ -237,6 +237,13 @@ class Observations(ByValue):
         """Number of the group of each observation, with none left out, shape (n,)."""
         return np.unique(self.group, return_inverse=True)[1]
 
+    @cached_property
+    def frames_of_groups(self) -> IntArray:
+        """Numbers of the first and of the last frame of each group, shape (groups, 2)."""
+        point = np.unique(self.group_number[self.starts], return_index=True)[1]
+        first = self.starts[point]
+        return np.stack([self.frame[first], self.frame[first + self.counts[point] - 1]], axis=1)
+
     def combined(self, combine: np.ufunc, values: FloatArray) -> FloatArray:
         """Reduce the values of each point by ``np.add`` or another ufunc, shape (n, ...) -> (points, ...)."""
         if self.in_pairs:  # in a tenth of the time

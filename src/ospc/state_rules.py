@@ -177,8 +177,9 @@ RULES: Mapping[type, Mapping[str, Numbers | str]] = {
     VignetteBasis: {"radial": Numbers(0, _MOST_RADIAL), "usable_radius": Numbers(MIN_USABLE_RADIUS, 1)},
     ErrorModel: {
         "constant shot read": UNIT,
-        "registration_sigma_px radiance_sigma gain_sigma": Numbers(0, 100),
+        "registration_sigma_px radiance_sigma": Numbers(0, 100),
         "factors": Numbers(1e-6, 1e6, ("factors",)),
+        "gain_variances": Numbers(0, 100, ("gain variances",)),
     },
     PriorHyperparameters: {"walk": Numbers(1e-6, 1e6), "drift": Numbers(0, 1e6)},
     ImageCircle: {"brightest allowed": ELSEWHERE},
@@ -369,3 +370,4 @@ def _check_fit(fit: Fit) -> None:
         Numbers(shape=(parameters, parameters)).check(name, covariance)
         _require(np.all(np.diag(covariance) >= 0), "the fit has negative variances")
     _require(len(fit.errors.factors) in (0, len(FACTOR_GREYS)), "the error model has another number of factors")
+    _require(not fit.errors.gain_variances, "a quick fit has no gains of frames")

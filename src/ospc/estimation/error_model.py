@@ -45,8 +45,9 @@ class ErrorModel:
     factors
         Factors on the sum at :data:`~ospc.settings.estimation.FACTOR_GREYS`, interpolated in between, for what this
         law leaves out; empty for a factor of 1 everywhere.
-    gain_sigma
-        Scale of a latent gain of each pair of frames, in ln, which is no part of this variance; 0 for none.
+    gain_variances
+        Variances of the latent gains of frames by :class:`~ospc.estimation.frame_gains.FrameGains`, in ln², which are
+        no part of this variance; empty for none.
     """
 
     constant: float = START_GREY_SIGMA**2
@@ -55,7 +56,7 @@ class ErrorModel:
     registration_sigma_px: float = START_REGISTRATION_SIGMA_PX
     radiance_sigma: float = START_RADIANCE_SIGMA
     factors: tuple[float, ...] = ()
-    gain_sigma: float = 0.0
+    gain_variances: tuple[float, ...] = ()
 
     def variance(
         self, grey: FloatArray, slope: FloatArray, irradiance: FloatArray, gradient: FloatArray
@@ -110,7 +111,7 @@ class ErrorModel:
             max(float(np.sqrt(found[4])), MIN_RADIANCE_SIGMA),
         )
         factors = _factors(squared / law.variance(grey, slope, irradiance, gradient), grey)
-        return replace(law, factors=factors, gain_sigma=self.gain_sigma)
+        return replace(law, factors=factors, gain_variances=self.gain_variances)
 
 
 def _by_cell(cell: IntArray, count: int) -> tuple[IntArray, dict[int, slice]]:

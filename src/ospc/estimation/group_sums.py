@@ -8,9 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from ospc.arrays import FloatArray
-from ospc.estimation.autoregression import UNCORRELATED, Autoregression
 from ospc.estimation.normal_equations import NormalEquations
-from ospc.estimation.pair_gains import PairGains
 from ospc.settings.estimation import GROUPS_PER_BLOCK, MIN_BLOCKS
 
 
@@ -36,24 +34,30 @@ class GroupSums:
     precision: FloatArray
     misfit: FloatArray
 
-    def gains(self, sigma: float, parameters: FloatArray) -> PairGains:
-        """Return what the groups say of their gains, whose scale is known, with parameters of shape (p,)."""
+    def mean_misfit(self, parameters: FloatArray) -> FloatArray:
+        """Return the mean misfit of each group with parameters of shape (p,)."""
         misfit = self.misfit - self.rows @ (parameters - self.about)
-        return PairGains(self.precision, misfit / np.maximum(self.precision, 1e-300), sigma)
+        return np.asarray(misfit / np.maximum(self.precision, 1e-300))
+
+    @property
+    def by_chance(self) -> FloatArray:
+        """Variance of each mean by chance, shape (groups,); huge where a group has no point."""
+        return np.asarray(1 / np.maximum(self.precision, 1e-300))
 
     @cached_property
     def within(self) -> GroupSums:
         """What the points of each group say of each other, without the means of groups."""
-        return self.plus(self.means(self.precision, UNCORRELATED, self.about), sign=-1)
+        return self.plus(self.means(np.diag(self.by_chance), self.about), sign=-1)
 
-    def means(self, precision: FloatArray, memory: Autoregression, about: FloatArray) -> GroupSums:
-        """Return the sums of the means of groups alone, with a precision of each, shape (groups,).
+    def means(self, covariance: FloatArray, about: FloatArray) -> GroupSums:
+        """Return the sums of the means of groups alone, with a covariance of them, shape (groups, groups).
 
         What means have in common with those before them is taken out. Misfits are those at parameters of shape (p,).
         """
-        root = np.sqrt(precision)
-        row = memory.whitened(self.mean_rows * root[:, None])
-        misfit = memory.whitened(self.gains(0.0, about).mean * root)
+        whitened = np.linalg.solve(
+            np.linalg.cholesky(covariance), np.column_stack([self.mean_rows, self.mean_misfit(about)])
+        )
+        row, misfit = whitened[:, :-1], whitened[:, -1]
         matrix, vector, scores = row.T @ row, row.T @ (misfit + row @ about), row * misfit[:, None]
         return replace(self, about=about, matrix=matrix, vector=vector, scores=scores)
 

@@ -16,8 +16,8 @@ import numpy as np
 
 from ospc.arrays import FloatArray, IntArray
 from ospc.estimation.error_model import ErrorModel
+from ospc.estimation.frame_gains import FrameGains
 from ospc.estimation.mean_of_pixels import PixelMeans
-from ospc.estimation.pair_gains import PairGains
 from ospc.estimation.response_basis import ResponseBasis
 from ospc.observations import ExposedObservations
 from ospc.photometry.noise import NoiseModel
@@ -49,7 +49,7 @@ class Latent:
         What the texture lowers h by, if all of the variance seen is texture and all observations of a point have the
         same over their grey level squared.
     log_exposure
-        ln of the exposure that the images show: the stated one with half of the pair's latent gain on either frame.
+        ln of the exposure that the images show: the stated one and the latent gain of the frame.
     offset
         That, and ln of the gain by vignette and effects.
     total, mean
@@ -117,8 +117,8 @@ class LatentModel:
         measured = np.clip(observations.grey, DARKEST_GREY, 1.0)
         latent = self._linearised(observations, measured, observations.log_exposure, log_gain, weight)
         for _ in range(LATENT_ITERATIONS if self.trusted else 0):
-            if self.errors.gain_sigma and observations.in_pairs:
-                log_exposure = observations.log_exposure + self._log_gain_of_pairs(observations, latent, log_gain)
+            if self.errors.gain_variances and observations.in_pairs:
+                log_exposure = observations.log_exposure + self._log_gain_of_frames(observations, latent, log_gain)
                 latent = self._linearised(observations, latent.grey, log_exposure, log_gain, weight)
             # About the measured grey level as it would be without texture and noise, which may shift it farther.
             near = MAX_DEVIATION_SIGMAS / np.sqrt(latent.precision)
@@ -128,17 +128,18 @@ class LatentModel:
             latent = self._linearised(observations, grey, latent.log_exposure, log_gain, weight)
         return latent
 
-    def _log_gain_of_pairs(
+    def _log_gain_of_frames(
         self, observations: ExposedObservations, latent: Latent, log_gain: FloatArray
     ) -> FloatArray:
-        """Return the latent gain of each pair of frames, half of it in either frame, shape (n,)."""
+        """Return the latent gain of the frame of each observation, shape (n,)."""
         # By medians: weights that are still those without gains would discard whole pairs.
         log_radiance, precision = latent.linear_log - observations.log_exposure - log_gain, latent.precision
         pair, difference = observations.group_number[0::2], log_radiance[0::2] - log_radiance[1::2]
         by_chance = 1 / precision[0::2] + 1 / precision[1::2]
-        known = np.bincount(pair, 1 / by_chance).astype(np.float64)
-        gain = PairGains(known, medians(difference, pair), self.errors.gain_sigma).values[pair]
-        return np.stack([gain / 2, -gain / 2], axis=1).ravel()
+        of_mean = 1 / np.bincount(pair, 1 / by_chance)
+        means = medians(difference, pair)
+        gains = FrameGains(observations.frames_of_groups, of_mean, means, self.errors.gain_variances)
+        return np.asarray(gains.of_ends[:, pair].T.ravel())
 
     @cached_property
     def log_response(self) -> FloatArray:

@@ -100,7 +100,7 @@ class MaximumLikelihoodEstimator:
                     latent.irradiance,
                     observations.gradient,
                 )
-            system = LinearSystem(model, parameters, observations, latent, weight, errors.gain_sigma)
+            system = LinearSystem(model, parameters, observations, latent, weight, errors.gain_variances)
             prior = model.prior(parameters)
             of_prior = prior.precision(hyperparameters)
             with_share = system.equations(of_prior, sandwich_factor)
@@ -114,7 +114,7 @@ class MaximumLikelihoodEstimator:
             precision = equations.posterior_precision(prior, hyperparameters)
             moved = parameters - system.about
             if system.has_gains:
-                errors = replace(errors, gain_sigma=system.gains(parameters).refitted_sigma)
+                errors = replace(errors, gain_variances=system.gains(parameters).refitted_variances)
             if round_number > 1 and float(moved @ precision @ moved) < SETTLED_SIGMAS**2 * len(moved):
                 break
         return Fit(
@@ -150,12 +150,12 @@ class MaximumLikelihoodEstimator:
             equations = system.equations(precision, sandwich_factor)
             return equations.part(np.arange(len(about))).scaled(precision, sandwich_factor)
 
-    def significant_gain_sigma(self, observations: ExposedObservations, fit: Fit) -> float:
-        """Return the scale of latent gains that pairs of frames show beyond chance, by a fit of this model."""
+    def significant_gain_variances(self, observations: ExposedObservations, fit: Fit) -> tuple[float, ...]:
+        """Return variances of latent gains that pairs of frames show beyond chance, by a fit of this model."""
         with one_blas_thread():
             system, sandwich_factor = self._system(observations, fit, fit.parameters)
             precision = self.model.prior(fit.parameters).precision(fit.hyperparameters)
-            return system.significant_gain_sigma(precision, sandwich_factor)
+            return system.significant_gain_variances(precision, sandwich_factor)
 
     def _system(self, observations: ExposedObservations, fit: Fit, about: FloatArray) -> tuple[LinearSystem, float]:
         """Return the linear system about a fit, and the sandwich factor of its weights."""
@@ -171,7 +171,9 @@ class MaximumLikelihoodEstimator:
         # This basis may not contain the fitted response exactly: refer the linearised values to the nearest one.
         here = self.response_basis.log_of(self.model.split(about)[0])
         latent = replace(latent, linear_log=latent.linear_log + (here - predict.log_response)[latent.index])
-        return LinearSystem(self.model, about, observations, latent, weight, fit.errors.gain_sigma), sandwich_factor
+        return LinearSystem(
+            self.model, about, observations, latent, weight, fit.errors.gain_variances
+        ), sandwich_factor
 
     def newton_steps(
         self, observations: ExposedObservations, fit: Fit, about: FloatArray, choices: Iterable[IntArray]

@@ -9,12 +9,11 @@ from functools import cached_property
 import numpy as np
 
 from ospc.arrays import FloatArray, IntArray
-from ospc.estimation.autoregression import Autoregression
 from ospc.estimation.effects import Effects, EffectTerms
+from ospc.estimation.frame_gains import FrameGains
 from ospc.estimation.group_sums import GroupSums
 from ospc.estimation.latent import Latent, weighted_means
 from ospc.estimation.normal_equations import NormalEquations
-from ospc.estimation.pair_gains import PairGains
 from ospc.estimation.prior import Prior
 from ospc.estimation.response_basis import ResponseBasis, typical_gamma
 from ospc.estimation.vignette_basis import VignetteBasis
@@ -102,8 +101,8 @@ class LinearSystem:
         n observations, and the same linearised.
     weight
         Robust weights, shape (n,).
-    gain_sigma
-        Scale of the latent gains of pairs of frames, in ln; 0 for none.
+    gain_variances
+        Variances of the latent gains of frames, in ln²; empty for none.
     """
 
     model: Model
@@ -111,7 +110,7 @@ class LinearSystem:
     observations: ExposedObservations
     latent: Latent
     weight: FloatArray
-    gain_sigma: float = 0.0
+    gain_variances: tuple[float, ...] = ()
 
     def equations(self, prior_precision: FloatArray, sandwich_factor: float) -> NormalEquations:
         """Return the normal equations of the parameters and, last, of a change of the share of texture.
@@ -126,10 +125,9 @@ class LinearSystem:
 
     def _means(self, parameters: FloatArray, prior_precision: FloatArray, sandwich_factor: float) -> GroupSums:
         """Return the sums of the means of pairs, with gains in their precision, about parameters of shape (p,)."""
-        gains = self.gains(parameters)
-        precision = gains.precision_of_means(self._scale_within(self._sums, prior_precision, sandwich_factor))
-        memory = Autoregression.of(gains.mean * np.sqrt(precision))
-        return self._sums.means(precision, memory, np.append(parameters, 0.0))
+        scale = self._scale_within(self._sums, prior_precision, sandwich_factor)
+        covariance = self.gains(parameters).covariance_of_means(scale)
+        return self._sums.means(covariance, np.append(parameters, 0.0))
 
     def _scale_within(self, sums: GroupSums, prior_precision: FloatArray, sandwich_factor: float) -> float:
         """Return the information scale of what points of a pair tell of each other."""
@@ -138,22 +136,25 @@ class LinearSystem:
 
     @property
     def has_gains(self) -> bool:
-        """Whether pairs of frames have a latent gain."""
-        return self.gain_sigma > 0 and self.observations.in_pairs
+        """Whether frames have a latent gain."""
+        return bool(self.gain_variances) and self.observations.in_pairs
 
-    def gains(self, parameters: FloatArray) -> PairGains:
-        """Return what pairs of frames say of their gains, with parameters of shape (p,)."""
-        return self._sums.gains(self.gain_sigma, np.append(parameters, 0.0))
+    def gains(self, parameters: FloatArray) -> FrameGains:
+        """Return what pairs of frames say of the gains, with parameters of shape (p,)."""
+        return self._gains(self._sums, 1.0, np.append(parameters, 0.0))
 
-    def significant_gain_sigma(self, prior_precision: FloatArray, sandwich_factor: float) -> float:
-        """Return the scale of gains that the pairs show, 0 if chance explains it; arguments as for the equations.
+    def _gains(self, sums: GroupSums, scale: float, parameters: FloatArray) -> FrameGains:
+        frames, mean = self.observations.frames_of_groups, sums.mean_misfit(parameters)
+        return FrameGains(frames, sums.by_chance / scale, mean, self.gain_variances)
+
+    def significant_gain_variances(self, prior_precision: FloatArray, sandwich_factor: float) -> tuple[float, ...]:
+        """Return variances of gains that the pairs show, empty if chance explains it; arguments as for the equations.
 
         Chance includes that errors of the points of a pair have common causes.
         """
         sums = self._summed(with_rows=True)
         scale = min(self._scale_within(sums, prior_precision, sandwich_factor), 1.0)
-        gains = sums.gains(0.0, sums.about)
-        return replace(gains, precision=scale * gains.precision).significant_sigma
+        return self._gains(sums, scale, sums.about).significant_variances
 
     @cached_property
     def _sums(self) -> GroupSums:

@@ -16,6 +16,7 @@ from ospc.arrays import FloatArray
 from ospc.estimation.effect_trials import Trial, after_newton_step, estimate_effects, slope_of_left_out
 from ospc.estimation.effects import CONTRADICTIONS, CORRECTED, EFFECTS, Effects
 from ospc.estimation.fit import Fit
+from ospc.estimation.frame_gains import gain_sigma
 from ospc.estimation.maximum_likelihood import MaximumLikelihoodEstimator
 from ospc.estimation.residual_effects import UNSTEADY_LIGHT, uneven_vignette, unsteadiness, unsteady_radiance
 from ospc.estimation.response_basis import ResponseBasis
@@ -128,7 +129,7 @@ def fit_with_chosen_effects(
     One effect after the other is tried, the clearest first, and kept if it is significant by the scatter of the
     observations. As soon as something contradicts the model nothing is corrected: one effect imitates another. Few
     pairs of frames can contradict the model, but correct nothing. Where frames are still brighter or darker than the
-    model says, by more than chance, each pair gets a latent gain. What any effect that is left out may amount to is
+    model says, by more than chance, each frame gets a latent gain. What any effect that is left out may amount to is
     added to the covariance. A camera at rest shows none. The parameters are as in :func:`fit_with_chosen_vignette`.
     """
     plain = fit_with_chosen_vignette(observations, response, widest, noise, rounds, Effects.none_of(observations))
@@ -137,21 +138,21 @@ def fit_with_chosen_effects(
     plain_trials = estimate_effects(observations, plain, noise, tuple(EFFECTS))
     fit, trials = _with_effects(observations, plain, plain_trials, widest, noise, rounds)
     # Gains come last, and not where exposures belong to other frames: they would hide what explains the brightness.
-    if not _shows_lag(trials) and (gain_sigma := _gain_sigma(observations, fit, noise)):
+    if not _shows_lag(trials) and (variances := _gain_variances(observations, fit, noise)):
         found_none = fit is plain
-        plain = _with_gains(observations, plain, gain_sigma, noise, rounds)
+        plain = _with_gains(observations, plain, variances, noise, rounds)
         plain_trials = estimate_effects(observations, plain, noise, tuple(EFFECTS))
-        fit = plain if found_none else _with_gains(observations, fit, gain_sigma, noise, rounds)
+        fit = plain if found_none else _with_gains(observations, fit, variances, noise, rounds)
         trials = plain_trials if found_none else estimate_effects(observations, fit, noise, _left_out(fit))
     if any(name in CONTRADICTIONS for name in fit.effects.chosen):
-        return _with_estimates(plain, plain_trials, _estimates(fit)[-1:])
+        return _with_estimates(plain, plain_trials, _estimates(fit, observations)[-1:])
     if fit.groups < MIN_GROUPS_TO_CONTRADICT:
         return _with_estimates(fit, trials, ())
     residual = fit.residuals(observations)
     if unsteady := unsteadiness(residual, observations):
         return _with_estimates(plain, plain_trials, unsteady)
     uneven = uneven_vignette(residual, observations) or unsteady_radiance(fit.errors.radiance_sigma, fit.groups)
-    return _with_estimates(fit, trials, (*_estimates(fit), *uneven))
+    return _with_estimates(fit, trials, (*_estimates(fit, observations), *uneven))
 
 
 def _with_effects(  # noqa: PLR0917 (what is fitted, to what, from where)
@@ -181,10 +182,10 @@ def _with_effects(  # noqa: PLR0917 (what is fitted, to what, from where)
 
 
 def _with_gains(
-    observations: ExposedObservations, fit: Fit, gain_sigma: float, noise: NoiseModel | None, rounds: int
+    observations: ExposedObservations, fit: Fit, variances: tuple[float, ...], noise: NoiseModel | None, rounds: int
 ) -> Fit:
     """Return a fit with latent gains, and with those effects that are significant still."""
-    start = replace(fit, errors=replace(fit.errors, gain_sigma=gain_sigma))
+    start = replace(fit, errors=replace(fit.errors, gain_variances=variances))
     while True:
         fit = _estimator(start, noise, rounds).fit(observations, start)
         doubtful = [i for i in range(len(fit.effects)) if not _significant(fit, i)]
@@ -210,11 +211,11 @@ def _left_out(fit: Fit) -> tuple[str, ...]:
     return tuple(name for name in EFFECTS if name not in fit.effects.chosen)
 
 
-def _gain_sigma(observations: ExposedObservations, fit: Fit, noise: NoiseModel | None) -> float:
-    """Return the scale of latent gains beyond chance, 0 where there are none or too few pairs of frames to tell."""
+def _gain_variances(observations: ExposedObservations, fit: Fit, noise: NoiseModel | None) -> tuple[float, ...]:
+    """Return variances of latent gains beyond chance; empty where there are none or too few pairs to tell."""
     if not observations.in_pairs or fit.groups < MIN_GROUPS_TO_CONTRADICT:
-        return 0.0
-    return _estimator(fit, noise, 0).significant_gain_sigma(observations, fit)
+        return ()
+    return _estimator(fit, noise, 0).significant_gain_variances(observations, fit)
 
 
 def _provable(groups: int) -> tuple[str, ...]:
@@ -249,9 +250,10 @@ def _sigmas_of(fit: Fit, number: int, covariance: FloatArray) -> float:
     return float(abs(fit.effect_parameters[number]) / np.hypot(np.sqrt(variance[number]), systematic))
 
 
-def _estimates(fit: Fit) -> tuple[EffectEstimate, ...]:
+def _estimates(fit: Fit, observations: ExposedObservations) -> tuple[EffectEstimate, ...]:
     """Return the estimates of latent gains, if there are any, and of the effects."""
-    sigma, gain = np.sqrt(np.diag(fit.covariance))[fit.vignette_part.stop :], fit.errors.gain_sigma
+    sigma = np.sqrt(np.diag(fit.covariance))[fit.vignette_part.stop :]
+    gain = gain_sigma(fit.errors.gain_variances, observations.frames_of_groups)
     of_gains = EffectEstimate(UNSTEADY_LIGHT, gain, gain * ERROR_OF_SCALE / math.sqrt(fit.groups), corrected=True)
     of_effects = (
         EffectEstimate(name, float(value), float(deviation), name in CORRECTED, name in CONTRADICTIONS)

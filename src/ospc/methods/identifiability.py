@@ -134,7 +134,7 @@ def vignette_verdict(
 
 def _is_unsteady(fit: Fit) -> bool:
     """Return whether unsteady light keeps the response from being known, and with it the vignette."""
-    return fit.errors.gain_sigma > 0 and fit.log_response_step_sigma(0.25, 0.75) > IDENTIFIABLE_RESPONSE_SIGMA
+    return bool(fit.errors.gain_variances) and fit.log_response_step_sigma(0.25, 0.75) > IDENTIFIABLE_RESPONSE_SIGMA
 
 
 def _graded(fit: Fit, sigma: float, sure: float, figure: str, remedy: str) -> Verdict:

@@ -437,16 +437,17 @@ pairs of frames have latent gains. By independent errors of the points it was at
 clean simulated recordings, 2.5 times in a real video, and 5 to 18 times with clouds, flicker or drifting white
 balance."""
 
-GAIN_FREEDOM = 4.0
-"""Degrees of freedom of the distribution of these gains: it has heavy tails, for a few frames whose exposure is
-wrong. With a normal distribution, six of twelve recordings whose exposures lack a gain of some frames lost their
-response."""
+EXCEPTIONAL_SIGMAS = 2.5
+"""Standard deviations from what all other pairs say, beyond which the gain of a pair is exceptional: a frame whose
+exposure is wrong, a light that is switched. Its variance is then set so that it is no farther away. Of normal
+gains, one in eighty is exceptional."""
 
-LONGEST_GAIN_MEMORY, VALUES_PER_GAIN_MEMORY = 12, 8
-"""Most pairs before it that the gain of a pair follows from, and fewest pairs of the recording for each of them: an
-autoregressive model of more would follow chance. In simulated light that changes by 10 per cent within 150 to 500
-frames, the step of ln g was off by 0.055 (root mean square) without it, where 0.021 was stated, and by 0.017 with it.
-Where exposures have independent errors, it makes no difference."""
+GAIN_MEMORIES = (3.0, 10.0, 30.0, 100.0)
+"""Times over which gains of frames change, in frames. A mixture of them and of independent gains comes near to
+flicker, white balance and clouds alike. What changes more slowly is hardly seen between the frames of a pair."""
+
+EXCEPTIONAL_ITERATIONS, VARIANCE_ITERATIONS = 3, 3
+"""Iterations of the weights of exceptional pairs, and of the variances of gains, in each round of a fit."""
 
 MOST_RADIANCE_SIGMA = 0.04
 """Relative standard deviation of the radiance of a place between frames, beyond noise, from which on one response

@@ -1,0 +1,128 @@
+"""A latent gain of each frame: how much brighter it is than response, vignette and exposure say.
+
+Clouds, flicker, a drifting white balance or an inexact exposure change all points of a frame alike. The gains are a
+Gaussian process in time of unknown scale: some are independent from frame to frame, some change slowly. They are
+integrated out. What the points of a pair of frames tell of each other still counts in full; what the pair as a whole
+tells counts less, the larger the gains are and the longer the time between its frames.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from ospc.arrays import FloatArray, IntArray
+from ospc.robust import ERROR_OF_SCALE, robust_scale
+from ospc.settings.estimation import (
+    EXCEPTIONAL_ITERATIONS,
+    EXCEPTIONAL_SIGMAS,
+    GAIN_MEMORIES,
+    GAIN_SIGMAS,
+    VARIANCE_ITERATIONS,
+)
+
+
+@dataclass(frozen=True)
+class FrameGains:
+    """What pairs of frames say of the gains.
+
+    Attributes
+    ----------
+    frames
+        Numbers of the two frames of each pair, shape (pairs, 2).
+    by_chance, mean
+        Variance by chance of the mean residual of each pair, and this mean in ln, shape (pairs,).
+    variances
+        Of independent gains and of those of each of :data:`~ospc.settings.estimation.GAIN_MEMORIES`, in ln²; empty
+        for no gains.
+    """
+
+    frames: IntArray
+    by_chance: FloatArray
+    mean: FloatArray
+    variances: tuple[float, ...] = ()
+
+    @cached_property
+    def _of_ends(self) -> FloatArray:
+        """Covariances of gains of the ends of pairs, and of pairs, for a variance of 1, (kinds, 2, pairs, pairs)."""
+        first, second = (np.abs(self.frames.T[:, :, None] - end) for end in self.frames.T)
+        correlations = _correlations(int(max(first.max(initial=0), second.max(initial=0))))
+        return correlations[:, first] - correlations[:, second]
+
+    @cached_property
+    def _of_pairs(self) -> FloatArray:
+        """Covariances of the gains of pairs for a variance of 1, shape (kinds, pairs, pairs)."""
+        return np.asarray(self._of_ends[:, 0] - self._of_ends[:, 1])
+
+    @cached_property
+    def _prior(self) -> FloatArray:
+        return np.tensordot(self.variances, self._of_pairs, axes=1)
+
+    @cached_property
+    def _exceptional(self) -> FloatArray:
+        """Further variance of exceptional pairs, shape (pairs,), by which none is far from what the others say."""
+        extra = np.zeros(len(self.mean))
+        for _ in range(EXCEPTIONAL_ITERATIONS):
+            inverse = np.linalg.inv(self._prior + np.diag(self.by_chance + extra))
+            usual = 1 / np.diag(inverse) - extra
+            apart = (inverse @ self.mean) / np.diag(inverse)
+            extra = usual * np.maximum(apart**2 / (EXCEPTIONAL_SIGMAS**2 * usual) - 1, 0.0)
+        return extra
+
+    def covariance_of_means(self, scale: float) -> FloatArray:
+        """Return the covariance of the means, gains included, shape (pairs, pairs), in units of their precision.
+
+        The precision is too large by one over the scale, because errors of a pair have common causes.
+        """
+        return np.asarray(scale * (self._prior + np.diag(self._exceptional)) + np.diag(self.by_chance))
+
+    @property
+    def of_ends(self) -> FloatArray:
+        """Most probable gains of the two frames of each pair, shape (2, pairs).
+
+        Half of what is exceptional about a pair is counted as a gain of either frame.
+        """
+        solved = np.linalg.solve(self.covariance_of_means(1.0), self.mean)
+        of_pair = np.array([[0.5], [-0.5]]) * self._exceptional * solved
+        return np.asarray(np.tensordot(self.variances, self._of_ends, axes=1) @ solved + of_pair)
+
+    @property
+    def refitted_variances(self) -> tuple[float, ...]:
+        """The variances after further steps towards the most likely ones (Zhou and others 2019)."""
+        found = np.array(self.variances)
+        rest = np.diag(self.by_chance + self._exceptional)
+        for _ in range(VARIANCE_ITERATIONS):
+            inverse = np.linalg.inv(np.tensordot(found, self._of_pairs, axes=1) + rest)
+            solved = inverse @ self.mean
+            seen = np.einsum("i,kij,j->k", solved, self._of_pairs, solved, optimize=True)
+            expected = np.einsum("kij,ij->k", self._of_pairs, inverse)
+            found = found * np.sqrt(seen / expected)
+        return tuple(found.tolist())
+
+    @property
+    def significant_variances(self) -> tuple[float, ...]:
+        """Variances to start from by what the scatter of the means shows, empty if chance explains it."""
+        scatter = robust_scale(self.mean / np.sqrt(self.by_chance))
+        if scatter < 1 + GAIN_SIGMAS * ERROR_OF_SCALE / np.sqrt(max(len(self.mean), 1)):
+            return ()
+        of_pair = max(robust_scale(self.mean) ** 2 - float(np.median(self.by_chance)), 0.0)
+        kinds = 1 + len(GAIN_MEMORIES)
+        return (of_pair / (2 * kinds),) * kinds
+
+
+def gain_sigma(variances: tuple[float, ...], frames: IntArray) -> float:
+    """Return the usual standard deviation of the gain of pairs of frames, (pairs, 2), in ln; 0 without gains."""
+    if not variances:
+        return 0.0
+    apart = np.abs(np.diff(frames, axis=1))
+    change = 2 * np.tensordot(variances, 1 - _correlations(int(apart.max(initial=0)))[:, apart], axes=1)
+    return float(np.sqrt(np.median(change)))
+
+
+def _correlations(longest: int) -> FloatArray:
+    """Return the correlation of gains of frames 0, 1 … apart, by kind, shape (kinds, longest + 1)."""
+    apart = np.arange(longest + 1)
+    over = np.sqrt(3) * apart / np.array(GAIN_MEMORIES)[:, None]
+    return np.vstack([apart == 0, (1 + over) * np.exp(-over)])  # Matérn 3/2: they change smoothly

@@ -1,0 +1,122 @@
+"""Latent gains of frames, against gains that are known."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.signal import lfilter
+
+from ospc.arrays import FloatArray, IntArray
+from ospc.estimation.frame_gains import FrameGains, gain_sigma
+from ospc.settings.estimation import GAIN_MEMORIES
+
+DISTANCE_FRAMES = 5
+"""Frames between the two of a pair."""
+
+CHANCE = 0.003
+"""Standard deviation of the mean residual of a pair, by chance."""
+
+NONE = (0.0,) * (1 + len(GAIN_MEMORIES))
+
+
+def frames_of_pairs(pairs: int) -> IntArray:
+    """Pairs as a film gives them: every second frame, each with the one five frames later."""
+    first = 2 * np.arange(pairs)
+    return np.stack([first, first + DISTANCE_FRAMES], axis=1)
+
+
+def seen(gains: FloatArray, frames: IntArray, seed: int = 0) -> FloatArray:
+    """Mean residuals of pairs of frames with known gains."""
+    chance = CHANCE * np.random.default_rng([seed, 1]).standard_normal(len(frames))
+    return np.asarray(gains[frames[:, 0]] - gains[frames[:, 1]] + chance)
+
+
+def fitted(gains: FloatArray, frames: IntArray, seed: int = 0) -> FrameGains:
+    """Gains whose variances are fitted to mean residuals."""
+    by_chance, mean = np.full(len(frames), CHANCE**2), seen(gains, frames, seed)
+    found = FrameGains(frames, by_chance, mean)
+    found = FrameGains(frames, by_chance, mean, found.significant_variances)
+    for _ in range(30):
+        found = FrameGains(frames, by_chance, mean, found.refitted_variances)
+    return found
+
+
+def slow(frames: int, memory: float, seed: int) -> FloatArray:
+    """Gains of standard deviation 1 that change smoothly within some frames."""
+    decay = np.exp(-np.sqrt(3) / memory)
+    noise = np.random.default_rng(seed).standard_normal(frames + 20 * int(memory))
+    gains = lfilter([1.0], [1.0, -2 * decay, decay**2], noise)[-frames:]
+    return np.asarray(gains / np.std(gains))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_scale_of_independent_gains_is_found(seed: int) -> None:
+    frames = frames_of_pairs(300)
+    gains = 0.02 * np.random.default_rng(seed).standard_normal(frames.max() + 1)
+    found = fitted(gains, frames, seed)
+    assert gain_sigma(found.variances, frames) == pytest.approx(0.02 * np.sqrt(2), rel=0.15)
+    assert np.sqrt(found.variances[0]) == pytest.approx(0.02, rel=0.2)
+
+
+@pytest.mark.parametrize(("memory", "error"), [(8.0, 1.1), (40.0, 0.9)])
+def test_slow_gains_are_told_from_what_pairs_say(memory: float, error: float) -> None:
+    frames = frames_of_pairs(300)
+    gains = 0.1 * slow(int(frames.max()) + 1, memory, 0)
+    found = fitted(gains, frames)
+    apart = gains[DISTANCE_FRAMES:] - gains[:-DISTANCE_FRAMES]
+    assert gain_sigma(found.variances, frames) == pytest.approx(np.std(apart), rel=0.25)
+    first, second = found.of_ends
+    true = gains[frames[:, 0]] - gains[frames[:, 1]]
+    assert np.std(first - second - true) < error * CHANCE
+    assert found.variances[0] < 0.01 * np.var(true)
+
+
+def test_means_are_as_probable_as_their_covariance_says() -> None:
+    frames = frames_of_pairs(300)
+    for seed, gains in enumerate([0.02 * np.random.default_rng(9).standard_normal(700), 0.1 * slow(700, 25.0, 3)]):
+        found = fitted(gains, frames, seed)
+        squared = found.mean @ np.linalg.solve(found.covariance_of_means(1.0), found.mean)
+        assert squared == pytest.approx(len(frames), rel=0.2)
+
+
+def test_an_exceptional_pair_counts_less_and_changes_no_other() -> None:
+    frames = frames_of_pairs(200)
+    gains = 0.01 * np.random.default_rng(0).standard_normal(frames.max() + 1)
+    usual = fitted(gains, frames)
+    mean = usual.mean.copy()
+    mean[100] += 0.5
+    found = FrameGains(frames, usual.by_chance, mean, usual.variances)
+    before, after = (np.diag(each.covariance_of_means(1.0)) for each in (usual, found))
+    assert after[100] > 20 * before[100]
+    assert np.median(after / before) == pytest.approx(1, abs=0.02)
+    others = np.abs(np.arange(200) - 100) > 5
+    np.testing.assert_allclose(found.of_ends[:, others], usual.of_ends[:, others], atol=0.005)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_chance_is_no_gain(seed: int) -> None:
+    frames = frames_of_pairs(150)
+    mean = seen(np.zeros(frames.max() + 1), frames, seed)
+    assert not FrameGains(frames, np.full(150, CHANCE**2), mean).significant_variances
+
+
+@settings(max_examples=30, deadline=None)
+@given(
+    ends=st.lists(st.tuples(st.integers(0, 3000), st.integers(1, 60)), min_size=1, max_size=30),
+    kind=st.integers(0, len(GAIN_MEMORIES)),
+)
+def test_covariances_are_those_of_differences(ends: list[tuple[int, int]], kind: int) -> None:
+    frames = np.array([(first, first + apart) for first, apart in ends])
+    variances = tuple(float(number == kind) for number in range(1 + len(GAIN_MEMORIES)))
+    found = FrameGains(frames, np.ones(len(ends)), np.zeros(len(ends)), variances).covariance_of_means(1.0)
+    np.testing.assert_allclose(found, found.T)
+    assert np.linalg.eigvalsh(found).min() > 1 - 1e-9
+    # A gain differs from itself by nothing, and from one long ago by twice its variance.
+    assert np.all(np.diag(found) <= 1 + 2 + 1e-9)
+    turned = FrameGains(frames[:, ::-1], np.ones(len(ends)), np.zeros(len(ends)), variances)
+    np.testing.assert_allclose(turned.covariance_of_means(1.0), found)
+
+
+def test_no_gains_have_no_scale() -> None:
+    assert gain_sigma((), frames_of_pairs(9)) == 0.0
+    assert gain_sigma(NONE, frames_of_pairs(9)) == 0.0
