@@ -19,7 +19,7 @@ from ospc.photometry.noise import BRIGHTEST_EXPOSED, DARKEST_EXPOSED, NoiseModel
 from ospc.photometry.response import Response
 from ospc.photometry.verdict import EffectEstimate
 from ospc.photometry.vignette import LogVignette
-from ospc.settings.estimation import MAX_RESPONSE_LEVELS, MIN_RESPONSE_STEP, SUPPORT_QUANTILES, UNRESOLVED_JUMP
+from ospc.settings.estimation import MAX_RESPONSE_LEVELS, MIN_RESPONSE_STEP, SUPPORT_QUANTILES
 
 _DIAGONALS = np.array([(1, 1), (-1, 1), (1, -1), (-1, -1)]) / np.sqrt(2)
 """Unit vectors towards the four corners of a square image; the vignette's bands are averaged over them."""
@@ -180,18 +180,8 @@ class Fit(Model):
         n = len(self.response_basis)
         rows = self.response_basis.log_rows(grey) - self.response_basis.log_rows(np.array([reference]))
         variance = np.einsum("ij,jk,ik->i", rows, self.covariance[:n, :n], rows)
-        return np.asarray(np.sqrt(variance + self._unresolved(np.asarray(grey)) ** 2))
-
-    def _unresolved(self, grey: FloatArray) -> FloatArray:
-        """Return the standard deviation of ln g where γ may jump within an interval between knots, shape (n,).
-
-        How much it may jump is told by how sharply the fitted γ bends at the knots around.
-        """
-        knots = self.response_basis.knots
-        bend = np.pad(np.abs(np.diff(self.response_parameters, 2)), 2)
-        sharpest = np.interp(grey, knots, np.maximum.reduce([bend[:-2], bend[1:-1], bend[2:]]))
-        width = np.interp(grey, knots[1:], np.diff(knots))
-        return np.asarray(UNRESOLVED_JUMP * sharpest * width / np.maximum(grey, width))
+        unresolved = self.response_basis.unresolved(self.response_parameters, np.asarray(grey))
+        return np.asarray(np.sqrt(variance + unresolved**2))
 
     def log_response_step_sigma(self, low: float, high: float) -> float:
         """Return the standard deviation of ln g(high)/g(low)."""

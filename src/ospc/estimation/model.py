@@ -20,7 +20,6 @@ from ospc.estimation.vignette_basis import VignetteBasis
 from ospc.observations import ExposedObservations
 from ospc.settings.estimation import (
     CHUNK_OBSERVATIONS,
-    DISAGREEMENT_SHARE,
     MAX_GAMMA_CHANGE,
     MIN_GAMMA,
 )
@@ -181,7 +180,7 @@ class LinearSystem:
         return GroupSums(about, matrix, vector, scores, rows, precision[:, 0], misfit[:, 0])
 
     def disagreement(self, parameters: FloatArray, prior_precision: FloatArray, sandwich_factor: float) -> FloatArray:
-        """Return the scatter of the scores between the halves of the observations, cut in several ways, (p, p).
+        """Return by how much the scores of halves of the observations differ, cut in several ways, (ways, p).
 
         Errors that all groups share, such as registration that is drawn to equal brightness, do not show in the
         scatter between groups. Most of them depend on something: on time, on the ratio of the exposures, on the place
@@ -203,7 +202,7 @@ class LinearSystem:
                 number = self.observations.group_number[part][member]
                 rows, misfit = rows - row_of_pair[number], misfit - misfit_of_pair[number]
             scores += (sides[:, part][:, member] * (factor * misfit)) @ rows
-        return np.asarray(DISAGREEMENT_SHARE * scores.T @ scores)
+        return scores
 
     def _sides_of_pairs(self, sides: FloatArray) -> FloatArray:
         """Return the mean over the points of each pair of the sides of observations, (ways, n) -> (ways, pairs)."""

@@ -9,6 +9,7 @@ import numpy as np
 from ospc.arrays import FloatArray, IntArray
 from ospc.estimation.prior import CANDIDATES, Prior, PriorHyperparameters
 from ospc.least_squares import non_negative_least_squares
+from ospc.settings.estimation import DISAGREEMENT_SHARE
 
 
 @dataclass(frozen=True)
@@ -104,12 +105,18 @@ class NormalEquations:
         """Return the covariance of the most probable parameters about the truth, shape (p, p).
 
         It is the sandwich of Huber (1967): what the parameters do comes from the scatter of the scores, direction by
-        direction, not from the errors assumed. ``disagreement``, shape (p, p), is added to the scatter between the
-        groups because parts of the observations disagree in ways that all groups share.
+        direction, not from the errors assumed. ``disagreement`` has the differences of the scores between halves of
+        the observations, shape (ways, p): what exceeds chance is added, since parts of the observations disagree in
+        ways that all groups share.
         """
         bread = np.linalg.inv(self.posterior_precision(prior, hyperparameters))
         # The information scale is the sandwich factor squared over the spread of the scatter.
-        meat = self.information_scale**2 * (self.scatter + disagreement) / self.sandwich_factor**2
+        scale = self.information_scale / self.sandwich_factor
+        halves = scale * disagreement
+        by_chance = self.information_scale * np.sum(bread * self.matrix)
+        squared = np.einsum("ij,jk,ik->i", halves, bread, halves)
+        share = DISAGREEMENT_SHARE * np.maximum(1 - by_chance / np.maximum(squared, 1e-300), 0.0)
+        meat = scale**2 * self.scatter + (halves.T * share) @ halves
         found = bread @ (meat + prior.precision(hyperparameters)) @ bread
         return np.asarray((found + found.T) / 2)  # symmetric but for rounding
 

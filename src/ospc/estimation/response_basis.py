@@ -31,6 +31,7 @@ from ospc.settings.estimation import (
     RESPONSE_GRID_STEPS,
     TYPICAL_GAMMA_BLACK,
     TYPICAL_GAMMA_RISE,
+    UNRESOLVED_JUMP,
 )
 
 _KEPT_TABLES = 4
@@ -145,6 +146,17 @@ class ResponseBasis:
         lower = np.minimum(at.astype(np.int64), RESPONSE_GRID_STEPS - 1)
         part = (at - lower)[:, None]
         return np.asarray(self.log_table[lower] * (1 - part) + self.log_table[lower + 1] * part)
+
+    def unresolved(self, coefficients: FloatArray, grey: FloatArray) -> FloatArray:
+        """Return the standard deviation of ln g where γ may jump within an interval between knots, shape (n,).
+
+        How much it may jump is told by how sharply the fitted γ bends at the knots around.
+        """
+        knots = self.knots
+        bend = np.pad(np.abs(np.diff(coefficients, 2)), 2)
+        sharpest = np.interp(grey, knots, np.maximum.reduce([bend[:-2], bend[1:-1], bend[2:]]))
+        width = np.interp(grey, knots[1:], np.diff(knots))
+        return np.asarray(UNRESOLVED_JUMP * sharpest * width / np.maximum(grey, width))
 
 
 # All bases of the same functions share their tables: making them takes as long as a round of a small fit.

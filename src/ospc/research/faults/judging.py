@@ -214,12 +214,14 @@ def beyond(figures: Mapping[str, Any]) -> tuple[str, ...]:
 def step_sigma(found: Calibration) -> float | None:
     """Return the stated standard deviation of ln g(0.75)/g(0.25); None where there is no covariance."""
     known = found.covariance.get("response")
-    if known is None:
+    if known is None or found.response is None:
         return None
     of_curve = [i for i, name in enumerate(known["parameters"]) if name.startswith("gamma(")]
     covariance = np.array(known["matrix"])[np.ix_(of_curve, of_curve)]
-    step = np.diff(ResponseBasis(len(of_curve) - 1).log_rows(np.array([_LOW, _HIGH])), axis=0)[0]
-    return float(np.sqrt(step @ covariance @ step + found.exponent_sigma**2))
+    basis, ends = ResponseBasis(len(of_curve) - 1), np.array([_LOW, _HIGH])
+    step = np.diff(basis.log_rows(ends), axis=0)[0]
+    unresolved = basis.unresolved(np.array(found.response.model["coefficients"]), ends)
+    return float(np.sqrt(step @ covariance @ step + np.sum(unresolved**2) + found.exponent_sigma**2))
 
 
 def _step(response: Response) -> float:

@@ -1,0 +1,39 @@
+"""The covariance of the parameters, by scores whose distribution is known."""
+
+import numpy as np
+import pytest
+
+from ospc.arrays import FloatArray
+from ospc.estimation.normal_equations import NormalEquations
+from ospc.estimation.prior import Prior, PriorHyperparameters
+from ospc.estimation.response_basis import ResponseBasis, typical_gamma
+
+INTERVALS, SIGNAL = 8, 400.0
+
+
+def sigma_of_first(halves: FloatArray) -> FloatArray:
+    """Standard deviations of the parameters with as much information on each, and differences between halves."""
+    knots = ResponseBasis(INTERVALS).knots
+    prior, flat = Prior(knots, typical_gamma(knots), np.empty(0)), PriorHyperparameters(1.0, 0.0)
+    information = SIGNAL * np.eye(len(knots))
+    equations = NormalEquations(information, np.zeros(len(knots)), information)
+    return np.asarray(np.sqrt(np.diag(equations.covariance(prior, flat, halves))))
+
+
+def test_halves_that_differ_by_chance_widen_nothing_much() -> None:
+    plain = sigma_of_first(np.zeros((4, INTERVALS + 1)))
+    random = np.random.default_rng(0)
+    widened = [
+        sigma_of_first(np.sqrt(SIGNAL) * random.standard_normal((4, INTERVALS + 1))) / plain for _ in range(40)
+    ]
+    assert np.mean(widened) < 1.25
+
+
+@pytest.mark.parametrize("sigmas", [10.0, 30.0])
+def test_halves_that_differ_by_more_widen_the_band_by_the_difference(sigmas: float) -> None:
+    plain = sigma_of_first(np.zeros((4, INTERVALS + 1)))
+    halves = np.zeros((4, INTERVALS + 1))
+    halves[2, 3] = sigmas * np.sqrt(SIGNAL)
+    found = sigma_of_first(halves)
+    assert found[3] / plain[3] == pytest.approx(sigmas, rel=0.15)
+    assert found[0] == pytest.approx(plain[0], rel=0.15)
