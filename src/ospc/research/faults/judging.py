@@ -220,8 +220,10 @@ def step_sigma(found: Calibration) -> float | None:
     covariance = np.array(known["matrix"])[np.ix_(of_curve, of_curve)]
     basis, ends = ResponseBasis(len(of_curve) - 1), np.array([_LOW, _HIGH])
     step = np.diff(basis.log_rows(ends), axis=0)[0]
-    unresolved = basis.unresolved(np.array(found.response.model["coefficients"]), ends)
-    return float(np.sqrt(step @ covariance @ step + np.sum(unresolved**2) + found.exponent_sigma**2))
+    variance = step @ covariance @ step + found.exponent_sigma**2
+    if "coefficients" in found.response.model:
+        variance += np.sum(basis.unresolved(np.array(found.response.model["coefficients"]), ends) ** 2)
+    return float(np.sqrt(variance))
 
 
 def _step(response: Response) -> float:
