@@ -64,6 +64,15 @@ def pytest_collection_finish() -> None:
     gc.enable()
 
 
+@pytest.fixture(scope="module")
+def one_room() -> Iterator[None]:
+    """Film the same room whatever the seed: it takes longer to build than most recordings of tests to film."""
+    room = scene._room
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(scene, "_room", lambda _seed: room(0))
+        yield
+
+
 @pytest.fixture(scope="session")
 def real_data() -> Path:
     """Folder of real recordings; tests that need it skip where it is absent."""

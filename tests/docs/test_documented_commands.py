@@ -11,7 +11,7 @@ from pathlib import Path
 import click
 import pytest
 from documented_code import DOCS, ROOT, Block, blocks, pages
-from stage import Stage, run_command
+from stage import QUICK, Stage, run_command
 
 from command_line import leave_out
 from ospc.batch.work import ThisProcess
@@ -19,6 +19,7 @@ from ospc.cli.main import cli
 from ospc.correspondence.features import EXTRACTORS
 from ospc.correspondence.registration import REGISTRARS
 from ospc.estimation.response_basis import FUNCTIONS
+from ospc.settings import presets
 
 README = ROOT / "README.md"
 ELSEWHERE = {DOCS / "state.md", DOCS / "scaling.md"} | set((DOCS / "experiments").glob("*.md"))
@@ -38,6 +39,11 @@ FEWER_FRAMES = {"demo": ["--frames", "8"], "simulate": ["--frames", "24", "--siz
 @pytest.fixture(scope="session")
 def stage(tmp_path_factory: pytest.TempPathFactory) -> Stage:
     return Stage(tmp_path_factory.mktemp("stage"))
+
+
+@pytest.fixture(autouse=True)
+def quick(monkeypatch: pytest.MonkeyPatch, one_room: None) -> None:
+    monkeypatch.setitem(presets._PRESETS, "default", QUICK)
 
 
 @pytest.fixture(autouse=True)

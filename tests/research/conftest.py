@@ -7,16 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from ospc.simulation import SimulationSettings, scene, simulate
-
-
-@pytest.fixture(scope="module", autouse=True)
-def one_room() -> Iterator[None]:
-    """Film the same room whatever the seed: it takes longer to build than most recordings here to film."""
-    room = scene._room
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(scene, "_room", lambda _seed: room(0))
-        yield
+from ospc.simulation import SimulationSettings, simulate
 
 
 @pytest.fixture(scope="session")
@@ -28,7 +19,7 @@ def tiny_room(tmp_path_factory) -> Path:
 
 
 @pytest.fixture(scope="module", autouse=True)
-def no_real_data() -> Iterator[None]:
+def no_real_data(one_room: None) -> Iterator[None]:
     """Keep commands from adding real recordings where the machine has some."""
     with pytest.MonkeyPatch.context() as patch:
         patch.delenv("OSPC_DATA", raising=False)
