@@ -16,6 +16,7 @@ from ospc.settings.correspondence import (
     MIN_EXPOSED_SHARE,
     MIN_REGISTERED_SIDE_PX,
     THUMBNAIL_MARGIN_PX,
+    THUMBNAIL_SEARCH_STRIDE_PX,
 )
 
 OUTSIDE_PX = 1e4
@@ -30,6 +31,7 @@ class ThumbnailRegistration:
         # Refined, ln M of a grey bin would change by 0.0001. Down to half the size only, it would change by 0.0004,
         # which is enough to suspect changes of the camera where there are none.
         self._there, self._back = optical_flow(preset, finest_scale=0), optical_flow(preset, finest_scale=1)
+        self._there.setPatchStride(THUMBNAIL_SEARCH_STRIDE_PX)
 
     def __call__(self, first: Thumbnail, second: Thumbnail) -> tuple[Float32Array, BoolArray]:
         """Return where every place of the first is in the second, (h, w, 2), and whether it was found, (h, w)."""
