@@ -8,7 +8,7 @@ from scipy.signal import lfilter
 
 from ospc.arrays import FloatArray, IntArray
 from ospc.estimation.frame_gains import FrameGains, gain_sigma
-from ospc.settings.estimation import GAIN_MEMORIES
+from ospc.settings.estimation import GAIN_MEMORIES, PAIRS_PER_GAIN_BLOCK
 
 DISTANCE_FRAMES = 5
 """Frames between the two of a pair."""
@@ -39,6 +39,12 @@ def fitted(gains: FloatArray, frames: IntArray, seed: int = 0) -> FrameGains:
     for _ in range(30):
         found = FrameGains(frames, by_chance, mean, found.refitted_variances)
     return found
+
+
+def covariance(gains: FrameGains) -> FloatArray:
+    """Covariance of the mean residuals that the gains stand for."""
+    inverse_root = gains.whitened(np.eye(len(gains.mean)), 1.0)
+    return np.asarray(np.linalg.inv(inverse_root.T @ inverse_root))
 
 
 def slow(frames: int, memory: float, seed: int) -> FloatArray:
@@ -75,8 +81,9 @@ def test_means_are_as_probable_as_their_covariance_says() -> None:
     frames = frames_of_pairs(300)
     for seed, gains in enumerate([0.02 * np.random.default_rng(9).standard_normal(700), 0.1 * slow(700, 25.0, 3)]):
         found = fitted(gains, frames, seed)
-        squared = found.mean @ np.linalg.solve(found.covariance_of_means(1.0), found.mean)
-        assert squared == pytest.approx(len(frames), rel=0.2)
+        whitened = found.whitened(found.mean[:, None], 1.0)
+        assert np.var(whitened) == pytest.approx(1, rel=0.2)
+        assert abs(np.corrcoef(whitened[1:, 0], whitened[:-1, 0])[0, 1]) < 0.2
 
 
 def test_an_exceptional_pair_counts_less_and_changes_no_other() -> None:
@@ -86,7 +93,7 @@ def test_an_exceptional_pair_counts_less_and_changes_no_other() -> None:
     mean = usual.mean.copy()
     mean[100] += 0.5
     found = FrameGains(frames, usual.by_chance, mean, usual.variances)
-    before, after = (np.diag(each.covariance_of_means(1.0)) for each in (usual, found))
+    before, after = (np.diag(covariance(each)) for each in (usual, found))
     assert after[100] > 20 * before[100]
     assert np.median(after / before) == pytest.approx(1, abs=0.02)
     others = np.abs(np.arange(200) - 100) > 5
@@ -108,13 +115,23 @@ def test_chance_is_no_gain(seed: int) -> None:
 def test_covariances_are_those_of_differences(ends: list[tuple[int, int]], kind: int) -> None:
     frames = np.array([(first, first + apart) for first, apart in ends])
     variances = tuple(float(number == kind) for number in range(1 + len(GAIN_MEMORIES)))
-    found = FrameGains(frames, np.ones(len(ends)), np.zeros(len(ends)), variances).covariance_of_means(1.0)
-    np.testing.assert_allclose(found, found.T)
+    found = covariance(FrameGains(frames, np.ones(len(ends)), np.zeros(len(ends)), variances))
     assert np.linalg.eigvalsh(found).min() > 1 - 1e-9
     # A gain differs from itself by nothing, and from one long ago by twice its variance.
     assert np.all(np.diag(found) <= 1 + 2 + 1e-9)
     turned = FrameGains(frames[:, ::-1], np.ones(len(ends)), np.zeros(len(ends)), variances)
-    np.testing.assert_allclose(turned.covariance_of_means(1.0), found)
+    np.testing.assert_allclose(covariance(turned), found, atol=1e-12)
+
+
+def test_long_runs_are_cut_into_blocks() -> None:
+    frames = frames_of_pairs(2 * PAIRS_PER_GAIN_BLOCK + 7)
+    gains = 0.05 * slow(int(frames.max()) + 1, 30.0, 0)
+    found = fitted(gains, frames)
+    first, second = found.of_ends
+    assert first.shape == (len(frames),)
+    assert np.std(first - second - (gains[frames[:, 0]] - gains[frames[:, 1]])) < CHANCE
+    far = covariance(found)[:PAIRS_PER_GAIN_BLOCK, PAIRS_PER_GAIN_BLOCK:]
+    np.testing.assert_allclose(far, 0, atol=1e-12)
 
 
 def test_no_gains_have_no_scale() -> None:

@@ -20,6 +20,7 @@ from ospc.settings.estimation import (
     EXCEPTIONAL_SIGMAS,
     GAIN_MEMORIES,
     GAIN_SIGMAS,
+    PAIRS_PER_GAIN_BLOCK,
     VARIANCE_ITERATIONS,
 )
 
@@ -45,10 +46,64 @@ class FrameGains:
     variances: tuple[float, ...] = ()
 
     @cached_property
+    def _blocks(self) -> list[_Block]:
+        """Consecutive pairs; gains of different blocks are taken for independent, which keeps long runs cheap."""
+        parts = (slice(i, i + PAIRS_PER_GAIN_BLOCK) for i in range(0, len(self.mean), PAIRS_PER_GAIN_BLOCK))
+        variances = np.array(self.variances)
+        return [_Block(self.frames[part], self.by_chance[part], self.mean[part], variances) for part in parts]
+
+    def whitened(self, values: FloatArray, scale: float) -> FloatArray:
+        """Return values of pairs, shape (pairs, k), times the inverse root of the covariance of the means.
+
+        It is in units of the precision, which is too large by one over the scale, because errors of a pair have
+        common causes.
+        """
+        roots = [np.linalg.cholesky(block.covariance(scale)) for block in self._blocks]
+        parts = np.split(values, np.cumsum([len(root) for root in roots])[:-1])
+        return np.concatenate([np.linalg.solve(root, part) for root, part in zip(roots, parts, strict=True)])
+
+    @property
+    def of_ends(self) -> FloatArray:
+        """Most probable gains of the two frames of each pair, shape (2, pairs).
+
+        Half of what is exceptional about a pair is counted as a gain of either frame.
+        """
+        return np.concatenate([block.of_ends for block in self._blocks], axis=1)
+
+    @property
+    def refitted_variances(self) -> tuple[float, ...]:
+        """The variances after further steps towards the most likely ones (Zhou and others 2019)."""
+        variances = np.array(self.variances)
+        for _ in range(VARIANCE_ITERATIONS):
+            seen, expected = np.sum([block.spread(variances) for block in self._blocks], axis=0)
+            variances = variances * np.sqrt(seen / expected)
+        return tuple(variances.tolist())
+
+    @property
+    def significant_variances(self) -> tuple[float, ...]:
+        """Variances to start from by what the scatter of the means shows, empty if chance explains it."""
+        scatter = robust_scale(self.mean / np.sqrt(self.by_chance))
+        if scatter < 1 + GAIN_SIGMAS * ERROR_OF_SCALE / np.sqrt(max(len(self.mean), 1)):
+            return ()
+        of_pair = max(robust_scale(self.mean) ** 2 - float(np.median(self.by_chance)), 0.0)
+        kinds = 1 + len(GAIN_MEMORIES)
+        return (of_pair / (2 * kinds),) * kinds
+
+
+@dataclass(frozen=True)
+class _Block:
+    """The same of a block of pairs; the variances have shape (kinds,)."""
+
+    frames: IntArray
+    by_chance: FloatArray
+    mean: FloatArray
+    variances: FloatArray
+
+    @cached_property
     def _of_ends(self) -> FloatArray:
         """Covariances of gains of the ends of pairs, and of pairs, for a variance of 1, (kinds, 2, pairs, pairs)."""
         first, second = (np.abs(self.frames.T[:, :, None] - end) for end in self.frames.T)
-        correlations = _correlations(int(max(first.max(initial=0), second.max(initial=0))))
+        correlations = _correlations(int(max(first.max(), second.max())))
         return correlations[:, first] - correlations[:, second]
 
     @cached_property
@@ -71,45 +126,22 @@ class FrameGains:
             extra = usual * np.maximum(apart**2 / (EXCEPTIONAL_SIGMAS**2 * usual) - 1, 0.0)
         return extra
 
-    def covariance_of_means(self, scale: float) -> FloatArray:
-        """Return the covariance of the means, gains included, shape (pairs, pairs), in units of their precision.
-
-        The precision is too large by one over the scale, because errors of a pair have common causes.
-        """
+    def covariance(self, scale: float) -> FloatArray:
+        """Return the covariance of the means, shape (pairs, pairs), in units of their precision."""
         return np.asarray(scale * (self._prior + np.diag(self._exceptional)) + np.diag(self.by_chance))
 
     @property
     def of_ends(self) -> FloatArray:
-        """Most probable gains of the two frames of each pair, shape (2, pairs).
-
-        Half of what is exceptional about a pair is counted as a gain of either frame.
-        """
-        solved = np.linalg.solve(self.covariance_of_means(1.0), self.mean)
+        solved = np.linalg.solve(self.covariance(1.0), self.mean)
         of_pair = np.array([[0.5], [-0.5]]) * self._exceptional * solved
         return np.asarray(np.tensordot(self.variances, self._of_ends, axes=1) @ solved + of_pair)
 
-    @property
-    def refitted_variances(self) -> tuple[float, ...]:
-        """The variances after further steps towards the most likely ones (Zhou and others 2019)."""
-        found = np.array(self.variances)
+    def spread(self, variances: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return how much gains of each kind are spread, and how much they should be by variances, (kinds,) each."""
         rest = np.diag(self.by_chance + self._exceptional)
-        for _ in range(VARIANCE_ITERATIONS):
-            inverse = np.linalg.inv(np.tensordot(found, self._of_pairs, axes=1) + rest)
-            solved = inverse @ self.mean
-            seen = np.einsum("i,kij,j->k", solved, self._of_pairs, solved, optimize=True)
-            expected = np.einsum("kij,ij->k", self._of_pairs, inverse)
-            found = found * np.sqrt(seen / expected)
-        return tuple(found.tolist())
-
-    @property
-    def significant_variances(self) -> tuple[float, ...]:
-        """Variances to start from by what the scatter of the means shows, empty if chance explains it."""
-        scatter = robust_scale(self.mean / np.sqrt(self.by_chance))
-        if scatter < 1 + GAIN_SIGMAS * ERROR_OF_SCALE / np.sqrt(max(len(self.mean), 1)):
-            return ()
-        of_pair = max(robust_scale(self.mean) ** 2 - float(np.median(self.by_chance)), 0.0)
-        kinds = 1 + len(GAIN_MEMORIES)
-        return (of_pair / (2 * kinds),) * kinds
+        inverse = np.linalg.inv(np.tensordot(variances, self._of_pairs, axes=1) + rest)
+        solved = inverse @ self.mean
+        return np.sum((self._of_pairs @ solved) * solved, axis=1), np.sum(self._of_pairs * inverse, axis=(1, 2))
 
 
 def gain_sigma(variances: tuple[float, ...], frames: IntArray) -> float:

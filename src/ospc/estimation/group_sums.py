@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -47,16 +48,15 @@ class GroupSums:
     @cached_property
     def within(self) -> GroupSums:
         """What the points of each group say of each other, without the means of groups."""
-        return self.plus(self.means(np.diag(self.by_chance), self.about), sign=-1)
+        root = np.sqrt(self.precision)[:, None]
+        return self.plus(self.means(lambda values: values * root, self.about), sign=-1)
 
-    def means(self, covariance: FloatArray, about: FloatArray) -> GroupSums:
-        """Return the sums of the means of groups alone, with a covariance of them, shape (groups, groups).
+    def means(self, whiten: Callable[[FloatArray], FloatArray], about: FloatArray) -> GroupSums:
+        """Return the sums of the means of groups alone, with misfits at parameters of shape (p,).
 
-        What means have in common with those before them is taken out. Misfits are those at parameters of shape (p,).
+        ``whiten`` takes out what means have in common with those before them, (groups, p + 1) -> (groups, p + 1).
         """
-        whitened = np.linalg.solve(
-            np.linalg.cholesky(covariance), np.column_stack([self.mean_rows, self.mean_misfit(about)])
-        )
+        whitened = whiten(np.column_stack([self.mean_rows, self.mean_misfit(about)]))
         row, misfit = whitened[:, :-1], whitened[:, -1]
         matrix, vector, scores = row.T @ row, row.T @ (misfit + row @ about), row * misfit[:, None]
         return replace(self, about=about, matrix=matrix, vector=vector, scores=scores)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -125,8 +125,8 @@ class LinearSystem:
     def _means(self, parameters: FloatArray, prior_precision: FloatArray, sandwich_factor: float) -> GroupSums:
         """Return the sums of the means of pairs, with gains in their precision, about parameters of shape (p,)."""
         scale = self._scale_within(self._sums, prior_precision, sandwich_factor)
-        covariance = self.gains(parameters).covariance_of_means(scale)
-        return self._sums.means(covariance, np.append(parameters, 0.0))
+        whiten = partial(self.gains(parameters).whitened, scale=scale)
+        return self._sums.means(whiten, np.append(parameters, 0.0))
 
     def _scale_within(self, sums: GroupSums, prior_precision: FloatArray, sandwich_factor: float) -> float:
         """Return the information scale of what points of a pair tell of each other."""

@@ -447,6 +447,10 @@ GAIN_MEMORIES = (3.0, 10.0, 30.0, 100.0)
 """Times over which gains of frames change, in frames. A mixture of them and of independent gains comes near to
 flicker, white balance and clouds alike. What changes more slowly is hardly seen between the frames of a pair."""
 
+PAIRS_PER_GAIN_BLOCK = 256
+"""Pairs whose gains are correlated at most. They reach over many times the longest memory, and matrices stay small in
+runs of hours."""
+
 EXCEPTIONAL_ITERATIONS, VARIANCE_ITERATIONS = 3, 3
 """Iterations of the weights of exceptional pairs, and of the variances of gains, in each round of a fit."""
 
