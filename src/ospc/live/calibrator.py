@@ -28,7 +28,7 @@ from ospc.throttle import Throttle
 QUEUE_BYTES = 64 * 2**20
 """Images that wait for the background, in bytes: they cover the time of a fit. Beyond, frames are dropped."""
 
-ADVICE_S, ADVICE_SHARE = 0.4, 0.1
+ADVICE_S, ADVICE_SHARE = 0.8, 0.05
 """Shortest time in seconds between two pieces of advice, and the largest share of the time that they may take."""
 
 
