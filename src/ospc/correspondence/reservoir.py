@@ -67,7 +67,9 @@ class Reservoir:
         """Return all that is kept; raise a ValueError if nothing was ever added."""
         if not self._parts:
             raise ValueError("nothing was added")
-        return concatenate(self._parts)
+        # Kept like this: a copy would take as much memory again.
+        self._parts = [concatenate(self._parts)] if len(self._parts) > 1 else self._parts
+        return self._parts[0]
 
     def some(self, points: int) -> Observations:
         """Return at most about so many scene points, spread evenly over all that are kept."""

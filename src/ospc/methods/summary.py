@@ -161,10 +161,13 @@ def _sigma_ofmedians(spread: FloatArray, count: IntArray) -> FloatArray:
 
 def _sigma_by_curves(fit: Fit, observations: ExposedObservations, later: IntArray, count: IntArray) -> FloatArray:
     """Return what the uncertainty of the curves makes of ln k of each pair of frames, its observations in turn."""
-    earlier_rows, later_rows = (
-        fit.log_irradiance_rows(observations.grey[one], observations.position[one]) for one in (later - 1, later)
-    )
-    mean = np.add.reduceat(earlier_rows - later_rows, np.cumsum(count) - count) / count[:, None]
+
+    def mean_row(one: IntArray) -> FloatArray:
+        rows = fit.log_irradiance_rows(observations.grey[one], observations.position[one])
+        return np.asarray(rows.mean(axis=0))
+
+    # One pair after the other: the rows of all would take more memory than the rest of a fit.
+    mean = np.stack([mean_row(pair - 1) - mean_row(pair) for pair in np.split(later, np.cumsum(count)[:-1])])
     n = mean.shape[1]
     return np.asarray(np.sqrt(np.einsum("ij,jk,ik->i", mean, fit.covariance[:n, :n], mean)))
 
