@@ -57,7 +57,7 @@ def slow(frames: int, memory: float, seed: int) -> FloatArray:
 
 @pytest.mark.parametrize("seed", range(3))
 def test_the_scale_of_independent_gains_is_found(seed: int) -> None:
-    frames = frames_of_pairs(300)
+    frames = frames_of_pairs(200)
     gains = 0.02 * np.random.default_rng(seed).standard_normal(frames.max() + 1)
     found = fitted(gains, frames, seed)
     assert gain_sigma(found.variances, frames) == pytest.approx(0.02 * np.sqrt(2), rel=0.15)
@@ -66,7 +66,7 @@ def test_the_scale_of_independent_gains_is_found(seed: int) -> None:
 
 @pytest.mark.parametrize(("memory", "error"), [(8.0, 1.1), (40.0, 0.9)])
 def test_slow_gains_are_told_from_what_pairs_say(memory: float, error: float) -> None:
-    frames = frames_of_pairs(300)
+    frames = frames_of_pairs(200)
     gains = 0.1 * slow(int(frames.max()) + 1, memory, 0)
     found = fitted(gains, frames)
     apart = gains[DISTANCE_FRAMES:] - gains[:-DISTANCE_FRAMES]
@@ -78,7 +78,7 @@ def test_slow_gains_are_told_from_what_pairs_say(memory: float, error: float) ->
 
 
 def test_means_are_as_probable_as_their_covariance_says() -> None:
-    frames = frames_of_pairs(300)
+    frames = frames_of_pairs(200)
     for seed, gains in enumerate([0.02 * np.random.default_rng(9).standard_normal(700), 0.1 * slow(700, 25.0, 3)]):
         found = fitted(gains, frames, seed)
         whitened = found.whitened(found.mean[:, None], 1.0)
