@@ -135,7 +135,7 @@ def test_photographs_hold_their_own_exposures_so_that_none_can_be_late(monkeypat
 
 def test_a_lag_found_late_applies_to_all_that_was_observed_before() -> None:
     """The exposures stay the same for a while, so that nothing tells the lag at first."""
-    course = np.concatenate([np.zeros(40), wandering(70, 3, step=0.12)])
+    course = np.concatenate([np.zeros(30), wandering(50, 3, step=0.12)])
     true, late = (calibrate(Film(course, lag=lag).recording()) for lag in (0, 2))
     assert late.source["exposure_lag_corrected_frames"] == 2
     levels = np.linspace(0.2, 0.8, 13)
