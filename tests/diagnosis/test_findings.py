@@ -16,11 +16,13 @@ from ospc.exposures.lag_selection import LagEstimate
 from ospc.methods.maximum_likelihood import MaximumLikelihoodMethod
 from ospc.photometry.verdict import LATE_EXPOSURES, EffectEstimate
 from ospc.recording import Frame
+from ospc.settings import DefaultSettings
 
 FRAMES = 56
 LATE = Film(wandering(FRAMES), lag=2)
 STALE = Film(np.zeros(FRAMES), hidden_log_gain=wandering(FRAMES))
 RISING = Film(np.linspace(-0.6, 0.6, 60))
+QUICK = replace(DefaultSettings(), points_per_pair=120, rounds=5, response_intervals=16)
 
 
 def test_where_all_is_well_nothing_is_said() -> None:
@@ -67,7 +69,7 @@ def test_a_fit_refutes_a_lag_if_it_shows_the_exposures_as_written(effect: Effect
 
 def test_exposures_are_moved_back_if_the_fit_refutes_their_lag(monkeypatch) -> None:
     film = Film(wandering(FRAMES), size=LARGE)
-    as_written = calibrate(film.recording(), correct_lag="never")
+    as_written = calibrate(film.recording(), QUICK, correct_lag="never")
     right = exposure_findings.estimate_lag
 
     def one_late(seen: BrightnessSeries, log_exposure: np.ndarray) -> LagEstimate:
@@ -75,7 +77,7 @@ def test_exposures_are_moved_back_if_the_fit_refutes_their_lag(monkeypatch) -> N
         return replace(right(seen, log_exposure), candidates=(int(len(log_exposure) == FRAMES),))
 
     monkeypatch.setattr(exposure_findings, "estimate_lag", one_late)
-    moved_back = calibrate(film.recording())
+    moved_back = calibrate(film.recording(), QUICK)
     assert "exposure_lag_corrected_frames" not in moved_back.source
     assert moved_back.verdicts["exposures"].state == "marginal"
     assert "belong to their frames" in moved_back.notes[0]
@@ -136,7 +138,7 @@ def test_photographs_hold_their_own_exposures_so_that_none_can_be_late(monkeypat
 def test_a_lag_found_late_applies_to_all_that_was_observed_before() -> None:
     """The exposures stay the same for a while, so that nothing tells the lag at first."""
     course = np.concatenate([np.zeros(30), wandering(50, 3, step=0.12)])
-    true, late = (calibrate(Film(course, lag=lag).recording()) for lag in (0, 2))
+    true, late = (calibrate(Film(course, lag=lag).recording(), QUICK) for lag in (0, 2))
     assert late.source["exposure_lag_corrected_frames"] == 2
     levels = np.linspace(0.2, 0.8, 13)
     step, expected = (np.diff(np.log(c.response.inverse(levels))) for c in (late, true))
@@ -185,7 +187,7 @@ def test_what_else_is_wrong_with_exposures_is_not_taken_for_their_inverse(film: 
 
 def test_a_moving_camera_is_not_said_to_stand_still_for_inverse_exposures() -> None:
     log_exposure = wandering(FRAMES)
-    made = calibrate(Film(-log_exposure, hidden_log_gain=2 * log_exposure, size=LARGE, speed_px=4).recording())
+    made = calibrate(Film(-log_exposure, hidden_log_gain=2 * log_exposure, size=LARGE, speed_px=4).recording(), QUICK)
     for verdict in made.verdicts.values():
         assert verdict.state == "not identifiable"
         assert "stands still" not in verdict.reason
