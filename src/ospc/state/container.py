@@ -76,8 +76,9 @@ def to_bytes(container: Container) -> bytes:
             with archive.open(f"{name}.npy", "w") as entry:
                 np.lib.format.write_array(entry, _storable(name, array), version=(1, 0), allow_pickle=False)
         archive.comment = bytes(_CHECKSUM_BYTES)
-    checked = packed.getvalue()[:-_CHECKSUM_BYTES]
-    return checked + sha256(checked).hexdigest().encode()
+    with packed.getbuffer() as whole:
+        whole[-_CHECKSUM_BYTES:] = sha256(whole[:-_CHECKSUM_BYTES]).hexdigest().encode()
+    return packed.getvalue()
 
 
 def save(container: Container, path: str | Path) -> Path:

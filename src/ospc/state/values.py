@@ -141,7 +141,7 @@ def _packed_sequence(values: list[Any], item: Any, place: str, arrays: dict[str,
 
 def _packed_arrays(values: list[Array], place: str, arrays: dict[str, Array]) -> dict[str, Any]:
     if values:
-        arrays[place] = np.concatenate(values)
+        arrays[place] = np.concatenate(values) if len(values) > 1 else values[0]
     return {"name": place, "lengths": [len(value) for value in values]}
 
 
