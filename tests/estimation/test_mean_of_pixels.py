@@ -25,22 +25,29 @@ def log_response(response):
     return np.log(np.maximum(response.inverse(GRID), 1e-12))
 
 
-def drawn(response, levels, full_well, read_noise, draws):
-    """Return mean and variance of pixels whose electrons are counted and read out, shape (levels,) each."""
+def drawn(response, levels, full_well, read_noise, draws, grey_noise=0.0):
+    """Return mean and variance of pixels whose electrons are counted and read out, shape (levels,) each.
+
+    Noise of the grey level is added to those.
+    """
     random = np.random.default_rng(7)
     electrons = full_well * response.inverse(levels)[:, None]
     counted = random.poisson(electrons, (len(levels), draws)) + random.normal(0, read_noise, (len(levels), draws))
     grey = response(np.clip(counted / full_well, 0, 1))
+    if grey_noise:
+        grey = np.clip(grey + random.normal(0, grey_noise, grey.shape), 0, 1)
     return grey.mean(axis=1), grey.var(axis=1)
 
 
-@pytest.mark.parametrize(("full_well", "read_noise"), [(20_000, 5), (3_000, 12)])
+@pytest.mark.parametrize(
+    ("full_well", "read_noise", "grey_noise"), [(20_000, 5, 0.0), (3_000, 12, 0.0), (20_000, 5, 0.02)]
+)
 @pytest.mark.parametrize("name", sorted(set(RESPONSES) - {"tum_narrow"}))
-def test_it_is_the_shift_of_pixels_drawn_one_by_one(name, full_well, read_noise):
-    response = RESPONSES[name]()
-    _, variances = drawn(response, np.linspace(0, 1, TABLE_LEVELS), full_well, read_noise, TABLE_DRAWS)
+def test_it_is_the_shift_of_pixels_drawn_one_by_one(name, full_well, read_noise, grey_noise):
+    response, noise = RESPONSES[name](), (full_well, read_noise)
+    _, variances = drawn(response, np.linspace(0, 1, TABLE_LEVELS), *noise, TABLE_DRAWS, grey_noise)
     levels = np.linspace(0.06, 0.97, 24)
-    means, variance_of_draws = drawn(response, levels, full_well, read_noise, DRAWS)
+    means, variance_of_draws = drawn(response, levels, *noise, DRAWS, grey_noise)
     shift = np.interp(levels, GRID, mean_shift(GRID, log_response(response), NoiseModel(0, 0, tuple(variances))))
     statistical = 4 * np.sqrt(variance_of_draws / DRAWS)
     true = means - levels

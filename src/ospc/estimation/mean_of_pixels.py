@@ -1,7 +1,9 @@
 """How the mean of pixels differs from the grey level of their mean irradiance: by noise, and by texture.
 
 A sensor adds noise to the irradiance; the response then bends and clips the sum. Near black, where responses are
-steep and the noise is clipped, this shift of the mean is the largest error of all unless it is corrected.
+steep and the noise is clipped, this shift of the mean is the largest error of all unless it is corrected. Noise that
+is added to the grey level itself, by compression or in the camera's processing, is not bent. How the variance of
+pixels depends on the grey level tells the two apart.
 
 Texture does the same. By Taylor's theorem it lowers the mean by (g″/g′)/2 times its variance. With a power law that
 is alike for all exposures of a place. With other responses it is not, and the fit would take it for a part of the
@@ -10,6 +12,7 @@ response. At a knee, Taylor's theorem is of little use: there, observations with
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 from statistics import NormalDist
@@ -117,15 +120,17 @@ def mean_shift(grid: FloatArray, log_response: FloatArray, noise: NoiseModel) ->
     level = np.linspace(0, 1, SHIFT_LEVELS)
     log_g = np.interp(level, grid, log_response)
     irradiance = np.where(level > 0, np.exp(log_g), 0.0)
-    constant, proportional = _irradiance_noise(level, irradiance, noise)
+    constant, proportional, grey_variance = _parts_of_noise(level, irradiance, noise)
     sigma = np.sqrt(constant + proportional * irradiance)
     noisy = np.clip(irradiance[:, None] + sigma[:, None] * _NORMAL, 1e-12, 1.0)
     mean = np.interp(np.log(noisy), log_response, grid, left=0.0).mean(axis=1)
+    # Noise of the grey level itself, of compression or quantisation, is not bent but only clipped.
+    mean = np.clip(mean[:, None] + math.sqrt(grey_variance) * _NORMAL, 0.0, 1.0).mean(axis=1)
     return np.asarray(np.interp(grid, level, mean - level))
 
 
-def _irradiance_noise(level: FloatArray, irradiance: FloatArray, noise: NoiseModel) -> tuple[float, float]:
-    """Return the variance of the irradiance at black and its growth with irradiance: read and shot noise."""
+def _parts_of_noise(level: FloatArray, irradiance: FloatArray, noise: NoiseModel) -> tuple[float, float, float]:
+    """Return the variance of the irradiance at black, its growth with irradiance, and the variance of grey levels."""
     variance = noise.variance(level)
     slope = np.gradient(irradiance, level)
     # Near the ends, noise cannot be measured, and the model repeats the nearest measurement.
@@ -133,8 +138,10 @@ def _irradiance_noise(level: FloatArray, irradiance: FloatArray, noise: NoiseMod
     # Levels without any noise would have infinite weight.
     known = unclipped & (irradiance > MIN_NOISE_IRRADIANCE) & (variance > 0)
     if np.count_nonzero(known) < MIN_NOISE_LEVELS:
-        return 0.0, 0.0
-    of_irradiance = variance[known] * slope[known] ** 2
-    rows = np.stack([np.ones(len(of_irradiance)), irradiance[known]], axis=1) / of_irradiance[:, None]
-    constant, proportional = non_negative_least_squares(rows, np.ones(len(rows)))
-    return float(constant), float(proportional)
+        return 0.0, 0.0, 0.0
+    squared_slope = slope[known] ** 2
+    of_irradiance = variance[known] * squared_slope
+    rows = np.stack([np.ones(len(of_irradiance)), irradiance[known], squared_slope], axis=1) / of_irradiance[:, None]
+    scale = rows.max(axis=0)
+    constant, proportional, of_grey = non_negative_least_squares(rows / scale, np.ones(len(rows))) / scale
+    return float(constant), float(proportional), float(of_grey)
