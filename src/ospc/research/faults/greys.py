@@ -44,6 +44,12 @@ def _curved(footage: Footage, curve: FloatArray) -> Footage:
     return replace(_looked_up(footage, lambda _i: curve), responses=known)
 
 
+def _quantised(footage: Footage, step: float, _random: np.random.Generator) -> Footage:
+    """Keep every so many grey levels; the middle of those that become one is half a level below what they become."""
+    known = _curved(footage, _GREYS + 0.5).responses
+    return replace(_looked_up(footage, lambda _i: (_GREYS // step + 0.5) * step), responses=known)
+
+
 def _looked_up(footage: Footage, curve_of: Callable[[int], FloatArray]) -> Footage:
     """Put a curve of its own on every image, by the number of its frame."""
     return footage.with_images(_bytes(curve_of(i))[image] for i, image in enumerate(footage.images))
@@ -186,7 +192,7 @@ FAULTS = (
     Fault("upscaled", "enlarged from images {} times smaller", (1.5, 2, 4),
         lambda f, x, _: _each(f, lambda image: _enlarged(image, x))),
     Fault("fewer-levels", "only every {}th grey level", (2, 4, 16),
-        lambda f, x, _: _looked_up(f, lambda _i: (_GREYS // x + 0.5) * x)),
+        _quantised),
     Fault("noise", "Gaussian noise of {} grey levels", (3, 6, 12),
         lambda f, x, random: _filtered(f, lambda image: image + x * random.standard_normal(image.shape))),
     Fault("impulses", "a share of {} of pixels black or white, anew in every frame", (0.001, 0.01, 0.05), _impulses),
