@@ -40,7 +40,7 @@ def test_a_recording_twice_as_long_takes_no_more_memory(name: str, tmp_path: Pat
     paths = [FORMATS[name](tmp_path / f"{n}", filmed(n)) for n in (SHORT, LONG)]
     for _ in open_recording(FORMATS[name](tmp_path / "few", filmed(FEW))):
         pass  # the first reading of a kind loads modules
-    # What threads of earlier tests allocate meanwhile is counted, too: of too much, the lower of two peaks counts.
+    # What threads of earlier tests allocate meanwhile is counted, too. If it is too much, it is read once more.
     short, long = (peak_of_reading(path) for path in paths)
     if not (long - short < MOST_BYTES_MORE and short < MOST_BYTES):
         short, long = (min(peak_of_reading(path), before) for path, before in zip(paths, (short, long), strict=True))

@@ -67,8 +67,7 @@ class Reservoir:
         """Return all that is kept; raise a ValueError if nothing was ever added."""
         if not self._parts:
             raise ValueError("nothing was added")
-        # Kept like this: a copy would take as much memory again.
-        self._parts = [concatenate(self._parts)] if len(self._parts) > 1 else self._parts
+        self._join()
         return self._parts[0]
 
     def some(self, points: int) -> Observations:
@@ -80,6 +79,11 @@ class Reservoir:
             self._parts.append(part)
             self.points += len(part.starts)
         if len(self._parts) > _MOST_PARTS:
+            self._join()
+
+    def _join(self) -> None:
+        """Keep one part instead of several: beside them, it would take as much memory again."""
+        if len(self._parts) > 1:
             self._parts = [concatenate(self._parts)]
 
     def _keep(self, parts: list[Observations]) -> None:

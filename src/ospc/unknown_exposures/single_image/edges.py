@@ -167,8 +167,7 @@ def edge_colour_distance(patches: EdgePatches, curve: FloatArray) -> float:
     """Return the mean distance d of edge colours from the lines between their regions, g at equidistant greys."""
     first, second, edge = patches.linearised(curve)
     line, offset = first - second, edge - second
-    (a, b, c), (x, y, z) = line.T, offset.T
-    area = np.sqrt((b * z - c * y) ** 2 + (c * x - a * z) ** 2 + (a * y - b * x) ** 2)
+    area = np.linalg.norm(np.cross(line, offset), axis=1)
     return float(np.mean(area / np.maximum(np.sum(line**2, axis=1), _LEAST_SQUARE)))
 
 

@@ -72,7 +72,7 @@ class ResponsePrior:
         offset = coefficients - self.means
         normal = np.einsum("ki,kij,kj->k", offset, self.precisions, offset)
         falls = np.minimum(np.diff(self.curve(coefficients)), 0)
-        return float(-_log_sum_of_powers(self.log_weights - normal / 2) - _FALLING * falls.sum())
+        return float(-np.logaddexp.reduce(self.log_weights - normal / 2) - _FALLING * falls.sum())
 
     def most_likely(self, misfit: Callable[[FloatArray], float], weight: float, name: str) -> Response:
         """Return the response that minimises misfit(g) − λ ln p(g), g at 256 grey levels, with λ ``weight``.
@@ -89,14 +89,6 @@ class ResponsePrior:
         if not np.isfinite(best.fun):
             raise NotObservableError(f"the method {name} found no response in this image")
         return self.response(np.asarray(best.x), name)
-
-
-def _log_sum_of_powers(exponents: FloatArray) -> float:
-    """Return ln Σ exp of a few numbers; SciPy's function for any arrays takes longer than all the rest of a cost."""
-    largest = int(np.argmax(exponents))
-    powers = np.exp(exponents - exponents[largest])
-    powers[largest] = 0
-    return float(np.log1p(powers.sum()) + exponents[largest])
 
 
 @cache
