@@ -26,10 +26,11 @@ from ospc.arrays import FloatArray
 from ospc.errors import FormatError, NotObservableError, RecordingError, SettingError, counted, os_error_as
 from ospc.formats.dso import write_pcalib, write_times, write_vignette
 from ospc.formats.opening import Photometry, open_photometry
+from ospc.photometry.calibration import Calibration
 from ospc.recording import Recording
 from ospc.recording.recording import identity
 from ospc.recording.writing.conversion import convert_recording
-from ospc.research.method import Estimate, Method, OwnMethod, run_methods
+from ospc.research.method import Method, OwnMethod, run_methods
 from ospc.research.rivals.bergmann import Bergmann
 from ospc.research.runner import key_of, made_with
 from ospc.research.source import PCALIB, VIGNETTE, fingerprints, true_curves
@@ -144,16 +145,11 @@ class OdometryInput:
             (place / "images").symlink_to(self.images.resolve(), target_is_directory=True)
             shutil.copyfile(needed(self.place, CAMERA), place / CAMERA)
             write_times(place / TIMES, range(len(self.stamps_s)), self.stamps_s, self.exposures_ms)
-            write_curves(self.photometry, place)
+            if self.photometry.response is not None:
+                write_pcalib(self.photometry.response, place / PCALIB)
+            if self.photometry.vignette is not None:
+                write_vignette(self.photometry.vignette, place / VIGNETTE)
             yield place
-
-
-def write_curves(curves: Photometry | Estimate, place: Path) -> None:
-    """Write pcalib.txt and vignette.png into a folder, as far as response and vignette are known."""
-    if curves.response is not None:
-        write_pcalib(curves.response, place / PCALIB)
-    if curves.vignette is not None:
-        write_vignette(curves.vignette, place / VIGNETTE)
 
 
 def needed(place: Path, name: str) -> Path:
@@ -220,12 +216,13 @@ class Calibrations:
         return open_photometry(self._estimated(recording, condition.name))
 
     def _estimated(self, recording: Recording, name: str) -> Path:
-        """Return the folder of an estimate, made unless it is there; both joint variants are made at once."""
+        """Return the file of an estimate, made unless it is there; both joint variants are made at once."""
         preset = _PRESETS.get(name)
         online = self.online and preset is None
         depends_on = {"recording": identity(recording), "online": online, "made_with": made_with()}
-        place = self.folder / f"{recording.path.name or 'recording'}-{key_of(depends_on)[:16]}" / name
-        if place.is_dir():
+        folder = self.folder / f"{recording.path.name or 'recording'}-{key_of(depends_on)[:16]}"
+        place = folder / f"{name}.json"
+        if place.is_file():
             return place
         if preset is None:
             truth = true_curves(recording)[0] if (recording.path / PCALIB).is_file() else None
@@ -234,27 +231,15 @@ class Calibrations:
             method = OwnMethod(preset, variant=name)
         progress = partial(self.progress, f"calibrating {recording.path.name}")
         for result in run_methods({name: method}, recording, len(recording), progress):
-            if isinstance(result.outcome, str):
-                raise NotObservableError(f"{recording.path}: {result.outcome}")
-            if result.outcome.response is None:
+            found = result.outcome
+            if isinstance(found, str):
+                raise NotObservableError(f"{recording.path}: {found}")
+            if found.response is None:
                 raise NotObservableError(f"{recording.path}: its exposures do not show the response")
-            _save(result.outcome, place.with_name(re.sub("joint-(online|batch)", "joint", result.variant)))
-        if not place.is_dir():
+            with os_error_as(SettingError, f"{folder}: cannot be written", "choose another folder"):
+                folder.mkdir(parents=True, exist_ok=True)
+            known = found.calibration or Calibration(recording.size, found.response, found.vignette)
+            known.save(folder / f"{re.sub('joint-(online|batch)', 'joint', result.variant)}.json")
+        if not place.is_file():
             raise FormatError(f"{recording.path}: has no {PCALIB}, which holds the one known point of the response")
         return place
-
-
-def _save(estimate: Estimate, place: Path) -> None:
-    """Write an estimate into a folder, which appears when it is complete."""
-    if place.is_dir():
-        return
-    with os_error_as(SettingError, f"{place}: cannot be written", "choose another folder"):
-        place.parent.mkdir(parents=True, exist_ok=True)
-        with TemporaryDirectory(dir=place.parent, prefix=".unfinished-") as name:
-            unfinished = Path(name) / place.name
-            unfinished.mkdir()
-            if estimate.calibration is not None:
-                estimate.calibration.save(unfinished / "calibration.json")
-            else:
-                write_curves(estimate, unfinished)
-            unfinished.rename(place)
