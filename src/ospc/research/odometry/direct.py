@@ -20,6 +20,7 @@ from ospc.arrays import BoolArray, Float32Array, FloatArray
 from ospc.errors import OspcError, RecordingError
 from ospc.evaluation.trajectory import Trajectory, read_trajectory
 from ospc.formats.files import read_text
+from ospc.photometry.correction import Corrector
 from ospc.recording import Frame, open_recording
 from ospc.research.odometry.alignment import LEVELS, Brightness, Camera, Pose, align
 from ospc.research.odometry.experiment import Tracked
@@ -89,8 +90,8 @@ _FARTHEST_MOVE, _MOST_FRAMES = 0.08, 25
 _LEAST_AGREEING, _LOST = 0.6, 0.15
 """Share of agreeing points below which a frame becomes a keyframe, and below which tracking is lost."""
 
-_SATURATED, _LEAST_V = 0.985, 0.02
-"""Grey level, of full scale, that counts as saturated, and lower bound on V, which brightness is divided by."""
+_SATURATED = 0.985
+"""Grey level, of full scale, that counts as saturated."""
 
 
 @dataclass(frozen=True)
@@ -105,8 +106,9 @@ class DirectOdometry:
         """Track once; the number of the run is the seed for the selection of points."""
         began = monotonic()
         try:
-            tracker = _Tracker(source, run)
-            for frame in open_recording(source.place):
+            recording = open_recording(source.place)
+            tracker = _Tracker(source, run, recording.max_grey)
+            for frame in recording:
                 tracker.push(frame)
                 if tracker.lost:
                     break
@@ -114,35 +116,6 @@ class DirectOdometry:
             return Tracked(None, str(error), seconds=monotonic() - began)
         failure = "too few points agree with any motion" if tracker.lost else ""
         return Tracked(tracker.trajectory, failure, seconds=monotonic() - began)
-
-
-class _Photometer:
-    """Converts grey images to brightness under a condition."""
-
-    def __init__(self, source: OdometryInput) -> None:
-        self._exposures = source.exposures_ms
-        self._reference = float(np.median(self._exposures))
-        self._calibrated, self._response = source.condition.calibrated, source.photometry.response
-        vignette = source.photometry.vignette
-        self._attenuation = None if vignette is None else np.maximum(vignette.image(), np.float32(_LEAST_V))
-
-    def brightness(self, frame: Frame) -> tuple[Float32Array, BoolArray]:
-        """Return the brightness of a frame, and its saturated pixels.
-
-        With a calibration, brightness is the square root of the irradiance at the median exposure, whose noise is
-        uniform; without one, the grey level.
-        """
-        grey = frame.image.astype(np.float32) / np.float32(frame.max_grey)
-        saturated = cv2.dilate((grey >= _SATURATED).astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
-        if not self._calibrated:
-            return grey, saturated
-        levels = frame.max_grey + 1
-        table = np.linspace(0, 1, levels) if self._response is None else self._response.resampled(levels)
-        light: Float32Array = table.astype(np.float32)[frame.image]
-        if self._attenuation is not None:
-            light /= self._attenuation
-        light *= np.float32(self._reference / self._exposures[frame.index])
-        return np.asarray(np.sqrt(light)), saturated
 
 
 def _true_poses(source: OdometryInput) -> list[Pose]:
@@ -158,8 +131,11 @@ def _true_poses(source: OdometryInput) -> list[Pose]:
 class _Tracker:
     """The current keyframe and all poses so far."""
 
-    def __init__(self, source: OdometryInput, run: int) -> None:
-        self._photometer = _Photometer(source)
+    def __init__(self, source: OdometryInput, run: int, max_grey: int) -> None:
+        curves, self._corrector = source.photometry, None
+        if source.condition.calibrated:
+            self._corrector = Corrector(curves.response, curves.vignette, max_grey, assume_missing=True)
+        self._reference_ms = float(np.median(source.exposures_ms))
         self._affine = source.condition.mode == 1
         self._depth = SceneDepth.of(source.place)
         self._camera = self._depth.camera
@@ -176,7 +152,7 @@ class _Tracker:
 
     def push(self, frame: Frame) -> None:
         """Take the next frame."""
-        image, saturated = self._photometer.brightness(frame)
+        image, saturated = self._brightness(frame)
         pyramid = Brightness.of(np.where(saturated, np.float32(np.nan), image))
         if not self._poses:
             self._begin(frame, pyramid, image, saturated)
@@ -207,6 +183,19 @@ class _Tracker:
         positions = np.array([pose.translation for _, pose in self._poses])
         stamps_s = np.array([stamp for stamp, _ in self._poses])
         return Trajectory(stamps_s, positions, np.asarray(Rotation.from_matrix(rotations).as_quat()))
+
+    def _brightness(self, frame: Frame) -> tuple[Float32Array, BoolArray]:
+        """Return the brightness of a frame, and its saturated pixels.
+
+        With a calibration, it is the square root of the irradiance at the median exposure, whose noise is uniform.
+        """
+        grey = frame.image.astype(np.float32) / np.float32(frame.max_grey)
+        saturated = cv2.dilate((grey >= _SATURATED).astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
+        if self._corrector is None:
+            return grey, saturated
+        relative = frame.exposure_ms / self._reference_ms
+        light = self._corrector.correct(frame.image, relative, mark_saturated=False)
+        return np.sqrt(light, dtype=np.float32), saturated
 
     def _begin(self, frame: Frame, pyramid: Brightness, image: Float32Array, saturated: BoolArray) -> None:
         """Make a frame the keyframe."""
