@@ -10,21 +10,14 @@ import numpy as np
 
 from ospc.arrays import FloatArray, ImageSize
 from ospc.errors import ExposureError, counted
-from ospc.evaluation.metrics import (
-    RatioError,
-    coverage,
-    exposure_ratio_error,
-    log_ratio_error,
-    response_rmse,
-    response_shape_rmse,
-    vignette_pixel_rmse,
-    vignette_rmse,
-)
+from ospc.evaluation.comparison import compare
+from ospc.evaluation.metrics import Coverage, RatioError, coverage, exposure_ratio_error, response_shape_rmse
+from ospc.formats.opening import Photometry
 from ospc.photometry.calibration import PROFILE_RADII
 from ospc.photometry.geometry import half_diagonal
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import Vignette, radial_profile
-from ospc.research.measurement import Measurement
+from ospc.research.measurement import METRICS, Measurement
 from ospc.research.method import Estimate, Result
 from ospc.simulation import SimulationSettings, irradiances
 from ospc.simulation.responses import make_response, make_vignette
@@ -99,48 +92,33 @@ def score(estimate: Estimate, truth: Truth, held_out: HeldOut = HeldOut()) -> di
     """
     figures: dict[str, float] = {}
     response, vignette, true = estimate.response, estimate.vignette, truth.response
-    if response is not None and true is not None and not np.array_equal(response.inverse_table, true.inverse_table):
-        figures |= _response_figures(response, true, truth.greys)
+    if response is None or true is None or np.array_equal(response.inverse_table, true.inverse_table):
+        true = None
+    elif truth.greys is not None:
+        figures["response_shape_rmse"] = response_shape_rmse(response, true, *truth.greys)
+        true = None
+    if true is not None or (vignette is not None and truth.vignette is not None):
+        found = compare(Photometry("estimate", response, vignette), Photometry("truth", true, truth.vignette))
+        values = {metric.figure: getattr(found, metric.figure, None) for metric in METRICS}
+        figures |= {name: value for name, value in values.items() if value is not None}
+        figures |= _shares("response", found.response_coverage)
+    sigma = None if estimate.calibration is None else estimate.calibration.vignette_sigma
+    if vignette is not None and truth.vignette is not None and sigma is not None:
+        curves = (profile_along_diagonal(vignette), sigma, profile_along_diagonal(truth.vignette))
+        figures |= _shares("vignette", coverage(*(curve[_COVERED_RADII] for curve in curves)))
     if response is not None and held_out.pairs:
         error = prediction_error(held_out.pairs, response, vignette)
         figures |= {"ratio_median_abs": error.median_abs, "ratio_bias": error.bias}
     if response is not None and held_out.factor_pairs:
-        found = [predicted_ratio(p, response, vignette) / p.exposure_ratio for p in held_out.factor_pairs]
-        figures["factor_error_percent"] = float(np.median(np.abs(np.array(found) - 1) * 100))
-    if vignette is not None and truth.vignette is not None:
-        sigma = None if estimate.calibration is None else estimate.calibration.vignette_sigma
-        figures |= _vignette_figures(vignette, truth.vignette, sigma)
+        ratios = [predicted_ratio(p, response, vignette) / p.exposure_ratio for p in held_out.factor_pairs]
+        figures["factor_error_percent"] = float(np.median(np.abs(np.array(ratios) - 1) * 100))
     if estimate.exposures is not None:
         figures["exposure_error"] = exposure_error(estimate.exposures, truth.exposures_ms)
     return figures
 
 
-def _response_figures(estimate: Response, truth: Response, greys: tuple[int, int] | None) -> dict[str, float]:
-    figures = {"response_shape_rmse": response_shape_rmse(estimate, truth, *(greys or ()))}
-    if greys is not None:
-        return figures
-    figures["response_rmse"] = response_rmse(estimate, truth)
-    figures["log_ratio_error"] = log_ratio_error(estimate, truth)
-    if estimate.inverse_sigma is not None:
-        seen = (estimate.levels >= estimate.support[0]) & (estimate.levels <= estimate.support[1])
-        curves = (estimate.inverse_table, estimate.inverse_sigma, estimate.matched(truth))
-        figures |= _coverage("response", *(curve[seen] for curve in curves))
-    return figures
-
-
-def _vignette_figures(estimate: Vignette, truth: Vignette, sigma: FloatArray | None) -> dict[str, float]:
-    figures = {"vignette_rmse": vignette_rmse(estimate, truth)}
-    if estimate.size == truth.size:
-        figures["vignette_pixel_rmse"] = vignette_pixel_rmse(estimate, truth)
-    if sigma is not None:
-        curves = (profile_along_diagonal(estimate), sigma, profile_along_diagonal(truth))
-        figures |= _coverage("vignette", *(curve[_COVERED_RADII] for curve in curves))
-    return figures
-
-
-def _coverage(part: str, estimate: FloatArray, sigma: FloatArray, truth: FloatArray) -> dict[str, float]:
-    found = coverage(estimate, sigma, truth)._asdict()
-    return {f"{part}_{name}": share for name, share in found.items()}
+def _shares(part: str, found: Coverage | None) -> dict[str, float]:
+    return {} if found is None else {f"{part}_{name}": share for name, share in found._asdict().items()}
 
 
 def exposure_error(estimate: Mapping[int, float], truth: Mapping[int, float]) -> float:
