@@ -6,7 +6,7 @@ import json
 import math
 import re
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -130,14 +130,14 @@ def frames(settings: SimulationSettings = _DEFAULT, known: Truth | None = None) 
     """
     scene = Scene.of(settings)
     known = known or plan(settings, scene)
-    for index, image in enumerate(_images(scene, known)):
-        yield Frame.of_array(
-            image,
-            float(known.metadata_exposures_ms[index]),
-            index=index,
-            stamp_s=float(known.stamps_s[index]),
-            max_grey=settings.max_grey,
-        )
+    for index, image in enumerate(exposed_images(scene, known, settings.seed)):
+        yield frame_of(known, index, image)
+
+
+def frame_of(known: Truth, index: int, image: Image) -> Frame:
+    """Return the frame of an image, with what the metadata say of it."""
+    stated_ms, stamp_s = float(known.metadata_exposures_ms[index]), float(known.stamps_s[index])
+    return Frame.of_array(image, stated_ms, index=index, stamp_s=stamp_s, max_grey=known.settings.max_grey)
 
 
 def simulate(
@@ -176,7 +176,7 @@ def simulate(
         place.mkdir(parents=True, exist_ok=True)
         _write_truth(place, known)
         with NumberedImages(place, settings.frames, archive=settings.archive) as images:
-            for index, image in enumerate(_images(scene, known)):
+            for index, image in enumerate(exposed_images(scene, known, settings.seed)):
                 name, quality = f"image {index}", settings.jpg_quality
                 data = encoded(image, settings.image_format, name, png_compression=None, jpg_quality=quality)
                 images.write(index, data)
@@ -194,8 +194,9 @@ def irradiances(settings: SimulationSettings = _DEFAULT, known: Truth | None = N
     yield from _irradiances(scene, known or plan(settings, scene))
 
 
-def _images(scene: Scene, known: Truth) -> Iterator[Image]:
-    sensor = Sensor(known.response, known.settings)
+def exposed_images(scene: Scene, known: Truth, noise_seed: int) -> Iterator[Image]:
+    """Yield the image of every frame of a scene."""
+    sensor = Sensor(known.response, replace(known.settings, seed=noise_seed))
     for index, irradiance in enumerate(_irradiances(scene, known)):
         yield sensor.expose(irradiance, frame=index, gain=float(known.gains[index]))
 

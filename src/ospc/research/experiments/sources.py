@@ -24,12 +24,10 @@ from ospc.recording.frame import Frame
 from ospc.recording.frame_table import exposures_in
 from ospc.research.source import SWEEP, SimulatedSource
 from ospc.simulation import SimulationSettings
-from ospc.simulation.camera import Sensor
-from ospc.simulation.motion import Motion
-from ospc.simulation.rendering import radiance
+from ospc.simulation.camera import exposed_images, frame_of
 from ospc.simulation.scene import Scene
 from ospc.simulation.surface import Face
-from ospc.simulation.truth import plan, view_at
+from ospc.simulation.truth import plan
 
 RESPONSE, VIGNETTE = "params/pcalib_narrow_DIGITISED.txt", "params/vignette_narrow_radial_DIGITISED.csv"
 EXPOSURES = "params/tum_vi_times.txt"
@@ -130,25 +128,12 @@ class ColourSource(SimulatedSource):
 
     def frames(self) -> Iterator[Frame]:
         """Give the frames."""
-        scene = Scene.of(self.settings)
+        scene, seed = Scene.of(self.settings), self.settings.seed
         known = plan(self.settings, scene)
-        motion, shade = Motion.of(self.settings), known.vignette.image()
-        scenes = [tinted(scene, self.settings.seed, channel) for channel in _CHANNELS]
-        sensors = [
-            Sensor(known.response, replace(self.settings, seed=self.settings.seed + channel)) for channel in _CHANNELS
-        ]
-        for index, stamp in enumerate(known.stamps_s.tolist()):
-            view = view_at(self.settings, motion, stamp)
-            light = shade * np.float32(known.exposures_ms[index] * known.light[index])
-            gain = float(known.gains[index])
-            planes = [
-                sensor.expose(radiance(one, view, stamp) * light, frame=index, gain=gain)
-                for one, sensor in zip(scenes, sensors, strict=True)
-            ]
-            image, stated_ms = np.stack(planes, axis=-1), float(known.metadata_exposures_ms[index])
-            largest = self.settings.max_grey
-            grey = Frame.of_array(planes[1], stated_ms, index=index, stamp_s=stamp, max_grey=largest)
-            yield replace(grey, load=partial(np.asarray, image), colour=True)
+        planes = [exposed_images(tinted(scene, seed, channel), known, seed + channel) for channel in _CHANNELS]
+        for index, (blue, green, red) in enumerate(zip(*planes, strict=True)):
+            image = np.stack([blue, green, red], axis=-1)
+            yield replace(frame_of(known, index, green), load=partial(np.asarray, image), colour=True)
 
 
 def tinted(scene: Scene, seed: int, channel: int) -> Scene:
