@@ -17,7 +17,7 @@ from ospc.exposures.findings import ExposureFindings
 from ospc.exposures.lag_choice import LagChoice, lag_in_words
 from ospc.exposures.monitor import ExposureMonitor
 from ospc.exposures.table import ExposureTable
-from ospc.frame_checks import check_exposure, check_is_frame, checked_frame, why_most_are_lost
+from ospc.frame_checks import check_is_frame, checked_frame, why_most_are_lost
 from ospc.methods.change_detection import Change
 from ospc.methods.method import Method, Progress
 from ospc.methods.preview import Preview
@@ -27,7 +27,7 @@ from ospc.photometry.grey_range import GreyRange
 from ospc.pooling.prior_calibration import PriorCalibration
 from ospc.pooling.summary import Summary, summary_of
 from ospc.prefetching import Prefetcher
-from ospc.recording.frame import Frame, size_of
+from ospc.recording.frame import Frame, check_exposure, size_of
 from ospc.second_thread import SecondThread
 from ospc.settings import Settings, as_dict, preset
 from ospc.versions import versions

@@ -6,11 +6,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 
-import numpy as np
-
 from ospc.arrays import Image, ImageSize
-from ospc.errors import ExposureError, FrameError, counted
-from ospc.recording.frame import Frame, size_of
+from ospc.errors import FrameError, counted
+from ospc.recording.frame import Frame, check_exposure, size_of
 
 
 def check_is_frame(pushed: object, number: int) -> None:
@@ -60,14 +58,6 @@ def checked_frame(frame: Frame, number: int, size: ImageSize | None, max_grey: i
     if frame.mask is not None and not frame.mask.any():
         raise FrameError(f"{frame.name}: its mask leaves no pixel; True is where pixels may be used")
     return checked
-
-
-def check_exposure(exposure_ms: float, name: str) -> None:
-    """Raise an ExposureError unless the exposure of a frame is a positive number."""
-    if np.isnan(exposure_ms):
-        raise ExposureError(f"{name}: its exposure is unknown")
-    if not (np.isfinite(exposure_ms) and exposure_ms > 0):
-        raise ExposureError(f"{name}: exposure {exposure_ms} ms is not a positive number")
 
 
 def image_of_size(frame: Frame, size: ImageSize) -> Image:

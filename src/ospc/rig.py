@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, field
 from itertools import combinations
 from pathlib import Path
@@ -22,11 +21,11 @@ from scipy.sparse.csgraph import connected_components
 
 from ospc.arrays import BoolArray, Float32Array, FloatArray, IntArray, nearest
 from ospc.correspondence.features import Features, SiftExtractor, match
-from ospc.errors import ExposureError, FrameError, NotObservableError
+from ospc.errors import NotObservableError
 from ospc.formats.files import write_text
-from ospc.frame_checks import check_exposure
 from ospc.photometry.calibration import Calibration
 from ospc.recording import Frame, Recording
+from ospc.recording.stream import usable_frames
 from ospc.robust import robust_scale
 
 SCHEMA = "ospc-rig/1"
@@ -185,11 +184,9 @@ def _all_seen(recording: Recording, calibration: Calibration, frames: IntArray) 
     """Return what a camera saw at each moment; None where there is no frame, or none that can be used."""
     found: list[Features | None] = [None] * len(frames)
     extractor = SiftExtractor(_MAX_FEATURES)
-    for frame in recording:
+    for frame in usable_frames(frame for frame in recording if frame.index in frames):
         for moment in np.flatnonzero(frames == frame.index):
-            with suppress(FrameError, ExposureError):
-                check_exposure(frame.exposure_ms, frame.name)
-                found[moment] = _seen(frame, calibration, extractor)
+            found[moment] = _seen(frame, calibration, extractor)
     return found
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Container, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path, PurePosixPath
@@ -10,15 +10,14 @@ from pathlib import Path, PurePosixPath
 import cv2
 import numpy as np
 
-from ospc.arrays import FloatArray, Image
+from ospc.arrays import FloatArray
 from ospc.correction.folder import CorrectedFolder, Counts
 from ospc.correction.settings import CorrectionSettings
 from ospc.correction.source import Source, ids_for
-from ospc.errors import ExposureError, FrameError, NotObservableError, RecordingError, SettingError
+from ospc.errors import ExposureError, NotObservableError, RecordingError, SettingError
 from ospc.formats.dso import parameter_files, write_times
 from ospc.formats.image_header import WITH_METADATA
 from ospc.formats.opening import Photometry
-from ospc.frame_checks import check_exposure
 from ospc.photometry.correction import Corrector, wrong_size
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import RasterVignette
@@ -26,7 +25,7 @@ from ospc.recording import Frame, Recording, identity
 from ospc.recording.frame_table import NO_EXPOSURES, NO_STAMPS
 from ospc.recording.image_formats import format_of
 from ospc.recording.image_sequence import ImageSequence
-from ospc.recording.stream import mapped
+from ospc.recording.stream import mapped, usable_frames
 
 _DEFAULT = CorrectionSettings()
 _REASONS_KEPT = 20
@@ -143,7 +142,8 @@ def correct_recording(
     counts = dict(done)
     reasons: list[str] = []
     work = _Work(source, corrector, folder, settings, names)
-    for index, counted in mapped(work, _readable(recording, done, reasons)):
+    left = (frame for frame in recording if frame.index not in done)
+    for index, counted in mapped(work, usable_frames(left, reasons.append)):
         folder.mark_written(index, counted)
         counts[index] = counted
         progress(len(counts) + len(reasons), len(recording))
@@ -232,9 +232,8 @@ class _Work:
     settings: CorrectionSettings
     names: Sequence[PurePosixPath]
 
-    def __call__(self, item: tuple[Frame, Image]) -> tuple[int, Counts]:
-        frame, image = item
-        settings = self.settings
+    def __call__(self, frame: Frame) -> tuple[int, Counts]:
+        image, settings = frame.image, self.settings
         correct = self.corrector.without_vignette if settings.keep_response else self.corrector.correct
         corrected = correct(
             image,
@@ -278,17 +277,3 @@ class _Work:
             return b""
         data, optional = recording.stored_bytes(index), format_of(recording.names[index])
         return data if optional is None else optional.exif(data)
-
-
-def _readable(recording: Recording, done: Container[int], reasons: list[str]) -> Iterator[tuple[Frame, Image]]:
-    """Yield the usable frames that are not done, with their images, and collect the reasons for the others."""
-    for frame in recording:
-        if frame.index in done:
-            continue
-        try:
-            check_exposure(frame.exposure_ms, frame.name)
-            image = frame.image
-        except (FrameError, ExposureError) as error:
-            reasons.append(str(error))
-            continue
-        yield frame, image

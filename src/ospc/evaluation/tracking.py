@@ -22,9 +22,9 @@ from dataclasses import dataclass
 
 from ospc.errors import ExposureError, FrameError, NotObservableError, counted
 from ospc.evaluation.tracks import EVERY, TrackFigures, Tracks
-from ospc.frame_checks import check_exposure
 from ospc.photometry.correction import Corrector
 from ospc.recording import Frame, Recording
+from ospc.recording.frame import check_exposure
 
 _NOTICEABLE = 1.1
 """Ratio up to which a change counts as none."""

@@ -155,6 +155,14 @@ def checked_number(value: Any, what: str, name: str) -> float:
     raise ExposureError(f"{name}: {what} is {value!r}; give a number")
 
 
+def check_exposure(exposure_ms: float, name: str) -> None:
+    """Raise an ExposureError unless the exposure of a frame is a positive number."""
+    if math.isnan(exposure_ms):
+        raise ExposureError(f"{name}: its exposure is unknown")
+    if not 0 < exposure_ms < math.inf:
+        raise ExposureError(f"{name}: exposure {exposure_ms} ms is not a positive number")
+
+
 def checked_max_grey(max_grey: int, name: str) -> int:
     """Return the largest grey value as int; FrameError if it is no whole number, or none that 16 bits hold."""
     whole = isinstance(max_grey, int | np.integer) and not isinstance(max_grey, bool)

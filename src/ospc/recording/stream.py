@@ -1,4 +1,4 @@
-"""Frames from any iterable; decoding them ahead in a thread; and work on any stream in a few threads."""
+"""Frames from any iterable, and those that can be used; decoding ahead, and other work, in threads."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import numpy as np
 
 from ospc.arrays import Image
 from ospc.errors import ExposureError, FrameError
-from ospc.recording.frame import Frame
+from ospc.recording.frame import Frame, check_exposure
 
 Item: TypeAlias = Frame | tuple[Image, float | None] | tuple[Image, float | None, float]
 """A frame, an image with its exposure in ms, or an image with its exposure in ms and time stamp in s."""
@@ -59,9 +59,21 @@ def _frame(item: Any, index: int, max_grey: int | None) -> Frame:
             f"item {index}: has grey values of type {image.dtype}; state max_grey, the largest value of the sensor"
         )
     frame = Frame.of_array(image, exposure_ms, index=index, stamp_s=stamp_s, max_grey=max_grey)
-    if not (np.isnan(frame.exposure_ms) or 0 < frame.exposure_ms < np.inf):
-        raise ExposureError(f"item {index}: exposure {frame.exposure_ms} ms is not a positive number")
+    if not np.isnan(frame.exposure_ms):
+        check_exposure(frame.exposure_ms, f"item {index}")
     return frame
+
+
+def usable_frames(frames: Iterable[Frame], unusable: Callable[[str], None] = lambda _why: None) -> Iterator[Frame]:
+    """Yield the frames that have an exposure and an image, which is read; ``unusable`` is told why others are not."""
+    for frame in frames:
+        try:
+            check_exposure(frame.exposure_ms, frame.name)
+            _ = frame.image
+        except (FrameError, ExposureError) as error:
+            unusable(str(error))
+        else:
+            yield frame
 
 
 _DECODED, _VERIFIED = 3, 64

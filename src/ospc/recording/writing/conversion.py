@@ -19,7 +19,7 @@ from ospc.formats.dso import write_times
 from ospc.formats.files import read_text, write_text
 from ospc.formats.rules_camera import input_size
 from ospc.formats.validation import validate
-from ospc.frame_checks import check_exposure
+from ospc.recording.frame import check_exposure
 from ospc.recording.recording import Recording
 from ospc.recording.writing.images import ImageFormat, NumberedImages, encode, encoding_notes, original_file
 
