@@ -122,7 +122,7 @@ class Engine:
                 self._skip(str(error))
                 return False
             except RecordingError:
-                self._exposures.forget_from(number)
+                self._exposures.table = self._exposures.table.until(number)
                 raise
             except BaseException:
                 self._partly_processed = frame.name
@@ -158,7 +158,7 @@ class Engine:
         if self._sampler.processes_next:
             change, brightness = self._observe(method, frame)
         elif self._sampler.compares_next or self._exposures.needs_comparison(frame.index):
-            brightness = self._exposures.observe(*self.prefetcher.thumbnail(frame))
+            brightness = self._exposures.history.observe(*self.prefetcher.thumbnail(frame))
         if brightness is not None:
             change = change or method.compare(brightness, self._exposures.table)
             change = self._detect_lag_change(change) or change
@@ -189,7 +189,7 @@ class Engine:
         """
         prepared, precomputed = self.prefetcher.preprocessed(frame)
         counting = self._second.submit(self.pixels.observe, frame, prepared.thumbnail)
-        comparing = self._second.submit(self._exposures.observe, prepared.thumbnail, precomputed)
+        comparing = self._second.submit(self._exposures.history.observe, prepared.thumbnail, precomputed)
         try:
             # Select a keyframe, register the frame with it, sample both, accumulate the samples.
             change = method.push(frame, prepared, self._exposures.table)

@@ -33,7 +33,7 @@ def after(frames: int, choice: LagChoice = "auto") -> ExposureMonitor:
     exposures = ExposureMonitor(choice)
     for number in range(frames):
         exposures.table.append(1.0)
-        exposures.observe(thumbnail(number))
+        exposures.history.observe(thumbnail(number))
         exposures.assess_if_due()
     return exposures
 

@@ -7,9 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ospc.arrays import FloatArray
-from ospc.correspondence.thumbnail import Thumbnail
-from ospc.exposures.brightness import BrightnessChange
-from ospc.exposures.brightness_history import BrightnessHistory, PrecomputedChange
+from ospc.exposures.brightness_history import BrightnessHistory
 from ospc.exposures.findings import ExposureFindings, assess_exposures
 from ospc.exposures.lag_change import LagChange, detect_lag_change
 from ospc.exposures.lag_choice import LagChoice, checked_lag_choice, leaves_frames
@@ -80,14 +78,6 @@ class ExposureMonitor:
         self._known_lag: int | None = None
         self._suspected_lag = 0
         self._findings: tuple[tuple[int, int], ExposureFindings] | None = None
-
-    def forget_from(self, number: int) -> None:
-        """Forget the exposures written beside the frames from a number on."""
-        self.table = self.table.until(number)
-
-    def observe(self, frame: Thumbnail, precomputed: PrecomputedChange | None = None) -> BrightnessChange | None:
-        """Compare a frame with the one before; see :meth:`BrightnessHistory.observe`."""
-        return self.history.observe(frame, precomputed)
 
     def assess_if_due(self) -> None:
         """Assess the exposures again if many more changes of brightness are known than the last time."""

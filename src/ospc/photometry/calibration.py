@@ -16,7 +16,7 @@ import numpy.typing as npt
 from ospc.arrays import BoolArray, FloatArray, Image, ImageSize
 from ospc.atomic import write_atomically
 from ospc.by_value import ByValue
-from ospc.errors import FormatError, counted
+from ospc.errors import FormatError, counted, os_error_as
 from ospc.photometry.coverage import Coverage, ExposureRatios
 from ospc.photometry.noise import NoiseModel
 from ospc.photometry.notebook import curve_as_svg
@@ -223,14 +223,10 @@ class Calibration(ByValue):
         """
         place = Path(path)
         content = json.dumps(self.as_dict(), indent=1, allow_nan=False) + "\n"
-        try:
+        with os_error_as(FormatError, f"{place}: cannot be written", "check that the folder exists and allows it"):
             if isinstance(self.vignette, RasterVignette):
                 self.vignette.write_map(place.with_suffix(".vignette.npz"))
             return write_atomically(place, content.encode("utf-8"))
-        except OSError as error:
-            raise FormatError(
-                f"{place}: cannot be written ({error.strerror}); check that the folder exists and allows it"
-            ) from None
 
     @classmethod
     def load(cls, path: str | Path) -> Calibration:
