@@ -145,7 +145,7 @@ class TestFailures:
         assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
 
     def test_a_later_file_that_fails_costs_no_other(self, tmp_path, monkeypatch, recording):
-        def fail(_response, path):
+        def fail(_response, path, _values):
             raise FormatError(f"{path}: cannot be written (No space left on device)")
 
         monkeypatch.setattr("ospc.formats.dso.write_pcalib", fail)

@@ -15,9 +15,7 @@ from ospc.recording.frame_table import FrameTable
 from ospc.recording.image_sequence import ImageSequence, open_sequence
 from ospc.recording.image_source import FolderImages, by_name, is_image_name, why_unread
 from ospc.recording.options import DEFAULT, ReadingOptions
-
-_DIGITS = 5
-"""Least digits of the numbers of images that have no names of their own."""
+from ospc.recording.writing.images import numbered
 
 
 @dataclass(frozen=True)
@@ -44,8 +42,7 @@ class Source:
         """
         recording = self.recording
         if not isinstance(recording, ImageSequence):
-            digits = max(_DIGITS, len(str(len(recording) - 1)))
-            return [PurePosixPath(f"{index:0{digits}d}") for index in range(len(recording))]
+            return [PurePosixPath(numbered(index, len(recording))) for index in range(len(recording))]
         inner = [PurePosixPath(name) for name in recording.names]
         outer = [PurePosixPath(name.name) for name in inner]
         return outer if len(set(outer)) == len(outer) else inner

@@ -39,11 +39,6 @@ def write_pcalib(response: Response, path: str | Path, values: int = FEWEST_VALU
     return write_text(path, table_text(response.resampled(values)))
 
 
-def write_caveat(path: str | Path, caveat: str) -> Path:
-    """Write what to know of the files beside it, a sentence, atomically, and return the path."""
-    return write_text(path, f"{caveat}.\nThis holds for pcalib.txt, vignette.png and times.txt in this folder.\n")
-
-
 def read_pcalib(path: str | Path) -> Response:
     """Read the inverse response in a pcalib.txt as DSO does: only the first line counts.
 
@@ -88,13 +83,21 @@ def read_vignette(path: str | Path) -> RasterVignette:
 
 
 def parameter_files(
-    response: Response | None, vignette: Vignette | None, max_grey: int, caveat: str = ""
+    response: Response | None,
+    vignette: Vignette | None,
+    max_grey: int,
+    caveat: str = "",
+    values: int = FEWEST_VALUES,
 ) -> Iterator[tuple[str, Callable[[Path], Path]]]:
-    """Yield the names of the files for what is known, with pcalib_16bit.txt for deep images, and what writes them."""
+    """Yield the names of the files for what is known, with pcalib_16bit.txt for deep images, and what writes them.
+
+    ``caveat`` is a sentence to know of them, and ``values`` the number of grey levels in pcalib.txt.
+    """
     if caveat:
-        yield CAVEAT, lambda place: write_caveat(place, caveat)
+        about = f"{caveat}.\nThis holds for pcalib.txt, vignette.png and times.txt in this folder.\n"
+        yield CAVEAT, lambda place: write_text(place, about)
     if response is not None:
-        yield "pcalib.txt", lambda place: write_pcalib(response, place)
+        yield "pcalib.txt", lambda place: write_pcalib(response, place, values)
     if response is not None and max_grey > 255:
         yield "pcalib_16bit.txt", lambda place: write_pcalib(response, place, min(max_grey + 1, MOST_VALUES))
     if vignette is not None:

@@ -8,7 +8,7 @@ from typing import Literal, TypeAlias, get_args
 
 from ospc.arrays import ImageSize
 from ospc.errors import FormatError, NotObservableError, SettingError, os_error_as
-from ospc.formats.dso import CAVEAT, write_caveat, write_pcalib, write_vignette
+from ospc.formats.dso import parameter_files
 from ospc.formats.hugin import EmorBasis, write_pto
 from ospc.formats.lens_profiles import write_lcp, write_lensfun
 from ospc.formats.opencv import write_opencv
@@ -146,14 +146,8 @@ def export(
 def _to_dso(photometry: Photometry, folder: Path, values: int) -> list[Path]:
     with os_error_as(FormatError, f"{folder}: the folder cannot be made"):
         folder.mkdir(parents=True, exist_ok=True)
-    files: list[Path] = []
-    if photometry.response is not None:
-        files.append(write_pcalib(photometry.response, folder / "pcalib.txt", values))
-    if photometry.vignette is not None:
-        files.append(write_vignette(photometry.vignette, folder / "vignette.png", photometry.caveat))
-    if photometry.caveat:
-        files.append(write_caveat(folder / CAVEAT, photometry.caveat))
-    return files
+    files = parameter_files(photometry.response, photometry.vignette, 255, photometry.caveat, values)
+    return [write(folder / name) for name, write in files]
 
 
 def _to_lens_profile(photometry: Photometry, program: str, place: Path, settings: ExportSettings) -> Exported:

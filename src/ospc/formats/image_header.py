@@ -221,8 +221,10 @@ _FORMATS: tuple[tuple[bytes, Callable[[bytes], ImageHeader]], ...] = (
 WITH_METADATA = frozenset({".png", ".jpg", ".jpeg"})
 """Suffixes of files that get metadata."""
 
-_EXIF = b"Exif\0\0"
-_COPIED = (_EXIF, b"http://ns.adobe.com/xap/1.0/\0", b"ICC_PROFILE\0")
+EXIF = b"Exif\0\0"
+"""What a block of EXIF begins with."""
+
+_COPIED = (EXIF, b"http://ns.adobe.com/xap/1.0/\0", b"ICC_PROFILE\0")
 """Beginnings of the JPEG segments that stay valid; an index of further pictures in the file would not."""
 
 _APP1, _APP2, _START_OF_SCAN = 0xE1, 0xE2, 0xDA
@@ -242,14 +244,14 @@ def with_metadata(image: bytes, original: bytes) -> bytes:
     if image.startswith(_JPEG) and original.startswith(_JPEG):
         kept = (_segment(kind, content) for kind, content in _segments(original) if content.startswith(_COPIED))
         return _JPEG + b"".join(kept) + image[2:]
-    blocks = (content for _, content in _segments(original) if content.startswith(_EXIF))
-    exif = original if original.startswith(_EXIF) else next(blocks, None)
+    blocks = (content for _, content in _segments(original) if content.startswith(EXIF))
+    exif = original if original.startswith(EXIF) else next(blocks, None)
     if exif is None:
         return image
     if image.startswith(_JPEG) and len(exif) <= _LARGEST_SEGMENT:
         return _JPEG + _segment(_APP1, exif) + image[2:]
     if image.startswith(PNG_SIGNATURE):
-        return image[:PNG_HEADER_END] + png_chunk(b"eXIf", exif[len(_EXIF) :]) + image[PNG_HEADER_END:]
+        return image[:PNG_HEADER_END] + png_chunk(b"eXIf", exif[len(EXIF) :]) + image[PNG_HEADER_END:]
     return image
 
 
@@ -260,7 +262,7 @@ def _segments(data: bytes) -> Iterator[tuple[int, bytes]]:
             before = takewhile(lambda segment: segment[0] != _START_OF_SCAN, _jpeg_segments(data))
             yield from ((marker, bytes(content)) for marker, content in before if marker in (_APP1, _APP2))
         elif data.startswith(PNG_SIGNATURE):
-            yield from ((_APP1, _EXIF + content) for kind, content in _png_chunks(data) if kind == b"eXIf")
+            yield from ((_APP1, EXIF + content) for kind, content in _png_chunks(data) if kind == b"eXIf")
 
 
 def _segment(marker: int, content: bytes) -> bytes:

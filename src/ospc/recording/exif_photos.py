@@ -10,6 +10,7 @@ from pathlib import Path
 
 from ospc.errors import ExposureError, FrameError, RecordingError, listed, os_error_as
 from ospc.formats.files import read_bytes
+from ospc.formats.image_header import EXIF
 from ospc.recording.exposure_lists import lists_in
 from ospc.recording.exposure_units import EXPOSURE_RANGE_MS
 from ospc.recording.frame_table import FrameTable, make_table
@@ -21,7 +22,6 @@ from ospc.recording.options import DEFAULT, ReadingOptions
 _HEAD_BYTES = 256 * 1024
 """Read of each photograph: EXIF is a segment of at most 64 KiB near its beginning."""
 
-_SIGNATURE = b"Exif\0\0"
 _FORMULA = "exposure is time × ISO/100 / f-number², from EXIF, in ms; EXIF rounds these values"
 _LIST_INSTEAD = "add exposures.csv with a header 'file,exposure_s'"
 
@@ -35,7 +35,7 @@ class _ExifPhotos:
         names = FolderImages.of(path).names
         if not names or lists_in(path):
             return False
-        return format_of(names[0]) is not None or _SIGNATURE in _head(path / names[0])
+        return format_of(names[0]) is not None or EXIF in _head(path / names[0])
 
     def open(self, path: Path, options: ReadingOptions = DEFAULT) -> ImageSequence:
         if not path.is_dir():

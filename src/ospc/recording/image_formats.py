@@ -18,6 +18,7 @@ import numpy as np
 
 from ospc.arrays import Float32Array, Image
 from ospc.errors import FrameError, OspcError, needs_extra
+from ospc.formats.image_header import EXIF
 from ospc.recording.channel import Channel, Mosaic
 from ospc.recording.frame import check_decoded_size
 from ospc.recording.pixel_layout import BitDepth, StoredImage
@@ -95,8 +96,6 @@ def _taken(tags: Mapping[str, Any]) -> datetime | None:
 _TURNS = re.compile(rb"\0\0\0\x09(irot|imir)(.)", re.DOTALL)
 """Properties of an image by which it is turned and mirrored for display (ISO/IEC 23008-12, 6.5.10 and 6.5.12)."""
 
-_EXIF = b"Exif\0\0"
-
 
 class ImageFormat(Protocol):
     """Decodes the files of one format; all its methods raise MissingExtraError without its library."""
@@ -142,7 +141,7 @@ class Heic(ImageFormat):
 
     def shot(self, data: bytes, name: str) -> Shot:
         """Return what its EXIF says."""
-        return shot_of_exif(self._exif(data, name).removeprefix(_EXIF))
+        return shot_of_exif(self._exif(data, name).removeprefix(EXIF))
 
     def exif(self, data: bytes) -> bytes:
         """Return the EXIF block."""
@@ -153,7 +152,7 @@ class Heic(ImageFormat):
 
     def _exif(self, data: bytes, name: str) -> bytes:
         block: bytes = self._opened(data, name).info.get("exif") or b""
-        return _EXIF + block.removeprefix(_EXIF) if block else b""
+        return EXIF + block.removeprefix(EXIF) if block else b""
 
     def _opened(self, data: bytes, name: str) -> Any:
         """Read everything but the pixels, of the main image if there are several."""

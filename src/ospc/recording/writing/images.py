@@ -36,14 +36,16 @@ _DIGITS = 5
 """Least digits of an image number, as in the TUM monocular dataset."""
 
 
-class NumberedImages:
-    """Writes at most ``count`` numbered images into a folder ``images`` or an archive ``images.zip``.
+def numbered(number: int, count: int) -> str:
+    """Return the number of one of ``count`` images as text, all of one length, because programs sort them as text."""
+    return f"{number:0{max(_DIGITS, len(str(count - 1)))}d}"
 
-    All names get the same number of digits, because programs sort them as text.
-    """
+
+class NumberedImages:
+    """Writes at most ``count`` numbered images into a folder ``images`` or an archive ``images.zip``."""
 
     def __init__(self, place: Path, count: int, *, archive: bool) -> None:
-        self._digits = max(_DIGITS, len(str(count - 1)))
+        self._count = count
         self._folder = place / "images"
         self._archive = zipfile.ZipFile(place / "images.zip", "w") if archive else None
         if self._archive is None:
@@ -51,7 +53,7 @@ class NumberedImages:
 
     def write(self, number: int, data: bytes) -> None:
         """Write an image file."""
-        name = f"{number:0{self._digits}d}{'.jpg' if data.startswith(_JPEG) else '.png'}"
+        name = f"{numbered(number, self._count)}{'.jpg' if data.startswith(_JPEG) else '.png'}"
         if self._archive is None:
             (self._folder / name).write_bytes(data)
         else:
