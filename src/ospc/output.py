@@ -11,17 +11,17 @@ from ospc.arrays import FloatArray
 from ospc.errors import ExposureError, FormatError, OspcError, SettingError, one_line, os_error_as
 from ospc.folders import check_usable
 from ospc.formats.dso import CAVEAT, parameter_files, write_times
-from ospc.formats.files import json_object
+from ospc.formats.files import json_object, write_bytes
 from ospc.formats.opening import Photometry
-from ospc.formats.png import write_png
 from ospc.photometry.calibration import Calibration
 from ospc.photometry.vignette import RasterVignette
 from ospc.recording import Recording
 from ospc.report.charts import Findings
+from ospc.report.drawing import Drawn
 from ospc.report.examples import NOTHING_TRIED, examples_of, exposures_beside
 from ospc.report.page import write_page
 from ospc.report.pdf import write_pdf
-from ospc.report.pictures import PICTURES, pictures_of
+from ospc.report.pictures import PICTURES, pictures_as_png
 from ospc.state.container import STATE_NAME
 
 _SCHEMA_BEGINNING = "ospc-calibration/"
@@ -109,27 +109,40 @@ class OutputFolder:
         exposures_ms = exposures_beside(self.path) if recording is None else recording.exposures_ms
         return Findings(calibration, exposures_ms, truth)
 
-    def draw(self, findings: Findings, stop: Callable[[], bool] = lambda: False) -> Written:
-        """Write the pictures until ``stop``, asked before each, is true."""
+    def draw(
+        self, findings: Findings, stop: Callable[[], bool] = lambda: False, drawn: Drawn | None = None
+    ) -> Written:
+        """Write the pictures until ``stop``, asked before each, is true; ``drawn`` draws them elsewhere."""
 
         def pictures() -> Iterator[Written]:
-            for name, picture in pictures_of(findings).items():
+            content = pictures_as_png(findings) if drawn is None else drawn().result().pictures
+            for name, picture in content.items():
                 if stop():
                     yield Written(notes=("interrupted before all pictures were written",))
                     return
-                yield Written((write_png(self.path / name, picture),))
+                yield Written((write_bytes(self.path / name, picture),))
 
         return _collected(pictures(), f"{self.path}: the pictures cannot be drawn")
 
-    def report(self, findings: Findings, recording: Recording | None = None, *, pdf: bool = False) -> Written:
+    def report(
+        self,
+        findings: Findings,
+        recording: Recording | None = None,
+        *,
+        pdf: bool = False,
+        drawn: Drawn | None = None,
+    ) -> Written:
         """Write report.html, and report.pdf if asked for.
 
-        Pictures and points to track are from the recording; without it, there are none.
+        Pictures and points to track are from the recording; without it, there are none. They are tried while
+        ``drawn`` draws the charts elsewhere.
         """
 
         def reports() -> Iterator[Written]:
+            drawing = None if drawn is None else drawn()
             examples = NOTHING_TRIED if recording is None else examples_of(findings.calibration, recording)
-            yield Written((write_page(findings, self.path / "report.html", examples),))
+            charts = None if drawing is None else drawing.result().charts
+            yield Written((write_page(findings, self.path / "report.html", examples, charts),))
             if pdf:
                 yield Written((write_pdf(findings, self.path / "report.pdf", examples),))
 

@@ -11,15 +11,13 @@ import numpy as np
 import pytest
 from recordings import VIGNETTE, before_a_wall, calibration, coverage
 
-import ospc.report.page
 from ospc.errors import FormatError
 from ospc.formats.opening import Photometry
 from ospc.photometry.calibration import ExposureRatios, Verdict
 from ospc.photometry.coverage import Coverage
 from ospc.photometry.response import Response
-from ospc.report.charts import Findings
+from ospc.report.charts import Findings, chart_as_svg
 from ospc.report.examples import examples_of
-from ospc.report.html import Html
 from ospc.report.page import page, write_page
 from ospc.report.pdf import write_pdf
 from ospc.report.pictures import pictures_of
@@ -94,7 +92,7 @@ def test_the_verdict_comes_first_and_everything_else_after_it(report):
 @pytest.fixture
 def undrawn(monkeypatch):
     """Leave out the charts, which take most of the time and say nothing in words."""
-    monkeypatch.setattr("ospc.report.page._drawn", lambda _chart: Html())
+    monkeypatch.setattr("ospc.report.charts.chart_as_svg", lambda _chart: "")
 
 
 def test_it_is_small(report):
@@ -184,7 +182,7 @@ FINDINGS = [
 @pytest.fixture(scope="module")
 def draw_once():
     """Draw equal charts once: a chart depends on nothing but what it holds, and most of these findings are alike."""
-    drawn, draw = {}, ospc.report.page._drawn
+    drawn, draw = {}, chart_as_svg
 
     def once(chart):
         content = pickle.dumps(chart)
@@ -197,7 +195,7 @@ def draw_once():
 
 @pytest.mark.parametrize("findings", FINDINGS)
 def test_whatever_is_known_makes_a_page_of_finite_figures(findings, draw_once, monkeypatch):
-    monkeypatch.setattr("ospc.report.page._drawn", draw_once)
+    monkeypatch.setattr("ospc.report.charts.chart_as_svg", draw_once)
     content = page(findings)
     Outline(content)
     for drawn in re.findall(r' (?:d|x|y|width|height|viewBox)="([^"]*)"', content):

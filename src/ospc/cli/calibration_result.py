@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import cache, partial
 from typing import Any, TypeAlias
 
 from ospc.cli.interruption import Interruption
@@ -26,6 +26,8 @@ from ospc.frame_checks import skipped_in_words
 from ospc.output import OutputFolder, Times, Written
 from ospc.photometry.calibration import Calibration, Verdict
 from ospc.recording import Recording
+from ospc.report.drawing import DrawingProcess, drawings_of
+from ospc.second_thread import SecondThread
 
 _STYLES = {"identifiable": "green", "marginal": "yellow", "not identifiable": "red"}
 _WIDTH_WHEN_PIPED = 110
@@ -85,7 +87,7 @@ class ResultFolder:
     """Where a result goes, and how it is reported.
 
     ``times`` says when frames were taken where there is no recording. With ``as_json``, somebody else prints the
-    result. An interruption while files are written only leaves out pictures.
+    result. An interruption while files are written only leaves out pictures. ``second`` is what draws.
     """
 
     folder: OutputFolder
@@ -95,6 +97,7 @@ class ResultFolder:
     truth: Photometry | None = None
     pdf: bool = False
     times: Times | None = None
+    second: SecondThread | DrawingProcess = field(default_factory=SecondThread)
 
     @property
     def talkative(self) -> bool:
@@ -126,11 +129,9 @@ class ResultFolder:
         written = folder.write(outcome.calibration, self.times if recording is None else recording)
         if not written.problems:
             findings = folder.findings(outcome.calibration, recording, self.truth)
-            with ThreadPoolExecutor(1, "ospc-pictures") as second:
-                # Meanwhile the report tries the calibration on images, which leaves the interpreter to this.
-                drawing = second.submit(folder.draw, findings, stop=lambda: self.interruption.count > before)
-                written += folder.report(findings, recording, pdf=self.pdf)
-                written += drawing.result()
+            drawn = cache(partial(self.second.submit, drawings_of, findings))
+            written += folder.report(findings, recording, pdf=self.pdf, drawn=drawn)
+            written += folder.draw(findings, stop=lambda: self.interruption.count > before, drawn=drawn)
         if self.interruption.requested and not outcome.interrupted:
             unfinished = replace(outcome.calibration, partial=True)
             unfinished.save(folder.path / "calibration.json")

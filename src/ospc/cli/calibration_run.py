@@ -9,7 +9,6 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from threading import Thread
 from typing import Any
 
 from ospc.calibrator import OnlineCalibrator, Status, drive
@@ -20,7 +19,7 @@ from ospc.exposures.lag_choice import LagChoice
 from ospc.output import Written
 from ospc.pooling.prior_calibration import PriorCalibration
 from ospc.recording import Frame, Recording, identity
-from ospc.report import style
+from ospc.report.drawing import drawing_process
 from ospc.settings import Settings, as_dict
 from ospc.state.container import STATE_NAME
 from ospc.throttle import Throttle
@@ -155,13 +154,13 @@ class CalibrationRun:
         """
         if self.result.talkative:
             say_notes(self.recording.notes)
-        load_drawing()
+        result = replace(self.result, second=drawing_process())  # it loads while frames are compared
         with self.result.interruption.deferred():
             calibrator, outcome = self._estimated()
             with ThreadPoolExecutor(1, "ospc-state") as second:
-                # Most of it is compression, which leaves the interpreter to those who draw.
+                # Most of it is compression, which leaves the interpreter to others.
                 saving = second.submit(self.checkpoints.at_the_end, calibrator)
-                return self.result.take(outcome, saving.result)
+                return result.take(outcome, saving.result)
 
     def _estimated(self) -> tuple[OnlineCalibrator, Outcome]:
         """Calibrate; nothing observed before an interruption or a failure is lost."""
@@ -222,11 +221,6 @@ def figures(status: Status) -> str:
     sigmas = {"g": status.progress.response_sigma, "V": status.progress.vignette_sigma}
     known = [f"{name} ±{sigma:.2g}" for name, sigma in sigmas.items() if sigma is not None]
     return "  ".join([counted(status.progress.pairs, "pair"), *known])
-
-
-def load_drawing() -> None:
-    """Load the modules that draw while frames are compared, for which two cores are not needed all the time."""
-    Thread(target=style.load, daemon=True).start()
 
 
 def identification(recording: Recording) -> dict[str, Any]:

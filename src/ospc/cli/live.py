@@ -142,9 +142,9 @@ def _captured(
 ) -> dict[str, Any]:
     """Film, estimate, write and report."""
     from ospc.cli.calibration_result import Outcome
-    from ospc.cli.calibration_run import load_drawing
     from ospc.cli.live_view import shown
     from ospc.output import Written
+    from ospc.report import style
     from ospc.state.container import STATE_NAME
 
     live, interruption, failure, replayed = capture.live, result.interruption, "", recording is not None
@@ -160,7 +160,7 @@ def _captured(
             except Exception as error:  # the frames before any error still give an estimate
                 failure = one_line(error)
         capture.stage = "estimating"
-        load_drawing()  # not earlier: a small computer that films has better use for the memory
+        result.second.submit(style.load)  # not earlier: a small computer that films has better use for the memory
         try:
             found = live.calibration()
         except OspcError as error:

@@ -45,12 +45,17 @@ def write_png(path: str | Path, image: Image, description: str = "") -> Path:
 
     A ``description`` is stored as text that image programs show.
     """
-    done, encoded = cv2.imencode(".png", image)
-    if not done:
-        raise FormatError(f"{path}: an image of shape {image.shape} and type {image.dtype} cannot be stored as PNG")
-    data = encoded.tobytes()
+    data = as_png(image, str(path))
     if description:
         # Keyword, no compression, and neither language nor translated keyword: an iTXt chunk of the specification.
         content = b"Description\0\0\0\0\0" + description.encode("utf-8")
         data = data[:PNG_HEADER_END] + png_chunk(b"iTXt", content) + data[PNG_HEADER_END:]
     return write_bytes(path, data)
+
+
+def as_png(image: Image, name: str) -> bytes:
+    """Return an image of 8 or 16 bit as the content of a PNG; a FormatError, of any other, begins with the name."""
+    done, encoded = cv2.imencode(".png", image)
+    if not done:
+        raise FormatError(f"{name}: an image of shape {image.shape} and type {image.dtype} cannot be stored as PNG")
+    return bytes(encoded)

@@ -5,22 +5,27 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property, partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ospc.arrays import FloatArray
-from ospc.formats.opening import Photometry
 from ospc.photometry.calibration import Calibration, ExposureRatios
 from ospc.photometry.coverage import Coverage
 from ospc.report import curves, evidence
-from ospc.report.style import BLUE, DPI, ORANGE, fit_into
+from ospc.report.style import BLUE, DPI, ORANGE, as_svg, fit_into, rules
+
+if TYPE_CHECKING:
+    from ospc.formats.opening import Photometry
 
 WIDTH_IN = 4.6
 """Width of a chart; with letters of 9 points, the charts are readable on a telephone too."""
 
 
 _HEIGHT_IN, _HEIGHT_WITH_PANELS_IN = 3.2, 4.6
+
+_MARGINS_IN = {"left": 0.78, "right": 0.12, "top": 0.28, "bottom": 0.48}
+"""Room around the axes of a chart for its title and labels."""
 
 
 @dataclass(frozen=True)
@@ -76,6 +81,17 @@ class Chart:
         figure = Figure(dpi=DPI)
         self.draw_into(figure.add_gridspec(1, 1)[0])
         return figure
+
+
+def charts_as_svg(findings: Findings) -> dict[str, str]:
+    """Return the charts that show something as elements for HTML, by title."""
+    return {chart.title: chart_as_svg(chart) for chart in findings.charts.values() if not chart.unknown}
+
+
+def chart_as_svg(chart: Chart) -> str:
+    """Return a chart as an element for HTML."""
+    with rules():
+        return as_svg(chart.drawn(WIDTH_IN, chart.height_in, _MARGINS_IN), chart.title)
 
 
 def _curves(calibration: Calibration, truth: Photometry | None) -> dict[str, Chart]:

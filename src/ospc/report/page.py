@@ -13,26 +13,26 @@ import cv2
 from ospc.arrays import Image
 from ospc.formats.files import write_bytes
 from ospc.photometry.calibration import Verdict
-from ospc.report.charts import WIDTH_IN, Chart, Findings
+from ospc.report.charts import Chart, Findings, charts_as_svg
 from ospc.report.examples import NOTHING_TRIED, Examples, Pictures
 from ospc.report.html import Html, document, join, tag
 from ospc.report.sections import SUMMARY, Section, basis_of, name_of, overall_state, sections_of, shown
-from ospc.report.style import as_svg, rules
 
 _JPEG_QUALITY = 85
 _STATE_CLASSES = {"identifiable": "good", "marginal": "fair", "not identifiable": "bad"}
-_MARGINS_IN = {"left": 0.78, "right": 0.12, "top": 0.28, "bottom": 0.48}
-"""Room around the axes of a chart for its title and labels."""
 
 
-def write_page(findings: Findings, path: Path, examples: Examples = NOTHING_TRIED) -> Path:
-    """Write the report, whole or not at all, and return its path."""
+def write_page(
+    findings: Findings, path: Path, examples: Examples = NOTHING_TRIED, charts: Mapping[str, str] | None = None
+) -> Path:
+    """Write the report, whole or not at all, and return its path; ``charts`` are those that were drawn already."""
     # A file name or a JSON text may hold half a surrogate pair, which UTF-8 cannot express.
-    return write_bytes(path, page(findings, examples).encode("utf-8", "replace"))
+    return write_bytes(path, page(findings, examples, charts).encode("utf-8", "replace"))
 
 
-def page(findings: Findings, examples: Examples = NOTHING_TRIED) -> str:
-    """Return the report as HTML."""
+def page(findings: Findings, examples: Examples = NOTHING_TRIED, charts: Mapping[str, str] | None = None) -> str:
+    """Return the report as HTML; the arguments are those of :func:`write_page`."""
+    drawn = charts_as_svg(findings) if charts is None else charts
     calibration = findings.calibration
     title = f"Photometric calibration of {name_of(calibration)}"
     summary_class = f"verdict {_STATE_CLASSES.get(overall_state(calibration), '')}"
@@ -41,13 +41,13 @@ def page(findings: Findings, examples: Examples = NOTHING_TRIED) -> str:
         files("ospc.report").joinpath("report.css").read_text(encoding="utf-8"),
         tag("header", tag("h1", title), tag("p", basis_of(calibration))),
         *(
-            join(_section(section, summary_class if section.heading == SUMMARY else ""), "\n")
+            join(_section(section, drawn, summary_class if section.heading == SUMMARY else ""), "\n")
             for section in sections_of(findings, examples)
         ),
     )
 
 
-def _section(section: Section, class_: str) -> Html:
+def _section(section: Section, drawn: Mapping[str, str], class_: str) -> Html:
     first = "first" if section.heading == SUMMARY else ""
     return tag(
         "section",
@@ -55,7 +55,7 @@ def _section(section: Section, class_: str) -> Html:
         *(tag("p", text, class_=first) for text in section.text),
         tag("ul", *(tag("li", item) for item in section.items)) if section.items else "",
         _parts(*(_verdict(name, verdict) for name, verdict in section.verdicts.items())),
-        _parts(*(_drawn(chart) for chart in section.charts)),
+        _parts(*(_chart(chart, drawn) for chart in section.charts)),
         *(_pictures(scene) for scene in section.pictures),
         _figures(section.figures),
         tag("p", section.remark, class_="soft") if section.remark else "",
@@ -74,12 +74,10 @@ def _verdict(name: str, verdict: Verdict) -> Html:
     return join(tag("h3", f"{name.capitalize()}: ", state), tag("p", verdict.reason), remedy)
 
 
-def _drawn(chart: Chart) -> Html:
+def _chart(chart: Chart, drawn: Mapping[str, str]) -> Html:
     if chart.unknown:
         return join(tag("h3", chart.title), tag("p", chart.unknown, class_="soft"))
-    with rules():
-        drawing = Html(as_svg(chart.drawn(WIDTH_IN, chart.height_in, _MARGINS_IN), chart.title))
-    return tag("figure", drawing, tag("figcaption", chart.caption))
+    return tag("figure", Html(drawn[chart.title]), tag("figcaption", chart.caption))
 
 
 def _pictures(scene: Pictures) -> Html:

@@ -5,18 +5,21 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ospc.arrays import Image
 from ospc.errors import counted
-from ospc.formats.opening import Photometry
+from ospc.formats.png import as_png
 from ospc.photometry.calibration import PROFILE_RADII, Calibration
 from ospc.photometry.vignette import diagonal_profile
 from ospc.report.charts import Findings
 from ospc.report.curves import RADIUS_LABEL
 from ospc.report.style import BLACK, BLUE, GREEN, ORANGE, as_image, new_figure, printable, rules, save
+
+if TYPE_CHECKING:
+    from ospc.formats.opening import Photometry
 
 _CONTENT = {
     "figure.png": ("response", "vignette", "ratios"),
@@ -69,6 +72,11 @@ def pictures_of(findings: Findings) -> dict[str, Image]:
             picture = np.concatenate([tiles[part] for part in parts], axis=1)
             pictures[name] = np.minimum(picture, words[:, : picture.shape[1]])
     return pictures
+
+
+def pictures_as_png(findings: Findings) -> dict[str, bytes]:
+    """Return the same pictures as the content of PNG files."""
+    return {name: as_png(picture, name) for name, picture in pictures_of(findings).items()}
 
 
 def words_around(calibration: Calibration, width_in: float, height_in: float) -> Any:
