@@ -11,8 +11,8 @@ from __future__ import annotations
 import copy
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass, field
-from typing import Protocol
+from dataclasses import dataclass, field, replace
+from typing import Protocol, Self
 
 import numpy as np
 from numpy.polynomial.polynomial import polyval
@@ -67,10 +67,10 @@ class Correspondences:
         """Return the number of scene points."""
         return len(self.grey0)
 
-    def select(self, mask: BoolArray) -> Correspondences:
+    def select(self, mask: BoolArray) -> Self:
         """Return those where the mask, shape (n,), is true."""
-        kept = (array[mask] for array in (self.points0, self.points1, self.grey0, self.grey1))
-        return Correspondences(self.frames, self.size, *kept)
+        kept = {name: getattr(self, name)[mask] for name in ("points0", "points1", "grey0", "grey1")}
+        return replace(self, **kept)
 
     @property
     def radius0(self) -> FloatArray:

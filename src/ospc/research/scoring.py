@@ -13,6 +13,7 @@ from ospc.errors import ExposureError, counted
 from ospc.evaluation.comparison import compare
 from ospc.evaluation.metrics import Coverage, RatioError, coverage, exposure_ratio_error, response_shape_rmse
 from ospc.formats.opening import Photometry
+from ospc.methods.paper import Correspondences, irradiance_ratios
 from ospc.photometry.calibration import PROFILE_RADII
 from ospc.photometry.geometry import half_diagonal
 from ospc.photometry.response import Response
@@ -30,16 +31,9 @@ _COVERED_RADII = PROFILE_RADII > 0.1
 
 
 @dataclass(frozen=True)
-class HeldOutPair:
-    """Grey levels in [0, 1] of scene points in two frames, shape (n,), and where, in pixels (x, y), shape (n, 2).
+class HeldOutPair(Correspondences):
+    """The same scene points in two frames whose exposure ratio, the true k = e₀/e₁, is to be predicted."""
 
-    The exposure ratio is the true k = e₀/e₁.
-    """
-
-    grey0: FloatArray
-    grey1: FloatArray
-    points0: FloatArray
-    points1: FloatArray
     exposure_ratio: float
 
 
@@ -178,11 +172,8 @@ _OTHER_SCENE = 10_007
 
 
 def predicted_ratio(pair: HeldOutPair, response: Response, vignette: Vignette | None) -> float:
-    """Return k̂, the median of g(M₀)V(x₁) / (g(M₁)V(x₀)) (paper, eq. mean); V ≡ 1 where it is None."""
-    log_k = np.log(response.inverse(pair.grey0)) - np.log(response.inverse(pair.grey1))
-    if vignette is not None:
-        log_k += np.log(vignette.at(pair.points1)) - np.log(vignette.at(pair.points0))
-    return float(np.exp(np.median(log_k)))
+    """Return k̂, the median over the points (paper, eq. mean); V ≡ 1 where it is None."""
+    return float(np.exp(np.median(np.log(irradiance_ratios(pair, response, vignette)))))
 
 
 def prediction_error(pairs: Sequence[HeldOutPair], response: Response, vignette: Vignette | None) -> RatioError:
@@ -217,7 +208,8 @@ def simulated_pairs(settings: SimulationSettings) -> list[HeldOutPair]:
         grey1 = response(exposure0 / ratio * vignette.at(points1) * light)
         kept = (np.minimum(grey0, grey1) >= _DARKEST) & (np.maximum(grey0, grey1) <= _BRIGHTEST)
         if np.count_nonzero(kept) >= _FEWEST_POINTS:
-            pairs.append(HeldOutPair(grey0[kept], grey1[kept], points0[kept], points1[kept], ratio))
+            pair = HeldOutPair((0, 1), settings.size, points0, points1, grey0, grey1, ratio)
+            pairs.append(pair.select(kept))
         if len(pairs) == PAIRS:
             break
     return pairs

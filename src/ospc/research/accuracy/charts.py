@@ -24,7 +24,7 @@ from ospc.arrays import FloatArray, Image, IntArray
 from ospc.errors import FormatError, OspcError
 from ospc.evaluation.metrics import response_shape_rmse
 from ospc.formats.files import read_bytes, read_text
-from ospc.methods.paper import Correspondences, in_order, polynomial_response, response_rows, solve_response
+from ospc.methods.paper import in_order, polynomial_response, response_rows, solve_response
 from ospc.photometry.geometry import pixel_grid
 from ospc.photometry.response import Response
 from ospc.recording import Frame
@@ -229,9 +229,7 @@ class ChartSource(Source):
         for i, j in pairwise(range(EXPOSURES)):
             ratio = _STATED_MS[i] / _STATED_MS[j]
             pair = _same_places(planes, i, j, ratio)
-            size = (planes.shape[2], planes.shape[1])
-            matches = Correspondences((i, j), size, pair.points0, pair.points1, pair.grey0, pair.grey1)
-            rows = response_rows(in_order(matches, ratio), ratio, 2)
+            rows = response_rows(in_order(pair, ratio), ratio, 2)
             gram += rows.T @ rows
         coefficients = solve_response(gram, "when needed")
         if coefficients is None:
@@ -260,8 +258,9 @@ def _same_places(planes: FloatArray, first: int, second: int, ratio: float) -> H
     """Return the pixels that neither of two exposures clips."""
     exposed = (planes > _DARKEST) & (planes < _BRIGHTEST)
     kept = exposed[first] & exposed[second]
-    places = pixel_grid((planes.shape[2], planes.shape[1]))[kept]
-    return HeldOutPair(planes[first][kept] / 255, planes[second][kept] / 255, places, places, ratio)
+    size = (planes.shape[2], planes.shape[1])
+    places, greys = pixel_grid(size)[kept], (planes[first][kept] / 255, planes[second][kept] / 255)
+    return HeldOutPair((first, second), size, places, places, *greys, ratio)
 
 
 def chart_sources(folder: Path) -> list[ChartSource]:

@@ -16,7 +16,6 @@ from scipy.spatial import KDTree
 
 from ospc.arrays import Float32Array, FloatArray
 from ospc.formats.dso import read_pcalib
-from ospc.photometry.geometry import normalised
 from ospc.recording import Frame, open_recording
 from ospc.research.scoring import HeldOut, HeldOutPair, Truth
 from ospc.research.source import PCALIB, GivenSource
@@ -134,10 +133,9 @@ def flat_pair(
     grey0, grey1 = sampled(first.grey, places0), sampled(second.grey, places1)
     flat = (sampled(first.gradient, places0) < _FLAT) & (sampled(second.gradient, places1) < _FLAT)
     exposed = (np.minimum(grey0, grey1) > greys[0]) & (np.maximum(grey0, grey1) < greys[1])
-    radius0, radius1 = (np.linalg.norm(normalised(p, (width, height)), axis=1) for p in (places0, places1))
-    kept = flat & exposed & (np.abs(radius0 - radius1) < max_radial_displacement)
-    ratio = first.exposure_ms / second.exposure_ms
-    return HeldOutPair(grey0[kept], grey1[kept], places0[kept], places1[kept], ratio)
+    size, ratio = (width, height), first.exposure_ms / second.exposure_ms
+    pair = HeldOutPair((0, 1), size, places0, places1, grey0, grey1, ratio)
+    return pair.select(flat & exposed & (pair.radial_displacement < max_radial_displacement))
 
 
 def _matches(first: SampledFrame, second: SampledFrame) -> tuple[FloatArray, FloatArray]:
