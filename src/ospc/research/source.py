@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 
 from ospc.errors import FormatError, escaped
-from ospc.formats.opening import Photometry, open_photometry
+from ospc.formats.dso import read_pcalib, read_vignette
+from ospc.formats.opening import Photometry
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import Vignette
 from ospc.recording import Frame, Recording, open_recording
@@ -190,10 +191,7 @@ def true_curves(recording: Recording) -> tuple[Response, Vignette]:
     files = [recording.path / PCALIB, recording.path / VIGNETTE]
     if not all(file.is_file() for file in files):
         raise FormatError(f"{recording.path}: has no {PCALIB} and {VIGNETTE}, which hold the truth; add them")
-    response, vignette = open_photometry(files[0]).response, open_photometry(files[1]).vignette
-    if response is None or vignette is None:
-        raise FormatError(f"{recording.path}: {PCALIB} or {VIGNETTE} does not hold what its name says")
-    return response, vignette
+    return read_pcalib(files[0]), read_vignette(files[1])
 
 
 def fingerprints(curves: Truth | Photometry) -> dict[str, str]:
