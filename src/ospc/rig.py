@@ -117,15 +117,8 @@ class RigScale:
 
     def as_dict(self) -> dict[str, Any]:
         """Return everything as JSON-compatible values; the documented content of ``rig.json``."""
-        return {
-            "schema": SCHEMA,
-            "reference": self.reference,
-            "scale": self.scale,
-            "sigma": self.sigma,
-            "pairs": [vars(pair) | {"cameras": list(pair.cameras)} for pair in self.pairs],
-            "left_out": self.left_out,
-            "misfit": self.misfit,
-        }
+        pairs = [vars(pair) | {"cameras": list(pair.cameras)} for pair in self.pairs]
+        return {"schema": SCHEMA, **vars(self), "pairs": pairs}
 
     def save(self, path: str | Path) -> Path:
         """Write it as JSON, whole or not at all, and return the path; FormatError if that fails."""

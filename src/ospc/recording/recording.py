@@ -155,28 +155,16 @@ def _images_sha256(recording: Recording, indices: list[int]) -> str:
     """Hash a few images; an unreadable one counts as empty."""
     channel = getattr(recording, "channel", None)
     total = sha256(b"" if channel is None else channel.value.encode())
-    for load in _stored(recording, indices):
-        try:
-            stored = load()
-        except FrameError:
-            stored = b""
-        total.update(sha256(stored).digest())
-    return total.hexdigest()
-
-
-def _stored(recording: Recording, indices: list[int]) -> Iterator[Callable[[], bytes]]:
-    """Give what loads the stored form of some frames, or their pixels, in one pass over the frames at most."""
     stored: Callable[[int], bytes] | None = getattr(recording, "stored_bytes", None)
-    if stored is not None:
-        yield from (partial(stored, index) for index in indices)
-        return
-    for frame in recording:
-        if frame.index in indices:
-            yield partial(_pixels, frame)
-
-
-def _pixels(frame: Frame) -> bytes:
-    return frame.image.tobytes()
+    # Those without a stored form are looked for in one pass over the frames.
+    wanted = indices if stored is not None else (frame for frame in recording if frame.index in indices)
+    for image in wanted:
+        try:
+            content = image.image.tobytes() if isinstance(image, Frame) else stored_bytes(recording, image)
+        except FrameError:
+            content = b""
+        total.update(sha256(content).digest())
+    return total.hexdigest()
 
 
 class ArrayRecording(StoredRecording):

@@ -15,7 +15,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple
 
-from ospc.errors import OspcError, RecordingError, needs_extra, quoted, said_by
+from ospc.errors import OspcError, RecordingError, needs_extra, os_error_as, quoted, said_by
 
 if TYPE_CHECKING:
     from rosbags.interfaces import Connection
@@ -99,8 +99,9 @@ class BagFile(ABC):
     @contextmanager
     def _reader(self, names: Collection[str]) -> Iterator[Any]:
         """Open a reader; turn every error of a library for a damaged file into one error that names the file."""
+        unread = os_error_as(RecordingError, f"{self.path}: cannot be read", "check the file and its rights")
         try:
-            with self._open(names) as reader:
+            with unread, self._open(names) as reader:
                 yield reader
         except RecordingError as error:
             # Inner functions do not know the file.
@@ -109,10 +110,6 @@ class BagFile(ABC):
             raise RecordingError(f"{self.path}: {error}; {self._ADVICE}") from None
         except OspcError:
             raise
-        except OSError as error:
-            raise RecordingError(
-                f"{self.path}: cannot be read ({error.strerror}); check the file and its rights"
-            ) from None
         except Exception as error:
             said = said_by(error, _QUOTED_CHARACTERS)
             why = f" ({said})" if said else ""
