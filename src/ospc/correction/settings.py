@@ -9,6 +9,7 @@ import numpy as np
 
 from ospc.arrays import FloatArray
 from ospc.errors import ExposureError, SettingError
+from ospc.photometry.correction import EXPOSURE_RANGE_MS
 
 Output: TypeAlias = Literal["irradiance", "grey8", "grey16"]
 """32-bit float TIFF, or PNG of 8 or 16 bit; all are linear in the irradiance."""
@@ -59,7 +60,8 @@ class CorrectionSettings:
             raise SettingError("a reference exposure needs normalised exposures; add --normalise-exposure")
         if not (np.isfinite(self.white) and self.white > 0):
             raise SettingError(f"white is {self.white}; give the irradiance that becomes white, a positive number")
-        if self.reference_ms is not None and not 1e-9 <= self.reference_ms <= 1e9:
+        low, high = EXPOSURE_RANGE_MS
+        if self.reference_ms is not None and not low <= self.reference_ms <= high:
             raise ExposureError(f"the reference exposure {self.reference_ms} ms is not a positive number below 1e9")
 
     def for_images(self, max_grey: int, exposures_ms: FloatArray) -> CorrectionSettings:

@@ -93,7 +93,7 @@ def png_chunk(kind: bytes, content: bytes) -> bytes:
     return struct.pack(">I", len(content)) + whole + struct.pack(">I", zlib.crc32(whole))
 
 
-_JPEG = b"\xff\xd8"
+JPEG_START = b"\xff\xd8"
 _JPEG_MARKER = re.compile(rb"\xff[^\x00\xd0-\xd7\xff]")
 _JPEG_SIZES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
 _JPEG_END = 0xD9
@@ -241,15 +241,15 @@ def with_metadata(image: bytes, original: bytes) -> bytes:
     they are. The original is a JPEG or PNG file, or an EXIF block that begins with 'Exif'; damaged metadata count as
     none, and the image has none of its own.
     """
-    if image.startswith(_JPEG) and original.startswith(_JPEG):
+    if image.startswith(JPEG_START) and original.startswith(JPEG_START):
         kept = (_segment(kind, content) for kind, content in _segments(original) if content.startswith(_COPIED))
-        return _JPEG + b"".join(kept) + image[2:]
+        return JPEG_START + b"".join(kept) + image[2:]
     blocks = (content for _, content in _segments(original) if content.startswith(EXIF))
     exif = original if original.startswith(EXIF) else next(blocks, None)
     if exif is None:
         return image
-    if image.startswith(_JPEG) and len(exif) <= _LARGEST_SEGMENT:
-        return _JPEG + _segment(_APP1, exif) + image[2:]
+    if image.startswith(JPEG_START) and len(exif) <= _LARGEST_SEGMENT:
+        return JPEG_START + _segment(_APP1, exif) + image[2:]
     if image.startswith(PNG_SIGNATURE):
         return image[:PNG_HEADER_END] + png_chunk(b"eXIf", exif[len(EXIF) :]) + image[PNG_HEADER_END:]
     return image
@@ -258,7 +258,7 @@ def with_metadata(image: bytes, original: bytes) -> bytes:
 def _segments(data: bytes) -> Iterator[tuple[int, bytes]]:
     """Yield marker and content of application segments before the picture; a PNG has EXIF as a JPEG would."""
     with suppress(struct.error, _DamagedError):
-        if data.startswith(_JPEG):
+        if data.startswith(JPEG_START):
             before = takewhile(lambda segment: segment[0] != _START_OF_SCAN, _jpeg_segments(data))
             yield from ((marker, bytes(content)) for marker, content in before if marker in (_APP1, _APP2))
         elif data.startswith(PNG_SIGNATURE):

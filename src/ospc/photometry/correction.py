@@ -24,8 +24,9 @@ LEAST_ATTENUATION = 1e-3
 """Attenuation below which there is no image, as outside a fisheye's image circle: dividing by less shows noise
 only."""
 
-_EXPOSURE_RANGE_MS = (1e-9, 1e9)
-"""Exposures accepted, in milliseconds: no camera is near either limit, and results stay finite in float32."""
+EXPOSURE_RANGE_MS = (1e-9, 1e9)
+"""Exposures accepted, from a picosecond to eleven days: no camera is near either limit, and results stay finite in
+float32."""
 
 _WHITE_RANGE = (1e-12, 1e12)
 """Irradiances or radiances accepted as white, for the same reason."""
@@ -264,7 +265,7 @@ def wrong_size(what: str, found: ImageSize, calibration: str, expected: ImageSiz
 
 
 def _checked_exposure(exposure_ms: float) -> float:
-    low, high = _EXPOSURE_RANGE_MS
+    low, high = EXPOSURE_RANGE_MS
     if not low <= exposure_ms <= high:
         raise ExposureError(
             f"exposure {exposure_ms} ms is not a positive number of milliseconds; give the exposure of the image"

@@ -15,7 +15,7 @@ from ospc.recording.image_source import FolderImages, by_name
 from ospc.recording.options import DEFAULT, ReadingOptions
 
 _IMAGES, _INDEX = "data", "data.csv"
-_FIRST_CAMERA = ("mav0/cam0", "cam0", ".")
+FIRST_CAMERA = ("mav0/cam0", "cam0", ".")
 """Where the first camera is if the path is the recording, its ``mav0``, or the camera itself."""
 
 
@@ -54,7 +54,7 @@ class _Euroc:
 
 def _camera(path: Path) -> Path | None:
     """Return the folder of the first camera under the path."""
-    for inner in _FIRST_CAMERA:
+    for inner in FIRST_CAMERA:
         camera = path / inner
         if (camera / _INDEX).is_file() and (camera / _IMAGES).is_dir():
             return camera

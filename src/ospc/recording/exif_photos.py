@@ -11,8 +11,8 @@ from pathlib import Path
 from ospc.errors import ExposureError, FrameError, RecordingError, listed, os_error_as
 from ospc.formats.files import read_bytes
 from ospc.formats.image_header import EXIF
+from ospc.photometry.correction import EXPOSURE_RANGE_MS
 from ospc.recording.exposure_lists import lists_in
-from ospc.recording.exposure_units import EXPOSURE_RANGE_MS
 from ospc.recording.frame_table import FrameTable, make_table
 from ospc.recording.image_formats import Shot, format_of, shot_of_exif
 from ospc.recording.image_sequence import ImageSequence, open_sequence

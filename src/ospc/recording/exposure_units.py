@@ -17,9 +17,6 @@ import numpy.typing as npt
 from ospc.arrays import FloatArray
 from ospc.errors import ExposureError, listed, quoted
 
-EXPOSURE_RANGE_MS = (1e-9, 1e9)
-"""From a picosecond to eleven days; a number outside is not an exposure."""
-
 REALSENSE_UNIT_GAIN = 16
 """``gain_level`` of RealSense's stereo cameras at a gain of one; in other models the unit is linear too."""
 

@@ -14,7 +14,7 @@ from ospc.arrays import FloatArray
 from ospc.errors import ExposureError, MissingExtraError, RecordingError, counted, listed, quoted
 from ospc.formats.files import read_bytes
 from ospc.formats.scanning import NUMBER
-from ospc.recording.exposure_units import EXPOSURE_RANGE_MS
+from ospc.photometry.correction import EXPOSURE_RANGE_MS
 from ospc.recording.image_source import by_name, is_image_name
 
 MAX_LINES = 1_000_000

@@ -17,7 +17,7 @@ import numpy as np
 from ospc.arrays import Image
 from ospc.errors import FrameError, RecordingError, escaped, listed, os_error_as, quoted
 from ospc.formats.files import read_bytes
-from ospc.formats.image_header import ImageHeader, read_header
+from ospc.formats.image_header import JPEG_START, PNG_SIGNATURE, ImageHeader, read_header
 from ospc.recording.channel import Channel
 from ospc.recording.frame import check_decoded_size
 from ospc.recording.image_formats import format_of
@@ -26,7 +26,6 @@ from ospc.recording.pixel_layout import StoredImage
 # The EXIF orientation is ignored: response and vignette belong to the axes of the sensor.
 _STORED = cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION
 _GREY, _COLOUR = cv2.IMREAD_GRAYSCALE | _STORED, cv2.IMREAD_COLOR | _STORED
-_JPEG_START, _PNG_START = b"\xff\xd8", b"\x89PNG"
 _DEFLATE_EXPANDS = 1032
 """Largest compression ratio of PNG: deflate copies 258 bytes with at least two bits."""
 
@@ -55,7 +54,7 @@ def decode_stored(data: bytes, name: str, channel: Channel | None = None) -> Sto
     colour = header.channels > 2
     wanted = channel or Channel.LUMINANCE
     # JPEG stores luma. For other formats the decoders truncate when converting to grey; OpenCV's conversion rounds.
-    in_colour = colour and not (data.startswith(_JPEG_START) and wanted is Channel.LUMINANCE)
+    in_colour = colour and not (data.startswith(JPEG_START) and wanted is Channel.LUMINANCE)
     try:
         image: Image | None = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), _COLOUR if in_colour else _GREY)
         if in_colour and image is not None and image.ndim == 3:
@@ -72,10 +71,10 @@ def decode_stored(data: bytes, name: str, channel: Channel | None = None) -> Sto
 def _can_hold(data: bytes, header: ImageHeader) -> bool:
     """Tell whether a file can hold as many pixels as its header states; decoding one that cannot would take long."""
     pixels = header.width * header.height
-    if data.startswith(_JPEG_START):
+    if data.startswith(JPEG_START):
         # Each block of 8×8 pixels takes at least one bit, for its mean.
         return pixels // 64 <= 8 * len(data)
-    if data.startswith(_PNG_START):
+    if data.startswith(PNG_SIGNATURE):
         return pixels * header.bits // 8 <= _DEFLATE_EXPANDS * len(data)
     return True
 

@@ -9,12 +9,12 @@ from typing import Any
 
 from ospc.arrays import Image
 from ospc.errors import ExposureError
+from ospc.photometry.correction import EXPOSURE_RANGE_MS
 from ospc.recording.bags.carriers import carrier_of
 from ospc.recording.bags.container import Topic
 from ospc.recording.bags.image_messages import image_of
 from ospc.recording.bags.messages import NS_PER_S, stamp_ns_of
 from ospc.recording.channel import Channel
-from ospc.recording.exposure_units import EXPOSURE_RANGE_MS
 from ospc.recording.frame import Frame
 from ospc.recording.options import DEFAULT, ReadingOptions
 

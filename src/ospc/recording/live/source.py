@@ -11,8 +11,9 @@ import numpy as np
 
 from ospc.arrays import Image
 from ospc.errors import ExposureError, RecordingError, said_by
+from ospc.photometry.correction import EXPOSURE_RANGE_MS
 from ospc.recording.channel import Channel
-from ospc.recording.exposure_units import EXPOSURE_RANGE_MS, ExposureUnit, GainUnit
+from ospc.recording.exposure_units import ExposureUnit, GainUnit
 from ospc.recording.frame import Frame
 from ospc.recording.options import DEFAULT, ReadingOptions
 

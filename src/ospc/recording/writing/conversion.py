@@ -19,6 +19,7 @@ from ospc.formats.dso import write_times
 from ospc.formats.files import read_text, write_text
 from ospc.formats.rules_camera import input_size
 from ospc.formats.validation import validate
+from ospc.recording.euroc import FIRST_CAMERA
 from ospc.recording.frame import check_exposure
 from ospc.recording.recording import Recording
 from ospc.recording.writing.images import ImageFormat, NumberedImages, encode, encoding_notes, original_file
@@ -29,7 +30,6 @@ _MOST_BYTES = 65536
 _MULTIPLE = 16
 """DSO halves rectified images several times, so their sides must be multiples of this."""
 
-_CAMERA_FOLDERS = ("mav0/cam0", "cam0", ".")
 _MODELS = {"radial-tangential": "RadTan", "radtan": "RadTan", "equidistant": "EquiDistant", "equi": "EquiDistant"}
 _NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
 
@@ -40,7 +40,7 @@ def camera_text(recording: Recording) -> tuple[str | None, list[str]]:
     A ``camera.txt`` of the recording is used unchanged if it is for images of this size; otherwise the intrinsics in
     the ``sensor.yaml`` of a EuRoC folder are written in DSO's format.
     """
-    places = [recording.path / folder for folder in _CAMERA_FOLDERS]
+    places = [recording.path / folder for folder in FIRST_CAMERA]
     full = [place.resolve() for place in places]
     sources = [recording.path / "camera.txt", *(p.parent.parent / "dso" / p.name / "camera.txt" for p in full)]
     sources += [place / "sensor.yaml" for place in places]

@@ -14,7 +14,7 @@ import numpy as np
 from ospc.arrays import Image
 from ospc.errors import FrameError, RecordingError, SettingError, os_error_as
 from ospc.formats.dso import write_times
-from ospc.formats.image_header import read_header
+from ospc.formats.image_header import JPEG_START, PNG_SIGNATURE, read_header
 from ospc.recording.derived import innermost
 from ospc.recording.frame import Frame
 from ospc.recording.image_sequence import ImageSequence
@@ -22,7 +22,6 @@ from ospc.recording.recording import Recording
 
 ImageFormat = Literal["png", "jpg"]
 
-_PNG, _JPEG = b"\x89PNG", b"\xff\xd8"
 _PNG_COMPRESSION = 3
 """zlib level from 0 to 9: higher ones take several times as long for a few per cent."""
 
@@ -53,7 +52,7 @@ class NumberedImages:
 
     def write(self, number: int, data: bytes) -> None:
         """Write an image file."""
-        name = f"{numbered(number, self._count)}{'.jpg' if data.startswith(_JPEG) else '.png'}"
+        name = f"{numbered(number, self._count)}{'.jpg' if data.startswith(JPEG_START) else '.png'}"
         if self._archive is None:
             (self._folder / name).write_bytes(data)
         else:
@@ -77,7 +76,7 @@ def original_file(recording: Recording, frame: Frame, image_format: ImageFormat 
     if not isinstance(source, ImageSequence) or source.layout.mosaic is not None:
         return None
     data = source.stored_bytes(index)
-    kind = "png" if data.startswith(_PNG) else "jpg" if data.startswith(_JPEG) else None
+    kind = "png" if data.startswith(PNG_SIGNATURE) else "jpg" if data.startswith(JPEG_START) else None
     if kind is None or image_format not in (None, kind):
         return None
     # Other programs apply an orientation from EXIF; this package does not.
