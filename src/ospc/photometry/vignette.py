@@ -66,6 +66,11 @@ class VignetteModel:
         """Return the attenuation at positions relative to the image centre in half diagonals, (..., 2) -> (...)."""
         return self._values(position[..., 0], position[..., 1])
 
+    def profile(self, radius: npt.ArrayLike) -> FloatArray:
+        """Return the attenuation at distances to the right of the image centre, in half diagonals."""
+        x = np.asarray(radius, dtype=np.float64)
+        return self._values(x, np.zeros_like(x))
+
     def image(self) -> Float32Array:
         """Return the attenuation of every pixel, shape (height, width)."""
         return image_of(self._values, self.size)
@@ -78,13 +83,9 @@ class PolynomialVignette(VignetteModel):
     size: ImageSize
     coefficients: tuple[float, ...]
 
-    def profile(self, radius: npt.ArrayLike) -> FloatArray:
-        """Return V at radii in units of the half diagonal."""
-        squared = np.asarray(radius, dtype=np.float64) ** 2
-        return np.asarray(np.polynomial.polynomial.polyval(squared, [1.0, *self.coefficients]), dtype=np.float64)
-
     def _values(self, x: FloatArray, y: FloatArray) -> FloatArray:
-        return self.profile(np.sqrt(x**2 + y**2))
+        squared = np.sqrt(x**2 + y**2) ** 2
+        return np.asarray(np.polynomial.polynomial.polyval(squared, [1.0, *self.coefficients]), dtype=np.float64)
 
     def as_dict(self) -> dict[str, Any]:
         """Return name and parameters."""
@@ -139,11 +140,6 @@ class LogVignette(VignetteModel):
         if self.non_radial:
             log_v = log_v + sum(c * t for c, t in zip(self.non_radial, non_radial_terms(x, y), strict=True))
         return np.asarray(log_v)
-
-    def profile(self, radius: npt.ArrayLike) -> FloatArray:
-        """Return the radial part of V at distances from its centre in half diagonals."""
-        squared = np.asarray(radius, dtype=np.float64) ** 2
-        return np.asarray(np.exp(np.polynomial.polynomial.polyval(squared, [0.0, *self.coefficients])))
 
     def as_dict(self) -> dict[str, Any]:
         """Return name and parameters."""
