@@ -15,6 +15,7 @@ import numpy as np
 
 from ospc import Calibration, Frame, OnlineCalibrator, Response
 from ospc.arrays import Float32Array, FloatArray
+from ospc.evaluation.metrics import response_shape_rmse
 from ospc.live.advice import Adviser, Instruction
 from ospc.live.knowledge import GOAL
 from ospc.photometry.calibration import PROFILE_RADII
@@ -186,12 +187,9 @@ def _apart(one: FloatArray | tuple[float, float], other: FloatArray | tuple[floa
 def errors(known: Calibration, camera: Camera) -> tuple[float, float]:
     if known.response is None or known.vignette is None:
         return np.inf, np.inf
-    found, true = known.response.resampled(256), camera.truth.response.resampled(256)
-    scale = float(found @ true / (found @ found))
+    response = response_shape_rmse(known.response, camera.truth.response, 0, 255)
     profiles = [diagonal_profile(v, PROFILE_RADII) for v in (known.vignette, camera.truth.vignette)]
-    differences = (scale * found - true, np.subtract(*profiles))
-    response, vignette = (float(np.sqrt(np.mean(difference**2))) for difference in differences)
-    return response, vignette
+    return response, float(np.sqrt(np.mean(np.subtract(*profiles) ** 2)))
 
 
 def capture(settings: SimulationSettings, longest_s: float, *, directed: bool, verbose: bool) -> dict[str, float]:
