@@ -172,12 +172,9 @@ def images_of(recording: Recording, cache: Path) -> Path:
     place = cache / f"images-{key_of(identity(recording))[:16]}"
     if (place / TIMES).is_file():
         return place / "images"
-    with os_error_as(SettingError, f"{place}: cannot be written", "choose another folder"):
-        if place.exists():
-            shutil.rmtree(place)
-        place.mkdir(parents=True)
-    made = convert_recording(recording, place)
+    made = convert_recording(recording, place, overwrite=True)
     if made.frames != len(recording):
+        (place / TIMES).unlink()
         raise RecordingError(
             f"{recording.path}: {made.skipped} of its {counted(len(recording), 'image')} cannot be read; odometry "
             f"needs them all"
