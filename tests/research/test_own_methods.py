@@ -102,4 +102,4 @@ def test_a_method_that_breaks_down_loses_only_its_own_case(name, monkeypatch):
     monkeypatch.setattr(SharedMatcher, "features", broken)
     frame = Frame.of_array(np.full((48, 64), 100, np.uint8), 1.0)
     found = found_by(name, [frame])
-    assert set(found.values()) == {"ZeroDivisionError: what a pity"}
+    assert set(found.values()) == {"unexpected ZeroDivisionError: what a pity"}

@@ -14,7 +14,7 @@ import numpy as np
 from ospc.arrays import FloatArray, ImageSize
 from ospc.calibrator import OnlineCalibrator
 from ospc.correspondence.features import Features
-from ospc.errors import OspcError
+from ospc.errors import one_line
 from ospc.exposures.table import ExposureTable
 from ospc.methods.paper import (
     Correspondences,
@@ -89,7 +89,7 @@ def run_methods(
             try:
                 methods[name].push(frame)
             except Exception as error:  # a method that breaks down has lost this recording, not the others
-                broken[name] = failure(error)
+                broken[name] = one_line(error)
             seconds[name] += process_time() - began
         progress(min(done / count, 1.0))
     results: list[Result] = []
@@ -98,15 +98,10 @@ def run_methods(
         try:
             outcomes: dict[str, Outcome] = {name: broken[name]} if name in broken else method.found()
         except Exception as error:
-            outcomes = {name: failure(error)}
+            outcomes = {name: one_line(error)}
         seconds[name] += process_time() - began
         results += [Result(variant, outcome, seconds[name]) for variant, outcome in outcomes.items()]
     return results
-
-
-def failure(error: Exception) -> str:
-    """Return an error as an outcome; errors the library does not raise on purpose are named."""
-    return str(error) if isinstance(error, OspcError) else f"{type(error).__name__}: {error}"
 
 
 def outcomes_of(variants: Mapping[str, Callable[[], Estimate]]) -> dict[str, Outcome]:
@@ -116,7 +111,7 @@ def outcomes_of(variants: Mapping[str, Callable[[], Estimate]]) -> dict[str, Out
         try:
             outcomes[name] = estimate()
         except Exception as error:
-            outcomes[name] = failure(error)
+            outcomes[name] = one_line(error)
     return outcomes
 
 
@@ -168,7 +163,7 @@ class PaperVariants:
             try:
                 method.push(frame, None, self._exposures)
             except Exception as error:
-                self._failures[name] = failure(error)
+                self._failures[name] = one_line(error)
                 del self._methods[name]
 
     def found(self) -> dict[str, Outcome]:

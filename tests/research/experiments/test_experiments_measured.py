@@ -61,7 +61,7 @@ def test_every_method_gets_every_frame_and_failures_are_results(source):
     good, broken = Fixed(Estimate()), Fixed(NotObservableError("it is too dark"))
     found = outcomes(source, good=good, broken=broken, wrong=Fixed(ZeroDivisionError("0")))
     assert good.frames == 5
-    assert found == {"fixed": Estimate(), "broken": "it is too dark", "wrong": "ZeroDivisionError: 0"}
+    assert found == {"fixed": Estimate(), "broken": "it is too dark", "wrong": "unexpected ZeroDivisionError: 0"}
 
 
 def test_the_table_marks_the_lowest_and_counts_what_gave_no_result():

@@ -15,14 +15,13 @@ import cv2
 import numpy as np
 
 from ospc.calibrator import calibrate
-from ospc.errors import OspcError
+from ospc.errors import OspcError, one_line
 from ospc.estimation.response_basis import ResponseBasis
 from ospc.evaluation.metrics import log_ratio_error, vignette_rmse
 from ospc.photometry.calibration import PROFILE_RADII, Calibration
 from ospc.photometry.response import Response
 from ospc.recording import Frame
 from ospc.research.faults.footage import STRENGTHS, Fault, Footage, GoodSource, good_footage
-from ospc.research.method import failure
 from ospc.research.runner import OnProgress, Task, made_with
 from ospc.research.scoring import profile_along_diagonal
 
@@ -110,7 +109,7 @@ def _run(source: GoodSource, fault: Fault | None, run: Run, progress: OnProgress
         found = calibrated(footage)
     except Exception as error:  # a breakdown is an outcome too
         outcome: Outcome = "detected" if isinstance(error, OspcError) else "crashed"
-        return asdict(replace(run, outcome=outcome, said=(failure(error),), false_alarm=True))
+        return asdict(replace(run, outcome=outcome, said=(one_line(error),), false_alarm=True))
     return asdict(judged(found, footage, replace(run, seconds=process_time() - began)))
 
 
