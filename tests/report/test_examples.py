@@ -29,7 +29,7 @@ def unlike(pair):
 def test_frames_of_one_scene_are_alike_after_correction_and_not_before(max_grey):
     recording = before_a_wall(EXPOSURES_MS, max_grey=max_grey)
     known = calibration(max_grey=max_grey, exposure_ratios=pair_of(0, 23, 0.2))
-    (scene,) = examples_of(known, recording, tracked_frames=0).pictures
+    (scene,) = examples_of(known, recording).pictures
     captions = [
         f"frame {frame}, {what}" for what in ("as recorded", "corrected") for frame in ("0, 2 ms", "23, 10 ms")
     ]
@@ -43,26 +43,26 @@ def test_frames_of_one_scene_are_alike_after_correction_and_not_before(max_grey)
 def test_a_wrong_calibration_leaves_them_unlike():
     recording = before_a_wall(EXPOSURES_MS)
     wrong = calibration(exposure_ratios=pair_of(0, 23, 0.2), response=Response.gamma(1.0), vignette=None)
-    (scene,) = examples_of(wrong, recording, tracked_frames=0).pictures
+    (scene,) = examples_of(wrong, recording).pictures
     assert unlike(scene[2:]) > 10
 
 
 def test_a_camera_that_stands_still_shows_exposures_far_apart():
     known = calibration(coverage=coverage(still=True))
-    (scene,) = examples_of(known, before_a_wall(EXPOSURES_MS), tracked_frames=0).pictures
+    (scene,) = examples_of(known, before_a_wall(EXPOSURES_MS)).pictures
     first_ms, second_ms = (float(caption.split()[2]) for _, caption in scene[:2])
     assert second_ms / first_ms > 2
 
 
 def test_without_pairs_one_frame_is_shown():
     known = calibration(exposure_ratios=ExposureRatios.none())
-    (scene,) = examples_of(known, before_a_wall(EXPOSURES_MS), tracked_frames=0).pictures
+    (scene,) = examples_of(known, before_a_wall(EXPOSURES_MS)).pictures
     assert [caption.split(", ")[-1] for _, caption in scene] == ["as recorded", "corrected"]
 
 
 def test_points_are_followed_where_the_exposure_changes_most():
     exposures_ms = np.concatenate([np.full(20, 5.0), np.geomspace(5, 10, 10), np.full(20, 10.0)])
-    found = examples_of(calibration(), before_a_wall(exposures_ms), tracked_frames=12)
+    found = examples_of(calibration(), before_a_wall(exposures_ms))
     first, end = found.tracked
     assert end - first == 12
     assert (exposures_ms[first:end].min(), exposures_ms[first:end].max()) == pytest.approx((5.0, 10.0))

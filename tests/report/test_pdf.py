@@ -22,7 +22,7 @@ def count_of_pages(place):
 
 def test_it_has_a_page_for_every_part(tmp_path):
     recording, known = before_a_wall(np.geomspace(2, 10, 8)), calibration()
-    findings, examples = Findings(known, recording.exposures_ms), examples_of(known, recording, 4)
+    findings, examples = Findings(known, recording.exposures_ms), examples_of(known, recording)
     assert count_of_pages(write_pdf(findings, tmp_path / "report.pdf", examples)) == 4
 
 

@@ -19,7 +19,7 @@ from ospc.photometry.coverage import Coverage
 from ospc.recording import Frame, Recording
 from ospc.recording.derived import DerivedRecording
 
-TRACKED_FRAMES = 12
+_TRACKED_FRAMES = 12
 """Frames of the excerpt through which points are tracked: enough to show the effect, few enough to take no time."""
 
 _PICTURES = 2
@@ -63,10 +63,10 @@ NOTHING_TRIED = Examples()
 """What there is without a recording."""
 
 
-def examples_of(calibration: Calibration, recording: Recording, tracked_frames: int = TRACKED_FRAMES) -> Examples:
+def examples_of(calibration: Calibration, recording: Recording) -> Examples:
     """Try a calibration on a recording of its camera; an unknown response or vignette is taken to be the identity.
 
-    Points are tracked through the ``tracked_frames`` frames where the exposure changes most; none if that is 0.
+    Points are tracked through the frames where the exposure changes most.
     """
     if calibration.size != recording.size:
         return Examples(notes=("no pictures: the recording has another image size than the calibration",))
@@ -84,9 +84,7 @@ def examples_of(calibration: Calibration, recording: Recording, tracked_frames: 
         pictures = _pictures(corrector, recording, scenes)
     except OspcError as error:
         notes.append(f"no pictures: {error}")
-    if tracked_frames < 2:
-        return Examples(pictures, notes=tuple(notes))
-    excerpt = _where_exposure_changes(recording, tracked_frames, reach)
+    excerpt = _where_exposure_changes(recording, reach)
     tracking = None
     try:
         tracking = compare_tracking(excerpt, corrector)
@@ -106,9 +104,9 @@ def exposures_beside(folder: Path) -> FloatArray | None:
         return None
 
 
-def _where_exposure_changes(recording: Recording, count: int, reach: int) -> DerivedRecording:
+def _where_exposure_changes(recording: Recording, reach: int) -> DerivedRecording:
     """Return the successive frames with the largest range of exposures, the earliest of several."""
-    count = min(count, reach)
+    count = min(_TRACKED_FRAMES, reach)
     log_exposure = filled(np.log(np.maximum(recording.exposures_ms[:reach], 1e-12)))
     pieces = np.lib.stride_tricks.sliding_window_view(log_exposure, count)
     frames = int(np.argmax(np.ptp(pieces, axis=1).round(3))) + np.arange(count)
