@@ -18,8 +18,8 @@ CORE = [path for path in MODULES if path.relative_to(ROOT).parts[0] in STEPS_OF_
 
 STAY_IN_THE_CODE = {
     # Formulas: stencils, nodes, powers, directions, and sizes and indices that follow from settings.
-    "NODES", "CENTRE", "(_VALUE, _SLOPE, _CURVATURE)", "_STENCILS", "_LAPLACIANS", "_CORNERS", "_VIGNETTE_POWERS",
-    "RESPONSE_PARAMETERS", "PARTS", "_LATER", "_DIAGONALS", "_NORMAL",
+    "NODES", "CENTRE", "(_VALUE, _SLOPE, _CURVATURE)", "_STENCILS", "_LAPLACIANS", "_NEIGHBOURS", "_CORNERS",
+    "_VIGNETTE_POWERS", "RESPONSE_PARAMETERS", "PARTS", "_LATER", "_DIAGONALS", "_NORMAL",
     # Effects, each by settings, where there is no negative light.
     "EFFECTS",
     # Places at which curves are tabulated or drawn, and a displacement that is beyond any image.

@@ -93,6 +93,17 @@ def test_clipped_areas_are_marked_and_single_clipped_pixels_are_not(level):
     assert np.all((marked >= [34, 44]) & (marked <= [75, 95]))
 
 
+@pytest.mark.parametrize(("dtype", "white"), [(np.uint8, 255), (np.uint16, 4095)])
+def test_pixels_that_are_wrong_hardly_change_the_grey_levels_around(dtype, white):
+    random = np.random.default_rng(0)
+    image = ramp(320, 240, 0.001, 0.0005, 0.05, white, dtype)
+    wrong = np.where(random.random(image.shape) < 0.01, random.choice([0, white], image.shape), image).astype(dtype)
+    clean, disturbed = (Preprocessor()(of_array(one, max_grey=white)).grey for one in (image, wrong))
+    smoothed = cv2.GaussianBlur(wrong.astype(np.float32) / white, (0, 0), Preprocessor.smoothing_px)
+    assert abs(np.mean(disturbed - clean)) < 0.1 * abs(np.mean(smoothed - clean))
+    assert np.std(disturbed - clean) < 0.3 * np.std(smoothed - clean)
+
+
 def test_deep_images_clip_where_their_eight_most_significant_bits_would():
     image = np.full((80, 100), 2000, np.uint16)
     image[:40, :50], image[40:, 50:] = 4090, 10

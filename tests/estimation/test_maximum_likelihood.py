@@ -246,6 +246,14 @@ def test_deviations_are_larger_where_the_response_bends_too_sharply_for_the_basi
     assert error.max() < 6
 
 
+@pytest.mark.parametrize("name", RESPONSES)
+def test_the_error_of_ratios_is_as_expected(name):
+    camera = Camera(RESPONSES[name]())
+    fits = [fitted(camera.pairs(seed)) for seed in range(3)]
+    error = np.mean([log_ratio_error(fit.response(255), camera.response) for fit in fits])
+    assert 0.3 < error / np.mean([fit.expected_log_ratio_error for fit in fits]) < 2
+
+
 def test_more_points_make_smaller_deviations():
     few, many = (fitted(Camera(GAMMA).pairs(0, groups=g), 3, 16) for g in (15, 120))
     ratio = chance_step_sigma(few, 0.25, 0.75) / chance_step_sigma(many, 0.25, 0.75)

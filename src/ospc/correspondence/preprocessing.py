@@ -18,11 +18,16 @@ from ospc.photometry.noise import BRIGHTEST_EXPOSED
 from ospc.recording.frame import Frame
 from ospc.settings.correspondence import (
     COMPARED_QUANTILES,
+    IMPULSE_CONTRAST,
+    IMPULSE_RANGES,
     MIN_FLAT_AREA_RATIO,
     MIN_SMOOTHING_VARIANCE,
     SURROUND_SIGMA,
     SURROUND_WIDTH_PX,
 )
+
+_NEIGHBOURS = np.array([[1, 1, 1], [1, 0, 1], [1, 1, 1]], dtype=np.uint8)
+"""The eight neighbours of a pixel."""
 
 
 @dataclass(frozen=True)
@@ -100,7 +105,7 @@ class Preprocessor:
 
     def __call__(self, frame: Frame, grey_range: GreyRange = FULL_RANGE) -> PreprocessedFrame:
         """Prepare a frame, given where black and white are as far as is known."""
-        image, white = frame.image, frame.max_grey
+        image, white = _without_impulses(frame.image, frame.max_grey), frame.max_grey
         size = image.shape[1], image.shape[0]
         reduction = self._reduction(size)
         reduced = _reduced(image, reduction)
@@ -127,7 +132,7 @@ class Preprocessor:
             squares,
             self.smoothing_px,
             self._gradient(small, further, white),
-            self._clipped_nearby(frame, reduction, grey_range),
+            self._clipped_nearby(image, frame, reduction, grey_range),
         )
 
     def thumbnail(self, frame: Frame) -> Thumbnail:
@@ -154,12 +159,12 @@ class Preprocessor:
         further_px = np.sqrt(max(flat - (further**2 - 1) / 12, MIN_SMOOTHING_VARIANCE)) / further
         return gradient_magnitude(cv2.GaussianBlur(small, (0, 0), further_px)) / np.float32(white * further)
 
-    def _clipped_nearby(self, frame: Frame, reduction: int, grey_range: GreyRange) -> BoolArray:
+    def _clipped_nearby(self, image: Image, frame: Frame, reduction: int, grey_range: GreyRange) -> BoolArray:
         # Near the ends noise alone clips single pixels, whose effect on the mean is corrected later. A larger share
         # of clipped pixels has other causes, such as a lamp.
         white, side = frame.max_grey, 2 * self.clip_margin_px + 1
         low, high = (round(level * white) for level in (grey_range.black, grey_range.white))
-        exposed = cv2.inRange(frame.image, low + white // 255 + 1, high - white // 255 - 1)
+        exposed = cv2.inRange(image, low + white // 255 + 1, high - white // 255 - 1)
         # All in bytes, for speed: the shares need no better resolution.
         share = cv2.blur(_means(exposed, reduction), (side, side))
         clipped = np.asarray(share < 255 * (1 - self.max_clipped_share))
@@ -167,6 +172,16 @@ class Preprocessor:
             return clipped
         masked = cv2.blur(_reduced((~frame.mask).view(np.uint8), reduction), (side, side))
         return np.asarray(clipped | (masked > 0))
+
+
+def _without_impulses(image: Image, white: int) -> Image:
+    """Return the image with pixels far beyond all of their neighbours replaced by the nearest of these."""
+    lowest, highest = cv2.erode(image, _NEIGHBOURS), cv2.dilate(image, _NEIGHBOURS)
+    nearest = cv2.min(cv2.max(image, lowest), highest)
+    # Neighbours that differ by noise or texture allow for more.
+    allowed = cv2.addWeighted(highest, IMPULSE_RANGES, lowest, -IMPULSE_RANGES, IMPULSE_CONTRAST * white)
+    far = cv2.compare(cv2.absdiff(image, nearest), allowed, cv2.CMP_GT)
+    return np.asarray(cv2.copyTo(nearest, far, image.copy()))
 
 
 def _reduced(image: Image, factor: int) -> Float32Array:

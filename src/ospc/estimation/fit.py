@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from statistics import NormalDist
 
 import numpy as np
 
@@ -19,7 +20,16 @@ from ospc.photometry.noise import BRIGHTEST_EXPOSED, DARKEST_EXPOSED, NoiseModel
 from ospc.photometry.response import Response
 from ospc.photometry.verdict import EffectEstimate
 from ospc.photometry.vignette import LogVignette
-from ospc.settings.estimation import MAX_RESPONSE_LEVELS, MIN_RESPONSE_STEP, SUPPORT_QUANTILES
+from ospc.settings.estimation import (
+    MAX_RESPONSE_LEVELS,
+    MIN_RESPONSE_STEP,
+    RATIO_BRIGHTEST_GREY,
+    RATIO_DARKEST_GREY,
+    RATIO_LEVELS,
+    RATIO_LOG_GREY_SPREAD,
+    RATIO_QUANTILES,
+    SUPPORT_QUANTILES,
+)
 
 _DIAGONALS = np.array([(1, 1), (-1, 1), (1, -1), (-1, -1)]) / np.sqrt(2)
 """Unit vectors towards the four corners of a square image; the vignette's bands are averaged over them."""
@@ -186,6 +196,22 @@ class Fit(Model):
     def log_response_step_sigma(self, low: float, high: float) -> float:
         """Return the standard deviation of ln g(high)/g(low)."""
         return float(self.log_response_sigma(np.array([high]), low)[0])
+
+    @property
+    def expected_log_ratio_error(self) -> float:
+        """Median error of ln g(a)/g(b) to expect, of grey levels of the same surface in two exposures.
+
+        It predicts κ, which :func:`ospc.evaluation.metrics.log_ratio_error` measures where the truth is known.
+        """
+        normal = np.array([NormalDist().inv_cdf((i + 0.5) / RATIO_QUANTILES) for i in range(RATIO_QUANTILES)])
+        grey = np.linspace(RATIO_DARKEST_GREY, RATIO_BRIGHTEST_GREY, RATIO_LEVELS)[:, None]
+        other = np.clip(grey * np.exp(RATIO_LOG_GREY_SPREAD * normal), grey[0], grey[-1])
+        basis, n = self.response_basis, len(self.response_basis)
+        rows = basis.log_rows(other.ravel()).reshape(*other.shape, n) - basis.log_rows(grey.ravel())[:, None]
+        variance = np.einsum("abi,ij,abj->ab", rows, self.covariance[:n, :n], rows, optimize=True)
+        unresolved = [basis.unresolved(self.response_parameters, levels) ** 2 for levels in (grey, other)]
+        sigma = np.sqrt(variance + unresolved[0] + unresolved[1])
+        return float(np.median(np.abs(sigma[..., None] * normal)))
 
     def log_vignette_sigma(self, radius: FloatArray) -> FloatArray:
         """Return the standard deviation of ln V at radii in half diagonals, shape (n,) -> (n,).

@@ -15,6 +15,7 @@ from ospc.errors import ExposureError, FormatError
 from ospc.photometry.geometry import normalised, pixel_grid
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import Vignette, radial_profile
+from ospc.settings.estimation import RATIO_BRIGHTEST_GREY, RATIO_DARKEST_GREY, RATIO_LOG_GREY_SPREAD
 
 GREYS = 256
 """Grey levels at which responses are compared."""
@@ -23,10 +24,7 @@ _BINS, _CENTRE_BINS = 50, 3
 """Bins of a radial profile, and those that count as the centre, where a vignette is normalised."""
 
 _RANDOM_PAIRS = 20_000
-_DARKEST, _BRIGHTEST = 15.0, 245.0
-_LOG_GREY_SPREAD = 0.3
-"""Pairs of grey values of the log-ratio error: their number, their range (the ends of a response are hardly ever
-measured), and the standard deviation of the log ratio within a pair, typical of what a direct method compares."""
+"""Pairs of grey values of the log-ratio error."""
 
 
 class RatioError(NamedTuple):
@@ -68,9 +66,10 @@ def log_ratio_error(estimate: Response, truth: Response, seed: int = 0) -> float
     method compares such pairs.
     """
     random = np.random.default_rng(seed)
-    a = random.uniform(_DARKEST, _BRIGHTEST, _RANDOM_PAIRS)
-    b = np.clip(a * np.exp(random.normal(0.0, _LOG_GREY_SPREAD, _RANDOM_PAIRS)), _DARKEST, _BRIGHTEST)
-    grey = np.arange(GREYS)
+    a = random.uniform(RATIO_DARKEST_GREY, RATIO_BRIGHTEST_GREY, _RANDOM_PAIRS)
+    factor = np.exp(random.normal(0.0, RATIO_LOG_GREY_SPREAD, _RANDOM_PAIRS))
+    b = np.clip(a * factor, RATIO_DARKEST_GREY, RATIO_BRIGHTEST_GREY)
+    grey = np.linspace(0, 1, GREYS)
     log_ratios = [
         np.log(np.interp(a, grey, table) / np.interp(b, grey, table))
         for table in (estimate.resampled(GREYS), truth.resampled(GREYS))

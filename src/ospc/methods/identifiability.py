@@ -20,9 +20,10 @@ from ospc.settings import DefaultSettings
 from ospc.settings.methods import (
     CONTRADICTING_UNEXPLAINED_SHARE,
     DOUBTED_UNEXPLAINED_SHARE,
-    IDENTIFIABLE_RESPONSE_SIGMA,
+    IDENTIFIABLE_RATIO_ERROR,
     IDENTIFIABLE_VIGNETTE_SIGMA,
-    MAX_CURVE_SIGMA,
+    MAX_RATIO_ERROR,
+    MAX_VIGNETTE_SIGMA,
     MIN_COMPARED_LOG_K,
     MIN_SCATTER_GROUPS,
     WIDE_EXPOSURE_RATIO,
@@ -72,12 +73,12 @@ def response_verdict(
 
 def response_verdict_of_fit(fit: Fit, exposure_range_ms: tuple[float, float], unexplained: float) -> Verdict:
     """Return whether a fit knows the response, given the share of changes of exposure that images do not show."""
-    sigma = fit.log_response_step_sigma(0.25, 0.75)
+    error = fit.expected_log_ratio_error
     low, high = exposure_range_ms
     # A power of all exposures would be one of g and V, which no image shows.
     figure = (
-        f"ln g(0.75)/g(0.25) is known to ±{sigma:.2g} from exposures of {low:.4g} to {high:.4g} ms, "
-        "taken as proportional to the light"
+        f"ratios of irradiance are known to {100 * error:.2g}% (median) "
+        f"from exposures of {low:.4g} to {high:.4g} ms, taken as proportional to the light"
     )
     contradiction = f"{min(unexplained, 1):.0%} of a typical change of exposure does not show in the images"
     check_exposures = (
@@ -88,9 +89,9 @@ def response_verdict_of_fit(fit: Fit, exposure_range_ms: tuple[float, float], un
         return Verdict("not identifiable", contradiction, check_exposures)
     remedy = _CHANGE_EXPOSURE if high < WIDE_EXPOSURE_RATIO * low else _SEE_MORE
     remedy = _STEADIER if _is_unsteady(fit) else remedy
-    if sigma <= MAX_CURVE_SIGMA and unexplained > DOUBTED_UNEXPLAINED_SHARE:
+    if error <= MAX_RATIO_ERROR and unexplained > DOUBTED_UNEXPLAINED_SHARE:
         return Verdict("marginal", f"{figure}, but {contradiction}", check_exposures)
-    return _graded(fit, sigma, IDENTIFIABLE_RESPONSE_SIGMA, figure, remedy)
+    return _graded(fit, error, (IDENTIFIABLE_RATIO_ERROR, MAX_RATIO_ERROR), figure, remedy)
 
 
 def vignette_verdict(
@@ -129,17 +130,18 @@ def vignette_verdict(
     where = "at the corner" if usable_radius >= 1 else f"at {usable_radius:.2f} half diagonals, where the image ends,"
     figure = f"ln V {where} is known to ±{sigma:.2g} from radial motion of {reach:.2f} half diagonals"
     remedy = _STEADIER if _is_unsteady(fit) else _MOVE_RADIALLY
-    return _graded(fit, sigma, IDENTIFIABLE_VIGNETTE_SIGMA, figure, remedy)
+    return _graded(fit, sigma, (IDENTIFIABLE_VIGNETTE_SIGMA, MAX_VIGNETTE_SIGMA), figure, remedy)
 
 
 def _is_unsteady(fit: Fit) -> bool:
     """Return whether unsteady light keeps the response from being known, and with it the vignette."""
-    return bool(fit.errors.gain_variances) and fit.log_response_step_sigma(0.25, 0.75) > IDENTIFIABLE_RESPONSE_SIGMA
+    return bool(fit.errors.gain_variances) and fit.expected_log_ratio_error > IDENTIFIABLE_RATIO_ERROR
 
 
-def _graded(fit: Fit, sigma: float, sure: float, figure: str, remedy: str) -> Verdict:
-    if sigma > sure:
-        return Verdict("not identifiable" if sigma > MAX_CURVE_SIGMA else "marginal", figure, remedy)
+def _graded(fit: Fit, error: float, limits: tuple[float, float], figure: str, remedy: str) -> Verdict:
+    sure, largest = limits
+    if error > sure:
+        return Verdict("not identifiable" if error > largest else "marginal", figure, remedy)
     if fit.groups >= MIN_SCATTER_GROUPS:
         return Verdict("identifiable", figure)
     few = f"{figure}, but from {counted(fit.groups, 'comparison')} of frames only"

@@ -253,6 +253,15 @@ SUPPORT_QUANTILES = (0.002, 0.998)
 """Quantiles of the grey levels observed between which a response counts as measured: single outliers measure
 nothing."""
 
+RATIO_DARKEST_GREY, RATIO_BRIGHTEST_GREY = 15 / 255, 245 / 255
+RATIO_LOG_GREY_SPREAD = 0.3
+"""Grey levels whose ratios of irradiance are judged, and the standard deviation of the log ratio of two of them: what
+a direct method compares. The ends of a response are hardly ever measured."""
+
+RATIO_LEVELS, RATIO_QUANTILES = 93, 8
+"""Grey levels for which the error of such ratios is predicted, three to an interval between knots, and the second
+levels and errors for each: as many equally probable ones. More change the median by less than a twentieth."""
+
 UNRESOLVED_JUMP = 1 / 12
 """Standard deviation of ln g for a jump of γ by one within an interval of ln M of length one, where γ is fitted by a
 straight line. The error is 1/8 at a jump in the middle, and less elsewhere."""

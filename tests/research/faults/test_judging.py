@@ -104,12 +104,17 @@ def test_a_missing_part_is_detected_unless_its_truth_is_unknown(footage):
     assert judged(found, unknown, RUN).outcome == "harmless"
 
 
-def test_the_stated_deviation_is_that_of_the_verdict(monkeypatch):
+def test_the_stated_deviation_agrees_with_the_bands(monkeypatch):
     monkeypatch.setattr("ospc.research.faults.footage.SIZE", (160, 120))
     (source,), _ = good_sources(1, 45)
     found = calibrated(good_footage(source))
     assert found.response is not None
-    assert f"±{step_sigma(found):.2g} " in found.verdicts["response"].reason
+    assert found.response.log_sigma is not None
+    low, high = np.interp([0.25, 0.75], found.response.levels, found.response.log_sigma)
+    sigma = step_sigma(found)
+    assert sigma is not None
+    # The bands are relative to a grey level between the two.
+    assert abs(high - low) <= sigma <= high + low
 
 
 def test_errors_are_detected_and_breakdowns_are_told(tiny_source, monkeypatch):
