@@ -6,6 +6,7 @@ Matplotlib holds the interpreter while it is loaded and while it draws: in a thr
 from __future__ import annotations
 
 import atexit
+import gc
 import os
 import pickle
 import subprocess
@@ -23,7 +24,10 @@ from ospc.report.style import load
 _Arguments = ParamSpec("_Arguments")
 _Result = TypeVar("_Result")
 
-_PROGRAM = "import sys; sys.path[:] = {path!r}; from ospc.report.drawing import serve; serve()"
+_PROGRAM = (
+    "import gc, sys; gc.set_threshold{threshold}; sys.path[:] = {path}; "
+    "from ospc.report.drawing import serve; serve()"
+)
 
 
 class Drawings(NamedTuple):
@@ -83,7 +87,7 @@ def _started() -> subprocess.Popen[bytes] | None:
         return None
     try:
         process = subprocess.Popen(  # noqa: S603 - this program
-            [sys.executable, "-c", _PROGRAM.format(path=sys.path)],
+            [sys.executable, "-c", _PROGRAM.format(path=sys.path, threshold=gc.get_threshold())],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
@@ -107,6 +111,7 @@ def serve() -> None:
     results = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # nothing else may be written among the results
     load()
+    gc.freeze()  # what was imported stays
     with suppress(Exception):
         while True:
             pickle.dump(pickle.load(sys.stdin.buffer)(), results)  # noqa: S301 - from a process of this program
