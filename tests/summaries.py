@@ -26,7 +26,7 @@ OTHER_RESPONSE = replace(CAMERA, response=Response.gamma(2.2, 4097))
 def inputs_of(camera: Camera, seed: int, groups: int = 40, points: int = 40) -> FitInputs:
     """Return what a short recording of a camera shows."""
     observations = camera.pairs(seed, groups, points)
-    fit = fit_with_chosen_vignette(observations, ResponseBasis(32), VIGNETTE, NOISE, rounds=5)
+    fit = fit_with_chosen_vignette(observations, ResponseBasis(32), VIGNETTE, NOISE, rounds=5).fit
     return FitInputs(SIZE, 255, NOISE, observations, fit, standing_still=False, pairs=groups)
 
 
@@ -36,7 +36,7 @@ def fisheye_inputs_of(camera: Camera, seed: int, radius: float) -> FitInputs:
     whole = camera.pairs(seed, groups=60, points=80)
     inside = np.logical_and.reduceat(np.linalg.norm(whole.position, axis=1) < radius, whole.starts)
     observations = whole.of_points(inside)
-    fit = fit_with_chosen_vignette(observations, ResponseBasis(32), VIGNETTE, NOISE, rounds=5)
+    fit = fit_with_chosen_vignette(observations, ResponseBasis(32), VIGNETTE, NOISE, rounds=5).fit
     return replace(
         inputs_of(camera, seed, groups=6), observations=observations, fit=fit, pairs=60, usable_radius=radius
     )

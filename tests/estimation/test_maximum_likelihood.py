@@ -113,15 +113,15 @@ def test_points_seen_many_times_are_used_as_a_whole():
 
 def test_only_as_rich_a_vignette_is_chosen_as_the_data_ask_for():
     widest = VignetteBasis(4, free_centre=True, non_radial=True)
-    plain = fit_with_chosen_vignette(Camera(GAMMA).pairs(4), ResponseBasis(32), widest, NOISE, 8)
+    plain = fit_with_chosen_vignette(Camera(GAMMA).pairs(4), ResponseBasis(32), widest, NOISE, 8).fit
     assert not plain.vignette_basis.non_radial
     truth = LogVignette(SIZE, (-0.5, 0.05, -0.2), (0.1, -0.06))
-    moved = fit_with_chosen_vignette(Camera(GAMMA, truth).pairs(4), ResponseBasis(32), widest, NOISE, 8)
+    moved = fit_with_chosen_vignette(Camera(GAMMA, truth).pairs(4), ResponseBasis(32), widest, NOISE, 8).fit
     assert moved.vignette_basis.free_centre
     np.testing.assert_allclose(moved.vignette_basis.centre(moved.vignette_parameters), truth.centre, atol=0.006)
     assert vignette_pixel_rmse(moved.vignette(SIZE), truth) < 0.004
     skew = LogVignette(SIZE, (-0.5, 0.05, -0.2), (0.0, 0.0), (0.05, -0.04, 0.1, -0.05, 0.08, 0.0))
-    wide = fit_with_chosen_vignette(Camera(GAMMA, skew).pairs(4), ResponseBasis(32), widest, NOISE, 8)
+    wide = fit_with_chosen_vignette(Camera(GAMMA, skew).pairs(4), ResponseBasis(32), widest, NOISE, 8).fit
     assert wide.vignette_basis.non_radial
     assert vignette_pixel_rmse(wide.vignette(SIZE), skew) < 0.006
 
@@ -130,7 +130,7 @@ def test_a_flat_vignette_has_no_centre():
     widest = VignetteBasis(DefaultSettings().radial_terms, free_centre=True, non_radial=True)
     flat = Camera(GAMMA, LogVignette(SIZE, (0.0,)))
     for seed in range(8):
-        fit = fit_with_chosen_vignette(flat.pairs(seed), ResponseBasis(32), widest, NOISE, 8)
+        fit = fit_with_chosen_vignette(flat.pairs(seed), ResponseBasis(32), widest, NOISE, 8).fit
         assert not fit.vignette_basis.free_centre
 
 

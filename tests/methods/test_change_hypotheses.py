@@ -36,7 +36,7 @@ def fit():
     basis = ResponseBasis(settings.response_intervals, settings.response_functions)
     return fit_with_chosen_vignette(
         CAMERA.pairs(0, groups=80, points=200), basis, VignetteBasis(settings.radial_terms), None, settings.rounds
-    )
+    ).fit
 
 
 def course(seed: int) -> FloatArray:

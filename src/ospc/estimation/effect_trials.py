@@ -10,9 +10,7 @@ import numpy as np
 from ospc.arrays import FloatArray
 from ospc.estimation.effects import CONTRADICTIONS, EFFECTS
 from ospc.estimation.fit import Fit
-from ospc.estimation.maximum_likelihood import MaximumLikelihoodEstimator
-from ospc.observations import ExposedObservations
-from ospc.photometry.noise import NoiseModel
+from ospc.estimation.maximum_likelihood import Fitted, MaximumLikelihoodEstimator
 from ospc.settings.estimation import CONTRADICTION_PROBABILITY, EFFECT_PROBABILITY
 
 
@@ -66,17 +64,16 @@ class Trial:
         return float(np.sqrt(probability * if_there + (1 - probability) * if_not))
 
 
-def estimate_effects(
-    observations: ExposedObservations, fit: Fit, noise: NoiseModel | None, names: Sequence[str]
-) -> list[Trial]:
+def estimate_effects(fitted: Fitted, names: Sequence[str]) -> list[Trial]:
     """Return the one-step estimate of each of several effects that a fit leaves out, as if it were the only one."""
+    fit = fitted.fit
     effects = fit.effects.and_(*names)
-    estimator = MaximumLikelihoodEstimator(fit.response_basis, fit.vignette_basis, noise, effects=effects)
+    estimator = MaximumLikelihoodEstimator(fit.response_basis, fit.vignette_basis, fitted.noise, effects=effects)
     p = len(fit.parameters)
     about = np.concatenate([fit.parameters, np.zeros(len(names))])
     choices = [np.append(np.arange(p), p + i) for i in range(len(names))]
     trials = []
-    for name, step in zip(names, estimator.newton_steps(observations, fit, about, choices), strict=True):
+    for name, step in zip(names, estimator.newton_steps(fitted, about, choices), strict=True):
         found, covariance = step
         parameter_slope = covariance[:p, p] / covariance[p, p]
         trials.append(Trial(name, float(found[p]), float(np.sqrt(covariance[p, p])), parameter_slope, fit.groups))

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -38,6 +39,39 @@ from ospc.settings.estimation import (
     WEIGHT_CUT_SIGMAS,
     WEIGHT_SCALE_SIGMAS,
 )
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """A fit, the observations it was made of, and the noise that it was told; several models are tried about it."""
+
+    fit: Fit
+    observations: ExposedObservations
+    noise: NoiseModel | None
+
+    @cached_property
+    def weighted(self) -> tuple[Latent, FloatArray, float]:
+        """The observations linearised about the fit, their robust weights, and the sandwich factor of these."""
+        fit, weight = self.fit, np.ones(len(self.observations))
+        log_gain = fit.log_gain(
+            fit.parameters, self.observations, fit.response_basis.index_of(self.observations.grey)
+        )
+        for _ in range(2):  # the second time with radiances that outliers no longer draw to themselves
+            latent = self._predict(self.observations, log_gain, weight)
+            weight, sandwich_factor = _redescending(latent, _unclipped(latent, self._predict.pixel_noise))
+        return latent, weight, sandwich_factor
+
+    @property
+    def log_response(self) -> FloatArray:
+        """The logarithm of the fitted response on the basis's grid."""
+        return self._predict.log_response
+
+    @cached_property
+    def _predict(self) -> LatentModel:
+        fit = self.fit
+        return LatentModel(
+            fit.response_basis, fit.response_parameters, fit.errors, self.noise, fit.texture_share, trusted=True
+        )
 
 
 @dataclass(frozen=True)
@@ -144,52 +178,47 @@ class MaximumLikelihoodEstimator:
         about
             The same fit in parameters of this model, at which it is linearised, shape (p,).
         """
+        return self._information(Fitted(fit, observations, self.noise), about)
+
+    def _information(self, fitted: Fitted, about: FloatArray) -> NormalEquations:
         with one_blas_thread():
-            system, sandwich_factor = self._system(observations, fit, about)
-            precision = self.model.prior(about).precision(fit.hyperparameters)
+            system, sandwich_factor = self._system(fitted, about)
+            precision = self.model.prior(about).precision(fitted.fit.hyperparameters)
             equations = system.equations(precision, sandwich_factor)
             return equations.part(np.arange(len(about))).scaled(precision, sandwich_factor)
 
-    def significant_gain_variances(self, observations: ExposedObservations, fit: Fit) -> tuple[float, ...]:
+    def significant_gain_variances(self, fitted: Fitted) -> tuple[float, ...]:
         """Return variances of latent gains that pairs of frames show beyond chance, by a fit of this model."""
+        fit = fitted.fit
         with one_blas_thread():
-            system, sandwich_factor = self._system(observations, fit, fit.parameters)
+            system, sandwich_factor = self._system(fitted, fit.parameters)
             precision = self.model.prior(fit.parameters).precision(fit.hyperparameters)
             return system.significant_gain_variances(precision, sandwich_factor)
 
-    def _system(self, observations: ExposedObservations, fit: Fit, about: FloatArray) -> tuple[LinearSystem, float]:
+    def _system(self, fitted: Fitted, about: FloatArray) -> tuple[LinearSystem, float]:
         """Return the linear system about a fit, and the sandwich factor of its weights."""
-        predict = LatentModel(
-            fit.response_basis, fit.response_parameters, fit.errors, self.noise, fit.texture_share, trusted=True
-        )
-        index = fit.response_basis.index_of(observations.grey)
-        log_gain = fit.log_gain(fit.parameters, observations, index)
-        weight: FloatArray = np.ones(len(observations))
-        for _ in range(2):  # the second time with radiances that outliers no longer draw to themselves
-            latent = predict(observations, log_gain, weight)
-            weight, sandwich_factor = _redescending(latent, _unclipped(latent, predict.pixel_noise))
+        latent, weight, sandwich_factor = fitted.weighted
         # This basis may not contain the fitted response exactly: refer the linearised values to the nearest one.
         here = self.response_basis.log_of(self.model.split(about)[0])
-        latent = replace(latent, linear_log=latent.linear_log + (here - predict.log_response)[latent.index])
-        return LinearSystem(
-            self.model, about, observations, latent, weight, fit.errors.gain_variances
-        ), sandwich_factor
+        latent = replace(latent, linear_log=latent.linear_log + (here - fitted.log_response)[latent.index])
+        gain_variances = fitted.fit.errors.gain_variances
+        return LinearSystem(self.model, about, fitted.observations, latent, weight, gain_variances), sandwich_factor
 
     def newton_steps(
-        self, observations: ExposedObservations, fit: Fit, about: FloatArray, choices: Iterable[IntArray]
+        self, fitted: Fitted, about: FloatArray, choices: Iterable[IntArray]
     ) -> Iterator[tuple[FloatArray, FloatArray]]:
         """Take one Newton step from a fit with each of several choices of this model's parameters.
 
-        The first three are as for :meth:`information`; a choice holds the indices of m parameters, the others stay
+        The fit is linearised as for :meth:`information`; a choice holds the indices of m parameters, the others stay
         zero.
 
         Yields
         ------
         The parameters of a choice after the step, shape (m,), and their covariance by chance, (m, m).
         """
-        equations = self.information(observations, fit, about).centred(about)
+        equations = self._information(fitted, about).centred(about)
         prior = self.model.prior(about)
-        precision = prior.precision(fit.hyperparameters)
+        precision = prior.precision(fitted.fit.hyperparameters)
         for chosen in choices:
             yield equations.part(chosen).newton_step(precision[np.ix_(chosen, chosen)], prior.mean[chosen])
 

@@ -17,7 +17,7 @@ from ospc.estimation.effect_trials import Trial, after_newton_step, estimate_eff
 from ospc.estimation.effects import CONTRADICTIONS, CORRECTED, EFFECTS, Effects
 from ospc.estimation.fit import Fit
 from ospc.estimation.frame_gains import gain_sigma
-from ospc.estimation.maximum_likelihood import MaximumLikelihoodEstimator
+from ospc.estimation.maximum_likelihood import Fitted, MaximumLikelihoodEstimator
 from ospc.estimation.residual_effects import UNSTEADY_LIGHT, uneven_vignette, unsteadiness, unsteady_radiance
 from ospc.estimation.response_basis import ResponseBasis
 from ospc.estimation.vignette_basis import VignetteBasis
@@ -47,7 +47,7 @@ def fit_with_chosen_vignette(  # noqa: PLR0917 (what is fitted, to what)
     noise: NoiseModel | None,
     rounds: int,
     effects: Effects | None = None,
-) -> Fit:
+) -> Fitted:
     """Fit response and vignette, with no more vignette parameters than the data support.
 
     Starting from the purely radial model, first the free centre and then the non-radial terms are added, as long as
@@ -71,26 +71,26 @@ def fit_with_chosen_vignette(  # noqa: PLR0917 (what is fitted, to what)
     # A part of the points already gives most of the solution; only the last rounds need all of them.
     step = len(observations.starts) // FIRST_FIT_POINTS
     start = estimator.fit(observations.of_points(slice(None, None, step))) if step > 1 else None
-    fit = estimator.fit(observations, start)
+    fitted = Fitted(estimator.fit(observations, start), observations, noise)
     for richer in (replace(simplest, free_centre=True), widest):
-        if len(richer) <= len(fit.vignette_basis):
+        added = len(richer) - len(fitted.fit.vignette_basis)
+        if added <= 0:
             continue
-        added = len(richer) - len(fit.vignette_basis)
         estimator = MaximumLikelihoodEstimator(response, richer, noise, rounds, beside)
-        if not supported(_after_newton_step(observations, fit, estimator), added, PROMISING_SHARE):
+        if not supported(_after_newton_step(fitted, estimator), added, PROMISING_SHARE):
             break
-        wider = estimator.fit(observations, fit)
+        wider = estimator.fit(observations, fitted.fit)
         if not supported(wider, added):
             break
-        fit = wider
-    return fit
+        fitted = replace(fitted, fit=wider)
+    return fitted
 
 
-def _after_newton_step(observations: ExposedObservations, fit: Fit, estimator: MaximumLikelihoodEstimator) -> Fit:
+def _after_newton_step(fitted: Fitted, estimator: MaximumLikelihoodEstimator) -> Fit:
     """Return a fit with further parameters of the vignette after one Newton step."""
-    about = estimator.parameters_of(fit)
-    [(found, chance)] = estimator.newton_steps(observations, fit, about, [np.arange(len(about))])
-    return replace(fit, vignette_basis=estimator.vignette_basis, parameters=found, chance=chance)
+    about = estimator.parameters_of(fitted.fit)
+    [(found, chance)] = estimator.newton_steps(fitted, about, [np.arange(len(about))])
+    return replace(fitted.fit, vignette_basis=estimator.vignette_basis, parameters=found, chance=chance)
 
 
 def supported(fit: Fit, last: int, share: float = 1.0) -> bool:
@@ -134,63 +134,59 @@ def fit_with_chosen_effects(
     """
     plain = fit_with_chosen_vignette(observations, response, widest, noise, rounds, Effects.none_of(observations))
     if not len(widest):
-        return plain  # of a camera at rest, time, exposure and place of the few frames go together
-    plain_trials = estimate_effects(observations, plain, noise, tuple(EFFECTS))
-    fit, trials = _with_effects(observations, plain, plain_trials, widest, noise, rounds)
+        return plain.fit  # of a camera at rest, time, exposure and place of the few frames go together
+    plain_trials = estimate_effects(plain, tuple(EFFECTS))
+    fitted, trials = _with_effects(plain, plain_trials, widest, rounds)
     # Gains come last, and not where exposures belong to other frames: they would hide what explains the brightness.
-    if not _shows_lag(trials) and (variances := _gain_variances(observations, fit, noise)):
-        found_none = fit is plain
-        plain = _with_gains(observations, plain, variances, noise, rounds)
-        plain_trials = estimate_effects(observations, plain, noise, tuple(EFFECTS))
-        fit = plain if found_none else _with_gains(observations, fit, variances, noise, rounds)
-        trials = plain_trials if found_none else estimate_effects(observations, fit, noise, _left_out(fit))
+    if not _shows_lag(trials) and (variances := _gain_variances(fitted)):
+        found_none = fitted is plain
+        plain = _with_gains(plain, variances, rounds)
+        plain_trials = estimate_effects(plain, tuple(EFFECTS))
+        fitted = plain if found_none else _with_gains(fitted, variances, rounds)
+        trials = plain_trials if found_none else estimate_effects(fitted, _left_out(fitted.fit))
+    fit = fitted.fit
     if any(name in CONTRADICTIONS for name in fit.effects.chosen):
-        return _with_estimates(plain, plain_trials, _estimates(fit, observations)[-1:])
+        return _with_estimates(plain.fit, plain_trials, _estimates(fit, observations)[-1:])
     if fit.groups < MIN_GROUPS_TO_CONTRADICT:
         return _with_estimates(fit, trials, ())
     residual = fit.residuals(observations)
     if unsteady := unsteadiness(residual, observations):
-        return _with_estimates(plain, plain_trials, unsteady)
+        return _with_estimates(plain.fit, plain_trials, unsteady)
     uneven = uneven_vignette(residual, observations) or unsteady_radiance(fit.errors.radiance_sigma, fit.groups)
     return _with_estimates(fit, trials, (*_estimates(fit, observations), *uneven))
 
 
-def _with_effects(  # noqa: PLR0917 (what is fitted, to what, from where)
-    observations: ExposedObservations,
-    fit: Fit,
-    trials: Sequence[Trial],
-    widest: VignetteBasis,
-    noise: NoiseModel | None,
-    rounds: int,
-) -> tuple[Fit, Sequence[Trial]]:
+def _with_effects(
+    fitted: Fitted, trials: Sequence[Trial], widest: VignetteBasis, rounds: int
+) -> tuple[Fitted, Sequence[Trial]]:
     """Return a fit with those effects that are significant, and trials of the others.
 
     The first that contradicts the model is the last one.
     """
-    untried = _provable(fit.groups)
+    observations, noise = fitted.observations, fitted.noise
+    untried = _provable(fitted.fit.groups)
     while suspect := _suspected(trials, untried):
         untried = tuple(name for name in untried if name != suspect.name)
-        start = after_newton_step(fit, suspect)
+        start = after_newton_step(fitted.fit, suspect)
         wider = _estimator(start, noise, rounds).fit(observations, start)
         if not _significant(wider, -1):
             continue
         if suspect.name in CONTRADICTIONS:
-            return wider, trials
-        fit = fit_with_chosen_vignette(observations, fit.response_basis, widest, noise, rounds, start.effects)
-        trials = estimate_effects(observations, fit, noise, _left_out(fit))
-    return fit, trials
+            return replace(fitted, fit=wider), trials
+        response = start.response_basis
+        fitted = fit_with_chosen_vignette(observations, response, widest, noise, rounds, start.effects)
+        trials = estimate_effects(fitted, _left_out(fitted.fit))
+    return fitted, trials
 
 
-def _with_gains(
-    observations: ExposedObservations, fit: Fit, variances: tuple[float, ...], noise: NoiseModel | None, rounds: int
-) -> Fit:
+def _with_gains(fitted: Fitted, variances: tuple[float, ...], rounds: int) -> Fitted:
     """Return a fit with latent gains, and with those effects that are significant still."""
-    start = replace(fit, errors=replace(fit.errors, gain_variances=variances))
+    start = replace(fitted.fit, errors=replace(fitted.fit.errors, gain_variances=variances))
     while True:
-        fit = _estimator(start, noise, rounds).fit(observations, start)
+        fit = _estimator(start, fitted.noise, rounds).fit(fitted.observations, start)
         doubtful = [i for i in range(len(fit.effects)) if not _significant(fit, i)]
         if not doubtful:
-            return fit
+            return replace(fitted, fit=fit)
         weakest = min(doubtful, key=lambda i: _sigmas_of(fit, i, fit.chance))
         kept = tuple(name for i, name in enumerate(fit.effects.chosen) if i != weakest)
         parameters = np.delete(fit.parameters, fit.vignette_part.stop + weakest)
@@ -211,11 +207,11 @@ def _left_out(fit: Fit) -> tuple[str, ...]:
     return tuple(name for name in EFFECTS if name not in fit.effects.chosen)
 
 
-def _gain_variances(observations: ExposedObservations, fit: Fit, noise: NoiseModel | None) -> tuple[float, ...]:
+def _gain_variances(fitted: Fitted) -> tuple[float, ...]:
     """Return variances of latent gains beyond chance; empty where there are none or too few pairs to tell."""
-    if not observations.in_pairs or fit.groups < MIN_GROUPS_TO_CONTRADICT:
+    if not fitted.observations.in_pairs or fitted.fit.groups < MIN_GROUPS_TO_CONTRADICT:
         return ()
-    return _estimator(fit, noise, 0).significant_gain_variances(observations, fit)
+    return _estimator(fitted.fit, fitted.noise, 0).significant_gain_variances(fitted)
 
 
 def _provable(groups: int) -> tuple[str, ...]:
