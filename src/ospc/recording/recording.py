@@ -155,12 +155,11 @@ def _images_sha256(recording: Recording, indices: list[int]) -> str:
     """Hash a few images; an unreadable one counts as empty."""
     channel = getattr(recording, "channel", None)
     total = sha256(b"" if channel is None else channel.value.encode())
-    stored: Callable[[int], bytes] | None = getattr(recording, "stored_bytes", None)
-    # Those without a stored form are looked for in one pass over the frames.
-    wanted = indices if stored is not None else (frame for frame in recording if frame.index in indices)
-    for image in wanted:
+    # Without stored forms, the frames are looked for in one pass.
+    stored = hasattr(recording, "stored_bytes")
+    for item in indices if stored else (frame for frame in recording if frame.index in indices):
         try:
-            content = image.image.tobytes() if isinstance(image, Frame) else stored_bytes(recording, image)
+            content = item.image.tobytes() if isinstance(item, Frame) else stored_bytes(recording, item)
         except FrameError:
             content = b""
         total.update(sha256(content).digest())
