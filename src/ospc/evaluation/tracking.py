@@ -20,11 +20,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from ospc.errors import ExposureError, FrameError, NotObservableError, counted
+from ospc.errors import NotObservableError, counted
 from ospc.evaluation.tracks import EVERY, TrackFigures, Tracks
 from ospc.photometry.correction import Corrector
 from ospc.recording import Frame, Recording
-from ospc.recording.frame import check_exposure
+from ospc.recording.stream import usable_frames
 
 _NOTICEABLE = 1.1
 """Ratio up to which a change counts as none."""
@@ -107,15 +107,10 @@ def compare_tracking(
     """
     tracks = Tracks(corrector)
     before: Frame | None = None
-    used, skipped, largest = 0, 0, 1.0
-    for number, frame in enumerate(recording, start=1):
-        progress(number, len(recording))
-        try:
-            check_exposure(frame.exposure_ms, frame.name)
-            _ = frame.image
-        except (FrameError, ExposureError):
-            skipped += 1
-            continue
+    used, largest = 0, 1.0
+    skipped: list[str] = []
+    for frame in usable_frames(recording, skipped.append):
+        progress(frame.index + 1, len(recording))
         if before is not None:
             tracks.follow(before, frame)
             ratio = before.exposure_ms / frame.exposure_ms
@@ -129,4 +124,4 @@ def compare_tracking(
             f"{recording.path}: nothing to follow in {counted(used, 'readable frame')}; tracks need at least two "
             f"frames with structure that is not saturated"
         )
-    return TrackingComparison(raw, corrected, tracks.begun, used, skipped, horizon, largest)
+    return TrackingComparison(raw, corrected, tracks.begun, used, len(skipped), horizon, largest)
