@@ -13,15 +13,15 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from ospc.arrays import ImageSize
-from ospc.errors import ExposureError, FormatError, FrameError, RecordingError, SettingError, counted, os_error_as
+from ospc.errors import FormatError, RecordingError, SettingError, counted, os_error_as
 from ospc.folders import check_usable
 from ospc.formats.dso import write_times
 from ospc.formats.files import read_text, write_text
 from ospc.formats.rules_camera import input_size
 from ospc.formats.validation import validate
 from ospc.recording.euroc import FIRST_CAMERA
-from ospc.recording.frame import check_exposure
 from ospc.recording.recording import Recording
+from ospc.recording.stream import usable_frames
 from ospc.recording.writing.images import ImageFormat, NumberedImages, encode, encoding_notes, original_file
 
 _MOST_BYTES = 65536
@@ -196,15 +196,11 @@ def _write(
     problems: list[str] = []
     copied = 0
     with NumberedImages(stage, len(recording), archive=archive) as images:
-        for frame in recording:
-            try:
-                check_exposure(frame.exposure_ms, frame.name)
-                data = original_file(recording, frame, image_format)
-                copied += data is not None
-                images.write(len(written), data if data is not None else encode(frame, image_format or "png"))
-                written.append(frame.index)
-            except (FrameError, ExposureError) as error:
-                problems.append(str(error))
+        for frame in usable_frames(recording, problems.append):
+            data = original_file(recording, frame, image_format)
+            copied += data is not None
+            images.write(len(written), data if data is not None else encode(frame, image_format or "png"))
+            written.append(frame.index)
             progress(frame.index + 1, len(recording))
     if not written:
         raise RecordingError(f"{recording.path}: none of its frames can be read; the first: {' '.join(problems[:1])}")

@@ -70,7 +70,8 @@ class NumberedImages:
 def original_file(recording: Recording, frame: Frame, image_format: ImageFormat | None) -> bytes | None:
     """Return the file of a frame if other programs read the same image from it, None if it must be encoded again.
 
-    ``image_format`` is the only acceptable format; None for any. FrameError if the file is damaged.
+    The image was read before, which alone tells whether the file is whole. ``image_format`` is the only acceptable
+    format; None for any. FrameError if the file cannot be read again.
     """
     source, index = innermost(recording, frame.index)
     if not isinstance(source, ImageSequence) or source.layout.mosaic is not None:
@@ -88,11 +89,7 @@ def original_file(recording: Recording, frame: Frame, image_format: ImageFormat 
     # JPEG stores luma; for colour in other formats, programs convert to grey differently.
     grey = header.channels == 1 or kind == "jpg"
     aligned = depth.stored_bits == depth.bits + depth.shift
-    if not (same and grey and aligned):
-        return None
-    # Only decoding tells whether the file is complete.
-    _ = frame.image
-    return data
+    return data if same and grey and aligned else None
 
 
 def encode(frame: Frame, image_format: ImageFormat) -> bytes:
