@@ -40,6 +40,13 @@ def test_a_given_recording_is_measured_once_beside_another_programs_calibration(
     assert (tmp_path / "out" / "measurements.csv").read_text() == table
 
 
+@pytest.mark.parametrize("study", ["parameters", "systems"])
+def test_recordings_of_one_name_could_not_be_told_apart(study, tiny_room, tmp_path):
+    result = run(study, tiny_room, tiny_room, "-o", tmp_path)
+    assert isinstance(result.exception, SettingError)
+    assert "two recordings are called room" in str(result.exception)
+
+
 def test_an_interruption_is_told_and_what_is_finished_is_kept(tmp_path, monkeypatch):
     whole = Task.run
 

@@ -11,13 +11,12 @@ import click
 from ospc.cli.correct import warn_of_assumed
 from ospc.cli.interruption import leaving
 from ospc.cli.options import AS_JSON, ASSUME_MISSING, KIND, argument, declared, option
-from ospc.cli.studies import CALIBRATIONS, JOBS, given_calibrations, run_study, study_out_option, words
+from ospc.cli.studies import CALIBRATIONS, JOBS, by_name, given_calibrations, run_study, study_out_option, words
 from ospc.cli.terminal import print_json, progress_line, progress_of, say
-from ospc.errors import SettingError, counted, escaped
+from ospc.errors import SettingError, counted
 
 if TYPE_CHECKING:
     from ospc.evaluation.tracking import TrackingComparison
-    from ospc.recording import Recording
     from ospc.research.odometry.experiment import Odometry
 
 command = click.Group("evaluate", help="Evaluate trajectories, and the effect of a calibration on tracking.")
@@ -170,10 +169,12 @@ def odometry(
     cumulative.png and the trajectories. Every finished run is kept in OUT: the same command continues where it was
     interrupted. A calibration given under the name of a condition replaces its estimate.
     """
+    from ospc.recording import open_recording
     from ospc.research.odometry.experiment import Experiment, result_of, tasks_of
     from ospc.research.odometry.inputs import Calibrations, chosen, external
     from ospc.research.odometry.report import odometry_report
 
+    opened = {name: open_recording(place) for name, place in by_name(recordings).items()}
     files = given_calibrations(given)
     columns = chosen(words(conditions))
     columns += tuple(external(name) for name in files if name not in {c.name for c in columns})
@@ -182,7 +183,7 @@ def odometry(
         estimates = Calibrations(
             out / "calibrations", files, not batch, lambda what, share: show(what, 100 * share, 100)
         )
-        experiment = Experiment(_by_name(recordings), columns, runs, estimates, out, ends)
+        experiment = Experiment(opened, columns, runs, estimates, out, ends)
         tasks, failed = tasks_of(experiment, tracker)
     run_study(
         tasks,
@@ -191,18 +192,6 @@ def odometry(
         lambda finished: odometry_report(experiment, [*failed, *(result_of(one, experiment) for one in finished)]),
         as_json=as_json,
     )
-
-
-def _by_name(places: tuple[Path, ...]) -> dict[str, Recording]:
-    from ospc.recording import open_recording
-
-    found: dict[str, Recording] = {}
-    for place in places:
-        name = escaped(place.resolve().name)
-        if name in found:
-            raise SettingError(f"two recordings are called {name}; rename the folder of one of them")
-        found[name] = open_recording(place)
-    return found
 
 
 def _odometry(

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 from ospc.cli.options import STUDY_SIZE, argument, declared, named, option
-from ospc.cli.studies import CALIBRATIONS, DATA, JOBS, given_calibrations, run_study, study_out_option, words
+from ospc.cli.studies import CALIBRATIONS, DATA, JOBS, by_name, given_calibrations, run_study, study_out_option, words
 from ospc.cli.terminal import say
 
 if TYPE_CHECKING:
@@ -105,7 +105,7 @@ class _Run:
         from ospc.research.source import GivenSource
 
         if self.recordings:
-            return [GivenSource.of(place, self.frames) for place in self.recordings]
+            return [GivenSource.of(place, self.frames) for place in by_name(self.recordings).values()]
         count, frames = self.count or count, self.frames or frames
         if at_rest:
             return [*sweeps(count, frames, self.size)]
@@ -159,7 +159,7 @@ def systems(
         for system in chosen:
             say(str(system))
         return
-    sources: list[Source] = [GivenSource.of(place, frames) for place in recordings]
+    sources: list[Source] = [GivenSource.of(place, frames) for place in by_name(recordings).values()]
     if not sources:
         sources = system_sources(count, frames, size, data)
     counts = {source.name: source.count for source in sources}

@@ -10,7 +10,7 @@ import click
 
 from ospc.cli.options import named, option, out_option
 from ospc.cli.terminal import console, print_json, progress_line, say
-from ospc.errors import SettingError
+from ospc.errors import SettingError, escaped
 
 if TYPE_CHECKING:
     from ospc.formats.opening import Photometry
@@ -63,6 +63,17 @@ CALIBRATIONS = option(
 def words(text: str) -> tuple[str, ...]:
     """Return the words of a list that is separated by commas."""
     return tuple(word.strip() for word in text.split(",") if word.strip())
+
+
+def by_name(recordings: Iterable[Path]) -> dict[str, Path]:
+    """Return recordings by the name of their folder, by which results are told apart."""
+    found: dict[str, Path] = {}
+    for place in recordings:
+        name = escaped(place.resolve().name)
+        if name in found:
+            raise SettingError(f"two recordings are called {name}; rename the folder of one of them")
+        found[name] = place
+    return found
 
 
 def given_calibrations(entries: Iterable[str]) -> dict[str, Photometry]:
