@@ -24,8 +24,7 @@ from ospc.estimation.fit import Fit
 from ospc.estimation.maximum_likelihood import MaximumLikelihoodEstimator
 from ospc.evaluation.metrics import log_ratio_error, response_shape_rmse, vignette_rmse
 from ospc.methods.summary import FitInputs
-from ospc.research.accuracy.design import accuracy_sources
-from ospc.research.source import SimulatedSource
+from ospc.research.accuracy.design import moving_sources
 from ospc.simulation import SimulationSettings, frames
 from results import Row, errors, measured, table_of
 
@@ -86,8 +85,7 @@ def main() -> None:
     parser.add_argument("--every", type=int, default=1, help="Take one in so many recordings.")
     arguments = parser.parse_args()
     cv2.setNumThreads(1)
-    sources = [s for s in accuracy_sources(None, arguments.frames)[0] if isinstance(s, SimulatedSource)]
-    moving = [source for source in sources if source.group == "simulated"]
+    moving = list(moving_sources(None, arguments.frames))
     calls = {f"{s.name} {arguments.frames}": partial(row, s.name, s.settings) for s in moving[:: arguments.every]}
     rows = measured(calls, arguments.results)
     print(table_of("Errors and their bounds", rows, _COLUMNS))

@@ -97,7 +97,7 @@ def accuracy_sources(data: Path | None, frames: int = FRAMES) -> tuple[list[Sour
     }
     places = {} if data is None else {part: data / part for part in parts if (data / part).exists()}
     wanting = {part: "--data is not given" if data is None else f"{data / part} is not there" for part in parts}
-    sources: list[Source] = [*_moving_sources(_measured(places.get(FILE)), frames), *_static_sources(frames)]
+    sources: list[Source] = [*moving_sources(places.get(FILE), frames), *_static_sources(frames)]
     if VIDEO in places:
         sources.append(VideoSource(VIDEO, places[VIDEO]))
     if CHARTS in places:
@@ -118,8 +118,9 @@ def select(items: Mapping[str, _Item], pattern: str | None, what: str = "recordi
     return chosen
 
 
-def _moving_sources(measured: list[tuple[str, Response]], frames: int) -> Iterator[SimulatedSource]:
+def moving_sources(database: Path | None, frames: int) -> Iterator[SimulatedSource]:
     """Give the simulated recordings with the camera in motion; eight measured responses take the places of two."""
+    measured = _measured(database)
     # Of each: the name of the response, its level of the factor "response", and the response.
     kind = measured[0][0].rstrip("0123456789.")
     named: list[tuple[str, str, str | Response]] = [(name, name, name) for name in _NAMED for _ in VIGNETTES]

@@ -18,7 +18,7 @@ from ospc.photometry.geometry import pixel_grid
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import RasterVignette, Vignette
 from ospc.recording import open_recording
-from ospc.research.accuracy.design import accuracy_sources
+from ospc.research.accuracy.design import moving_sources
 from ospc.research.accuracy.real_video import FOLDER as VIDEO
 from ospc.research.accuracy.real_video import VideoSource
 from ospc.research.runner import key_of
@@ -190,8 +190,7 @@ GoodSource = SimulatedSource | VideoSource
 
 def good_sources(count: int, frames: int, data: Path | None = None) -> tuple[list[GoodSource], list[str]]:
     """Return ``count`` simulated recordings, the real video if there is one, and notes on what is left out."""
-    simulated = [source for source in accuracy_sources(None, frames)[0] if isinstance(source, SimulatedSource)]
-    moving = [source for source in simulated if source.group == "simulated"]
+    moving = list(moving_sources(None, frames))
     chosen = (moving[(_FIRST + _STEP * i) % len(moving)] for i in range(count))
     sources: list[GoodSource] = [
         replace(source, settings=replace(source.settings, size=SIZE), with_pairs=False) for source in chosen
