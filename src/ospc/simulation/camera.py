@@ -21,7 +21,7 @@ from ospc.simulation.motion import Motion
 from ospc.simulation.rendering import radiance
 from ospc.simulation.scene import Scene
 from ospc.simulation.settings import SimulationSettings
-from ospc.simulation.truth import Truth, plan, view_at
+from ospc.simulation.truth import Truth, truth, view_at
 
 _IMAGE = re.compile(r"\d{5,}\.(png|jpg)")
 _FILES = (
@@ -29,22 +29,22 @@ _FILES = (
 )  # fmt: skip
 
 
-def _write_truth(folder: Path, truth: Truth) -> None:
+def _write_truth(folder: Path, known: Truth) -> None:
     """Write times.txt, camera.txt, groundtruthSync.txt and the true pcalib.txt, vignette.png and truth.json."""
-    width, height = truth.settings.size
-    focal, size = f"{truth.settings.focal_px:.9g}", f"{width} {height}"
-    times = enumerate(zip(truth.stamps_s, truth.metadata_exposures_ms, strict=True))
-    rows = np.column_stack([truth.stamps_s, truth.trajectory])
+    width, height = known.settings.size
+    focal, size = f"{known.settings.focal_px:.9g}", f"{width} {height}"
+    times = enumerate(zip(known.stamps_s, known.metadata_exposures_ms, strict=True))
+    rows = np.column_stack([known.stamps_s, known.trajectory])
     texts = {
         "times.txt": [f"{i:05d} {stamp:.9f} {e:.9g}" for i, (stamp, e) in times],
         "camera.txt": [f"Pinhole {focal} {focal} {(width - 1) / 2} {(height - 1) / 2} 0", size, "none", size],
         "groundtruthSync.txt": [" ".join(f"{value:.9f}" for value in row) for row in rows],
-        "truth.json": [json.dumps(truth.as_dict(), indent=1, allow_nan=False)],
+        "truth.json": [json.dumps(known.as_dict(), indent=1, allow_nan=False)],
     }
     for name, lines in texts.items():
         (folder / name).write_text("\n".join(lines) + "\n", encoding="utf-8", newline="\n")
-    write_pcalib(truth.response, folder / "pcalib.txt")
-    write_vignette(truth.vignette, folder / "vignette.png")
+    write_pcalib(known.response, folder / "pcalib.txt")
+    write_vignette(known.vignette, folder / "vignette.png")
 
 
 def remove_recording(folder: Path) -> None:
@@ -128,9 +128,8 @@ def frames(settings: SimulationSettings = _DEFAULT, known: Truth | None = None) 
     :func:`~ospc.simulation.truth.truth`. If it was called for the same settings, ``known`` is what it returned: auto
     exposure need not be simulated again.
     """
-    scene = Scene.of(settings)
-    known = known or plan(settings, scene)
-    for index, image in enumerate(exposed_images(scene, known, settings.seed)):
+    known = known or truth(settings)
+    for index, image in enumerate(exposed_images(Scene.of(settings), known, settings.seed)):
         yield frame_of(known, index, image)
 
 
@@ -168,15 +167,14 @@ def simulate(
     place = Path(out)
     if not overwrite and place.exists() and (not place.is_dir() or any(place.iterdir())):
         raise SettingError(f"{place}: is not an empty folder; choose another, or empty it")
-    scene = Scene.of(settings)
-    known = plan(settings, scene)
+    known = truth(settings)
     with os_error_as(SettingError, f"{place}: cannot be written", "choose another folder"):
         if overwrite:
             remove_recording(place)
         place.mkdir(parents=True, exist_ok=True)
         _write_truth(place, known)
         with NumberedImages(place, settings.frames, archive=settings.archive) as images:
-            for index, image in enumerate(exposed_images(scene, known, settings.seed)):
+            for index, image in enumerate(exposed_images(Scene.of(settings), known, settings.seed)):
                 name, quality = f"image {index}", settings.jpg_quality
                 data = encoded(image, settings.image_format, name, png_compression=None, jpg_quality=quality)
                 images.write(index, data)
@@ -190,8 +188,7 @@ def irradiances(settings: SimulationSettings = _DEFAULT, known: Truth | None = N
     Each has shape (height, width). For tests, and for what an ideal sensor would record. ``known`` is that of
     :func:`frames`.
     """
-    scene = Scene.of(settings)
-    yield from _irradiances(scene, known or plan(settings, scene))
+    yield from _irradiances(Scene.of(settings), known or truth(settings))
 
 
 def exposed_images(scene: Scene, known: Truth, noise_seed: int) -> Iterator[Image]:

@@ -73,15 +73,10 @@ def truth(settings: SimulationSettings = SimulationSettings()) -> Truth:  # noqa
     FormatError
         If the file of a response or vignette cannot be read.
     """
-    return plan(settings, Scene.of(settings))
-
-
-def plan(settings: SimulationSettings, scene: Scene) -> Truth:
-    """Return the truth for a scene that has been built already."""
     response, vignette = make_response(settings.response), make_vignette(settings)
     stamps = np.arange(settings.frames) / settings.fps
     if settings.exposure == "auto":
-        times, gains = _auto_exposure(settings, scene, response, vignette, stamps)
+        times, gains = _auto_exposure(settings, response, vignette, stamps)
     else:
         times, gains = _programmed(settings), np.full(settings.frames, settings.gain)
     written = times * gains if settings.gain_in_metadata else times
@@ -128,13 +123,13 @@ def _metadata(settings: SimulationSettings, exposures_ms: FloatArray) -> FloatAr
 
 
 def _auto_exposure(
-    settings: SimulationSettings, scene: Scene, response: Response, vignette: Vignette, stamps_s: FloatArray
+    settings: SimulationSettings, response: Response, vignette: Vignette, stamps_s: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return the exposure times and gains of a control loop that meters the previous frame.
 
     It raises the gain only when the time has reached its limit.
     """
-    motion = Motion.of(settings)
+    scene, motion = Scene.of(settings), Motion.of(settings)
     width = min(_METER_SIZE, settings.size[0])
     low = float(np.log(settings.exposure_min_ms * settings.gain))
     high = float(np.log(settings.exposure_max_ms * settings.gain_max))

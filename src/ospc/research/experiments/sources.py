@@ -27,7 +27,7 @@ from ospc.simulation import SimulationSettings
 from ospc.simulation.camera import exposed_images, frame_of
 from ospc.simulation.scene import Scene
 from ospc.simulation.surface import Face
-from ospc.simulation.truth import plan
+from ospc.simulation.truth import truth as simulated_truth
 
 RESPONSE, VIGNETTE = "params/pcalib_narrow_DIGITISED.txt", "params/vignette_narrow_radial_DIGITISED.csv"
 EXPOSURES = "params/tum_vi_times.txt"
@@ -129,7 +129,7 @@ class ColourSource(SimulatedSource):
     def frames(self) -> Iterator[Frame]:
         """Give the frames."""
         scene, seed = Scene.of(self.settings), self.settings.seed
-        known = plan(self.settings, scene)
+        known = simulated_truth(self.settings)
         planes = [exposed_images(tinted(scene, seed, channel), known, seed + channel) for channel in _CHANNELS]
         for index, (blue, green, red) in enumerate(zip(*planes, strict=True)):
             image = np.stack([blue, green, red], axis=-1)
