@@ -52,14 +52,16 @@ class Fitted:
     @cached_property
     def weighted(self) -> tuple[Latent, FloatArray, float]:
         """The observations linearised about the fit, their robust weights, and the sandwich factor of these."""
-        fit, weight = self.fit, np.ones(len(self.observations))
+        fit = self.fit
         log_gain = fit.log_gain(
             fit.parameters, self.observations, fit.response_basis.index_of(self.observations.grey)
         )
-        for _ in range(2):  # the second time with radiances that outliers no longer draw to themselves
-            latent = self._predict(self.observations, log_gain, weight)
-            weight, sandwich_factor = _redescending(latent, _unclipped(latent, self._predict.pixel_noise))
-        return latent, weight, sandwich_factor
+        first = self._predict(self.observations, log_gain, np.ones(len(self.observations)))
+        weight, _ = _redescending(first, _unclipped(first, self._predict.pixel_noise))
+        del first  # it takes as much memory as the observations
+        # Now with radiances that outliers no longer draw to themselves.
+        latent = self._predict(self.observations, log_gain, weight)
+        return latent, *_redescending(latent, _unclipped(latent, self._predict.pixel_noise))
 
     @property
     def log_response(self) -> FloatArray:
@@ -149,14 +151,17 @@ class MaximumLikelihoodEstimator:
             moved = parameters - system.about
             if system.has_gains:
                 errors = replace(errors, gain_variances=system.gains(parameters).refitted_variances)
-            if round_number > 1 and float(moved @ precision @ moved) < SETTLED_SIGMAS**2 * len(moved):
+            settled = round_number > 1 and float(moved @ precision @ moved) < SETTLED_SIGMAS**2 * len(moved)
+            if settled or round_number == self.rounds:
+                disagreement = system.disagreement(parameters, of_prior, sandwich_factor)
                 break
+            del latent, system  # both take as much memory as the observations, and the next round makes its own
         return Fit(
             self.response_basis,
             self.vignette_basis,
             self.effects,
             parameters,
-            equations.covariance(prior, hyperparameters, system.disagreement(parameters, of_prior, sandwich_factor)),
+            equations.covariance(prior, hyperparameters, disagreement),
             np.asarray(np.linalg.inv(precision), dtype=np.float64),
             errors,
             hyperparameters,
