@@ -30,7 +30,7 @@ from ospc.estimation.vignette_basis import VignetteBasis
 from ospc.exposures.brightness import BrightnessChange, PixelSamples
 from ospc.exposures.brightness_history import BrightnessHistory
 from ospc.exposures.monitor import ExposureMonitorState
-from ospc.methods.change_detection import ChangeDetector
+from ospc.methods.change_detection import Baseline, ChangeDetector
 from ospc.methods.maximum_likelihood_state import MaximumLikelihoodState
 from ospc.methods.prediction_errors import PairErrors
 from ospc.observations import MOMENTS
@@ -183,10 +183,12 @@ RULES: Mapping[type, Mapping[str, Numbers | str]] = {
     },
     PriorHyperparameters: {"walk": Numbers(1e-6, 1e6), "drift": Numbers(0, 1e6)},
     ImageCircle: {"brightest allowed": ELSEWHERE},
-    ChangeDetector: {
-        "baseline_errors": Numbers(0, _LARGEST, ("errors",), most=MAX_BASELINE_PAIRS),
-        "baseline_effects": Numbers(0, _LARGEST, ("effects",), most=MAX_BASELINE_PAIRS),
+    Baseline: {
+        "errors": Numbers(0, _LARGEST, ("errors",), most=MAX_BASELINE_PAIRS),
+        "effects": Numbers(0, _LARGEST, ("effects",), most=MAX_BASELINE_PAIRS),
         "outliers": _count("outliers", 2, most=MAX_BASELINE_PAIRS),
+    },
+    ChangeDetector: {
         "lag_frames": LAG,
         "first_number": Numbers(-1, _MOST),
         "frames_per_s": Numbers(MIN_FRAME_RATE, MAX_FRAME_RATE),
@@ -329,6 +331,7 @@ def _check_changes(found: ChangeDetector, frames: int) -> None:
         Numbers(shape=(_CHANGES, parameters)).check("changes.pairs.fit_products", pair.fit_products)
         _require(pair.frame0 < pair.frame1 < frames, "changes are of frames that were not there")
     _require(found.since is None or 0 <= found.since < frames, "a suspicion begins in the future")
+    _require(found.since is None or found.neighbours.errors, "a suspicion rests on nothing")
 
 
 def _check_reservoir(found: Reservoir, frames: int, settings: DefaultSettings) -> None:

@@ -1,12 +1,92 @@
-"""How long a suspicion is followed: in time, whatever the frame rate."""
+"""What raises a suspicion, and how long it is followed: in time, whatever the frame rate."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
 
+from ospc.estimation.model_choice import fit_with_chosen_vignette
+from ospc.estimation.response_basis import ResponseBasis
+from ospc.estimation.vignette_basis import VignetteBasis
+from ospc.exposures.table import ExposureTable
 from ospc.methods.change_detection import ChangeDetector
-from ospc.settings.methods import MIN_FRAME_RATE
+from ospc.observations import ExposedObservations
+from ospc.photometry.vignette import LogVignette
+from ospc.settings import DefaultSettings
+from ospc.settings.methods import MIN_BASELINE_PAIRS, MIN_FRAME_RATE, RECENT_PAIRS
+from ospc.simulation.responses import make_response
+from synthetic_observations import POLYNOMIAL, SIZE, Camera
+
+CAMERA = Camera(make_response("srgb"), POLYNOMIAL, log_ratio=0.2)
+DARKER_CORNERS = replace(CAMERA, vignette=LogVignette(SIZE, (-0.8, 0.05, -0.2)))
+NEIGHBOURS, DISTANT = 1, 4
+
+
+@dataclass(frozen=True)
+class SeenPair:
+    """A pair of frames as observed, whose exposures are known already."""
+
+    exposed: ExposedObservations
+    frame: tuple[int, int]
+
+    @property
+    def starts(self):
+        return self.exposed.starts
+
+    def with_exposures(self, _exposures):
+        return replace(self.exposed, frame=np.tile(self.frame, len(self.starts)))
+
+
+@dataclass
+class Watched:
+    """A detector that knows a camera, and the number of its next frame."""
+
+    detector: ChangeDetector
+    frame: int = 0
+
+    def see(self, camera: Camera, age: int, count: int, *, light: float = 0.0) -> None:
+        """Show pairs of an age in frames; light changes within each by up to so much, in ln."""
+        for number in range(self.frame, self.frame + count):
+            exposed = camera.pairs(number, groups=1)
+            brighter = np.tile([0.0, light * np.cos(number)], len(exposed.starts))
+            moved = replace(exposed, log_exposure=exposed.log_exposure + brighter)
+            self.detector.observe(SeenPair(moved, (number, number + age)), ExposureTable())
+        self.frame += count
+
+
+@pytest.fixture(scope="module")
+def fit():
+    settings = DefaultSettings()
+    basis = ResponseBasis(settings.response_intervals, settings.response_functions)
+    seen = CAMERA.pairs(10**6, groups=80, points=200)
+    return fit_with_chosen_vignette(seen, basis, VignetteBasis(settings.radial_terms), None, settings.rounds).fit
+
+
+@pytest.fixture
+def watched(fit):
+    found = Watched(ChangeDetector(reference=fit))
+    for age in (NEIGHBOURS, DISTANT):
+        found.see(CAMERA, age, 2 * MIN_BASELINE_PAIRS)
+    return found
+
+
+@pytest.mark.parametrize("age", [NEIGHBOURS, DISTANT])
+def test_pairs_of_any_age_raise_a_suspicion_of_darker_corners(watched, age):
+    watched.see(CAMERA, age, 4 * RECENT_PAIRS)
+    assert not watched.detector.is_suspicious
+    changed_at = watched.frame
+    watched.see(DARKER_CORNERS, age, RECENT_PAIRS)
+    assert watched.detector.is_suspicious
+    assert changed_at <= watched.detector.since <= watched.frame + age
+
+
+def test_light_raises_a_suspicion_only_where_it_changes_from_frame_to_frame(watched):
+    watched.see(CAMERA, DISTANT, 2 * RECENT_PAIRS, light=0.2)
+    assert not watched.detector.is_suspicious
+    watched.see(CAMERA, NEIGHBOURS, 2 * RECENT_PAIRS, light=0.2)
+    assert watched.detector.is_suspicious
 
 
 @pytest.mark.parametrize(("rate", "counted"), [(5.0, 20.0), (20.0, 20.0), (50.0, 50.0), (1000.0, 100.0)])

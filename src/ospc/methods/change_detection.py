@@ -6,8 +6,10 @@ depend on the radius or on the grey level within each pair. Light that changes, 
 of a pair alike: it is subtracted, and seldom mistaken for a change of the camera. Exposures that are suddenly written
 late are found by :mod:`ospc.exposures.lag_change`.
 
-Outliers among these errors raise a suspicion. From then on every frame is processed for a while, and only pairs that
-begin after the suspicion count: in a pair that spans a change of the light nothing can be told.
+Outliers among these errors raise a suspicion. Neighbouring frames soon show a change of the response; the vignette
+shows in frames further apart, between which scene points move radially. From then on every frame is processed for a
+while, and only pairs that begin after the suspicion count: in a pair that spans a change of the light nothing can be
+told.
 """
 
 from __future__ import annotations
@@ -63,6 +65,47 @@ class Change:
 
 
 @dataclass
+class Baseline:
+    """What pairs of frames of one kind show while nothing is suspected.
+
+    Attributes
+    ----------
+    errors, effects
+        Absolute errors of whole pairs, and errors within them.
+    outliers
+        Numbers of the second frames of the latest pairs, and whether they were outliers.
+    """
+
+    errors: list[float] = field(default_factory=list, repr=False)
+    effects: list[float] = field(default_factory=list, repr=False)
+    outliers: list[tuple[int, bool]] = field(default_factory=list, repr=False)
+
+    @property
+    def error(self) -> float:
+        """Usual absolute error of a whole pair, in ln."""
+        return max(float(np.median(self.errors)), MIN_BASELINE_ERROR_LOG)
+
+    def add(self, pair: PairErrors) -> None:
+        """Judge a pair by those before it, and take it as one of them."""
+        if len(self.errors) >= MIN_BASELINE_PAIRS:
+            self.outliers = [*self.outliers, (pair.frame1, self.is_outlier(pair))][-RECENT_PAIRS:]
+        self.errors = [*self.errors, abs(pair.error)][-MAX_BASELINE_PAIRS:]
+        self.effects = [*self.effects, pair.effect][-MAX_BASELINE_PAIRS:]
+
+    def is_outlier(self, pair: PairErrors) -> bool:
+        """Whether a pair shows much more than most; the light may change between frames that are not neighbours."""
+        effect = max(float(np.median(self.effects)), MIN_BASELINE_ERROR_LOG)
+        large_error = pair.consecutive and abs(pair.error) > OUTLIER_FACTOR * self.error
+        return large_error or pair.effect > OUTLIER_FACTOR * effect
+
+    @property
+    def first_outlier(self) -> int | None:
+        """Number of the second frame of the first of the latest outliers; None where these are few."""
+        frames = [frame for frame, is_outlier in self.outliers if is_outlier]
+        return frames[0] if len(frames) >= OUTLIER_PAIRS else None
+
+
+@dataclass
 class ChangeDetector:
     """Compares each new pair of frames with what the epoch's fit predicts.
 
@@ -70,12 +113,13 @@ class ChangeDetector:
     ----------
     reference
         The fit that predicts; None before there is one.
-    baseline_errors, baseline_effects
-        Absolute errors of whole pairs of neighbours, and errors within them, while nothing was suspected.
-    outliers
-        Numbers of the first frames of the latest pairs of neighbours, and whether they were outliers.
+    neighbours, distant
+        What pairs of neighbouring frames show, and what others do.
     pairs, since
-        Pairs of frames since the suspicion, and the number of its first frame; None while there is none.
+        Pairs of frames while there is a suspicion, and the number of the frame that was the first to support it; None
+        while there is none.
+    suspected_at
+        Number of the frame at which the latest suspicion was raised.
     calm_until
         Number of the frame from which on there may be another suspicion.
     lag_frames
@@ -85,11 +129,11 @@ class ChangeDetector:
     """
 
     reference: Fit | None = None
-    baseline_errors: list[float] = field(default_factory=list, repr=False)
-    baseline_effects: list[float] = field(default_factory=list, repr=False)
-    outliers: list[tuple[int, bool]] = field(default_factory=list, repr=False)
+    neighbours: Baseline = field(default_factory=Baseline)
+    distant: Baseline = field(default_factory=Baseline)
     pairs: list[PairErrors] = field(default_factory=list, repr=False)
     since: int | None = None
+    suspected_at: int = 0
     calm_until: int = 0
     lag_frames: int = 0
     first_number: int = -1
@@ -124,54 +168,46 @@ class ChangeDetector:
         """
         if self.reference is None or len(latest.starts) < MIN_PAIR_POINTS:
             return None
-        if self.since is None and latest.frame[1] != latest.frame[0] + 1:
-            return None  # only neighbours raise a suspicion
         exposed = latest.with_exposures(exposures)
         if not len(exposed):
             return None
         if exposures.lag_frames != self.lag_frames:
-            self.lag_frames, self.since, self.pairs, self.outliers = exposures.lag_frames, None, [], []
+            self.lag_frames = exposures.lag_frames
+            self._forget_suspicion()
         pair = PairErrors.of(exposed, self.reference)
         if self.since is None:
             self._look_for_outliers(pair)
             return None
         first = max(self.since, pair.frame1 - self._frames(JUDGED_S))
         self.pairs = [old for old in (*self.pairs, pair) if old.frame0 >= first]
-        found = explain(self.pairs, self.reference, exposures, self._baseline_error, self._frames(MIN_SPAN_S))
+        found = explain(self.pairs, self.reference, exposures, self.neighbours.error, self._frames(MIN_SPAN_S))
         if found is None:
-            self._end_suspicion(pair.frame1, self.since, self.reference)
+            self._end_suspicion(pair.frame1, self.reference)
             return None
         part, text = found
-        first = min(old.frame0 for old in self.pairs)
-        return Change(first, self.pairs[-1].frame1, part, f"{text}, since about frame {first}")
+        return Change(first, pair.frame1, part, f"{text}, since about frame {first}")
 
     def _look_for_outliers(self, pair: PairErrors) -> None:
-        if len(self.baseline_errors) >= MIN_BASELINE_PAIRS:
-            self.outliers = [*self.outliers, (pair.frame0, self._is_outlier(pair))][-RECENT_PAIRS:]
-        self.baseline_errors = [*self.baseline_errors, abs(pair.error)][-MAX_BASELINE_PAIRS:]
-        self.baseline_effects = [*self.baseline_effects, pair.effect][-MAX_BASELINE_PAIRS:]
-        frames = [frame for frame, is_outlier in self.outliers if is_outlier]
-        if len(frames) >= OUTLIER_PAIRS and pair.frame1 >= self.calm_until:
-            self.since, self.outliers = frames[0] + 1, []
+        baseline = self.neighbours if pair.consecutive else self.distant
+        baseline.add(pair)
+        first = baseline.first_outlier
+        if first is not None and len(self.neighbours.errors) >= MIN_BASELINE_PAIRS and pair.frame1 >= self.calm_until:
+            self._forget_suspicion()
+            self.since, self.suspected_at = first, pair.frame1
 
-    def _is_outlier(self, pair: PairErrors) -> bool:
-        baseline_effect = max(float(np.median(self.baseline_effects)), MIN_BASELINE_ERROR_LOG)
-        large_error = abs(pair.error) > OUTLIER_FACTOR * self._baseline_error
-        return large_error or pair.effect > OUTLIER_FACTOR * baseline_effect
-
-    def _end_suspicion(self, frame: int, since: int, reference: Fit) -> None:
+    def _end_suspicion(self, frame: int, reference: Fit) -> None:
         """End a suspicion that has lasted too long, or that nothing supports any more."""
         latest = [pair for pair in self.pairs if pair.consecutive][-WATCHED_PAIRS:]
-        if frame > since + self._frames(MAX_SUSPICION_S):
-            self.since, self.pairs, self.calm_until = None, [], frame + self._frames(CALM_S)
+        if frame > self.suspected_at + self._frames(MAX_SUSPICION_S):
+            self.calm_until = frame + self._frames(CALM_S)
+            self._forget_suspicion()
         elif len(latest) == WATCHED_PAIRS:
-            many_outliers = sum(self._is_outlier(pair) for pair in latest) >= MIN_OUTLIER_SHARE * len(latest)
+            many_outliers = sum(map(self.neighbours.is_outlier, latest)) >= MIN_OUTLIER_SHARE * len(latest)
             if not many_outliers and best_explanations(self.pairs, reference)[0].sigmas < MIN_HALF_SIGMAS:
-                self.since, self.pairs = None, []
+                self._forget_suspicion()
+
+    def _forget_suspicion(self) -> None:
+        self.since, self.pairs, self.neighbours.outliers, self.distant.outliers = None, [], [], []
 
     def _frames(self, duration_s: float) -> int:
         return round(duration_s * self.frames_per_s)
-
-    @property
-    def _baseline_error(self) -> float:
-        return max(float(np.median(self.baseline_errors)), MIN_BASELINE_ERROR_LOG)

@@ -62,14 +62,14 @@ MIN_PAIR_POINTS = 40
 """Scene points of a pair below which its registration is not trusted."""
 
 MAX_BASELINE_PAIRS = 480
-"""Latest pairs of neighbours whose errors are the baseline for outliers: a minute and a half of film at 20
+"""Latest pairs of each kind whose errors are the baseline for outliers: a minute and a half or more of film at 20
 frames/s."""
 
 MIN_BASELINE_PAIRS = 12
-"""Pairs of neighbours in the baseline before anything is an outlier."""
+"""Pairs in the baseline before one of their kind is an outlier."""
 
 RECENT_PAIRS, OUTLIER_PAIRS = 8, 3
-"""Of the latest so many pairs of neighbours, so many must be outliers to raise a suspicion."""
+"""Of the latest so many pairs of a kind, so many must be outliers to raise a suspicion."""
 
 OUTLIER_FACTOR = 4.0
 """Least error of an outlier over the median of the baseline; three in eight pairs exceed it when a lamp is switched,
