@@ -198,6 +198,7 @@ RULES: Mapping[type, Mapping[str, Numbers | str]] = {
         "vector": Numbers(shape=(_CHANGES,)),
         "fit_products": Numbers(shape=(_CHANGES, "parameters")),
         "error": _logs(),
+        "common": Numbers(shape=(_CHANGES,)),
         "max_radius": Numbers(0, 2),
         "grey_limits": _share(2),
     },

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from ospc.arrays import FloatArray, IntArray
@@ -10,7 +12,7 @@ from ospc.exposures.table import ExposureTable
 from ospc.methods.prediction_errors import PARTS, ExplainedChange, PairErrors
 from ospc.robust import weighted_median
 from ospc.settings.methods import (
-    ALIKE_GAIN,
+    ALIKE_RATIO,
     LIGHT_SLOPE,
     MAJORITY,
     MIN_CHANGE_SIGMAS,
@@ -60,26 +62,66 @@ def best_explanations(pairs: list[PairErrors], fit: Fit) -> list[ExplainedChange
 
 def _other_curve(pairs: list[PairErrors], fit: Fit) -> Finding | None:
     """Return a change of response or vignette: errors that depend on the grey level or the radius."""
-    whole, other = best_explanations(pairs, fit)
+    hypotheses = [_InHalves.of(pairs, fit, whole) for whole in best_explanations(pairs, fit)]
+    best, other = sorted(hypotheses, key=lambda found: -found.unseen_gain)
+    alike = other.unseen_gain > ALIKE_RATIO * best.unseen_gain
+    if alike:
+        # What fades towards the corners follows a steeper response alike, but then it follows the exposure so, too.
+        best, other = sorted((best, other), key=lambda found: found.common_error)
+        alike = best.common_error > ALIKE_RATIO * other.common_error
+    whole = best.whole
     explained_log = np.sqrt(max(whole.gain, 0.0) / sum(pair.points for pair in pairs))
     if explained_log < MIN_EXPLAINED_LOG or abs(whole.effect) < MIN_EFFECT_LOG or whole.sigmas < MIN_CHANGE_SIGMAS:
         return None
-    halves = _halves_by_effect(pairs, whole)
-    if min(len(half) for half in halves) < MIN_HALF_PAIRS:
+    if not best.agree:
         return None
-    parts = [ExplainedChange.of(half, fit, whole.part, SYSTEMATIC_LOG) for half in halves]
-    if min(half.sigmas for half in parts) < MIN_HALF_SIGMAS:
-        return None
-    if np.corrcoef(parts[0].curve, parts[1].curve)[0, 1] < MIN_CORRELATION:
-        return None
-    for found, unseen in zip(parts, reversed(halves), strict=True):
-        gains = np.array([pair.gain(found.change) for pair in unseen])
-        expected = np.array([pair.energy(found.change) for pair in unseen])
-        if gains.sum() <= 0 or expected[gains > 0].sum() < MAJORITY * expected.sum():
-            return None
-    alike = other.gain > ALIKE_GAIN * whole.gain and abs(other.effect) < abs(whole.effect)
     part = " or ".join(PARTS) if alike else whole.part
     return part, f"the {part} changed by {np.expm1(whole.effect):+.0%}"
+
+
+@dataclass(frozen=True)
+class _InHalves:
+    """A change of one part that explains all pairs, and those that explain its halves; none where one is short."""
+
+    whole: ExplainedChange
+    halves: Halves
+    by_half: tuple[ExplainedChange, ...]
+
+    @classmethod
+    def of(cls, pairs: list[PairErrors], fit: Fit, whole: ExplainedChange) -> _InHalves:
+        halves = _halves_by_effect(pairs, whole)
+        long_enough = min(map(len, halves)) >= MIN_HALF_PAIRS
+        by_half = (ExplainedChange.of(half, fit, whole.part, SYSTEMATIC_LOG) for half in halves if long_enough)
+        return cls(whole, halves, tuple(by_half))
+
+    @property
+    def unseen_gain(self) -> float:
+        """By how much the change that each half shows reduces the sum of squared errors of the other half."""
+        return sum(pair.gain(found.change) for found, unseen in self._crossed for pair in unseen)
+
+    @property
+    def common_error(self) -> float:
+        """Sum of the absolute errors of whole pairs that the change leaves, in ln."""
+        pairs = (pair for half in self.halves for pair in half)
+        return sum(abs(pair.error - float(pair.common @ self.whole.change)) for pair in pairs)
+
+    @property
+    def agree(self) -> bool:
+        """Whether each half shows the same change clearly, and it explains most of the other half."""
+        if not self.by_half or min(found.sigmas for found in self.by_half) < MIN_HALF_SIGMAS:
+            return False
+        if np.corrcoef([found.curve for found in self.by_half])[0, 1] < MIN_CORRELATION:
+            return False
+        for found, unseen in self._crossed:
+            gains = np.array([pair.gain(found.change) for pair in unseen])
+            expected = np.array([pair.energy(found.change) for pair in unseen])
+            if gains.sum() <= 0 or expected[gains > 0].sum() < MAJORITY * expected.sum():
+                return False
+        return True
+
+    @property
+    def _crossed(self) -> list[tuple[ExplainedChange, list[PairErrors]]]:
+        return [*zip(self.by_half, reversed(self.halves), strict=False)]
 
 
 def _halves_by_effect(pairs: list[PairErrors], found: ExplainedChange) -> Halves:

@@ -37,8 +37,8 @@ class PairErrors:
         Numbers of the frames, and number of scene points n.
     matrix, vector, fit_products
         ΦᵀΦ, shape (9, 9), Φᵀρ, shape (9,), and ΦᵀX, shape (9, p).
-    error
-        Median of ρ over the whole pair.
+    error, common
+        Median of ρ over the whole pair, and the mean of Φ, shape (9,), by which a change moves it.
     max_radius, grey_limits
         Radius in half diagonals, and the two grey levels, within which nearly all observations lie.
     """
@@ -50,6 +50,7 @@ class PairErrors:
     vector: FloatArray
     fit_products: FloatArray
     error: float
+    common: FloatArray
     max_radius: float
     grey_limits: FloatArray
 
@@ -74,8 +75,11 @@ class PairErrors:
         weight = (1 / (1 + ((error - middle) / OUTLIER_ERROR_LOG) ** 2))[:, None]
         root = np.sqrt(weight)
 
+        def mean(values: FloatArray) -> FloatArray:
+            return np.asarray(np.sum(weight * values, axis=0) / weight.sum())
+
         def centred(values: FloatArray) -> FloatArray:
-            return np.asarray(root * (values - np.sum(weight * values, axis=0) / weight.sum()))
+            return np.asarray(root * (values - mean(values)))
 
         phi, rho, x = centred(change), centred(error[:, None])[:, 0], centred(parameter)
         return cls(
@@ -86,6 +90,7 @@ class PairErrors:
             phi.T @ rho,
             phi.T @ x,
             middle,
+            mean(change),
             float(np.sqrt(np.quantile(squared, SEEN_QUANTILES[1]))),
             np.quantile(grey, SEEN_QUANTILES),
         )

@@ -119,9 +119,9 @@ changes of this size had 17 and 9 or more."""
 SYSTEMATIC_LOG = 0.006
 """Standard deviation, in ln, by which registration is wrong in ways that pairs have in common."""
 
-ALIKE_GAIN = 0.9
-"""Share of the gain of one explanation from which on the other is as good; both are named then, unless the other
-would have to be the larger change: responses imitate corners that lose a fifth by changing two- to tenfold."""
+ALIKE_RATIO = 0.9
+"""Ratio of what two explanations gain in pairs that they were not made from, or of the errors of whole pairs that
+they leave, from which on one is as good as the other; both are named where they are so by both measures."""
 
 MAJORITY = 0.8
 """Share of the pairs in each half that a change must explain, weighted by what it does to them: a few wrong
