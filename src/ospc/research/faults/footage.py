@@ -70,7 +70,7 @@ class Footage:
     times
         Lines of ``times.txt``, for faults that only a file can have. The recording is then read from files.
     power
-        The exposures in the metadata are proportional to this power of those that reach the sensor.
+        The exposures in the metadata are proportional to this power of those that reach the sensor, at least nearly.
     """
 
     images: tuple[Image, ...]

@@ -141,13 +141,14 @@ def judged(found: Calibration, footage: Footage, run: Run) -> Run:
     states: dict[str, str] = {name: verdict.state for name, verdict in found.verdicts.items()}
     skipped = found.counts.get("skipped", 0)
     parts = ("response", "exposures") if footage.vignette is None else ("response", "vignette", "exposures")
-    outcome = outcome_of(
+    outcome_by = partial(
+        outcome_of,
         {name: states.get(name, "not identifiable") for name in parts},
-        figures,
         warned=bool(found.warnings),
         corrected=bool(found.notes) or skipped > 0,
     )
-    if outcome == "confident and wrong" and footage.power != 1 and not beyond(_errors(found, footage.as_stated())):
+    outcome, wrong = outcome_by(figures), "confident and wrong"
+    if outcome == wrong and footage.power != 1 and outcome_by(_errors(found, footage.as_stated())) != wrong:
         outcome = "indistinguishable"
     return replace(
         run,

@@ -30,6 +30,15 @@ def _dimmed(footage: Footage, power: float, _random: np.random.Generator) -> Foo
     return replace(_factored(footage, (exposures_ms / np.median(exposures_ms)) ** -power), power=1 / (1 - power))
 
 
+def _locked_flicker(footage: Footage, share: float, _random: np.random.Generator) -> Footage:
+    exposures_ms = footage.camera.exposures_ms
+    # Every exposure is centred on a maximum of the light.
+    factor = 1 + share * np.sinc(_LAMP_HZ * exposures_ms / 1000)
+    # The light is nearly a power of the exposure: that part no image shows.
+    power = np.polyfit(np.log(exposures_ms * factor), np.log(exposures_ms), 1)[0]
+    return replace(_factored(footage, factor), power=float(power))
+
+
 def _times(footage: Footage, factor: Float32Array) -> Footage:
     """Multiply the light of every pixel by a factor, shape (height, width)."""
     return footage.relit(lambda light, _i: light * factor)
@@ -177,8 +186,7 @@ FAULTS = (
             lambda light, i: light + np.float32(x) * np.minimum(f.camera.irradiance[max(0, i - 1)], 1)
         )),
     Fault("locked-flicker", "100 Hz flicker of ±{} in step with the frames", (0.1, 0.3, 0.6),
-        # Every exposure is centred on a maximum of the light.
-        lambda f, x, _: _factored(f, 1 + x * np.sinc(_LAMP_HZ * f.camera.exposures_ms / 1000))),
+        _locked_flicker),
     Fault("beating-flicker", "flicker of ±{} every 8.7 frames", (0.02, 0.05, 0.15),
         lambda f, x, _: _factored(f, 1 + x * wave(len(f), len(f) / 8.7))),
     Fault("row-flicker", "flicker of ±{} along the rows of a rolling shutter", (0.02, 0.05, 0.15), _row_flicker),
