@@ -247,11 +247,12 @@ def test_deviations_are_larger_where_the_response_bends_too_sharply_for_the_basi
 
 
 @pytest.mark.parametrize("name", RESPONSES)
-def test_the_error_of_ratios_is_as_expected(name):
+def test_the_error_of_ratios_is_hardly_ever_larger_than_stated_nor_much_smaller(name):
     camera = Camera(RESPONSES[name]())
-    fits = [fitted(camera.pairs(seed)) for seed in range(3)]
-    error = np.mean([log_ratio_error(fit.response(255), camera.response) for fit in fits])
-    assert 0.3 < error / np.mean([fit.expected_log_ratio_error for fit in fits]) < 2
+    fits = [fitted(camera.pairs(seed)) for seed in range(4)]
+    shares = [log_ratio_error(fit.response(255), camera.response) / fit.log_ratio_error_bound for fit in fits]
+    assert max(shares) < 1.2
+    assert np.mean(shares) > 0.15
 
 
 def test_more_points_make_smaller_deviations():

@@ -165,7 +165,12 @@ def test_frames_that_cannot_be_used_spoil_nothing(walk, quick):
             assert not calibrator.push(bad[number // 10])
     mixed, clean = calibrator.calibration(), quick
     assert (mixed.counts["skipped"], mixed.counts["frames"]) == (4, QUICK_FRAMES + 4)
-    assert [v.state for v in mixed.verdicts.values()] == [v.state for v in clean.verdicts.values()]
+    # The response is known to about what it takes to be identifiable: a little more or less changes its verdict.
+    for name in ("vignette", "exposures"):
+        assert mixed.verdicts[name].state == clean.verdicts[name].state
+    ends = np.array([0.25, 0.75])
+    sigmas = [np.interp(ends, c.response.levels, c.response.log_sigma) for c in (mixed, clean)]
+    np.testing.assert_allclose(*sigmas, rtol=1 / 3, atol=1e-3)
     np.testing.assert_allclose(mixed.vignette_sigma, clean.vignette_sigma, rtol=1 / 3, atol=1e-4)
     levels = np.linspace(0.2, 0.8, 13)
     steps = [np.diff(np.log(c.response.inverse(levels))) for c in (mixed, clean)]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from statistics import NormalDist
 
 import numpy as np
 
@@ -25,9 +24,11 @@ from ospc.settings.estimation import (
     MIN_RESPONSE_STEP,
     RATIO_BRIGHTEST_GREY,
     RATIO_DARKEST_GREY,
+    RATIO_DRAWS,
     RATIO_LEVELS,
     RATIO_LOG_GREY_SPREAD,
-    RATIO_QUANTILES,
+    RATIO_PARTNERS,
+    RATIO_PROBABILITY,
     SUPPORT_QUANTILES,
 )
 
@@ -198,20 +199,24 @@ class Fit(Model):
         return float(self.log_response_sigma(np.array([high]), low)[0])
 
     @property
-    def expected_log_ratio_error(self) -> float:
-        """Median error of ln g(a)/g(b) to expect, of grey levels of the same surface in two exposures.
+    def log_ratio_error_bound(self) -> float:
+        """Error of ratios of irradiance that is not exceeded with a probability of 95 %.
 
-        It predicts κ, which :func:`ospc.evaluation.metrics.log_ratio_error` measures where the truth is known.
+        The error is κ, the median of that of ln g(a)/g(b) over pairs of grey levels, which
+        :func:`ospc.evaluation.metrics.log_ratio_error` measures where the truth is known.
         """
-        normal = np.array([NormalDist().inv_cdf((i + 0.5) / RATIO_QUANTILES) for i in range(RATIO_QUANTILES)])
-        grey = np.linspace(RATIO_DARKEST_GREY, RATIO_BRIGHTEST_GREY, RATIO_LEVELS)[:, None]
-        other = np.clip(grey * np.exp(RATIO_LOG_GREY_SPREAD * normal), grey[0], grey[-1])
-        basis, n = self.response_basis, len(self.response_basis)
-        rows = basis.log_rows(other.ravel()).reshape(*other.shape, n) - basis.log_rows(grey.ravel())[:, None]
-        variance = np.einsum("abi,ij,abj->ab", rows, self.covariance[:n, :n], rows, optimize=True)
-        unresolved = [basis.unresolved(self.response_parameters, levels) ** 2 for levels in (grey, other)]
-        sigma = np.sqrt(variance + unresolved[0] + unresolved[1])
-        return float(np.median(np.abs(sigma[..., None] * normal)))
+        random = np.random.default_rng(0)
+        grey = np.linspace(RATIO_DARKEST_GREY, RATIO_BRIGHTEST_GREY, RATIO_LEVELS)
+        other = grey * np.exp(random.normal(0, RATIO_LOG_GREY_SPREAD, (RATIO_PARTNERS, RATIO_LEVELS)))
+        both = np.stack(np.broadcast_arrays(grey, np.clip(other, grey[0], grey[-1]))).reshape(2, -1)
+        n, basis = len(self.response_basis), self.response_basis
+        rows = basis.log_rows(both[0]) - basis.log_rows(both[1])
+        unresolved = np.hypot(*(basis.unresolved(self.response_parameters, levels) for levels in both))
+        values, vectors = np.linalg.eigh(self.covariance[:n, :n])
+        root = vectors * np.sqrt(np.maximum(values, 0))
+        drawn = rows @ root @ random.normal(size=(n, RATIO_DRAWS))
+        drawn += unresolved[:, None] * random.normal(size=drawn.shape)
+        return float(np.quantile(np.median(np.abs(drawn), axis=0), RATIO_PROBABILITY))
 
     def log_vignette_sigma(self, radius: FloatArray) -> FloatArray:
         """Return the standard deviation of ln V at radii in half diagonals, shape (n,) -> (n,).

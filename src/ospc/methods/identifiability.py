@@ -73,11 +73,11 @@ def response_verdict(
 
 def response_verdict_of_fit(fit: Fit, exposure_range_ms: tuple[float, float], unexplained: float) -> Verdict:
     """Return whether a fit knows the response, given the share of changes of exposure that images do not show."""
-    error = fit.expected_log_ratio_error
+    error = fit.log_ratio_error_bound
     low, high = exposure_range_ms
     # A power of all exposures would be one of g and V, which no image shows.
     figure = (
-        f"ratios of irradiance are known to {100 * error:.2g}% (median) "
+        f"ratios of irradiance are known to within {100 * error:.2g}% (95% confidence) "
         f"from exposures of {low:.4g} to {high:.4g} ms, taken as proportional to the light"
     )
     contradiction = f"{min(unexplained, 1):.0%} of a typical change of exposure does not show in the images"
@@ -135,7 +135,7 @@ def vignette_verdict(
 
 def _is_unsteady(fit: Fit) -> bool:
     """Return whether unsteady light keeps the response from being known, and with it the vignette."""
-    return bool(fit.errors.gain_variances) and fit.expected_log_ratio_error > IDENTIFIABLE_RATIO_ERROR
+    return bool(fit.errors.gain_variances) and fit.log_ratio_error_bound > IDENTIFIABLE_RATIO_ERROR
 
 
 def _graded(fit: Fit, error: float, limits: tuple[float, float], figure: str, remedy: str) -> Verdict:

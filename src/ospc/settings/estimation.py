@@ -258,9 +258,9 @@ RATIO_LOG_GREY_SPREAD = 0.3
 """Grey levels whose ratios of irradiance are judged, and the standard deviation of the log ratio of two of them: what
 a direct method compares. The ends of a response are hardly ever measured."""
 
-RATIO_LEVELS, RATIO_QUANTILES = 93, 8
-"""Grey levels for which the error of such ratios is predicted, three to an interval between knots, and the second
-levels and errors for each: as many equally probable ones. More change the median by less than a twentieth."""
+RATIO_LEVELS, RATIO_PARTNERS, RATIO_DRAWS, RATIO_PROBABILITY = 93, 4, 256, 0.95
+"""How the error of such ratios is predicted: at so many grey levels, three to an interval between knots, with so many
+others each, for so many responses drawn from the covariance. It is larger with a probability of a twentieth."""
 
 UNRESOLVED_JUMP = 1 / 12
 """Standard deviation of ln g for a jump of γ by one within an interval of ln M of length one, where γ is fitted by a
