@@ -82,6 +82,13 @@ def test_every_number_is_explained(path):
     assert unexplained(path.read_text(encoding="utf-8")) == []
 
 
+@pytest.mark.parametrize("path", MODULES, ids=lambda path: path.relative_to(ROOT).as_posix())
+def test_no_number_replaces_another_of_the_same_name(path):
+    targets = [ast.parse(name, mode="eval").body for name in numbers(path.read_text(encoding="utf-8"))]
+    names = [node.id for target in targets for node in ast.walk(target) if isinstance(node, ast.Name)]
+    assert len(names) == len(set(names))
+
+
 @pytest.mark.parametrize(
     ("source", "names"),
     [

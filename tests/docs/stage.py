@@ -26,7 +26,7 @@ from ospc.simulation import SimulationSettings, simulate
 
 _SMALL = SimulationSettings(
     size=(256, 192),
-    frames=12,
+    frames=10,
     exposure="sweep",
     exposure_min_ms=2.0,
     exposure_max_ms=24.0,

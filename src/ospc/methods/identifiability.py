@@ -22,10 +22,10 @@ from ospc.settings.methods import (
     DOUBTED_UNEXPLAINED_SHARE,
     IDENTIFIABLE_RATIO_ERROR,
     IDENTIFIABLE_VIGNETTE_SIGMA,
-    MAX_RATIO_ERROR,
-    MAX_VIGNETTE_SIGMA,
     MIN_COMPARED_LOG_K,
     MIN_SCATTER_GROUPS,
+    UNIDENTIFIABLE_RATIO_ERROR,
+    UNIDENTIFIABLE_VIGNETTE_SIGMA,
     WIDE_EXPOSURE_RATIO,
 )
 
@@ -89,9 +89,9 @@ def response_verdict_of_fit(fit: Fit, exposure_range_ms: tuple[float, float], un
         return Verdict("not identifiable", contradiction, check_exposures)
     remedy = _CHANGE_EXPOSURE if high < WIDE_EXPOSURE_RATIO * low else _SEE_MORE
     remedy = _STEADIER if _is_unsteady(fit) else remedy
-    if error <= MAX_RATIO_ERROR and unexplained > DOUBTED_UNEXPLAINED_SHARE:
+    if error <= UNIDENTIFIABLE_RATIO_ERROR and unexplained > DOUBTED_UNEXPLAINED_SHARE:
         return Verdict("marginal", f"{figure}, but {contradiction}", check_exposures)
-    return _graded(fit, error, (IDENTIFIABLE_RATIO_ERROR, MAX_RATIO_ERROR), figure, remedy)
+    return _graded(fit, error, (IDENTIFIABLE_RATIO_ERROR, UNIDENTIFIABLE_RATIO_ERROR), figure, remedy)
 
 
 def vignette_verdict(
@@ -130,7 +130,7 @@ def vignette_verdict(
     where = "at the corner" if usable_radius >= 1 else f"at {usable_radius:.2f} half diagonals, where the image ends,"
     figure = f"ln V {where} is known to ±{sigma:.2g} from radial motion of {reach:.2f} half diagonals"
     remedy = _STEADIER if _is_unsteady(fit) else _MOVE_RADIALLY
-    return _graded(fit, sigma, (IDENTIFIABLE_VIGNETTE_SIGMA, MAX_VIGNETTE_SIGMA), figure, remedy)
+    return _graded(fit, sigma, (IDENTIFIABLE_VIGNETTE_SIGMA, UNIDENTIFIABLE_VIGNETTE_SIGMA), figure, remedy)
 
 
 def _is_unsteady(fit: Fit) -> bool:

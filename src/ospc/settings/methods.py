@@ -155,7 +155,7 @@ MIN_SCATTER_GROUPS = 5
 """Comparisons of frames from which on their scatter tells how well a curve is known: with up to three, exposures off
 by one or two per cent gave errors of 6 to 28 stated standard deviations, from about five on of 1.5 at most."""
 
-MAX_RATIO_ERROR, MAX_VIGNETTE_SIGMA = 0.1, 0.2
+UNIDENTIFIABLE_RATIO_ERROR, UNIDENTIFIABLE_VIGNETTE_SIGMA = 0.1, 0.2
 """The same beyond which a curve is not identifiable: such errors are as large as what is corrected."""
 
 DOUBTED_UNEXPLAINED_SHARE, CONTRADICTING_UNEXPLAINED_SHARE = 0.15, 0.5
