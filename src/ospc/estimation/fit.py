@@ -20,15 +20,16 @@ from ospc.photometry.response import Response
 from ospc.photometry.verdict import EffectEstimate
 from ospc.photometry.vignette import LogVignette
 from ospc.settings.estimation import (
+    CONFIDENCE,
+    ERROR_DRAWS,
     MAX_RESPONSE_LEVELS,
     MIN_RESPONSE_STEP,
+    PROFILE_POINTS,
     RATIO_BRIGHTEST_GREY,
     RATIO_DARKEST_GREY,
-    RATIO_DRAWS,
     RATIO_LEVELS,
     RATIO_LOG_GREY_SPREAD,
     RATIO_PARTNERS,
-    RATIO_PROBABILITY,
     SUPPORT_QUANTILES,
 )
 
@@ -209,14 +210,18 @@ class Fit(Model):
         grey = np.linspace(RATIO_DARKEST_GREY, RATIO_BRIGHTEST_GREY, RATIO_LEVELS)
         other = grey * np.exp(random.normal(0, RATIO_LOG_GREY_SPREAD, (RATIO_PARTNERS, RATIO_LEVELS)))
         both = np.stack(np.broadcast_arrays(grey, np.clip(other, grey[0], grey[-1]))).reshape(2, -1)
-        n, basis = len(self.response_basis), self.response_basis
+        basis = self.response_basis
         rows = basis.log_rows(both[0]) - basis.log_rows(both[1])
         unresolved = np.hypot(*(basis.unresolved(self.response_parameters, levels) for levels in both))
-        values, vectors = np.linalg.eigh(self.covariance[:n, :n])
-        root = vectors * np.sqrt(np.maximum(values, 0))
-        drawn = rows @ root @ random.normal(size=(n, RATIO_DRAWS))
+        drawn = self._drawn_errors(rows, slice(len(basis)), random)
         drawn += unresolved[:, None] * random.normal(size=drawn.shape)
-        return float(np.quantile(np.median(np.abs(drawn), axis=0), RATIO_PROBABILITY))
+        return float(np.quantile(np.median(np.abs(drawn), axis=0), CONFIDENCE))
+
+    def _drawn_errors(self, rows: FloatArray, part: slice, random: np.random.Generator) -> FloatArray:
+        """Return errors of n values with derivatives by some parameters, drawn from their covariance, (n, draws)."""
+        values, vectors = np.linalg.eigh(self.covariance[part, part])
+        drawn = vectors @ (np.sqrt(np.maximum(values, 0))[:, None] * random.normal(size=(len(values), ERROR_DRAWS)))
+        return np.asarray(rows @ drawn)
 
     def log_vignette_sigma(self, radius: FloatArray) -> FloatArray:
         """Return the standard deviation of ln V at radii in half diagonals, shape (n,) -> (n,).
@@ -229,6 +234,16 @@ class Fit(Model):
     def worst_log_vignette_sigma(self, radius: float) -> float:
         """Return the largest standard deviation of ln V at a radius in half diagonals, towards any of the corners."""
         return float(np.sqrt(self._log_vignette_variance(np.array([radius]), self.covariance).max()))
+
+    def vignette_error_bound(self, radius: float) -> float:
+        """Return the root mean square error of the profile of V up to a radius that is exceeded in 5 % of cases."""
+        radii = np.linspace(0, radius, PROFILE_POINTS)
+        along = (radii[:, None, None] * _DIAGONALS).reshape(-1, 2)
+        slope = self.vignette_basis.jacobian(self.vignette_parameters, along)
+        slope *= np.exp(self.vignette_basis.log_value(self.vignette_parameters, along))[:, None]
+        profile = slope.reshape(len(radii), len(_DIAGONALS), -1).mean(axis=1)
+        drawn = self._drawn_errors(profile, self.vignette_part, np.random.default_rng(0))
+        return float(np.quantile(np.sqrt(np.mean(drawn**2, axis=0)), CONFIDENCE))
 
     def _log_vignette_variance(self, radius: FloatArray, covariance: FloatArray) -> FloatArray:
         """Return the variance of ln V at radii, shape (n,), along the half diagonals, shape (4, n)."""

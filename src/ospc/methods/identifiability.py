@@ -15,17 +15,16 @@ from ospc.estimation.residual_effects import (
 )
 from ospc.observations import ExposedObservations
 from ospc.photometry.calibration import ExposureRatios
-from ospc.photometry.verdict import LATE_EXPOSURES, EffectEstimate, Verdict
+from ospc.photometry.verdict import LATE_EXPOSURES, EffectEstimate, State, Verdict
 from ospc.settings import DefaultSettings
 from ospc.settings.methods import (
     CONTRADICTING_UNEXPLAINED_SHARE,
     DOUBTED_UNEXPLAINED_SHARE,
-    IDENTIFIABLE_RATIO_ERROR,
-    IDENTIFIABLE_VIGNETTE_SIGMA,
+    IDENTIFIABLE_CORNER_SIGMA,
+    IDENTIFIABLE_ERROR,
     MIN_COMPARED_LOG_K,
     MIN_SCATTER_GROUPS,
-    UNIDENTIFIABLE_RATIO_ERROR,
-    UNIDENTIFIABLE_VIGNETTE_SIGMA,
+    UNIDENTIFIABLE_FACTOR,
     WIDE_EXPOSURE_RATIO,
 )
 
@@ -89,9 +88,10 @@ def response_verdict_of_fit(fit: Fit, exposure_range_ms: tuple[float, float], un
         return Verdict("not identifiable", contradiction, check_exposures)
     remedy = _CHANGE_EXPOSURE if high < WIDE_EXPOSURE_RATIO * low else _SEE_MORE
     remedy = _STEADIER if _is_unsteady(fit) else remedy
-    if error <= UNIDENTIFIABLE_RATIO_ERROR and unexplained > DOUBTED_UNEXPLAINED_SHARE:
+    relative = error / IDENTIFIABLE_ERROR
+    if relative <= UNIDENTIFIABLE_FACTOR and unexplained > DOUBTED_UNEXPLAINED_SHARE:
         return Verdict("marginal", f"{figure}, but {contradiction}", check_exposures)
-    return _graded(fit, error, (IDENTIFIABLE_RATIO_ERROR, UNIDENTIFIABLE_RATIO_ERROR), figure, remedy)
+    return _graded(fit, relative, figure, remedy)
 
 
 def vignette_verdict(
@@ -126,22 +126,26 @@ def vignette_verdict(
         )
     if fit is None or unexplained > CONTRADICTING_UNEXPLAINED_SHARE:
         return Verdict("not identifiable", "without a response there is no irradiance to compare", "")
-    sigma = fit.worst_log_vignette_sigma(usable_radius)
+    error, sigma = fit.vignette_error_bound(usable_radius), fit.worst_log_vignette_sigma(usable_radius)
     where = "at the corner" if usable_radius >= 1 else f"at {usable_radius:.2f} half diagonals, where the image ends,"
-    figure = f"ln V {where} is known to ±{sigma:.2g} from radial motion of {reach:.2f} half diagonals"
+    figure = (
+        f"V is known to within {100 * error:.2g}% (95% confidence), and ln V {where} to ±{sigma:.2g}, "
+        f"from radial motion of {reach:.2f} half diagonals"
+    )
     remedy = _STEADIER if _is_unsteady(fit) else _MOVE_RADIALLY
-    return _graded(fit, sigma, (IDENTIFIABLE_VIGNETTE_SIGMA, UNIDENTIFIABLE_VIGNETTE_SIGMA), figure, remedy)
+    return _graded(fit, max(error / IDENTIFIABLE_ERROR, sigma / IDENTIFIABLE_CORNER_SIGMA), figure, remedy)
 
 
 def _is_unsteady(fit: Fit) -> bool:
     """Return whether unsteady light keeps the response from being known, and with it the vignette."""
-    return bool(fit.errors.gain_variances) and fit.log_ratio_error_bound > IDENTIFIABLE_RATIO_ERROR
+    return bool(fit.errors.gain_variances) and fit.log_ratio_error_bound > IDENTIFIABLE_ERROR
 
 
-def _graded(fit: Fit, error: float, limits: tuple[float, float], figure: str, remedy: str) -> Verdict:
-    sure, largest = limits
-    if error > sure:
-        return Verdict("not identifiable" if error > largest else "marginal", figure, remedy)
+def _graded(fit: Fit, relative_error: float, figure: str, remedy: str) -> Verdict:
+    """Return the verdict on a curve, by its error over the largest one of an identifiable curve."""
+    if relative_error > 1:
+        state: State = "not identifiable" if relative_error > UNIDENTIFIABLE_FACTOR else "marginal"
+        return Verdict(state, figure, remedy)
     if fit.groups >= MIN_SCATTER_GROUPS:
         return Verdict("identifiable", figure)
     few = f"{figure}, but from {counted(fit.groups, 'comparison')} of frames only"

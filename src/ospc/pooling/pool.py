@@ -22,7 +22,7 @@ from ospc.pooling.agreement import Agreement, Part, agreement
 from ospc.pooling.solution import Information, solve_with_chosen_vignette
 from ospc.pooling.summary import PARAMETERS, VIGNETTE_PART, Summary, joint_range, triangle_of
 from ospc.settings import DefaultSettings
-from ospc.settings.methods import IDENTIFIABLE_VIGNETTE_SIGMA
+from ospc.settings.methods import IDENTIFIABLE_CORNER_SIGMA
 from ospc.state import container
 from ospc.state.container import STATE_NAME, Container
 from ospc.state.run import KIND as RUN_KIND
@@ -218,7 +218,7 @@ def usable_radius(fit: Fit, used: Sequence[Summary]) -> float:
     """
     largest = max((s.usable_radius for s in used if not s.standing_still), default=1.0)
     # The basis of the fit has the smallest.
-    known = fit.worst_log_vignette_sigma(largest) <= IDENTIFIABLE_VIGNETTE_SIGMA
+    known = fit.worst_log_vignette_sigma(largest) <= IDENTIFIABLE_CORNER_SIGMA
     return largest if known else fit.vignette_basis.usable_radius
 
 

@@ -258,9 +258,13 @@ RATIO_LOG_GREY_SPREAD = 0.3
 """Grey levels whose ratios of irradiance are judged, and the standard deviation of the log ratio of two of them: what
 a direct method compares. The ends of a response are hardly ever measured."""
 
-RATIO_LEVELS, RATIO_PARTNERS, RATIO_DRAWS, RATIO_PROBABILITY = 93, 4, 256, 0.95
-"""How the error of such ratios is predicted: at so many grey levels, three to an interval between knots, with so many
-others each, for so many responses drawn from the covariance. It is larger with a probability of a twentieth."""
+RATIO_LEVELS, RATIO_PARTNERS, PROFILE_POINTS = 93, 4, 50
+"""Grey levels at which the error of such ratios is predicted, three to an interval between knots, and others for
+each; and radii at which that of the vignette is."""
+
+CONFIDENCE, ERROR_DRAWS = 0.95, 256
+"""Probability that an error is not larger than stated, and parameters drawn from their covariance to tell it: others
+would change it by a twentieth."""
 
 UNRESOLVED_JUMP = 1 / 12
 """Standard deviation of ln g for a jump of γ by one within an interval of ln M of length one, where γ is fitted by a

@@ -146,17 +146,18 @@ MIN_SLOPE_ERROR_LOG = 0.008
 
 # When response and vignette are identifiable (ospc.methods.identifiability)
 
-IDENTIFIABLE_RATIO_ERROR, IDENTIFIABLE_VIGNETTE_SIGMA = 0.005, 0.025
-"""Error of ratios of irradiance that κ exceeds in one of twenty cases, and standard deviation of ln V at the corner,
-up to which a curve is identifiable: errors are then below half a per cent, of κ and of V over the image. In 55
-recordings of all kinds of cameras, with noise and unsteady light among them, κ was larger than stated in two."""
+IDENTIFIABLE_ERROR, IDENTIFIABLE_CORNER_SIGMA = 0.005, 0.025
+"""Errors that are exceeded in one of twenty cases, of ratios of irradiance (κ) and of the profile of V, and the
+standard deviation of ln V at the corner, up to which a curve is identifiable. Corrected images are used to half a per
+cent. Of 55 recordings of all kinds of cameras, with noise and unsteady light among them, κ was larger than stated in
+two; of 33, V was in two."""
+
+UNIDENTIFIABLE_FACTOR = 8.0
+"""Times these limits beyond which a curve is not identifiable: such errors are as large as what is corrected."""
 
 MIN_SCATTER_GROUPS = 5
 """Comparisons of frames from which on their scatter tells how well a curve is known: with up to three, exposures off
 by one or two per cent gave errors of 6 to 28 stated standard deviations, from about five on of 1.5 at most."""
-
-UNIDENTIFIABLE_RATIO_ERROR, UNIDENTIFIABLE_VIGNETTE_SIGMA = 0.1, 0.2
-"""The same beyond which a curve is not identifiable: such errors are as large as what is corrected."""
 
 DOUBTED_UNEXPLAINED_SHARE, CONTRADICTING_UNEXPLAINED_SHARE = 0.15, 0.5
 """Shares of a typical change of exposure that may be missing in the images: beyond the first the exposures are
