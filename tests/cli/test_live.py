@@ -261,6 +261,7 @@ def test_a_closed_terminal_ends_it_and_keeps_what_is_known(stalled, tmp_path):
     shown = b""
     while b"waiting" not in shown:
         shown += os.read(ours, 1000)
+    time.sleep(0.5)  # a signal between the words and the sleep would wait for its end
     os.close(ours)
     assert running.wait(30) == 130
     check_kept(tmp_path / "out")
