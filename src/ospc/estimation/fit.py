@@ -199,7 +199,7 @@ class Fit(Model):
         """Return the standard deviation of ln g(high)/g(low)."""
         return float(self.log_response_sigma(np.array([high]), low)[0])
 
-    @property
+    @cached_property
     def log_ratio_error_bound(self) -> float:
         """Error of ratios of irradiance that is not exceeded with a probability of 95 %.
 

@@ -259,12 +259,12 @@ RATIO_LOG_GREY_SPREAD = 0.3
 a direct method compares. The ends of a response are hardly ever measured."""
 
 RATIO_LEVELS, RATIO_PARTNERS, PROFILE_POINTS = 93, 4, 50
-"""Grey levels at which the error of such ratios is predicted, three to an interval between knots, and others for
-each; and radii at which that of the vignette is."""
+"""Grey levels at which the error of such ratios is predicted, three to an interval between knots; grey levels that
+each of them is compared with; and radii at which the error of the vignette is predicted."""
 
 CONFIDENCE, ERROR_DRAWS = 0.95, 256
-"""Probability that an error is not larger than stated, and parameters drawn from their covariance to tell it: others
-would change it by a twentieth."""
+"""Probability that an error is not larger than stated, and number of sets of parameters drawn from their covariance:
+other draws change the error stated by a twentieth."""
 
 UNRESOLVED_JUMP = 1 / 12
 """Standard deviation of ln g for a jump of γ by one within an interval of ln M of length one, where γ is fitted by a

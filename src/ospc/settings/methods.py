@@ -147,10 +147,9 @@ MIN_SLOPE_ERROR_LOG = 0.008
 # When response and vignette are identifiable (ospc.methods.identifiability)
 
 IDENTIFIABLE_ERROR, IDENTIFIABLE_CORNER_SIGMA = 0.005, 0.025
-"""Errors that are exceeded in one of twenty cases, of ratios of irradiance (κ) and of the profile of V, and the
-standard deviation of ln V at the corner, up to which a curve is identifiable. Corrected images are used to half a per
-cent. Of 55 recordings of all kinds of cameras, with noise and unsteady light among them, κ was larger than stated in
-two; of 33, V was in two."""
+"""Limits of an identifiable curve: for the error of ratios of irradiance (κ), or of the profile of V, that is
+exceeded in one of twenty cases, and for the standard deviation of ln V at the corner. In two of 55 recordings of all
+kinds of cameras, with noise and unsteady light among them, κ was larger than stated; the error of V, in two of 33."""
 
 UNIDENTIFIABLE_FACTOR = 8.0
 """Times these limits beyond which a curve is not identifiable: such errors are as large as what is corrected."""
