@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from ospc.arrays import FloatArray
-from ospc.estimation.normal_equations import NormalEquations
+from ospc.estimation.normal_equations import NormalEquations, at_least
 from ospc.estimation.prior import Prior, PriorHyperparameters
 from ospc.estimation.response_basis import ResponseBasis, typical_gamma
 
@@ -37,3 +37,15 @@ def test_halves_that_differ_by_more_widen_the_band_by_the_difference(sigmas: flo
     found = sigma_of_first(halves)
     assert found[3] / plain[3] == pytest.approx(sigmas, rel=0.15)
     assert found[0] == pytest.approx(plain[0], rel=0.15)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_covariance_is_widened_just_where_it_is_smaller_than_another(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    one, other = (root @ root.T for root in random.normal(size=(2, 6, 6)))
+    wider = at_least(one, other)
+    for smaller in (one, other):
+        assert np.linalg.eigvalsh(wider - smaller).min() > -1e-9 * np.trace(wider)
+    # Nothing is wider than it has to be: along each direction that both have in common it is one of the two.
+    np.testing.assert_allclose(at_least(one, one / 2), one, rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(at_least(one / 2, one), one, rtol=1e-6, atol=1e-9)

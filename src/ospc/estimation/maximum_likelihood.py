@@ -19,7 +19,7 @@ from ospc.estimation.error_model import ErrorModel
 from ospc.estimation.fit import Fit
 from ospc.estimation.latent import Latent, LatentModel
 from ospc.estimation.model import LinearSystem, Model
-from ospc.estimation.normal_equations import NormalEquations
+from ospc.estimation.normal_equations import NormalEquations, at_least
 from ospc.estimation.prior import PriorHyperparameters
 from ospc.estimation.response_basis import ResponseBasis
 from ospc.estimation.vignette_basis import VignetteBasis
@@ -156,13 +156,17 @@ class MaximumLikelihoodEstimator:
                 disagreement = system.disagreement(parameters, of_prior, sandwich_factor)
                 break
             del latent, system  # both take as much memory as the observations, and the next round makes its own
+        covariance = equations.covariance(prior, hyperparameters, disagreement)
+        chance = np.asarray(np.linalg.inv(precision), dtype=np.float64)
+        if errors.gain_variances:  # their variances follow the means of pairs, which then scatter less than gains may
+            covariance = at_least(covariance, chance)
         return Fit(
             self.response_basis,
             self.vignette_basis,
             self.effects,
             parameters,
-            equations.covariance(prior, hyperparameters, disagreement),
-            np.asarray(np.linalg.inv(precision), dtype=np.float64),
+            covariance,
+            chance,
             errors,
             hyperparameters,
             int(np.count_nonzero(observations.combined(np.add, weight))),

@@ -31,7 +31,6 @@ from ospc.settings.estimation import (
     FIRST_FIT_POINTS,
     MIN_CRITERION_GROUPS,
     MIN_GROUPS,
-    MIN_GROUPS_TO_CONTRADICT,
     PREFERRED_SHARE,
     PROMISING_SHARE,
     SIGNIFICANT_SIGMAS,
@@ -128,7 +127,7 @@ def fit_with_chosen_effects(
 
     One effect after the other is tried, the clearest first, and kept if it is significant by the scatter of the
     observations. As soon as something contradicts the model nothing is corrected: one effect imitates another. Few
-    pairs of frames can contradict the model, but correct nothing. Where frames are still brighter or darker than the
+    pairs of frames prove nothing. Where frames are still brighter or darker than the
     model says, by more than chance, each frame gets a latent gain. What any effect that is left out may amount to is
     added to the covariance. A camera at rest shows none. The parameters are as in :func:`fit_with_chosen_vignette`.
     """
@@ -147,7 +146,7 @@ def fit_with_chosen_effects(
     fit = fitted.fit
     if any(name in CONTRADICTIONS for name in fit.effects.chosen):
         return _with_estimates(plain.fit, plain_trials, _estimates(fit, observations)[-1:])
-    if fit.groups < MIN_GROUPS_TO_CONTRADICT:
+    if fit.groups < MIN_GROUPS:
         return _with_estimates(fit, trials, ())
     residual = fit.residuals(observations)
     if unsteady := unsteadiness(residual, observations):
@@ -164,7 +163,7 @@ def _with_effects(
     The first that contradicts the model is the last one.
     """
     observations, noise = fitted.observations, fitted.noise
-    untried = _provable(fitted.fit.groups)
+    untried = tuple(EFFECTS) if fitted.fit.groups >= MIN_GROUPS else ()
     while suspect := _suspected(trials, untried):
         untried = tuple(name for name in untried if name != suspect.name)
         start = after_newton_step(fitted.fit, suspect)
@@ -209,16 +208,9 @@ def _left_out(fit: Fit) -> tuple[str, ...]:
 
 def _gain_variances(fitted: Fitted) -> tuple[float, ...]:
     """Return variances of latent gains beyond chance; empty where there are none or too few pairs to tell."""
-    if not fitted.observations.in_pairs or fitted.fit.groups < MIN_GROUPS_TO_CONTRADICT:
+    if not fitted.observations.in_pairs or fitted.fit.groups < MIN_GROUPS:
         return ()
     return _estimator(fitted.fit, fitted.noise, 0).significant_gain_variances(fitted)
-
-
-def _provable(groups: int) -> tuple[str, ...]:
-    """Return the effects that so many groups of observations can prove."""
-    if groups >= MIN_GROUPS:
-        return tuple(EFFECTS)
-    return CONTRADICTIONS if groups >= MIN_GROUPS_TO_CONTRADICT else ()
 
 
 def _suspected(trials: Sequence[Trial], untried: Sequence[str]) -> Trial | None:

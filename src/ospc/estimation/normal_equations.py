@@ -155,3 +155,12 @@ class NormalEquations:
         found[bound] = low + non_negative_least_squares(lower.T, rest)
         found[~bound] = np.linalg.solve(inside, target[~bound] - cross @ found[bound])
         return found
+
+
+def at_least(covariance: FloatArray, least: FloatArray) -> FloatArray:
+    """Return a covariance, shape (p, p), widened in every direction in which it is smaller than another."""
+    root = np.linalg.cholesky(least)
+    relative = np.linalg.solve(root, np.linalg.solve(root, covariance).T)
+    ratio, directions = np.linalg.eigh(relative)
+    across = root @ directions
+    return np.asarray((across * np.maximum(ratio, 1.0)) @ across.T)
