@@ -49,19 +49,22 @@ def uneven_vignette(residual: FloatArray, observations: ExposedObservations) -> 
     if not known.any():
         return ()
     limit = WEIGHT_CUT_SIGMAS * robust_scale(residual[known])
-    residual = np.clip(residual, -limit, limit)
-    part = _part(observations)
-    means = (_mean(residual, observations, known & (part == number)) for number in range(np.prod(UNEVEN_CELLS)))
-    found = [one for one in means if one is not None]
-    if not found:
+    count, total = _sums_of_parts(np.clip(residual, -limit, limit), observations, known)
+    points, blocks = count.sum(axis=1), np.count_nonzero(count, axis=1)
+    judged = (points >= UNEVEN_FEWEST) & (blocks >= UNEVEN_FEWEST_BLOCKS)
+    if not judged.any():
         return ()
-    mean, sigma, freedom = np.array(found).T
+    count, total, points, blocks = count[judged], total[judged], points[judged], blocks[judged]
+    mean = total.sum(axis=1) / points
+    deviation = total - mean[:, None] * count
+    sigma = np.sqrt(np.sum(deviation**2, axis=1) * blocks / (blocks - 1)) / points
     sigmas = np.abs(mean) / np.hypot(sigma, UNEVEN_SYSTEMATIC)
     if sigmas.max() < UNEVEN_SIGMAS:
         return ()
     from scipy.special import ndtri, stdtr  # slow to import and rarely needed
 
     # The scatter between few blocks is itself uncertain: the normal deviate that is as improbable is smaller.
+    freedom = points**2 / np.sum(count**2, axis=1) - 1
     sigmas = -ndtri(stdtr(freedom, -sigmas))
     worst = int(np.argmax(sigmas))
     if sigmas[worst] < UNEVEN_SIGMAS:
@@ -69,25 +72,25 @@ def uneven_vignette(residual: FloatArray, observations: ExposedObservations) -> 
     return (EffectEstimate(UNEVEN, 2 * float(mean[worst]), 2 * float(sigma[worst]), contradicts=True),)
 
 
-def _part(observations: ExposedObservations) -> IntArray:
-    """Return the number of the part of the image that each observation is in, shape (n,)."""
+def _sums_of_parts(
+    residual: FloatArray, observations: ExposedObservations, known: BoolArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return the number and the sum of known residuals in each part of the image and block, shape (parts, blocks).
+
+    Parts are all squares of four neighbouring cells, so that they overlap.
+    """
     extent = np.abs(observations.position).max(axis=0)
-    place = np.clip((observations.position / extent + 1) / 2 * UNEVEN_CELLS, 0, np.array(UNEVEN_CELLS) - 1)
-    return np.asarray(place.astype(np.int64) @ [1, UNEVEN_CELLS[0]])
-
-
-def _mean(
-    residual: FloatArray, observations: ExposedObservations, inside: BoolArray
-) -> tuple[float, float, float] | None:
-    """Return the mean residual, its standard deviation by the scatter between blocks, and the degrees of freedom."""
-    _, block = np.unique(observations.group[inside] // UNEVEN_GROUPS_PER_BLOCK, return_inverse=True)
-    count = np.bincount(block).astype(np.float64)
-    if count.sum() < UNEVEN_FEWEST or len(count) < UNEVEN_FEWEST_BLOCKS:
-        return None
-    mean = residual[inside].mean()
-    deviation = np.bincount(block, residual[inside] - mean)
-    sigma = np.sqrt(np.sum(deviation**2) * len(count) / (len(count) - 1)) / count.sum()
-    return float(mean), float(sigma), float(count.sum() ** 2 / np.sum(count**2) - 1)
+    place = np.clip((observations.position[known] / extent + 1) / 2 * UNEVEN_CELLS, 0, np.array(UNEVEN_CELLS) - 1)
+    column, row = place.astype(np.int64).T
+    blocks, block = np.unique(observations.group[known] // UNEVEN_GROUPS_PER_BLOCK, return_inverse=True)
+    shape = (*UNEVEN_CELLS, len(blocks))
+    number = np.ravel_multi_index((column, row, block), shape)
+    of_cells = (np.bincount(number, weights, np.prod(shape)).reshape(shape) for weights in (None, residual[known]))
+    count, total = (
+        (cells[:-1, :-1] + cells[1:, :-1] + cells[:-1, 1:] + cells[1:, 1:]).reshape(-1, len(blocks))
+        for cells in of_cells
+    )
+    return count.astype(np.float64), np.asarray(total, dtype=np.float64)
 
 
 def unsteadiness(residual: FloatArray, observations: ExposedObservations) -> tuple[EffectEstimate, ...]:
