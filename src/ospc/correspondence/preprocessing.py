@@ -19,15 +19,12 @@ from ospc.recording.frame import Frame
 from ospc.settings.correspondence import (
     COMPARED_QUANTILES,
     IMPULSE_CONTRAST,
-    IMPULSE_RANGES,
+    IMPULSE_DEVIATIONS,
     MIN_FLAT_AREA_RATIO,
     MIN_SMOOTHING_VARIANCE,
     SURROUND_SIGMA,
     SURROUND_WIDTH_PX,
 )
-
-_NEIGHBOURS = np.array([[1, 1, 1], [1, 0, 1], [1, 1, 1]], dtype=np.uint8)
-"""The eight neighbours of a pixel."""
 
 
 @dataclass(frozen=True)
@@ -175,13 +172,13 @@ class Preprocessor:
 
 
 def _without_impulses(image: Image, white: int) -> Image:
-    """Return the image with pixels far beyond all of their neighbours replaced by the nearest of these."""
-    lowest, highest = cv2.erode(image, _NEIGHBOURS), cv2.dilate(image, _NEIGHBOURS)
-    nearest = cv2.min(cv2.max(image, lowest), highest)
-    # Neighbours that differ by noise or texture allow for more.
-    allowed = cv2.addWeighted(highest, IMPULSE_RANGES, lowest, -IMPULSE_RANGES, IMPULSE_CONTRAST * white)
-    far = cv2.compare(cv2.absdiff(image, nearest), allowed, cv2.CMP_GT)
-    return np.asarray(cv2.copyTo(nearest, far, image.copy()))
+    """Return the image with pixels far from the median of their surroundings replaced by it."""
+    median = cv2.medianBlur(image, 3)
+    deviation = cv2.absdiff(image, median)
+    # Surroundings with noise or texture allow for more.
+    usual = cv2.medianBlur(deviation, 5)
+    allowed = cv2.addWeighted(usual, IMPULSE_DEVIATIONS, usual, 0.0, IMPULSE_CONTRAST * white)
+    return np.asarray(cv2.copyTo(median, cv2.compare(deviation, allowed, cv2.CMP_GT), image.copy()))
 
 
 def _reduced(image: Image, factor: int) -> Float32Array:
