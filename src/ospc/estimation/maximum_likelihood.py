@@ -31,6 +31,7 @@ from ospc.settings.estimation import (
     CLEAR_OF_ENDS_SIGMAS,
     CONVEX_ROUNDS,
     MAX_DARK_CLEARANCE,
+    MIN_BLOCKS,
     MIN_SANDWICH_FACTOR,
     SETTLED_SIGMAS,
     START_DRIFT,
@@ -158,7 +159,10 @@ class MaximumLikelihoodEstimator:
             del latent, system  # both take as much memory as the observations, and the next round makes its own
         covariance = equations.covariance(prior, hyperparameters, disagreement)
         chance = np.asarray(np.linalg.inv(precision), dtype=np.float64)
-        if errors.gain_variances:  # their variances follow the means of pairs, which then scatter less than gains may
+        groups = len(np.unique(observations.group))
+        # The variances of gains follow the means of pairs, which then scatter less than gains may; the scatter of few
+        # groups is hardly known.
+        if errors.gain_variances or groups < MIN_BLOCKS:
             covariance = at_least(covariance, chance)
         return Fit(
             self.response_basis,
@@ -170,7 +174,7 @@ class MaximumLikelihoodEstimator:
             errors,
             hyperparameters,
             int(np.count_nonzero(observations.combined(np.add, weight))),
-            len(np.unique(observations.group)),
+            groups,
             predict.pixel_noise,
             texture_share,
         )
