@@ -35,6 +35,9 @@ _CORRECTIONS = 40
 _SHORTEST_S = 1e-6
 """Least time that is told: others are divided by it, and a coarse clock may stand still for one copy."""
 
+_LOOK_S = 0.02
+"""Time between two looks at the memory of a command."""
+
 _COMMAND = (sys.executable, "-c", "from ospc.cli.main import main; main()")
 
 
@@ -232,14 +235,34 @@ def _called(*arguments: str) -> tuple[float, float, float | None]:
     _compile()
     begun, before = time.perf_counter(), os.times()
     quiet = subprocess.DEVNULL
-    subprocess.run([*_COMMAND, *arguments], stdout=quiet, stderr=quiet, check=False)  # noqa: S603 - this program
+    with subprocess.Popen([*_COMMAND, *arguments], stdout=quiet, stderr=quiet) as process:  # noqa: S603 - this program
+        peak_mb = 0.0
+        while process.poll() is None:
+            peak_mb = max(peak_mb, _family_mb(process.pid))
+            time.sleep(_LOOK_S)
     seconds, after = time.perf_counter() - begun, os.times()
     cpu_s = after.children_user + after.children_system - before.children_user - before.children_system
+    return seconds, cpu_s, peak_mb or None
+
+
+def _family_mb(process: int) -> float:
+    """Return the memory of a process and of those it started, in megabytes; 0 where the system does not say."""
+    private, shared = np.array(_memory_kb(process)).reshape(-1, 2).T
+    # Most of what is shared are the same libraries.
+    return float(private.sum() + shared.max(initial=0)) / 1024
+
+
+def _memory_kb(process: int) -> list[tuple[int, int]]:
+    """Return the resident memory that is a process's own, and that which it shares, of it and those it started."""
+    place, found = Path(f"/proc/{process}"), [0, 0]
     try:
-        import resource
-    except ImportError:  # not on this system
-        return seconds, cpu_s, None
-    return seconds, cpu_s, resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
+        for line in (place / "smaps_rollup").read_text().splitlines():
+            if line.startswith(("Private_Clean", "Private_Dirty", "Shared_Clean", "Shared_Dirty")):
+                found[line.startswith("Shared")] += int(line.split()[1])
+        children = (place / "task" / str(process) / "children").read_text().split()
+    except OSError:
+        return []
+    return [(found[0], found[1]), *(one for child in children for one in _memory_kb(int(child)))]
 
 
 @cache
