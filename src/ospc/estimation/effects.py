@@ -8,6 +8,7 @@ Others are no part of a camera: they tell that the recording contradicts the mod
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Literal, get_args
 
@@ -103,7 +104,7 @@ class EffectTerms:
     exposure, light
         Exposure over the typical one, and g at the expected grey level, shape (n,).
     amounts
-        What a parameter of 1 of each effect adds, in irradiance, typical exposures or ln g, shape (n,) each.
+        What a parameter of 1 of each chosen effect adds, in irradiance, typical exposures or ln g, shape (n,) each.
     """
 
     exposure: FloatArray
@@ -174,24 +175,23 @@ class Effects:
         exposure = np.exp(observations.log_exposure - self.log_typical_exposure)
         first, last = self.groups
         time = 2 * (observations.group - first) / max(last - first, 1) - 1
-        share, *around = observations.surround_moments.T
-        mean_around = np.where(share > 0, around[0] / np.maximum(share, DARKEST_GREY), 1.0)
-        amounts = {
+        frame_moments, surround_moments = observations.frame_moments, observations.surround_moments
+        amount_of: dict[str, Callable[[], FloatArray]] = {
             # Light is what differs from that which the response holds.
-            "veiling glare": (observations.frame_moments - self.absorbed.frame_moments) @ factors,
-            "light scattered nearby": (observations.surround_moments - self.absorbed.surround_moments)[:, 1:]
-            @ factors,
-            "dark current": exposure - self.absorbed.dark,
-            "exposure offset": np.ones_like(exposure),
-            LATE_EXPOSURES: observations.log_exposure_rate,
+            "veiling glare": lambda: (frame_moments - self.absorbed.frame_moments) @ factors,
+            "light scattered nearby": lambda: (surround_moments - self.absorbed.surround_moments)[:, 1:] @ factors,
+            "dark current": lambda: exposure - self.absorbed.dark,
+            "exposure offset": lambda: np.ones_like(exposure),
+            LATE_EXPOSURES: lambda: observations.log_exposure_rate,
             # The grey level is multiplied by a power θ of that of the surroundings.
-            "local tone mapping": gamma * np.log(np.maximum(mean_around, DARKEST_GREY)),
-            "curved exposures": np.log(exposure) ** 2,
+            "local tone mapping": lambda: gamma * np.log(np.maximum(_mean_around(surround_moments), DARKEST_GREY)),
+            "curved exposures": lambda: np.log(exposure) ** 2,
             # The grey level has a power of 1 + θ; it rises by θ.
-            "drifting response": time * (gamma * np.log(grey)),
-            "drifting black level": time * (gamma / grey),
-            "drifting vignette": time * np.sum(observations.position**2, axis=1),
+            "drifting response": lambda: time * (gamma * np.log(grey)),
+            "drifting black level": lambda: time * (gamma / grey),
+            "drifting vignette": lambda: time * np.sum(observations.position**2, axis=1),
         }
+        amounts = {name: amount_of[name]() for name in self.chosen}
         return EffectTerms(exposure, np.maximum(irradiance[index], DARKEST_IRRADIANCE), amounts)
 
     def without_absorbed_light(self, basis: ResponseBasis, parameters: FloatArray) -> tuple[Effects, FloatArray]:
@@ -240,6 +240,12 @@ class Effects:
         added = np.clip(sums["light"] / terms.light, -MAX_ADDED_SHARE, MAX_ADDED_SHARE)
         factor = np.maximum(1 + sums["exposure"] / terms.exposure, MIN_EXPOSURE_FACTOR)
         return added, factor, sums["log"]
+
+
+def _mean_around(surround_moments: FloatArray) -> FloatArray:
+    """Return the mean grey level of the surroundings that see light, 1 where none do, (n, 7) -> (n,)."""
+    share = surround_moments[:, 0]
+    return np.where(share > 0, surround_moments[:, 1] / np.maximum(share, DARKEST_GREY), 1.0)
 
 
 def _light_of_moments(grid: FloatArray, irradiance: FloatArray) -> FloatArray:
