@@ -44,6 +44,7 @@ class Disturbed:
     gamma_drift: float = 0.0
     black_drift: float = 0.0
     vignette_drift: float = 0.0
+    vignette_motion: tuple[float, float] = (0.0, 0.0)
     smudge: float = 0.0
     unsteady: float = 0.0
     stabilised: float = 0.0
@@ -70,6 +71,7 @@ class Disturbed:
         squared_radius = np.sum(place**2, axis=2)
         moved = self.stabilised * random.standard_normal((FRAMES, 2, 2))[group]
         attenuation = POLYNOMIAL.at_normalised(place + moved) * np.exp(self.vignette_drift * time * squared_radius)
+        attenuation *= np.exp(time * (place @ np.array(self.vignette_motion)))
         attenuation *= 1 - self.smudge * np.exp(-np.sum((place - [0.3, 0.2]) ** 2, axis=2) / (2 * 0.1**2))
         # A frame is one even patch for its mean, a place is surrounded by another: their moments are powers then.
         frame_light = np.exp(random.normal(-1.2, 0.4, (FRAMES, 2)))[group]
@@ -170,6 +172,8 @@ def test_effects_that_come_together_are_told_apart() -> None:
         (Disturbed(gamma_drift=0.08), "drifting response"),
         (Disturbed(black_drift=0.02), "drifting black level"),
         (Disturbed(vignette_drift=0.08), "drifting vignette"),
+        (Disturbed(vignette_motion=(0.08, 0.0)), "vignette moving sideways"),
+        (Disturbed(vignette_motion=(0.0, 0.08)), "vignette moving vertically"),
         (Disturbed(smudge=0.08), "uneven vignette"),
         (Disturbed(unsteady=0.05), "unsteady response"),
         (Disturbed(stabilised=0.05), "unsteady vignette"),

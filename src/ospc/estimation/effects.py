@@ -85,6 +85,8 @@ EFFECTS = {
     "drifting response": Effect("log", *RESPONSE_DRIFT),
     "drifting black level": Effect("log", *BLACK_DRIFT),
     "drifting vignette": Effect("log", *VIGNETTE_DRIFT),
+    "vignette moving sideways": Effect("log", *VIGNETTE_DRIFT),
+    "vignette moving vertically": Effect("log", *VIGNETTE_DRIFT),
 }
 """All effects by their names."""
 
@@ -190,6 +192,8 @@ class Effects:
             "drifting response": lambda: time * (gamma * np.log(grey)),
             "drifting black level": lambda: time * (gamma / grey),
             "drifting vignette": lambda: time * np.sum(observations.position**2, axis=1),
+            "vignette moving sideways": lambda: time * observations.position[:, 0],
+            "vignette moving vertically": lambda: time * observations.position[:, 1],
         }
         amounts = {name: amount_of[name]() for name in self.chosen}
         return EffectTerms(exposure, np.maximum(irradiance[index], DARKEST_IRRADIANCE), amounts)

@@ -163,6 +163,7 @@ def unexplained_share(ratios: ExposureRatios) -> float:
 
 
 _SAME_FOR_ALL_PLACES = "switch off local contrast, HDR and tone mapping in the camera, and film in steady light"
+_VIGNETTE_STAYS = "switch off stabilisation, that of the lens too, and fix zoom and the orientation of the images"
 
 _CONTRADICTIONS = {
     "local tone mapping": (
@@ -201,6 +202,8 @@ _CONTRADICTIONS = {
         "the vignette changes in the course of the recording",
         "fix zoom, focus and aperture, and switch off shading correction",
     ),
+    "vignette moving sideways": ("the vignette moves sideways in the course of the recording", _VIGNETTE_STAYS),
+    "vignette moving vertically": ("the vignette moves vertically in the course of the recording", _VIGNETTE_STAYS),
 }
 """What each contradiction is, and what to do about it."""
 
