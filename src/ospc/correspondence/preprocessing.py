@@ -102,14 +102,16 @@ class Preprocessor:
 
     def __call__(self, frame: Frame, grey_range: GreyRange = FULL_RANGE) -> PreprocessedFrame:
         """Prepare a frame, given where black and white are as far as is known."""
-        image, white = _without_impulses(frame.image, frame.max_grey), frame.max_grey
+        image, white = frame.image, frame.max_grey
         size = image.shape[1], image.shape[0]
         reduction = self._reduction(size)
         reduced = _reduced(image, reduction)
+        # Not for registration, which fine lines serve that are no defects.
+        averaged = _without_impulses(image, white)
         # In place: each of these images takes a megabyte or more.
-        grey = cv2.GaussianBlur(reduced, (0, 0), self.smoothing_px)
+        grey = cv2.GaussianBlur(_reduced(averaged, reduction), (0, 0), self.smoothing_px)
         grey /= np.float32(white)
-        squares = _reduced(cv2.multiply(image, image, dtype=cv2.CV_32F), reduction)
+        squares = _reduced(cv2.multiply(averaged, averaged, dtype=cv2.CV_32F), reduction)
         squares = cv2.GaussianBlur(squares, (0, 0), self.smoothing_px, dst=squares)
         squares /= np.float32(white) ** 2
         further = self._further_reduction(max(reduced.shape))

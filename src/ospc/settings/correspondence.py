@@ -23,11 +23,12 @@ be off by a pixel, and the image has to be flat there too."""
 
 IMPULSE_CONTRAST, IMPULSE_DEVIATIONS = 0.1, 6.0
 """A pixel that differs from the median of its surroundings by more than this share of white, and by so many times
-what pixels around it usually do, is taken for a defect (a dead pixel, an error of transmission) and replaced by the
-median. Pixels of normal noise differ by 0.6 standard deviations, so noise hardly ever does that; of a clean frame
-with texture, one pixel in 1500 is replaced. With a twentieth of the pixels black or white, κ of a filmic camera is
-.0007, and that of a real video of dark rooms .003. With only those pixels replaced that are beyond all of their
-neighbours, it was .004 and .009: adjacent defects hide each other."""
+what pixels around it usually do, is taken for a defect (a dead pixel, an error of transmission): the median takes its
+place in means. Pixels of normal noise differ by 0.6 standard deviations, so noise hardly ever does that; of a clean
+frame with texture, one pixel in 1500 is replaced. With a twentieth of the pixels black or white, κ of a filmic camera
+is .0025, and that of a real video of dark rooms .003. With only those pixels replaced that are beyond all of their
+neighbours, it was .004 and .009: adjacent defects hide each other. Images are registered as they are: where the lines
+of a chart were taken for defects, a camera at rest seemed to move."""
 
 MIN_SMOOTHING_VARIANCE = 0.04
 """Least variance of a smoothing, in square pixels: narrower ones change nothing."""
