@@ -295,7 +295,7 @@ the same scene and share its errors. Chosen by hand; no effect from 6 to 24 on r
 
 MIN_BLOCKS = 16
 """Fewest such blocks, if there are as many pairs: the standard error of a variance from 16 is already 37 per cent. 32
-has no effect, 8 raises the vignette error by half."""
+has no effect, 8 raises the vignette error by half. Bands of fewer groups are at least those of independent errors."""
 
 DISAGREEMENT_SHARE = 1.0
 """Weight of what halves of the observations disagree by beyond chance, beside the scatter between groups of pairs.

@@ -254,15 +254,16 @@ def _family_mb(process: int) -> float:
 
 def _memory_kb(process: int) -> list[tuple[int, int]]:
     """Return the resident memory that is a process's own, and that which it shares, of it and those it started."""
-    place, found = Path(f"/proc/{process}"), [0, 0]
+    place = Path(f"/proc/{process}")
     try:
-        for line in (place / "smaps_rollup").read_text().splitlines():
-            if line.startswith(("Private_Clean", "Private_Dirty", "Shared_Clean", "Shared_Dirty")):
-                found[line.startswith("Shared")] += int(line.split()[1])
+        lines = [line.split() for line in (place / "smaps_rollup").read_text().splitlines()[1:]]
         children = (place / "task" / str(process) / "children").read_text().split()
     except OSError:
         return []
-    return [(found[0], found[1]), *(one for child in children for one in _memory_kb(int(child)))]
+    private, shared = (
+        sum(int(kb) for name, kb, *_ in lines if name.startswith(kind)) for kind in ("Private_", "Shared_")
+    )
+    return [(private, shared), *(one for child in children for one in _memory_kb(int(child)))]
 
 
 @cache
