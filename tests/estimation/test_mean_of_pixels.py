@@ -93,24 +93,35 @@ def test_in_the_middle_it_is_half_the_curvature_times_the_variance(exponent, sig
     assert np.interp(0.5, GRID, shift) == pytest.approx(0.5 * second * sigma**2, rel=0.15, abs=3e-7)
 
 
-def test_what_the_correction_for_texture_misses_at_a_knee_is_in_the_variance():
-    """The mean of textured pixels, drawn one by one, against the grey level of their mean irradiance."""
+@pytest.mark.parametrize("noise_sigma", [0.0, 0.001])
+def test_the_mean_of_textured_and_noisy_pixels_at_a_knee_is_corrected(noise_sigma):
+    """The mean of pixels, drawn one by one, against the grey level of their mean irradiance."""
     basis, coefficients = ResponseBasis(32), np.where(np.arange(33) <= 11, 1.0, 4.0)
-    means = PixelMeans.of(basis, coefficients, NoiseModel(0.0, 0.0, (0.0,)))
-    grey, log_response = np.linspace(0.25, 0.6, 15), basis.log_of(coefficients)
-    index = basis.index_of(grey)
-    pixels = np.exp(log_response[index])[:, None] * (1 + 0.1 * ndtri((np.arange(999) + 0.5) / 999))
-    levels = np.interp(np.log(pixels), log_response, basis.grid)
-    texture = levels.var(axis=1) / grey**2
-    missed = levels.mean(axis=1) - (basis.grid[index] - means.by_texture(texture, index))
-    stated = np.sqrt(means.missed_variance(texture, index))
-    assert np.abs(missed).max() > 0.003
-    assert np.all(np.abs(missed) <= 3 * stated + 0.001)
-    assert np.argmax(stated) == np.argmin(np.abs(grey - basis.knots[11]))
+    log_response = basis.log_of(coefficients)
+    quantiles = ndtri((np.arange(999) + 0.5) / 999)
+
+    def grey_at(irradiance):
+        return np.interp(np.log(np.maximum(irradiance, 1e-9)), log_response, basis.grid)
+
+    def noisy_at(irradiance):
+        return grey_at(irradiance[..., None] + noise_sigma * quantiles)
+
+    levels = np.linspace(0, 1, TABLE_LEVELS)
+    variances = noisy_at(np.exp(np.interp(levels, basis.grid, log_response))).var(axis=1)
+    means = PixelMeans.of(basis, coefficients, NoiseModel(0.0, 0.0, tuple(variances)))
+    index = basis.index_of(np.linspace(0.28, 0.55, 15))
+    irradiance = np.exp(log_response[index])[:, None] * (1 + 0.2 * quantiles)
+    texture = grey_at(irradiance).var(axis=1) / basis.grid[index] ** 2
+    with_noise_alone = noisy_at(np.exp(log_response[index])).mean(axis=1)
+    lowered = with_noise_alone - noisy_at(irradiance).mean(axis=(1, 2))
+    assert lowered.max() > 0.012
+    np.testing.assert_allclose(means.by_texture(texture, index), lowered, atol=0.0025)
 
 
-def test_a_power_law_has_no_knee():
+def test_where_there_is_no_knee_texture_counts_by_its_variance_alone():
     basis = ResponseBasis(32)
     means = PixelMeans.of(basis, np.full(33, 2.2), NoiseModel(0.0, 0.0, (0.0,)))
     index = basis.index_of(np.linspace(0.2, 1.0, 9))
-    assert np.all(means.missed_variance(np.full(9, 0.01), index) < 1e-8)
+    once, twice = (means.by_texture(np.full(9, texture), index) for texture in (0.01, 0.02))
+    np.testing.assert_allclose(twice, 2 * once)
+    np.testing.assert_allclose(once, 0.01 * basis.grid[index] * 1.2 / 2, rtol=0.01)

@@ -190,7 +190,6 @@ class LatentModel:
             # Neither noise nor texture leave the mean of pixels at the grey level of their mean irradiance.
             means, texture = self._pixel_means, self._pixel_means.texture(observations, index)
             excess = excess - means.by_noise[index] + self.texture_share * means.by_texture(texture, index)
-            variance = variance + means.missed_variance(texture, index)
             of_alike = means.by_texture(weighted_means(texture, np.ones(len(texture)), observations)[1], index)
         linear_log = self.log_response[index] + slope * excess
         precision, offset, alike = 1 / (variance * slope**2), log_exposure + log_gain, slope * of_alike

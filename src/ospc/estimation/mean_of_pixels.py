@@ -7,7 +7,7 @@ pixels depends on the grey level tells the two apart.
 
 Texture does the same. By Taylor's theorem it lowers the mean by (g″/g′)/2 times its variance. With a power law that
 is alike for all exposures of a place. With other responses it is not, and the fit would take it for a part of the
-response. At a knee, Taylor's theorem is of little use: there, observations with texture count less.
+response. At a knee, Taylor's theorem is of little use: there, the mean over a normal distribution is computed.
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ from ospc.settings.estimation import (
     BEND_SMOOTHING,
     DARKEST_GREY,
     KNEE_BEND,
+    KNEE_LEVELS,
     KNEE_SMOOTHING,
     MAX_NOISE,
     MAX_TEXTURE,
@@ -36,11 +37,15 @@ from ospc.settings.estimation import (
     SHIFT_LEVELS,
     SHIFT_QUANTILES,
     SHOULDER_GREY,
+    TEXTURE_SPREADS,
+    TEXTURE_WIDTHS,
     UNCLIPPED_SIGMAS,
 )
 
 _NORMAL = np.array([NormalDist().inv_cdf((i + 0.5) / SHIFT_QUANTILES) for i in range(SHIFT_QUANTILES)])
 """Equally probable values of a standard normal variable, shape (65,)."""
+
+_TINY = np.finfo(np.float64).tiny
 
 
 @dataclass(frozen=True)
@@ -51,18 +56,17 @@ class PixelMeans:
     ----------
     by_noise
         What noise adds to the mean.
-    grid, bend
-        Grey levels, and g″/g′ of the smoothed response at them.
-    missed_bend
-        What the smoothing takes from g″/g′ at a knee. Zero without one, and near white.
+    grid
+        Grey levels.
+    lowering
+        What texture takes from the mean, over its variance, for each of :data:`TEXTURE_WIDTHS`, shape (grid, widths).
     noise_variance
         Variance of single pixels.
     """
 
     by_noise: FloatArray
     grid: FloatArray
-    bend: FloatArray
-    missed_bend: FloatArray
+    lowering: FloatArray
     noise_variance: FloatArray
 
     @classmethod
@@ -70,11 +74,14 @@ class PixelMeans:
         """Return the shifts of a response, by its coefficients and the noise of single pixels."""
         by_noise = mean_shift(basis.grid, basis.log_of(coefficients), noise)
         bend = basis.bend_of(coefficients)
+        lowering = np.repeat(bend[:, None] / 2, len(TEXTURE_WIDTHS), axis=1)
         # Near white, little is measured, and a sharp bend may be chance.
-        missed = np.where(basis.grid < SHOULDER_GREY, basis.bend_of(coefficients, KNEE_SMOOTHING) - bend, 0.0)
-        at_knee = _around(np.abs(missed) > KNEE_BEND, round(BEND_SMOOTHING * len(basis.grid)))
-        missed_bend = np.where(at_knee, missed, 0.0)
-        return cls(by_noise, basis.grid, bend, missed_bend, noise.variance(basis.grid))
+        sharp = np.abs(basis.bend_of(coefficients, KNEE_SMOOTHING) - bend) > KNEE_BEND
+        at_knee = _around(sharp & (basis.grid < SHOULDER_GREY), round(BEND_SMOOTHING * len(basis.grid)))
+        if np.any(at_knee):
+            log_response = basis.smoothed_log_of(coefficients, KNEE_SMOOTHING)
+            lowering[at_knee] = _lowering_at(basis.grid[at_knee], basis.grid, log_response, basis.grid + by_noise)
+        return cls(by_noise, basis.grid, lowering, noise.variance(basis.grid))
 
     def texture(self, observations: Observations, index: IntArray) -> FloatArray:
         """Return the variance of the texture over the grey level squared, (n,); zero where it is unknown.
@@ -90,14 +97,11 @@ class PixelMeans:
 
     def by_texture(self, texture: FloatArray, index: IntArray) -> FloatArray:
         """Return what texture takes from the mean, (n,), given what :meth:`texture` returns."""
-        return self._of_second_order(self.bend, texture, index)
-
-    def missed_variance(self, texture: FloatArray, index: IntArray) -> FloatArray:
-        """Return the variance of the mean by what :meth:`by_texture` misses at knees, (n,)."""
-        return np.square(self._of_second_order(self.missed_bend, texture, index))
-
-    def _of_second_order(self, bend: FloatArray, texture: FloatArray, index: IntArray) -> FloatArray:
-        return np.asarray((bend / 2 * self._squared_grey)[index] * texture)
+        width = np.interp(np.sqrt(np.abs(texture)), TEXTURE_WIDTHS, np.arange(len(TEXTURE_WIDTHS)))
+        lower = np.minimum(width.astype(np.int64), len(TEXTURE_WIDTHS) - 2)
+        part = width - lower
+        lowering = self.lowering[index, lower] * (1 - part) + self.lowering[index, lower + 1] * part
+        return np.asarray(lowering * self._squared_grey[index] * texture)
 
     @cached_property
     def _squared_grey(self) -> FloatArray:
@@ -107,6 +111,21 @@ class PixelMeans:
     def _distrust(self) -> FloatArray:
         """By how much noise reduces the share of the texture that is taken out, on the grid."""
         return 1 + (self.noise_variance / (MAX_NOISE**2 * self._squared_grey)) ** 2
+
+
+def _lowering_at(level: FloatArray, grid: FloatArray, log_response: FloatArray, mean: FloatArray) -> FloatArray:
+    """Return what normally distributed texture takes from the mean over its variance, (n,) -> (n, widths).
+
+    ``mean`` is that of the noisy pixels of each irradiance: noise and texture together are wider than either.
+    """
+    coarse = np.linspace(max(level[0], DARKEST_GREY), level[-1], KNEE_LEVELS)
+    irradiance = np.exp(np.interp(coarse, grid, log_response))[:, None, None]
+    textured = irradiance * (1 + np.multiply.outer(TEXTURE_SPREADS, _NORMAL))
+    grey = np.interp(np.log(np.maximum(textured, _TINY)), log_response, mean)
+    lowering = (np.interp(coarse, grid, mean)[:, None] - grey.mean(axis=2)) / np.maximum(grey.var(axis=2), _TINY)
+    width = grey.std(axis=2) / coarse[:, None]
+    by_width = np.stack([np.interp(TEXTURE_WIDTHS, *each) for each in zip(width, lowering, strict=True)])
+    return np.stack([np.interp(level, coarse, each) for each in by_width.T], axis=1)
 
 
 def _around(mask: BoolArray, reach: int) -> BoolArray:

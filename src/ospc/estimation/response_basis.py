@@ -123,9 +123,13 @@ class ResponseBasis:
         γ has kinks at the knots, and what the estimate adds to them would be taken for the bend. ``smoothing`` is a
         standard deviation in grey levels.
         """
-        gamma = _smooth_gamma_table(FUNCTIONS[self.functions], self.intervals, smoothing) @ coefficients
-        slope = gamma / np.maximum(self.grid, DARKEST_GREY)
+        slope = self._smoothed_slope(coefficients, smoothing)
         return np.asarray(np.gradient(slope, self.grid) / slope + slope)
+
+    def _smoothed_slope(self, coefficients: FloatArray, smoothing: float) -> FloatArray:
+        """Return the derivative of ln g with a smoothed γ on the grid, shape (4097,)."""
+        gamma = _smooth_gamma_table(FUNCTIONS[self.functions], self.intervals, smoothing) @ coefficients
+        return np.asarray(gamma / np.maximum(self.grid, DARKEST_GREY))
 
     def gamma_of(self, coefficients: FloatArray) -> FloatArray:
         """Return γ on the grid, shape (4097,)."""
@@ -134,6 +138,12 @@ class ResponseBasis:
     def log_of(self, coefficients: FloatArray) -> FloatArray:
         """Return ln g on the grid, shape (4097,)."""
         return np.asarray(self.log_table @ coefficients)
+
+    def smoothed_log_of(self, coefficients: FloatArray, smoothing: float) -> FloatArray:
+        """Return ln g of a smoothed γ on the grid, as for :meth:`bend_of`, shape (4097,)."""
+        slope = self._smoothed_slope(coefficients, smoothing)
+        steps = (slope[1:] + slope[:-1]) / 2 * np.diff(self.grid)
+        return np.concatenate([-np.cumsum(steps[::-1])[::-1], [0.0]])
 
     def index_of(self, grey: npt.ArrayLike) -> IntArray:
         """Return the index of the grid point nearest to each grey level, never black itself, shape (n,) -> (n,)."""

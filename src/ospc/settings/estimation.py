@@ -231,7 +231,18 @@ observation is not used. Chosen by hand; no effect at 1, 3 raises the shape erro
 
 MAX_TEXTURE = 0.3
 """Largest standard deviation of the pixels that are averaged, over their mean, whose effect is corrected in full:
-the correction is of second order. 0.2 and 0.5 change κ by less than a tenth."""
+but for knees, the correction is of second order. 0.2 and 0.5 change κ by less than a tenth."""
+
+TEXTURE_WIDTHS = (0.01, 0.02, 0.04, 0.08, 0.16, 0.32)
+"""Standard deviations of texture, over the grey level, for which the mean of pixels at a knee is tabulated. The last
+is beyond :data:`MAX_TEXTURE`; below the first, it is 1/10 000 of the mean."""
+
+TEXTURE_SPREADS = (0.005, 0.01, 0.02, 0.04, 0.08, 0.16, 0.32, 0.64, 1.28)
+"""The same of the irradiance, over it, for which that mean is computed. Local gammas from 0.5 to 4 turn them into
+these widths."""
+
+KNEE_LEVELS = 129
+"""Grey levels at knees for which that is done; between them it is linear."""
 
 MAX_NOISE = 0.2
 """Standard deviation of the noise of a pixel, over its grey level, at which half of that effect is corrected: more
@@ -277,10 +288,9 @@ BEND_SMOOTHING = 0.06
 texture follows the errors of the estimate: κ of one recording in ten gets two to ten times worse."""
 
 KNEE_SMOOTHING = 0.015
-"""The same where the bend only tells how far that correction can be trusted: half an interval between knots. In five
-recordings of a camera with knees it takes a seventh off κ and two fifths off the error of ln g(0.75)/g(0.25). 0.012
-and 0.02 do the same. It is not used above :data:`SHOULDER_GREY`, where it made the shape in a real video five times
-worse."""
+"""The same at knees, where the mean over a normal distribution is taken instead: half an interval between knots. For
+five recordings of a camera with knees, the error of ln g(0.75)/g(0.25) is 0.006 at most; 0.008 when half as wide, and
+0.012 when twice as wide. Above :data:`SHOULDER_GREY`, it made the shape in a real video four times worse."""
 
 KNEE_BEND = 3.0
 """Least part of g″/g′ that the wider smoothing takes away at a knee; grey levels run from 0 to 1. Without a knee it
