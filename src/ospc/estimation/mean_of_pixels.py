@@ -59,7 +59,8 @@ class PixelMeans:
     grid
         Grey levels.
     lowering
-        What texture takes from the mean, over its variance, for each of :data:`TEXTURE_WIDTHS`, shape (grid, widths).
+        What texture takes from the mean, over its variance, for each of :data:`TEXTURE_WIDTHS`, shape (grid, widths);
+        one column for all widths where there is no knee.
     noise_variance
         Variance of single pixels.
     """
@@ -74,12 +75,14 @@ class PixelMeans:
         """Return the shifts of a response, by its coefficients and the noise of single pixels."""
         by_noise = mean_shift(basis.grid, basis.log_of(coefficients), noise)
         bend = basis.bend_of(coefficients)
-        lowering = np.repeat(bend[:, None] / 2, len(TEXTURE_WIDTHS), axis=1)
-        # Near white, little is measured, and a sharp bend may be chance.
+        lowering = bend[:, None] / 2
+        # Near white, little is measured, and a sharp bend may be chance; near black, the window reaches beyond it.
+        inner = (basis.grid > BEND_SMOOTHING) & (basis.grid < SHOULDER_GREY)
         sharp = np.abs(basis.bend_of(coefficients, KNEE_SMOOTHING) - bend) > KNEE_BEND
-        at_knee = _around(sharp & (basis.grid < SHOULDER_GREY), round(BEND_SMOOTHING * len(basis.grid)))
+        at_knee = _around(sharp & inner, round(BEND_SMOOTHING * len(basis.grid)))
         if np.any(at_knee):
             log_response = basis.smoothed_log_of(coefficients, KNEE_SMOOTHING)
+            lowering = np.repeat(lowering, len(TEXTURE_WIDTHS), axis=1)
             lowering[at_knee] = _lowering_at(basis.grid[at_knee], basis.grid, log_response, basis.grid + by_noise)
         return cls(by_noise, basis.grid, lowering, noise.variance(basis.grid))
 
@@ -97,11 +100,15 @@ class PixelMeans:
 
     def by_texture(self, texture: FloatArray, index: IntArray) -> FloatArray:
         """Return what texture takes from the mean, (n,), given what :meth:`texture` returns."""
+        return np.asarray(self._lowering_of(texture, index) * self._squared_grey[index] * texture)
+
+    def _lowering_of(self, texture: FloatArray, index: IntArray) -> FloatArray:
+        if self.lowering.shape[1] == 1:
+            return np.asarray(self.lowering[index, 0])
         width = np.interp(np.sqrt(np.abs(texture)), TEXTURE_WIDTHS, np.arange(len(TEXTURE_WIDTHS)))
         lower = np.minimum(width.astype(np.int64), len(TEXTURE_WIDTHS) - 2)
         part = width - lower
-        lowering = self.lowering[index, lower] * (1 - part) + self.lowering[index, lower + 1] * part
-        return np.asarray(lowering * self._squared_grey[index] * texture)
+        return np.asarray(self.lowering[index, lower] * (1 - part) + self.lowering[index, lower + 1] * part)
 
     @cached_property
     def _squared_grey(self) -> FloatArray:
