@@ -47,6 +47,63 @@ Addition = Literal["light", "exposure", "log"]
 
 
 @dataclass(frozen=True)
+class AbsorbedLight:
+    """Additional light of a typical observation, which the response absorbs: moments, and relative exposure."""
+
+    frame_moments: tuple[float, ...] = (0.0,) * MOMENTS
+    surround_moments: tuple[float, ...] = (0.0,) * (1 + MOMENTS)
+    dark: float = 0.0
+
+
+@dataclass(frozen=True)
+class Circumstances:
+    """What the amount of an effect depends on: n observations, and what a response makes of them.
+
+    Attributes
+    ----------
+    observations
+        The observations.
+    exposure, time
+        Exposure over the typical one, and -1 in the first group to 1 in the last, shape (n,).
+    grey, gamma
+        Expected grey levels, and the local gamma there, shape (n,).
+    light_of_moments
+        Factors on the moments of grey levels whose sum is their mean irradiance, shape (6,).
+    held
+        The light that the response holds.
+    """
+
+    observations: ExposedObservations
+    exposure: FloatArray
+    time: FloatArray
+    grey: FloatArray
+    gamma: FloatArray
+    light_of_moments: FloatArray
+    held: AbsorbedLight
+
+    @property
+    def position(self) -> FloatArray:
+        """Places of the observations, in half diagonals, shape (n, 2)."""
+        return self.observations.position
+
+    @property
+    def light_of_frame(self) -> FloatArray:
+        """Mean irradiance of the frame beyond what the response holds, shape (n,)."""
+        return (self.observations.frame_moments - self.held.frame_moments) @ self.light_of_moments
+
+    @property
+    def light_around(self) -> FloatArray:
+        """Mean irradiance of the surroundings beyond what the response holds, shape (n,)."""
+        return (self.observations.surround_moments - self.held.surround_moments)[:, 1:] @ self.light_of_moments
+
+    @property
+    def grey_around(self) -> FloatArray:
+        """Mean grey level of the surroundings that see light, 1 where none do, shape (n,)."""
+        share, total = self.observations.surround_moments[:, :2].T
+        return np.maximum(np.where(share > 0, total / np.maximum(share, DARKEST_GREY), 1.0), DARKEST_GREY)
+
+
+@dataclass(frozen=True)
 class Effect:
     """One effect.
 
@@ -54,6 +111,8 @@ class Effect:
     ----------
     adds
         What it adds to.
+    amount
+        What a parameter of 1 adds to each of n observations, in irradiance, typical exposures or ln g, shape (n,).
     sigma, usual_sigma
         Prior standard deviations of the parameter: in cameras that have the effect, and in all others.
     systematic
@@ -63,6 +122,7 @@ class Effect:
     """
 
     adds: Addition
+    amount: Callable[[Circumstances], FloatArray]
     sigma: float
     usual_sigma: float
     systematic: float
@@ -75,18 +135,27 @@ class Effect:
 
 
 EFFECTS = {
-    "veiling glare": Effect("light", *GLARE, 0.0, MOST_ADDED_LIGHT),
-    "light scattered nearby": Effect("light", *SCATTER, 0.0, MOST_ADDED_LIGHT),
-    "dark current": Effect("light", *DARK_CURRENT, 0.0, MOST_ADDED_LIGHT),
-    "exposure offset": Effect("exposure", *OFFSET, -MOST_OFFSET, MOST_OFFSET),
-    LATE_EXPOSURES: Effect("log", *LATENESS, -MOST_LATE_FRAMES, MOST_LATE_FRAMES),
-    "local tone mapping": Effect("log", *LOCAL_TONE),
-    "curved exposures": Effect("log", *CURVATURE),
-    "drifting response": Effect("log", *RESPONSE_DRIFT),
-    "drifting black level": Effect("log", *BLACK_DRIFT),
-    "drifting vignette": Effect("log", *VIGNETTE_DRIFT),
-    "vignette moving sideways": Effect("log", *VIGNETTE_DRIFT),
-    "vignette moving vertically": Effect("log", *VIGNETTE_DRIFT),
+    # Light is what differs from that which the response holds.
+    "veiling glare": Effect("light", lambda seen: seen.light_of_frame, *GLARE, 0.0, MOST_ADDED_LIGHT),
+    "light scattered nearby": Effect("light", lambda seen: seen.light_around, *SCATTER, 0.0, MOST_ADDED_LIGHT),
+    "dark current": Effect(
+        "light", lambda seen: seen.exposure - seen.held.dark, *DARK_CURRENT, 0.0, MOST_ADDED_LIGHT
+    ),
+    "exposure offset": Effect(
+        "exposure", lambda seen: np.ones_like(seen.exposure), *OFFSET, -MOST_OFFSET, MOST_OFFSET
+    ),
+    LATE_EXPOSURES: Effect(
+        "log", lambda seen: seen.observations.log_exposure_rate, *LATENESS, -MOST_LATE_FRAMES, MOST_LATE_FRAMES
+    ),
+    # The grey level is multiplied by a power θ of that of the surroundings.
+    "local tone mapping": Effect("log", lambda seen: seen.gamma * np.log(seen.grey_around), *LOCAL_TONE),
+    "curved exposures": Effect("log", lambda seen: np.log(seen.exposure) ** 2, *CURVATURE),
+    # The grey level has a power of 1 + θ; it rises by θ.
+    "drifting response": Effect("log", lambda seen: seen.time * seen.gamma * np.log(seen.grey), *RESPONSE_DRIFT),
+    "drifting black level": Effect("log", lambda seen: seen.time * seen.gamma / seen.grey, *BLACK_DRIFT),
+    "drifting vignette": Effect("log", lambda seen: seen.time * np.sum(seen.position**2, axis=1), *VIGNETTE_DRIFT),
+    "vignette moving sideways": Effect("log", lambda seen: seen.time * seen.position[:, 0], *VIGNETTE_DRIFT),
+    "vignette moving vertically": Effect("log", lambda seen: seen.time * seen.position[:, 1], *VIGNETTE_DRIFT),
 }
 """All effects by their names."""
 
@@ -112,15 +181,6 @@ class EffectTerms:
     exposure: FloatArray
     light: FloatArray
     amounts: dict[str, FloatArray]
-
-
-@dataclass(frozen=True)
-class AbsorbedLight:
-    """Additional light of a typical observation, which the response absorbs: moments, and relative exposure."""
-
-    frame_moments: tuple[float, ...] = (0.0,) * MOMENTS
-    surround_moments: tuple[float, ...] = (0.0,) * (1 + MOMENTS)
-    dark: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -172,31 +232,19 @@ class Effects:
         self, observations: ExposedObservations, basis: ResponseBasis, coefficients: FloatArray, index: IntArray
     ) -> EffectTerms:
         """Return what the effects depend on, by a response; ``index`` has the expected grey levels in its grid."""
-        irradiance, grey = np.exp(basis.log_of(coefficients)), basis.grid[index]
-        gamma, factors = basis.gamma_of(coefficients)[index], _light_of_moments(basis.grid, irradiance)
-        exposure = np.exp(observations.log_exposure - self.log_typical_exposure)
+        irradiance = np.exp(basis.log_of(coefficients))
         first, last = self.groups
-        time = 2 * (observations.group - first) / max(last - first, 1) - 1
-        frame_moments, surround_moments = observations.frame_moments, observations.surround_moments
-        amount_of: dict[str, Callable[[], FloatArray]] = {
-            # Light is what differs from that which the response holds.
-            "veiling glare": lambda: (frame_moments - self.absorbed.frame_moments) @ factors,
-            "light scattered nearby": lambda: (surround_moments - self.absorbed.surround_moments)[:, 1:] @ factors,
-            "dark current": lambda: exposure - self.absorbed.dark,
-            "exposure offset": lambda: np.ones_like(exposure),
-            LATE_EXPOSURES: lambda: observations.log_exposure_rate,
-            # The grey level is multiplied by a power θ of that of the surroundings.
-            "local tone mapping": lambda: gamma * np.log(np.maximum(_mean_around(surround_moments), DARKEST_GREY)),
-            "curved exposures": lambda: np.log(exposure) ** 2,
-            # The grey level has a power of 1 + θ; it rises by θ.
-            "drifting response": lambda: time * (gamma * np.log(grey)),
-            "drifting black level": lambda: time * (gamma / grey),
-            "drifting vignette": lambda: time * np.sum(observations.position**2, axis=1),
-            "vignette moving sideways": lambda: time * observations.position[:, 0],
-            "vignette moving vertically": lambda: time * observations.position[:, 1],
-        }
-        amounts = {name: amount_of[name]() for name in self.chosen}
-        return EffectTerms(exposure, np.maximum(irradiance[index], DARKEST_IRRADIANCE), amounts)
+        seen = Circumstances(
+            observations,
+            np.exp(observations.log_exposure - self.log_typical_exposure),
+            2 * (observations.group - first) / max(last - first, 1) - 1,
+            basis.grid[index],
+            basis.gamma_of(coefficients)[index],
+            _light_of_moments(basis.grid, irradiance),
+            self.absorbed,
+        )
+        amounts = {name: EFFECTS[name].amount(seen) for name in self.chosen}
+        return EffectTerms(seen.exposure, np.maximum(irradiance[index], DARKEST_IRRADIANCE), amounts)
 
     def without_absorbed_light(self, basis: ResponseBasis, parameters: FloatArray) -> tuple[Effects, FloatArray]:
         """Return effects whose response holds no additional light, and what becomes of the parameters.
@@ -246,14 +294,8 @@ class Effects:
         return added, factor, sums["log"]
 
 
-def _mean_around(surround_moments: FloatArray) -> FloatArray:
-    """Return the mean grey level of the surroundings that see light, 1 where none do, (n, 7) -> (n,)."""
-    share = surround_moments[:, 0]
-    return np.where(share > 0, surround_moments[:, 1] / np.maximum(share, DARKEST_GREY), 1.0)
-
-
 def _light_of_moments(grid: FloatArray, irradiance: FloatArray) -> FloatArray:
-    """Return the factors on moments whose sum is the mean irradiance, shape (6,).
+    """Return the factors on moments whose sum is the mean irradiance; see :class:`Circumstances`.
 
     The first are the coefficients of the powers of M whose sum follows g best; the last is what white hides.
     """
