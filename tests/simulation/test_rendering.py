@@ -235,3 +235,12 @@ def test_solids_are_parted_so_that_they_can_be_sorted(seed):
         for other in solids:
             if other is not one:
                 assert np.all(power(own, one) < power(own, other))
+
+
+def test_a_pixel_on_the_horizon_of_a_wall_shows_the_wall_before_it():
+    """The plane of the second wall has no finite depth there; the wall itself is elsewhere."""
+    settings = SimulationSettings(size=(640, 480), seed=77005, motion="handheld", speed=1.12)
+    view = view_at(settings, Motion.of(settings), 739 / settings.fps)
+    shown = radiance(Scene.of(settings), view, 739 / settings.fps)
+    assert np.all(np.isfinite(shown))
+    assert shown[336, 440] == pytest.approx(np.median(shown[334:339, 438:443]), rel=0.3)

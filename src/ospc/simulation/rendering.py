@@ -243,4 +243,5 @@ def _warped(
     to_elements = to_elements @ np.array([[1.0, 0, first[0]], [0, 1, first[1]], [0, 0, 1]])
     flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
     warped = cv2.warpPerspective(mip, to_elements, shape[::-1], flags=flags, borderMode=cv2.BORDER_REPLICATE)
+    cv2.patchNaNs(warped)  # on the horizon of its plane, where the face covers nothing
     return np.asarray(warped, dtype=np.float32)
