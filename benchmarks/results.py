@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -17,21 +18,25 @@ Row: TypeAlias = dict[str, Any]
 """One result: JSON-compatible values by name."""
 
 
-def measured(calls: Mapping[str, Callable[[], Row]], folder: Path) -> list[Row]:
+def measured(calls: Mapping[str, Callable[[], Row]], folder: Path, jobs: int = 1) -> list[Row]:
     """Return the results of calls, each of which depends on its name and the source of the package only.
 
-    Those that the folder has already are not computed again.
+    Those that the folder has already are not computed again. Several processes need calls that can be pickled.
     """
     tasks = [
-        Task(name, {"call": name, "made_with": made_with(whole=True)}, lambda _progress, call=call: call())
+        Task(name, {"call": name, "made_with": made_with(whole=True)}, partial(_called, call))
         for name, call in calls.items()
     ]
     found: dict[str, Row] = {}
-    for one in run(tasks, ResultStore(folder)):
+    for one in run(tasks, ResultStore(folder), jobs):
         found[one.task.name] = one.result
         if not one.stored:
             print(one.task.name, "done", flush=True)
     return [found[name] for name in calls]
+
+
+def _called(call: Callable[[], Row], _progress: object) -> Row:
+    return call()
 
 
 def table_of(title: str, rows: Iterable[Row], columns: Sequence[str], names: int = 1) -> str:

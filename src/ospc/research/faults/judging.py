@@ -167,7 +167,7 @@ def _errors(found: Calibration, footage: Footage) -> dict[str, Any]:
     if (response := found.response) is not None:
         # Where a curve was put on all grey levels, the estimate may be of the camera with or without it.
         kappa, truth = min(((log_ratio_error(response, one), one) for one in footage.responses), key=itemgetter(0))
-        figures |= {"kappa": kappa, "step": _step(response) - _step(truth), "step_sigma": step_sigma(found)}
+        figures |= {"kappa": kappa, "step": log_step(response) - log_step(truth), "step_sigma": step_sigma(found)}
     if found.vignette is not None and footage.vignette is not None:
         # Beyond the reach, nothing can be known of a vignette.
         figures["vignette"] = vignette_rmse(found.vignette, footage.vignette, footage.reach)
@@ -226,6 +226,7 @@ def step_sigma(found: Calibration) -> float | None:
     return float(np.sqrt(variance))
 
 
-def _step(response: Response) -> float:
+def log_step(response: Response) -> float:
+    """Return ln g(0.75)/g(0.25)."""
     low, high = response.inverse([_LOW, _HIGH])
     return float(np.log(high / low))

@@ -1,0 +1,89 @@
+"""Calibrate recordings without any fault, and report false alarms, errors and how often the bands hold the truth.
+
+    python benchmarks/clean_recordings.py --results clean --recordings 200 --jobs 2
+
+The recordings are those of live_runs.py but for their length: its logarithm is drawn evenly from 60 to 1500 frames.
+Results are kept in a folder: an interrupted run goes on where it stopped.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from live_runs import family
+from ospc import calibrate
+from ospc.research.faults.judging import log_step, step_sigma
+from ospc.research.method import Estimate
+from ospc.research.scoring import Truth, score
+from ospc.simulation import SimulationSettings, frames, truth
+from results import Row, measured, table_of
+
+_SHORTEST, _LONGEST = 60, 1500
+"""Frames of a recording."""
+
+_COVERAGE = tuple(f"{part}_within_{sigmas}_sigma" for part in ("response", "vignette") for sigmas in (1, 2))
+_COLUMNS = ("recording", "frames", "response", "vignette", "exposures", "kappa", "V", "step", "step sigma", "said")
+
+
+def shortened(settings: SimulationSettings, count: int) -> SimulationSettings:
+    """Return the settings of a recording of another length."""
+    if settings.exposure != "file":
+        return replace(settings, frames=count)
+    return replace(settings, frames=count, exposures_ms=tuple(np.resize(settings.exposures_ms, count).tolist()))
+
+
+def row(name: str, settings: SimulationSettings) -> Row:
+    found, true = calibrate(frames(settings)), truth(settings)
+    figures = score(Estimate.of(found), Truth(true.response, true.vignette))
+    return {
+        "recording": name,
+        "frames": settings.frames,
+        **{part: verdict.state for part, verdict in found.verdicts.items()},
+        "kappa": figures.get("log_ratio_error"),
+        "V": figures.get("vignette_rmse"),
+        **{name: figures.get(name) for name in _COVERAGE},
+        "step": None if found.response is None else log_step(found.response) - log_step(true.response),
+        "step sigma": step_sigma(found),
+        "said": "; ".join(found.warnings),
+    }
+
+
+def summary(rows: Sequence[Row]) -> str:
+    alarms = sum(bool(row["said"]) or row["exposures"] == "not identifiable" for row in rows)
+    lines = [f"{len(rows)} recordings, {alarms} false alarms"]
+    lines += [f"{name}: {np.mean([row[name] for row in rows if row[name] is not None]):.1%}" for name in _COVERAGE]
+    for part, figure in (("response", "kappa"), ("vignette", "V")):
+        sure = [row[figure] for row in rows if row[part] == "identifiable"]
+        lines.append(f"{figure} of {len(sure)} identifiable: {np.median(sure):.4f} median, {max(sure):.4f} worst")
+    deviate = np.abs([row["step"] / row["step sigma"] for row in rows if row["step sigma"]])
+    shares = ", ".join(f"{np.mean(deviate < limit):.1%} within {limit}" for limit in (1, 2, 3))
+    lines.append(f"ln g(0.75)/g(0.25) over its sigma: {shares}, {deviate.max():.2f} worst")
+    return "\n".join(lines)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--results", type=Path, required=True, help="Folder of the results.")
+    parser.add_argument("--recordings", type=int, default=200, help="Number of recordings.")
+    parser.add_argument("--seed", type=int, default=0, help="Chooses the family of recordings.")
+    parser.add_argument("--jobs", type=int, default=1, help="Number of processes.")
+    arguments = parser.parse_args()
+    members = family(arguments.recordings, arguments.seed)
+    lengths = np.random.default_rng(arguments.seed).uniform(np.log(_SHORTEST), np.log(_LONGEST), len(members))
+    calls = {
+        member.name: partial(row, member.name, shortened(member.settings, int(count)))
+        for member, count in zip(members, np.exp(lengths), strict=True)
+    }
+    rows = measured(calls, arguments.results, arguments.jobs)
+    print(table_of("Recordings without any fault", rows, _COLUMNS))
+    print(summary(rows))
+
+
+if __name__ == "__main__":
+    main()
