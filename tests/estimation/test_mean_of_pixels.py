@@ -54,6 +54,17 @@ def test_it_is_the_shift_of_pixels_drawn_one_by_one(name, full_well, read_noise,
     np.testing.assert_array_less(np.abs(shift - true), statistical + 0.15 * np.abs(true) + 1e-5)
 
 
+def test_noise_that_could_not_be_measured_in_the_dark_is_told_by_brighter_levels():
+    response, grid = Response.gamma(2.8, 2041), np.linspace(0, 1, TABLE_LEVELS)
+    _, variances = drawn(response, grid, 3000, 12, TABLE_DRAWS)
+    first = np.searchsorted(grid, 0.3)
+    variances[:first] = variances[first]
+    levels = np.linspace(0.18, 0.4, 6)
+    means, _ = drawn(response, levels, 3000, 12, DRAWS)
+    shift = np.interp(levels, GRID, mean_shift(GRID, log_response(response), NoiseModel(0, 0, tuple(variances))))
+    np.testing.assert_allclose(shift, means - levels, rtol=0.2, atol=2e-4)
+
+
 @pytest.mark.parametrize("variance", [0.0, 1e-12])
 def test_next_to_no_noise_shifts_next_to_nothing(variance):
     shift = mean_shift(GRID, log_response(Response.gamma(2.2, 2041)), NoiseModel(variance, 0))

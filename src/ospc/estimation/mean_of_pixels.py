@@ -160,7 +160,9 @@ def _parts_of_noise(level: FloatArray, irradiance: FloatArray, noise: NoiseModel
     variance = noise.variance(level)
     slope = np.gradient(irradiance, level)
     # Near the ends, noise cannot be measured, and the model repeats the nearest measurement.
+    lowest, highest = noise.measured
     unclipped = np.minimum(level, 1 - level) > UNCLIPPED_SIGMAS * np.sqrt(variance)
+    unclipped &= (level >= lowest) & (level <= highest)
     # Levels without any noise would have infinite weight.
     known = unclipped & (irradiance > MIN_NOISE_IRRADIANCE) & (variance > 0)
     if np.count_nonzero(known) < MIN_NOISE_LEVELS:
