@@ -19,10 +19,8 @@ import numpy as np
 from live_runs import family
 from ospc import calibrate
 from ospc.research.faults.judging import log_step, step_sigma
-from ospc.research.method import Estimate
-from ospc.research.scoring import Truth, score
 from ospc.simulation import SimulationSettings, frames, truth
-from results import Row, measured, table_of
+from results import Row, figures_of, measured, table_of
 
 _SHORTEST, _LONGEST = 60, 1500
 """Frames of a recording."""
@@ -31,24 +29,24 @@ _COVERAGE = tuple(f"{part}_within_{sigmas}_sigma" for part in ("response", "vign
 _COLUMNS = ("recording", "frames", "response", "vignette", "exposures", "kappa", "V", "step", "step sigma", "said")
 
 
-def shortened(settings: SimulationSettings, count: int) -> SimulationSettings:
-    """Return the settings of a recording of another length."""
+def with_length(settings: SimulationSettings, count: int) -> SimulationSettings:
+    """Return the settings of the same recording with so many frames."""
     if settings.exposure != "file":
         return replace(settings, frames=count)
     return replace(settings, frames=count, exposures_ms=tuple(np.resize(settings.exposures_ms, count).tolist()))
 
 
 def row(name: str, settings: SimulationSettings) -> Row:
-    found, true = calibrate(frames(settings)), truth(settings)
-    figures = score(Estimate.of(found), Truth(true.response, true.vignette))
+    found, response = calibrate(frames(settings)), truth(settings).response
+    figures = figures_of(found, settings)
     return {
         "recording": name,
         "frames": settings.frames,
         **{part: verdict.state for part, verdict in found.verdicts.items()},
         "kappa": figures.get("log_ratio_error"),
         "V": figures.get("vignette_rmse"),
-        **{name: figures.get(name) for name in _COVERAGE},
-        "step": None if found.response is None else log_step(found.response) - log_step(true.response),
+        **{share: figures.get(share) for share in _COVERAGE},
+        "step": None if found.response is None else log_step(found.response) - log_step(response),
         "step sigma": step_sigma(found),
         "said": "; ".join(found.warnings),
     }
@@ -77,7 +75,7 @@ def main() -> None:
     members = family(arguments.recordings, arguments.seed)
     lengths = np.random.default_rng(arguments.seed).uniform(np.log(_SHORTEST), np.log(_LONGEST), len(members))
     calls = {
-        member.name: partial(row, member.name, shortened(member.settings, int(count)))
+        member.name: partial(row, member.name, with_length(member.settings, int(count)))
         for member, count in zip(members, np.exp(lengths), strict=True)
     }
     rows = measured(calls, arguments.results, arguments.jobs)

@@ -53,13 +53,21 @@ def _text(value: object) -> str:
     return f"{value:.4g}" if isinstance(value, float) else str(value)
 
 
-def errors(calibration: Calibration | None, known: Any, prefix: str = "") -> Row:
-    """Return vignette RMSE, response shape RMSE and κ; None for a part that the calibration lacks.
+def figures_of(calibration: Calibration | None, known: Any) -> dict[str, float]:
+    """Return the figures of :func:`ospc.research.scoring.score` for what a calibration has.
 
     ``known`` has the true response and vignette, or is the settings of a simulation.
     """
     true = truth(known) if isinstance(known, SimulationSettings) else known
-    estimate = Estimate() if calibration is None else Estimate(calibration.response, calibration.vignette)
-    figures = score(estimate, Truth(true.response, true.vignette))
+    estimate = Estimate() if calibration is None else Estimate.of(calibration)
+    return score(estimate, Truth(true.response, true.vignette))
+
+
+def errors(calibration: Calibration | None, known: Any, prefix: str = "") -> Row:
+    """Return vignette RMSE, response shape RMSE and κ; None for a part that the calibration lacks.
+
+    ``known`` is that of :func:`figures_of`.
+    """
+    figures = figures_of(calibration, known)
     names = {"V": "vignette_rmse", "shape": "response_shape_rmse", "kappa": "log_ratio_error"}
     return {f"{prefix}{name}": figures.get(figure) for name, figure in names.items()}

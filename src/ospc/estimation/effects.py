@@ -69,7 +69,7 @@ class Circumstances:
         Expected grey levels, and the local gamma there, shape (n,).
     light_of_moments
         Factors on the moments of grey levels whose sum is their mean irradiance, shape (6,).
-    held
+    absorbed
         The light that the response holds.
     """
 
@@ -79,7 +79,7 @@ class Circumstances:
     grey: FloatArray
     gamma: FloatArray
     light_of_moments: FloatArray
-    held: AbsorbedLight
+    absorbed: AbsorbedLight
 
     @property
     def position(self) -> FloatArray:
@@ -89,12 +89,12 @@ class Circumstances:
     @property
     def light_of_frame(self) -> FloatArray:
         """Mean irradiance of the frame beyond what the response holds, shape (n,)."""
-        return (self.observations.frame_moments - self.held.frame_moments) @ self.light_of_moments
+        return (self.observations.frame_moments - self.absorbed.frame_moments) @ self.light_of_moments
 
     @property
     def light_around(self) -> FloatArray:
         """Mean irradiance of the surroundings beyond what the response holds, shape (n,)."""
-        return (self.observations.surround_moments - self.held.surround_moments)[:, 1:] @ self.light_of_moments
+        return (self.observations.surround_moments - self.absorbed.surround_moments)[:, 1:] @ self.light_of_moments
 
     @property
     def grey_around(self) -> FloatArray:
@@ -139,7 +139,7 @@ EFFECTS = {
     "veiling glare": Effect("light", lambda seen: seen.light_of_frame, *GLARE, 0.0, MOST_ADDED_LIGHT),
     "light scattered nearby": Effect("light", lambda seen: seen.light_around, *SCATTER, 0.0, MOST_ADDED_LIGHT),
     "dark current": Effect(
-        "light", lambda seen: seen.exposure - seen.held.dark, *DARK_CURRENT, 0.0, MOST_ADDED_LIGHT
+        "light", lambda seen: seen.exposure - seen.absorbed.dark, *DARK_CURRENT, 0.0, MOST_ADDED_LIGHT
     ),
     "exposure offset": Effect(
         "exposure", lambda seen: np.ones_like(seen.exposure), *OFFSET, -MOST_OFFSET, MOST_OFFSET

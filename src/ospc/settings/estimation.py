@@ -231,7 +231,7 @@ observation is not used. Chosen by hand; no effect at 1, 3 raises the shape erro
 
 MAX_TEXTURE = 0.3
 """Largest standard deviation of the pixels that are averaged, over their mean, whose effect is corrected in full:
-but for knees, the correction is of second order. 0.2 and 0.5 change κ by less than a tenth."""
+except at knees, the correction is of second order. 0.2 and 0.5 change κ by less than a tenth."""
 
 TEXTURE_WIDTHS = (0.01, 0.02, 0.04, 0.08, 0.16, 0.32)
 """Standard deviations of texture, over the grey level, for which the mean of pixels at a knee is tabulated. The last
