@@ -24,7 +24,7 @@ WIDTH_IN = 4.6
 
 _HEIGHT_IN, _HEIGHT_WITH_PANELS_IN = 3.2, 4.6
 
-_MARGINS_IN = {"left": 0.78, "right": 0.12, "top": 0.28, "bottom": 0.48}
+_MARGINS_IN = {"left": 0.86, "right": 0.12, "top": 0.28, "bottom": 0.48}
 """Room around the axes of a chart for its title and labels."""
 
 

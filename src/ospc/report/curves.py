@@ -34,7 +34,7 @@ _LEAST_EXTENT = 1e-4
 _MOST_TICKS = 6
 """Intervals between the ticks of an axis."""
 
-_LABEL_IN = 0.56
+_LABEL_IN = 0.66
 """Distance of the label of a y axis from the axis, in inches: room for the numbers of the ticks."""
 
 _BAR_WIDTHS = (20, 1, 4.5)

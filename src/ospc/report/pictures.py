@@ -32,7 +32,7 @@ PICTURES = tuple(_CONTENT)
 """File names: an overview like figure 3 of the paper, and its three parts on their own."""
 
 _HEIGHT_IN, _CHART_IN = 4.2, 3.05
-_MARGINS_IN = {"left": 0.76, "right": 0.14, "top": 0.62, "bottom": 0.72}
+_MARGINS_IN = {"left": 0.86, "right": 0.14, "top": 0.62, "bottom": 0.72}
 """Room around the charts for titles and labels."""
 
 _TILE_IN = _MARGINS_IN["left"] + _CHART_IN + _MARGINS_IN["right"]
