@@ -20,11 +20,13 @@ demo: $(USER_READY)
 test: $(READY)
 	PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest -n 2 --dist worksteal
 
+# The documentation is checked by building it without writing pages: links, references, docstrings.
 lint: $(READY)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+	$(BIN)/python -m sphinx -q -W --keep-going -b dummy docs docs/_build/checked
 
 format: $(READY)
 	$(BIN)/ruff check --fix .
