@@ -14,8 +14,9 @@ from ospc.methods.preview import Preview
 from ospc.photometry.calibration import Calibration
 
 FIRST_ESTIMATE, ESTIMATE_GROWTH = 48, 4
-"""Frames processed before the first estimate that nobody asked for, and how many times as many before each next: with
-twice as many, these took a quarter of the processor time of the first half minute."""
+"""Frames processed before the first estimate that nobody asked for, and how many times as many as at the last one,
+whoever asked for it, before each next: with twice as many, these took a quarter of the processor time of the first
+half minute."""
 
 CONFIRMING = 12
 """Frames processed before the next estimate where the information so far says that the goal may be reached."""
@@ -111,6 +112,7 @@ class Findings:
             self._converged_after = self._converged_after or pushed
         self.latest = self._confirmed = found
         self._estimated_after, self._estimated_frames = self._engine.processed, self._engine.frames
+        self._next_estimate = max(FIRST_ESTIMATE, ESTIMATE_GROWTH * self._estimated_after)
         return found
 
     def follow(self, pushed: int) -> None:
@@ -124,7 +126,6 @@ class Findings:
             if self.latest is not None:
                 self.latest = replace(self.latest, converged=False)
         if processed >= self._next_estimate:
-            self._next_estimate = ESTIMATE_GROWTH * processed
             self.estimate(pushed)
 
     def advise(self, pushed: int) -> None:
