@@ -10,7 +10,7 @@ from typing import Any, Protocol, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from ospc.arrays import FloatArray, IntArray
+from ospc.arrays import Float32Array, FloatArray, IntArray
 from ospc.by_value import ByValue
 from ospc.errors import SettingError
 from ospc.photometry.grey_range import GreyRange
@@ -27,6 +27,9 @@ MOMENTS = POWERS + 1
 
 _WIDTHS = {"position": (2,), "frame_moments": (MOMENTS,), "surround_moments": (1 + MOMENTS,)}
 """Further dimensions of the fields that have some."""
+
+_SINGLE_PRECISION = ("frame_moments", "surround_moments")
+"""Fields of 32-bit floats: most of the memory is theirs, and errors of 1e-7 change light by less than noise does."""
 
 _OF_A_FRAME = ("grey", "grey_variance", "position", "gradient", "frame_moments", "surround_moments", "frame")
 
@@ -77,8 +80,8 @@ class Observations(ByValue):
     grey_variance: FloatArray
     position: FloatArray
     gradient: FloatArray
-    frame_moments: FloatArray
-    surround_moments: FloatArray
+    frame_moments: Float32Array
+    surround_moments: Float32Array
     frame: IntArray
     point: IntArray
     group: IntArray
@@ -154,9 +157,9 @@ class Observations(ByValue):
         """
         n = np.size(first["grey"])
 
-        def both(name: str) -> FloatArray:
+        def both(name: str) -> npt.NDArray[Any]:
             width = _WIDTHS.get(name, ())
-            ends = np.empty((n, 2, *width))
+            ends = np.empty((n, 2, *width), np.float32 if name in _SINGLE_PRECISION else np.float64)
             try:
                 for number, end in enumerate((first, second)):
                     ends[:, number] = np.broadcast_to(np.asarray(end[name], np.float64), (n, *width))
@@ -318,14 +321,14 @@ class ExposedObservations(Observations):
         stretch = np.polynomial.Polynomial([-grey_range.black / grey_range.span, 1 / grey_range.span])
         for power in range(1 + POWERS):
             powers[: power + 1, power] = (stretch**power).coef
-        known = kept.frame_moments.any(axis=1, keepdims=True).astype(np.float64)
+        known = kept.frame_moments.any(axis=1, keepdims=True).astype(np.float32)
         return replace(
             kept,
             grey=grey_range.level(kept.grey),
             grey_variance=kept.grey_variance / grey_range.span**2,
             gradient=kept.gradient / grey_range.span,
-            frame_moments=np.hstack([known, kept.frame_moments]) @ powers[:, 1:],
-            surround_moments=kept.surround_moments @ powers,
+            frame_moments=(np.hstack([known, kept.frame_moments]) @ powers[:, 1:]).astype(np.float32),
+            surround_moments=(kept.surround_moments @ powers).astype(np.float32),
         )
 
 

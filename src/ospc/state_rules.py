@@ -337,15 +337,16 @@ def _check_changes(found: ChangeDetector, frames: int) -> None:
 
 def _check_reservoir(found: Reservoir, frames: int, settings: DefaultSettings) -> None:
     _require(found.capacity == settings.max_points, "its capacity is not that of its settings")
-    for part in found._parts:
-        _require(len(part) and part.group[0] >= 0 and np.all(np.diff(part.group) >= 0), "groups are mixed")
-        _require(np.all(part.group == np.repeat(part.group[part.starts], part.counts)), "groups share a point")
-        _require(part.frame.max() < frames, "observations are of frames that were not there")
-        Numbers(0, 1, ("n",)).check("reservoir.grey_variance", part.grey_variance)
-        Numbers(0, 10, ("n",)).check("reservoir.gradient", part.gradient)
-        Numbers(0, 1, ("n", MOMENTS)).check("reservoir.frame_moments", part.frame_moments)
-        Numbers(0, 1, ("n", 1 + MOMENTS)).check("reservoir.surround_moments", part.surround_moments)
-    _require(found.points == sum(len(part.starts) for part in found._parts), "observations are missing")
+    kept = found.kept
+    if kept is None:
+        return
+    _require(len(kept) and kept.group[0] >= 0 and np.all(np.diff(kept.group) >= 0), "groups are mixed")
+    _require(np.all(kept.group == np.repeat(kept.group[kept.starts], kept.counts)), "groups share a point")
+    _require(kept.frame.max() < frames, "observations are of frames that were not there")
+    Numbers(0, 1, ("n",)).check("reservoir.grey_variance", kept.grey_variance)
+    Numbers(0, 10, ("n",)).check("reservoir.gradient", kept.gradient)
+    Numbers(0, 1, ("n", MOMENTS)).check("reservoir.frame_moments", kept.frame_moments)
+    Numbers(0, 1, ("n", 1 + MOMENTS)).check("reservoir.surround_moments", kept.surround_moments)
 
 
 def _check_series(found: StaticSeries, run: EngineState, settings: DefaultSettings) -> None:

@@ -30,8 +30,8 @@ def observations(counts, group=0, start=0):
         position=np.stack([tag, -tag], axis=1),
         gradient=tag + 2,
         grey_variance=np.zeros(n),
-        frame_moments=np.zeros((n, 6)),
-        surround_moments=np.zeros((n, 7)),
+        frame_moments=np.zeros((n, 6), np.float32),
+        surround_moments=np.zeros((n, 7), np.float32),
         frame=np.arange(n),
         point=point,
         group=np.full(n, group),
@@ -170,10 +170,26 @@ def test_a_group_is_thinned_alike_whatever_it_is_kept_with():
         np.testing.assert_array_equal(alone.grey, many.grey[many.group == group])
 
 
-def test_many_small_additions_are_not_kept_apart():
-    reservoir = filled(2000, 1000)
-    assert len(np.unique(reservoir.all().group)) > 500
-    assert len(reservoir._parts) < 100
+def test_what_was_given_out_never_changes():
+    reservoir, given = Reservoir(300), []
+    for group in range(40):
+        reservoir.add(observations([2] * 20, group))
+        if group % 7 == 3:
+            reservoir.forget_before(group // 2)
+        given.append((reservoir.all(), replace(reservoir.all(), grey=reservoir.all().grey.copy())))
+    for shown, copied in given:
+        assert_same(shown, copied)
+
+
+def test_what_is_forgotten_is_gone_and_all_else_is_kept():
+    reservoir = filled(2000, 30)
+    before = reservoir.all()
+    reservoir.forget_before(11)
+    assert_same(reservoir.all(), before.where(before.group >= 11))
+    reservoir.add(observations([2] * 20, 30))
+    assert_same(reservoir.all().where(slice(-40)), before.where(before.group >= 11))
+    reservoir.forget_before(99)
+    assert (reservoir.kept, reservoir.points, reservoir.latest_group) == (None, 0, -1)
 
 
 def test_an_empty_reservoir_is_split_in_two():

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
-from ospc.observations import Observations, concatenate
+from ospc.observations import Observations
 
-_MOST_PARTS = 64
-"""Additions kept apart before they are joined: late in a run each has a point or two left, and its ten arrays take
-kilobytes. Joining them after each addition would take longer."""
+_FIELDS = tuple(entry.name for entry in fields(Observations))
 
 
 @dataclass
@@ -18,85 +18,110 @@ class Reservoir:
     """Keeps every scene point until there are too many, then half of them, and so on; old and new ones alike.
 
     Groups that are added later have higher numbers.
+
+    Attributes
+    ----------
+    capacity
+        Most scene points kept.
+    kept
+        Their observations, None without any. They never change: those of later groups are written behind them.
     """
 
     capacity: int
-    """Most scene points kept."""
-    _parts: list[Observations] = field(default_factory=list, repr=False)
+    kept: Observations | None = None
     _halvings: int = 0
-    points: int = 0
+
+    def __post_init__(self) -> None:
+        """Begin with arrays that have room for nothing else."""
+        self._columns: dict[str, npt.NDArray[Any]] = {}
+        self._keep(self.kept)
 
     def add(self, observations: Observations) -> None:
         """Add the observations of new scene points."""
         for halving in range(self._halvings):
             observations = _halved(observations, halving)
-        self._append(observations)
-        while self.points > self.capacity:
-            self._keep([_halved(part, self._halvings) for part in self._parts])
+        if len(observations):
+            self._append(observations)
+        while self.kept is not None and self.points > self.capacity:
+            self._keep(_halved(self.kept, self._halvings))
             self._halvings += 1
 
     def forget_before(self, group: int) -> None:
-        """Drop the observations of groups with lower numbers."""
-        self._keep([part.where(part.group >= group) for part in self._parts])
+        """Drop the observations of groups with lower numbers; their memory is free when the arrays grow."""
+        if self.kept is not None:
+            first = int(np.searchsorted(self.kept.group, group))
+            self._columns = {name: column[first:] for name, column in self._columns.items()}
+            self._show(len(self.kept) - first)
+
+    @property
+    def points(self) -> int:
+        """Number of scene points kept."""
+        return 0 if self.kept is None else len(self.kept.starts)
 
     @property
     def latest_group(self) -> int:
         """Number of the latest group of which something is kept, -1 where nothing is."""
-        return max((int(part.group.max()) for part in self._parts), default=-1)
+        return -1 if self.kept is None else int(self.kept.group[-1])
 
     def split(self, frame: int) -> tuple[Reservoir, int]:
         """Move the groups whose frames all have this number or a higher one to a new reservoir.
 
         Return it and the number of its groups, which are numbered from 0 there. Groups across that frame are dropped.
         """
-        moved = Reservoir(self.capacity)
-        if not self._parts:
-            return moved, 0
-        everything = self.all()
+        everything = self.kept
+        if everything is None:
+            return Reservoir(self.capacity), 0
         begins = np.flatnonzero(np.diff(everything.group, prepend=-1))
         lengths = np.diff(begins, append=len(everything))
         after = np.repeat(np.minimum.reduceat(everything.frame, begins) >= frame, lengths)
         before = np.repeat(np.maximum.reduceat(everything.frame, begins) < frame, lengths)
         later = everything.where(after)
         groups, number = np.unique(later.group, return_inverse=True)
-        moved._append(replace(later, group=number))
-        self._keep([everything.where(before)])
-        return moved, len(groups)
+        self._keep(everything.where(before))
+        return Reservoir(self.capacity, replace(later, group=number)), len(groups)
 
     def all(self) -> Observations:
-        """Return all that is kept; raise a ValueError if nothing was ever added."""
-        if not self._parts:
-            raise ValueError("nothing was added")
-        self._join()
-        return self._parts[0]
+        """Return all that is kept; raise a ValueError if nothing is."""
+        if self.kept is None:
+            raise ValueError("nothing is kept")
+        return self.kept
 
     def some(self, points: int) -> Observations:
         """Return at most about so many scene points, spread evenly over all that are kept."""
         return self.all().of_points(slice(None, None, max(1, -(-self.points // points))))
 
-    def _append(self, part: Observations) -> None:
-        if len(part):
-            self._parts.append(part)
-            self.points += len(part.starts)
-        if len(self._parts) > _MOST_PARTS:
-            self._join()
+    def _append(self, added: Observations) -> None:
+        """Write observations of points with new numbers behind those that are kept."""
+        rows, next_point = (0, 0) if self.kept is None else (len(self.kept), int(self.kept.point[-1]) + 1)
+        numbered = replace(added, point=added.point - added.point[0] + next_point)
+        for name in _FIELDS:
+            self._columns[name] = _with_rows(self._columns.get(name), rows, getattr(numbered, name))
+        self._show(rows + len(added))
 
-    def _join(self) -> None:
-        """Keep one part instead of several: beside them, it would take as much memory again."""
-        if len(self._parts) > 1:
-            self._parts = [concatenate(self._parts)]
-
-    def _keep(self, parts: list[Observations]) -> None:
+    def _keep(self, observations: Observations | None) -> None:
         """Keep only these."""
-        self._parts, self.points = [], 0
-        for part in parts:
-            self._append(part)
+        self.kept = observations if observations else None
+        self._columns = {name: getattr(observations, name) for name in _FIELDS} if observations else {}
+
+    def _show(self, rows: int) -> None:
+        """Let what is kept be the first rows of the columns."""
+        self.kept = Observations(**{name: column[:rows] for name, column in self._columns.items()}) if rows else None
+
+
+def _with_rows(column: npt.NDArray[Any] | None, rows: int, added: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """Return a column with values behind its first rows: in the same memory if it has room, or in twice as much."""
+    needed = rows + len(added)
+    if column is None or needed > len(column):
+        larger = np.empty((2 * needed, *added.shape[1:]), added.dtype)
+        if column is not None:
+            larger[:rows] = column[:rows]
+        column = larger
+    column[rows:needed] = added
+    return column
 
 
 def _halved(part: Observations, halving: int) -> Observations:
     """Return about half of the points of each group, drawn anew, but reproducibly, at every halving."""
-    if not len(part):
-        return part
     groups = np.unique(part.group[part.starts], return_counts=True)
     drawn = [np.random.default_rng([group, halving]).random(count) for group, count in zip(*groups, strict=True)]
-    return part.of_points(np.concatenate(drawn) < 0.5)
+    return part.of_points(np.concatenate(drawn) < 0.5) if drawn else part

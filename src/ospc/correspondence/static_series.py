@@ -77,8 +77,9 @@ class StaticSeries:
             position=np.repeat(normalised(places, (width, height)), frames, axis=0),
             gradient=np.zeros(grey.size),
             grey_variance=np.zeros(grey.size),
-            frame_moments=np.zeros((grey.size, MOMENTS)),  # glare of a still scene is part of its radiance
-            surround_moments=np.zeros((grey.size, 1 + MOMENTS)),
+            # Glare of a still scene is part of its radiance.
+            frame_moments=np.zeros((grey.size, MOMENTS), np.float32),
+            surround_moments=np.zeros((grey.size, 1 + MOMENTS), np.float32),
             frame=np.tile(np.array(self._index, dtype=np.int64), points),
             point=np.repeat(np.arange(points), frames),
             group=np.tile(np.arange(frames), points),

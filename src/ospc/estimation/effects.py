@@ -99,7 +99,7 @@ class Circumstances:
     @property
     def grey_around(self) -> FloatArray:
         """Mean grey level of the surroundings that see light, 1 where none do, shape (n,)."""
-        share, total = self.observations.surround_moments[:, :2].T
+        share, total = self.observations.surround_moments[:, :2].T.astype(np.float64)
         return np.maximum(np.where(share > 0, total / np.maximum(share, DARKEST_GREY), 1.0), DARKEST_GREY)
 
 
@@ -209,8 +209,8 @@ class Effects:
         """Return no effects, relative to what is typical of observations."""
         groups = int(observations.group.min()), int(observations.group.max())
         absorbed = AbsorbedLight(
-            tuple(observations.frame_moments.mean(axis=0).tolist()),
-            tuple(observations.surround_moments.mean(axis=0).tolist()),
+            tuple(observations.frame_moments.mean(axis=0, dtype=np.float64).tolist()),
+            tuple(observations.surround_moments.mean(axis=0, dtype=np.float64).tolist()),
             1.0,
         )
         return cls((), float(np.median(observations.log_exposure)), groups, absorbed)

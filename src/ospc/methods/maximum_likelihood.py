@@ -69,6 +69,7 @@ class MaximumLikelihoodMethod:
     def push(self, frame: Frame, prepared: PreprocessedFrame, exposures: ExposureTable) -> Change | None:
         """Take the next processed frame, and return the change of the camera that it proves, if any."""
         self._restored_keyframes = None
+        self._inputs = {}  # of fewer frames: they hold as much memory as all that is kept of the frames
         log_exposure = _log_exposure(exposures, prepared.number)
         self._circle.observe(prepared, frame.mask)
         self._changes.observe_time(prepared.number, frame.stamp_s)
