@@ -39,6 +39,15 @@ def test_white_is_wherever_grey_values_pile_up(white: int, piled: bool) -> None:
     assert statistics.grey_range == (GreyRange(0.0, white / 255) if piled else FULL_RANGE)
 
 
+@pytest.mark.parametrize("step", [8, 16, 32])
+def test_the_outermost_of_few_grey_values_stand_for_black_and_white(step: int) -> None:
+    statistics = PixelStatistics()
+    image = np.random.default_rng(0).integers(0, 255, (48, 64), endpoint=True)
+    frame = Frame.of_array((image // step * step + step // 2).astype(np.uint8), 1.0)
+    statistics.observe(frame, PREPROCESS.thumbnail(frame))
+    assert statistics.grey_range == FULL_RANGE
+
+
 @pytest.mark.parametrize(("before", "after"), [(LIMITED, FULL), (FULL, LIMITED)])
 def test_a_new_epoch_finds_its_own(before: tuple[int, int], after: tuple[int, int]) -> None:
     statistics = PixelStatistics()

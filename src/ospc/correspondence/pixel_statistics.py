@@ -168,14 +168,21 @@ class PixelStatistics:
 
     @property
     def _piles(self) -> tuple[bool, bool]:
-        """Whether many pixels share the lowest and the highest grey value though it is not the end of the scale."""
+        """Whether many pixels share the lowest and the highest grey value though it is not the end of the scale.
+
+        Of few grey values, those next to the ends stand for the ends, too.
+        """
         assert self._histogram is not None
         counts, last = self._histogram, len(self._histogram) - 1
-        low, high = np.flatnonzero(counts)[[0, -1]].tolist()
+        used = np.flatnonzero(counts)
+        low, high = used[[0, -1]].tolist()
+        step_low, step_high = np.diff(used)[[0, -1]].tolist() if len(used) > 1 else (0, 0)
         many = counts > MIN_PILE_SHARE * counts.sum()
         below = counts[high - round(WHITE_NEIGHBOURHOOD * last) : high]
-        black_piles = low > CLIPPING_MARGIN * last and many[low]
-        white_piles = high < (1 - CLIPPING_MARGIN) * last and many[high] and counts[high] > below.sum()
+        black_piles = low > max(CLIPPING_MARGIN * last, step_low) and many[low]
+        white_piles = (
+            last - high > max(CLIPPING_MARGIN * last, step_high) and many[high] and counts[high] > below.sum()
+        )
         return bool(black_piles), bool(white_piles)
 
     def report(self) -> PixelReport | None:

@@ -202,8 +202,9 @@ def good_sources(count: int, frames: int, data: Path | None = None) -> tuple[lis
     return [*sources, VideoSource(VIDEO, data / VIDEO, most_frames=None)], []
 
 
-_SATURATED = 2.0
-"""Irradiance, over that at white, that saturated places of the real video are taken to have."""
+_SATURATED, _SATURATED_FROM = 2.0, 246
+"""Irradiance, over that at white, that saturated places of the real video are taken to have, and the lowest grey
+value that counts as saturated: its white is not 255 but piles up at 249, with noise of two levels."""
 
 _last: dict[str, Footage] = {}
 """The recording that was made last, by its key: faults are put on one recording after the other."""
@@ -246,7 +247,10 @@ def _filmed(source: VideoSource) -> Footage:
     images = tuple(frame.image_8_bit for frame in frames)
     # How bright a saturated place is, is unknown; it has to stay saturated where a fault takes some of the light.
     light = np.stack(
-        [np.where(image == 255, _SATURATED, response.inverse(image / 255)).astype(np.float32) for image in images]
+        [
+            np.where(image >= _SATURATED_FROM, _SATURATED, response.inverse(image / 255)).astype(np.float32)
+            for image in images
+        ]
     )
     exposures, stamps = np.array([(frame.exposure_ms, frame.stamp_s) for frame in frames]).T
     camera = Camera(light, exposures, np.ones(light.shape[1:], np.float32), expose)
