@@ -268,7 +268,7 @@ class Engine:
 
     def _with_verdicts(self, known: Calibration, found: ExposureFindings, frames: int) -> Calibration:
         """Return the calibration from so many frames with the verdicts that their exposures allow."""
-        found = found.doubted_by(known.effects)
+        found = found.confirmed_by(known.effects).doubted_by(known.effects)
         verdicts = {name: found.limited(verdict) for name, verdict in known.verdicts.items()}
         advice = (found.verdict.remedy, *known.advice) if found.warnings else known.advice
         verdicts["exposures"] = found.verdict

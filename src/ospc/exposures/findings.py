@@ -106,9 +106,23 @@ class ExposureFindings:
         """Return the findings with the exposures as they are written, and their lag as an open question."""
         alone = f"changes of brightness alone suggest that they are written {lag_in_words(self.corrected_frames)}"
         reason = f"{alone}, but the fit shows that they belong to their frames"
-        lag = replace(self.lag, state="ambiguous", candidates=(0, *self.lag.candidates))
+        lag = replace(self.lag, state="refuted", candidates=(0, *self.lag.candidates))
         verdict = Verdict("marginal", reason, _CHANGE_IRREGULARLY)
         return replace(self, lag=lag, corrected_frames=0, verdict=verdict, notes=(_uncertain(reason),))
+
+    def confirmed_by(self, effects: Iterable[EffectEstimate]) -> ExposureFindings:
+        """Return the findings, without a lag if a fit shows it where changes of brightness alone leave it open."""
+        is_open = self.lag.state == "ambiguous" and 0 in self.lag.candidates and not self.corrected_frames
+        lateness = _lateness(effects)
+        if not is_open or self.warnings or self.verdict.state != "marginal" or lateness is None:
+            return self
+        if abs(lateness.value) + DOUBTED_LAG_SIGMAS * lateness.sigma > REFUTED_LAG_FRAMES:
+            return self
+        lag = replace(self.lag, state="determined", candidates=(0,))
+        alone = f"changes of brightness alone allow for lags of {_either(self.lag)} frames"
+        reason = f"exposures belong to their frames, as the fit shows; {alone}"
+        notes = tuple(note for note in self.notes if note != _uncertain(self.verdict.reason))
+        return replace(self, lag=lag, verdict=Verdict("identifiable", reason), notes=notes)
 
     def doubted_by(self, effects: Iterable[EffectEstimate]) -> ExposureFindings:
         """Return the findings, marginal if a fit with corrected exposures shows them late or early nevertheless."""
@@ -272,21 +286,28 @@ def _verdicts(
     if unlike and not lag.frames:
         rest = f"the rest changes by {_percent(brightness.unexplained_rms_log)} a frame"
         yield Verdict("marginal", f"exposures fit badly: only {figure}; {rest}", _FIX_METADATA)
-    if lag.frames is None:
+    certain = lag.correction(course.cycle_frames)
+    if certain is None:
         yield _unknown_lag(course, lag)
-    if lag.frames:
+    if certain:
         yield Verdict(
             "marginal",
-            f"exposures are written {lag_in_words(lag.frames)}; moved back, {figure}",
-            f"leave --correct-lag at auto, or set it to {lag.frames}",
+            f"exposures are written {lag_in_words(certain)}; moved back, {figure}",
+            f"leave --correct-lag at auto, or set it to {certain}",
         )
-    yield Verdict("identifiable", f"exposures belong to their frames: {figure}")
+    repeated = f" or to others with the same ones, for they repeat every {course.cycle_frames} frames"
+    yield Verdict("identifiable", f"exposures belong to their frames{'' if lag.frames == 0 else repeated}: {figure}")
+
+
+def _either(lag: LagEstimate) -> str:
+    """Return the lags that fit the images equally well, in words."""
+    lags = sorted(lag.candidates)
+    is_range = len(lags) > 2 and lags[-1] - lags[0] == len(lags) - 1
+    return f"{lags[0]} to {lags[-1]}" if is_range else " or ".join(map(str, lags))
 
 
 def _unknown_lag(course: ExposureReport, lag: LagEstimate) -> Verdict:
-    lags = sorted(lag.candidates)
-    is_range = len(lags) > 2 and lags[-1] - lags[0] == len(lags) - 1
-    either = f"{lags[0]} to {lags[-1]}" if is_range else " or ".join(map(str, lags))
+    either = _either(lag)
     reasons = {
         "changes too small": "the exposures change too little, where they could be compared, to check them",
         "too few pairs": f"only {counted(lag.pairs, 'pair')} of consecutive frames could be compared",

@@ -38,6 +38,7 @@ LagState = Literal[
     "changes too small",
     "no response to exposure",
     "ambiguous",
+    "refuted",
     "follows flicker",
     "between frames",
     "changing",
@@ -55,7 +56,7 @@ class LagEstimate(ByValue):
     Attributes
     ----------
     state
-        ``"determined"``, or why the lag is not.
+        ``"determined"``, or why the lag is not; ``"refuted"`` where the fit of response and vignette shows another.
     candidates
         Lags that fit too well to be excluded, best first.
     lags, score, sigmas
