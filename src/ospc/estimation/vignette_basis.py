@@ -8,7 +8,13 @@ import numpy as np
 
 from ospc.arrays import FloatArray, ImageSize
 from ospc.photometry.vignette import NON_RADIAL, LogVignette, non_radial_terms
-from ospc.settings.estimation import DARK_RADIUS, MAX_DECENTRING, VIGNETTE_SIGMA
+from ospc.settings.estimation import (
+    CENTRE_SIGMA,
+    DARK_RADIUS,
+    MAX_DECENTRING,
+    NON_RADIAL_SIGMA,
+    VIGNETTE_SIGMA,
+)
 
 
 @dataclass(frozen=True)
@@ -35,9 +41,10 @@ class VignetteBasis:
         That of the radial terms decreases as the coefficients of ln(1 − R²/D²) do, where D is the radius at which V
         may reach zero: a few samples must not let high orders decide what the corners look like.
         """
-        sigma, order = np.full(len(self), VIGNETTE_SIGMA), np.arange(1, self.radial + 1)
-        sigma[: self.radial] /= order * (DARK_RADIUS * self.usable_radius) ** (2.0 * (order - 1))
-        return sigma
+        order = np.arange(1, self.radial + 1)
+        radial = VIGNETTE_SIGMA / (order * (DARK_RADIUS * self.usable_radius) ** (2.0 * (order - 1)))
+        further = [CENTRE_SIGMA] * (2 * self.free_centre) + [NON_RADIAL_SIGMA] * (len(NON_RADIAL) * self.non_radial)
+        return np.concatenate([radial, further])
 
     @property
     def names(self) -> list[str]:
