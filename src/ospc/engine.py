@@ -268,7 +268,7 @@ class Engine:
 
     def _with_verdicts(self, known: Calibration, found: ExposureFindings, frames: int) -> Calibration:
         """Return the calibration from so many frames with the verdicts that their exposures allow."""
-        found = found.confirmed_by(known.effects).doubted_by(known.effects)
+        found = found.judged_by(known.effects)
         verdicts = {name: found.limited(verdict) for name, verdict in known.verdicts.items()}
         advice = (found.verdict.remedy, *known.advice) if found.warnings else known.advice
         verdicts["exposures"] = found.verdict
@@ -298,7 +298,9 @@ class Engine:
         with self._lock:
             if self._method is None:
                 raise OspcError("no frame could be used, so nothing is known about the exposures")
-            return self._used_exposures()[1]
+            exposures, found = self._used_exposures()
+            inputs = self._method.inputs(exposures, self.pixels.grey_range)
+            return found if inputs is None else found.judged_by(inputs.effects)
 
     def inputs(self) -> FitInputs | None:
         """Return the evidence on response and vignette; None where there is none that could be merged."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any, Protocol, TypeVar
@@ -333,14 +333,3 @@ class ExposedObservations(Observations):
 
 
 AnyObservations = TypeVar("AnyObservations", bound=Observations)
-
-
-def concatenate(parts: Sequence[AnyObservations]) -> AnyObservations:
-    """Join observations of different scene points, which are numbered anew."""
-    offset, points = 0, []
-    for part in parts:
-        _, number = np.unique(part.point, return_inverse=True)
-        points.append(number + offset)
-        offset += int(number[-1]) + 1 if len(number) else 0
-    joined = {f.name: np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(parts[0])}
-    return type(parts[0])(**joined | {"point": np.concatenate(points)})

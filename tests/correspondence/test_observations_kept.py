@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from ospc.correspondence.reservoir import Reservoir
 from ospc.correspondence.static_series import StaticSeries
-from ospc.observations import Observations, concatenate
+from ospc.observations import Observations
 from ospc.photometry.geometry import normalised
 from ospc.photometry.grey_range import GreyRange
 from ospc.recording.frame import Frame
@@ -110,16 +110,6 @@ def test_points_are_chosen_with_all_their_observations(counts, data):
     np.testing.assert_array_equal(chosen.counts, np.array(counts)[mask])
 
 
-@given(st.lists(counts, min_size=1, max_size=5))
-def test_joined_points_stay_different_points(many):
-    parts = [observations(c, group, start=7 * group) for group, c in enumerate(many)]
-    joined = concatenate(parts)
-    np.testing.assert_array_equal(joined.counts, [n for c in many for n in c])
-    np.testing.assert_array_equal(joined.grey, np.concatenate([p.grey for p in parts]))
-    assert np.all(np.diff(joined.point) >= 0)
-    assert len(np.unique(joined.point)) == sum(map(len, many))
-
-
 # The reservoir.
 
 
@@ -137,7 +127,9 @@ def test_a_reservoir_never_holds_more_than_it_may_and_only_what_it_was_given(cap
     kept = filled(capacity, parts)
     if kept.points == 0:
         return
-    everything = concatenate([observations([2] * 50, group) for group in range(parts)])
+    given = [observations([2] * 50, group, start=50 * group) for group in range(parts)]
+    columns = {f.name: np.concatenate([getattr(one, f.name) for one in given]) for f in fields(Observations)}
+    everything = Observations(**columns)
     inside = np.isin(everything.grey, kept.all().grey)
     expected = everything.where(inside)
     assert_same(replace(kept.all(), point=expected.point), expected)

@@ -49,7 +49,30 @@ def test_a_lag_is_corrected_and_told() -> None:
     ],
 )
 def test_a_fit_that_shows_exposures_of_other_frames_leaves_a_doubt(effect: EffectEstimate, state: str) -> None:
-    assert found(LATE).doubted_by([effect]).verdict.state == state
+    assert found(LATE).judged_by([effect]).verdict.state == state
+
+
+@pytest.mark.parametrize(
+    ("effect", "state"),
+    [
+        (EffectEstimate(LATE_EXPOSURES, 0.02, 0.01), "identifiable"),
+        (EffectEstimate(LATE_EXPOSURES, 0.02, 0.2), "marginal"),
+        (EffectEstimate(LATE_EXPOSURES, 0.97, 0.01), "marginal"),
+        (EffectEstimate(LATE_EXPOSURES, 0.97, 0.01, corrected=True), "marginal"),
+        (EffectEstimate("exposure offset", 0.0, 0.01), "marginal"),
+    ],
+)
+def test_a_fit_settles_a_lag_that_changes_of_brightness_leave_open(effect: EffectEstimate, state: str) -> None:
+    unsettled = found(RISING)
+    assert (unsettled.lag_frames, unsettled.verdict.state) == (None, "marginal")
+    judged = unsettled.judged_by([effect])
+    assert judged.verdict.state == state
+    assert (judged.lag_frames == 0) is (not judged.notes) is (state == "identifiable")
+
+
+def test_a_fit_does_not_settle_what_changes_of_brightness_contradict() -> None:
+    refuted = found(LATE).without_correction()
+    assert refuted.judged_by([EffectEstimate(LATE_EXPOSURES, 0.0, 0.01)]) == refuted
 
 
 @pytest.mark.parametrize(
@@ -96,6 +119,12 @@ def test_a_short_cycle_is_corrected_whichever_lag_it_is() -> None:
     exposures = np.log([1.0, 2.0, 4.0])[np.arange(FRAMES) % 3] - 1
     findings = found(Film(exposures, lag=1))
     assert (findings.lag_frames, findings.corrected_frames) == (None, 1)
+    assert (findings.verdict.state, findings.warnings) == ("identifiable", ())
+
+
+def test_exposures_that_are_right_up_to_whole_cycles_leave_nothing_open() -> None:
+    findings = found(Film(np.log([1.0, 2.0, 4.0])[np.arange(FRAMES) % 3] - 1))
+    assert (findings.corrected_frames, findings.verdict.state, findings.notes) == (0, "identifiable", ())
 
 
 def test_stale_exposures_are_a_warning() -> None:

@@ -110,11 +110,15 @@ class ExposureFindings:
         verdict = Verdict("marginal", reason, _CHANGE_IRREGULARLY)
         return replace(self, lag=lag, corrected_frames=0, verdict=verdict, notes=(_uncertain(reason),))
 
-    def confirmed_by(self, effects: Iterable[EffectEstimate]) -> ExposureFindings:
+    def judged_by(self, effects: Iterable[EffectEstimate]) -> ExposureFindings:
+        """Return the findings after a fit: how late it shows exposures to be may settle a doubt, or raise one."""
+        lateness = _lateness(effects)
+        return self if lateness is None else self._confirmed_by(lateness)._doubted_by(lateness)
+
+    def _confirmed_by(self, lateness: EffectEstimate) -> ExposureFindings:
         """Return the findings, without a lag if a fit shows it where changes of brightness alone leave it open."""
         is_open = self.lag.state == "ambiguous" and 0 in self.lag.candidates and not self.corrected_frames
-        lateness = _lateness(effects)
-        if not is_open or self.warnings or self.verdict.state != "marginal" or lateness is None:
+        if not is_open or self.warnings or self.verdict.state != "marginal":
             return self
         if abs(lateness.value) + DOUBTED_LAG_SIGMAS * lateness.sigma > REFUTED_LAG_FRAMES:
             return self
@@ -124,10 +128,9 @@ class ExposureFindings:
         notes = tuple(note for note in self.notes if note != _uncertain(self.verdict.reason))
         return replace(self, lag=lag, verdict=Verdict("identifiable", reason), notes=notes)
 
-    def doubted_by(self, effects: Iterable[EffectEstimate]) -> ExposureFindings:
+    def _doubted_by(self, lateness: EffectEstimate) -> ExposureFindings:
         """Return the findings, marginal if a fit with corrected exposures shows them late or early nevertheless."""
-        lateness = _lateness(effects)
-        if self.verdict.state != "identifiable" or lateness is None or lateness.corrected:
+        if self.verdict.state != "identifiable" or lateness.corrected:
             return self
         frames = abs(lateness.value)
         if frames < max(DOUBTED_LAG_FRAMES, DOUBTED_LAG_SIGMAS * lateness.sigma):
