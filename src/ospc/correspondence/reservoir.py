@@ -109,10 +109,10 @@ class Reservoir:
 
 
 def _with_rows(column: npt.NDArray[Any] | None, rows: int, added: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """Return a column with values behind its first rows: in the same memory if it has room, or in twice as much."""
+    """Return a column with values behind its first rows: in the same memory, or with room for half as many again."""
     needed = rows + len(added)
     if column is None or needed > len(column):
-        larger = np.empty((2 * needed, *added.shape[1:]), added.dtype)
+        larger = np.empty((needed * 3 // 2, *added.shape[1:]), added.dtype)
         if column is not None:
             larger[:rows] = column[:rows]
         column = larger
