@@ -11,7 +11,7 @@ FloatArray: TypeAlias = npt.NDArray[np.float64]
 """Any array of 64-bit floats; the shape is stated where it is used."""
 
 Float32Array: TypeAlias = npt.NDArray[np.float32]
-"""Any array of 32-bit floats: images and optical flow."""
+"""Any array of 32-bit floats: images, optical flow, moments of grey levels."""
 
 IntArray: TypeAlias = npt.NDArray[np.int64]
 """Any array of integers: indices."""

@@ -212,7 +212,7 @@ class Engine:
         first, later = self.epochs[-1].first_frame, method.split(change.frame)
         found, exposures = self._exposures.split(change.frame)
         grey_range = self.pixels.range_before(change.frame)
-        exposures, found = self._unless_refuted(method, exposures, found, grey_range)
+        exposures, found = self._after_fit(method, exposures, found, grey_range)
         known = method.calibration(exposures, grey_range)
         ended = self._with_verdicts(known, found, change.frame - first)
         self._epochs.append(Epoch(first, change.frame - 1, ended, change))
@@ -254,21 +254,21 @@ class Engine:
         exposures, found = self._exposures.corrected_table, self._exposures.findings()
         if self._method is None:
             return exposures, found
-        return self._unless_refuted(self._method, exposures, found, self.pixels.grey_range)
+        return self._after_fit(self._method, exposures, found, self.pixels.grey_range)
 
-    def _unless_refuted(
+    def _after_fit(
         self, method: Method, exposures: ExposureTable, found: ExposureFindings, grey_range: GreyRange
     ) -> tuple[ExposureTable, ExposureFindings]:
-        """Return exposures and findings, as written where a fit to the moved ones shows that they were right."""
+        """Return exposures and findings after a fit: as written where it shows that they were not to be moved."""
+        inputs = method.inputs(exposures, grey_range)
         moved = found.corrected_frames and self._exposures.choice == "auto"
-        inputs = method.inputs(exposures, grey_range) if moved else None
-        if inputs is None or not found.refuted_by(inputs.effects):
-            return exposures, found
-        return replace(exposures, lag_frames=0), found.without_correction()
+        if moved and inputs is not None and found.refuted_by(inputs.effects):
+            exposures, found = replace(exposures, lag_frames=0), found.without_correction()
+            inputs = method.inputs(exposures, grey_range)
+        return exposures, found if inputs is None else found.judged_by(inputs.effects)
 
     def _with_verdicts(self, known: Calibration, found: ExposureFindings, frames: int) -> Calibration:
         """Return the calibration from so many frames with the verdicts that their exposures allow."""
-        found = found.judged_by(known.effects)
         verdicts = {name: found.limited(verdict) for name, verdict in known.verdicts.items()}
         advice = (found.verdict.remedy, *known.advice) if found.warnings else known.advice
         verdicts["exposures"] = found.verdict
@@ -298,9 +298,7 @@ class Engine:
         with self._lock:
             if self._method is None:
                 raise OspcError("no frame could be used, so nothing is known about the exposures")
-            exposures, found = self._used_exposures()
-            inputs = self._method.inputs(exposures, self.pixels.grey_range)
-            return found if inputs is None else found.judged_by(inputs.effects)
+            return self._used_exposures()[1]
 
     def inputs(self) -> FitInputs | None:
         """Return the evidence on response and vignette; None where there is none that could be merged."""

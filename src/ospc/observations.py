@@ -121,7 +121,7 @@ class Observations(ByValue):
             As in the attributes, shape (points,) or one number. The gradient, in full scale per pixel, tells how much
             an error of the registration changes the grey level.
         frame_moments0, frame_moments1, surround_moments0, surround_moments1
-            As in the attributes, shapes (points, 3) and (points, 4), or one row for all points.
+            As in the attributes, shapes (points, 6) and (points, 7), or one row for all points.
 
         Raises
         ------

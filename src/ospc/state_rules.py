@@ -340,7 +340,7 @@ def _check_reservoir(found: Reservoir, frames: int, settings: DefaultSettings) -
     kept = found.kept
     if kept is None:
         return
-    _require(len(kept) and kept.group[0] >= 0 and np.all(np.diff(kept.group) >= 0), "groups are mixed")
+    _require(kept.group[0] >= 0 and np.all(np.diff(kept.group) >= 0), "groups are mixed")
     _require(np.all(kept.group == np.repeat(kept.group[kept.starts], kept.counts)), "groups share a point")
     _require(kept.frame.max() < frames, "observations are of frames that were not there")
     Numbers(0, 1, ("n",)).check("reservoir.grey_variance", kept.grey_variance)

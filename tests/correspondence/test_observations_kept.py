@@ -85,9 +85,9 @@ def test_a_reservoir_is_split_at_a_frame_and_drops_what_crosses_it():
     for group in range(6):
         reservoir.add(replace(observations([2, 2], group=group), frame=np.array([group, group + 1] * 2)))
     later, groups = reservoir.split(3)
-    assert reservoir.all().frame.max() < 3
-    assert later.all().frame.min() >= 3
-    assert (groups, sorted(set(later.all().group.tolist()))) == (3, [0, 1, 2])
+    assert reservoir.kept.frame.max() < 3
+    assert later.kept.frame.min() >= 3
+    assert (groups, sorted(set(later.kept.group.tolist()))) == (3, [0, 1, 2])
     assert reservoir.points + later.points == 10
 
 
@@ -118,7 +118,7 @@ def filled(capacity, parts, points=50):
     for group in range(parts):
         reservoir.add(observations([2] * points, group))
         assert reservoir.points <= capacity
-        assert reservoir.points == len(reservoir.all().starts)
+        assert reservoir.points == len(reservoir.kept.starts)
     return reservoir
 
 
@@ -130,15 +130,15 @@ def test_a_reservoir_never_holds_more_than_it_may_and_only_what_it_was_given(cap
     given = [observations([2] * 50, group, start=50 * group) for group in range(parts)]
     columns = {f.name: np.concatenate([getattr(one, f.name) for one in given]) for f in fields(Observations)}
     everything = Observations(**columns)
-    inside = np.isin(everything.grey, kept.all().grey)
+    inside = np.isin(everything.grey, kept.kept.grey)
     expected = everything.where(inside)
-    assert_same(replace(kept.all(), point=expected.point), expected)
+    assert_same(replace(kept.kept, point=expected.point), expected)
     if 50 * parts <= capacity:
         assert inside.all()
 
 
 def test_old_and_new_points_are_thinned_alike():
-    kept = filled(1500, 200, points=60).all()
+    kept = filled(1500, 200, points=60).kept
     left = np.bincount(kept.group, minlength=200) / 2
     assert kept.counts.min() == kept.counts.max() == 2
     rate = left.mean() / 60
@@ -153,7 +153,7 @@ def test_old_and_new_points_are_thinned_alike():
 
 
 def test_a_group_is_thinned_alike_whatever_it_is_kept_with():
-    many = filled(300, 200).all()
+    many = filled(300, 200).kept
     for group in np.unique(many.group).tolist():
         alone, halvings = observations([2] * 50, group), 0
         while not np.isin(alone.grey, many.grey).all():
@@ -168,18 +168,18 @@ def test_what_was_given_out_never_changes():
         reservoir.add(observations([2] * 20, group))
         if group % 7 == 3:
             reservoir.forget_before(group // 2)
-        given.append((reservoir.all(), replace(reservoir.all(), grey=reservoir.all().grey.copy())))
+        given.append((reservoir.kept, replace(reservoir.kept, grey=reservoir.kept.grey.copy())))
     for shown, copied in given:
         assert_same(shown, copied)
 
 
 def test_what_is_forgotten_is_gone_and_all_else_is_kept():
     reservoir = filled(2000, 30)
-    before = reservoir.all()
+    before = reservoir.kept
     reservoir.forget_before(11)
-    assert_same(reservoir.all(), before.where(before.group >= 11))
+    assert_same(reservoir.kept, before.where(before.group >= 11))
     reservoir.add(observations([2] * 20, 30))
-    assert_same(reservoir.all().where(slice(-40)), before.where(before.group >= 11))
+    assert_same(reservoir.kept.where(slice(-40)), before.where(before.group >= 11))
     reservoir.forget_before(99)
     assert (reservoir.kept, reservoir.points, reservoir.latest_group) == (None, 0, -1)
 
@@ -190,7 +190,7 @@ def test_an_empty_reservoir_is_split_in_two():
 
 
 def test_the_same_points_make_the_same_choice():
-    assert_same(filled(700, 40).all(), filled(700, 40).all())
+    assert_same(filled(700, 40).kept, filled(700, 40).kept)
 
 
 def test_a_bounded_choice_is_spread_over_all_that_is_kept():
@@ -198,12 +198,12 @@ def test_a_bounded_choice_is_spread_over_all_that_is_kept():
     some = reservoir.some(400)
     assert 200 <= len(some.starts) <= 400
     assert np.all(np.bincount(some.group, minlength=30) > 0)
-    assert_same(reservoir.some(10**6), reservoir.all())
+    assert_same(reservoir.some(10**6), reservoir.kept)
 
 
 def test_nothing_can_be_had_from_an_empty_reservoir():
     with pytest.raises(ValueError, match="nothing"):
-        Reservoir(10).all()
+        Reservoir(10).some(1)
 
 
 # A camera that stands still.

@@ -114,9 +114,9 @@ def _figures(report: RecordingReport) -> dict[str, str]:
 def _lag(report: RecordingReport) -> str:
     lag, cycle = report.exposures.lag, report.exposures.course.cycle_frames
     certain = lag.correction(cycle)
-    if lag.frames is None and certain is not None:
-        return f"{counted(certain, 'frame')}, or whole cycles of {cycle} more or less, which are the same exposures"
-    if lag.frames is None:
+    if certain is None:
         candidates = f" (one of {', '.join(map(str, lag.candidates))})" if len(lag.candidates) > 1 else ""
         return f"not determinable: {lag.state}{candidates}"
+    if lag.frames is None:
+        return f"{counted(certain, 'frame')}, or whole cycles of {cycle} more or less, which are the same exposures"
     return f"{counted(lag.frames, 'frame')}, from {counted(lag.pairs, 'pair')} of frames"

@@ -47,7 +47,7 @@ class Reservoir:
             self._halvings += 1
 
     def forget_before(self, group: int) -> None:
-        """Drop the observations of groups with lower numbers; their memory is free when the arrays grow."""
+        """Drop the observations of groups with lower numbers; their memory is freed when the arrays grow."""
         if self.kept is not None:
             first = int(np.searchsorted(self.kept.group, group))
             self._columns = {name: column[first:] for name, column in self._columns.items()}
@@ -80,15 +80,11 @@ class Reservoir:
         self._keep(everything.where(before))
         return Reservoir(self.capacity, replace(later, group=number)), len(groups)
 
-    def all(self) -> Observations:
-        """Return all that is kept; raise a ValueError if nothing is."""
+    def some(self, points: int) -> Observations:
+        """Return at most about so many scene points, spread evenly over all that are kept; ValueError without any."""
         if self.kept is None:
             raise ValueError("nothing is kept")
-        return self.kept
-
-    def some(self, points: int) -> Observations:
-        """Return at most about so many scene points, spread evenly over all that are kept."""
-        return self.all().of_points(slice(None, None, max(1, -(-self.points // points))))
+        return self.kept.of_points(slice(None, None, max(1, -(-self.points // points))))
 
     def _append(self, added: Observations) -> None:
         """Write observations of points with new numbers behind those that are kept."""

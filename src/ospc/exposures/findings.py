@@ -298,8 +298,10 @@ def _verdicts(
             f"exposures are written {lag_in_words(certain)}; moved back, {figure}",
             f"leave --correct-lag at auto, or set it to {certain}",
         )
-    repeated = f" or to others with the same ones, for they repeat every {course.cycle_frames} frames"
-    yield Verdict("identifiable", f"exposures belong to their frames{'' if lag.frames == 0 else repeated}: {figure}")
+    theirs = "exposures belong to their frames"
+    if lag.frames is None:
+        theirs += f" or to others with the same ones, for they repeat every {course.cycle_frames} frames"
+    yield Verdict("identifiable", f"{theirs}: {figure}")
 
 
 def _either(lag: LagEstimate) -> str:

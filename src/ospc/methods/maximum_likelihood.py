@@ -259,8 +259,8 @@ class MaximumLikelihoodMethod:
         series = self._stationary.used_series
         if series is not None:
             found = series.observations()
-        elif self._reservoir.points:
-            found = self._reservoir.all()
+        elif self._reservoir.kept is not None:
+            found = self._reservoir.kept
             # A surround that never sees light is alike in all frames.
             seen = self._circle.receives_light(found.position)
             found = found if seen is None else found.of_points(np.logical_and.reduceat(seen, found.starts))

@@ -37,8 +37,8 @@ coefficient of -2. On 42 simulated recordings, 1 and 4 changed the mean vignette
 CENTRE_SIGMA, NON_RADIAL_SIGMA = 0.1, 0.1
 """The same of the centre along each axis, in half diagonals, and of the non-radial terms, in ln V: as much as lenses
 have. A shift of the centre is nearly a sum of non-radial terms: with 2 for both, the centres of elliptic vignettes
-that are off centre went up to 0.46 aside, and the RMSE of five such cameras was 0.01 to 0.23. It is 0.002 to 0.007
-now."""
+that are off centre went up to 0.46 aside, and the RMSE of five such cameras was up to 0.23. Now it is at most
+0.007."""
 
 DARK_RADIUS = 1.2
 """Distance from the vignette's centre, in usable radii of the image, at which the prior lets V reach zero, as it does
