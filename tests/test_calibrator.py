@@ -51,6 +51,9 @@ class Noting:
     def progress(self):
         return Progress(pairs=len(self.frames))
 
+    def inputs(self, exposures, grey_range):
+        return None
+
     def calibration(self, exposures, grey_range):
         return Calibration(self.size, max_grey=self.max_grey, counts={"pairs": len(self.frames)})
 
