@@ -93,6 +93,21 @@ def test_clipped_areas_are_marked_and_single_clipped_pixels_are_not(level):
     assert np.all((marked >= [34, 44]) & (marked <= [75, 95]))
 
 
+@pytest.mark.parametrize("longest", [160, 80])
+def test_the_tips_of_texture_keep_means_from_being_used_where_they_are_white_but_not_where_they_are_black(longest):
+    """Noise makes some pixels black, and that is corrected; how much light a white pixel lacks is unknown."""
+    white, black = (np.full((120, 160), 128, np.uint8) for _ in range(2))
+    size = 3 * 160 // longest
+    for image, level in ((white, 255), (black, 0)):
+        image[60 : 60 + size, 80 : 80 + size] = level
+    frames = [Preprocessor(longest_side=longest)(of_array(image)) for image in (white, black)]
+    there = np.array([61, 81]) * longest // 160
+    distance = np.abs(np.argwhere(frames[0].clipped) - there).max(axis=1)
+    assert np.count_nonzero(distance <= 4) == 9**2
+    assert distance.max() <= 8
+    assert not frames[1].clipped.any()
+
+
 @pytest.mark.parametrize(("dtype", "white"), [(np.uint8, 255), (np.uint16, 4095)])
 def test_pixels_that_are_wrong_hardly_change_the_grey_levels_around(dtype, white):
     random = np.random.default_rng(0)

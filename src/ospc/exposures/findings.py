@@ -36,6 +36,7 @@ _FIX_METADATA = (
     "read exposure and gain from each frame's own metadata, not from the driver's settings, and switch off tone "
     "mapping"
 )
+_STEADY_LIGHT = "record where no lamp flickers; if none does, " + _FIX_METADATA
 _GIVE_TIMES = (
     "give exposure times, not their inverses: 1/250 s is 4 ms, not 250; if they are times, record the gain as well"
 )
@@ -288,7 +289,7 @@ def _verdicts(
     figure = f"{1 - brightness.unexplained_share:.0%} of the changes of brightness follow them"
     if unlike and not lag.frames:
         rest = f"the rest changes by {_percent(brightness.unexplained_rms_log)} a frame"
-        yield Verdict("marginal", f"exposures fit badly: only {figure}; {rest}", _FIX_METADATA)
+        yield Verdict("marginal", f"exposures fit badly: only {figure}; {rest}, as by flicker or gain", _STEADY_LIGHT)
     certain = lag.correction(course.cycle_frames)
     if certain is None:
         yield _unknown_lag(course, lag)
