@@ -49,9 +49,10 @@ def fit_with_chosen_vignette(  # noqa: PLR0917 (what is fitted, to what)
 ) -> Fitted:
     """Fit response and vignette, with no more vignette parameters than the data support.
 
-    Starting from the purely radial model, first the free centre and then the non-radial terms are added, as long as
-    the criterion of Schwarz (1978) is met: the joint Wald statistic of the added parameters, whose covariance
-    includes correlated errors, must exceed their number times the logarithm of the number of groups.
+    To the purely radial model first a free centre is added, and then the non-radial terms, with the centre if that
+    was not. Each time, the criterion of Schwarz (1978) has to be met: the joint Wald statistic of what is added, with
+    a covariance that includes correlated errors, must exceed its number of parameters times the logarithm of the
+    number of groups.
 
     Parameters
     ----------
@@ -71,25 +72,32 @@ def fit_with_chosen_vignette(  # noqa: PLR0917 (what is fitted, to what)
     step = len(observations.starts) // FIRST_FIT_POINTS
     start = estimator.fit(observations.of_points(slice(None, None, step))) if step > 1 else None
     fitted = Fitted(estimator.fit(observations, start), observations, noise)
-    for richer in (replace(simplest, free_centre=True), widest):
-        added = len(richer) - len(fitted.fit.vignette_basis)
-        if added <= 0:
-            continue
-        estimator = MaximumLikelihoodEstimator(response, richer, noise, rounds, beside)
-        if not supported(_after_newton_step(fitted, estimator), added, PROMISING_SHARE):
-            break
+    richer = [
+        basis for basis in (replace(simplest, free_centre=True), widest) if len(simplest) < len(basis) <= len(widest)
+    ]
+    while richer and (promising := _first_promising(fitted, richer)):
+        richer = richer[richer.index(promising) + 1 :]
+        estimator = MaximumLikelihoodEstimator(response, promising, noise, rounds, beside)
         wider = estimator.fit(observations, fitted.fit)
-        if not supported(wider, added):
-            break
-        fitted = replace(fitted, fit=wider)
+        if supported(wider, len(promising) - len(fitted.fit.vignette_basis)):
+            fitted = replace(fitted, fit=wider)
     return fitted
 
 
-def _after_newton_step(fitted: Fitted, estimator: MaximumLikelihoodEstimator) -> Fit:
-    """Return a fit with further parameters of the vignette after one Newton step."""
-    about = estimator.parameters_of(fitted.fit)
-    [(found, chance)] = estimator.newton_steps(fitted, about, [np.arange(len(about))])
-    return replace(fitted.fit, vignette_basis=estimator.vignette_basis, parameters=found, chance=chance)
+def _first_promising(fitted: Fitted, richer: Sequence[VignetteBasis]) -> VignetteBasis | None:
+    """Return the first of several vignettes, the richest last, that one Newton step nearly supports."""
+    fit, widest = fitted.fit, richer[-1]
+    estimator = MaximumLikelihoodEstimator(fit.response_basis, widest, fitted.noise, rounds=0, effects=fit.effects)
+    about = estimator.parameters_of(fit)
+    # The terms of a vignette come first among those of a richer one.
+    first = fit.vignette_part.start
+    choices = [np.delete(np.arange(len(about)), np.s_[first + len(basis) : first + len(widest)]) for basis in richer]
+    steps = estimator.newton_steps(fitted, about, choices)
+    for basis, (found, chance) in zip(richer, steps, strict=True):
+        after = replace(fit, vignette_basis=basis, parameters=found, chance=chance)
+        if supported(after, len(basis) - len(fit.vignette_basis), PROMISING_SHARE):
+            return basis
+    return None
 
 
 def supported(fit: Fit, last: int, share: float = 1.0) -> bool:
