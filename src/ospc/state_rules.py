@@ -45,6 +45,7 @@ from ospc.settings.correspondence import (
     MAX_COMPARISONS,
     MAX_COUNTED_FRAMES,
     MAX_GREY_RANGES,
+    MIN_NOISE_BLOCKS,
     NOISE_BINS,
     NOISE_FRAMES,
 )
@@ -167,7 +168,7 @@ RULES: Mapping[type, Mapping[str, Numbers | str]] = {
     },
     Reservoir: {"_halvings": Numbers(0, 64)},
     StaticSeries: {"_places _size _grey _index": ELSEWHERE, "_stride": Numbers(1, _MOST)},
-    noise_estimation.NoiseEstimator: {"_found": ELSEWHERE},
+    noise_estimation.NoiseEstimator: {"_found _waiting": ELSEWHERE},
     Fit: {"effect_estimates parameters covariance chance": ELSEWHERE, "texture_share": UNIT},
     GreyRange: {"black white": UNIT},
     NoiseModel: {"read_variance": UNIT, "shot_variance": Numbers(-1, 1), "table": Numbers(0, 1, ("levels",))},
@@ -312,9 +313,10 @@ def _check_method(method: MaximumLikelihoodState, run: EngineState, settings: De
     if method.series is not None:
         _check_series(method.series, run, settings)
     _require(method.noise.max_grey == run.max_grey, "its noise is of another white")
-    _require(len(method.noise._found) == NOISE_BINS, "its noise has another number of grey levels")
-    for variances in method.noise._found:
-        Numbers(0, 1, ("measured",), most=NOISE_FRAMES).check("noise", variances)
+    for ranges, most in ((method.noise._found, NOISE_FRAMES), (method.noise._waiting, MIN_NOISE_BLOCKS - 1)):
+        _require(len(ranges) == NOISE_BINS, "its noise has another number of grey levels")
+        for variances in ranges:
+            Numbers(0, 2, ("measured",), most=most).check("noise", variances)
     width, height = settings.preprocessor().small_size(run.size)
     for image in (method.circle.brightest, method.circle.allowed):
         _require(image is None or image.shape == (height, width), "its image circle is of another size")

@@ -23,10 +23,10 @@ def scene(seed=0, texture=0.0):
     return level + texture * edges * (x > 0.2)
 
 
-def measured(read, shot, *, max_grey=255, images=4, texture=0.0):
+def measured(read, shot, *, max_grey=255, images=4, texture=0.0, reduction=1):
     estimator, random = NoiseEstimator(max_grey), np.random.default_rng(1)
     for index in range(images):
-        level = np.clip(scene(index, texture), 0, 1)
+        level = np.clip(scene(index, texture), 0, 1)[::reduction, ::reduction]
         noisy = level + random.normal(0, 1, level.shape) * np.sqrt(read + shot * level)
         image = np.clip(np.rint(noisy * max_grey), 0, max_grey)
         estimator.observe(of_array(image.astype(np.uint8 if max_grey == 255 else np.uint16)))
@@ -40,6 +40,13 @@ def test_known_noise_is_measured(read, shot, max_grey):
     grey = np.array([0.15, 0.3, 0.5, 0.8])
     quantisation = 1 / 12 / max_grey**2
     np.testing.assert_allclose(model.variance(grey), read + shot * grey + quantisation, rtol=0.15)
+
+
+def test_small_images_measure_noise_together():
+    """One of 160×120 has some six blocks of each range of grey levels."""
+    model = measured(2e-5, 1e-3, images=60, reduction=4)
+    grey = np.array([0.15, 0.3, 0.5, 0.8])
+    np.testing.assert_allclose(model.variance(grey), 2e-5 + 1e-3 * grey, rtol=0.2)
 
 
 def test_edges_are_not_taken_for_noise():

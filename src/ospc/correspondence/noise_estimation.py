@@ -35,6 +35,9 @@ class NoiseEstimator:
 
     max_grey: int
     _found: list[list[float]] = field(default_factory=lambda: [[] for _ in range(NOISE_BINS)], repr=False)
+    """Variances of noise in each range of grey levels, the latest last."""
+    _waiting: list[list[float]] = field(default_factory=lambda: [[] for _ in range(NOISE_BINS)], repr=False)
+    """Variances of blocks that are still too few for the next one: small images have few blocks of each range."""
 
     def observe(self, frame: Frame) -> None:
         """Measure some bands of a frame."""
@@ -45,12 +48,15 @@ class NoiseEstimator:
         level, variance = self._blocks(image)
         number = np.minimum((level * NOISE_BINS).astype(np.int64), NOISE_BINS - 1)
         for b in range(NOISE_BINS):
-            inside = np.sort(variance[number == b])
+            inside = np.sort(np.append(self._waiting[b], variance[number == b]))
             if len(inside) >= MIN_NOISE_BLOCKS:
                 # A quantile; NumPy's function takes many times as long for some hundreds of values.
                 lowest = np.interp(NOISE_QUANTILE * (len(inside) - 1), np.arange(len(inside)), inside)
                 least = float(lowest) / NOISE_QUANTILE_RATIO
                 self._found[b] = [*self._found[b], least][-NOISE_FRAMES:]
+                self._waiting[b] = []
+            else:
+                self._waiting[b] = inside.tolist()
 
     def _blocks(self, image: Image) -> FloatArray:
         """Return mean and variance of the exposed blocks of all bands, shape (2, blocks)."""
