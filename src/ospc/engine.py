@@ -265,7 +265,8 @@ class Engine:
         if moved and inputs is not None and found.refuted_by(inputs.effects):
             exposures, found = replace(exposures, lag_frames=0), found.without_correction()
             inputs = method.inputs(exposures, grey_range)
-        return exposures, found if inputs is None else found.judged_by(inputs.effects)
+        found = found if inputs is None else found.judged_by(inputs.effects)
+        return exposures, found.of_interlaced_images() if self.pixels.interlaced else found
 
     def _with_verdicts(self, known: Calibration, found: ExposureFindings, frames: int) -> Calibration:
         """Return the calibration from so many frames with the verdicts that their exposures allow."""

@@ -37,6 +37,7 @@ _FIX_METADATA = (
     "mapping"
 )
 _STEADY_LIGHT = "record where no lamp flickers; if none does, " + _FIX_METADATA
+_PROGRESSIVE = "record progressive frames, or take one field of each as a recording of half the height"
 _GIVE_TIMES = (
     "give exposure times, not their inverses: 1/250 s is 4 ms, not 250; if they are times, record the gain as well"
 )
@@ -110,6 +111,12 @@ class ExposureFindings:
         lag = replace(self.lag, state="refuted", candidates=(0, *self.lag.candidates))
         verdict = Verdict("marginal", reason, _CHANGE_IRREGULARLY)
         return replace(self, lag=lag, corrected_frames=0, verdict=verdict, notes=(_uncertain(reason),))
+
+    def of_interlaced_images(self) -> ExposureFindings:
+        """Return the findings on images of which only every other row is exposed when their exposures say."""
+        reason = "every other row of the images shows another moment, as in interlaced video"
+        verdict = Verdict("marginal", reason, _PROGRESSIVE) if self.verdict.known else self.verdict
+        return replace(self, verdict=verdict, warnings=(*self.warnings, reason))
 
     def judged_by(self, effects: Iterable[EffectEstimate]) -> ExposureFindings:
         """Return the findings after a fit: how late it shows exposures to be may settle a doubt, or raise one."""
