@@ -137,3 +137,12 @@ def test_long_runs_are_cut_into_blocks() -> None:
 def test_no_gains_have_no_scale() -> None:
     assert gain_sigma((), frames_of_pairs(9)) == 0.0
     assert gain_sigma(NONE, frames_of_pairs(9)) == 0.0
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_gains_stay_finite_whatever_a_senseless_response_makes_of_the_means(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    frames = frames_of_pairs(40)
+    chance = 10.0 ** random.uniform(-9, 6, len(frames))
+    means = random.normal(size=len(frames)) * 10.0 ** random.uniform(-2, 16, len(frames))
+    assert np.all(np.isfinite(FrameGains(frames, chance, means, (0.1,) * len(NONE)).of_ends))

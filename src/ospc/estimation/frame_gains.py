@@ -123,7 +123,7 @@ class _Block:
             inverse = np.linalg.inv(self._prior + np.diag(self.by_chance + extra))
             usual = 1 / np.diag(inverse) - extra
             apart = (inverse @ self.mean) / np.diag(inverse)
-            extra = usual * np.maximum(apart**2 / (EXCEPTIONAL_SIGMAS**2 * usual) - 1, 0.0)
+            extra = np.maximum(apart**2 / EXCEPTIONAL_SIGMAS**2 - usual, 0.0)
         return extra
 
     def covariance(self, scale: float) -> FloatArray:

@@ -27,6 +27,7 @@ from ospc.settings.estimation import (
     LATENT_ITERATIONS,
     MAX_DEVIATION_SIGMAS,
     MIN_ONE_MINUS_LEVERAGE,
+    MOST_LOG_GAIN,
     PIXEL_NOISE_STRIDE,
 )
 
@@ -139,7 +140,7 @@ class LatentModel:
         of_mean = 1 / np.bincount(pair, 1 / by_chance)
         means = medians(difference, pair)
         gains = FrameGains(observations.frames_of_groups, of_mean, means, self.errors.gain_variances)
-        return np.asarray(gains.of_ends[:, pair].T.ravel())
+        return np.clip(gains.of_ends, -MOST_LOG_GAIN, MOST_LOG_GAIN)[:, pair].T.ravel()
 
     @cached_property
     def log_response(self) -> FloatArray:

@@ -469,6 +469,10 @@ pairs of frames have latent gains. By independent errors of the points it was at
 clean simulated recordings, 2.5 times in a real video, and 5 to 18 times with clouds, flicker or drifting white
 balance."""
 
+MOST_LOG_GAIN = 10.0
+"""Largest latent gain, in ln, a factor of twenty thousand: more only comes of a senseless response, and would
+overflow."""
+
 EXCEPTIONAL_SIGMAS = 2.5
 """Standard deviations from what all other pairs say, beyond which the gain of a pair is exceptional: a frame whose
 exposure is wrong, a light that is switched. Its variance is then set so that it is no farther away. Of normal
