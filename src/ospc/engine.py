@@ -259,7 +259,10 @@ class Engine:
     def _after_fit(
         self, method: Method, exposures: ExposureTable, found: ExposureFindings, grey_range: GreyRange
     ) -> tuple[ExposureTable, ExposureFindings]:
-        """Return exposures and findings after a fit: as written where it shows that they were not to be moved."""
+        """Return exposures and findings, judged by a fit and by the images.
+
+        Exposures are as written where the fit shows that they were not to be moved.
+        """
         inputs = method.inputs(exposures, grey_range)
         moved = found.corrected_frames and self._exposures.choice == "auto"
         if moved and inputs is not None and found.refuted_by(inputs.effects):

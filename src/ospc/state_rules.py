@@ -143,7 +143,7 @@ RULES: Mapping[type, Mapping[str, Numbers | str]] = {
         "_grey_share": _share("frames", COVERAGE_GREY_CELLS, most=MAX_COUNTED_FRAMES),
         "_radius_share": _share("frames", COVERAGE_RADIUS_CELLS, unknown=True, most=MAX_COUNTED_FRAMES),
         "_log_exposure": _logs("frames", most=MAX_COUNTED_FRAMES),
-        "_row_contrast": Numbers(0, _LARGEST, ("frames",), most=MAX_COUNTED_FRAMES),
+        "_row_alternation": Numbers(-1, 1, ("frames",), most=MAX_COUNTED_FRAMES),
         "_bits": Numbers(0, _LARGEST_GREY),
     },
     BrightnessHistory: {

@@ -5,30 +5,25 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from ospc.arrays import Float32Array, Image
-from ospc.settings.correspondence import ROW_BLOCK_PX, ROW_CONTRAST_FLOOR
+from ospc.arrays import Image
+from ospc.settings.correspondence import COMPARED_COLUMNS_PX, LEAST_ROW_VARIANCE
 
 
-def row_contrast(image: Image, max_grey: int) -> float:
-    """Return how much more every other row differs from its neighbours than every other column does.
+def row_alternation(image: Image, max_grey: int) -> float:
+    """Return how much each row differs from both of its neighbours in the same way, from -1 to 1.
 
-    It is the ratio of the energies of the highest frequency, in small blocks of the middle of the image. Texture and
-    noise have about as much of it in both directions.
+    It is minus the correlation of successive differences between rows, in the middle of the image: 1 where rows
+    alternate between two images, 1/2 for noise and for single lines, and usually below 0 for scenes.
     """
     height, width = (side // 2 for side in image.shape)
-    if min(height, width) <= 2 * ROW_BLOCK_PX:
-        return 1.0
+    columns = width // COMPARED_COLUMNS_PX
+    if height < 3 or not columns:
+        return 0.0
     top, left = height // 2, width // 2
-    grey = image[top : top + height, left : left + width].astype(np.float32) / np.float32(max_grey)
-    return (_alternation(grey) + ROW_CONTRAST_FLOOR) / (_alternation(grey.T) + ROW_CONTRAST_FLOOR)
-
-
-def _alternation(grey: Float32Array) -> float:
-    """Return the energy of what changes its sign from row to row, and is not the same along a whole row."""
-    bend = 2 * grey[1:-1] - grey[:-2] - grey[2:]
-    bend[::2] *= -1
-    rows, columns = (side // ROW_BLOCK_PX for side in bend.shape)
-    whole = np.ascontiguousarray(bend[: rows * ROW_BLOCK_PX, : columns * ROW_BLOCK_PX])
-    blocks = cv2.resize(whole, (columns, rows), interpolation=cv2.INTER_AREA)
+    middle = image[top : top + height, left : left + columns * COMPARED_COLUMNS_PX].astype(np.float32)
+    rows = cv2.resize(middle, (columns, height), interpolation=cv2.INTER_AREA) / np.float32(max_grey)
     # Whole rows that differ are noise of the sensor's readout.
-    return float(np.var(blocks, axis=1).mean())
+    rows -= rows.mean(axis=1, keepdims=True)
+    above, below = np.diff(rows[:-1], axis=0), np.diff(rows[1:], axis=0)
+    variance = float(np.mean(above**2) + np.mean(below**2)) / 2
+    return -float(np.mean(above * below)) / (variance + LEAST_ROW_VARIANCE)

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from ospc.arrays import BoolArray, Float32Array, FloatArray, Image, ImageSize, IntArray
 from ospc.by_value import ByValue
-from ospc.correspondence.interlacing import row_contrast
+from ospc.correspondence.interlacing import row_alternation
 from ospc.correspondence.thumbnail import Thumbnail
 from ospc.photometry.geometry import normalised, pixel_grid
 from ospc.photometry.grey_range import FULL_RANGE, VIDEO_RANGE, GreyRange
@@ -31,7 +31,7 @@ from ospc.settings.correspondence import (
     MIN_BORDER_SHARE,
     MIN_COMB_RANGE,
     MIN_COVERED_SHARE,
-    MIN_INTERLACED_CONTRAST,
+    MIN_INTERLACED_ALTERNATION,
     MIN_MEDIAN_LEVEL,
     MIN_MISSING_LEVELS_SHARE,
     MIN_PILE_SHARE,
@@ -104,7 +104,7 @@ class PixelStatistics:
     _grey_share: list[FloatArray] = field(default_factory=list)
     _radius_share: list[FloatArray] = field(default_factory=list)
     _log_exposure: list[float] = field(default_factory=list)
-    _row_contrast: list[float] = field(default_factory=list)
+    _row_alternation: list[float] = field(default_factory=list)
     _brightest: Float32Array | None = None
     _bits: int = 0
     _max_grey: int = 255
@@ -128,11 +128,11 @@ class PixelStatistics:
         unknown = np.full(COVERAGE_RADIUS_CELLS, np.nan)
         self._radius_share.append(np.divide(exposed, places, out=unknown, where=places > 0))
         self._log_exposure.append(float(np.log(frame.exposure_ms)))
-        self._row_contrast.append(row_contrast(frame.image, frame.max_grey))
+        self._row_alternation.append(row_alternation(frame.image, frame.max_grey))
         self._brightest = small.grey if self._brightest is None else np.maximum(self._brightest, small.grey)
         if len(self._grey_share) > MAX_COUNTED_FRAMES:
             self._grey_share, self._radius_share = self._grey_share[::2], self._radius_share[::2]
-            self._log_exposure, self._row_contrast = self._log_exposure[::2], self._row_contrast[::2]
+            self._log_exposure, self._row_alternation = self._log_exposure[::2], self._row_alternation[::2]
         found = self._found_range()
         if found != self.grey_range:
             self._ranges = [*self._ranges, (frame.index, found.black, found.white)][-MAX_GREY_RANGES:]
@@ -150,8 +150,10 @@ class PixelStatistics:
     @property
     def interlaced(self) -> bool:
         """Whether every other row of the images shows another moment."""
-        contrasts = self._row_contrast
-        return bool(contrasts) and bool(np.quantile(contrasts, INTERLACED_QUANTILE) > MIN_INTERLACED_CONTRAST)
+        alternations = self._row_alternation
+        return bool(alternations) and bool(
+            np.quantile(alternations, INTERLACED_QUANTILE) > MIN_INTERLACED_ALTERNATION
+        )
 
     def of_next_epoch(self) -> PixelStatistics:
         """Return the statistics to go on with after a change of the camera: black and white are looked for anew."""

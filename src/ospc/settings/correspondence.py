@@ -288,15 +288,14 @@ COUNTED_STRIDE = 2
 """One in so many rows and columns is counted: a quarter of the pixels has the same shares, in a quarter of the
 time."""
 
-ROW_BLOCK_PX, ROW_CONTRAST_FLOOR = 8, 2e-7
-"""Side of the blocks in which rows are compared with columns, in pixels, and what is added to both, of white squared:
-about what quantisation to 8 bit leaves."""
+COMPARED_COLUMNS_PX, LEAST_ROW_VARIANCE = 8, 3e-7
+"""Columns whose mean is compared from row to row, and what is added to the variance of the differences, of white
+squared: what quantisation to 8 bit leaves."""
 
-INTERLACED_QUANTILE, MIN_INTERLACED_CONTRAST = 0.75, 20.0
-"""How much more rows alternate than columns in interlaced images, and the quantile over frames that is judged: where
-nothing moves, rows do not alternate. In each of 45 recordings of all kinds, nine of ten frames had at most 7, row
-noise and compression included. With every other row from the next frame, the median was 47 for a camera nearly at
-rest, and 300 for others."""
+INTERLACED_QUANTILE, MIN_INTERLACED_ALTERNATION = 0.75, 0.65
+"""How much rows alternate in interlaced images, and the quantile over frames that is judged: where nothing moves,
+they do not. In 45 recordings of all kinds, compression and noise of rows or pixels included, it was 0.35 at most.
+With every other row from the next frame, it was 0.78 or more. Doubled or interpolated rows have 0 or less."""
 
 MIN_COVERED_SHARE = 0.001
 """Share of all pixels from which a range of grey is covered: less is noise, lettering, or a reflection."""
