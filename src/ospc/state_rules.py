@@ -314,10 +314,11 @@ def _check_method(method: MaximumLikelihoodState, run: EngineState, settings: De
     if method.series is not None:
         _check_series(method.series, run, settings)
     _require(method.noise.max_grey == run.max_grey, "its noise is of another white")
-    for ranges, most in ((method.noise._found, NOISE_FRAMES), (method.noise._waiting, MIN_NOISE_BLOCKS - 1)):
+    found, waiting = (Numbers(0, 1, ("n",), most=NOISE_FRAMES), Numbers(0, 2, ("n",), most=MIN_NOISE_BLOCKS - 1))
+    for ranges, rule in ((method.noise._found, found), (method.noise._waiting, waiting)):
         _require(len(ranges) == NOISE_BINS, "its noise has another number of grey levels")
         for variances in ranges:
-            Numbers(0, 2, ("measured",), most=most).check("noise", variances)
+            rule.check("noise", variances)
     width, height = settings.preprocessor().small_size(run.size)
     for image in (method.circle.brightest, method.circle.allowed):
         _require(image is None or image.shape == (height, width), "its image circle is of another size")

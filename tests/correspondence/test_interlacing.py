@@ -1,4 +1,4 @@
-"""Interlaced images are told from others, and their exposures are not relied on."""
+"""Interlaced images are detected, and their exposures are not relied on."""
 
 from __future__ import annotations
 

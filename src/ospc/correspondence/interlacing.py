@@ -24,6 +24,7 @@ def row_alternation(image: Image, max_grey: int) -> float:
     rows = cv2.resize(middle, (columns, height), interpolation=cv2.INTER_AREA) / np.float32(max_grey)
     # Whole rows that differ are noise of the sensor's readout.
     rows -= rows.mean(axis=1, keepdims=True)
-    above, below = np.diff(rows[:-1], axis=0), np.diff(rows[1:], axis=0)
+    step = np.diff(rows, axis=0)
+    above, below = step[:-1], step[1:]
     variance = float(np.mean(above**2) + np.mean(below**2)) / 2
     return -float(np.mean(above * below)) / (variance + LEAST_ROW_VARIANCE)

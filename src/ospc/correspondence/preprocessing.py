@@ -98,8 +98,8 @@ class Preprocessor:
     black_margin_px: int = 3
     max_black_share: float = 0.25
     """Half the side of the square around a place in which black pixels are counted, and their largest share in an
-    exposed place. Noise alone makes pixels black in the dark, and its effect on the mean is corrected; a larger share
-    has other causes."""
+    exposed place; none may be masked. Noise alone makes pixels black in the dark, and its effect on the mean is
+    corrected; a larger share has other causes."""
     white_margin_px: int = 5
     max_white_share: float = 0.02
     """The same for white pixels. Noise hardly clips there, but the tips of texture do: with a quarter of white pixels
@@ -166,21 +166,23 @@ class Preprocessor:
     def _clipped_nearby(self, image: Image, frame: Frame, reduction: int, grey_range: GreyRange) -> BoolArray:
         white = frame.max_grey
         low, high = (round(level * white) for level in (grey_range.black, grey_range.white))
-        black = _share_nearby(cv2.compare(image, low + white // 255, cv2.CMP_LE), reduction, self.black_margin_px)
-        bright = _share_nearby(cv2.compare(image, high - white // 255, cv2.CMP_GE), reduction, self.white_margin_px)
-        clipped = np.asarray((black > 255 * self.max_black_share) | (bright > 255 * self.max_white_share))
+        at_black = cv2.compare(image, low + white // 255, cv2.CMP_LE)
+        at_white = cv2.compare(image, high - white // 255, cv2.CMP_GE)
+        # In bytes, for speed: these shares need no better resolution.
+        black_share = _mean_nearby(_means(at_black, reduction), self.black_margin_px)
+        white_share = _mean_nearby(_means(at_white, reduction), self.white_margin_px)
+        clipped = np.asarray((black_share > 255 * self.max_black_share) | (white_share > 255 * self.max_white_share))
         if frame.mask is None:
             return clipped
         # Not in bytes, in which a single masked pixel could be rounded to none.
-        side = 2 * self.black_margin_px + 1
-        masked = cv2.blur(_reduced((~frame.mask).view(np.uint8), reduction), (side, side))
+        masked = _mean_nearby(_reduced((~frame.mask).view(np.uint8), reduction), self.black_margin_px)
         return np.asarray(clipped | (masked > 0))
 
 
-def _share_nearby(marked: npt.NDArray[np.uint8], reduction: int, margin_px: int) -> npt.NDArray[np.uint8]:
-    """Return the share of pixels around each place that are marked by 255, of 255; bytes are exact enough."""
+def _mean_nearby(image: Image, margin_px: int) -> Image:
+    """Return the mean over the square around each place, of the same type."""
     side = 2 * margin_px + 1
-    return np.asarray(cv2.blur(_means(marked, reduction), (side, side)), dtype=np.uint8)
+    return np.asarray(cv2.blur(image, (side, side)))
 
 
 def _without_impulses(image: Image, white: int) -> Image:

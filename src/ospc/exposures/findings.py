@@ -296,7 +296,8 @@ def _verdicts(
     figure = f"{1 - brightness.unexplained_share:.0%} of the changes of brightness follow them"
     if unlike and not lag.frames:
         rest = f"the rest changes by {_percent(brightness.unexplained_rms_log)} a frame"
-        yield Verdict("marginal", f"exposures fit badly: only {figure}; {rest}, as by flicker or gain", _STEADY_LIGHT)
+        cause = "which flicker or a hidden gain would explain"
+        yield Verdict("marginal", f"exposures fit badly: only {figure}; {rest}, {cause}", _STEADY_LIGHT)
     certain = lag.correction(course.cycle_frames)
     if certain is None:
         yield _unknown_lag(course, lag)
