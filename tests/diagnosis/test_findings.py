@@ -43,6 +43,7 @@ def test_a_lag_is_corrected_and_told() -> None:
         (EffectEstimate(LATE_EXPOSURES, 0.6, 0.08), "marginal"),
         (EffectEstimate(LATE_EXPOSURES, -0.6, 0.08), "marginal"),
         (EffectEstimate(LATE_EXPOSURES, 0.6, 0.08, corrected=True), "identifiable"),
+        (EffectEstimate(LATE_EXPOSURES, -0.6, 0.08, corrected=True), "identifiable"),  # late by 1.4 frames
         (EffectEstimate(LATE_EXPOSURES, 0.6, 0.2), "identifiable"),
         (EffectEstimate(LATE_EXPOSURES, 0.05, 0.001), "identifiable"),
         (EffectEstimate("exposure offset", 0.6, 0.08), "identifiable"),
@@ -50,6 +51,14 @@ def test_a_lag_is_corrected_and_told() -> None:
 )
 def test_a_fit_that_shows_exposures_of_other_frames_leaves_a_doubt(effect: EffectEstimate, state: str) -> None:
     assert found(LATE).judged_by([effect]).verdict.state == state
+
+
+@pytest.mark.parametrize(("frames", "state"), [(0.4, "identifiable"), (-0.2, "identifiable"), (-0.4, "marginal")])
+def test_a_part_of_a_frame_late_is_usual_and_early_is_noise_reduction(frames: float, state: str) -> None:
+    effect = EffectEstimate(LATE_EXPOSURES, frames, 0.02, corrected=True)
+    verdict = found(Film(wandering(FRAMES))).judged_by([effect]).verdict
+    assert verdict.state == state
+    assert ("noise reduction" in verdict.remedy) == (state == "marginal")
 
 
 @pytest.mark.parametrize(

@@ -37,6 +37,7 @@ _FIX_METADATA = (
     "mapping"
 )
 _STEADY_LIGHT = "record where no lamp flickers; if none does, " + _FIX_METADATA
+_NO_DENOISING = "switch off temporal noise reduction, and whatever else mixes images"
 _PROGRESSIVE = "record progressive frames, or take one field of each as a recording of half the height"
 _GIVE_TIMES = (
     "give exposure times, not their inverses: 1/250 s is 4 ms, not 250; if they are times, record the gain as well"
@@ -115,8 +116,7 @@ class ExposureFindings:
     def of_interlaced_images(self) -> ExposureFindings:
         """Return the findings on images of which only every other row is exposed when their exposures say."""
         reason = "every other row of the images shows another moment, as in interlaced video"
-        verdict = Verdict("marginal", reason, _PROGRESSIVE) if self.verdict.known else self.verdict
-        return replace(self, verdict=verdict, warnings=(*self.warnings, reason))
+        return self.with_warning(reason, _PROGRESSIVE)
 
     def judged_by(self, effects: Iterable[EffectEstimate]) -> ExposureFindings:
         """Return the findings after a fit: how late it shows exposures to be may settle a doubt, or raise one."""
@@ -137,15 +137,25 @@ class ExposureFindings:
         return replace(self, lag=lag, verdict=Verdict("identifiable", reason), notes=notes)
 
     def _doubted_by(self, lateness: EffectEstimate) -> ExposureFindings:
-        """Return the findings, marginal if a fit with corrected exposures shows them late or early nevertheless."""
-        if self.verdict.state != "identifiable" or lateness.corrected:
+        """Return the findings, marginal if a fit shows exposures late or early for no reason that it can correct."""
+        # Exposures that are stamped or interpolated come late by a part of a frame, and that is corrected.
+        usual = lateness.corrected and self.corrected_frames + lateness.value > 0
+        if self.verdict.state != "identifiable" or usual:
             return self
         frames = abs(lateness.value)
         if frames < max(DOUBTED_LAG_FRAMES, DOUBTED_LAG_SIGMAS * lateness.sigma):
             return self
-        when = "late" if lateness.value > 0 else "early"
-        reason = f"{self.verdict.reason}, but the fit shows them {frames:.1f} ± {lateness.sigma:.1g} frames {when}"
+        lag = f"{frames:.1f} ± {lateness.sigma:.1g} frames {'late' if lateness.value > 0 else 'early'}"
+        if lateness.corrected:
+            mixed = f"each image seems to have some of the one before in it: exposures are {lag}"
+            return self.with_warning(mixed, _NO_DENOISING)
+        reason = f"{self.verdict.reason}, but the fit shows them {lag}"
         return replace(self, verdict=Verdict("marginal", reason, _CHANGE_IRREGULARLY))
+
+    def with_warning(self, reason: str, remedy: str) -> ExposureFindings:
+        """Return the findings, marginal at best for a reason that concerns response and vignette as well."""
+        verdict = Verdict("marginal", reason, remedy) if self.verdict.known else self.verdict
+        return replace(self, verdict=verdict, warnings=(*self.warnings, reason))
 
 
 def _lateness(effects: Iterable[EffectEstimate]) -> EffectEstimate | None:
@@ -214,12 +224,8 @@ def _with_local_tone(
     inside = [c for c in changes if c.frame0 + lag >= 0 and c.frame1 + lag < len(log_exposure)]
     exposure_change = np.array([log_exposure[c.frame1 + lag] - log_exposure[c.frame0 + lag] for c in inside])
     tone = local_tone(inside, exposure_change)
-    if tone is None or not tone.is_clear:
-        return replace(found, local_tone=tone)
-    verdict = found.verdict
-    if verdict.state == "identifiable":
-        verdict = Verdict("marginal", tone.text, NO_LOCAL_TONE)
-    return replace(found, local_tone=tone, verdict=verdict, warnings=(*found.warnings, tone.text))
+    found = replace(found, local_tone=tone)
+    return found.with_warning(tone.text, NO_LOCAL_TONE) if tone is not None and tone.is_clear else found
 
 
 def _assess_shifted(series: BrightnessSeries, written: FloatArray, lag: int) -> ExposureFindings:
