@@ -20,7 +20,7 @@ class _Prepared:
     """A frame, or only its thumbnail, preprocessed for some black and white."""
 
     image: Image
-    grey_range: GreyRange | None
+    grey_range: GreyRange
     frame: PreprocessedFrame | None
     thumbnail: Thumbnail
     compared: PrecomputedChange | None
@@ -58,11 +58,10 @@ class Prefetcher:
         shape = self._size[::-1]
         if frame.image.shape != shape or (frame.mask is not None and frame.mask.shape != shape):
             return
-        numbered, grey_range, prepared = replace(frame, index=number), None, None
-        if every or sampler.at(number).processes_next:
-            grey_range = self._grey_range()
-            prepared = self._preprocess(numbered, grey_range)
-        thumbnail = self._preprocess.thumbnail(numbered) if prepared is None else prepared.thumbnail
+        numbered, grey_range = replace(frame, index=number), self._grey_range()
+        needed = every or sampler.at(number).processes_next
+        prepared = self._preprocess(numbered, grey_range) if needed else None
+        thumbnail = self._preprocess.thumbnail(numbered, grey_range) if prepared is None else prepared.thumbnail
         previous, compared = self._latest, None
         if previous is not None and previous.frame == number - 1:
             compared = PrecomputedChange(previous, thumbnail, self._compare(previous, thumbnail))
@@ -70,21 +69,23 @@ class Prefetcher:
         self._latest = thumbnail
 
     def preprocessed(self, frame: Frame) -> tuple[PreprocessedFrame, PrecomputedChange | None]:
-        """Return a frame preprocessed, and the change of brightness from the frame before where it was prefetched.
-
-        A prefetched frame is of no use if black and white have changed since.
-        """
-        grey_range, made = self._grey_range(), self._prepared.get(frame.index)
-        if made is not None and made.frame and made.image is frame.image and made.grey_range == grey_range:
+        """Return a frame preprocessed, and the change of brightness from the frame before where it was prefetched."""
+        made = self._of(frame)
+        if made is not None and made.frame:
             return made.frame, made.compared
-        return self._preprocess(frame, grey_range), None
+        return self._preprocess(frame, self._grey_range()), None
 
     def thumbnail(self, frame: Frame) -> tuple[Thumbnail, PrecomputedChange | None]:
         """Return the thumbnail of a frame, and the change of brightness where it was prefetched."""
-        made = self._prepared.get(frame.index)
-        if made is not None and made.image is frame.image:
+        made = self._of(frame)
+        if made is not None:
             return made.thumbnail, made.compared
-        return self._preprocess.thumbnail(frame), None
+        return self._preprocess.thumbnail(frame, self._grey_range()), None
+
+    def _of(self, frame: Frame) -> _Prepared | None:
+        """Return what was prefetched of a frame, unless black and white have changed since."""
+        made = self._prepared.get(frame.index)
+        return made if made and made.image is frame.image and made.grey_range == self._grey_range() else None
 
     def drop_until(self, number: int) -> None:
         """Drop what was prefetched of the frames up to this one."""

@@ -79,3 +79,15 @@ def test_the_share_of_white_pixels_is_known_of_a_frame_and_around_a_place():
     inside, outside = prepared.values_at(prepared.surround_moments, np.array([[20.0, 120.0], [300.0, 120.0]]))
     assert inside[-1] > 0.9 * inside[0]
     assert outside[-1] == pytest.approx(0, abs=1e-6)
+
+
+@pytest.mark.parametrize("white", [200, 236])
+def test_saturated_places_are_not_compared_wherever_white_is(white: int) -> None:
+    image = np.full((240, 320), 100, np.uint8)
+    image[:, :80] = white
+    frame = Frame.of_array(image, 1.0, index=0, max_grey=255)
+    exposed = PREPROCESS.thumbnail(frame, GreyRange(0.0, white / 255)).exposed
+    columns = exposed.shape[1]
+    assert not exposed[:, : columns // 4].any()
+    assert exposed[:, columns // 4 + 4 :].all()
+    assert PREPROCESS.thumbnail(frame).exposed.all()

@@ -128,7 +128,7 @@ class Preprocessor:
             size,
             reduction,
             levels,
-            thumbnail_of(frame.index, reduced, white, frame.mask, size),
+            thumbnail_of(frame, reduced, size, grey_range),
             _quantiles(counts),
             _moments(counts),
             _surround_moments(levels),
@@ -139,11 +139,11 @@ class Preprocessor:
             self._clipped_nearby(averaged, frame, reduction, grey_range),
         )
 
-    def thumbnail(self, frame: Frame) -> Thumbnail:
-        """Reduce a frame to its thumbnail only."""
+    def thumbnail(self, frame: Frame, grey_range: GreyRange = FULL_RANGE) -> Thumbnail:
+        """Reduce a frame to its thumbnail only, given where black and white are as far as is known."""
         size = frame.image.shape[1], frame.image.shape[0]
         reduced = _reduced(frame.image, self._reduction(size))
-        return thumbnail_of(frame.index, reduced, frame.max_grey, frame.mask, size)
+        return thumbnail_of(frame, reduced, size, grey_range)
 
     def small_size(self, size: ImageSize) -> ImageSize:
         """Return width and height at which frames of a size are registered."""

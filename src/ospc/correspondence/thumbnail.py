@@ -9,6 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from ospc.arrays import BoolArray, Float32Array, ImageSize
+from ospc.photometry.grey_range import FULL_RANGE, GreyRange
+from ospc.recording.frame import Frame
 from ospc.settings.correspondence import (
     BRIGHTEST_EXPOSED_LEVEL,
     DARKEST_EXPOSED_LEVEL,
@@ -37,23 +39,23 @@ class Thumbnail:
     """Width of the frame."""
 
 
-def thumbnail_of(frame: int, image: Float32Array, white: int, mask: BoolArray | None, size: ImageSize) -> Thumbnail:
-    """Reduce a frame of a size to a thumbnail.
+def thumbnail_of(frame: Frame, image: Float32Array, size: ImageSize, grey_range: GreyRange = FULL_RANGE) -> Thumbnail:
+    """Reduce a frame of a size to a thumbnail, given where black and white are as far as is known.
 
-    Its grey values up to ``white``, and the mask that says where pixels may be used, None for everywhere, may have
-    been reduced to any size before.
+    ``image`` has the grey values of the frame, possibly reduced to a smaller size before.
     """
-    small = _reduced(image, size, white)
+    small = _reduced(image, size, frame.max_grey)
     grey = cv2.GaussianBlur(small, (0, 0), THUMBNAIL_SMOOTHING_PX)
-    clipped = ((small < DARKEST_EXPOSED_LEVEL) | (small > BRIGHTEST_EXPOSED_LEVEL)).view(np.uint8)
-    if mask is not None:
-        clipped |= _reduced(mask.astype(np.float32), size, 1) < 1
+    darkest, brightest = grey_range.grey((DARKEST_EXPOSED_LEVEL, BRIGHTEST_EXPOSED_LEVEL))
+    clipped = ((small < darkest) | (small > brightest)).view(np.uint8)
+    if frame.mask is not None:
+        clipped |= _reduced(frame.mask.astype(np.float32), size, 1) < 1
     side = 2 * THUMBNAIL_CLIP_MARGIN_PX + 1
     near = cv2.dilate(clipped, np.ones((side, side), np.uint8))
     # The square root leaves dark images more than a handful of levels to equalize.
     levels = cv2.convertScaleAbs(np.sqrt(small), alpha=255.0)
     gradient = gradient_magnitude(cv2.GaussianBlur(grey, (0, 0), THUMBNAIL_GRADIENT_SMOOTHING_PX))
-    return Thumbnail(frame, grey, gradient, near == 0, cv2.equalizeHist(levels), size[0])
+    return Thumbnail(frame.index, grey, gradient, near == 0, cv2.equalizeHist(levels), size[0])
 
 
 def gradient_magnitude(image: Float32Array) -> Float32Array:
