@@ -51,6 +51,8 @@ class Disturbed:
     local: float = 0.0
     light: float = 0.0
     slow_light: float = 0.0
+    shortest: float = -1.0
+    """ln of the shortest exposure over the typical one."""
 
     def pairs(self, seed: int = 0) -> ExposedObservations:
         """Return points, each in two frames whose exposure, mean light and surroundings differ."""
@@ -59,7 +61,7 @@ class Disturbed:
         group = np.repeat(np.arange(FRAMES), POINTS)
         time_of = np.linspace(-1, 1, FRAMES)[:, None]
         time = time_of[group]
-        true_ms = TYPICAL_MS * np.exp(random.uniform(-1, 1, (FRAMES, 2)))[group]
+        true_ms = TYPICAL_MS * np.exp(random.uniform(self.shortest, 1, (FRAMES, 2)))[group]
         rate = random.normal(0, 0.1, (FRAMES, 2))[group]
         stated_ms = true_ms * np.exp(-self.late * rate) - self.offset * TYPICAL_MS
         stretched = np.log(stated_ms / TYPICAL_MS)
@@ -153,6 +155,15 @@ def test_an_effect_of_a_camera_is_measured_and_corrected(camera: Disturbed, name
     found = camera.fit()
     assert stated(found) == {name: pytest.approx(value, rel=0.15)}
     assert is_right(found)
+
+
+def test_levels_darker_than_the_typical_dark_signal_are_right_too() -> None:
+    fit = Disturbed(dark=0.02, shortest=-3.0).fit()
+    assert list(stated(fit)) == ["dark current"]
+    dark, middle = fit.response().inverse([25 / 255, 128 / 255])
+    true_dark, true_middle = GAMMA.inverse([25 / 255, 128 / 255])
+    assert true_dark < 0.02
+    assert np.log(dark / middle) == pytest.approx(np.log(true_dark / true_middle), abs=0.05)
 
 
 def test_effects_that_come_together_are_told_apart() -> None:

@@ -37,7 +37,15 @@ class Trial:
     @property
     def sigmas(self) -> float:
         """Distance from zero in standard deviations; 0 for a value that makes no sense."""
-        return abs(self.value) / self.total_sigma if EFFECTS[self.name].allows(self.value) else 0.0
+        return self._over(self.total_sigma)
+
+    @property
+    def sigmas_by_chance(self) -> float:
+        """The same in standard deviations by chance alone."""
+        return self._over(self.sigma)
+
+    def _over(self, sigma: float) -> float:
+        return abs(self.value) / sigma if EFFECTS[self.name].allows(self.value) else 0.0
 
     @property
     def total_sigma(self) -> float:

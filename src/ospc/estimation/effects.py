@@ -14,11 +14,12 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from ospc.arrays import FloatArray, IntArray
+from ospc.arrays import Float32Array, FloatArray, IntArray
 from ospc.estimation.response_basis import ResponseBasis
 from ospc.observations import MOMENTS, POWERS, ExposedObservations
 from ospc.photometry.verdict import LATE_EXPOSURES
 from ospc.settings.estimation import (
+    ABSORBED_QUANTILE,
     BEYOND_WHITE,
     BLACK_DRIFT,
     CURVATURE,
@@ -48,7 +49,7 @@ Addition = Literal["light", "exposure", "log"]
 
 @dataclass(frozen=True)
 class AbsorbedLight:
-    """Additional light of a typical observation, which the response absorbs: moments, and relative exposure."""
+    """Additional light of a rather dark observation, which the response absorbs: moments, and relative exposure."""
 
     frame_moments: tuple[float, ...] = (0.0,) * MOMENTS
     surround_moments: tuple[float, ...] = (0.0,) * (1 + MOMENTS)
@@ -195,8 +196,8 @@ class Effects:
         ln ē, in milliseconds, and first and last group of the observations.
     absorbed
         Amounts of additional light that the response holds. A constant amount cannot be told from the response, so
-        that while it is fitted the effects only describe by how much each observation differs from the typical one.
-        All zero once the response is without them.
+        that while it is fitted the effects only describe by how much each observation differs from one that has
+        rather little. All zero once the response is without them.
     """
 
     chosen: tuple[str, ...] = ()
@@ -206,14 +207,20 @@ class Effects:
 
     @classmethod
     def none_of(cls, observations: ExposedObservations) -> Effects:
-        """Return no effects, relative to what is typical of observations."""
+        """Return no effects, relative to what is typical of observations, and for light to what is little."""
         groups = int(observations.group.min()), int(observations.group.max())
-        absorbed = AbsorbedLight(
-            tuple(observations.frame_moments.mean(axis=0, dtype=np.float64).tolist()),
-            tuple(observations.surround_moments.mean(axis=0, dtype=np.float64).tolist()),
-            1.0,
+        frame, around, log_exposure = (
+            observations.frame_moments,
+            observations.surround_moments,
+            observations.log_exposure,
         )
-        return cls((), float(np.median(observations.log_exposure)), groups, absorbed)
+        typical = float(np.median(log_exposure))
+        absorbed = AbsorbedLight(
+            tuple(frame[_little(frame[:, 0])].tolist()),
+            tuple(around[_little(around[:, 1])].tolist()),
+            float(np.exp(log_exposure[_little(log_exposure)] - typical)),
+        )
+        return cls((), typical, groups, absorbed)
 
     def __len__(self) -> int:
         """Return the number of parameters."""
@@ -292,6 +299,12 @@ class Effects:
         added = np.clip(sums["light"] / terms.light, -MAX_ADDED_SHARE, MAX_ADDED_SHARE)
         factor = np.maximum(1 + sums["exposure"] / terms.exposure, MIN_EXPOSURE_FACTOR)
         return added, factor, sums["log"]
+
+
+def _little(values: FloatArray | Float32Array) -> int:
+    """Return the index of a value that is smaller than most."""
+    place = int(ABSORBED_QUANTILE * (len(values) - 1))
+    return int(np.argpartition(values, place)[place])
 
 
 def _light_of_moments(grid: FloatArray, irradiance: FloatArray) -> FloatArray:

@@ -35,6 +35,7 @@ from ospc.settings.estimation import (
     PROMISING_SHARE,
     SIGNIFICANT_SIGMAS,
     SIGNIFICANT_SIGMAS_IN_ALL,
+    SUSPECTED_LIGHT_SIGMAS,
     SUSPECTED_SIGMAS,
 )
 
@@ -226,6 +227,9 @@ def _suspected(trials: Sequence[Trial], untried: Sequence[str]) -> Trial | None:
     likely = [trial for trial in trials if trial.name in untried]
     threshold = max(SUSPECTED_SIGMAS, PREFERRED_SHARE * max((trial.sigmas for trial in likely), default=0.0))
     clear = [trial for trial in likely if trial.sigmas > threshold]
+    if not clear:
+        light = (trial for trial in likely if EFFECTS[trial.name].adds == "light")
+        clear = [trial for trial in light if trial.sigmas_by_chance > SUSPECTED_LIGHT_SIGMAS]
     return max(clear, key=lambda trial: (trial.name in CORRECTED, trial.sigmas), default=None)
 
 

@@ -390,6 +390,16 @@ SUSPECTED_SIGMAS = 1.5
 """Standard deviations from which on an effect is fitted with everything else. One step towards it tells little: the
 effect itself adds to the scatter by which it is judged."""
 
+ABSORBED_QUANTILE = 0.25
+"""Quantile of the additional light of all observations that the response holds while effects are fitted. With half
+instead of a quarter, grey levels with less light than that had none left: with a dark signal of 0.012 of white, ln g
+at grey 30 was off by 0.6, now by 0.02. With the least of all, a response with it is so much like one without that
+fits ended half-way, at a glare of 0.03 instead of 0.05."""
+
+SUSPECTED_LIGHT_SIGMAS = 2.0
+"""The same for added light, by chance alone. Near black, ln g is so far from linear in it that one step may go only a
+tenth of the way: of a dark signal of 0.008 of white it showed 0.0008 ± 0.0004, and the vignette was off by 0.009."""
+
 MIN_GROUPS = 30
 """Fewest pairs of frames from which effects are judged. Of 170 parts of 45 to 90 pairs of clean simulated recordings,
 and of 60 whole ones with 39 to 120 pairs, none showed any."""
