@@ -43,6 +43,7 @@ class Disturbed:
     tone: float = 0.0
     gamma_drift: float = 0.0
     black_drift: float = 0.0
+    black_by_exposure: float = 0.0
     vignette_drift: float = 0.0
     vignette_motion: tuple[float, float] = (0.0, 0.0)
     smudge: float = 0.0
@@ -87,7 +88,8 @@ class Disturbed:
         grey = GAMMA(lit_ms * radiance * attenuation + added)
         around = GAMMA(nearby)
         own = self.unsteady * random.standard_normal((FRAMES, 2))[group]
-        grey = grey ** (1 + self.gamma_drift * time + own) * around**self.tone + self.black_drift * time
+        grey = grey ** (1 + self.gamma_drift * time + own) * around**self.tone
+        grey += self.black_drift * time + self.black_by_exposure * np.log(true_ms / TYPICAL_MS)
         grey *= np.exp(self.local * random.standard_normal((n, 2)))
         noisy = grey + 0.3 / 255 * random.standard_normal((n, 2))
         exposed = np.all((grey > 8 / 255) & (grey < 0.97), axis=1)
@@ -182,6 +184,7 @@ def test_effects_that_come_together_are_told_apart() -> None:
         (Disturbed(tone=-0.1), "local tone mapping"),
         (Disturbed(gamma_drift=0.08), "drifting response"),
         (Disturbed(black_drift=0.02), "drifting black level"),
+        (Disturbed(black_by_exposure=0.02), "black level by exposure"),
         (Disturbed(vignette_drift=0.08), "drifting vignette"),
         (Disturbed(vignette_motion=(0.08, 0.0)), "vignette moving sideways"),
         (Disturbed(vignette_motion=(0.0, 0.08)), "vignette moving vertically"),

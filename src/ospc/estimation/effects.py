@@ -21,6 +21,7 @@ from ospc.photometry.verdict import LATE_EXPOSURES
 from ospc.settings.estimation import (
     ABSORBED_QUANTILE,
     BEYOND_WHITE,
+    BLACK_BY_EXPOSURE,
     BLACK_DRIFT,
     CURVATURE,
     DARK_CURRENT,
@@ -154,6 +155,9 @@ EFFECTS = {
     # The grey level has a power of 1 + θ; it rises by θ.
     "drifting response": Effect("log", lambda seen: seen.time * seen.gamma * np.log(seen.grey), *RESPONSE_DRIFT),
     "drifting black level": Effect("log", lambda seen: seen.time * seen.gamma / seen.grey, *BLACK_DRIFT),
+    "black level by exposure": Effect(
+        "log", lambda seen: np.log(seen.exposure) * seen.gamma / seen.grey, *BLACK_BY_EXPOSURE
+    ),
     "drifting vignette": Effect("log", lambda seen: seen.time * np.sum(seen.position**2, axis=1), *VIGNETTE_DRIFT),
     "vignette moving sideways": Effect("log", lambda seen: seen.time * seen.position[:, 0], *VIGNETTE_DRIFT),
     "vignette moving vertically": Effect("log", lambda seen: seen.time * seen.position[:, 1], *VIGNETTE_DRIFT),

@@ -182,6 +182,10 @@ _CONTRADICTIONS = {
         "the black level changes in the course of the recording",
         "let the camera warm up, and switch off automatic contrast",
     ),
+    "black level by exposure": (
+        "the black level is another at long exposures than at short ones",
+        "fix the gain of the camera, and let it control the exposure time alone",
+    ),
     UNSTEADY_VIGNETTE: (
         "the vignette is at another place in each frame",
         "switch off electronic stabilisation and cropping of the camera",

@@ -154,6 +154,13 @@ def _masked(footage: Footage, inside: BoolArray) -> Footage:
     return replace(_filtered(footage, lambda image: image * inside), reach=float(radius[inside].max()))
 
 
+def _pedestal_by_exposure(footage: Footage, grey_levels: float, _random: np.random.Generator) -> Footage:
+    """Raise black with ln exposure, as an analogue gain does that the exposures contain."""
+    log_exposure = np.log(footage.exposures_ms)
+    rise = grey_levels * (log_exposure - log_exposure.min()) / np.ptp(log_exposure)
+    return _looked_up(footage, lambda i: _GREYS + rise[i])
+
+
 FAULTS = (
     Fault("limited-range", "video of limited range that is not expanded, black at {}", (8, 16, 32),
         lambda f, black, _: _curved(f, black + _GREYS * _limited_scale(black))),
@@ -162,6 +169,8 @@ FAULTS = (
     Fault("pedestal", "{} grey levels added", (5, 10, 20), lambda f, x, _: _curved(f, _GREYS + x)),
     Fault("pedestal-drift", "a pedestal that grows to {} grey levels", (5, 10, 20),
         lambda f, x, _: _looked_up(f, lambda i: _GREYS + x * i / len(f))),
+    Fault("pedestal-by-exposure", "a pedestal of {} grey levels at the longest exposure, none at the shortest",
+        (5, 10, 20), _pedestal_by_exposure),
     Fault("white-clipped", "grey values end at {}", (250, 235, 200),
         lambda f, x, _: _looked_up(f, lambda _i: np.minimum(_GREYS, x))),
     Fault("gamma-midway", "an exponent of {} on the second half", (1.1, 1.2, 1.5),
