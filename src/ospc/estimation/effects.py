@@ -19,7 +19,9 @@ from ospc.estimation.response_basis import ResponseBasis
 from ospc.observations import MOMENTS, POWERS, ExposedObservations
 from ospc.photometry.verdict import LATE_EXPOSURES
 from ospc.settings.estimation import (
-    ABSORBED_QUANTILE,
+    ABSORBED_DARK,
+    ABSORBED_FRAME_LIGHT,
+    ABSORBED_NEARBY_LIGHT,
     BEYOND_WHITE,
     BLACK_BY_EXPOSURE,
     BLACK_DRIFT,
@@ -50,7 +52,7 @@ Addition = Literal["light", "exposure", "log"]
 
 @dataclass(frozen=True)
 class AbsorbedLight:
-    """Additional light of a rather dark observation, which the response absorbs: moments, and relative exposure."""
+    """Additional light that the response absorbs, of a rather dark observation: moments, and relative exposure."""
 
     frame_moments: tuple[float, ...] = (0.0,) * MOMENTS
     surround_moments: tuple[float, ...] = (0.0,) * (1 + MOMENTS)
@@ -220,9 +222,9 @@ class Effects:
         )
         typical = float(np.median(log_exposure))
         absorbed = AbsorbedLight(
-            tuple(frame[_little(frame[:, 0])].tolist()),
-            tuple(around[_little(around[:, 1])].tolist()),
-            float(np.exp(log_exposure[_little(log_exposure)] - typical)),
+            tuple(frame[_at(ABSORBED_FRAME_LIGHT, frame[:, 0])].tolist()),
+            tuple(around[_at(ABSORBED_NEARBY_LIGHT, around[:, 1])].tolist()),
+            float(np.exp(log_exposure[_at(ABSORBED_DARK, log_exposure)] - typical)),
         )
         return cls((), typical, groups, absorbed)
 
@@ -305,9 +307,9 @@ class Effects:
         return added, factor, sums["log"]
 
 
-def _little(values: FloatArray | Float32Array) -> int:
-    """Return the index of a value that is smaller than most."""
-    place = int(ABSORBED_QUANTILE * (len(values) - 1))
+def _at(quantile: float, values: FloatArray | Float32Array) -> int:
+    """Return the index of the value that is a quantile of all."""
+    place = int(quantile * (len(values) - 1))
     return int(np.argpartition(values, place)[place])
 
 

@@ -394,11 +394,12 @@ SUSPECTED_SIGMAS = 1.5
 """Standard deviations from which on an effect is fitted with everything else. One step towards it tells little: the
 effect itself adds to the scatter by which it is judged."""
 
-ABSORBED_QUANTILE = 0.25
-"""Quantile of the additional light of all observations that the response holds while effects are fitted. With half
-instead of a quarter, grey levels with less light than that had none left: with a dark signal of 0.012 of white, ln g
-at grey 30 was off by 0.6, now by 0.02. With the least of all, a response with it is so much like one without that
-fits ended half-way, at a glare of 0.03 instead of 0.05."""
+ABSORBED_FRAME_LIGHT, ABSORBED_NEARBY_LIGHT, ABSORBED_DARK = 0.35, 0.5, 0.25
+"""Quantiles of the additional light of all observations that the response holds while effects are fitted: of the light
+of frames, of surroundings, and of the dark signal. With halves, grey levels with less light than that had none left:
+with a dark signal of 0.012 of white, ln g at grey 30 was off by 0.6, now by 0.02, and glare of 0.03 in a room was not
+found. The smaller they are, the more slowly fits converge: with the least of all, they ended at a glare of 0.03 instead
+of 0.05, and with a quarter at 0.07 of light scattered nearby instead of 0.1."""
 
 SUSPECTED_LIGHT_SIGMAS = 2.0
 """The same for added light, by chance alone. Near black, ln g is so far from linear in it that one step may go only a
