@@ -371,7 +371,7 @@ BLACK_DRIFT = (0.1, 0.0, 0.0005)
 """Half the change of the black level over white."""
 
 BLACK_BY_EXPOSURE = (0.1, 0.0, 0.0005)
-"""Rise of the black level over white where the exposure is e times as long. In 94 simulated recordings it was 3.2
+"""Rise of the black level over white where the exposure is e times as long. In 97 simulated recordings it was 3.2
 standard deviations at most, and 5.6 or more where the gain raised the black level by 0.008 of white."""
 
 VIGNETTE_DRIFT = (0.1, 0.0, 0.002)
@@ -395,11 +395,11 @@ SUSPECTED_SIGMAS = 1.5
 effect itself adds to the scatter by which it is judged."""
 
 ABSORBED_FRAME_LIGHT, ABSORBED_NEARBY_LIGHT, ABSORBED_DARK = 0.35, 0.5, 0.25
-"""Quantiles of the additional light of all observations that the response holds while effects are fitted: of the light
-of frames, of surroundings, and of the dark signal. With halves, grey levels with less light than that had none left:
-with a dark signal of 0.012 of white, ln g at grey 30 was off by 0.6, now by 0.02, and glare of 0.03 in a room was not
-found. The smaller they are, the more slowly fits converge: with the least of all, they ended at a glare of 0.03 instead
-of 0.05, and with a quarter at 0.07 of light scattered nearby instead of 0.1."""
+"""Quantiles of the additional light of all observations that the response holds while effects are fitted: of the
+light of frames, of surroundings, and of the dark signal. With halves, grey levels with less light than that had none
+left: with a dark signal of 0.012 of white, ln g at grey 30 was off by 0.6, now by 0.02, and glare of 0.03 in a room
+was not found. The smaller they are, the more slowly fits converge: with the least of all, they ended at a glare of
+0.03 instead of 0.05, and with a quarter at 0.07 of light scattered nearby instead of 0.1."""
 
 SUSPECTED_LIGHT_SIGMAS = 2.0
 """The same for added light, by chance alone. Near black, ln g is so far from linear in it that one step may go only a
