@@ -183,7 +183,7 @@ _CONTRADICTIONS = {
         "let the camera warm up, and switch off automatic contrast",
     ),
     "black level by exposure": (
-        "the black level is another at long exposures than at short ones",
+        "the black level differs between long and short exposures",
         "fix the gain of the camera, and let it control the exposure time alone",
     ),
     UNSTEADY_VIGNETTE: (
