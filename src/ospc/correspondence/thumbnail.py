@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ospc.arrays import BoolArray, Float32Array, ImageSize
-from ospc.photometry.grey_range import FULL_RANGE, GreyRange
+from ospc.photometry.grey_range import GreyRange
 from ospc.recording.frame import Frame
 from ospc.settings.correspondence import (
     BRIGHTEST_EXPOSED_LEVEL,
@@ -39,7 +39,7 @@ class Thumbnail:
     """Width of the frame."""
 
 
-def thumbnail_of(frame: Frame, image: Float32Array, size: ImageSize, grey_range: GreyRange = FULL_RANGE) -> Thumbnail:
+def thumbnail_of(frame: Frame, image: Float32Array, size: ImageSize, grey_range: GreyRange) -> Thumbnail:
     """Reduce a frame of a size to a thumbnail, given where black and white are as far as is known.
 
     ``image`` has the grey values of the frame, possibly reduced to a smaller size before.

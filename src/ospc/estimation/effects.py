@@ -215,11 +215,8 @@ class Effects:
     def none_of(cls, observations: ExposedObservations) -> Effects:
         """Return no effects, relative to what is typical of observations, and for light to what is little."""
         groups = int(observations.group.min()), int(observations.group.max())
-        frame, around, log_exposure = (
-            observations.frame_moments,
-            observations.surround_moments,
-            observations.log_exposure,
-        )
+        frame, around = observations.frame_moments, observations.surround_moments
+        log_exposure = observations.log_exposure
         typical = float(np.median(log_exposure))
         absorbed = AbsorbedLight(
             tuple(frame[_at(ABSORBED_FRAME_LIGHT, frame[:, 0])].tolist()),
