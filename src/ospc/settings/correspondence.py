@@ -1,4 +1,4 @@
-"""Constants of preprocessing, registration and sampling: what each is, its unit, and why it has this value."""
+"""Constants of preprocessing, registration and sampling: their meaning, unit and the reason for their value."""
 
 from __future__ import annotations
 
@@ -7,340 +7,346 @@ import numpy as np
 # Preprocessing (ospc.correspondence.preprocessing)
 
 COMPARED_QUANTILES = np.linspace(0.05, 0.95, 19)
-"""Shares of the pixels at whose quantiles the brightness of two images is compared; the ends are noise and
-clipping."""
+"""Quantiles of the grey levels at which the brightness of two images is compared; the ends, affected by noise and
+clipping, are omitted."""
 
 SURROUND_SIGMA = 0.1
-"""Standard deviation of the distance over which light scattered nearby comes, in widths of the image: between that of
-bloom, a few pixels, and veiling glare, the whole image. Local tone mapping reaches about as far."""
+"""Standard deviation of the reach of light scattered nearby, in image widths: between that of bloom, a few pixels,
+and veiling glare, the whole image. Local tone mapping has a similar reach."""
 
 SURROUND_WIDTH_PX = 64
-"""Width of the coarse image whose surroundings are averaged: the means are as smooth as six of its pixels."""
+"""Width of the coarse image in which surroundings are averaged: the means are smooth over six of its pixels."""
 
 MIN_FLAT_AREA_RATIO = 2.0
-"""Smallest area over which the image has to be flat, in areas over which grey levels are averaged: registration may
-be off by a pixel, and the image has to be flat there too."""
+"""Minimum area over which the image must be flat, relative to the area over which grey levels are averaged:
+registration may be off by a pixel, and the image must be flat there, too."""
 
 IMPULSE_CONTRAST, IMPULSE_DEVIATIONS = 0.1, 6.0
-"""A pixel that differs from the median of its surroundings by more than this share of white, and by so many times
-what pixels around it usually do, is taken for a defect (a dead pixel, an error of transmission): the median takes its
-place in means. Pixels of normal noise differ by 0.6 standard deviations, so noise hardly ever does that; of a clean
-frame with texture, one pixel in 1500 is replaced. With a twentieth of the pixels black or white, κ of a filmic camera
-is .0025, and that of a real video of dark rooms .003. With only those pixels replaced that are beyond all of their
-neighbours, it was .004 and .009: adjacent defects hide each other. Images are registered as they are: where the lines
-of a chart were taken for defects, a camera at rest seemed to move."""
+"""A pixel that differs from the median of its surroundings by more than this share of white, plus this multiple of
+the usual deviation around it, counts as a defect (a dead pixel, a transmission error), and averages use the median
+instead. In a clean frame with texture, one pixel in 1500 is replaced. Registration uses the unmodified images: with
+chart lines treated as defects, a stationary camera seemed to move."""
 
 MIN_SMOOTHING_VARIANCE = 0.04
-"""Least variance of a smoothing, in square pixels: narrower ones change nothing."""
+"""Minimum variance of a smoothing, in square pixels: narrower ones have no effect."""
 
 # Thumbnails (ospc.correspondence.thumbnail)
 
 THUMBNAIL_SIDE_PX = 160
-"""Longest side of a thumbnail in pixels: 19 000 places, by which neighbouring frames are compared in a
+"""Longest side of a thumbnail in pixels: its 19 000 points are enough to compare neighbouring frames in a
 millisecond."""
 
 THUMBNAIL_SMOOTHING_PX = 1.0
-"""Standard deviation of the smoothing of grey levels, in thumbnail pixels: about the error of the registration."""
+"""Standard deviation of the smoothing of grey levels, in thumbnail pixels: about the registration error."""
 
 THUMBNAIL_GRADIENT_SMOOTHING_PX = 1.2
-"""Standard deviation of the further smoothing before gradients are taken, in thumbnail pixels: a flat place is flat
-as far around as registration may be wrong."""
+"""Standard deviation of the additional smoothing before gradients are taken, in thumbnail pixels: a flat point must
+be flat within the registration error."""
 
 DARKEST_EXPOSED_LEVEL, BRIGHTEST_EXPOSED_LEVEL = 0.04, 0.97
-"""Grey levels beyond which a place counts as clipped: of a mean over many pixels, some are clipped before it is."""
+"""Grey levels beyond which a point counts as clipped: some pixels of a mean are clipped before the mean is."""
 
 THUMBNAIL_CLIP_MARGIN_PX = 2
-"""Places this close to a clipped one are not used, in thumbnail pixels: twice the smoothing."""
+"""Points this close to a clipped one are not used, in thumbnail pixels: twice the smoothing."""
 
 # Registration of thumbnails (ospc.correspondence.thumbnail_registration)
 
 MIN_OVERLAP = 0.25
-"""Smallest share of the places of one view that must be found in the other. Where less is, most of it is found by
-chance: it is alike in grey level whatever the exposures. Such pairs were wrong by a factor of two on average, those
-above by half a per cent."""
+"""Minimum share of the points of one view that must be found in the other. With less, most matches are chance matches
+of equal grey level, regardless of the exposures: such pairs were wrong by a factor of two on average, others by half
+a per cent."""
 
 THUMBNAIL_MARGIN_PX = 2
-"""Places nearer to the border of the second thumbnail are not used, in its pixels."""
+"""Points closer to the border of the second thumbnail are not used, in its pixels."""
 
 THUMBNAIL_SEARCH_STRIDE_PX = 6
-"""Distance between the patches of 8 pixels that are searched for, in thumbnail pixels: OpenCV's 4 take twice the
-time, and ln M of a grey bin differs by 0.0001 only."""
+"""Distance between the 8-pixel patches that are matched, in thumbnail pixels: OpenCV's 4 takes twice the time, and ln
+M of a grey bin differs by only 0.0001."""
 
 MAX_THUMBNAIL_ERROR_PX = 1.0
-"""Largest distance between a place and where registration there and back ends, in thumbnail pixels."""
+"""Largest forward-backward registration error of a point, in thumbnail pixels."""
 
 MIN_REGISTERED_SIDE_PX = 32
-"""Dense inverse search needs a few patches along each side; smaller images are taken to stand still."""
+"""Dense inverse search needs a few patches along each side; smaller images are treated as stationary."""
 
 MIN_EXPOSED_SHARE = 0.99
-"""Interpolated share of exposed pixels from which a place counts as exposed: all its neighbours are, but for
+"""Interpolated share of exposed pixels above which a point counts as exposed: all its neighbours are, up to
 rounding."""
 
 # Equal brightness before registration (ospc.correspondence.exposure_normalizer)
 
 DISPLAY_GAMMA = 2.2
-"""Exponent of the scale on which images are registered, that of displays: noise and contrast are similar in dark and
-bright parts."""
+"""Exponent of the display scale on which images are registered: noise and contrast are similar in dark and bright
+regions."""
 
 DARKEST_COMPARED_GREY, BRIGHTEST_COMPARED_GREY = 8.0, 247.0
-"""Grey levels beyond which a quantile may be clipped, of 255."""
+"""Grey levels, of 255, beyond which a quantile may be clipped."""
 
 MAX_LOG_RATIO_DISAGREEMENT = 0.4
-"""Largest difference, in ln, between the exposure ratio stated and that in the images at which the former is taken.
-With the response still unknown the images are wrong by as much; once it is known, by some hundredths."""
+"""Largest difference, in ln, between the stated exposure ratio and that measured in the images for the stated one to
+be used. The measured one has errors of this size while the response is unknown, and of a few hundredths
+afterwards."""
 
 CLEAR_LOG_RATIO_AGREEMENT = 0.2
-"""Largest difference, in ln, between the exposure ratio stated and that of the quantiles of grey at which the former
-is taken without a closer look. Quantiles are wrong by less where most of a view is shared."""
+"""Largest difference, in ln, between the stated exposure ratio and that of the grey quantiles for the stated one to
+be used without further checks. Quantiles have smaller errors if the views overlap for the most part."""
 
 MIN_SHARED_PLACES = 0.15
-"""Share of the places of the thumbnails that two frames must have in common for their brightness to be compared place
-by place; where less is, the quantiles of their grey levels are compared."""
+"""Share of the thumbnail points that two frames must have in common for their brightness to be compared point by
+point; with fewer, the quantiles of their grey levels are compared."""
 
 MAX_LOG_RATIO_SPREAD = 0.15
-"""Standard deviation, in ln, of the ratios of single places up to which their median is relied on."""
+"""Standard deviation, in ln, of the ratios of single points up to which their median is trusted."""
 
 MIN_KEPT_BRIGHTNESS = 0.5
-"""Least brightness of the middle of the longer exposed image, on a display's scale, as a share of what it is in the
-frame. Of responses from black to white, the logarithm of 1 to 51 keeps 0.77; where grey levels end at 128, quick fits
-kept a thousandth and less, and moving cameras seemed to stand still."""
+"""Minimum brightness of the middle grey level of the longer exposure after normalisation, on the display scale,
+relative to that in the frame. Of responses from black to white, the logarithm of 1 to 51 keeps 0.77; with grey levels
+ending at 128, quick fits kept a thousandth or less, and moving cameras seemed stationary."""
 
 MIN_IRRADIANCE = 1e-6
-"""Lowest irradiance whose logarithm is taken: below that of the first grey level of any camera."""
+"""Lower limit of the irradiance before taking its logarithm: below the first grey level of any camera."""
 
 # Dense registration (ospc.correspondence.registration)
 
 SECOND_SEARCH_STEPS, SECOND_SEARCH_STRIDE_PX = 8, 5
-"""Steps of descent per patch, and distance between patches in pixels, in the search for what a homography leaves: a
-third of OpenCV's steps on a coarser lattice. The search before it needs all of them: with fewer, half of what a pair
-tells of the vignette was lost."""
+"""Descent steps per patch and distance between patches, in pixels, of the search for what a homography leaves: a
+third of OpenCV's steps on a coarser grid. The preceding search needs all steps: with fewer, half of a pair's
+information about the vignette was lost."""
 
 REFINEMENT_ITERATIONS, REFINEMENT_GRADIENT_WEIGHT = 5, 20.0
-"""Iterations of the variational refinement, OpenCV's for this quality, and the weight in it of the constancy of the
-gradient against smoothness of the displacements: twice OpenCV's default, since nothing else is weighed."""
+"""Iterations of the variational refinement (OpenCV's value for this quality), and weight of gradient constancy
+relative to the smoothness of the displacements: twice OpenCV's default, because there is no other data term."""
 
 HOMOGRAPHY_SPACING_PX, HOMOGRAPHY_MIN_ROWS = 16, 12
-"""Distance in pixels between the places to whose coarse displacements a homography is fitted, and fewest rows and
-columns of them: they are closer in small images. There are some hundreds of them."""
+"""Distance in pixels between the points to whose coarse displacements a homography is fitted, and minimum number of
+rows and columns of points, which are closer together in small images. There are several hundred of them."""
 
 HOMOGRAPHY_INLIER_PX = 2.0
-"""Largest error of a coarse displacement that supports the homography, in pixels: as far as the search after it
-easily reaches."""
+"""Largest error of a coarse displacement that supports the homography, in pixels: well within the range of the search
+that follows."""
 
 HOMOGRAPHY_MIN_INLIERS = 16
-"""Fewest places that must support a homography: one through four places fits them whatever their errors."""
+"""Minimum number of points that must support a homography: one through four points fits them whatever their
+errors."""
 
 JACOBIAN_CELL_PX = 32
-"""Side of the squares within which displacements are averaged before their slopes are taken, in pixels of the small
-images. Ratios of areas from squares of 8 pixels were off by 3 %, enough for films that only move sideways to get a
-vignette with a centre of its own."""
+"""Side of the squares over which displacements are averaged before they are differentiated, in pixels of the small
+images. With squares of 8 pixels, area ratios were off by 3 %, enough to shift the vignette centre in films that only
+move sideways."""
 
 # Keyframe selection (ospc.correspondence.keyframe_selection)
 
 AGE_CLASSES = 26
-"""Classes of age in frames, two for each doubling: up to 5800 frames."""
+"""Number of classes of age in frames, two per doubling: up to 5800 frames."""
 
 PRIOR_OVERLAP, PRIOR_RADIAL_MOTION = 0.8, 0.01
 """Overlap, and radial motion in half diagonals, expected of the youngest class before any comparison. Each further
-class is expected to overlap like the one before, and to have moved in proportion to its age."""
+class is expected to overlap like the previous one, and to have moved in proportion to its age."""
 
 MAX_PRIOR_RADIAL_MOTION = 0.3
-"""Largest radial motion expected, in half diagonals."""
+"""Largest expected radial motion, in half diagonals."""
 
 AGE_CLASS_RATIO = 2.0**0.5
-"""Age of a class over that of the one before."""
+"""Ratio of the ages of successive classes."""
 
 PRIOR_COMPARISONS = 1.5
-"""Weight of what is expected before any comparison, in comparisons: the first real ones soon outweigh it."""
+"""Weight of these expectations, in comparisons: the first real comparisons soon outweigh them."""
 
 MAX_COMPARISONS = 100
-"""Comparisons that count: the camera may move faster or slower than so many ago."""
+"""Maximum weight of past comparisons: the camera may have moved at another speed earlier."""
 
 RESPONSE_TURN = 3
-"""Every so many selections serve the response, of which a pair tells more than of the vignette."""
+"""One in this many selections optimises the response, about which a pair reveals more than about the vignette."""
 
 EXPOSURE_CHANGE_WEIGHT = 0.01
-"""Weight of a squared change of exposure where the vignette is the aim: it breaks ties between equal motions."""
+"""Weight of a squared change of exposure when selecting for the vignette: it breaks ties between equal motions."""
 
 MIN_INFORMATION = 1e-6
-"""Information assumed of a comparison without change of exposure or motion, so that overlap decides between them."""
+"""Information assumed for a comparison without change of exposure or motion, so that overlap decides between such
+comparisons."""
 
 OVERLAP_POWER = 1.5
-"""Information grows with this power of the overlap, faster than the number of shared places: registration is better,
-too, where more overlaps."""
+"""Information grows with this power of the overlap, faster than the number of shared points: registration also
+improves with overlap."""
 
 OLDEST_AGE_FACTOR = 1.5
-"""Age of an imagined keyframe before the oldest, over that of the oldest: it decides when the oldest is dropped."""
+"""Age of a hypothetical keyframe before the oldest, relative to the oldest: it determines when the oldest is
+dropped."""
 
 # Sampling of flat places (ospc.correspondence.flat_sampling)
 
 SAMPLING_GREY_CELLS, SAMPLING_RADIUS_CELLS = 8, 4
-"""Ranges of the root of grey level and of radius from which scene points are taken in turn where there are too many:
-otherwise the sky or a wall would make up most of them."""
+"""Numbers of ranges of the square root of grey level and of radius. If there are too many scene points, they are
+taken from these ranges in turn; otherwise the sky or a wall would make up most of them."""
 
 MIN_MOTION_PLACES = 100
-"""Fewest places found again from which the motion is measured."""
+"""Minimum number of matched points for measuring the motion."""
 
 STRUCTURE_QUANTILE = 0.8
-"""Quantile of the gradient above which a place shows motion: registration fills in flat ones from their
+"""Quantile of the gradient above which a point shows motion: at flat points, registration interpolates from the
 surroundings."""
 
 MOTION_PARTS_PER_SIDE = 4
-"""Parts of the image, along each side, within which displacements are averaged as vectors, so that noise cancels."""
+"""Number of image tiles along each side within which displacements are averaged as vectors, so that noise cancels."""
 
 MIN_PART_PLACES = 8
-"""Fewest places of such a part: with fewer, noise does not cancel, and a camera that stands still seems to move."""
+"""Minimum number of points in such a tile: with fewer, noise does not cancel, and a stationary camera seems to
+move."""
 
 # Equal smoothing of both views (ospc.correspondence.equal_smoothing)
 
 NODE_STEP_PX = 2
-"""Distance of the nodes around a place from whose values a wider smoothing follows, in reduced pixels: for the
-usual stretches, up to 1.25, about that at which three nodes stand for a Gaussian (Gauss-Hermite)."""
+"""Distance between the nodes from whose values a wider smoothing is computed, in reduced pixels: for the usual
+stretches, up to 1.25, about the distance at which three nodes represent a Gaussian (Gauss-Hermite)."""
 
 PIXEL_VARIANCE = 1 / 12
-"""Variance of a place within its pixel, which averages too, in square pixels."""
+"""Variance of the position within a pixel, which averages too, in square pixels."""
 
 MAX_STRETCH = 1.6
-"""Largest stretch between two views, and the inverse of the smallest: about that from the centre to the corner of a
-view of 75°. More is an error of the registration at an edge in depth."""
+"""Largest stretch between two views, and the inverse of the smallest: about that between the centre and the corner of
+a 75° view. Larger values are registration errors at depth edges."""
 
 # Noise of single pixels (ospc.correspondence.noise_estimation)
 
 NOISE_BINS = 16
-"""Equal ranges of grey level in which noise is measured: it changes little within one, and enough blocks fall into
-it."""
+"""Number of equal grey ranges in which noise is measured: it changes little within one, and each has enough
+blocks."""
 
 NOISE_BLOCK_PX = 8
 """Side of a block in pixels: small enough to fit between structures, and its 64 values give a variance to a fifth."""
 
 MIN_BAND_SPACING_ROWS, MAX_BANDS = 24, 20
-"""Fewest rows from one band of blocks to the next, and most bands: a third of an image of 640×480 is enough."""
+"""Minimum distance in rows between bands of blocks, and maximum number of bands: a third of a 640×480 image is
+enough."""
 
 NOISE_QUANTILE = 0.1
-"""Quantile of the blocks' variances that is taken for noise alone: hardly any image has structure in more than nine
-tenths of its blocks."""
+"""Quantile of the blocks' variances that is attributed to noise alone: hardly any image has structure in more than
+nine tenths of its blocks."""
 
 NOISE_QUANTILE_RATIO = 0.627
-"""A tenth of blocks of pure noise have a variance below this share of the true one."""
+"""A tenth of the blocks of pure noise have a variance below this share of the true one."""
 
 MIN_NOISE_BLOCKS = 40
-"""Fewest blocks of a grey range in a frame: a tenth of them are then four."""
+"""Minimum number of blocks of a grey range in a frame: a tenth of them is then four."""
 
 NOISE_FRAMES = 64
-"""Latest frames whose variances are kept; the median over them hardly changes with more."""
+"""Number of latest frames whose variances are kept; with more, their median hardly changes."""
 
 MIN_END_DISTANCE_SIGMAS = 4
-"""Distance from black and white, in standard deviations of the noise, at which a range shows all of its noise.
-Nearer, only blocks with little noise pass as exposed."""
+"""Distance from black and white, in standard deviations of the noise, at which a range shows its full noise. Closer,
+only blocks with little noise count as exposed."""
 
 QUANTISATION_VARIANCE = 1 / 12
-"""Variance of rounding to whole grey values: the least noise of any image."""
+"""Variance of rounding to integer grey values: the least noise of any image."""
 
 ASSUMED_NOISE_SIGMA = 0.5 / 255
-"""Standard deviation assumed where nothing was measured: half an 8-bit grey level."""
+"""Standard deviation assumed if nothing was measured: half an 8-bit grey level."""
 
 # A stationary camera (ospc.correspondence.static_series)
 
 SERIES_BRIGHTNESS_CELLS = 64
-"""Equal ranges of ln brightness from which pixels are taken in turn: dark and bright ones are rare but most
-informative."""
+"""Number of equal ranges of ln brightness from which pixels are taken in turn: dark and bright ones are rare but the
+most informative."""
 
 # The image circle of a fisheye (ospc.correspondence.image_circle)
 
 MIN_CIRCLE_FRAMES = 8
-"""Fewest frames looked at before a dark place counts as surround: in a single frame the scene itself may be dark."""
+"""Minimum number of frames before a dark point counts as surround: in a single frame the scene itself may be dark."""
 
 LIT_QUANTILE = 0.9
 MIN_LIT_GREY = 60
-"""Grey level, of 255, that the brightest tenth of the image must reach: in dark recordings all places look alike."""
+"""Grey level, of 255, that the brightest tenth of the image must reach: in dark recordings, surround and scene look
+similar."""
 
 MAX_SURROUND_SHARE = 0.1
-"""Grey level of the surround over that of this brightest tenth: a little stray light reaches it. A higher limit would
-take dark parts of the scene for it."""
+"""Grey level of the surround relative to the brightest tenth: a little stray light reaches it. A higher limit would
+include dark parts of the scene."""
 
 MIN_SURROUND_AREA = 0.01
-"""Smallest part of the image that is taken for a surround: less is strong vignetting in the very corners."""
+"""Smallest share of the image that counts as a surround: less is strong vignetting in the extreme corners."""
 
 MIN_SURROUND_CORNERS = 3
-"""Corners that the surround must reach: an image circle may be off centre and leave one, a dark wall reaches two."""
+"""Minimum number of corners in the surround: a decentred image circle may miss one, a dark wall covers two."""
 
 SURROUND_MARGIN_PX = 3
 """Widening of the surround, in small pixels: the edge of the circle is blurred, and light falls off steeply there."""
 
 WHOLE_IMAGE_RADIUS = 0.97
-"""An image of which something is usable so far out counts as usable up to its corners."""
+"""If the usable radius reaches this value, the image counts as usable up to its corners."""
 
 # Statistics of grey values (ospc.correspondence.pixel_statistics)
 
 MAX_COUNTED_FRAMES = 1024
-"""Frames whose own shares are kept; beyond, every second is dropped, which bounds the memory of endless runs."""
+"""Maximum number of frames whose statistics are kept individually; beyond it, every second one is dropped, which
+bounds the memory of endless runs."""
 
 MAX_GREY_RANGES = 100
-"""Latest changes of black and white that are remembered: usually there is one, in the first frames."""
+"""Number of latest changes of black and white that are kept: usually there is one, in the first frames."""
 
 COVERAGE_GREY_CELLS = 32
-"""Equal ranges of grey level whose coverage is reported: as many as the response has intervals between knots."""
+"""Number of equal grey ranges whose coverage is reported: one per interval between the knots of the response."""
 
 COVERAGE_RADIUS_CELLS = 10
-"""Equal ranges of radius, from the centre to the corner, whose coverage is reported."""
+"""Number of equal ranges of radius, from the centre to the corner, whose coverage is reported."""
 
 COUNTED_STRIDE = 2
-"""One in so many rows and columns is counted: a quarter of the pixels has the same shares, in a quarter of the
+"""Every n-th row and column is counted: a quarter of the pixels has the same distribution, in a quarter of the
 time."""
 
 COMPARED_COLUMNS_PX, LEAST_ROW_VARIANCE = 8, 3e-7
-"""Columns whose mean is compared from row to row, and what is added to the variance of the differences, of white
-squared: what quantisation to 8 bit leaves."""
+"""Number of columns whose mean is compared from row to row, and regularisation of the variance of the differences, in
+white squared: that of quantisation to 8 bits."""
 
 INTERLACED_QUANTILE, MIN_INTERLACED_ALTERNATION = 0.75, 0.65
-"""How much rows alternate in interlaced images, and the quantile over frames that is judged: where nothing moves,
-they do not. In 45 recordings of all kinds, compression and noise of rows or pixels included, it was 0.35 at most.
-With every other row from the next frame, it was 0.78 or more. Doubled or interpolated rows have 0 or less."""
+"""Quantile over frames of the alternation between rows, and its limit for interlaced images: without motion, rows do
+not alternate. In 45 recordings of all kinds, with compression and with noise of rows or pixels, it was at most 0.35;
+with every other row from the next frame, at least 0.78; with doubled or interpolated rows, at most 0."""
 
 MIN_COVERED_SHARE = 0.001
-"""Share of all pixels from which a range of grey is covered: less is noise, lettering, or a reflection."""
+"""Minimum share of all pixels for a grey range to count as covered: less is noise, lettering or a reflection."""
 
 BLACK_PLACE_LEVEL = 0.045
-"""Grey level of a thumbnail below which a place is black: stray light, noise and a black level of a few grey values
+"""Grey level of a thumbnail below which a point is black: stray light, noise and a black level of a few grey values
 stay below it."""
 
 MIN_MEDIAN_LEVEL = 0.15
-"""Median over the places of their largest grey level, below which nothing is said about black ones: the scene is
-dark."""
+"""Median of the points' largest grey levels below which black points are not assessed, because the scene is dark."""
 
 MIN_BORDER_SHARE = 0.002
-"""Smallest part of the image that is reported as a black surround, some forty places of a thumbnail: less is a dark
+"""Smallest share of the image that is reported as a black surround, about forty points of a thumbnail: less is a dark
 object at the edge."""
 
 RECTANGLE_FILL = 0.95
-"""Share of its bounding box above which the lit part is a rectangle in a black border; a disc fills π/4 of it."""
+"""Share of its bounding box above which the lit region is a rectangle in a black border; a disc fills π/4 of it."""
 
 MIN_PILE_SHARE = 0.005
-"""Share of the pixels at an extreme grey value from which values are piled up there: noise would spread them."""
+"""Minimum share of pixels at an extreme grey value for values to be piled up there: noise would spread them."""
 
 CLIPPING_MARGIN = 0.02
-"""Distance of that value from the end of the scale, as a share of it: nearer, it is ordinary clipping."""
+"""Minimum distance of that value from the end of the scale, as a share of the scale: closer, it is ordinary
+clipping."""
 
 WHITE_NEIGHBOURHOOD = 2 / 255
-"""Distance below the highest grey value within which all others together must have fewer pixels, for values to be
-piled up there: of few grey values, each has a large share. White had four times as many and more in 20 films."""
+"""For values to be piled up at the highest grey value, all others within this distance below it must have fewer
+pixels in total: if only a few grey values occur, each has a large share. White had at least four times as many in 20
+films."""
 
 HIGHEST_BLACK = LOWEST_WHITE = 0.2
-"""Limits of black and of white. Wherever white was, from grey value 76 to 128, it had 0.009 of all pixels and more;
-in 39 dark films that were not clipped, the highest grey value had less than 0.0005."""
+"""Upper limit of black and lower limit of white. White between grey values 76 and 128 had at least 0.009 of all
+pixels; in 39 dark films without clipping, the highest grey value had less than 0.0005."""
 
 MIN_MISSING_LEVELS_SHARE = 0.05
-"""Share of missing grey values between the extremes from which they are reported: a few rare ones miss by chance."""
+"""Minimum share of missing grey values between the extremes for these to be reported: a few rare ones are missing by
+chance."""
 
 MIN_COMB_RANGE = 32
-"""Least distance of the extremes, in grey values, from which missing ones are counted: a dark image has few
-values."""
+"""Minimum distance between the extremes, in grey values, for counting missing ones: a dark image has few values."""
 
 # Observations (ospc.observations)
 
 CLIPPED_MARGIN = 1 / 255
-"""Distance up to which a grey level counts as clipped at a black or white that is not the end of the scale: one grey
-value of 8 bits."""
+"""Distance up to which a grey level counts as clipped at a black or white that is not the end of the scale: one 8-bit
+grey value."""
 
 POSITION_TOLERANCE = 0.02
-"""Share of the half diagonal by which a place may lie beyond the corner: half a pixel and rounding."""
+"""Share of the half diagonal by which a position may lie beyond the corner: half a pixel plus rounding."""

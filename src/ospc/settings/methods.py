@@ -1,4 +1,4 @@
-"""Constants of the default method's run and of change detection: what each is, its unit, and why."""
+"""Constants of runs and change detection: their meaning, unit and the reason for their value."""
 
 from __future__ import annotations
 
@@ -7,179 +7,189 @@ import numpy as np
 # Images (ospc.methods.method)
 
 MIN_SIDE_PX = 32
-"""Shortest side of an image, in pixels, in which patches can be found again."""
+"""Shortest image side, in pixels, for which patches can be matched."""
 
 # Quick fits during a run (ospc.methods.maximum_likelihood)
 
 FIRST_QUICK_FIT_PAIRS = 16
-"""Pairs before the first quick fit; the next follow whenever their number has doubled."""
+"""Number of pairs before the first quick fit; further ones follow whenever it has doubled."""
 
 REFERENCE_FIT_PAIRS = 64
-"""Pairs after which a quick fit predicts new pairs well enough to notice a change of the camera."""
+"""Number of pairs after which a quick fit predicts new pairs well enough to detect a change of the camera."""
 
 DROPPED_PAIRS = 32
-"""The first so many pairs are dropped in the end: they were registered before the vignette was known."""
+"""Number of first pairs that the final fit omits: they were registered before the vignette was known."""
 
 QUICK_FIT_POINTS = 5000
-"""Scene points of a quick fit: enough for registration, which needs the vignette to a few per cent."""
+"""Number of scene points of a quick fit: enough for registration, which needs the vignette to within a few per
+cent."""
 
 QUICK_FIT_ROUNDS = 3
-"""Rounds of a quick fit that starts from the one before."""
+"""Rounds of a quick fit that starts from the previous one."""
 
 QUICK_FIT_RADIAL_TERMS = 5
-"""Radial terms of its vignette: more would take longer to be known, and pairs registered until then are worse."""
+"""Number of radial vignette terms of a quick fit: more would take longer to determine, and pairs registered until
+then are worse."""
 
 MAX_VIGNETTE_SIGMA = 0.05
-"""Standard deviation of the vignette at the corner, by chance, up to which frames are registered without it."""
+"""Frames are registered with the vignette of the quick fit once its standard deviation at the corner, by chance, is
+below this."""
 
 MIN_MOVING_PAIRS, MOVING_FACTOR = 8, 4.0
-"""Pairs, and times the displacement of a still camera, after which a camera counts as moving for good."""
+"""Number of pairs, and displacement relative to the limit for a stationary camera, after which a camera permanently
+counts as moving."""
 
 UNDECIDED_PAIRS = 60
-"""Pairs after which a camera that does not stand still counts as moving. Dark frames register badly at first."""
+"""Number of pairs after which a camera that is not stationary counts as moving. Dark frames register poorly at
+first."""
 
 MAX_MOTIONS = 200
-"""Latest displacements that tell whether the camera stands still."""
+"""Number of latest displacements that determine whether the camera is stationary."""
 
-# Errors of prediction (ospc.methods.prediction_errors)
+# Prediction errors (ospc.methods.prediction_errors)
 
 OUTLIER_ERROR_LOG = 0.3
-"""Errors of prediction far beyond this, in ln, are moving objects or wrong registration."""
+"""Prediction errors far beyond this, in ln, are moving objects or wrong registrations."""
 
 CHANGE_GREY_KNOTS = np.array([0.0, 0.15, 0.35, 0.6, 0.85, 1.0])
-"""Grey levels between which a change of ln g is taken to be linear."""
+"""Grey levels between which a change of ln g is interpolated linearly."""
 CHANGE_GREY_KNOTS.setflags(write=False)
 
 NO_CHANGE_POINTS = 1.0
-"""Weight of the belief that nothing changed, in scene points: it keeps what no pair shows at zero."""
+"""Weight of the prior that nothing changed, in scene points: it keeps unobserved parts at zero."""
 
 SEEN_QUANTILES = (0.02, 0.98)
-"""Quantiles of grey levels and radii between which nearly all observations lie."""
+"""Quantiles of grey level and radius between which nearly all observations lie."""
 
-# Whether the camera may have changed (ospc.methods.change_detection)
+# Suspected changes of the camera (ospc.methods.change_detection)
 
 MIN_PAIR_POINTS = 40
-"""Scene points of a pair below which its registration is not trusted."""
+"""Minimum number of scene points of a pair for its registration to be trusted."""
 
 MAX_BASELINE_PAIRS = 480
-"""Latest pairs of each kind whose errors are the baseline for outliers: a minute and a half or more of film at 20
-frames/s."""
+"""Number of latest pairs of each kind whose errors form the baseline for outliers: at least a minute and a half of
+film at 20 frames/s."""
 
 MIN_BASELINE_PAIRS = 12
-"""Pairs in the baseline before one of their kind is an outlier."""
+"""Minimum number of pairs in the baseline before a pair of that kind can be an outlier."""
 
 RECENT_PAIRS, OUTLIER_PAIRS = 8, 3
-"""Of the latest so many pairs of a kind, so many must be outliers to raise a suspicion."""
+"""A suspicion is raised if, of this many latest pairs of a kind, this many are outliers."""
 
 OUTLIER_FACTOR = 4.0
-"""Least error of an outlier over the median of the baseline; three in eight pairs exceed it when a lamp is switched,
-too."""
+"""Minimum error of an outlier, relative to the median of the baseline. When a lamp is switched, three in eight pairs
+also exceed it."""
 
 MIN_BASELINE_ERROR_LOG = 0.001
-"""Least value of that median, in ln: registration leaves as much."""
+"""Lower limit of that median, in ln: registration alone leaves this much."""
 
 MAX_SUSPICION_S = 9.6
-"""Time for which a suspicion is followed at most."""
+"""Maximum duration of a suspicion, in seconds."""
 
 JUDGED_S = 5.6
-"""Latest time of a suspicion whose pairs are judged: light may have raised it before the camera changed."""
+"""Latest part of a suspicion, in seconds, whose pairs are judged: light may have raised it before the camera
+changed."""
 
 CALM_S = 4.8
-"""Time without another suspicion after one that was followed to the end."""
+"""Time, in seconds, without another suspicion after one that reached its maximum duration."""
 
 MIN_FRAME_RATE, MAX_FRAME_RATE = 20.0, 100.0
-"""Frames per second between which these times are counted in frames: slower film needs as many frames as that of 20
-frames/s, and the pairs of more than 100 frames/s would be too many to judge."""
+"""Range of frames per second in which these times are converted to frames: slower film needs as many frames as at 20
+frames/s, and above 100 frames/s there would be too many pairs to judge."""
 
 WATCHED_PAIRS, MIN_OUTLIER_SHARE = 32, 0.25
-"""A suspicion ends early where fewer of the latest so many pairs of neighbours are outliers: the light changed."""
+"""A suspicion ends early if, of this many latest pairs of neighbours, less than this share are outliers: the light
+changed."""
 
-# Whether it has (ospc.methods.change_hypotheses)
+# Confirmed changes of the camera (ospc.methods.change_hypotheses)
 
 MIN_SPAN_S = 3.0
-"""Time that the pairs must span: light that changes is often steady again by then."""
+"""Minimum time, in seconds, spanned by the pairs: changing light is often steady again by then."""
 
 MIN_HALF_PAIRS = 12
-"""Pairs in each half by which a change is judged: what happens once is no change."""
+"""Minimum number of pairs in each half for judging a change: a single event is not a change."""
 
 MIN_EFFECT_LOG = 0.04
-"""Smallest change, in ln of irradiance, that counts: a refocused lens changes the corners by more, drift by less."""
+"""Smallest change, in ln of irradiance, that counts: refocusing a lens changes the corners by more, drift by less."""
 
 MIN_EXPLAINED_LOG = 0.005
-"""Root mean square error within pairs, in ln, that a change must explain. Other responses, and corners that lose a
-fifth, soon explained 0.0055 and more in simulated film; what only looked like a change explained 0.0047 at most."""
+"""Root mean square error within pairs, in ln, that a change must explain. In simulated film, other responses and
+corners that lose a fifth soon explained at least 0.0055, and spurious changes at most 0.0047."""
 
 MIN_CORRELATION = 0.7
-"""Correlation of the curves that both halves show; those of real changes had 0.87 and more."""
+"""Minimum correlation between the change curves of both halves; those of real changes had at least 0.87."""
 
 MIN_CHANGE_SIGMAS, MIN_HALF_SIGMAS = 12.0, 6.0
-"""Standard deviations, by the scatter between pairs, that a change must exceed in all pairs and in each half. Real
-changes of this size had 17 and 9 or more."""
+"""Standard deviations, from the scatter between pairs, that a change must exceed in all pairs and in each half. Real
+changes of this size had at least 17 and 9."""
 
 SYSTEMATIC_LOG = 0.006
-"""Standard deviation, in ln, by which registration is wrong in ways that pairs have in common."""
+"""Standard deviation, in ln, of registration errors that pairs have in common."""
 
 ALIKE_RATIO = 0.9
-"""Ratio of what two explanations gain in pairs that they were not made from, or of the errors of whole pairs that
-they leave, from which on one is as good as the other; both are named where they are so by both measures."""
+"""Two explanations are equally good if the ratio of their gains in pairs not used to fit them, or of the errors they
+leave in whole pairs, exceeds this; both are reported if this is so by both measures."""
 
 MAJORITY = 0.8
-"""Share of the pairs in each half that a change must explain, weighted by what it does to them: a few wrong
+"""Share of the pairs in each half that a change must explain, weighted by its effect on them: a few wrong
 registrations prove nothing."""
 
 MIN_EXPECTED_FACTOR = 3.0
-"""Error that a change is expected to cause in a pair, over the median of the baseline, from which on the pair
-counts."""
+"""Minimum error that a change is expected to cause in a pair, relative to the median of the baseline, for the pair to
+count."""
 
 MIN_SIGNIFICANT_PAIRS = 6
-"""Fewest such pairs in each half."""
+"""Minimum number of such pairs in each half."""
 
 LIGHT_SLOPE = -0.75
-"""Slope of the error against the change of exposure from which on light that the exposure follows explains it: an
-exposure control that keeps brightness constant shows a slope of −1."""
+"""Slope of the error against the change of exposure below which changing light, followed by the exposure, explains
+it: an exposure control that keeps brightness constant has a slope of −1."""
 
 MIN_SLOPE = 0.15
-"""Smallest change of that slope by another response."""
+"""Minimum change of that slope that indicates another response."""
 
 MIN_SLOPE_ERROR_LOG = 0.008
-"""Median error of neighbours, in ln, below which the slope is not judged: clouds change light by less a frame."""
+"""Median error of neighbours, in ln, below which the slope is not judged: clouds change the light by less per
+frame."""
 
-# When response and vignette are identifiable (ospc.methods.identifiability)
+# Identifiability of response and vignette (ospc.methods.identifiability)
 
 IDENTIFIABLE_ERROR, IDENTIFIABLE_CORNER_SIGMA = 0.005, 0.025
-"""Limits of an identifiable curve: for the error of ratios of irradiance (κ), or of the profile of V, that is
-exceeded in one of twenty cases, and for the standard deviation of ln V at the corner. In two of 55 recordings of all
-kinds of cameras, with noise and unsteady light among them, κ was larger than stated; the error of V, in two of 33."""
+"""Limits for an identifiable curve. The first applies to the error of irradiance ratios (κ) and of the profile of V
+that is exceeded in one of twenty cases, the second to the standard deviation of ln V at the corner. In 55 recordings
+of all kinds of cameras, some with noise and unsteady light, κ exceeded the stated error in two; in 33, the error of V
+did in two."""
 
 UNIDENTIFIABLE_FACTOR = 8.0
-"""Times these limits beyond which a curve is not identifiable: such errors are as large as what is corrected."""
+"""A curve is not identifiable beyond this multiple of these limits: such errors are as large as the correction."""
 
 MIN_SCATTER_GROUPS = 5
-"""Comparisons of frames from which on their scatter tells how well a curve is known: with up to three, exposures off
-by one or two per cent gave errors of 6 to 28 stated standard deviations, from about five on of 1.5 at most."""
+"""Minimum number of frame comparisons for their scatter to show the accuracy of a curve. With up to three, exposures
+off by one or two per cent gave errors of 6 to 28 stated standard deviations; from about five on, at most 1.5."""
 
 DOUBTED_UNEXPLAINED_SHARE, CONTRADICTING_UNEXPLAINED_SHARE = 0.15, 0.5
-"""Shares of a typical change of exposure that may be missing in the images: beyond the first the exposures are
-doubted, beyond the second the response rests on nothing. Noise alone leaves less than a tenth."""
+"""Shares of a typical change of exposure that may be missing in the images. Beyond the first, the exposures are
+doubted; beyond the second, the response has no basis. Noise alone leaves less than a tenth."""
 
 WIDE_EXPOSURE_RATIO = 8.0
-"""Longest over shortest exposure from which on a wider range is no longer the first thing to ask for."""
+"""Ratio of the longest to the shortest exposure beyond which a wider range is no longer the first advice."""
 
 MIN_COMPARED_LOG_K = 0.05
-"""Change of ln exposure of a pair from which on its misfit is compared with it; below, noise is as large."""
+"""Minimum change of ln exposure of a pair with which its misfit is compared; below it, noise is as large."""
 
-# Tables of what observations cover (ospc.methods.coverage)
+# Coverage tables (ospc.methods.coverage)
 
 GREY_CLASSES, RADIUS_CLASSES, MAX_EXPOSURE_CLASSES = 32, 20, 16
-"""Classes of grey level, of radius, and at most of ln exposure, in the tables: some pixels of a chart each."""
+"""Numbers of classes of grey level and of radius, and maximum number of classes of ln exposure, in the tables: each
+is a few pixels wide in a chart."""
 
 PLACE_COLUMNS = 16
-"""Columns of cells into which the image is divided; cells are squares."""
+"""Number of columns of square cells into which the image is divided."""
 
 MIN_CLASS_RESIDUALS = 10
-"""Residuals of a class below which their quantiles say nothing."""
+"""Minimum number of residuals of a class for meaningful quantiles."""
 
 # The paper's method (ospc.methods.paper)
 
 MAX_VIGNETTE_ROUNDS, VIGNETTE_TOLERANCE = 100, 1e-9
-"""Most rounds of reweighting, and the relative change of the solution at which it has converged."""
+"""Maximum number of reweighting rounds, and relative change of the solution at which it has converged."""

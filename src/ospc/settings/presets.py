@@ -1,4 +1,4 @@
-"""The settings of the methods that a user may change, and the presets."""
+"""User settings of the methods, and the presets."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def _check_numbers(settings: Settings) -> None:
-    """Check that numbers are positive: all of them are sizes, counts, thresholds or ratios."""
+    """Check that every number is positive: all are sizes, counts, thresholds or ratios."""
     for entry in fields(settings):
         value = getattr(settings, entry.name)
         if isinstance(value, int | float) and not 0 < value <= sys.maxsize:
@@ -31,43 +31,45 @@ def _check_choice(name: str, value: str, choices: tuple[str, ...]) -> None:
 
 @dataclass(frozen=True)
 class PaperSettings:
-    """The method of the paper, complete.
+    """The complete method of the paper.
 
     Attributes
     ----------
     features
         "sift" (the paper), "orb" or "surf" (its ablation study).
     max_features
-        Most features kept of a frame, the strongest; the paper gives no limit, this one bounds the time of matching.
+        Number of features kept per frame, strongest first. The paper gives no limit; this one bounds the matching
+        time.
     match_ratio
-        Lowe's ratio test (Lowe 2004).
+        Threshold of Lowe's ratio test (Lowe 2004).
     filter_blocks, filter_bins, filter_min_matches, filter_length_sigmas
-        The direction filter: 15×15 blocks, 10 bins, blocks of more than 5 matches, mean + 2σ (released program).
+        Direction filter: 15×15 blocks, 10 bins, blocks with more than 5 matches, mean + 2σ (released program).
     response_window
-        Frames behind one estimate of the response (paper, section 4.1).
+        Number of frames per response estimate (paper, section 4.1).
     exposure_ratio_low, exposure_ratio_high
-        Exposure ratios that make a pair worth matching (paper, section 4.1).
+        A pair is matched if its exposure ratio lies outside this range (paper, section 4.1).
     response_max_radial_displacement
-        Largest |R₀−R₁| of a sample for the response (released program: 0.01; pseudocode: 0.1).
+        Largest |R₀−R₁| of a response sample (released program: 0.01; pseudocode: 0.1).
     response_degree
         Degree of the polynomial g (paper, section 3.2).
     response_positivity
-        When to ask for c ≥ 0: "never" is the paper's equation, "always" the released program; "when needed" asks
-        only where the paper's solution does not increase and so is no response.
+        When to enforce c ≥ 0: "never" solves the paper's equation, "always" matches the released program, and
+        "when needed" enforces it only if the paper's solution is not increasing and therefore not a response.
     vignette_window
-        Frames behind one estimate of the vignette (paper, section 4.1).
+        Number of frames per vignette estimate (paper, section 4.1).
     vignette_offset
-        Frames between the two of a pair (paper, section 4.1).
+        Number of frames between the two frames of a pair (paper, section 4.1).
     vignette_min_radial_displacement
-        Smallest |R₀−R₁| of a sample for the vignette (paper, section 5).
+        Smallest |R₀−R₁| of a vignette sample (paper, section 5).
     vignette_solver
-        "l2", "l1" or "m-estimator" (paper, section 5; the M-estimator was its best).
+        "l2", "l1" or "m-estimator" (paper, section 5, where the M-estimator performed best).
     huber_tuning
-        Threshold of the M-estimator in standard deviations (Huber 1964).
+        Threshold of the M-estimator, in standard deviations (Huber 1964).
     acceptance_tolerance
-        Largest median of |ln k̂ − ln k| over the pairs of an estimate that is accepted; the paper gives no number.
+        An estimate is accepted if the median of |ln k̂ − ln k| over its pairs is at most this. The paper gives no
+        number.
     min_samples
-        Fewest correspondences an estimate may rest on.
+        Minimum number of correspondences for an estimate.
     """
 
     features: str = "sift"
@@ -95,7 +97,7 @@ class PaperSettings:
     keeps_state = False
 
     def __post_init__(self) -> None:
-        """Check every setting."""
+        """Validate the settings."""
         _check_numbers(self)
         _check_choice("features", self.features, tuple(EXTRACTORS))
         _check_choice("response_positivity", self.response_positivity, ("never", "when needed", "always"))
@@ -104,19 +106,19 @@ class PaperSettings:
             raise SettingError("exposure_ratio_low must be below 1 and exposure_ratio_high above")
 
     def sampler(self) -> FrameSampler:
-        """Return what chooses the frames that are processed: all."""
+        """Return the frame sampler, which selects every frame."""
         from ospc.correspondence.frame_sampling import FrameSampler
 
         return FrameSampler.every_frame()
 
     def preprocessor(self) -> Preprocessor:
-        """Return what reduces frames for the check of exposures."""
+        """Return the preprocessor for the exposure check."""
         from ospc.correspondence.preprocessing import Preprocessor
 
         return Preprocessor()
 
     def build(self, size: ImageSize, max_grey: int) -> Method:
-        """Return the method for images of a size and bit depth."""
+        """Return the method for an image size and bit depth."""
         from ospc.methods.paper import PaperMethod
 
         return PaperMethod(self, size, max_grey)
@@ -124,61 +126,62 @@ class PaperSettings:
 
 @dataclass(frozen=True)
 class DefaultSettings:
-    """The default method: dense registration, flat sampling, and one robust maximum-likelihood fit.
+    """The default method: dense registration, flat sampling and a robust maximum-likelihood fit.
 
     Attributes
     ----------
     frames_per_slowdown
-        After so many processed frames, one more is skipped between two of them: the work grows with the square root
-        of a recording's length.
+        After every n processed frames, one more frame is skipped between two processed frames, so the work grows with
+        the square root of the recording's length.
     dense_frames
-        Beyond so many processed frames, pauses grow with the fourth power of their number: the errors that all pairs
-        have in common, and no further one reduces, are then the larger ones.
+        Beyond this many processed frames, the skips grow with the fourth power of the number of frames. By then,
+        errors
+        common to all pairs, which further pairs do not reduce, dominate.
     longest_pause_frames
-        Most frames skipped between two processed ones: ten seconds of film at 20 frames/s then hold twelve of them,
-        enough to notice a change of the camera.
+        Maximum number of frames skipped between two processed frames. At 20 frames/s, ten seconds then contain twelve
+        processed frames, enough to detect a change of the camera.
     comparison_period_frames, comparison_run_frames
-        Of each period, the first so many consecutive frames are compared in brightness with their neighbours: four
-        runs in ten seconds at 20 frames/s show whether exposures still belong to their frames.
+        Each period starts with a run of consecutive frames whose brightness is compared with their neighbours'. At 20
+        frames/s, ten seconds contain four runs, enough to check that the exposures still belong to their frames.
     keyframes
-        Most keyframes kept to compare with.
+        Maximum number of keyframes kept for comparison.
     max_log_ratio
-        Change of exposure, in ln, beyond which a pair has no more information on the response.
+        Change of ln exposure beyond which a pair no longer provides information about the response.
     longest_side_px
-        Length of the longer side, in pixels, to which images are reduced before they are compared.
+        Images are reduced until their longer side has this length, in pixels, before they are compared.
     smoothing_px
-        Standard deviation, in pixels, of the smoothing of grey levels before they are sampled.
+        Standard deviation, in pixels, of the smoothing applied to grey levels before sampling.
     grid_spacing_px
-        Distance in pixels between the places considered for sampling.
+        Distance, in pixels, between candidate sampling points.
     max_gradient
-        Largest grey gradient of a flat place, in full scale per pixel.
+        Largest grey gradient of a flat point, in full scale per pixel.
     max_forward_backward_error_px
-        Largest distance in pixels between a place and the end of registering it there and back.
+        Largest forward-backward registration error of a sampled point, in pixels.
     points_per_pair
-        Most scene points taken from a pair of frames.
+        Maximum number of scene points sampled from a pair of frames.
     max_points
-        Most scene points kept in all.
+        Maximum number of scene points kept in total.
     registration
-        How frames are registered: a name in :data:`ospc.correspondence.registration.REGISTRARS`.
+        Registration method: a name in :data:`ospc.correspondence.registration.REGISTRARS`.
     response_functions
-        Functions that the response is composed of: a name in :data:`ospc.estimation.response_basis.FUNCTIONS`.
+        Basis functions of the response: a name in :data:`ospc.estimation.response_basis.FUNCTIONS`.
     response_intervals, series_intervals
-        Intervals between the knots of the response, for a moving camera and for one that stands still, whose many
-        observations of each point resolve more.
+        Number of intervals between the knots of the response, for a moving and for a stationary camera. A stationary
+        camera observes each point many times and so resolves more.
     radial_terms
         Number of radial terms of ln V.
     rounds
-        Most rounds of the final fit after the first, convex one.
+        Maximum number of rounds of the final fit after the first, convex one.
     still_px
-        Median displacement in pixels up to which a camera counts as standing still.
+        Median displacement, in pixels, up to which a camera counts as stationary.
     series_points
-        Most scene points, each a pixel, taken from a camera that stands still.
+        Maximum number of scene points (single pixels) used from a stationary camera.
     min_points
-        Fewest scene points from which an estimate is made.
+        Minimum number of scene points for an estimate.
     min_log_exposure_change
-        Smallest ln ratio of the extreme exposures from which a response is estimated.
+        Minimum ln ratio between the longest and the shortest exposure for estimating a response.
     min_radial_reach
-        Smallest radial displacement, in half diagonals, of the scene points that tell the vignette.
+        Minimum radial displacement, in half diagonals, of the scene points for estimating a vignette.
     """
 
     frames_per_slowdown: int = 60
@@ -211,11 +214,11 @@ class DefaultSettings:
     keeps_state = True
 
     def __post_init__(self) -> None:
-        """Check every setting."""
+        """Validate the settings."""
         _check_numbers(self)
 
     def sampler(self) -> FrameSampler:
-        """Return what chooses the frames that are processed."""
+        """Return the frame sampler."""
         from ospc.correspondence.frame_sampling import FrameSampler
 
         return FrameSampler(
@@ -227,13 +230,13 @@ class DefaultSettings:
         )
 
     def preprocessor(self) -> Preprocessor:
-        """Return what reduces frames to the size at which they are compared."""
+        """Return the preprocessor, which reduces frames to the size at which they are compared."""
         from ospc.correspondence.preprocessing import Preprocessor
 
         return Preprocessor(self.longest_side_px, self.smoothing_px)
 
     def build(self, size: ImageSize, max_grey: int) -> Method:
-        """Return the method for images of a size and bit depth."""
+        """Return the method for an image size and bit depth."""
         from ospc.methods.maximum_likelihood import MaximumLikelihoodMethod
 
         return MaximumLikelihoodMethod(self, size, max_grey)
@@ -241,7 +244,7 @@ class DefaultSettings:
 
 @dataclass(frozen=True)
 class FastSettings(DefaultSettings):
-    """The default method with half the processed frames and a third of the points: errors are half as large again."""
+    """The default method with half as many processed frames and a third of the points: 1.5 times the error."""
 
     frames_per_slowdown: int = 20
     dense_frames: int = 80
@@ -269,7 +272,7 @@ def preset(name: str) -> Settings:
 
 
 def with_overrides(settings: Settings, overrides: dict[str, str]) -> Settings:
-    """Return the settings with some replaced by values given as text.
+    """Return the settings with some values replaced, given as text.
 
     Raises
     ------
@@ -291,5 +294,5 @@ def with_overrides(settings: Settings, overrides: dict[str, str]) -> Settings:
 
 
 def as_dict(settings: Settings) -> dict[str, Any]:
-    """Return the name of the preset and every setting as JSON-compatible values."""
+    """Return the preset's name and all settings as JSON-compatible values."""
     return {"preset": settings.name, **asdict(settings)}
