@@ -1,4 +1,4 @@
-"""One-step estimates of effects: one Newton step from a fit without them."""
+"""One-step estimates of effects: a single Newton step from a fit without them."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ class Trial:
     Attributes
     ----------
     name, value, sigma
-        The effect, the value of its parameter, and the standard deviation of that by chance.
+        The effect, the value of its parameter, and its standard deviation by chance.
     parameter_slope
         Derivative of the p parameters of the fit by that of the effect, shape (p,).
     groups
-        Number of groups of observations that it is judged by.
+        Number of groups of observations.
     """
 
     name: str
@@ -36,12 +36,12 @@ class Trial:
 
     @property
     def sigmas(self) -> float:
-        """Distance from zero in standard deviations; 0 for a value that makes no sense."""
+        """Distance from zero in standard deviations; 0 if the value is implausible."""
         return self._over(self.total_sigma)
 
     @property
     def sigmas_by_chance(self) -> float:
-        """The same in standard deviations by chance alone."""
+        """Distance from zero in standard deviations by chance alone; 0 if the value is implausible."""
         return self._over(self.sigma)
 
     def _over(self, sigma: float) -> float:
@@ -49,12 +49,12 @@ class Trial:
 
     @property
     def total_sigma(self) -> float:
-        """Standard deviation by chance and by errors of other kinds that imitate the effect."""
+        """Standard deviation by chance and by other errors that imitate the effect."""
         return float(np.hypot(self.sigma, EFFECTS[self.name].systematic))
 
     @property
     def probability(self) -> float:
-        """Probability that the effect is there, by the criterion of Schwarz (1978)."""
+        """Posterior probability of the effect, by the criterion of Schwarz (1978)."""
         before = CONTRADICTION_PROBABILITY if self.name in CONTRADICTIONS else EFFECT_PROBABILITY
         log_odds = np.log(before / (1 - before)) + (self.sigmas**2 - np.log(self.groups)) / 2
         return float(1 / (1 + np.exp(-log_odds)))
@@ -63,8 +63,8 @@ class Trial:
     def size_if_left_out(self) -> float:
         """Root mean square of the effect's parameter, as the error of a fit without it.
 
-        Either it is there, near the value that the observations suggest, if that makes sense. Or it is as small as
-        usual, or smaller where the observations say so.
+        Either the effect exists, with about the observed value if that is plausible, or it is as small as usual, or
+        smaller if the observations indicate this.
         """
         effect, probability = EFFECTS[self.name], self.probability
         if_there = self.sigma**2 + (self.value**2 if effect.allows(self.value) else 0.0)
@@ -91,8 +91,8 @@ def estimate_effects(fitted: Fitted, names: Sequence[str]) -> list[Trial]:
 def after_newton_step(fit: Fit, trial: Trial) -> Fit:
     """Return the fit after the Newton step, as the start of a fit with the effect.
 
-    A fit that starts without the effect would need more rounds than it has: its first weights discard as outliers
-    what the effect would explain.
+    A fit that starts without the effect would not converge within its rounds: its first weights discard the
+    observations explained by the effect as outliers.
     """
     parameters = np.append(fit.parameters + trial.value * trial.parameter_slope, trial.value)
     effects = fit.effects.and_(trial.name)
@@ -101,12 +101,12 @@ def after_newton_step(fit: Fit, trial: Trial) -> Fit:
 
 
 def slope_of_left_out(fit: Fit, trial: Trial) -> FloatArray:
-    """Return the derivative of the parameters by an effect that is left out, with a response that has none of it."""
+    """Return the derivative of the parameters by an effect that is left out, for a response free of it."""
     effects = fit.effects.and_(trial.name)
 
     def changed(value: float) -> FloatArray:
         parameters = np.append(fit.parameters + value * trial.parameter_slope, value)
         return effects.without_absorbed_light(fit.response_basis, parameters)[1][:-1]
 
-    # A secant: near black ln g is far from linear in additional light.
+    # A secant, because ln g near black is far from linear in additional light.
     return (changed(trial.sigma) - changed(0.0)) / trial.sigma

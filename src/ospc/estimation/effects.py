@@ -1,9 +1,9 @@
-"""What optics, sensors and metadata do beside response and vignette: parameters that are zero until the data ask.
+"""Effects of optics, sensors and metadata other than response and vignette, which are zero unless the data show them.
 
-With those that are corrected, the irradiance of an observation is ``g(M) = (e + δ ē) V L + γ Ḡ + d e/ē``, where Ḡ is
-the mean of g over the frame and ē a typical exposure. Taken to the logarithm, each is a term of the equation that is
-linear in response and vignette: ``h(M) − ln V − u = ln e + s``, where s is what :meth:`Effects.log_gain` returns.
-Others are no part of a camera: they tell that the recording contradicts the model.
+With the corrected effects, the irradiance of an observation is ``g(M) = (e + δ ē) V L + γ Ḡ + d e/ē``, where Ḡ is the
+mean of g over the frame and ē a typical exposure. In the logarithm, each effect is a term of the equation ``h(M) − ln
+V − u = ln e + s``, which is linear in response and vignette; s is returned by :meth:`Effects.log_gain`. The other
+effects are not properties of a camera: they show that the recording contradicts the model.
 """
 
 from __future__ import annotations
@@ -47,12 +47,12 @@ from ospc.settings.estimation import (
 )
 
 Addition = Literal["light", "exposure", "log"]
-"""What an effect adds to: the light on the sensor, the exposure, or ln g."""
+"""The quantity that an effect adds to: the light on the sensor, the exposure, or ln g."""
 
 
 @dataclass(frozen=True)
 class AbsorbedLight:
-    """Additional light that the response absorbs, of a rather dark observation: moments, and relative exposure."""
+    """Additional light contained in the response, as that of a rather dark observation: moments and exposure."""
 
     frame_moments: tuple[float, ...] = (0.0,) * MOMENTS
     surround_moments: tuple[float, ...] = (0.0,) * (1 + MOMENTS)
@@ -61,20 +61,20 @@ class AbsorbedLight:
 
 @dataclass(frozen=True)
 class Circumstances:
-    """What the amount of an effect depends on: n observations, and what a response makes of them.
+    """Quantities that determine the amount of an effect, for n observations and a response.
 
     Attributes
     ----------
     observations
         The observations.
     exposure, time
-        Exposure over the typical one, and -1 in the first group to 1 in the last, shape (n,).
+        Exposure relative to the typical one, and time from −1 in the first group to 1 in the last, shape (n,).
     grey, gamma
         Expected grey levels, and the local gamma there, shape (n,).
     light_of_moments
-        Factors on the moments of grey levels whose sum is their mean irradiance, shape (6,).
+        Factors on the moments of grey levels; the weighted sum is their mean irradiance, shape (6,).
     absorbed
-        The light that the response holds.
+        The additional light contained in the response.
     """
 
     observations: ExposedObservations
@@ -87,22 +87,22 @@ class Circumstances:
 
     @property
     def position(self) -> FloatArray:
-        """Places of the observations, in half diagonals, shape (n, 2)."""
+        """Positions of the observations, in half diagonals, shape (n, 2)."""
         return self.observations.position
 
     @property
     def light_of_frame(self) -> FloatArray:
-        """Mean irradiance of the frame beyond what the response holds, shape (n,)."""
+        """Mean irradiance of the frame in excess of that contained in the response, shape (n,)."""
         return (self.observations.frame_moments - self.absorbed.frame_moments) @ self.light_of_moments
 
     @property
     def light_around(self) -> FloatArray:
-        """Mean irradiance of the surroundings beyond what the response holds, shape (n,)."""
+        """Mean irradiance of the surroundings in excess of that contained in the response, shape (n,)."""
         return (self.observations.surround_moments - self.absorbed.surround_moments)[:, 1:] @ self.light_of_moments
 
     @property
     def grey_around(self) -> FloatArray:
-        """Mean grey level of the surroundings that see light, 1 where none do, shape (n,)."""
+        """Mean grey level of the surroundings that receive light, 1 if none do, shape (n,)."""
         share, total = self.observations.surround_moments[:, :2].T.astype(np.float64)
         return np.maximum(np.where(share > 0, total / np.maximum(share, DARKEST_GREY), 1.0), DARKEST_GREY)
 
@@ -114,15 +114,16 @@ class Effect:
     Attributes
     ----------
     adds
-        What it adds to.
+        The quantity it adds to.
     amount
-        What a parameter of 1 adds to each of n observations, in irradiance, typical exposures or ln g, shape (n,).
+        The amount that a parameter of 1 adds to each of n observations, in irradiance, typical exposures or ln g,
+        shape (n,).
     sigma, usual_sigma
-        Prior standard deviations of the parameter: in cameras that have the effect, and in all others.
+        Prior standard deviations of the parameter: in cameras with the effect, and in all others.
     systematic
-        Standard deviation of the parameter that other errors of clean recordings imitate.
+        Standard deviation of spurious values of the parameter in clean recordings.
     least, most
-        Limits between which the parameter makes sense: there is no negative light.
+        Plausible range of the parameter: there is no negative light.
     """
 
     adds: Addition
@@ -134,12 +135,12 @@ class Effect:
     most: float = np.inf
 
     def allows(self, value: float) -> bool:
-        """Return whether a value of the parameter makes sense."""
+        """Return whether a value of the parameter is plausible."""
         return self.least <= value <= self.most
 
 
 EFFECTS = {
-    # Light is what differs from that which the response holds.
+    # Light is relative to that contained in the response.
     "veiling glare": Effect("light", lambda seen: seen.light_of_frame, *GLARE, 0.0, MOST_ADDED_LIGHT),
     "light scattered nearby": Effect("light", lambda seen: seen.light_around, *SCATTER, 0.0, MOST_ADDED_LIGHT),
     "dark current": Effect(
@@ -164,25 +165,26 @@ EFFECTS = {
     "vignette moving sideways": Effect("log", lambda seen: seen.time * seen.position[:, 0], *VIGNETTE_DRIFT),
     "vignette moving vertically": Effect("log", lambda seen: seen.time * seen.position[:, 1], *VIGNETTE_DRIFT),
 }
-"""All effects by their names."""
+"""All effects by name."""
 
 CORRECTED = ("veiling glare", "light scattered nearby", "dark current", "exposure offset", LATE_EXPOSURES)
-"""Effects that real cameras have. Those that the observations show are taken out of the result."""
+"""Effects of real cameras. Those that the observations show are corrected in the result."""
 
 CONTRADICTIONS = tuple(name for name in EFFECTS if name not in CORRECTED)
-"""Effects that no camera with one response and one vignette has."""
+"""Effects that contradict a camera with one response and one vignette."""
 
 
 @dataclass(frozen=True)
 class EffectTerms:
-    """What the effects of n observations are computed from.
+    """The values from which the effects of n observations are computed.
 
     Attributes
     ----------
     exposure, light
-        Exposure over the typical one, and g at the expected grey level, shape (n,).
+        Exposure relative to the typical one, and g at the expected grey level, shape (n,).
     amounts
-        What a parameter of 1 of each chosen effect adds, in irradiance, typical exposures or ln g, shape (n,) each.
+        The amount that a parameter of 1 of each chosen effect adds, in irradiance, typical exposures or ln g, shape
+        (n,) each.
     """
 
     exposure: FloatArray
@@ -192,7 +194,7 @@ class EffectTerms:
 
 @dataclass(frozen=True)
 class Effects:
-    """Some effects, and what they are relative to.
+    """A selection of effects, and their reference values.
 
     Attributes
     ----------
@@ -201,9 +203,9 @@ class Effects:
     log_typical_exposure, groups
         ln ē, in milliseconds, and first and last group of the observations.
     absorbed
-        Amounts of additional light that the response holds. A constant amount cannot be told from the response, so
-        that while it is fitted the effects only describe by how much each observation differs from one that has
-        rather little. All zero once the response is without them.
+        Amounts of additional light contained in the response. A constant amount cannot be distinguished from the
+        response. During the fit, the effects therefore only describe the difference of each observation from one with
+        rather little additional light. All zero once the response is free of it.
     """
 
     chosen: tuple[str, ...] = ()
@@ -213,7 +215,7 @@ class Effects:
 
     @classmethod
     def none_of(cls, observations: ExposedObservations) -> Effects:
-        """Return no effects, relative to what is typical of observations, and for light to what is little."""
+        """Return an empty selection, with the reference values of the observations."""
         groups = int(observations.group.min()), int(observations.group.max())
         frame, around = observations.frame_moments, observations.surround_moments
         log_exposure = observations.log_exposure
@@ -235,13 +237,13 @@ class Effects:
         return np.array([EFFECTS[name].sigma for name in self.chosen])
 
     def and_(self, *names: str) -> Effects:
-        """Return these effects with others."""
+        """Return these effects together with others."""
         return replace(self, chosen=(*self.chosen, *names))
 
     def terms(
         self, observations: ExposedObservations, basis: ResponseBasis, coefficients: FloatArray, index: IntArray
     ) -> EffectTerms:
-        """Return what the effects depend on, by a response; ``index`` has the expected grey levels in its grid."""
+        """Return the terms of the effects for a response; ``index`` is the grid index of each expected grey level."""
         irradiance = np.exp(basis.log_of(coefficients))
         first, last = self.groups
         seen = Circumstances(
@@ -257,7 +259,7 @@ class Effects:
         return EffectTerms(seen.exposure, np.maximum(irradiance[index], DARKEST_IRRADIANCE), amounts)
 
     def without_absorbed_light(self, basis: ResponseBasis, parameters: FloatArray) -> tuple[Effects, FloatArray]:
-        """Return effects whose response holds no additional light, and what becomes of the parameters.
+        """Return the effects for a response without additional light, and the converted parameters.
 
         These are the coefficients of the response, any others, and last those of the effects, shape (p,).
         """
@@ -267,7 +269,8 @@ class Effects:
         values = dict(zip(self.chosen, parameters[len(parameters) - len(self) :], strict=True))
         glare, scatter, dark = (values.get(name, 0.0) for name in CORRECTED[:3])
         share, *around = self.absorbed.surround_moments
-        # The response g̃ that holds the light, and that without, g, are g ∝ g̃ + c. Light of light gives the divisor.
+        # The response g̃ containing the light and the one without it, g, satisfy g ∝ g̃ + c. Mean irradiances contain
+        # c, too: hence the divisor.
         held = (
             glare * (self.absorbed.frame_moments @ factors) + scatter * (around @ factors) + dark * self.absorbed.dark
         )
@@ -280,12 +283,12 @@ class Effects:
         return replace(self, absorbed=AbsorbedLight()), changed
 
     def log_gain(self, values: FloatArray, terms: EffectTerms) -> FloatArray:
-        """Return by how much ln g is larger than without the effects, shape (n,)."""
+        """Return the increase of ln g due to the effects, shape (n,)."""
         added, factor, log_gain = self._parts(values, terms)
         return np.asarray(log_gain + np.log(factor) - np.log(1 - added))
 
     def log_added(self, values: FloatArray, terms: EffectTerms) -> FloatArray:
-        """Return the part of :meth:`log_gain` that additional light has, shape (n,)."""
+        """Return the part of :meth:`log_gain` due to additional light, shape (n,)."""
         return np.asarray(-np.log(1 - self._parts(values, terms)[0]))
 
     def jacobian(self, values: FloatArray, terms: EffectTerms) -> FloatArray:
@@ -295,7 +298,7 @@ class Effects:
         return np.stack([terms.amounts[name] / over[EFFECTS[name].adds] for name in self.chosen], axis=1)
 
     def _parts(self, values: FloatArray, terms: EffectTerms) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return the share of light added, the factor on the exposure, and what is added to ln g, shape (n,) each."""
+        """Return the share of added light, the factor on the exposure, and the addition to ln g, shape (n,) each."""
         sums = {adds: np.zeros_like(terms.exposure) for adds in get_args(Addition)}
         for name, value in zip(self.chosen, values, strict=True):
             sums[EFFECTS[name].adds] += value * terms.amounts[name]
@@ -305,15 +308,15 @@ class Effects:
 
 
 def _at(quantile: float, values: FloatArray | Float32Array) -> int:
-    """Return the index of the value that is a quantile of all."""
+    """Return the index of the value at a quantile."""
     place = int(quantile * (len(values) - 1))
     return int(np.argpartition(values, place)[place])
 
 
 def _light_of_moments(grid: FloatArray, irradiance: FloatArray) -> FloatArray:
-    """Return the factors on moments whose sum is the mean irradiance; see :class:`Circumstances`.
+    """Return the factors on moments whose weighted sum is the mean irradiance; see :class:`Circumstances`.
 
-    The first are the coefficients of the powers of M whose sum follows g best; the last is what white hides.
+    The first are the coefficients of the powers of M in the best fit to g; the last is the excess of white pixels.
     """
     grey, light = grid[::PIXEL_NOISE_STRIDE], irradiance[::PIXEL_NOISE_STRIDE]
     weight = 1 / (light + LIGHT_FIT_FLOOR)

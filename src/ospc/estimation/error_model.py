@@ -1,4 +1,4 @@
-"""The variance of a sampled grey level about the one that the model expects."""
+"""The variance of a sampled grey level about the expected one."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class ErrorModel:
     """Variance of a sampled grey level M, where s = dM/d ln e and g = g(M) is the irradiance.
 
     It is ``constant + shot · s²/g + read · s²/g² + registration² · gradient² + radiance² · s²``. Shot and read noise
-    arise in irradiance; the slope of the response turns them into noise of the grey level.
+    occur in irradiance; the slope of the response converts them to noise of the grey level.
 
     Attributes
     ----------
@@ -41,13 +41,13 @@ class ErrorModel:
     registration_sigma_px
         Standard deviation of the registration, in pixels of the sampled image.
     radiance_sigma
-        Relative standard deviation of the radiance: surfaces are not quite Lambertian, light flickers.
+        Relative standard deviation of the radiance: surfaces are not exactly Lambertian, light flickers.
     factors
-        Factors on the sum at :data:`~ospc.settings.estimation.FACTOR_GREYS`, interpolated in between, for what this
-        law leaves out; empty for a factor of 1 everywhere.
+        Factors on the sum at :data:`~ospc.settings.estimation.FACTOR_GREYS`, interpolated in between, which correct
+        for its simplifications; empty for a factor of 1 everywhere.
     gain_variances
         Variances of the latent gains of frames by :class:`~ospc.estimation.frame_gains.FrameGains`, in ln², which are
-        no part of this variance; empty for none.
+        not part of this variance; empty for none.
     """
 
     constant: float = START_GREY_SIGMA**2
@@ -63,21 +63,21 @@ class ErrorModel:
     ) -> FloatArray:
         """Return the variance of each observation's grey level, shape (n,).
 
-        Grey level, slope dM/d ln e and irradiance g are those expected; the gradient is that of the grey level around
-        the sample, per pixel, shape (n,) each.
+        Grey level, slope dM/d ln e and irradiance g are the expected ones; the gradient is that of the grey level
+        around the sample, per pixel, shape (n,) each.
         """
         return self.with_gradient(*self.flat_variance(grey, slope, irradiance), gradient)
 
     def flat_variance(
         self, grey: FloatArray, slope: FloatArray, irradiance: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Return what depends on the grey level alone: the sum without the gradient, and the factor on it, (n,)."""
+        """Return the part that depends only on the grey level: the sum without the gradient, and its factor, (n,)."""
         carried = slope**2 * ((self.read / irradiance + self.shot) / irradiance + self.radiance_sigma**2)
         factor = np.exp(np.interp(grey, FACTOR_GREYS, np.log(self.factors))) if self.factors else np.ones_like(grey)
         return self.constant + carried, factor
 
     def with_gradient(self, flat: FloatArray, factor: FloatArray, gradient: FloatArray) -> FloatArray:
-        """Return the variance, given what :meth:`flat_variance` returns, shape (n,) each."""
+        """Return the variance, given the result of :meth:`flat_variance`, shape (n,) each."""
         return np.asarray((flat + (self.registration_sigma_px * gradient) ** 2) * factor)
 
     def refitted(
@@ -85,8 +85,8 @@ class ErrorModel:
     ) -> ErrorModel:
         """Return the model fitted to squared residuals in grey levels, shape (n,), corrected for their leverage.
 
-        The model is fitted to medians over cells of similar grey level and gradient, so that outliers do not matter.
-        It is returned unchanged if too few cells hold enough observations.
+        The fit uses medians over cells of similar grey level and gradient, so that outliers have no influence. The
+        model is returned unchanged if too few cells contain enough observations.
         """
         over = slope**2 / irradiance
         regressors = np.stack([over, over / irradiance, gradient**2, slope**2])
@@ -115,8 +115,8 @@ class ErrorModel:
 
 
 def _by_cell(cell: IntArray, count: int) -> tuple[IntArray, dict[int, slice]]:
-    """Return the order of observations by cell, and where each cell is in it that holds enough of them."""
-    # Words of 16 bits are sorted by counting them.
+    """Return the order of observations by cell, and the slice of each cell that contains enough of them."""
+    # NumPy sorts 16-bit integers with a radix sort.
     order = np.argsort(cell.astype(np.int16), kind="stable")
     bounds = np.searchsorted(cell[order], np.arange(count + 1)).tolist()
     found = {number: slice(*ends) for number, ends in enumerate(pairwise(bounds))}
@@ -124,7 +124,7 @@ def _by_cell(cell: IntArray, count: int) -> tuple[IntArray, dict[int, slice]]:
 
 
 def _factors(ratio: FloatArray, grey: FloatArray) -> tuple[float, ...]:
-    """Return the ratio of squared residuals to the fitted law around each of the grey levels of the factors."""
+    """Return the ratio of squared residuals to the fitted variance around each of the grey levels of the factors."""
     greys = np.array(FACTOR_GREYS)
     edges = (greys[1:] + greys[:-1]) / 2
     order, near = _by_cell(np.searchsorted(edges, grey), len(greys))
@@ -139,6 +139,6 @@ def _factors(ratio: FloatArray, grey: FloatArray) -> tuple[float, ...]:
 
 
 def _quantile_index(values: FloatArray, cells: int) -> IntArray:
-    """Return the number of the quantile that each value falls into, from 0 to ``cells`` − 1, shape (n,)."""
+    """Return the index of the quantile range that contains each value, from 0 to ``cells`` − 1, shape (n,)."""
     edges = np.quantile(values, np.linspace(0, 1, cells + 1)[1:-1])
     return np.searchsorted(edges, values, side="right")

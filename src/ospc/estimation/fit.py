@@ -1,4 +1,4 @@
-"""The result of a fit of response and vignette, with its uncertainty."""
+"""The result of fitting response and vignette, with its uncertainty."""
 
 from __future__ import annotations
 
@@ -34,31 +34,31 @@ from ospc.settings.estimation import (
 )
 
 _DIAGONALS = np.array([(1, 1), (-1, 1), (1, -1), (-1, -1)]) / np.sqrt(2)
-"""Unit vectors towards the four corners of a square image; the vignette's bands are averaged over them."""
+"""Unit vectors towards the four corners of a square image; the vignette's confidence bands are averaged over them."""
 
 
 @dataclass(frozen=True)
 class Fit(Model):
-    """The parameters of a model with their covariance.
+    """A fitted model with the covariance of its parameters.
 
     Attributes
     ----------
     parameters
-        Response coefficients, then parameters of the vignette, then those of the effects, shape (p,).
+        Response coefficients, vignette parameters and effect parameters, in this order, shape (p,).
     covariance
-        Their covariance, disagreement between parts of the observations included, shape (p, p).
+        Covariance of the parameters, including disagreement between parts of the observations, shape (p, p).
     chance
-        Their covariance by chance alone, which more samples reduce, shape (p, p).
+        Covariance of the parameters by chance alone, which decreases with more samples, shape (p, p).
     errors, hyperparameters
-        Error model of the observations, and hyperparameters of the prior as the data chose them.
+        Error model of the observations, and hyperparameters of the prior, as selected by the data.
     points, groups
-        Number of scene points in which some observation has weight, and of groups of observations.
+        Number of scene points with at least one observation of non-zero weight, and number of groups of observations.
     pixel_noise
-        Noise of the single pixels that the observations are means of; None where it is not known.
+        Noise of the single pixels averaged in an observation; None if unknown.
     texture_share
-        Share of the shift by texture that the observations show.
+        Share of the texture shift indicated by the observations.
     effect_estimates
-        What the observations say about effects, chosen or not; empty where nothing else was tried.
+        Estimates of all effects, included or not; empty if none were tried.
     """
 
     parameters: FloatArray
@@ -93,7 +93,7 @@ class Fit(Model):
         return self.response_basis.log_of(self.response_parameters)
 
     def log_irradiance(self, observations: ExposedObservations) -> FloatArray:
-        """Return ln e·L of observations: without vignette and additional light, shape (n,)."""
+        """Return ln e·L of observations, without vignette and additional light, shape (n,)."""
         log_g = np.interp(self.grey_of_mean(observations), self.response_basis.grid, self.log_response)
         without_vignette = log_g - self.vignette_basis.log_value(self.vignette_parameters, observations.position)
         if not len(self.effects):
@@ -101,7 +101,7 @@ class Fit(Model):
         return without_vignette - self.effects.log_added(self.effect_parameters, self._effect_terms(observations))
 
     def grey_of_mean(self, observations: Observations) -> FloatArray:
-        """Return the grey level of the mean irradiance of the pixels of each observation, shape (n,)."""
+        """Return the grey level of the mean irradiance of each observation's pixels, shape (n,)."""
         if self._pixel_means is None:
             return observations.grey
         index = self.response_basis.index_of(observations.grey)
@@ -118,14 +118,14 @@ class Fit(Model):
     def log_irradiance_rows(self, grey: FloatArray, position: FloatArray) -> FloatArray:
         """Return the derivative of :meth:`log_irradiance` by the parameters of both curves, shape (n, curves).
 
-        Grey levels have shape (n,), places relative to the image centre in half diagonals (n, 2).
+        Grey levels have shape (n,); positions relative to the image centre, in half diagonals, have shape (n, 2).
         """
         by_response = self.response_basis.log_table[self.response_basis.index_of(grey)]
         by_vignette = self.vignette_basis.jacobian(self.vignette_parameters, position)
         return np.concatenate([by_response, -by_vignette], axis=1)
 
     def log_radiance(self, observations: ExposedObservations) -> FloatArray:
-        """Return ln L of observations, by their exposures, shape (n,)."""
+        """Return ln L of observations, given their exposures, shape (n,)."""
         found = self.log_irradiance(observations) - observations.log_exposure
         if not len(self.effects):
             return found
@@ -133,9 +133,9 @@ class Fit(Model):
         return np.asarray(found - self.effects.log_gain(values, terms) + self.effects.log_added(values, terms))
 
     def residuals(self, observations: ExposedObservations) -> FloatArray:
-        """Return by how much each observation differs from the mean of its point in ln L, shape (n,).
+        """Return the deviation of each observation's ln L from the mean of its point, shape (n,).
 
-        It is NaN where the grey level is clipped, or no other of the point is exposed.
+        The residual is NaN if the grey level is clipped or no other observation of the point is exposed.
         """
         log_radiance = self.log_radiance(observations)
         exposed = (observations.grey > DARKEST_EXPOSED) & (observations.grey < BRIGHTEST_EXPOSED)
@@ -150,15 +150,16 @@ class Fit(Model):
     def response(
         self, max_grey: int = 255, support: tuple[float, float] = (0.0, 1.0), grey_range: GreyRange = FULL_RANGE
     ) -> Response:
-        """Return the response with its standard deviation, a level for each grey value up to ``max_grey`` or 4096.
+        """Return the response with its standard deviation.
 
-        ``support`` are the lowest and the highest grey level that was measured, such as :func:`measured_greys`. The
-        grey levels of the observations were stretched to the grey range.
+        It has one level per grey value up to ``max_grey``, but at most 4096. ``support`` is the lowest and highest
+        measured grey level, such as from :func:`measured_greys`. ``grey_range`` is the range to which the
+        observations' grey levels were stretched.
         """
         levels = min(max_grey + 1, MAX_RESPONSE_LEVELS)
         grey = grey_range.level(np.linspace(0, 1, levels))
         table = np.exp(np.interp(grey, self.response_basis.grid, self.log_response))
-        # Below black and above white, too, a response has to increase.
+        # A response must increase below black and above white, too.
         table, least = np.where(grey > 0, table, 0.0), np.arange(levels) * MIN_RESPONSE_STEP
         table = np.maximum(table, least) if grey_range.is_full else table + least
         reference = float(grey_range.level(sum(support) / 2))
@@ -181,13 +182,13 @@ class Fit(Model):
         )
 
     def vignette(self, size: ImageSize, usable_radius: float = 1.0) -> LogVignette:
-        """Return the vignette for images of a size; beyond the usable radius it keeps its last value."""
+        """Return the vignette for an image size; beyond the usable radius it is constant."""
         return self.vignette_basis.vignette(self.vignette_parameters, size, usable_radius)
 
     def log_response_sigma(self, grey: FloatArray, reference: float) -> FloatArray:
         """Return the standard deviation of ln g(M)/g(reference) at grey levels M, shape (n,) -> (n,).
 
-        It includes what the basis is too coarse to follow.
+        It includes the error from the limited resolution of the basis.
         """
         n = len(self.response_basis)
         rows = self.response_basis.log_rows(grey) - self.response_basis.log_rows(np.array([reference]))
@@ -201,10 +202,10 @@ class Fit(Model):
 
     @cached_property
     def log_ratio_error_bound(self) -> float:
-        """Error of ratios of irradiance that is not exceeded with a probability of 95 %.
+        """Error of irradiance ratios that is not exceeded with a probability of 95 %.
 
-        The error is κ, the median of that of ln g(a)/g(b) over pairs of grey levels, which
-        :func:`ospc.evaluation.metrics.log_ratio_error` measures where the truth is known.
+        The error is κ, the median error of ln g(a)/g(b) over pairs of grey levels, as computed by
+        :func:`ospc.evaluation.metrics.log_ratio_error` when the truth is known.
         """
         random = np.random.default_rng(0)
         grey = np.linspace(RATIO_DARKEST_GREY, RATIO_BRIGHTEST_GREY, RATIO_LEVELS)
@@ -218,7 +219,7 @@ class Fit(Model):
         return float(np.quantile(np.median(np.abs(drawn), axis=0), CONFIDENCE))
 
     def _drawn_errors(self, rows: FloatArray, part: slice, random: np.random.Generator) -> FloatArray:
-        """Return errors of n values with derivatives by some parameters, drawn from their covariance, (n, draws)."""
+        """Draw errors of n values, given their derivatives, from the parameters' covariance, shape (n, draws)."""
         values, vectors = np.linalg.eigh(self.covariance[part, part])
         drawn = vectors @ (np.sqrt(np.maximum(values, 0))[:, None] * random.normal(size=(len(values), ERROR_DRAWS)))
         return np.asarray(rows @ drawn)
@@ -226,13 +227,12 @@ class Fit(Model):
     def log_vignette_sigma(self, radius: FloatArray) -> FloatArray:
         """Return the standard deviation of ln V at radii in half diagonals, shape (n,) -> (n,).
 
-        It is the root mean square over the directions to the four corners, which differ if the centre is not that of
-        the image.
+        It is the root mean square over the directions to the four corners, which differ for a decentred vignette.
         """
         return np.asarray(np.sqrt(self._log_vignette_variance(radius, self.covariance).mean(axis=0)))
 
     def worst_log_vignette_sigma(self, radius: float) -> float:
-        """Return the largest standard deviation of ln V at a radius in half diagonals, towards any of the corners."""
+        """Return the largest standard deviation of ln V towards any of the corners, at a radius in half diagonals."""
         return float(np.sqrt(self._log_vignette_variance(np.array([radius]), self.covariance).max()))
 
     def vignette_error_bound(self, radius: float) -> float:
@@ -260,7 +260,7 @@ class Fit(Model):
 
     @property
     def chance_vignette_sigma_at_corner(self) -> float:
-        """The random part of :attr:`vignette_sigma_at_corner`, which more samples reduce."""
+        """The random part of :attr:`vignette_sigma_at_corner`, which decreases with more samples."""
         return self._sigma_at_corner(self.chance)
 
     def _sigma_at_corner(self, covariance: FloatArray) -> float:
@@ -270,6 +270,6 @@ class Fit(Model):
 
 
 def measured_greys(observations: Observations) -> tuple[float, float]:
-    """Return the lowest and the highest grey level, in [0, 1], at which observations measure the response."""
+    """Return the lowest and highest grey level, in [0, 1], at which observations measure the response."""
     low, high = np.quantile(observations.grey, SUPPORT_QUANTILES).tolist()
     return low, high

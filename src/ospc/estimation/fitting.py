@@ -1,4 +1,4 @@
-"""Response and vignette from observations that were made elsewhere: by another tracker, or by a SLAM program."""
+"""Response and vignette from your own observations, for example from another tracker or a SLAM program."""
 
 from __future__ import annotations
 
@@ -27,34 +27,34 @@ def fit(
     vignette: bool = True,
     settings: DefaultSettings | None = None,
 ) -> Fit:
-    """Fit response and vignette to your own correspondences, as the default method does to those it makes.
+    """Fit response and vignette to your own correspondences, as the default method does to its own.
 
     Parameters
     ----------
     observations
         Scene points, each with its grey level in two or more frames; :meth:`Observations.of_pairs
-        <ospc.observations.Observations.of_pairs>` makes them from pairs.
+        <ospc.observations.Observations.of_pairs>` creates them from pairs.
     exposures_ms
-        Exposure time in milliseconds times linear gain by frame number, NaN where it is unknown, shape (frames,).
-        Scene points with an unknown exposure are left out.
+        Exposure time in milliseconds times linear gain, indexed by frame number, NaN if unknown, shape (frames,).
+        Scene points with an unknown exposure are ignored.
     noise
         Noise of single pixels, if the grey levels are means of several; None if they are single pixels.
     vignette
-        Whether to estimate the vignette; False for a camera that stood still.
+        Whether to estimate the vignette; False for a stationary camera.
     settings
         Settings of the method; by default those of the preset "default".
 
     Returns
     -------
     Fit
-        Its methods ``response`` and ``vignette`` give the results.
+        Its methods ``response`` and ``vignette`` return the results.
 
     Raises
     ------
     SettingError
-        If shapes do not fit each other, values are out of range, or a frame has no entry in the exposures.
+        If shapes do not match, values are out of range, or a frame has no exposure.
     NotObservableError
-        If there are too few scene points, their exposures hardly change, or their places hardly move radially.
+        If there are too few scene points, their exposures hardly change, or they hardly move radially.
 
     Examples
     --------
@@ -79,12 +79,12 @@ def fit(
 def _log_exposure(exposures_ms: npt.ArrayLike, observations: Observations) -> FloatArray:
     values = np.asarray(exposures_ms, dtype=np.float64)
     if values.ndim != 1:
-        raise SettingError(f"exposures_ms must have one value for each frame, not shape {values.shape}")
+        raise SettingError(f"exposures_ms must have one value per frame, not shape {values.shape}")
     last = int(observations.frame.max(initial=-1))
     if last >= len(values):
         raise SettingError(f"frame {last} has no exposure: exposures_ms ends at frame {len(values) - 1}")
     if np.any(values <= 0) or np.any(np.isinf(values)):
-        raise SettingError("exposures must be positive numbers of milliseconds, or NaN where they are unknown")
+        raise SettingError("exposures must be positive numbers of milliseconds, or NaN if unknown")
     return np.log(values)
 
 
@@ -106,12 +106,12 @@ def _check_observable(observations: ExposedObservations, settings: DefaultSettin
         )
     if observations.log_exposure_change < settings.min_log_exposure_change:
         raise NotObservableError(
-            "every scene point has nearly the same exposure in all its frames, so the response leaves no trace; "
-            "add pairs of frames whose exposures differ"
+            "every scene point has nearly the same exposure in all its frames, so the response cannot be determined; "
+            "add pairs of frames with different exposures"
         )
     if vignette and observations.radial_reach < settings.min_radial_reach:
         raise NotObservableError(
             f"scene points move radially by {observations.radial_reach:.3f} of the half diagonal "
             f"({settings.min_radial_reach:g} is needed for the vignette); add pairs of frames between which the "
-            "camera turned, or pass vignette=False"
+            "camera rotates, or pass vignette=False"
         )

@@ -1,9 +1,9 @@
-"""A latent gain of each frame: how much brighter it is than response, vignette and exposure say.
+"""A latent gain of each frame: its brightness relative to that predicted by response, vignette and exposure.
 
-Clouds, flicker, a drifting white balance or an inexact exposure change all points of a frame alike. The gains are a
-Gaussian process in time of unknown scale: some are independent from frame to frame, some change slowly. They are
-integrated out. What the points of a pair of frames tell of each other still counts in full; what the pair as a whole
-tells counts less, the larger the gains are and the longer the time between its frames.
+Clouds, flicker, a drifting white balance or an inexact exposure change all points of a frame equally. The gains are
+modelled as a Gaussian process in time of unknown scale: some components are independent from frame to frame, others
+change slowly. They are marginalised. The differences between the points of a pair of frames keep their full weight;
+the mean of a pair has less weight the larger the gains are and the further apart its frames.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from ospc.settings.estimation import (
 
 @dataclass(frozen=True)
 class FrameGains:
-    """What pairs of frames say of the gains.
+    """The gains indicated by pairs of frames.
 
     Attributes
     ----------
@@ -36,8 +36,8 @@ class FrameGains:
     by_chance, mean
         Variance by chance of the mean residual of each pair, and this mean in ln, shape (pairs,).
     variances
-        Of independent gains and of those of each of :data:`~ospc.settings.estimation.GAIN_MEMORIES`, in ln²; empty
-        for no gains.
+        Variances, in ln², of independent gains and of those of each of
+        :data:`~ospc.settings.estimation.GAIN_MEMORIES`; empty for no gains.
     """
 
     frames: IntArray
@@ -47,7 +47,7 @@ class FrameGains:
 
     @cached_property
     def _blocks(self) -> list[_Block]:
-        """Consecutive pairs; gains of different blocks are taken for independent, which keeps long runs cheap."""
+        """Blocks of consecutive pairs with independent gains, which keeps long runs fast."""
         parts = (slice(i, i + PAIRS_PER_GAIN_BLOCK) for i in range(0, len(self.mean), PAIRS_PER_GAIN_BLOCK))
         variances = np.array(self.variances)
         return [_Block(self.frames[part], self.by_chance[part], self.mean[part], variances) for part in parts]
@@ -55,8 +55,8 @@ class FrameGains:
     def whitened(self, values: FloatArray, scale: float) -> FloatArray:
         """Return values of pairs, shape (pairs, k), times the inverse root of the covariance of the means.
 
-        It is in units of the precision, which is too large by one over the scale, because errors of a pair have
-        common causes.
+        The covariance is in units of the precision, which is too large by one over ``scale`` because errors within a
+        pair share causes.
         """
         roots = [np.linalg.cholesky(block.covariance(scale)) for block in self._blocks]
         parts = np.split(values, np.cumsum([len(root) for root in roots])[:-1])
@@ -66,13 +66,13 @@ class FrameGains:
     def of_ends(self) -> FloatArray:
         """Most probable gains of the two frames of each pair, shape (2, pairs).
 
-        Half of what is exceptional about a pair is counted as a gain of either frame.
+        The excess of an exceptional pair is divided equally between its frames.
         """
         return np.concatenate([block.of_ends for block in self._blocks], axis=1)
 
     @property
     def refitted_variances(self) -> tuple[float, ...]:
-        """The variances after further steps towards the most likely ones (Zhou and others 2019)."""
+        """The variances after further steps towards the maximum likelihood (Zhou and others 2019)."""
         variances = np.array(self.variances)
         for _ in range(VARIANCE_ITERATIONS):
             seen, expected = np.sum([block.spread(variances) for block in self._blocks], axis=0)
@@ -81,7 +81,7 @@ class FrameGains:
 
     @property
     def significant_variances(self) -> tuple[float, ...]:
-        """Variances to start from by what the scatter of the means shows, empty if chance explains it."""
+        """Initial variances from the scatter of the means, empty if chance explains it."""
         scatter = robust_scale(self.mean / np.sqrt(self.by_chance))
         if scatter < 1 + GAIN_SIGMAS * ERROR_OF_SCALE / np.sqrt(max(len(self.mean), 1)):
             return ()
@@ -92,7 +92,7 @@ class FrameGains:
 
 @dataclass(frozen=True)
 class _Block:
-    """The same of a block of pairs; the variances have shape (kinds,)."""
+    """Gains of a block of pairs; the variances have shape (kinds,)."""
 
     frames: IntArray
     by_chance: FloatArray
@@ -101,14 +101,14 @@ class _Block:
 
     @cached_property
     def _of_ends(self) -> FloatArray:
-        """Covariances of gains of the ends of pairs, and of pairs, for a variance of 1, (kinds, 2, pairs, pairs)."""
+        """Covariances between gains of pairs' ends and of pairs at unit variance, shape (kinds, 2, pairs, pairs)."""
         first, second = (np.abs(self.frames.T[:, :, None] - end) for end in self.frames.T)
         correlations = _correlations(int(max(first.max(), second.max())))
         return correlations[:, first] - correlations[:, second]
 
     @cached_property
     def _of_pairs(self) -> FloatArray:
-        """Covariances of the gains of pairs for a variance of 1, shape (kinds, pairs, pairs)."""
+        """Covariances of the gains of pairs at unit variance, shape (kinds, pairs, pairs)."""
         return np.asarray(self._of_ends[:, 0] - self._of_ends[:, 1])
 
     @cached_property
@@ -117,7 +117,8 @@ class _Block:
 
     @cached_property
     def _exceptional(self) -> FloatArray:
-        """Further variance of exceptional pairs, shape (pairs,), by which none is far from what the others say."""
+        """Additional variance of exceptional pairs, which limits their distance from the other pairs, shape (pairs,).
+        """
         extra = np.zeros(len(self.mean))
         for _ in range(EXCEPTIONAL_ITERATIONS):
             inverse = np.linalg.inv(self._prior + np.diag(self.by_chance + extra))
@@ -137,7 +138,7 @@ class _Block:
         return np.asarray(np.tensordot(self.variances, self._of_ends, axes=1) @ solved + of_pair)
 
     def spread(self, variances: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return how much gains of each kind are spread, and how much they should be by variances, (kinds,) each."""
+        """Return the observed spread of the gains of each kind, and that expected from variances, (kinds,) each."""
         rest = np.diag(self.by_chance + self._exceptional)
         inverse = np.linalg.inv(np.tensordot(variances, self._of_pairs, axes=1) + rest)
         solved = inverse @ self.mean
@@ -145,7 +146,7 @@ class _Block:
 
 
 def gain_sigma(variances: tuple[float, ...], frames: IntArray) -> float:
-    """Return the usual standard deviation of the gain of pairs of frames, (pairs, 2), in ln; 0 without gains."""
+    """Return the typical standard deviation of the gain of pairs of frames, (pairs, 2), in ln; 0 without gains."""
     if not variances:
         return 0.0
     apart = np.abs(np.diff(frames, axis=1))
@@ -154,7 +155,7 @@ def gain_sigma(variances: tuple[float, ...], frames: IntArray) -> float:
 
 
 def _correlations(longest: int) -> FloatArray:
-    """Return the correlation of gains of frames 0, 1 … apart, by kind, shape (kinds, longest + 1)."""
+    """Return the correlation of gains at distances of 0, 1 … frames, by kind, shape (kinds, longest + 1)."""
     apart = np.arange(longest + 1)
     over = np.sqrt(3) * apart / np.array(GAIN_MEMORIES)[:, None]
-    return np.vstack([apart == 0, (1 + over) * np.exp(-over)])  # Matérn 3/2: they change smoothly
+    return np.vstack([apart == 0, (1 + over) * np.exp(-over)])  # Matérn 3/2, for smooth changes

@@ -1,4 +1,4 @@
-"""Sums over the points of each pair of frames: the normal equations, with and without the means of pairs."""
+"""Sums over the points of each pair of frames: normal equations with and without the pairs' means."""
 
 from __future__ import annotations
 
@@ -36,25 +36,25 @@ class GroupSums:
     misfit: FloatArray
 
     def mean_misfit(self, parameters: FloatArray) -> FloatArray:
-        """Return the mean misfit of each group with parameters of shape (p,)."""
+        """Return the mean misfit of each group at parameters of shape (p,)."""
         misfit = self.misfit - self.rows @ (parameters - self.about)
         return np.asarray(misfit / np.maximum(self.precision, 1e-300))
 
     @property
     def by_chance(self) -> FloatArray:
-        """Variance of each mean by chance, shape (groups,); huge where a group has no point."""
+        """Variance of each mean by chance, shape (groups,); huge for a group without points."""
         return np.asarray(1 / np.maximum(self.precision, 1e-300))
 
     @cached_property
     def within(self) -> GroupSums:
-        """What the points of each group say of each other, without the means of groups."""
+        """The sums within groups, without the groups' means."""
         root = np.sqrt(self.precision)[:, None]
         return self.plus(self.means(lambda values: values * root, self.about), sign=-1)
 
     def means(self, whiten: Callable[[FloatArray], FloatArray], about: FloatArray) -> GroupSums:
-        """Return the sums of the means of groups alone, with misfits at parameters of shape (p,).
+        """Return the sums of the groups' means alone, with misfits at parameters of shape (p,).
 
-        ``whiten`` takes out what means have in common with those before them, (groups, p + 1) -> (groups, p + 1).
+        ``whiten`` decorrelates the means, (groups, p + 1) -> (groups, p + 1).
         """
         whitened = whiten(np.column_stack([self.mean_rows, self.mean_misfit(about)]))
         row, misfit = whitened[:, :-1], whitened[:, -1]
@@ -67,7 +67,7 @@ class GroupSums:
         return np.asarray(self.rows / np.maximum(self.precision, 1e-300)[:, None])
 
     def plus(self, other: GroupSums, sign: int = 1) -> GroupSums:
-        """Return these sums and others of the same groups, added or subtracted."""
+        """Return the sum or difference of these sums and others of the same groups."""
         return replace(
             self,
             matrix=self.matrix + sign * other.matrix,
@@ -78,8 +78,8 @@ class GroupSums:
     def equations(self) -> NormalEquations:
         """Return the equations with the scatter of the scores between blocks of groups.
 
-        Errors of one pair of frames recur in the next ones, which show the same scene. Consecutive groups form a
-        block, as long as enough blocks remain to measure a spread between them.
+        Errors of a pair of frames recur in the next pairs, which show the same scene. Consecutive groups therefore
+        form a block, as long as enough blocks remain to measure the scatter between them.
         """
         size = int(np.clip(len(self.scores) // MIN_BLOCKS, 1, GROUPS_PER_BLOCK))
         by_block = np.add.reduceat(self.scores, np.arange(0, len(self.scores), size))

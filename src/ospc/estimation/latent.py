@@ -1,10 +1,10 @@
-"""The latent radiance of every scene point, and the observations linearised about the grey levels it predicts.
+"""The latent radiance of each scene point, and the observations linearised at the grey levels that it predicts.
 
-A point of log radiance u gives h(M) = u + ln e + ln V(x), with h = ln g; its u is estimated by the weighted mean over
-its observations. The model is linearised at the grey levels that u predicts, not at the noisy measured ones. The rows
-of the linear system then depend on the model and the exposures only, their noise is orthogonal to that of the
-right-hand side, and the fit is not attenuated. This is orthogonal distance regression in grey levels, or maximum
-likelihood with latent irradiance.
+A point of log radiance u satisfies h(M) = u + ln e + ln V(x), with h = ln g; u is estimated by the weighted mean over
+its observations. The model is linearised at the grey levels predicted by u rather than at the noisy measured ones.
+The rows of the linear system then depend only on the model and the exposures, their noise is orthogonal to that of
+the right-hand side, and the fit has no attenuation bias. This is orthogonal distance regression in grey levels, or
+maximum likelihood with latent irradiance.
 """
 
 from __future__ import annotations
@@ -39,22 +39,22 @@ class Latent:
     Attributes
     ----------
     index, grey
-        Predicted grey level, and its index in the basis's grid.
+        Predicted grey level, with its index in the basis's grid.
     log_response_slope, irradiance
-        dh/dM and g there.
+        dh/dM and g at that grey level.
     linear_log
         h at the measured grey level, linearised at the predicted one.
     precision, weight
-        One over the variance of h, and the robust weight.
+        Inverse variance of h, and robust weight.
     texture
-        What the texture lowers h by, if all of the variance seen is texture and all observations of a point have the
-        same over their grey level squared.
+        Reduction of h by texture if all of the measured variance is texture, with the same variance over squared grey
+        level for all observations of a point.
     log_exposure
-        ln of the exposure that the images show: the stated one and the latent gain of the frame.
+        ln of the effective exposure: the stated one plus the latent gain of the frame.
     offset
-        That, and ln of the gain by vignette and effects.
+        ``log_exposure`` plus ln of the gain by vignette and effects.
     total, mean
-        Sum of weights of the point, and its log radiance u.
+        Sum of the point's weights, and its log radiance u.
     """
 
     index: IntArray
@@ -77,13 +77,13 @@ class Latent:
 
     @cached_property
     def one_minus_leverage(self) -> FloatArray:
-        """One minus the leverage."""
+        """One minus the leverage, limited from below."""
         leverage = self.weight * self.precision / np.maximum(self.total, 1e-300)
         return np.clip(1 - leverage, MIN_ONE_MINUS_LEVERAGE, 1)
 
     @cached_property
     def studentised(self) -> FloatArray:
-        """Residual over its standard deviation, which accounts for the leverage."""
+        """Residual over its standard deviation, corrected for the leverage."""
         return self.residual * np.sqrt(self.precision / self.one_minus_leverage)
 
 
@@ -98,10 +98,10 @@ class LatentModel:
     errors
         Error model of the observations.
     noise
-        Noise of the single pixels that an observation is a mean of: clipped, it shifts the mean near black and white.
-        None where an observation is a single pixel; the error model then describes its noise.
+        Noise of the single pixels averaged in an observation; because it is clipped, it shifts the mean near black
+        and white. None if an observation is a single pixel, whose noise the error model describes.
     texture_share
-        Share of the shift by texture that is taken out.
+        Share of the texture shift that is corrected.
     trusted
         Whether the model is good enough to predict grey levels; otherwise it is linearised at the measured ones.
     """
@@ -114,17 +114,17 @@ class LatentModel:
     trusted: bool
 
     def __call__(self, observations: ExposedObservations, log_gain: FloatArray, weight: FloatArray) -> Latent:
-        """Return the observations linearised, given ln of the gain by vignette and effects, and weights, (n,)."""
+        """Linearise observations, given ln of the gain by vignette and effects, and weights, shape (n,) each."""
         measured = np.clip(observations.grey, DARKEST_GREY, 1.0)
         latent = self._linearised(observations, measured, observations.log_exposure, log_gain, weight)
         for _ in range(LATENT_ITERATIONS if self.trusted else 0):
             if self.errors.gain_variances and observations.in_pairs:
                 log_exposure = observations.log_exposure + self._log_gain_of_frames(observations, latent, log_gain)
                 latent = self._linearised(observations, latent.grey, log_exposure, log_gain, weight)
-            # About the measured grey level as it would be without texture and noise, which may shift it farther.
+            # Stay near the measured grey level after correction for texture and noise, which may shift it farther.
             near = MAX_DEVIATION_SIGMAS / np.sqrt(latent.precision)
             expected_log = latent.linear_log + np.clip(-latent.residual, -near, near)
-            # One step of Newton's method: to look all of them up in the table takes five times as long.
+            # One Newton step: looking up all values in the table takes five times as long.
             grey = latent.grey + (expected_log - self.log_response[latent.index]) / latent.log_response_slope
             latent = self._linearised(observations, grey, latent.log_exposure, log_gain, weight)
         return latent
@@ -132,8 +132,8 @@ class LatentModel:
     def _log_gain_of_frames(
         self, observations: ExposedObservations, latent: Latent, log_gain: FloatArray
     ) -> FloatArray:
-        """Return the latent gain of the frame of each observation, shape (n,)."""
-        # By medians: weights that are still those without gains would discard whole pairs.
+        """Return the latent gain of each observation's frame, shape (n,)."""
+        # Medians, because weights computed without gains would discard whole pairs.
         log_radiance, precision = latent.linear_log - observations.log_exposure - log_gain, latent.precision
         pair, difference = observations.group_number[0::2], log_radiance[0::2] - log_radiance[1::2]
         by_chance = 1 / precision[0::2] + 1 / precision[1::2]
@@ -184,19 +184,19 @@ class LatentModel:
         # The grid is much finer than the noise, so the nearest grid point serves as the point of linearisation.
         index = self.basis.index_of(grey)
         level, slope, irradiance = self.basis.grid[index], self._log_response_slope[index], self._irradiance[index]
-        excess, of_alike = np.clip(observations.grey, DARKEST_GREY, 1.0) - level, np.zeros(len(level))
+        excess, equal_texture = np.clip(observations.grey, DARKEST_GREY, 1.0) - level, np.zeros(len(level))
         flat, factor = (table[index] for table in self._flat_variance)
         variance = self.errors.with_gradient(flat, factor, observations.gradient)
         if self.trusted:
-            # Neither noise nor texture leave the mean of pixels at the grey level of their mean irradiance.
+            # Noise and texture shift the mean of pixels away from the grey level of their mean irradiance.
             means, texture = self._pixel_means, self._pixel_means.texture(observations, index)
             excess = excess - means.by_noise[index] + self.texture_share * means.by_texture(texture, index)
-            of_alike = means.by_texture(weighted_means(texture, np.ones(len(texture)), observations)[1], index)
+            equal_texture = means.by_texture(weighted_means(texture, np.ones(len(texture)), observations)[1], index)
         linear_log = self.log_response[index] + slope * excess
-        precision, offset, alike = 1 / (variance * slope**2), log_exposure + log_gain, slope * of_alike
+        precision, offset, lowered = 1 / (variance * slope**2), log_exposure + log_gain, slope * equal_texture
         total, mean = weighted_means(linear_log - offset, weight * precision, observations)
         return Latent(
-            index, level, slope, irradiance, linear_log, precision, weight, alike, log_exposure, offset, total, mean
+            index, level, slope, irradiance, linear_log, precision, weight, lowered, log_exposure, offset, total, mean
         )
 
 
@@ -205,7 +205,7 @@ def weighted_means(
 ) -> tuple[FloatArray, FloatArray]:
     """Return each point's sum of weights and weighted mean of values, repeated for its observations.
 
-    Values have shape (n,) or (n, p), weights (n,). The mean is zero where all weights of a point are.
+    Values have shape (n,) or (n, p), weights (n,). The mean is zero if all weights of a point are zero.
     """
     columns = values if values.ndim == 2 else values[:, None]
     weighted = columns * weights[:, None]

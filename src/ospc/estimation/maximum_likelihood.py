@@ -1,8 +1,8 @@
-"""Response and vignette of all observations at once: robust maximum likelihood with latent irradiance.
+"""Joint fit of response and vignette to all observations: robust maximum likelihood with latent irradiance.
 
-The first round is one convex problem, a non-negative least squares; each further round repeats it with the model
-linearised at the grey levels that the last one predicts, robust weights, an error model fitted to the residuals, and
-the strength of the prior chosen anew.
+The first round is a convex problem, a non-negative least squares fit. Each further round repeats it with the model
+linearised at the grey levels predicted by the previous round, with robust weights, an error model fitted to the
+residuals, and a new choice of the strength of the prior.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ from ospc.settings.estimation import (
 
 @dataclass(frozen=True)
 class Fitted:
-    """A fit, the observations it was made of, and the noise that it was told; several models are tried about it."""
+    """A fit with its observations and pixel noise, from which several other models are tried."""
 
     fit: Fit
     observations: ExposedObservations
@@ -52,7 +52,7 @@ class Fitted:
 
     @cached_property
     def weighted(self) -> tuple[Latent, FloatArray, float]:
-        """The observations linearised about the fit, their robust weights, and the sandwich factor of these."""
+        """The observations linearised about the fit, with their robust weights and sandwich factor."""
         fit = self.fit
         log_gain = fit.log_gain(
             fit.parameters, self.observations, fit.response_basis.index_of(self.observations.grey)
@@ -60,7 +60,7 @@ class Fitted:
         first = self._predict(self.observations, log_gain, np.ones(len(self.observations)))
         weight, _ = _redescending(first, _unclipped(first, self._predict.pixel_noise))
         del first  # it takes as much memory as the observations
-        # Now with radiances that outliers no longer draw to themselves.
+        # Repeat with radiances no longer biased by outliers.
         latent = self._predict(self.observations, log_gain, weight)
         return latent, *_redescending(latent, _unclipped(latent, self._predict.pixel_noise))
 
@@ -79,17 +79,18 @@ class Fitted:
 
 @dataclass(frozen=True)
 class MaximumLikelihoodEstimator:
-    """Fits response and vignette to observations.
+    """Fits response, vignette and effects to observations.
 
     Attributes
     ----------
     response_basis, vignette_basis, effects
         The model.
     noise
-        Noise of single pixels, by which clipping biases the mean near the ends. None where the observations are
-        single pixels themselves.
+        Noise of single pixels, by which clipping biases the mean near the ends. None if the observations are single
+        pixels.
     rounds
-        Most rounds after the first; fewer where the parameters settle, to a tenth of a standard deviation each.
+        Maximum number of rounds after the first; the fit ends earlier once no parameter moves by more than about a
+        tenth of a standard deviation.
     """
 
     response_basis: ResponseBasis
@@ -100,13 +101,13 @@ class MaximumLikelihoodEstimator:
 
     @property
     def model(self) -> Model:
-        """What is fitted."""
+        """The model that is fitted."""
         return Model(self.response_basis, self.vignette_basis, self.effects)
 
     def fit(self, observations: ExposedObservations, start: Fit | None = None) -> Fit:
-        """Fit the model, from an earlier fit with the same response basis if there is one.
+        """Fit the model, starting from an earlier fit with the same response basis if there is one.
 
-        It runs on one core: many small matrix products, which threads only slow down.
+        It uses one core: threads slow down its many small matrix products.
         """
         with one_blas_thread():
             return self._fit(observations, start)
@@ -156,12 +157,12 @@ class MaximumLikelihoodEstimator:
             if settled or round_number == self.rounds:
                 disagreement = system.disagreement(parameters, of_prior, sandwich_factor)
                 break
-            del latent, system  # both take as much memory as the observations, and the next round makes its own
+            del latent, system  # both take as much memory as the observations
         covariance = equations.covariance(prior, hyperparameters, disagreement)
         chance = np.asarray(np.linalg.inv(precision), dtype=np.float64)
         groups = len(np.unique(observations.group))
-        # The variances of gains follow the means of pairs, which then scatter less than gains may; the scatter of few
-        # groups is hardly known.
+        # Fitted gain variances follow the means of pairs, whose scatter then underestimates that of the gains; the
+        # scatter of few groups is hardly known.
         if errors.gain_variances or groups < MIN_BLOCKS:
             covariance = at_least(covariance, chance)
         return Fit(
@@ -180,14 +181,14 @@ class MaximumLikelihoodEstimator:
         )
 
     def information(self, observations: ExposedObservations, fit: Fit, about: FloatArray) -> NormalEquations:
-        """Return the information of the observations on the parameters of this model, without any prior.
+        """Return the information of the observations about the parameters of this model, without a prior.
 
         Parameters
         ----------
         observations
             The observations.
         fit
-            Fit to them, possibly of another model: its response and its errors are relied on.
+            Fit to them, possibly of another model, from which response and error model are taken.
         about
             The same fit in parameters of this model, at which it is linearised, shape (p,).
         """
@@ -201,7 +202,7 @@ class MaximumLikelihoodEstimator:
             return equations.part(np.arange(len(about))).scaled(precision, sandwich_factor)
 
     def significant_gain_variances(self, fitted: Fitted) -> tuple[float, ...]:
-        """Return variances of latent gains that pairs of frames show beyond chance, by a fit of this model."""
+        """Return the variances of latent gains that pairs of frames show beyond chance, given a fit of this model."""
         fit = fitted.fit
         with one_blas_thread():
             system, sandwich_factor = self._system(fitted, fit.parameters)
@@ -211,7 +212,7 @@ class MaximumLikelihoodEstimator:
     def _system(self, fitted: Fitted, about: FloatArray) -> tuple[LinearSystem, float]:
         """Return the linear system about a fit, and the sandwich factor of its weights."""
         latent, weight, sandwich_factor = fitted.weighted
-        # This basis may not contain the fitted response exactly: refer the linearised values to the nearest one.
+        # This basis may not contain the fitted response exactly: refer the linearised values to the closest one.
         here = self.response_basis.log_of(self.model.split(about)[0])
         latent = replace(latent, linear_log=latent.linear_log + (here - fitted.log_response)[latent.index])
         gain_variances = fitted.fit.errors.gain_variances
@@ -220,14 +221,14 @@ class MaximumLikelihoodEstimator:
     def newton_steps(
         self, fitted: Fitted, about: FloatArray, choices: Iterable[IntArray]
     ) -> Iterator[tuple[FloatArray, FloatArray]]:
-        """Take one Newton step from a fit with each of several choices of this model's parameters.
+        """Take one Newton step from a fit for each of several subsets of this model's parameters.
 
-        The fit is linearised as for :meth:`information`; a choice holds the indices of m parameters, the others stay
-        zero.
+        The fit is linearised as in :meth:`information`. A subset is given by the indices of m parameters; the others
+        stay zero.
 
         Yields
         ------
-        The parameters of a choice after the step, shape (m,), and their covariance by chance, (m, m).
+        The parameters of a subset after the step, shape (m,), and their covariance by chance, (m, m).
         """
         equations = self._information(fitted, about).centred(about)
         prior = self.model.prior(about)
@@ -236,7 +237,7 @@ class MaximumLikelihoodEstimator:
             yield equations.part(chosen).newton_step(precision[np.ix_(chosen, chosen)], prior.mean[chosen])
 
     def parameters_of(self, start: Fit) -> FloatArray:
-        """Return the parameters of this model that say the same as a fit with the same response basis, shape (p,)."""
+        """Convert the parameters of a fit with the same response basis to this model, shape (p,)."""
         vignette = np.zeros(len(self.vignette_basis))
         shared = min(self.vignette_basis.radial, start.vignette_basis.radial)
         vignette[:shared] = start.vignette_parameters[:shared]
@@ -248,7 +249,7 @@ class MaximumLikelihoodEstimator:
 
 
 def _redescending(latent: Latent, unclipped: BoolArray) -> tuple[FloatArray, float]:
-    """Return redescending weights (Geman and McClure 1987, cut off), and E[ψ'] / E[w] of those that count."""
+    """Return redescending weights (Geman and McClure 1987, truncated), and E[ψ'] / E[w] of the non-zero ones."""
     scaled = latent.studentised / (WEIGHT_SCALE_SIGMAS * max(robust_scale(latent.studentised), 1e-6))
     squared = scaled**2
     counts = unclipped & (np.abs(scaled) < WEIGHT_CUT_SIGMAS / WEIGHT_SCALE_SIGMAS)
@@ -259,9 +260,9 @@ def _redescending(latent: Latent, unclipped: BoolArray) -> tuple[FloatArray, flo
 
 
 def _unclipped(latent: Latent, noise: NoiseModel) -> BoolArray:
-    """Return where the noise of single pixels hardly reaches black or white, by the predicted grey level.
+    """Return where the noise of single pixels hardly reaches black or white, given the predicted grey level.
 
-    Judging by the measured one would keep just those samples whose noise happens to lead away from the end.
+    Using the measured grey level would select samples whose noise happens to point away from the end.
     """
     reach = CLEAR_OF_ENDS_SIGMAS * np.sqrt(noise.variance(latent.grey))
     return np.asarray((latent.grey + reach < 1.0) & (latent.grey > np.minimum(reach, MAX_DARK_CLEARANCE)))

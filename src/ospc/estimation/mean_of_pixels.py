@@ -1,13 +1,13 @@
-"""How the mean of pixels differs from the grey level of their mean irradiance: by noise, and by texture.
+"""Shift of a mean of pixels away from the grey level of their mean irradiance, due to noise and texture.
 
 A sensor adds noise to the irradiance; the response then bends and clips the sum. Near black, where responses are
-steep and the noise is clipped, this shift of the mean is the largest error of all unless it is corrected. Noise that
-is added to the grey level itself, by compression or in the camera's processing, is not bent. How the variance of
-pixels depends on the grey level tells the two apart.
+steep and the noise is clipped, this shift of the mean would be the largest error if it were not corrected. Noise
+added to the grey level itself, by compression or by processing in the camera, is not bent. The dependence of the
+pixel variance on the grey level distinguishes the two.
 
-Texture does the same. By Taylor's theorem it lowers the mean by (g″/g′)/2 times its variance. With a power law that
-is alike for all exposures of a place. With other responses it is not, and the fit would take it for a part of the
-response. At a knee, Taylor's theorem is of little use: there, the mean over a normal distribution is computed.
+Texture has the same effect. By Taylor's theorem it lowers the mean by (g″/g′)/2 times its variance. With a power law
+this is equal at all exposures of a point. With other responses it is not, and the fit would attribute it to the
+response. At a knee, Taylor's theorem is of little use; there, the mean over a normal distribution is computed.
 """
 
 from __future__ import annotations
@@ -50,17 +50,17 @@ _TINY = np.finfo(np.float64).tiny
 
 @dataclass(frozen=True)
 class PixelMeans:
-    """The shifts of one response, on the grid of its basis, shape (grid,) each.
+    """The shifts for one response, on the grid of its basis, shape (grid,) each.
 
     Attributes
     ----------
     by_noise
-        What noise adds to the mean.
+        Increase of the mean by noise.
     grid
         Grey levels.
     lowering
-        What texture takes from the mean, over its variance, for each of :data:`TEXTURE_WIDTHS`, shape (grid, widths);
-        one column for all widths where there is no knee.
+        Decrease of the mean by texture over its variance, for each of :data:`TEXTURE_WIDTHS`, shape (grid, widths);
+        one column for all widths if there is no knee.
     noise_variance
         Variance of single pixels.
     """
@@ -72,11 +72,12 @@ class PixelMeans:
 
     @classmethod
     def of(cls, basis: ResponseBasis, coefficients: FloatArray, noise: NoiseModel) -> PixelMeans:
-        """Return the shifts of a response, by its coefficients and the noise of single pixels."""
+        """Return the shifts for a response, given by its coefficients, and the noise of single pixels."""
         by_noise = mean_shift(basis.grid, basis.log_of(coefficients), noise)
         bend = basis.bend_of(coefficients)
         lowering = bend[:, None] / 2
-        # Near white, little is measured, and a sharp bend may be chance; near black, the window reaches beyond it.
+        # Near white, there are few measurements and a sharp bend may be chance; near black, the window exceeds the
+        # scale.
         inner = (basis.grid > BEND_SMOOTHING) & (basis.grid < SHOULDER_GREY)
         sharp = np.abs(basis.bend_of(coefficients, KNEE_SMOOTHING) - bend) > KNEE_BEND
         at_knee = _around(sharp & inner, round(BEND_SMOOTHING * len(basis.grid)))
@@ -87,19 +88,19 @@ class PixelMeans:
         return cls(by_noise, basis.grid, lowering, noise.variance(basis.grid))
 
     def texture(self, observations: Observations, index: IntArray) -> FloatArray:
-        """Return the variance of the texture over the grey level squared, (n,); zero where it is unknown.
+        """Return the variance of the texture over the squared grey level, (n,); zero if unknown.
 
-        ``index`` has the place of each observation's grey level in the grid, shape (n,).
+        ``index`` is the grid index of each observation's grey level, shape (n,).
         """
         variance = observations.grey_variance
         texture = np.where(variance > 0, variance - self.noise_variance[index], 0.0) / self._squared_grey[index]
         share = np.minimum(1, MAX_TEXTURE**2 / np.maximum(np.abs(texture), MAX_TEXTURE**2)) / self._distrust[index]
-        # The same of all observations of a point: what is corrected in one only would look like another exposure.
+        # Equal for all observations of a point: a correction of only one would look like another exposure.
         least = np.repeat(observations.combined(np.minimum, share), observations.counts)
         return np.asarray(texture * least)
 
     def by_texture(self, texture: FloatArray, index: IntArray) -> FloatArray:
-        """Return what texture takes from the mean, (n,), given what :meth:`texture` returns."""
+        """Return the decrease of the mean by texture, (n,), given the result of :meth:`texture`."""
         return np.asarray(self._lowering_of(texture, index) * self._squared_grey[index] * texture)
 
     def _lowering_of(self, texture: FloatArray, index: IntArray) -> FloatArray:
@@ -116,14 +117,14 @@ class PixelMeans:
 
     @cached_property
     def _distrust(self) -> FloatArray:
-        """By how much noise reduces the share of the texture that is taken out, on the grid."""
+        """Divisor of the corrected share of the texture due to noise, on the grid."""
         return 1 + (self.noise_variance / (MAX_NOISE**2 * self._squared_grey)) ** 2
 
 
 def _lowering_at(level: FloatArray, grid: FloatArray, log_response: FloatArray, mean: FloatArray) -> FloatArray:
-    """Return what normally distributed texture takes from the mean over its variance, (n,) -> (n, widths).
+    """Return the decrease of the mean by normally distributed texture over its variance, (n,) -> (n, widths).
 
-    ``mean`` is that of the noisy pixels of each irradiance: noise and texture together are wider than either.
+    ``mean`` is the mean of noisy pixels at each irradiance: noise and texture together are wider than either.
     """
     coarse = np.linspace(max(level[0], DARKEST_GREY), level[-1], KNEE_LEVELS)
     irradiance = np.exp(np.interp(coarse, grid, log_response))[:, None, None]
@@ -136,7 +137,7 @@ def _lowering_at(level: FloatArray, grid: FloatArray, log_response: FloatArray, 
 
 
 def _around(mask: BoolArray, reach: int) -> BoolArray:
-    """Return where a mask is true at most so many places away, shape (n,)."""
+    """Return where a mask is true within a number of elements, shape (n,)."""
     so_far = np.pad(np.pad(np.cumsum(mask), (reach + 1, 0)), (0, reach), mode="edge")
     return np.asarray(so_far[2 * reach + 1 :] > so_far[: len(mask)])
 
@@ -150,7 +151,7 @@ def mean_shift(grid: FloatArray, log_response: FloatArray, noise: NoiseModel) ->
     sigma = np.sqrt(constant + proportional * irradiance)
     noisy = np.clip(irradiance[:, None] + sigma[:, None] * _NORMAL, 1e-12, 1.0)
     mean = np.interp(np.log(noisy), log_response, grid, left=0.0).mean(axis=1)
-    # Noise of the grey level itself, of compression or quantisation, is not bent but only clipped.
+    # Noise of the grey level itself, from compression or quantisation, is clipped but not bent.
     mean = np.clip(mean[:, None] + math.sqrt(grey_variance) * _NORMAL, 0.0, 1.0).mean(axis=1)
     return np.asarray(np.interp(grid, level, mean - level))
 
@@ -159,7 +160,7 @@ def _parts_of_noise(level: FloatArray, irradiance: FloatArray, noise: NoiseModel
     """Return the variance of the irradiance at black, its growth with irradiance, and the variance of grey levels."""
     variance = noise.variance(level)
     slope = np.gradient(irradiance, level)
-    # Near the ends, noise cannot be measured, and the model repeats the nearest measurement.
+    # Near the ends, noise cannot be measured, and the noise model extends the nearest measurement.
     lowest, highest = noise.measured
     unclipped = np.minimum(level, 1 - level) > UNCLIPPED_SIGMAS * np.sqrt(variance)
     unclipped &= (level >= lowest) & (level <= highest)

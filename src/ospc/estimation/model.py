@@ -1,4 +1,4 @@
-"""What is fitted, response, vignette and effects, and the linear system that observations make of it."""
+"""The fitted model (response, vignette and effects) and the linear system of its observations."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from ospc.settings.estimation import (
 
 @dataclass(frozen=True)
 class Model:
-    """Response, vignette and effects; the parameters of all three, in this order, have shape (p,)."""
+    """Response, vignette and effects. Their parameters, shape (p,), are concatenated in this order."""
 
     response_basis: ResponseBasis
     vignette_basis: VignetteBasis
@@ -35,32 +35,32 @@ class Model:
 
     @property
     def vignette_part(self) -> slice:
-        """Where the parameters of the vignette are among all."""
+        """Slice of the vignette's parameters."""
         n = len(self.response_basis)
         return slice(n, n + len(self.vignette_basis))
 
     def split(self, parameters: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return the parameters of the response, of the vignette and of the effects."""
+        """Return the parameters of the response, the vignette and the effects."""
         vignette = self.vignette_part
         return parameters[: vignette.start], parameters[vignette], parameters[vignette.stop :]
 
     @property
     def typical(self) -> FloatArray:
-        """Parameters of a typical response and nothing else, shape (p,)."""
+        """Parameters of a typical response without vignette or effects, shape (p,)."""
         further = len(self.vignette_basis) + len(self.effects)
         return np.concatenate([typical_gamma(self.response_basis.knots), np.zeros(further)])
 
     @property
     def floor(self) -> FloatArray:
-        """Lowest value of each parameter, −inf for none, shape (p,)."""
+        """Lower limit of each parameter, −inf for none, shape (p,)."""
         floor = np.full(self.vignette_part.stop + len(self.effects), -np.inf)
         floor[: len(self.response_basis)] = MIN_GAMMA
         return floor
 
     def limited(self, parameters: FloatArray, previous: FloatArray) -> FloatArray:
-        """Return the parameters with no gamma further from the previous one than its linearised logarithm holds.
+        """Return the parameters with each gamma within the range in which its logarithm can be linearised.
 
-        The centre of the vignette is kept well within the image.
+        That range is centred on the previous parameters. The centre of the vignette is kept well within the image.
         """
         n, vignette = len(self.response_basis), self.vignette_part
         gamma = np.clip(parameters[:n], previous[:n] / MAX_GAMMA_CHANGE, previous[:n] * MAX_GAMMA_CHANGE)
@@ -68,18 +68,18 @@ class Model:
         return np.concatenate([gamma, within, parameters[vignette.stop :]])
 
     def prior(self, parameters: FloatArray) -> Prior:
-        """Return the prior of the parameters, linearised at some, shape (p,)."""
+        """Return the prior, linearised at the given parameters, shape (p,)."""
         further_sigma = np.concatenate([self.vignette_basis.prior_sigma, self.effects.sigma])
         return Prior(self.response_basis.knots, self.split(parameters)[0], further_sigma)
 
     def effect_terms(self, parameters: FloatArray, observations: ExposedObservations, index: IntArray) -> EffectTerms:
-        """Return what effects depend on; ``index`` has the expected grey levels in the basis's grid, shape (n,)."""
+        """Return the terms of the effects; ``index`` is the grid index of each expected grey level, shape (n,)."""
         return self.effects.terms(observations, self.response_basis, self.split(parameters)[0], index)
 
     def log_gain(self, parameters: FloatArray, observations: ExposedObservations, index: IntArray) -> FloatArray:
         """Return ln of the irradiance over exposure and radiance, shape (n,).
 
-        The index is that of :meth:`effect_terms`.
+        ``index`` is as in :meth:`effect_terms`.
         """
         _, vignette, values = self.split(parameters)
         log_vignette = self.vignette_basis.log_value(vignette, observations.position)
@@ -90,18 +90,18 @@ class Model:
 
 @dataclass(frozen=True)
 class LinearSystem:
-    """h(M) − ln V − u = ln e + s of every observation, without the radiance u of its point.
+    """The equations h(M) − ln V − u = ln e + s of all observations, with the radiance u of each point eliminated.
 
     Attributes
     ----------
     model, about
-        The model, linearised at parameters of shape (p,).
+        The model, and the parameters at which it is linearised, shape (p,).
     observations, latent
-        n observations, and the same linearised.
+        n observations, and their linearisation.
     weight
         Robust weights, shape (n,).
     gain_variances
-        Variances of the latent gains of frames, in ln²; empty for none.
+        Variances of the latent frame gains, in ln²; empty for none.
     """
 
     model: Model
@@ -112,10 +112,10 @@ class LinearSystem:
     gain_variances: tuple[float, ...] = ()
 
     def equations(self, prior_precision: FloatArray, sandwich_factor: float) -> NormalEquations:
-        """Return the normal equations of the parameters and, last, of a change of the share of texture.
+        """Return the normal equations of the parameters and, last, of a change of the texture share.
 
-        The precision of the prior, shape (p, p), and the sandwich factor say what the weights are worth; only latent
-        gains need that.
+        The precision of the prior, shape (p, p), and the sandwich factor are only used with latent gains, to scale
+        the weights.
         """
         if not self.has_gains:
             return self._sums.equations()
@@ -123,13 +123,13 @@ class LinearSystem:
         return self._sums.within.plus(means).equations()
 
     def _means(self, parameters: FloatArray, prior_precision: FloatArray, sandwich_factor: float) -> GroupSums:
-        """Return the sums of the means of pairs, with gains in their precision, about parameters of shape (p,)."""
+        """Return the sums of the pairs' means about parameters of shape (p,), with gains in their precision."""
         scale = self._scale_within(self._sums, prior_precision, sandwich_factor)
         whiten = partial(self.gains(parameters).whitened, scale=scale)
         return self._sums.means(whiten, np.append(parameters, 0.0))
 
     def _scale_within(self, sums: GroupSums, prior_precision: FloatArray, sandwich_factor: float) -> float:
-        """Return the information scale of what points of a pair tell of each other."""
+        """Return the information scale within pairs."""
         within = sums.within.equations().part(np.arange(len(self.about)))
         return within.scaled(prior_precision, sandwich_factor).information_scale
 
@@ -139,7 +139,7 @@ class LinearSystem:
         return bool(self.gain_variances) and self.observations.in_pairs
 
     def gains(self, parameters: FloatArray) -> FrameGains:
-        """Return what pairs of frames say of the gains, with parameters of shape (p,)."""
+        """Return the frame gains for parameters of shape (p,)."""
         return self._gains(self._sums, 1.0, np.append(parameters, 0.0))
 
     def _gains(self, sums: GroupSums, scale: float, parameters: FloatArray) -> FrameGains:
@@ -147,9 +147,9 @@ class LinearSystem:
         return FrameGains(frames, sums.by_chance / scale, mean, self.gain_variances)
 
     def significant_gain_variances(self, prior_precision: FloatArray, sandwich_factor: float) -> tuple[float, ...]:
-        """Return variances of gains that the pairs show, empty if chance explains it; arguments as for the equations.
+        """Return the variances of the gains, empty if chance explains the pairs; arguments as in :meth:`equations`.
 
-        Chance includes that errors of the points of a pair have common causes.
+        Chance includes errors that the points of a pair share.
         """
         sums = self._summed(with_rows=True)
         scale = min(self._scale_within(sums, prior_precision, sandwich_factor), 1.0)
@@ -160,7 +160,7 @@ class LinearSystem:
         return self._summed(with_rows=self.has_gains)
 
     def _summed(self, *, with_rows: bool) -> GroupSums:
-        """Return the sums; those of rows take time and serve gains only."""
+        """Return the sums; those of rows are slow and only needed for gains."""
         about, number = np.append(self.about, 0.0), self.observations.group_number
         p = len(about)
         matrix, vector = np.zeros((p, p)), np.zeros(p)
@@ -173,24 +173,24 @@ class LinearSystem:
             vector += weighted.T @ target
             misfit = target - rows @ about
             inside = number[part][member]
-            begins = np.flatnonzero(np.diff(inside, prepend=-1))  # mostly, those of a group are in a row
+            begins = np.flatnonzero(np.diff(inside, prepend=-1))  # a group's observations are mostly consecutive
             summed = np.column_stack([factor, factor * misfit, weighted * misfit[:, None], weighted[:, :kept]])
             np.add.at(of_group, inside[begins], np.add.reduceat(summed, begins))
         precision, misfit, scores, rows = np.split(of_group, [1, 2, 2 + p], axis=1)
         return GroupSums(about, matrix, vector, scores, rows, precision[:, 0], misfit[:, 0])
 
     def disagreement(self, parameters: FloatArray, prior_precision: FloatArray, sandwich_factor: float) -> FloatArray:
-        """Return by how much the scores of halves of the observations differ, cut in several ways, (ways, p).
+        """Return the difference of the scores between halves of the observations, shape (ways, p).
 
-        Errors that all groups share, such as registration that is drawn to equal brightness, do not show in the
-        scatter between groups. Most of them depend on something: on time, on the ratio of the exposures, on the place
-        in the image. Then the halves would have the parameters move to opposite sides. The arguments are parameters,
-        shape (p,), and those of :meth:`equations`.
+        The observations are split in several ways. Errors that all groups share, for example registration biased
+        towards equal brightness, do not show in the scatter between groups. Most of them depend on time, on the
+        exposure ratio or on the position in the image, so that the two halves pull the parameters in opposite
+        directions. ``parameters`` has shape (p,); the other arguments are as in :meth:`equations`.
         """
         shown = replace(self.observations, log_exposure=self.latent.log_exposure)
         sides = np.repeat(_halves(shown), self.observations.counts, axis=1)
         scores = np.zeros((len(sides), len(parameters)))
-        if self.has_gains:  # the mean of a pair has a weight of its own, and belongs to one half as a whole
+        if self.has_gains:  # the mean of a pair has its own weight and belongs to one half as a whole
             row_of_pair, misfit_of_pair = self._sums.mean_rows[:, :-1], self.gains(parameters).mean
             means = self._means(parameters, prior_precision, sandwich_factor)
             scores += self._sides_of_pairs(sides) @ means.scores[:, :-1]
@@ -205,17 +205,17 @@ class LinearSystem:
         return scores
 
     def _sides_of_pairs(self, sides: FloatArray) -> FloatArray:
-        """Return the mean over the points of each pair of the sides of observations, (ways, n) -> (ways, pairs)."""
+        """Average the sides of observations over the points of each pair, shape (ways, n) -> (ways, pairs)."""
         pair = self.observations.group_number
         return np.stack([np.bincount(pair, side) / np.bincount(pair) for side in sides])
 
     def _free_of_radiance(self, part: slice) -> tuple[FloatArray, FloatArray, FloatArray, IntArray | slice]:
-        """Return rows, right-hand sides, weights, and whose they are, with each point's radiance eliminated."""
+        """Return rows, right-hand sides, weights and their observations, with the radiance of points eliminated."""
         observed = self.observations.where(part)
         columns, target = self._columns(observed, part)
         factor = self.weight[part] * self.latent.precision[part]
         if observed.in_pairs:
-            # Minus their weighted mean, the two observations of a pair give the same equation: keep one difference.
+            # After subtracting the weighted mean, both observations give the same equation: keep the difference.
             both = factor[0::2] + factor[1::2]
             factor = factor[0::2] * factor[1::2] / np.maximum(both, 1e-300)
             rows = np.concatenate([each[0::2] - each[1::2] for each in columns], axis=1)
@@ -225,19 +225,19 @@ class LinearSystem:
         return rows - mean[:, :-1], target - mean[:, -1], factor, slice(None)
 
     def _columns(self, observed: ExposedObservations, part: slice) -> tuple[list[FloatArray], FloatArray]:
-        """Return the parts of rows, linear in all parameters and the share of texture, and right-hand sides."""
+        """Return the blocks of columns, for all parameters and the texture share, and the right-hand sides."""
         model, index = self.model, self.latent.index[part]
         gamma, vignette, values = model.split(self.about)
         jacobian = model.vignette_basis.jacobian(vignette, observed.position)
-        # Where ln V is not linear in its parameters (the centre), what the linearisation leaves goes to the right.
+        # ln V is not linear in the centre: the remainder of the linearisation moves to the right-hand side.
         constant = model.vignette_basis.log_value(vignette, observed.position) - jacobian @ vignette
         by_response = model.response_basis.log_table[index]
         columns = [by_response, -jacobian]
-        # h at the measured grey level is h at the predicted one, which the rows hold, plus this much.
+        # The rows contain h at the predicted grey level; at the measured one, h is larger by this.
         excess = self.latent.linear_log[part] - by_response @ gamma
         target = observed.log_exposure + constant - excess
         if len(model.effects):
-            # An error of a stated exposure is in the target; in the terms, too, it would pass for an effect.
+            # An error of a stated exposure is in the target; if it were in the terms too, it would imitate an effect.
             shown = replace(observed, log_exposure=self.latent.log_exposure[part])
             terms = model.effect_terms(self.about, shown, index)
             slopes = model.effects.jacobian(values, terms)
@@ -247,7 +247,7 @@ class LinearSystem:
 
 
 def _halves(observations: ExposedObservations) -> FloatArray:
-    """Return -1 or 1 for every point and each way to cut the observations into halves, shape (ways, points).
+    """Return the half, −1 or 1, that each point belongs to for each way of splitting, shape (ways, points).
 
     The ways are: early and late, large and small exposure ratios, rising and falling exposure, centre and edge.
     """
@@ -261,7 +261,7 @@ def _halves(observations: ExposedObservations) -> FloatArray:
 
 
 def _chunks(observations: ExposedObservations) -> Iterator[slice]:
-    """Give slices of bounded length that do not cut a point's observations apart."""
+    """Yield slices of limited length that do not separate the observations of a point."""
     starts = np.append(observations.starts, len(observations))
     begin = 0
     while begin < len(observations):

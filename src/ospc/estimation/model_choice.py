@@ -1,7 +1,7 @@
-"""The choice of the vignette and the effects that the observations show.
+"""Selection of the vignette model and of the effects that the observations show.
 
-A decentred or non-radial vignette is chosen by an information criterion. Effects that cannot be told widen the
-uncertainty.
+A decentred or non-radial vignette is selected by an information criterion. Effects that cannot be determined widen
+the uncertainty.
 """
 
 from __future__ import annotations
@@ -50,26 +50,26 @@ def fit_with_chosen_vignette(  # noqa: PLR0917 (what is fitted, to what)
 ) -> Fitted:
     """Fit response and vignette, with no more vignette parameters than the data support.
 
-    To the purely radial model first a free centre is added, and then the non-radial terms, with the centre if that
-    was not. Each time, the criterion of Schwarz (1978) has to be met: the joint Wald statistic of what is added, with
-    a covariance that includes correlated errors, must exceed its number of parameters times the logarithm of the
-    number of groups.
+    Starting from the purely radial model, first a free centre is tried, and then the non-radial terms, which include
+    the centre if it was rejected. Each step has to meet the criterion of Schwarz (1978): the joint Wald statistic of
+    the added parameters, with a covariance that includes correlated errors, must exceed their number times the
+    logarithm of the number of groups.
 
     Parameters
     ----------
     widest
-        The richest vignette considered.
+        The vignette model with the most parameters.
     noise
-        Noise of single pixels; None where the observations are single pixels themselves.
+        Noise of single pixels; None if the observations are single pixels.
     rounds
-        Most rounds of each fit after the first, convex one.
+        Maximum number of rounds of each fit after the first, convex one.
     effects
-        What is fitted beside them; None for nothing.
+        Effects that are fitted with it; None for none.
     """
-    beside = Effects() if effects is None else effects
+    effects = Effects() if effects is None else effects
     simplest = replace(widest, free_centre=False, non_radial=False)
-    estimator = MaximumLikelihoodEstimator(response, simplest, noise, rounds, beside)
-    # A part of the points already gives most of the solution; only the last rounds need all of them.
+    estimator = MaximumLikelihoodEstimator(response, simplest, noise, rounds, effects)
+    # A subset of the points already gives most of the solution; only the last rounds need all of them.
     step = len(observations.starts) // FIRST_FIT_POINTS
     start = estimator.fit(observations.of_points(slice(None, None, step))) if step > 1 else None
     fitted = Fitted(estimator.fit(observations, start), observations, noise)
@@ -78,7 +78,7 @@ def fit_with_chosen_vignette(  # noqa: PLR0917 (what is fitted, to what)
     ]
     while richer and (promising := _first_promising(fitted, richer)):
         richer = richer[richer.index(promising) + 1 :]
-        estimator = MaximumLikelihoodEstimator(response, promising, noise, rounds, beside)
+        estimator = MaximumLikelihoodEstimator(response, promising, noise, rounds, effects)
         wider = estimator.fit(observations, fitted.fit)
         if supported(wider, len(promising) - len(fitted.fit.vignette_basis)):
             fitted = replace(fitted, fit=wider)
@@ -86,11 +86,11 @@ def fit_with_chosen_vignette(  # noqa: PLR0917 (what is fitted, to what)
 
 
 def _first_promising(fitted: Fitted, richer: Sequence[VignetteBasis]) -> VignetteBasis | None:
-    """Return the first of several vignettes, the richest last, that one Newton step nearly supports."""
+    """Return the first of several vignette models, the largest last, that one Newton step nearly supports."""
     fit, widest = fitted.fit, richer[-1]
     estimator = MaximumLikelihoodEstimator(fit.response_basis, widest, fitted.noise, rounds=0, effects=fit.effects)
     about = estimator.parameters_of(fit)
-    # The terms of a vignette come first among those of a richer one.
+    # The parameters of a model come first among those of a larger one.
     first = fit.vignette_part.start
     choices = [np.delete(np.arange(len(about)), np.s_[first + len(basis) : first + len(widest)]) for basis in richer]
     steps = estimator.newton_steps(fitted, about, choices)
@@ -112,7 +112,7 @@ def supported(fit: Fit, last: int, share: float = 1.0) -> bool:
 
 
 def _registration_sigma(fit: Fit) -> FloatArray:
-    """Return the standard deviation of each parameter of the vignette by errors that all pairs share, (len,)."""
+    """Return the standard deviation of each vignette parameter from errors that all pairs share, (len,)."""
     basis, parameters = fit.vignette_basis, fit.vignette_parameters
     sigma = np.full(len(basis), ASYMMETRY_SIGMA)
     if basis.free_centre:
@@ -132,20 +132,20 @@ def fit_with_chosen_effects(
     noise: NoiseModel | None,
     rounds: int,
 ) -> Fit:
-    """Fit response and vignette, and those effects that the observations clearly show.
+    """Fit response and vignette, and the effects that the observations clearly show.
 
-    One effect after the other is tried, the clearest first, and kept if it is significant by the scatter of the
-    observations. As soon as something contradicts the model nothing is corrected: one effect imitates another. Few
-    pairs of frames prove nothing. Where frames are still brighter or darker than the
-    model says, by more than chance, each frame gets a latent gain. What any effect that is left out may amount to is
-    added to the covariance. A camera at rest shows none. The parameters are as in :func:`fit_with_chosen_vignette`.
+    Effects are tried one by one, the clearest first, and kept if they are significant given the scatter of the
+    observations. If anything contradicts the model, nothing is corrected, because effects imitate each other. Too few
+    pairs of frames are not tested. If frames are still brighter or darker than predicted, by more than chance, each
+    frame gets a latent gain. The possible size of every effect that is left out is added to the covariance. A
+    stationary camera is fitted without effects. The parameters are as in :func:`fit_with_chosen_vignette`.
     """
     plain = fit_with_chosen_vignette(observations, response, widest, noise, rounds, Effects.none_of(observations))
     if not len(widest):
-        return plain.fit  # of a camera at rest, time, exposure and place of the few frames go together
+        return plain.fit  # in the few frames of a stationary camera, time and exposure are confounded
     plain_trials = estimate_effects(plain, tuple(EFFECTS))
     fitted, trials = _with_effects(plain, plain_trials, widest, rounds)
-    # Gains come last, and not where exposures belong to other frames: they would hide what explains the brightness.
+    # Gains come last, and not if exposures lag: they would hide the cause of the brightness changes.
     if not _shows_lag(trials) and (variances := _gain_variances(fitted)):
         found_none = fitted is plain
         plain = _with_gains(plain, variances, rounds)
@@ -167,9 +167,9 @@ def fit_with_chosen_effects(
 def _with_effects(
     fitted: Fitted, trials: Sequence[Trial], widest: VignetteBasis, rounds: int
 ) -> tuple[Fitted, Sequence[Trial]]:
-    """Return a fit with those effects that are significant, and trials of the others.
+    """Return a fit with the significant effects, and trials of the others.
 
-    The first that contradicts the model is the last one.
+    The search ends at the first effect that contradicts the model.
     """
     observations, noise = fitted.observations, fitted.noise
     untried = tuple(EFFECTS) if fitted.fit.groups >= MIN_GROUPS else ()
@@ -188,7 +188,7 @@ def _with_effects(
 
 
 def _with_gains(fitted: Fitted, variances: tuple[float, ...], rounds: int) -> Fitted:
-    """Return a fit with latent gains, and with those effects that are significant still."""
+    """Return a fit with latent gains, and with those effects that are still significant."""
     start = replace(fitted.fit, errors=replace(fitted.fit.errors, gain_variances=variances))
     while True:
         fit = _estimator(start, fitted.noise, rounds).fit(fitted.observations, start)
@@ -202,7 +202,7 @@ def _with_gains(fitted: Fitted, variances: tuple[float, ...], rounds: int) -> Fi
 
 
 def _shows_lag(left_out: Sequence[Trial]) -> bool:
-    """Return whether exposures are clearly late or early although that is not corrected."""
+    """Return whether the exposures clearly have an uncorrected lag."""
     late = (trial for trial in left_out if trial.name == LATE_EXPOSURES)
     return any(abs(trial.value) > SIGNIFICANT_SIGMAS * trial.total_sigma for trial in late)
 
@@ -216,14 +216,14 @@ def _left_out(fit: Fit) -> tuple[str, ...]:
 
 
 def _gain_variances(fitted: Fitted) -> tuple[float, ...]:
-    """Return variances of latent gains beyond chance; empty where there are none or too few pairs to tell."""
+    """Return the variances of latent gains beyond chance; empty if there are none or too few pairs."""
     if not fitted.observations.in_pairs or fitted.fit.groups < MIN_GROUPS:
         return ()
     return _estimator(fitted.fit, fitted.noise, 0).significant_gain_variances(fitted)
 
 
 def _suspected(trials: Sequence[Trial], untried: Sequence[str]) -> Trial | None:
-    """Return the clearest of the effects that were not tried, one of a camera where it is nearly so."""
+    """Return the clearest untried effect; effects of a camera are preferred if they are nearly as clear."""
     likely = [trial for trial in trials if trial.name in untried]
     threshold = max(SUSPECTED_SIGMAS, PREFERRED_SHARE * max((trial.sigmas for trial in likely), default=0.0))
     clear = [trial for trial in likely if trial.sigmas > threshold]
@@ -234,24 +234,24 @@ def _suspected(trials: Sequence[Trial], untried: Sequence[str]) -> Trial | None:
 
 
 def _significant(fit: Fit, number: int) -> bool:
-    """Return whether one of the effects is significant, and all make sense."""
+    """Return whether an effect is significant and all effects are plausible."""
     by_chance, in_all = (_sigmas_of(fit, number, covariance) for covariance in (fit.chance, fit.covariance))
     significant = by_chance > SIGNIFICANT_SIGMAS and in_all > SIGNIFICANT_SIGMAS_IN_ALL
     if fit.effects.chosen[number] in CONTRADICTIONS:
-        # What contradicts the model also makes the halves disagree: by that scatter it would hide itself.
+        # A contradiction also makes the halves disagree, and that scatter would hide it.
         significant |= by_chance > CONTRADICTING_SIGMAS
     values = zip(fit.effects.chosen, fit.effect_parameters, strict=True)
     return significant and all(EFFECTS[name].allows(value) for name, value in values)
 
 
 def _sigmas_of(fit: Fit, number: int, covariance: FloatArray) -> float:
-    """Return how far one of the effects is from zero, in standard deviations by a covariance."""
+    """Return the distance of an effect from zero, in standard deviations given a covariance."""
     systematic, variance = EFFECTS[fit.effects.chosen[number]].systematic, np.diag(covariance)[-len(fit.effects) :]
     return float(abs(fit.effect_parameters[number]) / np.hypot(np.sqrt(variance[number]), systematic))
 
 
 def _estimates(fit: Fit, observations: ExposedObservations) -> tuple[EffectEstimate, ...]:
-    """Return the estimates of latent gains, if there are any, and of the effects."""
+    """Return the estimates of the latent gains, if any, and of the effects."""
     sigma = np.sqrt(np.diag(fit.covariance))[fit.vignette_part.stop :]
     gain = gain_sigma(fit.errors.gain_variances, observations.frames_of_groups)
     of_gains = EffectEstimate(UNSTEADY_LIGHT, gain, gain * ERROR_OF_SCALE / math.sqrt(fit.groups), corrected=True)
@@ -263,7 +263,7 @@ def _estimates(fit: Fit, observations: ExposedObservations) -> tuple[EffectEstim
 
 
 def _with_estimates(fit: Fit, trials: Sequence[Trial], found: tuple[EffectEstimate, ...]) -> Fit:
-    """Return a fit with the estimates of effects, and with a covariance that has those that are left out."""
+    """Return a fit with the estimates of effects, and with a covariance that includes those left out."""
     missing = [trial.size_if_left_out * slope_of_left_out(fit, trial) for trial in trials]
     fit = _without_absorbed_light(fit)
     covariance = fit.covariance + sum(np.outer(one, one) for one in missing)

@@ -1,4 +1,4 @@
-"""The normal equations of all observations, which can be added up, and their solution with a prior."""
+"""The normal equations of all observations, and their solution with a prior."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ class NormalEquations:
     scatter
         Sum over the blocks of groups of the outer product of their scores, shape (p, p).
     information_scale
-        Factor that turns :attr:`matrix` into information. It is below one because errors within a group have common
-        causes and because robust weights discard information.
+        Factor that converts :attr:`matrix` to information. It is below one because errors within a group share causes
+        and because robust weights discard information.
     sandwich_factor
         Mean derivative of the influence function over the mean weight (Huber 1981, asymptotic variance).
     blocks
-        Number of the blocks.
+        Number of blocks.
     """
 
     matrix: FloatArray
@@ -41,19 +41,19 @@ class NormalEquations:
     def centred(self, about: FloatArray) -> NormalEquations:
         """Return the equations with the scatter about the mean score instead of zero.
 
-        The mean score is zero at the solution, but not in the direction of a parameter that is left out: there it is
-        what tells that the parameter is missing, and no scatter. The scores were taken at ``about``, shape (p,).
+        The mean score is zero at the solution, except in the direction of a parameter that is left out: there it
+        indicates that the parameter is missing and is not scatter. The scores were taken at ``about``, shape (p,).
         """
         total = self.vector - self.matrix @ about
         return replace(self, scatter=self.scatter - np.outer(total, total) / self.blocks)
 
     def part(self, chosen: IntArray) -> NormalEquations:
-        """Return the equations of chosen parameters as if the others were zero; they are to be scaled anew."""
+        """Return the unscaled equations of chosen parameters, with the others fixed at zero."""
         block = np.ix_(chosen, chosen)
         return replace(self, matrix=self.matrix[block], vector=self.vector[chosen], scatter=self.scatter[block])
 
     def without_last(self, count: int, precision: FloatArray) -> NormalEquations:
-        """Return scaled equations with the last parameters, of a prior precision, (count,), integrated out."""
+        """Return scaled equations with the last parameters, of a prior precision, (count,), marginalised."""
         if not count:
             return self
         n, scale = len(self.vector) - count, self.information_scale
@@ -64,10 +64,10 @@ class NormalEquations:
         return replace(self, matrix=matrix, vector=vector, scatter=self.scatter[:n, :n])
 
     def last_fitted(self, precision: FloatArray, mean: FloatArray, own_precision: float, own_mean: float) -> float:
-        """Return the last parameter, fitted together with all others.
+        """Return the last parameter, fitted jointly with all others.
 
-        The others have a prior of a precision, shape (p − 1, p − 1), and a mean, (p − 1,), and it has one of its own;
-        precisions are in units of :attr:`matrix`.
+        The others have a prior with the given precision, shape (p − 1, p − 1), and mean, (p − 1,); the last one has
+        its own. Precisions are in units of :attr:`matrix`.
         """
         column = self.matrix[:-1, -1]
         carried = np.linalg.solve(self.matrix[:-1, :-1] + precision, column)
@@ -78,9 +78,9 @@ class NormalEquations:
     def scaled(self, prior_precision: FloatArray, sandwich_factor: float) -> NormalEquations:
         """Return the equations with the information scale that follows from the scatter between groups.
 
-        The precision of the prior, shape (p, p), makes directions that the data do not determine count little.
+        The precision of the prior, shape (p, p), gives little weight to directions that the data do not determine.
         """
-        # At the solution the scores add up to zero: of a single block nothing is left to tell its scatter.
+        # At the solution the scores add up to zero, so a single block shows no scatter.
         scatter = self.matrix if self.blocks == 1 else self.scatter * self.blocks / (self.blocks - 1)
         inverse = np.linalg.inv(self.matrix + prior_precision)
         spread = np.sum(inverse * scatter) / max(np.sum(inverse * self.matrix), 1e-300)  # all are symmetric
@@ -88,9 +88,9 @@ class NormalEquations:
         return replace(self, scatter=scatter, information_scale=scale, sandwich_factor=sandwich_factor)
 
     def newton_step(self, prior_precision: FloatArray, mean: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the most probable parameters, (p,), of no floor, and their covariance by chance, (p, p).
+        """Return the most probable parameters without limits, (p,), and their covariance by chance, (p, p).
 
-        Precision, shape (p, p), and mean, (p,), are those of the prior. The equations are scaled anew.
+        Precision, shape (p, p), and mean, (p,), are those of the prior. The information scale is computed anew.
         """
         scaled = self.scaled(prior_precision, self.sandwich_factor)
         whole = scaled.information_scale * scaled.matrix + prior_precision
@@ -104,10 +104,10 @@ class NormalEquations:
     def covariance(self, prior: Prior, hyperparameters: PriorHyperparameters, disagreement: FloatArray) -> FloatArray:
         """Return the covariance of the most probable parameters about the truth, shape (p, p).
 
-        It is the sandwich of Huber (1967): what the parameters do comes from the scatter of the scores, direction by
-        direction, not from the errors assumed. ``disagreement`` has the differences of the scores between halves of
-        the observations, shape (ways, p): what exceeds chance is added, since parts of the observations disagree in
-        ways that all groups share.
+        This is the sandwich estimator of Huber (1967): in each direction, it derives the variance of the parameters
+        from the scatter of the scores rather than from the assumed errors. ``disagreement`` contains the differences
+        of the scores between halves of the observations, shape (ways, p). Their excess over chance is added, because
+        it is due to errors that all groups share.
         """
         bread = np.linalg.inv(self.posterior_precision(prior, hyperparameters))
         # The information scale is the sandwich factor squared over the spread of the scatter.
@@ -123,7 +123,7 @@ class NormalEquations:
     def maximize_evidence(self, prior: Prior) -> PriorHyperparameters:
         """Return the hyperparameters of the prior with the largest marginal likelihood (empirical Bayes)."""
         mean = prior.mean
-        # All candidates at once: one after the other, small matrices take several times as long.
+        # All candidates at once: a loop over small matrices takes several times as long.
         of_prior, log_determinant_of_prior = prior.of_candidates()
         precision = self.information_scale * self.matrix + of_prior
         target = self.information_scale * self.vector + of_prior @ mean
@@ -136,7 +136,7 @@ class NormalEquations:
     def solve(self, prior: Prior, hyperparameters: PriorHyperparameters, floor: FloatArray) -> FloatArray:
         """Return the most probable parameters, shape (p,), by non-negative least squares.
 
-        None is below its ``floor``, shape (p,), which is −inf for those without any.
+        ``floor``, shape (p,), is the lower limit of each parameter, −inf for none.
         """
         precision = self.posterior_precision(prior, hyperparameters)
         target = np.asarray(self.information_scale * self.vector + prior.precision(hyperparameters) @ prior.mean)

@@ -1,4 +1,4 @@
-"""The prior of response and vignette: a normal distribution whose roughness the data choose."""
+"""The prior of response and vignette: a normal distribution whose roughness is selected by the data."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ from ospc.settings.estimation import (
 
 @dataclass(frozen=True)
 class PriorHyperparameters:
-    """How rough ln γ is expected to be.
+    """Expected roughness of ln γ.
 
     ``walk`` is the standard deviation of a random walk over the whole range of grey levels, which allows kinks
-    anywhere, ``drift`` that of a random walk of the slope, which allows smooth bends.
+    anywhere; ``drift`` is that of a random walk of the slope, which allows smooth bends.
     """
 
     walk: float
@@ -41,19 +41,19 @@ CANDIDATES = tuple(
     for walk in np.geomspace(*WALK_CANDIDATES)
     for drift in DRIFT_CANDIDATES
 )
-"""The hyperparameters among which :meth:`NormalEquations.maximize_evidence` chooses."""
+"""The hyperparameters from which :meth:`NormalEquations.maximize_evidence` selects."""
 
 
 @dataclass(frozen=True)
 class Prior:
-    """A normal distribution of ln γ at the knots and of all further parameters, linearised in γ.
+    """A normal distribution of ln γ at the knots and of all other parameters, linearised in γ.
 
     Attributes
     ----------
     knots, about
         Grey levels of the response's knots, and the coefficients at which ln γ is linearised, shape (n,).
     further_sigma
-        Standard deviation of each further parameter about zero: of the vignette and of effects, shape (q,).
+        Standard deviation about zero of each other parameter, those of the vignette and of effects, shape (q,).
     """
 
     knots: FloatArray
@@ -73,7 +73,7 @@ class Prior:
     def of_candidates(self) -> tuple[FloatArray, FloatArray]:
         """Return the precision matrix for each of :data:`CANDIDATES`, shape (c, p, p), and the log determinant, (c,).
 
-        Of the log determinant it is the part that depends on the hyperparameters.
+        The log determinant contains only the part that depends on the hyperparameters.
         """
         precisions, log_determinants = _of_candidates(len(self.knots))
         return self._with_further(precisions), log_determinants
@@ -99,7 +99,7 @@ def _precision(knots: int, hyperparameters: PriorHyperparameters) -> tuple[Float
 
 @cache
 def _of_candidates(knots: int) -> tuple[FloatArray, FloatArray]:
-    """Return what :func:`_precision` returns for each candidate, shapes (c, knots, knots) and (c,)."""
+    """Return the result of :func:`_precision` for each candidate, shapes (c, knots, knots) and (c,)."""
     precisions, log_determinants = zip(*(_precision(knots, candidate) for candidate in CANDIDATES), strict=True)
     return np.stack(precisions), np.array(log_determinants)
 
@@ -117,7 +117,7 @@ def _covariance(grey: FloatArray, hyperparameters: PriorHyperparameters) -> Floa
 
 
 def _ends(grey: FloatArray) -> FloatArray:
-    """Return the covariance of ln γ that is independent of the curve in the middle, at both ends, shape (n, n)."""
+    """Return the covariance of ln γ at both ends that is independent of the curve in the middle, shape (n, n)."""
     shoulder = SHOULDER_SIGMA * np.clip((grey - SHOULDER_GREY) / (1 - SHOULDER_GREY), 0.0, 1.0)
     white, black = WHITE_SIGMA**2 * grey**END_EXPONENT, BLACK_SIGMA**2 * (1 - grey) ** END_EXPONENT
     return np.asarray(

@@ -1,8 +1,8 @@
-"""What no camera with one response and one vignette does, by what a fit leaves in single parts and frames.
+"""Contradictions to one response and one vignette, detected in the residuals of image regions and of frames.
 
-Dirt, scratches and shading correction make parts of the image darker or brighter than a smooth vignette. Automatic
-contrast and electronic stabilisation make response and vignette differ from frame to frame; local contrast changes
-single places.
+Dirt, scratches and shading correction make regions of the image darker or brighter than a smooth vignette. Automatic
+contrast and electronic stabilisation make response and vignette differ between frames; local contrast changes single
+points.
 """
 
 from __future__ import annotations
@@ -39,11 +39,11 @@ UNSTEADY_LIGHT = "unsteady light"
 
 
 def uneven_vignette(residual: FloatArray, observations: ExposedObservations) -> tuple[EffectEstimate, ...]:
-    """Return the part of the image that a smooth vignette explains least; nothing if all are explained.
+    """Return the image region that a smooth vignette explains worst; empty if all regions are explained.
 
     Its value is ln of its brightness over that of the vignette: twice the mean residual, because a residual is
-    relative to the mean of two observations. The :meth:`~ospc.estimation.fit.Fit.residuals` are those of a fit to the
-    observations, shape (n,).
+    relative to the mean of two observations. ``residual`` contains the :meth:`~ospc.estimation.fit.Fit.residuals` of
+    a fit to the observations, shape (n,).
     """
     known = np.isfinite(residual)
     if not known.any():
@@ -63,7 +63,7 @@ def uneven_vignette(residual: FloatArray, observations: ExposedObservations) -> 
         return ()
     from scipy.special import ndtri, stdtr  # slow to import and rarely needed
 
-    # The scatter between few blocks is itself uncertain: the normal deviate that is as improbable is smaller.
+    # The scatter between few blocks is itself uncertain: the normal deviate of equal probability is smaller.
     freedom = points**2 / np.sum(count**2, axis=1) - 1
     sigmas = -ndtri(stdtr(freedom, -sigmas))
     worst = int(np.argmax(sigmas))
@@ -75,9 +75,9 @@ def uneven_vignette(residual: FloatArray, observations: ExposedObservations) -> 
 def _sums_of_parts(
     residual: FloatArray, observations: ExposedObservations, known: BoolArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the number and the sum of known residuals in each part of the image and block, shape (parts, blocks).
+    """Return the number and sum of known residuals in each image region and block, shape (regions, blocks).
 
-    Parts are all squares of four neighbouring cells, so that they overlap.
+    The regions are all squares of four neighbouring cells, so they overlap.
     """
     extent = np.abs(observations.position).max(axis=0)
     place = np.clip((observations.position[known] / extent + 1) / 2 * UNEVEN_CELLS, 0, np.array(UNEVEN_CELLS) - 1)
@@ -94,12 +94,12 @@ def _sums_of_parts(
 
 
 def unsteadiness(residual: FloatArray, observations: ExposedObservations) -> tuple[EffectEstimate, ...]:
-    """Return what differs between the frames of a pair, by the residuals of a fit; nothing if the pairs agree.
+    """Return differences between the frames of a pair, from the residuals of a fit; empty if the pairs agree.
 
-    With one response and one vignette, the radiances that two frames show of the same points differ by chance alone.
-    With another exponent in one frame, their logarithms differ in proportion to ln M; with a vignette that was moved,
-    in proportion to x and y. The value is the standard deviation of that slope between pairs, without what the
-    scatter inside them lets expect.
+    With one response and one vignette, the radiances of the same points in two frames differ only by chance. If the
+    exponent of one frame differs, their logarithms differ in proportion to ln M; if the vignette moved, in proportion
+    to x and y. The value is the standard deviation of this slope between pairs, in excess of that expected from the
+    scatter within pairs.
     """
     first = observations.starts
     last = first + observations.counts - 1
@@ -120,10 +120,10 @@ def unsteadiness(residual: FloatArray, observations: ExposedObservations) -> tup
 
 
 def unsteady_radiance(radiance_sigma: float, groups: int) -> tuple[EffectEstimate, ...]:
-    """Return by how much the radiance of a place differs between frames, beyond noise; nothing if that is usual.
+    """Return the variation of a point's radiance between frames, beyond noise; empty if it is normal.
 
-    It is what remains where nothing says why: ``radiance_sigma`` is that of the
-    :class:`~ospc.estimation.error_model.ErrorModel` of a fit to so many groups.
+    This is the variation without a known cause: ``radiance_sigma`` is that of the
+    :class:`~ospc.estimation.error_model.ErrorModel` of a fit to ``groups`` groups.
     """
     if radiance_sigma < MOST_RADIANCE_SIGMA:
         return ()
@@ -144,8 +144,8 @@ def _excess(covariate: FloatArray, change: FloatArray, pairs: list[IntArray]) ->
 
 
 def _slope(x: FloatArray, change: FloatArray) -> tuple[float, float] | None:
-    """Return the slope of the changes of one pair and its standard deviation; None if it has too few points."""
-    # Late in a long run most pairs have a point or two left: medians of all these take long.
+    """Return the slope of the changes of a pair and its standard deviation; None if it has too few points."""
+    # Late in a long run most pairs have only one or two points left, and their medians would be slow.
     if len(x) < UNSTEADY_FEWEST_POINTS:
         return None
     deviation = change - np.median(change)

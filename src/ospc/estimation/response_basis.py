@@ -1,14 +1,14 @@
 """The response in a basis of local functions: ln g is linear in the coefficients and increases if all are positive.
 
-The basis expands the local gamma, γ(M) = d ln g / d ln M: constant for g = Mᵞ, 1 for a linear camera, smooth for
-sRGB, logarithmic and filmic curves, with a jump at each knee of a piecewise linear one. With hat functions Bⱼ on
-knots,
+The basis expands the local gamma, γ(M) = d ln g / d ln M. It is constant for g = Mᵞ, 1 for a linear camera, smooth
+for sRGB, logarithmic and filmic curves, and has a jump at each knee of a piecewise linear one. With hat functions Bⱼ
+on knots,
 
     γ(M) = Σ cⱼ Bⱼ(M),     ln g(M) = −∫_M^1 γ(m)/m dm = Σ cⱼ Hⱼ(M),
 
 so ln g is linear in c, g(0) = 0 and g(1) = 1 hold by construction, and g increases strictly if all c are positive.
 
-To use other functions Bⱼ, write a class that satisfies :class:`LocalFunctions`, and name it in :data:`FUNCTIONS`.
+To use other functions Bⱼ, write a class that implements :class:`LocalFunctions` and add it to :data:`FUNCTIONS`.
 """
 
 from __future__ import annotations
@@ -35,15 +35,15 @@ from ospc.settings.estimation import (
 )
 
 _KEPT_TABLES = 4
-"""Bases whose tables are kept: a run has two, and those of other settings are soon made again."""
+"""Number of bases whose tables are cached: a run uses two, and others are quickly recomputed."""
 
 
 class LocalFunctions(Hashable, Protocol):
-    """The functions Bⱼ of grey level that the local gamma is a sum of.
+    """The functions Bⱼ of grey level whose weighted sum is the local gamma.
 
     The estimator and its prior rely on three properties: no function is negative, they sum to one everywhere, and
-    each is one at its own knot. So a coefficient is the local gamma at its knot. Tables of them are kept, so the
-    object must be hashable, as all are whose class does not define equality.
+    each is one at its own knot, so that a coefficient is the local gamma at its knot. The tables are cached, so
+    objects must be hashable, as all are whose class does not define equality.
     """
 
     def knots(self, intervals: int) -> FloatArray:
@@ -51,30 +51,30 @@ class LocalFunctions(Hashable, Protocol):
         ...
 
     def values(self, grey: FloatArray, intervals: int) -> FloatArray:
-        """Return every function at grey levels in [0, 1], shape (...) -> (..., intervals + 1)."""
+        """Return all functions at grey levels in [0, 1], shape (...) -> (..., intervals + 1)."""
         ...
 
 
 class Hats:
-    """Hat functions on knots equidistant in grey level."""
+    """Hat functions on equidistant knots."""
 
     def knots(self, intervals: int) -> FloatArray:
         """Return the grey levels of the peaks, shape (intervals + 1,)."""
         return np.linspace(0.0, 1.0, intervals + 1)
 
     def values(self, grey: FloatArray, intervals: int) -> FloatArray:
-        """Return every function at grey levels in [0, 1], shape (...) -> (..., intervals + 1)."""
+        """Return all functions at grey levels in [0, 1], shape (...) -> (..., intervals + 1)."""
         at = np.asarray(grey) * intervals
         return np.asarray(np.clip(1 - np.abs(at[..., None] - np.arange(intervals + 1)), 0, None))
 
 
 FUNCTIONS: dict[str, LocalFunctions] = {"hats": Hats()}
-"""Every kind of functions by its name in settings."""
+"""The available basis functions, by their name in the settings."""
 
 
 @dataclass(frozen=True)
 class ResponseBasis:
-    """Functions for the local gamma, by their name in :data:`FUNCTIONS`, and their integrals for ln g.
+    """Basis functions of the local gamma, by their name in :data:`FUNCTIONS`, and their integrals for ln g.
 
     Raises
     ------
@@ -86,7 +86,7 @@ class ResponseBasis:
     functions: str = "hats"
 
     def __post_init__(self) -> None:
-        """Check the name."""
+        """Check the name of the functions."""
         if self.functions not in FUNCTIONS:
             raise SettingError(f"no response functions are called '{self.functions}'; known: {', '.join(FUNCTIONS)}")
 
@@ -120,14 +120,14 @@ class ResponseBasis:
     def bend_of(self, coefficients: FloatArray, smoothing: float = BEND_SMOOTHING) -> FloatArray:
         """Return g″/g′ of a smoothed γ on the grid, shape (4097,).
 
-        γ has kinks at the knots, and what the estimate adds to them would be taken for the bend. ``smoothing`` is a
+        γ has kinks at the knots, and errors of the estimate at these would be mistaken for a bend. ``smoothing`` is a
         standard deviation in grey levels.
         """
         slope = self._smoothed_slope(coefficients, smoothing)
         return np.asarray(np.gradient(slope, self.grid) / slope + slope)
 
     def _smoothed_slope(self, coefficients: FloatArray, smoothing: float) -> FloatArray:
-        """Return the derivative of ln g with a smoothed γ on the grid, shape (4097,)."""
+        """Return the derivative of ln g for a smoothed γ on the grid, shape (4097,)."""
         gamma = _smooth_gamma_table(FUNCTIONS[self.functions], self.intervals, smoothing) @ coefficients
         return np.asarray(gamma / np.maximum(self.grid, DARKEST_GREY))
 
@@ -140,7 +140,7 @@ class ResponseBasis:
         return np.asarray(self.log_table @ coefficients)
 
     def smoothed_log_of(self, coefficients: FloatArray, smoothing: float) -> FloatArray:
-        """Return ln g of a smoothed γ on the grid, as for :meth:`bend_of`, shape (4097,)."""
+        """Return ln g for a smoothed γ on the grid, shape (4097,); ``smoothing`` as in :meth:`bend_of`."""
         slope = self._smoothed_slope(coefficients, smoothing)
         steps = (slope[1:] + slope[:-1]) / 2 * np.diff(self.grid)
         return np.concatenate([-np.cumsum(steps[::-1])[::-1], [0.0]])
@@ -158,9 +158,9 @@ class ResponseBasis:
         return np.asarray(self.log_table[lower] * (1 - part) + self.log_table[lower + 1] * part)
 
     def unresolved(self, coefficients: FloatArray, grey: FloatArray) -> FloatArray:
-        """Return the standard deviation of ln g where γ may jump within an interval between knots, shape (n,).
+        """Return the standard deviation of ln g due to jumps of γ within intervals between knots, shape (n,).
 
-        How much it may jump is told by how sharply the fitted γ bends at the knots around.
+        The possible size of a jump is estimated from the largest bend of the fitted γ at the surrounding knots.
         """
         knots = self.knots
         bend = np.pad(np.abs(np.diff(coefficients, 2)), 2)
@@ -169,7 +169,7 @@ class ResponseBasis:
         return np.asarray(UNRESOLVED_JUMP * sharpest * width / np.maximum(grey, width))
 
 
-# All bases of the same functions share their tables: making them takes as long as a round of a small fit.
+# Equal bases share their tables: computing them takes as long as a round of a small fit.
 
 
 @cache
@@ -201,9 +201,9 @@ def _log_table(functions: LocalFunctions, intervals: int) -> FloatArray:
 def _smooth_gamma_table(functions: LocalFunctions, intervals: int, smoothing: float) -> FloatArray:
     """Return the smoothed functions on the grid, shape (4097, len).
 
-    A smoothed γ is a sum of smoothed functions: this is done once for a basis, not for every response.
+    A smoothed γ is a sum of smoothed functions, so this is computed once per basis rather than for every response.
     """
-    # The window is so wide that Fourier transforms take a tenth of the time.
+    # The window is wide, so Fourier transforms take a tenth of the time.
     sigma = smoothing * RESPONSE_GRID_STEPS
     reach = round(4 * sigma)
     window = np.exp(-0.5 * (np.arange(-reach, reach + 1) / sigma) ** 2)
@@ -220,7 +220,8 @@ def _read_only(table: FloatArray) -> FloatArray:
 def typical_gamma(grey: npt.ArrayLike) -> FloatArray:
     """Return a typical local gamma at grey levels in [0, 1].
 
-    A straight line through the medians over 201 measured responses of films and cameras (Grossberg and Nayar 2003,
-    database of response functions) up to grey level 0.8. Above, cameras differ too much for a median to help.
+    This is a straight line through the medians over 201 measured responses of films and cameras (Grossberg and Nayar
+    2003, database of response functions) up to grey level 0.8. Above, cameras differ too much for a median to be
+    useful.
     """
     return np.asarray(TYPICAL_GAMMA_BLACK + TYPICAL_GAMMA_RISE * np.asarray(grey, dtype=np.float64))

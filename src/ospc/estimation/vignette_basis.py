@@ -19,10 +19,11 @@ from ospc.settings.estimation import (
 
 @dataclass(frozen=True)
 class VignetteBasis:
-    """So many radial terms R², R⁴, …, optionally about a free centre and with non-radial terms.
+    """A number of radial terms R², R⁴, …, optionally about a free centre and with non-radial terms.
 
-    A free centre is two more parameters, in which ln V is not linear; the non-radial terms are those of
-    :data:`~ospc.photometry.vignette.NON_RADIAL`. The usable radius, in half diagonals, is how far the image reaches.
+    A free centre adds two parameters, in which ln V is not linear; the non-radial terms are those of
+    :data:`~ospc.photometry.vignette.NON_RADIAL`. The usable radius, in half diagonals, is the radius that the image
+    reaches.
     """
 
     radial: int
@@ -38,8 +39,8 @@ class VignetteBasis:
     def prior_sigma(self) -> FloatArray:
         """Prior standard deviation of each parameter about zero, shape (len,).
 
-        That of the radial terms decreases as the coefficients of ln(1 − R²/D²) do, where D is the radius at which V
-        may reach zero: a few samples must not let high orders decide what the corners look like.
+        For the radial terms it decreases like the coefficients of ln(1 − R²/D²), where D is the radius at which V may
+        reach zero, so that a few samples do not determine the corners through high orders.
         """
         order = np.arange(1, self.radial + 1)
         radial = VIGNETTE_SIGMA / (order * (DARK_RADIUS * self.usable_radius) ** (2.0 * (order - 1)))
@@ -80,7 +81,7 @@ class VignetteBasis:
         return np.stack([by_x, by_y], axis=1)
 
     def centre(self, parameters: FloatArray) -> FloatArray:
-        """Return the centre of the fall-off relative to the image centre, in half diagonals, shape (2,)."""
+        """Return the centre of the vignette relative to the image centre, in half diagonals, shape (2,)."""
         return parameters[self.radial : self.radial + 2] if self.free_centre else np.zeros(2)
 
     def limited(self, parameters: FloatArray) -> FloatArray:
@@ -91,7 +92,7 @@ class VignetteBasis:
         return within
 
     def vignette(self, parameters: FloatArray, size: ImageSize, usable_radius: float = 1.0) -> LogVignette:
-        """Return the vignette for an image size; beyond the usable radius it keeps its last value."""
+        """Return the vignette for an image size; beyond the usable radius it is constant."""
         model = self._model(parameters, size)
         if usable_radius >= 1:
             return model
