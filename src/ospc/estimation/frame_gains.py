@@ -117,8 +117,7 @@ class _Block:
 
     @cached_property
     def _exceptional(self) -> FloatArray:
-        """Additional variance of exceptional pairs, which limits their distance from the other pairs, shape (pairs,).
-        """
+        """Additional variance of exceptional pairs, shape (pairs,), which limits their distance from the others."""
         extra = np.zeros(len(self.mean))
         for _ in range(EXCEPTIONAL_ITERATIONS):
             inverse = np.linalg.inv(self._prior + np.diag(self.by_chance + extra))
