@@ -120,7 +120,7 @@ def test_a_lag_is_kept_as_it_was_chosen(choice):
 
 
 def test_a_lag_from_numpy_may_not_be_longer_than_the_recording_either():
-    with pytest.raises(SettingError, match="leaves nothing of 3 frames"):
+    with pytest.raises(SettingError, match="too large for 3 frames"):
         calibrate(ArrayRecording([IMAGE] * 3, [1.0] * 3), correct_lag=np.int64(2))
 
 

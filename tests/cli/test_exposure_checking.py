@@ -66,7 +66,7 @@ def test_uncorrected_it_is_loud(late: Path, tmp_path: Path) -> None:
     response = calibration.verdicts["response"]
     assert response.state == "not identifiable" or "2 frames late" in response.reason
     assert not calibration.converged
-    assert "WARNING: exposures are written 2 frames late" in result.stderr
+    assert "WARNING: exposures are recorded 2 frames late" in result.stderr
     assert "--correct-lag" in result.stderr
 
 

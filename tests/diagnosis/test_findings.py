@@ -152,7 +152,7 @@ def test_what_is_open_is_said_without_alarm() -> None:
     findings = found(RISING)
     assert findings.lag_frames is None
     assert findings.warnings == ()
-    assert "not certain" in findings.notes[0]
+    assert "uncertain" in findings.notes[0]
 
 
 def test_a_lag_that_is_stated_settles_what_only_the_images_left_open() -> None:
@@ -201,7 +201,7 @@ def test_exposures_swapped_between_neighbours_are_not_relied_on(share: float) ->
     assert found(film, stated_log_exposure=swapped).warnings
 
 
-OPPOSED = "the images get darker where the exposures written get longer"
+OPPOSED = "the images get darker when the recorded exposures get longer"
 
 
 @pytest.mark.parametrize(

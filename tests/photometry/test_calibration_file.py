@@ -44,7 +44,7 @@ FULL = Calibration(
     verdicts={
         "response": Verdict("identifiable", "ln g is known to ±0.01"),
         "vignette": Verdict("marginal", "hardly any motion, 0.05 ½-diagonals", "pan the camera"),
-        "exposures": Verdict("marginal", "exposures are written 1 frame late"),
+        "exposures": Verdict("marginal", "exposures are recorded 1 frame late"),
     },
     vignette_sigma=PROFILE_RADII**2 / 70,
     noise=NoiseModel(1 / 3e5, 2 / 7e4),

@@ -1,1 +1,1 @@
-"""What the images show about the exposures: lag, stale metadata, hidden gain, flicker, tone mapping."""
+"""Check exposures against the images: lag, stale metadata, unrecorded gain, flicker, tone mapping."""

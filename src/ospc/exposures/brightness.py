@@ -1,4 +1,4 @@
-"""How much brighter the same things are in one frame than in another, whatever the response is."""
+"""Measure how the brightness of the same scene points changes between two frames, independent of the response."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from ospc.settings.exposures import (
 
 @dataclass(frozen=True)
 class PixelSamples:
-    """Some of the places that two frames share, n of them.
+    """A sample of n points that two frames share.
 
     ``log_ratio`` is ln M₁/M₀ and ``log_grey`` the mean of ln M₀ and ln M₁, shape (n,). Positions are relative to the
     image centre in half diagonals, shape (n, 2).
@@ -43,12 +43,12 @@ class PixelSamples:
 
     @classmethod
     def none(cls) -> PixelSamples:
-        """Return no places at all."""
+        """Return an empty sample."""
         empty = np.empty(0)
         return cls(empty, empty, np.empty((0, 2)), np.empty((0, 2)))
 
     def observations(self, frame0: int, frame1: int) -> Observations:
-        """Return the places as scene points that the two frames observe."""
+        """Return the points as scene points observed in the two frames."""
         n = len(self.log_ratio)
         log_grey = np.stack([self.log_grey - self.log_ratio / 2, self.log_grey + self.log_ratio / 2], axis=1)
         return Observations(
@@ -66,25 +66,25 @@ class PixelSamples:
 
 @dataclass(frozen=True)
 class BrightnessChange:
-    """The change of brightness between two frames.
+    """The brightness change between two frames.
 
     Attributes
     ----------
     frame0, frame1
         Numbers of the frames.
     log_ratio
-        Robust mean of ln M₁/M₀ over the flat places of each grey bin, shape (bins,); 0 where there are too few.
+        Robust mean of ln M₁/M₀ over the flat points of each grey bin, shape (bins,); 0 for bins with too few.
     weight
-        Number of those places, limited; 0 where there are too few, shape (bins,).
+        Number of flat points per bin, capped; 0 for bins with too few, shape (bins,).
     vignette_terms
-        Mean changes of R², R⁴, x and y over them, in half diagonals: the change of ln V of a vignette, which may be
-        off centre, is about a linear combination of these, shape (bins, 4).
+        Mean changes of R², R⁴, x and y over these points, in half diagonals, shape (bins, 4). The change of ln V of a
+        possibly decentred vignette is approximately a linear combination of them.
     overlap
-        Share of the first frame that is well exposed and was found again in the second.
+        Share of the first frame that is well exposed and visible in the second.
     motion_px
-        Median displacement of the structured places in pixels of the frame; NaN where there are none.
+        Median displacement of textured points in pixels of the frame; NaN if there are too few.
     samples
-        Some of the flat places.
+        A sample of the flat points.
     """
 
     frame0: int
@@ -98,21 +98,21 @@ class BrightnessChange:
 
 
 class BrightnessComparer:
-    """Compares the brightness of two frames by their thumbnails."""
+    """Compares the brightness of two frames, given their thumbnails."""
 
     def __init__(self) -> None:
         self._register = ThumbnailRegistration()
 
     def __call__(self, first: Thumbnail, second: Thumbnail) -> BrightnessChange:
-        """Register two frames, and compare the grey levels of the places that are flat in both."""
+        """Register two frames and compare the grey levels of points that are flat in both."""
         places1, found = self._register(first, second)
-        # Black surrounds and saturated windows would seem to stand still.
+        # Black borders and saturated windows would appear static.
         visible = found & first.exposed
         if np.count_nonzero(visible) < MIN_OVERLAP * np.count_nonzero(first.exposed):
             found, visible = np.zeros_like(found), np.zeros_like(visible)
         grey1 = values_at(second.grey, places1)
         mean = np.sqrt(np.maximum(first.grey * grey1, DARKEST_LEVEL**2))
-        # By their numbers: places are taken from an image several times as fast as by a mask.
+        # Indexing by integers is several times as fast as by a mask.
         flat = np.flatnonzero(
             _flat_places(first, second, places1, mean) & exposed_in_both(first, second, places1, found)
         )
@@ -131,14 +131,14 @@ class BrightnessComparer:
 
 
 def _flat_places(first: Thumbnail, second: Thumbnail, places1: Float32Array, mean: Float32Array) -> BoolArray:
-    """Return which places of the first frame are flat in both, and of a mean grey level within the bins, (h, w)."""
+    """Return which pixels of the first frame are flat in both frames and lie within the grey bins, shape (h, w)."""
     steepest = np.maximum(first.gradient, values_at(second.gradient, places1))
     flat = steepest < MAX_RELATIVE_GRADIENT * mean
     return np.asarray(flat & (mean > GREY_BIN_EDGES[0]) & (mean < GREY_BIN_EDGES[-1]))
 
 
 def _vignette_terms(places1: Float32Array, flat: IntArray) -> Float32Array:
-    """Return the changes of R², R⁴, x and y at the flat places, in half diagonals, shape (n, 4)."""
+    """Return the changes of R², R⁴, x and y at the flat pixels, in half diagonals, shape (n, 4)."""
     height, width = places1.shape[:2]
     squared = _squared_radius((width, height))
     squared0, squared1 = (image.ravel()[flat] for image in (squared, values_at(squared, places1)))
@@ -147,7 +147,7 @@ def _vignette_terms(places1: Float32Array, flat: IntArray) -> Float32Array:
 
 
 def _median_motion_px(first: Thumbnail, places1: Float32Array, visible: BoolArray) -> float:
-    """Return the median displacement of places with structure, in pixels of the frame; NaN where there are few."""
+    """Return the median displacement of textured points in pixels of the frame; NaN if there are too few."""
     height, width = visible.shape
     structured = visible & (first.gradient > MIN_MOTION_GRADIENT)
     displacement = (places1 - pixel_places((width, height)))[structured][::MOTION_STRIDE]
@@ -160,7 +160,7 @@ def _median_motion_px(first: Thumbnail, places1: Float32Array, visible: BoolArra
 
 @cache
 def _squared_radius(size: ImageSize) -> Float32Array:
-    """Return R² at every place of a small image, shape (h, w)."""
+    """Return R² at every pixel of a thumbnail, shape (h, w)."""
     offset = normalised(pixel_grid(size), size)
     squared = np.sum(offset**2, axis=-1).astype(np.float32)
     squared.setflags(write=False)
@@ -170,7 +170,7 @@ def _squared_radius(size: ImageSize) -> Float32Array:
 def _binned(
     log_ratio: Float32Array, grey: Float32Array, terms: Float32Array
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return robust means of the log ratio in the grey bins, their weights, and the means of the vignette terms."""
+    """Return robust means of the log ratio per grey bin, the bin weights, and the means of the vignette terms."""
     bins = len(GREY_BIN_EDGES) - 1
     mean, weight, mean_terms = np.zeros(bins), np.zeros(bins), np.zeros((bins, terms.shape[1]))
     number = np.digitize(grey, GREY_BIN_EDGES) - 1
@@ -180,7 +180,7 @@ def _binned(
             continue
         values = log_ratio[inside]
         deviation = np.abs(values - np.median(values))
-        # Compared in single precision, as the values are.
+        # In single precision, like the values that are compared with it.
         scatter = np.float32(robust_scale(deviation)) + MIN_BIN_SCATTER_LOG
         kept = inside[deviation <= BIN_OUTLIER_SIGMAS * scatter]
         mean[b] = log_ratio[kept].mean()
@@ -190,7 +190,7 @@ def _binned(
 
 
 def _samples(first: Thumbnail, second: Thumbnail, places1: Float32Array, flat: IntArray) -> PixelSamples:
-    """Return some of the flat places, spread evenly."""
+    """Return an evenly spaced sample of the flat points."""
     size = (places1.shape[1], places1.shape[0])
     step = max(1, len(flat) // PIXEL_SAMPLES_PER_PAIR)
     at0, at1 = (places.reshape(-1, 2)[flat[step // 2 :: step]] for places in (pixel_places(size), places1))

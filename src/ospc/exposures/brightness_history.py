@@ -1,4 +1,4 @@
-"""The changes of brightness from frame to frame, collected while the frames come in."""
+"""Collect the brightness changes between consecutive frames as they arrive."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ospc.settings.exposures import MAX_BRIGHTNESS_CHANGES, MAX_CHANGES_WITH_SAM
 
 @dataclass(frozen=True)
 class PrecomputedChange:
-    """The change of brightness between two frames, computed before the second one was observed."""
+    """The brightness change between two frames, computed before the second one was observed."""
 
     first: Thumbnail
     second: Thumbnail
@@ -22,20 +22,20 @@ class PrecomputedChange:
 
 @dataclass
 class BrightnessHistory:
-    """Compares each observed frame with the one before, and keeps the changes of brightness; bounded in memory.
+    """Compares each frame with the previous one and stores the brightness changes in bounded memory.
 
     Attributes
     ----------
     changes
-        The changes of brightness between consecutive frames that are kept, in the order of frames.
+        The stored brightness changes between consecutive frames, in frame order.
     last_frame
-        Number of the frame observed last, -1 before the first.
+        Number of the latest frame, -1 before the first.
     compared
-        Number of frames that were compared with the one before.
+        Number of frames that were compared with their predecessor.
     repeated
-        Numbers of the first frames whose image is that of the frame before.
+        Numbers of frames whose image equals that of the previous frame; only the first ones are stored.
     observed
-        Number of changes of brightness in this epoch, kept or not.
+        Number of brightness changes in this epoch, stored or not.
     """
 
     changes: list[BrightnessChange] = field(default_factory=list, repr=False)
@@ -50,19 +50,19 @@ class BrightnessHistory:
         self._previous: Thumbnail | None = None
 
     def __len__(self) -> int:
-        """Return the number of changes kept."""
+        """Return the number of stored changes."""
         return len(self.changes)
 
     def observe(self, frame: Thumbnail, precomputed: PrecomputedChange | None = None) -> BrightnessChange | None:
-        """Compare a frame with the one before; None if that was not observed, or if it is the same image.
+        """Compare a frame with the previous one; None if that one is missing or has the same image.
 
-        A change that was computed from just these two is taken instead.
+        A precomputed change is used if it is for exactly these two frames.
         """
         previous, self._previous, self.last_frame = self._previous, frame, frame.frame
         if previous is None or frame.frame != previous.frame + 1:
             return None
         self.compared += 1
-        # A repeated image says that a frame was lost, not that the light stayed.
+        # A repeated image means that a frame was lost, not that the light was constant.
         if np.array_equal(previous.grey, frame.grey) and np.ptp(frame.grey) > 0:
             self.repeated = [*self.repeated, frame.frame][:MAX_REPEATED_FRAMES]
             return None
@@ -79,27 +79,27 @@ class BrightnessHistory:
 
     @property
     def frames_to_replay(self) -> frozenset[int]:
-        """Number of the frame that :meth:`replay` needs before a restored history can go on."""
+        """Number of the frame that a restored history needs for :meth:`replay` before it can continue."""
         return frozenset() if self._previous is not None or self.last_frame < 0 else frozenset([self.last_frame])
 
     def replay(self, frame: Thumbnail) -> None:
-        """Take the frame observed last before the history was saved, so that the next is compared with it."""
+        """Supply the last frame before the history was saved, to compare the next one with it."""
         if frame.frame == self.last_frame:
             self._previous = frame
 
     def split(self, number: int) -> BrightnessHistory:
-        """Return a history that goes on from the frame with this number; this one keeps the changes before it."""
+        """Split at a frame: return a history that continues from it; this one keeps the earlier changes."""
         later = replace(self, changes=[change for change in self.changes if change.frame0 >= number])
         later.observed, later._previous = len(later.changes), self._previous
         self.changes = [change for change in self.changes if change.frame1 < number]
         return later
 
     def _thin_out(self) -> None:
-        """Drop every second run of consecutive changes; of a single run, its older half."""
+        """Drop every second run of consecutive changes, or the older half of a single run."""
         frames = np.array([change.frame0 for change in self.changes])
         run = np.cumsum(np.diff(frames, prepend=frames[0]) > 1)
         if run[-1] == 0:
             self.changes = self.changes[len(self.changes) // 2 :]
         else:
-            # The latest run is still growing: it stays.
+            # Keep the latest run: it is still growing.
             self.changes = [c for c, r in zip(self.changes, run, strict=True) if (run[-1] - r) % 2 == 0]

@@ -1,4 +1,4 @@
-"""How much of the changes of brightness the exposures explain, and what is left: flicker, jumps, drift."""
+"""Summarise how well the exposures explain the brightness changes, and what remains: flicker, jumps, drift."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ from ospc.settings.exposures import (
 
 @dataclass(frozen=True)
 class Jump:
-    """A lasting change of ln grey of the same things, which ``frame`` is the first one after."""
+    """A lasting jump in ln grey of the same scene points; ``frame`` is the first frame after it."""
 
     frame: int
     log_change: float
@@ -41,24 +41,24 @@ class Jump:
 
 @dataclass(frozen=True)
 class BrightnessReport:
-    """How the brightness of the same things changes, and what explains it.
+    """How the brightness of the same scene points changes, and what explains it.
 
     Attributes
     ----------
     change_rms_log
         Root mean square change of ln grey from one frame to the next.
     unexplained_rms_log
-        The same of what exposures (shifted by the lag) and flicker do not explain.
+        Root mean square of the part that exposures (shifted by the lag) and flicker do not explain.
     unexplained_share
-        Share of the energy of all changes that exposures do not explain; NaN where brightness does not change.
+        Share of the energy of all changes that exposures do not explain; NaN if brightness does not change.
     unexplained_drift_log
-        Most that unexplained changes add up to within :data:`DRIFT_FRAMES`.
+        Largest sum of unexplained changes within :data:`DRIFT_FRAMES`.
     stale
-        Whether brightness changes while the exposures stay as they are.
+        Whether brightness changes while the recorded exposures do not.
     flicker
         Periodic changes that the exposures do not explain, strongest first.
     jumps
-        Lasting jumps that the exposures do not explain, in the order of frames.
+        Lasting jumps that the exposures do not explain, in frame order.
     """
 
     change_rms_log: float
@@ -71,7 +71,7 @@ class BrightnessReport:
 
 
 def brightness_report(lag: LagEstimate, log_exposure: FloatArray) -> BrightnessReport | None:
-    """Compare brightness with ln of the exposures, shape (frames,); None where too few frames could be compared."""
+    """Compare brightness with ln exposures, shape (frames,); None if too few frames could be compared."""
     if lag.fit is None or not len(lag.frame):
         return None
     fit = lag.fit
@@ -95,19 +95,19 @@ def brightness_report(lag: LagEstimate, log_exposure: FloatArray) -> BrightnessR
 
 
 def _reported_flicker(lag: LagEstimate, fit: LagFit, cycle: int | None) -> tuple[Flicker, ...]:
-    """Return the flicker to report: clear frequencies that are not harmonics of the exposures' own cycle."""
+    """Return the flicker to report: strong frequencies that are not harmonics of the exposure cycle."""
     found = lag.flicker
     if not found:
         one = find_flicker(lag.frame, fit.unexplained)
         found = () if one is None else (one,)
 
-    def own(flicker: Flicker) -> bool:
+    def is_harmonic(flicker: Flicker) -> bool:
         if cycle is None:
             return False
         turns = flicker.cycles_per_frame * cycle
         return abs(turns - round(turns)) < HARMONIC_TOLERANCE_TURNS
 
-    reported = tuple(f for f in found if f.share >= REPORTED_FLICKER_SHARE and not own(f))
+    reported = tuple(f for f in found if f.share >= REPORTED_FLICKER_SHARE and not is_harmonic(f))
     if not reported:
         return ()
     rest = without_waves(lag.frame, fit.unexplained, [f.cycles_per_frame for f in reported])
@@ -115,7 +115,7 @@ def _reported_flicker(lag: LagEstimate, fit: LagFit, cycle: int | None) -> tuple
 
 
 def _jumps(frame: IntArray, unexplained: FloatArray) -> tuple[Jump, ...]:
-    """Find changes far beyond the usual ones that last for some frames; none where they are the rule."""
+    """Return unusually large changes that last for some frames; none if such changes are frequent."""
     if len(unexplained) < 2 * JUMP_FRAMES:
         return ()
     usual = robust_scale(unexplained - np.median(unexplained))
@@ -127,9 +127,9 @@ def _jumps(frame: IntArray, unexplained: FloatArray) -> tuple[Jump, ...]:
 
 
 def _lasts(frame: IntArray, unexplained: FloatArray, at: int) -> bool:
-    """Return whether most of a change is still there a few frames later, and was not there a few frames before.
+    """Return whether most of a change persists over the frames around it.
 
-    A hand that passes by, or one exposure written wrongly, is taken back at once.
+    A passing hand, or a single wrong exposure, is followed at once by the opposite change.
     """
     near = (np.abs(frame - frame[at]) <= JUMP_FRAMES) & (frame != frame[at])
     before, after = (float(unexplained[near & side].sum()) for side in (frame < frame[at], frame > frame[at]))
@@ -144,7 +144,7 @@ def _rms(values: FloatArray) -> float:
 
 
 def _drift(change: FloatArray, frame: IntArray) -> float:
-    """Return the largest range of the sum of changes over consecutive frames, within :data:`DRIFT_FRAMES`."""
+    """Return the largest range of the cumulative change over consecutive frames within :data:`DRIFT_FRAMES`."""
     pieces = np.split(change, np.flatnonzero(np.diff(frame) != 1) + 1)
     largest = 0.0
     for piece in pieces:

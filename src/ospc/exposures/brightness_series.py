@@ -1,4 +1,4 @@
-"""The changes of brightness of a recording as arrays, to which the exposures are fitted."""
+"""The brightness changes of a recording as arrays, to which the exposures are fitted."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ from ospc.settings.exposures import AR_ORDER, MAX_BIN_DEVIATION_LOG, MAX_BIN_DEV
 
 @dataclass(frozen=True)
 class BrightnessSeries:
-    """Changes of brightness between n pairs of frames, in the order of frames.
+    """Brightness changes between n pairs of frames, in frame order.
 
     Attributes
     ----------
     frame
         Number of the first frame of each pair, shape (n,).
     log_ratio, weight, vignette_terms
-        Those of :class:`~ospc.exposures.brightness.BrightnessChange`, one row a pair, shapes (n, bins), (n, bins) and
-        (n, bins, 4).
+        The attributes of :class:`~ospc.exposures.brightness.BrightnessChange`, one row per pair, shapes (n, bins),
+        (n, bins) and (n, bins, 4).
     interval_frames
-        Frames from the first to the second of each pair.
+        Number of frames from the first to the second of each pair.
     exposure_error
-        Standard deviation of the errors of single exposures, as changes of brightness, over the scale of the noise.
+        Standard deviation of the brightness errors caused by errors of single exposures, relative to the noise scale.
     """
 
     frame: IntArray
@@ -40,7 +40,7 @@ class BrightnessSeries:
 
     @classmethod
     def from_changes(cls, changes: Sequence[BrightnessChange]) -> BrightnessSeries:
-        """Return the changes between consecutive frames that rest on enough places."""
+        """Return the changes that are measured at enough points."""
         if not changes:
             return cls(np.empty(0, np.int64), np.empty((0, 0)), np.empty((0, 0)), np.empty((0, 0, 0)))
         series = cls(
@@ -56,7 +56,7 @@ class BrightnessSeries:
         return len(self.frame)
 
     def where(self, mask: BoolArray) -> BrightnessSeries:
-        """Return the pairs where a mask, shape (n,), is true."""
+        """Return the pairs selected by a mask, shape (n,)."""
         return replace(
             self,
             frame=self.frame[mask],
@@ -66,38 +66,38 @@ class BrightnessSeries:
         )
 
     def with_exposures(self, frames: int, *lags: int) -> BrightnessSeries:
-        """Return the pairs whose frames have an exposure at each of these lags, given those of so many frames."""
+        """Return the pairs whose frames have an exposure at each of the lags in a recording of this many frames."""
         last = self.frame + self.interval_frames
         return self.where((self.frame + min(lags) >= 0) & (last + max(lags) < frames))
 
     def renumbered(self, offset: int) -> BrightnessSeries:
-        """Return the same pairs, with an offset added to the numbers of their frames."""
+        """Return the same pairs with an offset added to their frame numbers."""
         return replace(self, frame=self.frame + offset)
 
     def whitened(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return values without the correlation that errors of single exposures cause, and each pair's scale.
+        """Remove from values the correlation that errors of single exposures cause; also return each pair's scale.
 
-        That is L⁻¹ values, shape (n, columns), and the diagonal of L, shape (n,). Within each run of consecutive
+        Returns L⁻¹ values, shape (n, columns), and the diagonal of L, shape (n,). Within each run of consecutive
         pairs L Lᵀ = 1 + s² · tridiag(−1, 2, −1), where s is the :attr:`exposure_error`.
         """
         if self.exposure_error <= 0:
             return values, np.ones(len(values))
         import scipy.linalg  # slow to import and rarely needed
 
-        # The factor of a tridiagonal matrix is bidiagonal; zeros beside the diagonal separate the runs.
+        # The factor of a tridiagonal matrix is bidiagonal; zeros off the diagonal separate the runs.
         joined = np.diff(self.frame, append=self.frame[-1:] + 2) == 1
         bands = np.stack([np.full(len(values), 1 + 2 * self.exposure_error**2), -(self.exposure_error**2) * joined])
         factor = scipy.linalg.cholesky_banded(bands, lower=True)
         return np.asarray(scipy.linalg.solve_banded((1, 0), factor, values)), np.asarray(factor[0])
 
     def over(self, interval_frames: int) -> BrightnessSeries:
-        """Return changes over longer intervals, as sums of the changes from each frame to the next."""
+        """Return changes over longer intervals: sums of the changes between consecutive frames."""
         last = interval_frames - 1
         start = np.arange(max(len(self) - last, 0))
         start = start[self.frame[start + last] - self.frame[start] == last]
         parts = start[:, None] + np.arange(interval_frames)
         weight = self.weight[parts].min(axis=1)
-        # A bin counts only if all the frames show it.
+        # A bin counts only if it is seen in all frames of the interval.
         seen = weight > 0
         log_ratio = np.where(seen, self.log_ratio[parts].sum(axis=1), 0.0)
         terms = np.where(seen[..., None], self.vignette_terms[parts].sum(axis=1), 0.0)
@@ -105,17 +105,17 @@ class BrightnessSeries:
         return summed.where(weight.sum(axis=1) >= MIN_PAIR_WEIGHT)
 
     def exposure_change(self, log_exposure: FloatArray, lag: int = 0) -> FloatArray:
-        """Return the change of ln exposure of each pair if exposures are written late by a lag, shape (n,)."""
+        """Return the change of ln exposure of each pair if exposures lag by ``lag`` frames, shape (n,)."""
         return np.asarray(log_exposure[self.frame + self.interval_frames + lag] - log_exposure[self.frame + lag])
 
     @cached_property
     def bin_shares(self) -> FloatArray:
-        """Weights that sum to one in each pair, shape (n, bins)."""
+        """Weights normalised to sum to one in each pair, shape (n, bins)."""
         return np.asarray(self.weight / self.weight.sum(axis=1, keepdims=True))
 
     @cached_property
     def means(self) -> tuple[FloatArray, FloatArray]:
-        """Weighted means of the change and of the vignette terms over the bins, shapes (n,) and (n, 4)."""
+        """Weighted means over the bins of the change and the vignette terms, shapes (n,) and (n, 4)."""
         return np.sum(self.bin_shares * self.log_ratio, axis=1), np.einsum(
             "ib,ibk->ik", self.bin_shares, self.vignette_terms
         )
@@ -124,8 +124,8 @@ class BrightnessSeries:
     def products(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """Weighted products of each pair for the normal equations, with d the change and q the vignette terms.
 
-        They are w d and w q of each bin, shapes (n, bins) and (n, bins, 4), and Σ w d q and Σ w q qᵀ over the bins,
-        shapes (n, 4) and (n, 4, 4).
+        w d and w q of each bin, shapes (n, bins) and (n, bins, 4), then Σ w d q and Σ w q qᵀ over the bins, shapes
+        (n, 4) and (n, 4, 4).
         """
         terms = self.vignette_terms
         weighted = self.weight[:, :, None] * terms
@@ -134,7 +134,7 @@ class BrightnessSeries:
 
     @cached_property
     def predicted(self) -> IntArray:
-        """Indices of the pairs whose noise can be predicted from the :data:`AR_ORDER` pairs before, shape (m,)."""
+        """Indices of the pairs whose noise can be predicted from the :data:`AR_ORDER` previous pairs, shape (m,)."""
         consecutive = np.diff(self.frame, prepend=self.frame[:1] - 2) == 1
         known = consecutive.copy()
         for step in range(1, AR_ORDER):
@@ -144,9 +144,9 @@ class BrightnessSeries:
 
 
 def _consistent_weight(change: BrightnessChange) -> FloatArray:
-    """Return the weights of the grey bins, zero for those that change unlike the others, shape (bins,)."""
-    # No response makes one grey level change by a tenth while the others stay. Moving objects do, and so do shaded
-    # walls without texture, whose motion registration cannot see.
+    """Return the weights of the grey bins, zero for bins that disagree with the others, shape (bins,)."""
+    # No response changes one grey level by 10 % and leaves the others unchanged. Moving objects do, and so do shaded
+    # walls without texture, whose motion registration cannot measure.
     middle = weighted_median(change.log_ratio, change.weight) if change.weight.any() else 0.0
     apart = np.abs(change.log_ratio - middle)
     return np.where(apart <= MAX_BIN_DEVIATION_LOG + MAX_BIN_DEVIATION_SHARE * abs(middle), change.weight, 0.0)

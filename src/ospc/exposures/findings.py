@@ -1,4 +1,4 @@
-"""What the images show about the exposures: the lag, what is left unexplained, and whether to rely on them."""
+"""Assess the recorded exposures against the images: lag, unexplained brightness changes, and verdict."""
 
 from __future__ import annotations
 
@@ -29,21 +29,21 @@ from ospc.settings.exposures import (
 )
 
 _CHANGE_IRREGULARLY = (
-    "record a minute in which the exposure changes abruptly and irregularly: cover the lens for a moment, point at a "
-    "window, switch a lamp"
+    "record for a minute with abrupt, irregular exposure changes: briefly cover the lens, point at a window, or "
+    "switch a lamp"
 )
 _FIX_METADATA = (
     "read exposure and gain from each frame's own metadata, not from the driver's settings, and switch off tone "
     "mapping"
 )
-_STEADY_LIGHT = "record where no lamp flickers; if none does, " + _FIX_METADATA
-_NO_DENOISING = "switch off temporal noise reduction, and whatever else mixes images"
-_PROGRESSIVE = "record progressive frames, or take one field of each as a recording of half the height"
+_STEADY_LIGHT = "record under light that does not flicker; if there was no flicker, " + _FIX_METADATA
+_NO_DENOISING = "switch off temporal noise reduction and anything else that blends frames"
+_PROGRESSIVE = "record progressive video, or use one field of each frame as a recording of half the height"
 _GIVE_TIMES = (
     "give exposure times, not their inverses: 1/250 s is 4 ms, not 250; if they are times, record the gain as well"
 )
 _SLOWER = "record a well-exposed scene with even surfaces and some texture, and move slowly"
-_MORE_FRAMES = "record sixty consecutive frames or more"
+_MORE_FRAMES = "record at least sixty consecutive frames"
 
 
 @dataclass(frozen=True)
@@ -53,21 +53,21 @@ class ExposureFindings:
     Attributes
     ----------
     course
-        The exposures as written.
+        Summary of the exposures as recorded.
     lag
-        By how many frames they are written late, before any correction.
+        Estimated lag of the recorded exposures, before any correction.
     corrected_frames
-        The lag they are corrected by; 0 for none.
+        Lag that was corrected, in frames; 0 for none.
     brightness
-        How much of the changes of brightness they explain; None where too few frames could be compared.
+        How well the exposures explain the brightness changes; None if too few frames could be compared.
     local_tone
-        Whether parts of the image follow the exposures differently; None where that is unknown.
+        Signs of local tone mapping; None if unknown.
     verdict
         Whether exposures and images agree.
     notes
-        What was found and done.
+        What was found and corrected.
     warnings
-        Why the exposures, as they are used, cannot be relied on; empty if they can.
+        Why the exposures, as used, are unreliable; empty if they are reliable.
     """
 
     course: ExposureReport
@@ -81,11 +81,11 @@ class ExposureFindings:
 
     @property
     def lag_frames(self) -> int | None:
-        """By how many frames the exposures are written late; None where that cannot be determined."""
+        """Number of frames by which the exposures lag; None if it cannot be determined."""
         return self.lag.frames
 
     def renumbered(self, offset: int) -> ExposureFindings:
-        """Return the findings with an offset added to the numbers of their frames."""
+        """Return the findings with an offset added to all frame numbers."""
         brightness = self.brightness
         if brightness is not None:
             jumps = tuple(replace(jump, frame=jump.frame + offset) for jump in brightness.jumps)
@@ -93,52 +93,54 @@ class ExposureFindings:
         return replace(self, lag=replace(self.lag, frame=self.lag.frame + offset), brightness=brightness)
 
     def limited(self, verdict: Verdict) -> Verdict:
-        """Return the verdict on response or vignette: marginal at best where exposures cannot be relied on."""
+        """Return a verdict on response or vignette, lowered to marginal if the exposures are unreliable."""
         if not self.warnings or not verdict.known:
             return verdict
         return Verdict("marginal", f"{verdict.reason}, but {'; '.join(self.warnings)}", self.verdict.remedy)
 
     def refuted_by(self, effects: Iterable[EffectEstimate]) -> bool:
-        """Return whether a fit to the corrected exposures shows that they were right as written."""
+        """Return whether a fit to the corrected exposures shows that they were right as recorded."""
         lateness = _lateness(effects)
         if lateness is None or abs(lateness.value) < DOUBTED_LAG_SIGMAS * lateness.sigma:
             return False
         return abs(self.corrected_frames + lateness.value) < REFUTED_LAG_FRAMES < abs(lateness.value)
 
     def without_correction(self) -> ExposureFindings:
-        """Return the findings with the exposures as they are written, and their lag as an open question."""
-        alone = f"changes of brightness alone suggest that they are written {lag_in_words(self.corrected_frames)}"
-        reason = f"{alone}, but the fit shows that they belong to their frames"
+        """Return the findings with the exposures as recorded and their lag undetermined."""
+        reason = (
+            f"brightness changes alone suggest that exposures are recorded {lag_in_words(self.corrected_frames)}, "
+            "but the fit shows that they belong to their frames"
+        )
         lag = replace(self.lag, state="refuted", candidates=(0, *self.lag.candidates))
         verdict = Verdict("marginal", reason, _CHANGE_IRREGULARLY)
         return replace(self, lag=lag, corrected_frames=0, verdict=verdict, notes=(_uncertain(reason),))
 
     def of_interlaced_images(self) -> ExposureFindings:
-        """Return the findings on images of which only every other row is exposed when their exposures say."""
-        reason = "every other row of the images shows another moment, as in interlaced video"
+        """Return the findings with a warning that the images are interlaced."""
+        reason = "alternate rows of the images show different moments, as in interlaced video"
         return self.with_warning(reason, _PROGRESSIVE)
 
     def judged_by(self, effects: Iterable[EffectEstimate]) -> ExposureFindings:
-        """Return the findings after a fit: how late it shows exposures to be may settle a doubt, or raise one."""
+        """Return the findings updated by the lag that a fit measured: it may settle a doubt or raise one."""
         lateness = _lateness(effects)
         return self if lateness is None else self._confirmed_by(lateness)._doubted_by(lateness)
 
     def _confirmed_by(self, lateness: EffectEstimate) -> ExposureFindings:
-        """Return the findings, without a lag if a fit shows it where changes of brightness alone leave it open."""
+        """Return the findings with a lag of 0 if only the fit shows it and brightness changes leave it open."""
         is_open = self.lag.state == "ambiguous" and 0 in self.lag.candidates and not self.corrected_frames
         if not is_open or self.warnings or self.verdict.state != "marginal":
             return self
         if abs(lateness.value) + DOUBTED_LAG_SIGMAS * lateness.sigma > REFUTED_LAG_FRAMES:
             return self
         lag = replace(self.lag, state="determined", candidates=(0,))
-        alone = f"changes of brightness alone allow for lags of {_either(self.lag)} frames"
+        alone = f"brightness changes alone allow lags of {_either(self.lag)} frames"
         reason = f"exposures belong to their frames, as the fit shows; {alone}"
         notes = tuple(note for note in self.notes if note != _uncertain(self.verdict.reason))
         return replace(self, lag=lag, verdict=Verdict("identifiable", reason), notes=notes)
 
     def _doubted_by(self, lateness: EffectEstimate) -> ExposureFindings:
-        """Return the findings, marginal if a fit shows exposures late or early for no reason that it can correct."""
-        # Exposures that are stamped or interpolated come late by a part of a frame, and that is corrected.
+        """Return the findings, marginal if a fit shows a lag that it cannot correct."""
+        # Time-stamped or interpolated exposures lag by a fraction of a frame, which the fit corrects.
         usual = lateness.corrected and self.corrected_frames + lateness.value > 0
         if self.verdict.state != "identifiable" or usual:
             return self
@@ -147,13 +149,13 @@ class ExposureFindings:
             return self
         lag = f"{frames:.1f} ± {lateness.sigma:.1g} frames {'late' if lateness.value > 0 else 'early'}"
         if lateness.corrected:
-            mixed = f"each image seems to have some of the one before in it: exposures are {lag}"
+            mixed = f"each image seems to contain part of the previous one: exposures are {lag}"
             return self.with_warning(mixed, _NO_DENOISING)
-        reason = f"{self.verdict.reason}, but the fit shows them {lag}"
+        reason = f"{self.verdict.reason}, but the fit shows that they are {lag}"
         return replace(self, verdict=Verdict("marginal", reason, _CHANGE_IRREGULARLY))
 
     def with_warning(self, reason: str, remedy: str) -> ExposureFindings:
-        """Return the findings, marginal at best for a reason that concerns response and vignette as well."""
+        """Return the findings, marginal at best, with a warning that also applies to response and vignette."""
         verdict = Verdict("marginal", reason, remedy) if self.verdict.known else self.verdict
         return replace(self, verdict=verdict, warnings=(*self.warnings, reason))
 
@@ -163,24 +165,24 @@ def _lateness(effects: Iterable[EffectEstimate]) -> EffectEstimate | None:
 
 
 def _uncertain(reason: str) -> str:
-    return f"whether exposures belong to their frames is not certain: {reason}"
+    return f"it is uncertain whether exposures belong to their frames: {reason}"
 
 
 def assess_exposures(
     changes: Sequence[BrightnessChange], log_exposure: FloatArray, choice: LagChoice = "auto", *, first_frame: int = 0
 ) -> ExposureFindings:
-    """Compare the changes of brightness with the exposures written.
+    """Compare the brightness changes with the recorded exposures.
 
     Parameters
     ----------
     changes
-        Changes of brightness between consecutive frames, in the order of frames.
+        Brightness changes between consecutive frames, in frame order.
     log_exposure
-        ln of the exposure written beside every frame, NaN where there is none, shape (frames,).
+        ln of the exposure recorded for each frame, NaN if missing, shape (frames,).
     choice
         What to do about a lag.
     first_frame
-        Number of the first frame that counts.
+        Number of the first frame to use.
     """
     series = BrightnessSeries.from_changes(changes).renumbered(-first_frame)
     found = _assess_choice(series, filled(log_exposure[first_frame:]), choice).renumbered(first_frame)
@@ -200,26 +202,26 @@ def _assess_choice(series: BrightnessSeries, written: FloatArray, choice: LagCho
         return found
     corrected = _assess_shifted(series, written, certain)
     note = (
-        f"exposures are written {lag_in_words(certain)}, as {counted(found.lag.pairs, 'pair')} of frames show, and "
-        "were moved to the frames they belong to; --correct-lag never leaves them"
+        f"exposures are recorded {lag_in_words(certain)}, as {counted(found.lag.pairs, 'pair')} of frames show, and "
+        "were moved to their frames; use --correct-lag never to keep them as recorded"
     )
     return replace(corrected, lag=found.lag, corrected_frames=certain, notes=(note,))
 
 
 def _as_stated(found: ExposureFindings, lag: int) -> ExposureFindings:
-    """Leave no question open that only the images could not answer: the user, or the file format, states the lag."""
+    """Settle an open lag as stated by the user or the file format, unless the images contradict it."""
     asked = found.verdict.state == "marginal" and found.lag.frames is None and not found.warnings
     if not asked or (found.lag.candidates and lag not in found.lag.candidates):
         return found
-    whose = "belong to their frames" if lag == 0 else f"are written {lag_in_words(lag)}"
-    reason = f"exposures {whose}, as stated; the images do not contradict it"
+    whose = "belong to their frames" if lag == 0 else f"are recorded {lag_in_words(lag)}"
+    reason = f"exposures {whose}, as stated; the images do not contradict this"
     return replace(found, verdict=Verdict("identifiable", reason), notes=())
 
 
 def _with_local_tone(
     found: ExposureFindings, changes: Sequence[BrightnessChange], log_exposure: FloatArray
 ) -> ExposureFindings:
-    """Look for local tone mapping, with the exposures moved by the most likely lag."""
+    """Look for local tone mapping, with the exposures shifted by the most likely lag."""
     lag = found.lag.candidates[0] if found.lag.candidates else found.corrected_frames
     inside = [c for c in changes if c.frame0 + lag >= 0 and c.frame1 + lag < len(log_exposure)]
     exposure_change = np.array([log_exposure[c.frame1 + lag] - log_exposure[c.frame0 + lag] for c in inside])
@@ -229,7 +231,7 @@ def _with_local_tone(
 
 
 def _assess_shifted(series: BrightnessSeries, written: FloatArray, lag: int) -> ExposureFindings:
-    """Assess the exposures moved to earlier frames by a lag; the lag found is that of the exposures as written."""
+    """Assess the exposures shifted by a lag; the estimated lag refers to the exposures as recorded."""
     check_lag(lag, len(written))
     first, last = max(0, -lag), len(written) - max(0, lag)
     inside = series.with_exposures(len(written), 0, lag).renumbered(-first)
@@ -243,7 +245,7 @@ def _assess(series: BrightnessSeries, written: FloatArray) -> ExposureFindings:
     lag = estimate_lag(series, written)
     brightness = brightness_report(lag, written)
     few = brightness is None and len(written) < MIN_CHECKED_FRAMES
-    # Whether exposures leave much of the brightness unexplained, at their lag or at whichever fits best.
+    # Whether exposures leave much of the brightness unexplained, even at the lag that fits best.
     unlike = (
         brightness is not None
         and (lag.frames is not None or lag.state == "ambiguous")
@@ -269,7 +271,7 @@ def _verdicts(
     *,
     unlike: bool,
 ) -> Iterator[Verdict]:
-    """Give the verdicts that hold, the one that matters most first."""
+    """Yield all verdicts that apply, the most important first."""
     if brightness is None and frames < MIN_CHECKED_FRAMES:
         few = f"the recording has only {counted(frames, 'frame')}, too few to check whether exposures belong to them"
         yield Verdict("marginal", few, _MORE_FRAMES)
@@ -279,12 +281,12 @@ def _verdicts(
         yield Verdict("marginal", f"{few}, too few to check the exposures", _SLOWER)
         return
     if brightness.stale:
-        course_of = "stay as they are" if course.values == 1 else "often stay as they are"
+        stay = "stay constant" if course.values == 1 else "often stay constant"
         yield Verdict(
             "not identifiable",
-            f"the exposures written {course_of} while the same things change in brightness, by "
-            f"{_percent(brightness.unexplained_drift_log)} within {DRIFT_FRAMES} frames: the metadata are stale, or "
-            f"a gain is missing in them",
+            f"the recorded exposures {stay} while the brightness of the same objects changes by "
+            f"{_percent(brightness.unexplained_drift_log)} within {DRIFT_FRAMES} frames: the metadata are stale or "
+            "lack a gain",
             _FIX_METADATA,
         )
     if lag.state == "constant exposure":
@@ -292,35 +294,34 @@ def _verdicts(
     if opposed > 1 - MAX_UNEXPLAINED_SHARE:
         yield Verdict(
             "not identifiable",
-            f"the images get darker where the exposures written get longer: {opposed:.0%} of the changes of "
-            "brightness follow their inverse",
+            "the images get darker when the recorded exposures get longer: the inverse of the exposures explains "
+            f"{opposed:.0%} of the brightness changes",
             _GIVE_TIMES,
         )
     if lag.state == "no response to exposure":
-        silent = f"exposures range over {course.in_words()}, but the brightness of the scene does not follow them"
+        silent = f"exposures range from {course.in_words()}, but the brightness of the scene does not follow them"
         yield Verdict("not identifiable", silent, _FIX_METADATA)
-    figure = f"{1 - brightness.unexplained_share:.0%} of the changes of brightness follow them"
+    explained = f"{1 - brightness.unexplained_share:.0%} of the brightness changes"
     if unlike and not lag.frames:
-        rest = f"the rest changes by {_percent(brightness.unexplained_rms_log)} a frame"
-        cause = "which flicker or a hidden gain would explain"
-        yield Verdict("marginal", f"exposures fit badly: only {figure}; {rest}, {cause}", _STEADY_LIGHT)
+        rest = f"the rest, {_percent(brightness.unexplained_rms_log)} per frame, may be flicker or an unrecorded gain"
+        yield Verdict("marginal", f"exposures fit badly: they explain only {explained}; {rest}", _STEADY_LIGHT)
     certain = lag.correction(course.cycle_frames)
     if certain is None:
         yield _unknown_lag(course, lag)
     if certain:
         yield Verdict(
             "marginal",
-            f"exposures are written {lag_in_words(certain)}; moved back, {figure}",
+            f"exposures are recorded {lag_in_words(certain)}; once moved to their frames, they explain {explained}",
             f"leave --correct-lag at auto, or set it to {certain}",
         )
     theirs = "exposures belong to their frames"
     if lag.frames is None:
-        theirs += f" or to others with the same ones, for they repeat every {course.cycle_frames} frames"
-    yield Verdict("identifiable", f"{theirs}: {figure}")
+        theirs += f", or to others with the same exposure, because they repeat every {course.cycle_frames} frames"
+    yield Verdict("identifiable", f"{theirs}: they explain {explained}")
 
 
 def _either(lag: LagEstimate) -> str:
-    """Return the lags that fit the images equally well, in words."""
+    """Return the candidate lags as text, such as "0 or 1" or "-1 to 2"."""
     lags = sorted(lag.candidates)
     is_range = len(lags) > 2 and lags[-1] - lags[0] == len(lags) - 1
     return f"{lags[0]} to {lags[-1]}" if is_range else " or ".join(map(str, lags))
@@ -329,19 +330,19 @@ def _either(lag: LagEstimate) -> str:
 def _unknown_lag(course: ExposureReport, lag: LagEstimate) -> Verdict:
     either = _either(lag)
     reasons = {
-        "changes too small": "the exposures change too little, where they could be compared, to check them",
+        "changes too small": "the exposures change too little between the compared frames to check them",
         "too few pairs": f"only {counted(lag.pairs, 'pair')} of consecutive frames could be compared",
         "follows flicker": "the exposures follow a flickering light, which hides their lag",
         "between frames": f"the exposures fit best between two frames ({lag.fraction_frames:+.1f})",
-        "out of range": f"the exposures fit best with a lag of {either} frames, the largest tried, which is unlikely",
+        "out of range": f"the exposures fit best with a lag of {either} frames, the largest tried and implausible",
         "changing": "the lag of the exposures differs between the two halves of the recording",
     }
     reason = reasons.get(lag.state, f"lags of {either} frames fit the images equally well")
     if lag.state == "ambiguous" and course.cycle_frames is not None:
-        reason = f"the exposures repeat every {course.cycle_frames} frames: lags of {either} look the same"
+        reason = f"the exposures repeat every {course.cycle_frames} frames: lags of {either} cannot be distinguished"
     return Verdict("marginal", reason, _CHANGE_IRREGULARLY)
 
 
 def _percent(log_change: float) -> str:
-    """Return a change in per cent, with a decimal below ten."""
+    """Return a change in per cent, with one decimal below 10 %."""
     return f"{np.expm1(log_change):.1%}" if log_change < 0.1 else f"{np.expm1(log_change):.0%}"

@@ -1,4 +1,4 @@
-"""Periodic changes of brightness that the exposure does not explain: lamps on alternating current."""
+"""Detect flicker: periodic brightness changes that the exposure does not explain, as from mains-powered lamps."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ from ospc.settings.exposures import (
 
 @dataclass(frozen=True)
 class Flicker:
-    """A periodic change of brightness: its frequency as the frames sample it, at most 0.5.
+    """A periodic brightness change, with its frequency as sampled by the frames, at most 0.5.
 
-    ``log_amplitude`` is that of the change from one frame to the next, in ln of the grey level, and ``share`` the
-    share of the fast unexplained changes that it makes up.
+    ``log_amplitude`` is the amplitude of the change from one frame to the next, in ln of the grey level. ``share`` is
+    its share of the energy of the fast unexplained changes.
     """
 
     cycles_per_frame: float
@@ -39,16 +39,16 @@ class Flicker:
 
     @property
     def brightness_amplitude(self) -> float:
-        """Relative amplitude of the brightness itself: half the difference between extremes, over the mean."""
+        """Relative amplitude of the brightness: half its range over its mean."""
         return self.log_amplitude / float(2 * np.sin(np.pi * self.cycles_per_frame))
 
 
 def find_flicker(frame: IntArray, change: FloatArray) -> Flicker | None:
-    """Find the strongest periodic part of unexplained changes of ln brightness from frame to frame.
+    """Find the strongest periodic component of unexplained changes of ln brightness between frames.
 
-    ``frame`` is the index of the frame of each, increasing; after a long gap the phase is fitted anew. Both have the
-    shape (n,). None where no frequency stands out (Fisher's test of the largest share of a periodogram), or only a
-    slow one with less than four periods in the time seen.
+    ``frame`` holds the increasing frame index of each change; the phase is fitted anew after a long gap. Both arrays
+    have shape (n,). Returns None if no frequency is significant (Fisher's test for the largest peak of a periodogram)
+    or has at least four periods in the observed time.
     """
     if not in_long_runs(frame).any():
         return None
@@ -58,7 +58,7 @@ def find_flicker(frame: IntArray, change: FloatArray) -> Flicker | None:
     frequency = _strongest_frequency(frame, value, MIN_FAST_PERIODS)
     fitted = value - without_waves(frame, value, [frequency])
     share = min(float(np.var(fitted)) / max(float(np.var(fast_part(frame, value))), 1e-12), 1.0)
-    # Chance that the largest of so many independent frequencies of white noise has this share of the power.
+    # Probability that the largest of ``count`` independent frequencies of white noise has this share of the power.
     count = len(value) // 2
     chance = count * (1 - min(share, MAX_FLICKER_SHARE)) ** max(count / len(_runs(frame)) - 1, 1.0)
     amplitude = float(np.sqrt(2) * np.std(fitted))
@@ -70,7 +70,7 @@ def find_flicker(frame: IntArray, change: FloatArray) -> Flicker | None:
 def strongest_wave(frame: IntArray, change: FloatArray) -> tuple[float, float] | None:
     """Return the strongest frequency of changes, in cycles per frame, and its share of their energy.
 
-    Frequencies with less than two periods in a run of frames are ignored; None where no run is long enough.
+    Frequencies with fewer than two periods in a run of frames are ignored. Returns None if no run is long enough.
     """
     energy = float(np.sum(change**2))
     if energy <= 0 or not in_long_runs(frame).any():
@@ -81,7 +81,7 @@ def strongest_wave(frame: IntArray, change: FloatArray) -> tuple[float, float] |
 
 
 def waves(frame: IntArray, cycles_per_frame: Sequence[float]) -> FloatArray:
-    """Return a cosine and a sine of each frequency for each run of frames, zero outside it, shape (n, columns)."""
+    """Return a cosine and a sine of each frequency per run of frames, zero outside the run, shape (n, columns)."""
     columns = []
     for run in _runs(frame):
         angle = 2 * np.pi * np.outer(frame, cycles_per_frame)
@@ -92,7 +92,7 @@ def waves(frame: IntArray, cycles_per_frame: Sequence[float]) -> FloatArray:
 
 
 def without_waves(frame: IntArray, change: FloatArray, cycles_per_frame: Sequence[float]) -> FloatArray:
-    """Return changes without what waves of these frequencies explain of them, in each run of frames, shape (n,)."""
+    """Return the changes minus fitted waves of these frequencies, fitted per run of frames, shape (n,)."""
     rest = change.copy()
     for run in _runs(frame):
         columns = waves(frame[run], cycles_per_frame)
@@ -109,7 +109,7 @@ def in_long_runs(frame: IntArray) -> BoolArray:
 
 
 def fast_part(frame: IntArray, change: FloatArray) -> FloatArray:
-    """Return changes without what is slower than a few periods in the time seen, shape (n,)."""
+    """Return the changes without frequencies that have only a few periods in a run of frames, shape (n,)."""
     fast = np.zeros(len(change))
     for run in _runs(frame):
         grid = _on_grid(frame[run], change[run] - change[run].mean())
@@ -120,7 +120,7 @@ def fast_part(frame: IntArray, change: FloatArray) -> FloatArray:
 
 
 def _strongest_frequency(frame: IntArray, values: FloatArray, periods: int) -> float:
-    """Return the strongest frequency, in cycles per frame, with at least so many periods in the longest run."""
+    """Return the strongest frequency, in cycles per frame, with at least this many periods in the longest run."""
     grids = [_on_grid(frame[run], values[run]) for run in _runs(frame)]
     longest = max(len(grid) for grid in grids)
     length = FOURIER_OVERSAMPLING * longest
@@ -130,14 +130,14 @@ def _strongest_frequency(frame: IntArray, values: FloatArray, periods: int) -> f
 
 
 def _on_grid(frame: IntArray, values: FloatArray) -> FloatArray:
-    """Return the values with zeros for missing frames between them."""
+    """Return the values with zeros inserted for missing frames."""
     grid = np.zeros(int(frame[-1] - frame[0]) + 1)
     grid[frame - frame[0]] = values
     return grid
 
 
 def _runs(frame: IntArray) -> list[slice]:
-    """Return the stretches of frames without large gaps."""
+    """Return the runs of frames without large gaps."""
     if not len(frame):
         return []
     cuts = [0, *(np.flatnonzero(np.diff(frame) > MAX_PHASE_GAP_FRAMES) + 1).tolist(), len(frame)]

@@ -1,4 +1,4 @@
-"""The lag of the exposures: by how many frames the metadata come late."""
+"""Estimate the lag of the exposures: by how many frames the metadata are late."""
 
 from __future__ import annotations
 
@@ -34,20 +34,20 @@ from ospc.settings.exposures import (
 
 
 def estimate_lag(series: BrightnessSeries, log_exposure: FloatArray, max_lag: int = MAX_LAG) -> LagEstimate:
-    """Estimate by how many frames exposures come late.
+    """Estimate by how many frames the exposures are late.
 
-    Every lag is fitted to the same pairs of frames (those whose exposure is known for all lags). The most likely lag
-    is accepted if it beats every other clearly, both in likelihood and against the scatter of its lead from pair to
-    pair (Vuong 1989), on several pairs, in the whole recording, and not by lying half way to a neighbour.
+    Every lag is fitted to the same pairs of frames: those whose exposures are known at all lags. The most likely lag
+    is accepted if it clearly beats every other one in likelihood, relative to the scatter of its lead from pair to
+    pair (Vuong 1989), on several pairs and in both halves of the recording, and if no fractional lag fits better.
 
     Parameters
     ----------
     series
-        Changes of brightness between consecutive frames.
+        Brightness changes between consecutive frames.
     log_exposure
         ln of the exposure of every frame of the recording, shape (frames,).
     max_lag
-        Largest lag tried, either way.
+        Largest lag tried in either direction.
     """
     lags = np.arange(-max_lag, max_lag + 1)
     comparable = series.with_exposures(len(log_exposure), -max_lag, max_lag)
@@ -66,7 +66,7 @@ def estimate_lag(series: BrightnessSeries, log_exposure: FloatArray, max_lag: in
 
 
 def _select(tried: LagHypotheses, series: BrightnessSeries) -> LagEstimate:
-    """Return the lag from changes from frame to frame, or else from fits that suffer less from wrong exposures."""
+    """Return the lag from frame-to-frame changes, or from fits that are less sensitive to wrong exposures."""
     first = select_lag(tried)
     doubtful = first.fit is not None and float(np.median(first.fit.slopes)) < DOUBTFUL_RESPONSE_SLOPE
     settled = first.state not in ("ambiguous", *UNRESPONSIVE)
@@ -80,7 +80,7 @@ def _select(tried: LagHypotheses, series: BrightnessSeries) -> LagEstimate:
 
 
 def _with_fit_to_all_pairs(found: LagEstimate, tried: LagHypotheses, series: BrightnessSeries) -> LagEstimate:
-    """Return an estimate whose fit covers all pairs, where flicker was looked for in some of them only."""
+    """Return the estimate with a fit to all pairs, because flicker may have been fitted to some of them only."""
     if len(tried.series) == len(series) or found.fit is None:
         return found
     known = bool(found.candidates)
@@ -89,21 +89,18 @@ def _with_fit_to_all_pairs(found: LagEstimate, tried: LagHypotheses, series: Bri
 
 
 def explained_by_inverse(found: LagEstimate, series: BrightnessSeries, log_exposure: FloatArray) -> float:
-    """Return the share of the changes of brightness that the inverse of exposures explains; 0 where they do well."""
+    """Return the share of the brightness changes that inverse exposures explain; 0 if the exposures fit well."""
     poor = found.fit is not None and found.fit.unexplained_share > MAX_UNEXPLAINED_SHARE
     inverse = estimate_lag(series, -log_exposure).fit if poor and found.state != "constant exposure" else None
     return 0.0 if inverse is None else 1 - inverse.unexplained_share
 
 
-# Flicker beside the exposures.
-
-
 def _with_flicker(tried: LagHypotheses) -> LagHypotheses:
-    """Return the lags with periodic changes fitted, too, where these make some lag much more likely.
+    """Return the lags fitted together with flicker, if flicker makes some lag much more likely.
 
-    An exposure control that follows the flicker of a lamp is as periodic as the lamp. What it does at that frequency
-    says nothing about the metadata; at some wrong lag it even seems to explain the flicker. So the frequencies that
-    any lag leaves unexplained are tried, in long runs of frames only.
+    An exposure control that follows the flicker of a lamp is as periodic as the lamp. At that frequency it contains
+    no information about the lag; a wrong lag may even seem to explain the flicker. This tries the frequencies that
+    any lag leaves unexplained, in long runs of frames only.
     """
     in_runs = tried.series.where(in_long_runs(tried.series.frame))
     if len(in_runs.predicted) < MIN_LAG_PAIRS:
@@ -123,7 +120,7 @@ def _with_flicker(tried: LagHypotheses) -> LagHypotheses:
 
 
 def _flicker_candidates(tried: LagHypotheses) -> list[Flicker]:
-    """Return the different frequencies that stand out in what the lags leave unexplained."""
+    """Return the distinct significant frequencies in the residuals of the lags."""
     frame, known = tried.series.frame, [flicker.cycles_per_frame for flicker in tried.flickers]
     candidates: list[Flicker] = []
     for fit in sorted(tried.fits, key=lambda fit: -fit.total):
@@ -136,10 +133,10 @@ def _flicker_candidates(tried: LagHypotheses) -> list[Flicker]:
 
 
 def _holds_under_swinging_light(first: LagEstimate, tried: LagHypotheses) -> bool:
-    """Return whether a lag holds even if the light swings with the main period of the exposures.
+    """Return whether a lag stays the same if a light that varies with the main period of the exposures is fitted too.
 
-    An exposure control that follows a swinging light leaves swings of brightness, which exposures at a wrong lag fit
-    as well. Its exposures swing with one period, and little.
+    An exposure control that follows a periodic light leaves periodic brightness changes, which exposures at a wrong
+    lag fit equally well. Such exposures have a single period and a small amplitude.
     """
     if first.frames is None or tried.flickers or exposure_cycle(tried.log_exposure) is not None:
         return True
@@ -152,18 +149,15 @@ def _holds_under_swinging_light(first: LagEstimate, tried: LagHypotheses) -> boo
     if share < SWINGING_EXPOSURE_SHARE or deviation > MAX_SWINGING_EXPOSURE_LOG:
         return True
     swing = Flicker(cycles_per_frame, float(np.sqrt(2) * np.std(change)), share)
-    beside = LagHypotheses.fit(tried.series, tried.log_exposure, tried.lags, (swing,))
-    return select_lag(beside).frames == first.frames
-
-
-# Where single exposures are inexact.
+    with_swing = LagHypotheses.fit(tried.series, tried.log_exposure, tried.lags, (swing,))
+    return select_lag(with_swing).frames == first.frames
 
 
 def _with_inexact_exposures(tried: LagHypotheses) -> LagEstimate | None:
-    """Return the estimate that allows for errors of single exposures; None unless all sizes of errors agree on it.
+    """Return the estimate that allows for errors of single exposures; None unless it is the same for all error sizes.
 
-    Where errors of the metadata outweigh most changes of exposure, a model without them finds that brightness hardly
-    follows the exposure, and its preferred lag means nothing.
+    If errors of the metadata outweigh most exposure changes, a model without such errors finds that brightness hardly
+    follows the exposure, and its best lag is meaningless.
     """
     found = [
         select_lag(LagHypotheses.fit(replace(tried.series, exposure_error=error), tried.log_exposure, tried.lags))
@@ -174,11 +168,8 @@ def _with_inexact_exposures(tried: LagHypotheses) -> LagEstimate | None:
     return next((e for e in found if e.frames is not None), None) if agreed and possible else None
 
 
-# Where changes from frame to frame leave the lag open.
-
-
 def _over_long_intervals(first: LagEstimate, tried: LagHypotheses, series: BrightnessSeries) -> LagEstimate:
-    """Return the estimate from changes over several frames, or the first one where those say no more."""
+    """Return the estimate from changes over several frames, or the first one if they do not add information."""
     pairs = series.where(in_long_runs(series.frame)) if tried.flickers else series
     estimates = [e for e in (_over(frames, pairs, tried) for frames in LONG_INTERVALS_FRAMES) if e is not None]
     agreed = next((estimate for estimate in estimates if _agree(first, estimate)), None)
@@ -187,13 +178,13 @@ def _over_long_intervals(first: LagEstimate, tried: LagHypotheses, series: Brigh
         chosen = next((estimate for estimate in estimates if estimate.state not in UNRESPONSIVE), None)
     if chosen is None:
         return first
-    # The fit that is reported stays the one to changes from frame to frame.
+    # Still report the fit to frame-to-frame changes.
     fit = tried.fits[tried.index_of(chosen.candidates[0])]
     return replace(chosen, state=chosen.state if agreed else "ambiguous", fit=fit, frame=tried.series.frame)
 
 
 def _over(interval_frames: int, series: BrightnessSeries, tried: LagHypotheses) -> LagEstimate | None:
-    """Return the estimate from changes over so many frames; None where there are too few."""
+    """Return the estimate from changes over this many frames; None if there are too few pairs."""
     longer = series.over(interval_frames).with_exposures(len(tried.log_exposure), *tried.lags.tolist())
     if len(longer.predicted) < MIN_LAG_PAIRS:
         return None
@@ -201,7 +192,7 @@ def _over(interval_frames: int, series: BrightnessSeries, tried: LagHypotheses) 
 
 
 def _agree(first: LagEstimate, longer: LagEstimate) -> bool:
-    """Return whether changes over several frames settle what those from frame to frame leave open."""
+    """Return whether changes over several frames settle a lag that frame-to-frame changes leave open."""
     if longer.frames is None or longer.frames not in first.candidates:
         return False
     at = int(np.flatnonzero(longer.lags == longer.frames)[0])

@@ -1,4 +1,4 @@
-"""Has the lag changed? The latest changes of brightness are compared with the lag that was known before."""
+"""Detect changes of the lag during a run by comparing the latest brightness changes with the known lag."""
 
 from __future__ import annotations
 
@@ -26,18 +26,18 @@ from ospc.settings.exposures import (
 )
 
 _LATER = np.arange(-MAX_COMMON_LAG, MAX_COMMON_LAG + 1)
-"""By how many frames later than before exposures may be written."""
+"""Changes of the lag that are tried, in frames; positive if exposures are recorded later than before."""
 
 _UNCHANGED = MAX_COMMON_LAG
-"""Index in it of no change."""
+"""Index of no change in it."""
 
 
 @dataclass(frozen=True)
 class LagChange:
     """A change of the lag, suspected or ``proven``.
 
-    ``frame`` is the first frame after it, as nearly as it can be determined. Exposures are written ``later_frames``
-    later than before, or earlier if that is negative.
+    ``frame`` is the first frame after the change, as accurately as it can be determined. The lag increases by
+    ``later_frames``, which may be negative.
     """
 
     frame: int
@@ -48,20 +48,21 @@ class LagChange:
 def detect_lag_change(
     changes: Sequence[BrightnessChange], log_exposure: FloatArray, known_lag: int
 ) -> LagChange | None:
-    """Return the change of the lag that the latest changes of brightness show; None if they show none.
+    """Return the change of the lag that the latest brightness changes show, or None.
 
-    A lag that fits all pairs since some frame better than the known one raises a suspicion. It is proven if all pairs
-    together, with any slow change of light, are much more likely with another lag since then than with the known one
-    throughout, and if all lags that are nearly as likely are on the same side of the known one.
+    A change is suspected if another lag fits all pairs since some frame better than the known one. It is proven if
+    all pairs together, fitted with a slow change of light, are much more likely with another lag since that frame
+    than with the known lag throughout, and if all lags that are nearly as likely lie on the same side of the known
+    one.
 
     Parameters
     ----------
     changes
-        Changes of brightness between consecutive frames, in the order of frames.
+        Brightness changes between consecutive frames, in frame order.
     log_exposure
-        ln of the exposure written beside every frame, NaN where there is none, shape (frames,).
+        ln of the exposure recorded for each frame, NaN if missing, shape (frames,).
     known_lag
-        The lag that was certain before, in frames.
+        The latest lag that was certain, in frames.
     """
     start = max(0, len(log_exposure) - LAG_CHANGE_WINDOW_FRAMES)
     window, lags = filled(log_exposure[start:]), (known_lag + _LATER).tolist()
@@ -86,13 +87,13 @@ def detect_lag_change(
 
 
 def _leads(series: BrightnessSeries, changes: FloatArray, light: FloatArray | None = None) -> FloatArray:
-    """Return by how much each row of changes of exposure is more likely than the known lag, shape (lags, pairs)."""
+    """Return the log likelihood of each row of exposure changes relative to the known lag, shape (lags, pairs)."""
     log_likelihood = np.array([fit.log_likelihood for fit in fit_exposures(series, changes, light)])
     return np.asarray(log_likelihood - log_likelihood[_UNCHANGED])
 
 
 def _start_of_change(leads: FloatArray, frame: IntArray) -> tuple[int, int, float]:
-    """Return the index of the lag that leads most from some pair on, the first frame of that pair, and the lead."""
+    """Return the index of the lag with the largest lead from some pair on, that pair's first frame, and the lead."""
     since = np.cumsum(leads[:, ::-1], axis=1)[:, ::-1]
     best = int(np.argmax(since.max(axis=1)))
     pair = int(np.flatnonzero(since[best] > since[best].max() - LAG_CHANGE_START_TOLERANCE)[-1])
@@ -100,7 +101,7 @@ def _start_of_change(leads: FloatArray, frame: IntArray) -> tuple[int, int, floa
 
 
 def _slow_light(frame: IntArray) -> FloatArray:
-    """Return cosines of which any sufficiently slow change of brightness is a sum, shape (pairs, cosines)."""
+    """Return a cosine basis for slow brightness changes, shape (pairs, cosines)."""
     frames = frame[-1] + 1 - frame[0]
     halves = np.arange(2 * frames // MIN_LIGHT_PERIOD_FRAMES + 1)
     return np.asarray(np.cos(np.pi * np.outer(frame - frame[0] + 0.5, halves) / frames))

@@ -1,12 +1,12 @@
-"""How well given exposures explain observed changes of brightness.
+"""Likelihood of exposures given the observed brightness changes.
 
 The observed change of pair i is the weighted mean over grey bins b of ln M₁/M₀, and the model is
 
-    d_ib = β_b x_i + a · q_ib + n_i,        β_b ≥ 0,
+    d_ib = β_b x_i + a · q_ib + n_i,        β_b ≥ 0.
 
-with x_i the change of ln exposure, q_ib the mean changes of R², R⁴, x and y, of which the change of ln V is about a
-linear combination, and β_b = d ln M/d ln e, the slope of whatever response there is. The noise n_i is autoregressive,
-for the errors of registration change slowly, and its innovations follow Student's t, for they have heavy tails.
+x_i is the change of ln exposure. q_ib are the mean changes of R², R⁴, x and y; the change of ln V is approximately a
+linear combination of them. β_b = d ln M/d ln e is the slope of the response. The noise n_i is autoregressive because
+registration errors change slowly, and its innovations follow Student's t distribution because they have heavy tails.
 """
 
 from __future__ import annotations
@@ -37,19 +37,19 @@ from ospc.settings.exposures import (
 
 @dataclass(frozen=True)
 class LagFit:
-    """Exposures, at some lag, fitted to the changes of brightness of n pairs of frames.
+    """Exposures at one lag, fitted to the brightness changes of n pairs of frames.
 
     Attributes
     ----------
     log_likelihood
-        That of each pair in :attr:`BrightnessSeries.predicted`, given those before it, shape (m,).
+        Log likelihood of each pair in :attr:`BrightnessSeries.predicted`, given the previous ones, shape (m,).
     slopes
-        d ln M/d ln e in each grey bin, 0 where the exposure does not change, shape (bins,).
+        d ln M/d ln e in each grey bin, 0 if the exposure does not change, shape (bins,).
     observed, explained
-        The change of brightness of each pair without what the vignette does, and what the exposure explains of it,
-        shape (n,).
+        The brightness change of each pair without the effect of the vignette, and the part of it that the exposure
+        explains, shape (n,).
     scale
-        Scale of the innovations of the noise, in ln of the grey level.
+        Scale of the noise innovations, in ln of the grey level.
     """
 
     log_likelihood: FloatArray
@@ -65,12 +65,12 @@ class LagFit:
 
     @property
     def unexplained(self) -> FloatArray:
-        """What the exposure leaves of each pair's change, shape (n,)."""
+        """Change of each pair that the exposure does not explain, shape (n,)."""
         return self.observed - self.explained
 
     @property
     def unexplained_share(self) -> float:
-        """Share of the energy of the observed changes that exposures do not explain; NaN where there is none."""
+        """Share of the energy of the observed changes that exposures do not explain; NaN if there are no changes."""
         energy = float(np.sum(self.observed**2))
         return float(np.sum(self.unexplained**2)) / energy if energy > 0 else float("nan")
 
@@ -78,16 +78,16 @@ class LagFit:
 def fit_exposures(
     series: BrightnessSeries, log_changes: FloatArray, nuisance: FloatArray | None = None
 ) -> list[LagFit]:
-    """Fit changes of ln exposure, those of several lags, to the observed changes of brightness.
+    """Fit the changes of ln exposure at several lags to the observed brightness changes.
 
-    All lags are fitted at once: one by one, small arrays take several times as long.
+    All lags are fitted together: fitting small arrays one by one takes several times as long.
 
     Parameters
     ----------
     log_changes
         Change of ln exposure of each pair at each lag, shape (lags, n).
     nuisance
-        Other causes of change, such as waves of a flickering light, whose sizes are fitted too, shape (n, causes).
+        Other causes of change with fitted amplitudes, such as flicker, shape (n, causes).
 
     Returns
     -------
@@ -114,7 +114,7 @@ def fit_exposures(
         first_limits=SLOPE_FACTOR_LIMITS if exact else INEXACT_SLOPE_FACTOR_LIMITS,
         max_ar_sum=MAX_AR_SUM if exact else 0.0,
     )
-    # The logarithm of Student's density, but for a constant.
+    # Logarithm of Student's t density up to a constant.
     log_density = -(STUDENT_T_DOF + 1) / 2 * np.log1p((innovation / scale) ** 2 / STUDENT_T_DOF) - np.log(scale)
     log_likelihood = log_density - np.log(unit[series.predicted])
     factor = np.where(changing, size[:, 0], 0.0)[:, None]
@@ -123,9 +123,9 @@ def fit_exposures(
 
 
 def _fit_slopes(series: BrightnessSeries, log_changes: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return β of each bin, and a, of each lag by iteratively reweighted least squares.
+    """Return β of each bin and a for each lag by iteratively reweighted least squares.
 
-    All bins of a pair have one weight.
+    All bins of a pair share one weight.
     """
     mean_change, mean_terms = series.means
     changes, terms, term_changes, term_products = series.products
@@ -166,12 +166,12 @@ def _regress_with_ar_noise(
     first_limits: tuple[float, float],
     max_ar_sum: float,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the size of each column, (lags, c), the innovations of the noise, (lags, m), and their scale, (lags, 1).
+    """Return the coefficients, shape (lags, c), the noise innovations, (lags, m), and their scale, (lags, 1).
 
-    What is observed has shape (lags, n), and the columns (lags, n, c). ``first_limits`` are those of the size of the
-    first column, and ``max_ar_sum`` is the largest sum of the magnitudes of the autoregressive coefficients.
+    ``observed`` has shape (lags, n) and ``columns`` (lags, n, c). ``first_limits`` bound the coefficient of the first
+    column, and ``max_ar_sum`` bounds the sum of the magnitudes of the autoregressive coefficients.
     """
-    # Observed values and columns, at the predicted pairs and at those before: shape (1 + AR_ORDER, lags, m, 1 + c).
+    # Observed values and columns at the predicted pairs and the pairs before them: (1 + AR_ORDER, lags, m, 1 + c).
     places = predicted - np.arange(1 + AR_ORDER)[:, None]
     lagged = np.moveaxis(np.concatenate([observed[..., None], columns], axis=2)[:, places], 1, 0)
     coefficients = np.zeros((len(observed), AR_ORDER))
@@ -196,7 +196,7 @@ def _regress_with_ar_noise(
 
 
 def _least_squares(columns: FloatArray, target: FloatArray, weight: FloatArray, ridge: float = 1e-9) -> FloatArray:
-    """Return the weighted least squares solution of each lag, (lags, m, c), (lags, m) and (lags, m) -> (lags, c)."""
+    """Solve weighted least squares for each lag: (lags, m, c), (lags, m) and (lags, m) -> (lags, c)."""
     c = columns.shape[2]
     if not c:
         return np.zeros((len(columns), 0))
@@ -208,17 +208,17 @@ def _least_squares(columns: FloatArray, target: FloatArray, weight: FloatArray, 
 
 
 def _student_t_weights(residual: FloatArray) -> FloatArray:
-    """Return the weights of residuals, over their scale, that make least squares the maximum likelihood."""
+    """Return the weights of residuals (divided by their scale) that turn maximum likelihood into least squares."""
     return (STUDENT_T_DOF + 1) / (STUDENT_T_DOF + residual**2)
 
 
 def _student_t_scales(values: FloatArray, scale: FloatArray) -> FloatArray:
-    """Return the scale of Student's t that makes the values of each lag most likely, found from a rough one."""
+    """Return the maximum likelihood scale of Student's t for the values of each lag, from an initial scale."""
     squared = values**2
     settled = np.zeros(scale.shape, np.bool_)
     for _ in range(2 * MAX_REWEIGHTINGS):
         before = scale
-        # (ν + 1) / (ν + v²/s²) · v², the square of each value with its weight.
+        # Weighted squares (ν + 1) / (ν + v²/s²) · v².
         weighted = squared / (STUDENT_T_DOF / (STUDENT_T_DOF + 1) + squared / ((STUDENT_T_DOF + 1) * scale**2))
         total = weighted.sum(axis=1, keepdims=True) / max(values.shape[1], 1)
         scale = np.where(settled, before, np.maximum(np.sqrt(total), MIN_NOISE_SCALE_LOG))
@@ -229,7 +229,7 @@ def _student_t_scales(values: FloatArray, scale: FloatArray) -> FloatArray:
 
 
 def _robust_scales(values: FloatArray) -> FloatArray:
-    """Return the robust scale of the values of each lag, not too small, shape (lags, n) -> (lags, 1)."""
+    """Return the robust scale of the values of each lag, bounded below, shape (lags, n) -> (lags, 1)."""
     if not values.size:
         return np.full((len(values), 1), MIN_NOISE_SCALE_LOG)
     found = SIGMA_OF_MEDIAN * np.median(np.abs(values), axis=1, keepdims=True)

@@ -1,4 +1,4 @@
-"""Which of several lags the images support, and whether they support it clearly enough."""
+"""Select the lag that the images support best, and decide whether it is certain."""
 
 from __future__ import annotations
 
@@ -46,30 +46,31 @@ LagState = Literal[
 ]
 
 UNRESPONSIVE: tuple[LagState, ...] = ("no response to exposure", "changes too small")
-"""States in which exposures do not show in the images at all."""
+"""States in which the images do not respond to the exposures."""
 
 
 @dataclass(frozen=True, eq=False)
 class LagEstimate(ByValue):
-    """By how many frames the exposures come late.
+    """The estimated lag of the exposures.
 
     Attributes
     ----------
     state
-        ``"determined"``, or why the lag is not; ``"refuted"`` where the fit of response and vignette shows another.
+        ``"determined"``, or why the lag is not determined; ``"refuted"`` if the fit of response and vignette
+        contradicts it.
     candidates
-        Lags that fit too well to be excluded, best first.
+        Lags that cannot be excluded, best first.
     lags, score, sigmas
-        Lags tried, the log likelihood of each relative to the best, and by how many standard deviations the best fits
-        better than each, shape (m,).
+        Lags tried, the log likelihood of each relative to the best, and the lead of the best over each in standard
+        deviations, shape (m,).
     fraction_frames
-        Where between the best lag and its neighbours the fit is best, in frames.
+        Offset from the best lag to the fractional lag that fits best, in frames.
     fit
-        The fit at the best lag, or without exposures where they do not change; None without pairs.
+        The fit at the best lag, or without exposures if they do not change; None without pairs.
     frame
         Index of the first frame of each pair of the fit, shape (pairs,).
     flicker
-        Periodic changes of brightness that the exposures do not explain, strongest first.
+        Periodic brightness changes that the exposures do not explain, strongest first.
     """
 
     state: LagState
@@ -84,19 +85,18 @@ class LagEstimate(ByValue):
 
     @property
     def frames(self) -> int | None:
-        """The lag L: frame i − L was taken with the exposure beside frame i. None where it is not determined."""
+        """The lag L: frame i − L was taken with the exposure recorded for frame i. None if not determined."""
         return self.candidates[0] if self.state == "determined" else None
 
     @property
     def pairs(self) -> int:
-        """Number of pairs of consecutive frames behind it."""
+        """Number of pairs of consecutive frames used."""
         return len(self.frame)
 
     def correction(self, cycle_frames: int | None) -> int | None:
-        """Return the lag to correct exposures by; None where that is not certain.
+        """Return the lag to correct exposures by; None if it is not certain.
 
-        If exposures repeat after some frames, all lags that differ by whole cycles correct them alike, and any of
-        them will do.
+        If exposures repeat after ``cycle_frames``, lags that differ by whole cycles give the same correction.
         """
         if self.frames is not None or self.state != "ambiguous" or cycle_frames is None:
             return self.frames
@@ -106,18 +106,18 @@ class LagEstimate(ByValue):
 
 @dataclass(frozen=True)
 class LagHypotheses:
-    """Several lags, m of them, each fitted to the same changes of brightness of n pairs of frames.
+    """Several lags, each fitted to the same brightness changes of n pairs of frames.
 
     Attributes
     ----------
     series, log_exposure
-        The changes of brightness, and ln of the exposure written beside every frame, shape (frames,).
+        The brightness changes, and ln of the exposure recorded for each frame, shape (frames,).
     lags, fits
         The lags, shape (m,), and the fit at each.
     changes
         Change of ln exposure of each pair at each lag, shape (m, n).
     flickers, nuisance
-        Periodic changes of brightness that were fitted, too, and their columns, shape (n, columns), None without.
+        Flicker that was fitted as well, and its columns, shape (n, columns), or None.
     """
 
     series: BrightnessSeries
@@ -132,7 +132,7 @@ class LagHypotheses:
     def fit(
         cls, series: BrightnessSeries, log_exposure: FloatArray, lags: IntArray, flickers: tuple[Flicker, ...] = ()
     ) -> LagHypotheses:
-        """Fit each of the lags to changes of brightness, together with flicker if there is any."""
+        """Fit each lag to the brightness changes, together with any flicker."""
         changes = np.stack([series.exposure_change(log_exposure, lag) for lag in lags.tolist()])
         nuisance = waves(series.frame, [f.cycles_per_frame for f in flickers]) if flickers else None
         fits = tuple(fit_exposures(series, changes, nuisance))
@@ -154,7 +154,7 @@ class LagHypotheses:
 
     @property
     def min_lead(self) -> float:
-        """Log likelihood by which the best lag must lead: more for overlapping intervals, and beside flicker."""
+        """Log likelihood by which the best lag must lead: more for overlapping intervals and in flickering light."""
         return MIN_LAG_LEAD * float(np.sqrt(self.series.interval_frames)) * self._caution
 
     @property
@@ -168,7 +168,7 @@ class LagHypotheses:
 
 
 def select_lag(tried: LagHypotheses) -> LagEstimate:
-    """Accept the most likely lag, or say why not."""
+    """Accept the most likely lag, or state why it is not certain."""
     best = tried.best
     lead = np.array([tried.fits[best].total - fit.total for fit in tried.fits])
     sigmas = _lead_sigmas(tried, best)
@@ -194,7 +194,7 @@ def select_lag(tried: LagHypotheses) -> LagEstimate:
 
 
 def _lead_sigmas(tried: LagHypotheses, best: int) -> FloatArray:
-    """Return by how many standard deviations the best lag leads each other one, shape (m,)."""
+    """Return the lead of the best lag over each lag in standard deviations, shape (m,)."""
     reach = CORRELATED_PAIRS + tried.series.interval_frames - 1
     best_fit = tried.fits[best]
     sigmas = np.array([_mean_sigmas(best_fit.log_likelihood - fit.log_likelihood, reach) for fit in tried.fits])
@@ -203,8 +203,8 @@ def _lead_sigmas(tried: LagHypotheses, best: int) -> FloatArray:
 
 
 def _rivals(tried: LagHypotheses, best: int, lead: FloatArray, sigmas: FloatArray) -> list[int]:
-    """Return the lags that the best one does not beat clearly, the most likely first."""
-    # In how many pairs another lag predicts a clearly different change of brightness.
+    """Return the lags that the best one does not clearly beat, most likely first."""
+    # Number of pairs in which each lag predicts a clearly different brightness change.
     difference = float(np.median(tried.fits[best].slopes)) * np.abs(tried.changes[best] - tried.changes)
     distinct = np.count_nonzero(difference > DISTINCT_NOISE_SCALES * tried.fits[best].scale, axis=1)
     uncommon = (abs(tried.lags[best]) > MAX_COMMON_LAG) & (abs(tried.lags) <= MAX_COMMON_LAG)
@@ -216,9 +216,10 @@ def _rivals(tried: LagHypotheses, best: int, lead: FloatArray, sigmas: FloatArra
 
 
 def _resolve_cycle(tried: LagHypotheses, best: int, rivals: list[int]) -> tuple[int, list[int], LagState]:
-    """Return the index of the lag, its rivals, and the state, where only a cycle of the exposures leaves it open.
+    """Return the index of the lag, its rivals, and the state, resolving ambiguity due to periodic exposures.
 
-    Lags that differ by whole cycles look the same. The only one of a common size is taken; the others stay rivals.
+    Lags that differ by whole cycles cannot be distinguished. If only one of them has a common size, it is selected,
+    and the others stay rivals.
     """
     if not rivals:
         return best, rivals, "determined"
@@ -231,9 +232,9 @@ def _resolve_cycle(tried: LagHypotheses, best: int, rivals: list[int]) -> tuple[
 
 
 def _unresponsive(tried: LagHypotheses, best: int, without: LagFit) -> LagState | None:
-    """Return why exposures do not show in the images, given the fit without them; None where they do."""
+    """Return why the images do not respond to the exposures, given the fit without them; None if they respond."""
     advantage = float((tried.fits[best].log_likelihood - without.log_likelihood).sum())
-    explained_share = 1 - tried.fits[best].unexplained_share  # NaN where brightness does not change
+    explained_share = 1 - tried.fits[best].unexplained_share  # NaN if brightness does not change
     if advantage >= tried.min_lead and (tried.flickers or explained_share >= MIN_EXPLAINED_SHARE):
         return None
     smallest_change_rms = float(np.sqrt(np.mean(tried.changes**2, axis=1)).min())
@@ -242,12 +243,12 @@ def _unresponsive(tried: LagHypotheses, best: int, without: LagFit) -> LagState 
 
 
 def _objection(tried: LagHypotheses, best: int, fraction_frames: float) -> LagState | None:
-    """Return why a lag without rivals is not accepted; None where nothing speaks against it."""
+    """Return why a lag without rivals is not accepted; None if it is."""
     lag = abs(int(tried.lags[best]))
     if _exposures_follow_flicker(tried, best):
         return "follows flicker"
-    # The likelihood may go on rising beyond the largest lag tried: an exposure control that follows a slowly swinging
-    # light leaves swings of brightness that exposures at a distant, meaningless lag fit.
+    # The likelihood may keep rising beyond the largest lag tried: an exposure control that follows a slowly varying
+    # light leaves brightness changes that exposures at a large, meaningless lag fit.
     if MAX_COMMON_LAG < lag == np.abs(tried.lags).max():
         return "out of range"
     if abs(fraction_frames) > MAX_FRACTIONAL_LAG:
@@ -256,7 +257,7 @@ def _objection(tried: LagHypotheses, best: int, fraction_frames: float) -> LagSt
 
 
 def _mean_sigmas(values: FloatArray, reach: int) -> float:
-    """Return a mean over its standard error, pairs within reach taken to depend on each other (Newey, West 1987)."""
+    """Return a mean over its standard error, allowing for correlation up to ``reach`` pairs (Newey, West 1987)."""
     centred = values - values.mean()
     independent = float(np.mean(centred**2))
     variance = independent
@@ -267,7 +268,7 @@ def _mean_sigmas(values: FloatArray, reach: int) -> float:
 
 
 def _fraction(tried: LagHypotheses, best: int) -> float:
-    """Return where between a lag and its neighbours exposures fit best, in frames."""
+    """Return the offset from a lag to the fractional lag that fits best, in frames."""
     if not 0 < best < len(tried.lags) - 1:
         return 0.0
     share = np.abs(FRACTIONAL_LAGS)[:, None]
@@ -281,10 +282,10 @@ def _fraction(tried: LagHypotheses, best: int) -> float:
 
 
 def _exposures_follow_flicker(tried: LagHypotheses, best: int) -> bool:
-    """Return whether nearly all fast changes of exposure have the period of unexplained changes of brightness.
+    """Return whether nearly all fast exposure changes have the period of the flicker.
 
-    A control loop that follows a flickering lamp is as periodic as the lamp, and the effects of lamp and exposure
-    cannot be separated. A programmed cycle of exposures repeats exactly; no control loop does.
+    A control loop that follows a flickering lamp is as periodic as the lamp, so the effects of lamp and exposure
+    cannot be separated. A programmed exposure cycle repeats exactly; a control loop does not.
     """
     if not tried.flickers or exposure_cycle(tried.log_exposure) is not None:
         return False
@@ -294,7 +295,7 @@ def _exposures_follow_flicker(tried: LagHypotheses, best: int) -> bool:
 
 
 def _halves_differ(tried: LagHypotheses, best: int) -> bool:
-    """Return whether a half of the recording clearly prefers another lag."""
+    """Return whether one half of the recording clearly prefers another lag."""
     half = len(tried.fits[best].log_likelihood) // 2
     for part in (slice(None, half), slice(half, None)):
         leads = [fit.log_likelihood[part] - tried.fits[best].log_likelihood[part] for fit in tried.fits]

@@ -1,4 +1,4 @@
-"""The exposures of a run, checked against the images while the frames come in."""
+"""Check the exposures of a run against the images as the frames arrive."""
 
 from __future__ import annotations
 
@@ -26,22 +26,22 @@ from ospc.settings.exposures import (
 
 @dataclass(frozen=True)
 class ExposureMonitorState:
-    """All that an :class:`ExposureMonitor` knows.
+    """Saved state of an :class:`ExposureMonitor`.
 
     Attributes
     ----------
     log_exposure
-        ln of the exposures as written, in milliseconds, shape (frames,).
+        ln of the recorded exposures in milliseconds, shape (frames,).
     lag_frames, trusted
-        The lag by which they are corrected during the run, and whether the images were found to agree with them.
+        The lag corrected during the run, and whether the images agree with the exposures.
     history
-        The changes of brightness.
+        The brightness changes.
     next_assessment
-        Number of changes of brightness at which the exposures are assessed again.
+        Number of brightness changes at which the exposures are assessed again.
     known_lag
-        The latest lag that was certain, None where none was.
+        The latest lag that was certain; None if there was none.
     suspected_lag
-        By how many frames later than that the exposures seemed to be written at the latest check; 0 for no doubt.
+        Suspected change of that lag at the latest check, in frames; 0 if there is no suspicion.
     """
 
     log_exposure: FloatArray
@@ -54,7 +54,7 @@ class ExposureMonitorState:
 
 
 class ExposureMonitor:
-    """Keeps the exposures of a run, and checks them against the changes of brightness.
+    """Keeps the exposures of a run and checks them against the brightness changes.
 
     Parameters
     ----------
@@ -64,9 +64,9 @@ class ExposureMonitor:
     Attributes
     ----------
     table
-        The exposures written beside the frames so far.
+        The exposures recorded so far.
     history
-        The changes of brightness between consecutive frames of this epoch.
+        The brightness changes between consecutive frames of this epoch.
     """
 
     def __init__(self, choice: LagChoice) -> None:
@@ -80,7 +80,7 @@ class ExposureMonitor:
         self._findings: tuple[tuple[int, int], ExposureFindings] | None = None
 
     def assess_if_due(self) -> None:
-        """Assess the exposures again if many more changes of brightness are known than the last time."""
+        """Assess the exposures again if many brightness changes have been added since the last time."""
         if self.history.observed < self._next_assessment:
             return
         if not leaves_frames(self.choice, len(self.table) - self._first_frame):
@@ -90,11 +90,11 @@ class ExposureMonitor:
         self.table.lag_frames = found.corrected_frames
         certain = found.lag.correction(found.course.cycle_frames)
         self.table.trusted = certain is not None and not found.warnings
-        if certain is not None:  # a change that makes the lag uncertain is still to be found
+        if certain is not None:  # if the lag becomes uncertain, keep the last certain one to detect its change
             self._known_lag = certain
 
     def findings(self) -> ExposureFindings:
-        """Return what the images say about the exposures so far."""
+        """Return what the images show about the exposures so far."""
         key = (len(self.table), len(self.history))
         if self._findings is None or self._findings[0] != key:
             self._findings = (key, self._assess(self.table.written))
@@ -102,14 +102,14 @@ class ExposureMonitor:
 
     @property
     def corrected_table(self) -> ExposureTable:
-        """The exposures, with the lag corrected by what is known now."""
+        """The exposures, corrected by the lag as currently estimated."""
         return replace(self.table, lag_frames=self.findings().corrected_frames)
 
     def detect_lag_change(self, *, camera_changed: bool) -> LagChange | None:
-        """Return a change of the lag if it is proven, and the check before made it suspect.
+        """Return a change of the lag if it is proven and the previous check already suspected it.
 
-        It is checked at intervals. Where another change of the camera was found, which a change of the lag may
-        explain, it is checked at once, and this one check is enough.
+        The check runs at intervals. If another change of the camera was detected, which a change of the lag may
+        explain, it runs at once, and needs no earlier suspicion.
         """
         if self._known_lag is None:
             return None
@@ -127,18 +127,18 @@ class ExposureMonitor:
 
     @property
     def lag_is_uncertain(self) -> bool:
-        """Whether more changes of brightness may still show to which frames the exposures belong."""
+        """Whether more brightness changes may still help to determine the lag."""
         if self.choice == "trusted":
             return False
         return self._suspected_lag != 0 or (len(self.history) < LAG_SEARCH_CHANGES and not self.table.trusted)
 
     def needs_comparison(self, number: int) -> bool:
-        """Return whether comparing a frame with the one before helps to determine the lag: exposures change there."""
+        """Return whether comparing a frame with the previous one helps to find the lag: its exposure has changed."""
         recent = self.table.written[max(0, number - EXPOSURE_CHANGE_FRAMES) : number + 1]
         return self.lag_is_uncertain and float(np.nanmax(recent) - np.nanmin(recent)) > MIN_EXPOSURE_CHANGE_LOG
 
     def split(self, frame: int) -> tuple[ExposureFindings, ExposureTable]:
-        """Go on with what came from a frame on; return what is known of those before, and their exposures."""
+        """Start an epoch at a frame; return the findings and exposures of the frames before it."""
         later = self.history.split(frame)
         found = self._assess(self.table.written[:frame])
         before = replace(self.table.until(frame), lag_frames=found.corrected_frames)
@@ -148,12 +148,12 @@ class ExposureMonitor:
         return found, before
 
     def _assess(self, log_exposure: FloatArray) -> ExposureFindings:
-        # Its matrices are small: further threads of the linear algebra would only wait for each other.
+        # The matrices are small: more BLAS threads would only wait for each other.
         with one_blas_thread():
             return assess_exposures(self.history.changes, log_exposure, self.choice, first_frame=self._first_frame)
 
     def state(self) -> ExposureMonitorState:
-        """Return all that is known; to be taken before the next frame."""
+        """Return the state; save it before the next frame, which may change its history."""
         return ExposureMonitorState(
             log_exposure=self.table.written,
             lag_frames=self.table.lag_frames,
@@ -165,7 +165,7 @@ class ExposureMonitor:
         )
 
     def restore(self, state: ExposureMonitorState, first_frame: int) -> None:
-        """Go on from a state whose epoch began with a frame."""
+        """Continue from a saved state whose epoch began at ``first_frame``."""
         self.table = ExposureTable.of(state.log_exposure, state.lag_frames, trusted=state.trusted)
         self.history, self._first_frame = state.history, first_frame
         self._next_assessment = state.next_assessment

@@ -1,4 +1,4 @@
-"""The exposures written beside the frames: looked up by frame number at some lag, and their course as a whole."""
+"""The recorded exposures: a table indexed by frame number, with a lag, and summary statistics."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ from ospc.settings.exposures import (
 )
 
 _FIRST_CAPACITY = 1024
-"""Exposures that the table holds before it grows, each time to twice its size."""
+"""Initial capacity of the table; it doubles whenever it is full."""
 
 _BLOCK = 2**14
-"""Exposures looked at together: they fit in the processor's cache, and endless runs do not fill the memory."""
+"""Exposures processed at a time: few enough for the processor's cache, and memory stays bounded in endless runs."""
 
 
 @dataclass
 class ExposureTable:
-    """Grows by one exposure a frame, and looks them up by frame number.
+    """Table of recorded exposures that grows by one entry per frame.
 
-    The exposures are written ``lag_frames`` late: that of frame i is looked up beside frame i + lag. They are
-    ``trusted`` where the images were found to agree with them.
+    The exposures lag by ``lag_frames``: the exposure of frame i is recorded with frame i + lag. They are ``trusted``
+    if the images agree with them.
     """
 
     lag_frames: int = 0
@@ -39,13 +39,12 @@ class ExposureTable:
 
     @classmethod
     def of(cls, log_exposure: FloatArray, lag_frames: int = 0, *, trusted: bool = False) -> ExposureTable:
-        """Return the table of exposures as they were written, ln of milliseconds, shape (frames,)."""
+        """Return a table of recorded exposures, given as ln of milliseconds, shape (frames,)."""
         return cls(lag_frames, trusted, log_exposure, len(log_exposure))
 
     def append(self, exposure_ms: float) -> int:
-        """Take the exposure written beside the next frame, NaN where there is none, and return the frame's number."""
+        """Add the exposure recorded with the next frame, NaN if missing, and return the frame's number."""
         if self._count == len(self._log_exposure):
-            # What is not yet written to takes no memory, so that each frame costs eight bytes.
             room = np.empty(max(_FIRST_CAPACITY, 2 * self._count))
             room[: self._count] = self._log_exposure
             self._log_exposure = room
@@ -60,26 +59,26 @@ class ExposureTable:
 
     @property
     def written(self) -> FloatArray:
-        """Ln of the exposures in milliseconds as written, NaN where there is none, shape (frames,)."""
+        """Ln of the exposures in milliseconds as recorded, NaN if missing, shape (frames,)."""
         return self._log_exposure[: self._count]
 
     def log_exposure_of(self, frames: IntArray) -> FloatArray:
-        """Return ln of the exposure in milliseconds of frames, NaN where it is unknown, shape (n,) -> (n,)."""
-        beside = np.asarray(frames) + self.lag_frames
-        known = (beside >= 0) & (beside < self._count)
-        found = np.full(beside.shape, np.nan)
-        found[known] = self._log_exposure[beside[known]]
+        """Return ln of the exposure in milliseconds of each frame, NaN if unknown, shape (n,) -> (n,)."""
+        entry = np.asarray(frames) + self.lag_frames
+        known = (entry >= 0) & (entry < self._count)
+        found = np.full(entry.shape, np.nan)
+        found[known] = self._log_exposure[entry[known]]
         return found
 
     def until(self, frame: int) -> ExposureTable:
-        """Return the table of the frames before one."""
+        """Return the table of the frames before the given one."""
         return replace(self, _count=min(frame, self._count))
 
 
 def filled(log_exposure: FloatArray) -> FloatArray:
     """Return the exposures with missing ones interpolated, so that their neighbours can still be compared.
 
-    Where none is missing, they are not copied.
+    The input itself is returned if none is missing.
     """
     known = np.isfinite(log_exposure)
     if known.all():
@@ -87,7 +86,7 @@ def filled(log_exposure: FloatArray) -> FloatArray:
     if not known.any():
         return np.zeros(len(log_exposure))
     missing = np.flatnonzero(~known)
-    # Only the known ones next to missing ones: most of a long recording is known.
+    # Interpolate from the known neighbours of missing exposures only: in a long recording, most are known.
     neighbours = np.flatnonzero(known & (np.append(~known[1:], False) | np.append(False, ~known[:-1])))
     complete = log_exposure.copy()
     complete[missing] = np.interp(missing, neighbours, log_exposure[neighbours])
@@ -96,18 +95,18 @@ def filled(log_exposure: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True)
 class ExposureReport:
-    """The course of the exposures written, over all frames.
+    """Summary of the recorded exposures over all frames.
 
     Attributes
     ----------
     lowest_ms, highest_ms
-        Extremes.
+        Shortest and longest exposure.
     values
         Number of different exposures.
     changed_share
-        Share of the frames whose exposure differs from that of the frame before by 1 % or more.
+        Share of the frames whose exposure differs from that of the previous frame by 1 % or more.
     cycle_frames
-        Number of frames after which they repeat; None if they do not.
+        Number of frames after which the exposures repeat; None if they do not.
     """
 
     lowest_ms: float
@@ -118,7 +117,7 @@ class ExposureReport:
 
     @classmethod
     def of(cls, log_exposure: FloatArray) -> ExposureReport:
-        """Describe exposures by ln of their milliseconds, shape (frames,)."""
+        """Summarise exposures, given as ln of milliseconds, shape (frames,)."""
         parts = [*_blocks(log_exposure, 1)]
         changed = sum(int(np.count_nonzero(np.abs(np.diff(part)) >= CHANGED_EXPOSURE_LOG)) for part in parts)
         return cls(
@@ -142,7 +141,7 @@ class ExposureReport:
 
 
 def exposure_cycle(log_exposure: FloatArray) -> int | None:
-    """Return after how many frames ln of exposures, shape (frames,), repeats; None if it does not, or is constant."""
+    """Return the period in frames of ln exposures, shape (frames,); None if they are constant or do not repeat."""
     if np.ptp(log_exposure) < CONSTANT_EXPOSURE_LOG:
         return None
     periods = range(2, min(MAX_CYCLE_FRAMES, len(log_exposure) // MIN_CYCLES) + 1)
@@ -150,7 +149,7 @@ def exposure_cycle(log_exposure: FloatArray) -> int | None:
 
 
 def _repeat(log_exposure: FloatArray, period: int) -> bool:
-    """Return whether most exposures are those of a number of frames before."""
+    """Return whether most exposures equal those one period earlier."""
     pairs = same = len(log_exposure) - period
     for block in _blocks(log_exposure, period):
         same -= int(np.count_nonzero(np.abs(block[period:] - block[:-period]) >= SAME_EXPOSURE_LOG))
@@ -160,6 +159,6 @@ def _repeat(log_exposure: FloatArray, period: int) -> bool:
 
 
 def _blocks(log_exposure: FloatArray, shared: int) -> Iterator[FloatArray]:
-    """Give all exposures, a bounded number at a time; each block begins with so many values of the one before."""
+    """Yield the exposures in blocks of bounded size; consecutive blocks overlap by ``shared`` values."""
     for start in range(0, max(len(log_exposure) - shared, 1), _BLOCK):
         yield log_exposure[start : start + _BLOCK + shared]

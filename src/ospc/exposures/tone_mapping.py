@@ -1,7 +1,7 @@
-"""Signs that the camera treats parts of an image differently, as local tone mapping does.
+"""Detect local tone mapping: processing that treats parts of an image differently.
 
-With one response for the whole image, the same change of exposure moves the same grey level equally far, wherever it
-is and whatever is around it, and without a change of exposure nothing but the vignette moves it.
+With one response for the whole image, a change of exposure has the same effect on a grey level wherever it is and
+whatever surrounds it; without a change of exposure, only the vignette changes the grey level.
 """
 
 from __future__ import annotations
@@ -30,16 +30,15 @@ from ospc.settings.exposures import (
 )
 
 NO_LOCAL_TONE = "switch off local contrast, HDR and shading correction in the camera"
-"""What to do about it."""
+"""Remedy for local tone mapping."""
 
 
 @dataclass(frozen=True)
 class LocalTone:
-    """How much brightness changes depend on place and surroundings, from so many pairs of frames.
+    """How much brightness changes depend on image region, measured on ``pairs`` pairs of frames.
 
-    ``place_spread_log`` is by how much, in ln of the grey level, parts of the image (twelve cells) change differently
-    from the rest within one frame, beyond what grey level, exposure and vignette explain: a robust standard
-    deviation.
+    ``place_spread_log`` is the robust standard deviation, in ln of the grey level, of the differences between the
+    changes of image regions (twelve cells) within one pair, beyond what grey level, exposure and vignette explain.
     """
 
     place_spread_log: float
@@ -47,26 +46,26 @@ class LocalTone:
 
     @property
     def is_clear(self) -> bool:
-        """Whether these are clear signs of local tone mapping."""
+        """Whether the signs of local tone mapping are clear."""
         return self.place_spread_log > CLEAR_TONE_SPREAD_LOG
 
     @property
     def text(self) -> str:
-        """What the signs say, as a sentence; empty where there are none."""
+        """Description of the signs; empty if there are none."""
         if not self.is_clear and self.place_spread_log <= POSSIBLE_TONE_SPREAD_LOG:
             return ""
         certainty = "there are clear signs of" if self.is_clear else "there may be"
         return (
-            f"{certainty} local tone mapping: parts of the image change in brightness differently from the rest, by "
-            f"{self.place_spread_log:.1%} a frame"
+            f"{certainty} local tone mapping: brightness changes differ between parts of the image by "
+            f"{self.place_spread_log:.1%} per frame"
         )
 
 
 def local_tone(changes: Sequence[BrightnessChange], log_change: FloatArray) -> LocalTone | None:
-    """Measure how much changes of brightness between consecutive frames depend on place and surroundings.
+    """Measure how much brightness changes between consecutive frames depend on the image region.
 
-    ``log_change`` is the change of ln exposure of each, from metadata that belong to the frames, shape (pairs,). None
-    where too few places could be compared.
+    ``log_change`` is the change of ln exposure of each pair, with any lag corrected, shape (pairs,). Returns None if
+    too few points could be compared.
     """
     usable = [
         i
@@ -86,7 +85,7 @@ def local_tone(changes: Sequence[BrightnessChange], log_change: FloatArray) -> L
 
 
 def _global_columns(change: BrightnessChange, log_change: float) -> FloatArray:
-    """Return what a log ratio may depend on: grey level times exposure, and a vignette that may be decentred."""
+    """Return the terms of a global model of log ratios: grey level times exposure, and a decentred vignette."""
     samples = change.samples
     knots = np.log(GREY_BIN_EDGES)
     grey = np.stack([np.interp(samples.log_grey, knots, row) for row in np.eye(len(knots))], axis=1)
@@ -96,7 +95,7 @@ def _global_columns(change: BrightnessChange, log_change: float) -> FloatArray:
 
 
 def _fit(columns: FloatArray, target: FloatArray) -> FloatArray:
-    """Return the robust solution of a linear fit."""
+    """Return the coefficients of a robust linear fit."""
     weight = np.ones(len(target))
     size: FloatArray = np.zeros(columns.shape[1])
     for _ in range(TONE_REWEIGHTINGS):
@@ -109,7 +108,7 @@ def _fit(columns: FloatArray, target: FloatArray) -> FloatArray:
 
 
 def _spread_over_places(left: FloatArray, place: FloatArray, pair: IntArray) -> float:
-    """Return the typical difference between what cells of the image leave unexplained in one pair of frames."""
+    """Return the robust scale of the differences between the residuals of image cells within a pair of frames."""
     across, down = TONE_CELLS
     extent = np.maximum(np.abs(place).max(axis=0), 1e-6)
     x, y = (np.clip((place[:, k] / extent[k] + 1) / 2 * n, 0, n - 1).astype(int) for k, n in ((0, across), (1, down)))
