@@ -60,8 +60,8 @@ def test_a_pattern_is_expanded_in_the_store(memory):
     ("address", "said"),
     [
         ("memory://bucket/none", "there is no such file or folder"),
-        ("papyrus://bucket/r", "no object store that is known"),
-        ("s3://bucket/r::zip://evil", "no object store that is known"),
+        ("papyrus://bucket/r", "unknown object store"),
+        ("s3://bucket/r::zip://evil", "unknown object store"),
         ("adl://bucket/r", "needs another package|cannot be read"),
     ],
 )

@@ -203,7 +203,7 @@ def test_a_batch_whose_last_files_are_missing_goes_on(done, entries, tmp_path):
 def test_other_folders_and_batches_of_other_versions_are_refused(entries, tmp_path):
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "thesis.tex").write_text("all of it")
-    with pytest.raises(SettingError, match="something else than an earlier batch"):
+    with pytest.raises(SettingError, match="something other than an earlier batch"):
         run_batch(entries[:1], tmp_path / "mine", ThisProcess())
     (tmp_path / "old").mkdir()
     (tmp_path / "old" / "batch.json").write_text('{"schema": "ospc-batch/0"}')
@@ -230,7 +230,7 @@ def test_a_result_that_is_not_what_was_asked_for_is_not_kept(tmp_path):
                 yield type(answer)(answer.number, "0" * 64, answer.result)
 
     place = simulated(tmp_path / "r", 1, frames=2)
-    with pytest.raises(FormatError, match="is not what was asked for"):
+    with pytest.raises(FormatError, match="is not the requested one"):
         run_batch([Entry(str(place), "A", QUICK)], tmp_path / "out", Lying())
 
 
@@ -249,7 +249,7 @@ def test_one_process_that_dies_takes_only_its_own_task(recordings, tmp_path, ent
         patch.setenv("PYTHONPATH", os.pathsep.join(filter(None, (str(tmp_path), os.environ.get("PYTHONPATH")))))
         tasks = [Task(0, Entry(str(deadly), "A", QUICK)), *(Task(n, entry) for n, entry in enumerate(entries[:3], 1))]
         answers = {answer.number: answer for answer in Processes(2).run(tasks)}
-    assert answers[0].error == "the process that worked on it died (SIGKILL, perhaps for lack of memory)"
+    assert answers[0].error == "the process that worked on it died (SIGKILL, perhaps out of memory)"
     assert all(answers[number].result for number in (1, 2, 3))
 
 

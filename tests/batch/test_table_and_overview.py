@@ -99,7 +99,7 @@ def test_failures_come_first_and_good_cameras_last():
     parser.feed(page(cameras, rows))
     assert parser.headings == [
         "Failed: 1",
-        "Contradicting the others of their camera: 1",
+        "Contradicting other recordings of their camera: 1",
         "Cameras",
         "unknown",
         "split",

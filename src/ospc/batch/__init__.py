@@ -1,1 +1,1 @@
-"""Many recordings of many cameras: calibrated wherever there is room, those of one camera merged."""
+"""Calibrate many recordings of many cameras in parallel, and merge the recordings of each camera."""

@@ -1,4 +1,4 @@
-"""The cameras of a batch: the recordings of each, merged, and a page with a small picture of each, failures first."""
+"""The cameras of a batch: merge the recordings of each camera, and render an overview page, failures first."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ from ospc.report.html import Html, document, join, tag
 from ospc.state.container import STATE_NAME
 
 _LONGEST = 60
-"""Most characters of a folder name, without the hash: file systems allow 255 bytes for it and what is added."""
+"""Longest folder name in characters, without the hash: file systems allow 255 bytes in total."""
 
 
 @dataclass(frozen=True)
 class Camera:
-    """One camera of the manifest, and the calibration from all its recordings but those that failed.
+    """One camera of the manifest, with the calibration merged from its successful recordings.
 
-    ``folder`` is relative to the batch's; empty where there is no calibration. ``differing`` are recordings that
-    contradict the others. ``error`` says why there is no calibration, or what could not be written.
+    ``folder`` is relative to the batch folder, and empty if there is no calibration. ``differing`` are recordings
+    that contradict the others. ``error`` says why there is no calibration, or what could not be written.
     """
 
     name: str
@@ -48,8 +48,8 @@ def merged_cameras(
 ) -> tuple[list[Camera], list[Row]]:
     """Merge the results of each camera into its folder.
 
-    Returns the cameras in the order of the rows, and the rows with ``differs`` filled in; ``progress`` is called
-    with the number of cameras done and of all.
+    Returns the cameras in the order of the rows, and the rows with ``differs`` filled in. ``progress`` is called with
+    the number of cameras done and the total.
     """
     by_name: dict[str, list[Row]] = {}
     for row in rows:
@@ -66,7 +66,7 @@ def merged_cameras(
 
 
 def folder_name(camera: str) -> str:
-    """Return a name for a camera's folder: its own if that is safe, else its safe characters and a hash."""
+    """Return a folder name for a camera: its name if that is safe, else its safe characters and a hash."""
     safe = safe_name(camera, _LONGEST)
     digest = sha256(camera.encode("utf-8", "surrogatepass")).hexdigest()
     return camera if safe == camera else f"{safe}-{digest[:8]}"
@@ -99,7 +99,7 @@ def _merged(name: str, rows: Sequence[Row], store: Store, folder: Path) -> Camer
 
 
 _MOST_CAMERAS, _MOST_FAILURES = 2000, 1000
-"""Entries shown: more would make the page too large for a browser."""
+"""Most entries shown, to keep the page small enough for a browser."""
 
 _STYLE = """
 :root { color-scheme: light dark; --ink: #222; --ground: #fff; --line: #ccc; --bad: #D55E00; --good: #009E73; }
@@ -117,7 +117,7 @@ p { margin: .3rem 0; } .bad strong { color: var(--bad); }
 
 
 def page(cameras: Sequence[Camera], rows: Sequence[Row]) -> str:
-    """Return the page as HTML; it needs neither network nor scripts."""
+    """Return the overview page as HTML, without scripts or external resources."""
     done = sum(row.status == "done" for row in rows)
     title = f"{done} of {counted(len(rows), 'recording')} of {counted(len(cameras), 'camera')} calibrated"
     failures = [row for row in rows if row.status == "failed"]
@@ -130,7 +130,7 @@ def page(cameras: Sequence[Camera], rows: Sequence[Row]) -> str:
         tag("h1", title),
         _table("Failed", ("recording", "camera", "why"), failed),
         tag("p", f"{counted(left, 'recording')} not done yet: run the same command again to go on.") if left else "",
-        _table("Contradicting the others of their camera", ("recording", "camera", "in what"), differing),
+        _table("Contradicting other recordings of their camera", ("recording", "camera", "in what"), differing),
         _cameras(cameras),
     )
 
@@ -140,7 +140,7 @@ def _table(heading: str, columns: Sequence[str], rows: Sequence[Sequence[str]]) 
         return Html()
     head = tag("thead", tag("tr", *(tag("th", column, scope="col") for column in columns)))
     body = (join(tag("tr", *(tag("td", cell) for cell in row)), "\n") for row in rows[:_MOST_FAILURES])
-    more = tag("p", f"… and {len(rows) - _MOST_FAILURES} more: see batch.csv.") if len(rows) > _MOST_FAILURES else ""
+    more = tag("p", f"… and {len(rows) - _MOST_FAILURES} more in batch.csv.") if len(rows) > _MOST_FAILURES else ""
     return tag("section", tag("h2", f"{heading}: {len(rows)}"), tag("table", head, tag("tbody", *body)), more)
 
 
@@ -149,7 +149,7 @@ def _cameras(cameras: Iterable[Camera]) -> Html:
     ordered = sorted(cameras, key=lambda camera: (camera.calibration is not None, camera.is_good))
     items = (join(_item(camera), "\n") for camera in ordered[:_MOST_CAMERAS])
     left = len(ordered) - _MOST_CAMERAS
-    more = tag("p", f"… and {left} more: see the folder cameras.") if left > 0 else ""
+    more = tag("p", f"… and {left} more in the folder cameras.") if left > 0 else ""
     return tag("section", tag("h2", "Cameras"), tag("ul", *items, class_="cameras"), more)
 
 

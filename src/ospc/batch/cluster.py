@@ -1,4 +1,4 @@
-"""Work on a batch on a Dask cluster: each recording where it can be read, even if workers are lost."""
+"""Run a batch on a Dask cluster, on workers that can read the recordings, and survive lost workers."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from ospc.batch.work import Answer, Task, work
 from ospc.errors import SettingError, needs_extra, said_by
 
 _TASKS_PER_THREAD, _FEWEST_IN_FLIGHT = 4, 16
-"""Tasks handed out at a time: enough that no worker waits, and few enough for the scheduler's memory."""
+"""Number of tasks in flight: enough to keep all workers busy, few enough for the scheduler's memory."""
 
 _LOOK_EVERY_S = 1.0
 """How often to check whether workers came or went."""
@@ -25,23 +25,23 @@ _CONNECT_S = 15.0
 """How long the scheduler may take to answer."""
 
 _LONGEST_REASON = 300
-"""Most characters of an unexpected error that are kept."""
+"""Most characters kept of an unexpected error."""
 
 
 @dataclass(frozen=True)
 class Cluster:
-    """Does tasks on the workers of the Dask scheduler at an address such as ``tcp://10.0.0.1:8786``.
+    """Runs tasks on the workers of the Dask scheduler at an address such as ``tcp://10.0.0.1:8786``.
 
-    Workers need the same version of this package, and read recordings under the same paths; a recording that only
-    some of them can read goes to one of these. A task whose worker is lost is given to another; after three lost
-    workers it counts as failed. While there is no worker, one is waited for ``patience_s``.
+    Workers need the same version of this package and see the recordings under the same paths; a recording that only
+    some of them can read goes to one of these. If a worker is lost, its task goes to another one; after three lost
+    workers the task fails. If there is no worker, the run waits up to ``patience_s`` seconds for one.
     """
 
     address: str
     patience_s: float = 300.0
 
     def run(self, tasks: Iterable[Task]) -> Generator[Answer, None, None]:
-        """Give the answers as they come."""
+        """Yield the answers as they arrive."""
         with needs_extra("working on a Dask cluster", "cluster"):
             distributed: Any = import_module("distributed")
         try:
@@ -57,7 +57,7 @@ class Cluster:
 
 @dataclass
 class _Run:
-    """One run over tasks; those handed out are pending, with the workers that may do them where not all may."""
+    """One run over tasks; each pending task is stored with the workers it is restricted to, if any."""
 
     distributed: Any
     client: Any
@@ -66,7 +66,7 @@ class _Run:
     _checked: set[str] = field(default_factory=set)
 
     def answers(self, waiting: Iterator[Task]) -> Generator[Answer, None, None]:
-        """Give the answers as they come."""
+        """Yield the answers as they arrive."""
         while True:
             threads = self._workers()
             room = max(_FEWEST_IN_FLIGHT, _TASKS_PER_THREAD * sum(threads.values())) - len(self.pending)
@@ -84,7 +84,7 @@ class _Run:
                 yield self._answer(future, task)
 
     def _workers(self) -> dict[str, int]:
-        """Return the workers and their threads, waiting for one if there is none."""
+        """Return the number of threads of each worker; wait if there are no workers."""
         begun_s = time.monotonic()
         while True:
             threads = self._asked()
@@ -103,7 +103,8 @@ class _Run:
             return dict(self.client.nthreads())
         except (OSError, TimeoutError, self.distributed.comm.CommClosedError) as error:
             raise SettingError(
-                f"{self.cluster.address}: the scheduler is lost ({error}); run the command again to go on"
+                f"{self.cluster.address}: the connection to the scheduler is lost ({error}); run the command again "
+                "to continue"
             ) from None
 
     def _check_versions(self, workers: set[str]) -> None:
@@ -116,21 +117,23 @@ class _Run:
                     continue  # it was lost a moment ago
                 raise SettingError(f"{worker}: cannot run a task ({found}); is ospc installed there?")
             if found != ospc.__version__:
-                raise SettingError(f"{worker}: has ospc {found}, this is {ospc.__version__}; install one version")
+                raise SettingError(
+                    f"{worker}: has ospc {found}, but this is {ospc.__version__}; install the same version"
+                )
             self._checked.add(worker)
 
     def _hand_out(self, tasks: list[Task], threads: dict[str, int]) -> None:
         readable = self._readable(tasks)
         for task in tasks:
             can = frozenset(worker for worker, numbers in readable.items() if task.number in numbers)
-            # Where none can read it, any worker may try and report why; where all can, workers that come later may.
+            # If no worker can read it, any may try and report why; if all can, so can workers that join later.
             restricted = bool(can) and len(can) < len(threads)
             where = {"workers": sorted(can), "allow_other_workers": False} if restricted else {}
             future = self.client.submit(work, task, key=f"ospc-{uuid4()}", pure=False, **where)
             self.pending[future] = task, can if restricted else frozenset()
 
     def _readable(self, tasks: list[Task]) -> dict[str, set[int]]:
-        """Return the numbers of the tasks whose recordings each worker can read."""
+        """Return for each worker the numbers of the tasks whose recordings it can read."""
         remote = {task.number for task in tasks if task.entry.is_remote}
         paths = {task.number: task.entry.recording for task in tasks if task.number not in remote}
         if not paths:
@@ -139,7 +142,7 @@ class _Run:
         return {worker: remote.union(found) for worker, found in answers if not isinstance(found, Exception)}
 
     def _rescue(self, threads: dict[str, int]) -> None:
-        """Hand out again the tasks that no worker is left for."""
+        """Hand out again the tasks whose workers are all lost."""
         lost = [future for future, (_, may) in self.pending.items() if may and may.isdisjoint(threads)]
         tasks = [self.pending.pop(future)[0] for future in lost]
         for future in lost:
@@ -150,8 +153,8 @@ class _Run:
         try:
             answer: Answer = future.result()
         except self.distributed.KilledWorker as error:
-            return Answer(task.number, error=f"the workers that were given it died, the last at {error.last_worker}")
-        except Exception as error:  # any error concerns this recording only
+            return Answer(task.number, error=f"the workers that ran it died, the last one at {error.last_worker}")
+        except Exception as error:  # any error affects this recording only
             return Answer(task.number, error=f"{type(error).__name__}: {said_by(error, _LONGEST_REASON)}")
         return answer
 

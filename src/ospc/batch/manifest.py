@@ -1,4 +1,4 @@
-"""The recordings of a batch, from a folder, a pattern, or a table."""
+"""Read the list of recordings of a batch from a folder, a pattern, or a table."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ _READING = tuple(declared_options())
 
 @dataclass(frozen=True)
 class Entry:
-    """One recording, by its path or object-store address, and the name of its camera.
+    """One recording, given by its path or object-store address, and the name of its camera.
 
-    Options are settings of the default method, ``kind``, ``correct_lag``, and the fields of
-    :class:`~ospc.recording.options.ReadingOptions`, by name.
+    Option names are settings of the default method, ``kind``, ``correct_lag``, and the fields of
+    :class:`~ospc.recording.options.ReadingOptions`.
     """
 
     recording: str
@@ -45,7 +45,7 @@ class Entry:
 
     @property
     def correct_lag(self) -> LagChoice:
-        """By how many frames to shift exposures before calibrating: ``"auto"``, ``"never"``, or a number."""
+        """What to do about a lag of the exposures: ``"auto"``, ``"never"``, or a number of frames."""
         return lag_choice(dict(self.options).get("correct_lag", "auto"))
 
     @property
@@ -58,15 +58,15 @@ class Entry:
 
     @property
     def reading(self) -> ReadingOptions:
-        """How the recording is read."""
+        """Options for reading the recording."""
         return ReadingOptions.of({name: value for name, value in self.options if name in _READING})
 
     def with_defaults(self, defaults: Mapping[str, str]) -> Entry:
-        """Return the entry with options added that it does not have itself."""
+        """Return the entry with defaults for options that it does not set."""
         return replace(self, options=tuple({**defaults, **dict(self.options)}.items()))
 
     def checked(self) -> Entry:
-        """Return the entry itself, after checking its options."""
+        """Check the options and return the entry."""
         try:
             _ = self.settings, self.reading, self.correct_lag
         except SettingError as error:
@@ -87,10 +87,10 @@ def options_of(text: str) -> tuple[tuple[str, str], ...]:
 
 _MOST_BYTES = 1_000_000_000
 _MOST_ENTRIES = 5_000_000
-"""Limits on a manifest: what one process can hold in memory."""
+"""Limits of a manifest: what one process can hold in memory."""
 
 _DEEPEST = 4
-"""Folders below the given one in which recordings are searched: camera, day, run, and one to spare."""
+"""Depth to which folders are searched for recordings: camera, day, run, and one to spare."""
 
 _COLUMNS = ("recording", "camera", "options")
 
@@ -98,24 +98,24 @@ _COLUMNS = ("recording", "camera", "options")
 def read_manifest(
     manifest: str, camera: str | None = None, left_out: Callable[[str], None] = lambda _reason: None
 ) -> list[Entry]:
-    """Return the recordings that a manifest names; none is opened.
+    """Return the recordings listed by a manifest, without opening them.
 
     The manifest is one of
 
     - a ``.csv`` or ``.parquet`` table with the columns ``recording`` (a path, relative to the table's folder, or an
-      object-store address), ``camera`` and ``options`` (such as ``rounds=4 kind=euroc``); the last two may be
-      missing, and other columns are ignored;
-    - a folder: every recording in it, up to four folders deep; the folder that holds a recording names its camera;
-    - a pattern such as ``recordings/*/cam0``, cameras as before; also of object-store addresses.
+      object-store address), ``camera`` and ``options`` (such as ``rounds=4 kind=euroc``); the last two are optional,
+      and other columns are ignored;
+    - a folder: every recording in it, up to four folders deep; a recording's parent folder names its camera;
+    - a pattern such as ``recordings/*/cam0``, which may be an object-store address; cameras are named as for folders.
 
-    ``camera`` takes the place of the cameras that it names. ``left_out`` is called with each folder below the given
-    one that holds no recording, and why.
+    ``camera`` overrides the cameras of the manifest. ``left_out`` is called with a reason for each folder below the
+    given one that contains no recording.
 
     Raises
     ------
     OspcError
-        If there is no such manifest, no recording in it, a table cannot be read or has no column ``recording``, an
-        option is unknown or has a wrong value, or an optional dependency is missing.
+        If the manifest does not exist or lists no recording, a table cannot be read or has no column ``recording``,
+        an option is unknown or has an invalid value, or an optional dependency is missing.
     """
     place = Path(manifest)
     if is_address(manifest):
@@ -127,7 +127,7 @@ def read_manifest(
     else:
         entries = [_of_path(Path(path)) for path in sorted(glob.glob(manifest, recursive=True))]  # noqa: PTH207 (the pattern may be absolute)
     if not entries:
-        raise RecordingError(f"{manifest}: no recordings there; give a folder, a pattern, or a table that names some")
+        raise RecordingError(f"{manifest}: no recordings there; give a folder, a pattern, or a table of recordings")
     if len(entries) > _MOST_ENTRIES:
         raise RecordingError(f"{manifest}: more than {_MOST_ENTRIES} recordings; split it")
     if camera is not None:
@@ -145,7 +145,7 @@ def _of_path(place: Path) -> Entry:
 
 
 def _recordings_in(folder: Path, left_out: Callable[[str], None], depth: int = 0) -> Iterator[Path]:
-    """Give the recordings below a folder; a recording is not searched for others."""
+    """Yield the recordings below a folder, without searching inside recordings."""
     for place in sorted(folder.iterdir()):
         if place.name.startswith("."):
             continue
@@ -157,16 +157,16 @@ def _recordings_in(folder: Path, left_out: Callable[[str], None], depth: int = 0
             if not place.is_symlink() and depth + 1 < _DEEPEST:
                 below = list(_recordings_in(place, unknown.append, depth + 1))
             yield from below
-            # Where nothing is found, the outermost folder is named, not everything in it.
+            # If nothing is found, report the outermost folder, not everything in it.
             for reason in unknown if below else [_why_unknown(place, depth)]:
                 left_out(reason)
 
 
 def _why_unknown(place: Path, depth: int) -> str:
     if place.is_symlink():
-        return f"{place}: a link that leads to no recording"
+        return f"{place}: a link that does not point to a recording"
     if depth + 1 >= _DEEPEST and any(inner.is_dir() for inner in place.iterdir()):
-        return f"{place}: folders {_DEEPEST} deep and more are not searched"
+        return f"{place}: its folders are not searched, because they are more than {_DEEPEST} levels deep"
     try:
         open_recording(place)
     except RecordingError as error:
@@ -197,7 +197,7 @@ def _of_csv(place: Path) -> list[dict[str, str]]:
     try:
         text = place.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError:
-        raise FormatError(f"{place}: is not a text file in UTF-8; save it as such") from None
+        raise FormatError(f"{place}: is not UTF-8 text; save it as UTF-8") from None
     try:
         reader = csv.DictReader(io.StringIO(text, newline=""), strict=True)
         _check_columns(place, reader.fieldnames or [])
@@ -221,4 +221,4 @@ def _of_parquet(place: Path) -> list[dict[str, str]]:
 
 def _check_columns(place: Path, names: Any) -> None:
     if "recording" not in names:
-        raise FormatError(f"{place}: has no column recording; it needs recording, and may have camera and options")
+        raise FormatError(f"{place}: has no column recording; add it (columns camera and options are optional)")

@@ -1,4 +1,4 @@
-"""Recordings in object stores: found by patterns, and copied to this machine to be read."""
+"""Recordings in object stores: find them by pattern, and copy them to this machine for reading."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ _PROTOCOLS = (
     *("abfs", "abfss", "adl", "az", "file", "ftp", "gcs", "gs", "hdfs", "http", "https", "local", "memory"),
     *("oci", "oss", "s3", "s3a", "sftp", "ssh", "webdav", "webhdfs"),
 )
-"""Stores of fsspec that hold files; its others (archives, caches, other programs) have no place in a manifest."""
+"""fsspec protocols that store files; others (archives, caches, other programs) are not allowed in a manifest."""
 
 _MOST_BYTES = 500 * 10**9
 _MOST_FILES = 2_000_000
-"""Limits on one recording, far above any real one: a wrong address must not fill the disk."""
+"""Size limits of a recording, far above any real one, so that a wrong address does not fill the disk."""
 
 _LONGEST_REASON = 200
-"""Most characters of a store's own error message that are repeated."""
+"""Most characters kept of a store's error message."""
 
 _URL = re.compile(r"[a-z][a-z0-9+.-]*://")
 
@@ -35,13 +35,13 @@ def matches(pattern: str) -> list[str]:
 
 
 def is_address(text: str) -> bool:
-    """Tell whether a text is an object-store address instead of a path."""
+    """Return whether a text is an object-store address rather than a path."""
     return _URL.match(text) is not None
 
 
 @contextmanager
 def local_copy(address: str) -> Iterator[Path]:
-    """Give a recording on this machine: itself, or of one in an object store a copy, removed afterwards."""
+    """Yield the local path of a recording; one in an object store is copied to a temporary folder first."""
     if not is_address(address):
         yield Path(address)
         return
@@ -55,7 +55,7 @@ def local_copy(address: str) -> Iterator[Path]:
                 raise RecordingError(f"{address}: there is no such file or folder; check the address")
             size = sum(int(detail.get("size") or 0) for detail in files.values())
             if len(files) > _MOST_FILES or size > _MOST_BYTES:
-                raise RecordingError(f"{address}: {len(files)} files of {size} bytes are too many for one recording")
+                raise RecordingError(f"{address}: {len(files)} files, {size} bytes in total, are too much to copy")
             for source in files:
                 target = place.joinpath(*_parts_below(top, source, address))
                 target.parent.mkdir(parents=True, exist_ok=True)
@@ -67,7 +67,7 @@ def _store(address: str) -> tuple[Any, str]:
     """Return fsspec's file system for an address, and the path in it."""
     protocol = address.split("://", 1)[0]
     if protocol not in _PROTOCOLS or "::" in address:
-        raise RecordingError(f"{address}: {protocol} is no object store that is known; {', '.join(_PROTOCOLS)} are")
+        raise RecordingError(f"{address}: unknown object store {protocol}; known are {', '.join(_PROTOCOLS)}")
     with needs_extra("reading from object stores", "objects"):
         from fsspec.core import url_to_fs
     with _one_error(address):
@@ -77,7 +77,7 @@ def _store(address: str) -> tuple[Any, str]:
 
 @contextmanager
 def _one_error(address: str) -> Iterator[None]:
-    """Turn the errors of stores, each of which raises its own, into one."""
+    """Convert the errors of the various stores to RecordingError."""
     try:
         yield
     except RecordingError:
@@ -90,10 +90,10 @@ def _one_error(address: str) -> Iterator[None]:
 
 
 def _parts_below(top: PurePosixPath, source: str, address: str) -> tuple[str, ...]:
-    """Return the parts of a file's path below the recording, none where the recording is that file."""
+    """Return the parts of a file's path below the recording; none if the recording is that file."""
     parts = PurePosixPath(source).parts
     below = parts[len(top.parts) :] if parts[: len(top.parts)] == top.parts else parts[-1:]
     for name in below:
         if name in ("", ".", "..") or set(name) & set("/\\\0"):
-            raise RecordingError(f"{address}: holds a file whose name {name!r} leads out of the recording")
+            raise RecordingError(f"{address}: contains a file whose name {name!r} leads out of the recording")
     return below

@@ -1,4 +1,4 @@
-"""A batch: calibrate every recording, try failures again, merge those of each camera, write a table and a page."""
+"""Run a batch: calibrate every recording, retry failures, merge by camera, and write a table and a page."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ from ospc.photometry.calibration import Calibration
 from ospc.versions import versions
 
 SCHEMA = "ospc-batch/1"
-"""Version of the folder's layout; it is in ``batch.json``."""
+"""Version of the folder layout, stored in ``batch.json``."""
 
 PAGE_NAME = "index.html"
 _HEAD = "batch.json"
 _RECORDINGS = "recordings"
 _OWN_NAMES = {_RECORDINGS, "cameras", CSV_NAME, PARQUET_NAME, PAGE_NAME}
-"""What a batch has before it ends; its head comes last."""
+"""Files and folders of an unfinished batch; ``batch.json`` is written last."""
 
 
 @dataclass(frozen=True)
 class Stage:
-    """How far a batch has come: how many recordings, or cameras, of how many, and how many of these failed."""
+    """Progress of a batch: recordings or cameras done, their total, and how many failed."""
 
     name: str
     done: int
@@ -40,9 +40,9 @@ class Stage:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of a batch: a row for each recording, in the order of the manifest, cameras, files and notes.
+    """Outcome of a batch: a row per recording in the order of the manifest, cameras, files and notes.
 
-    If it was interrupted, running it again goes on.
+    An interrupted batch continues if it is run again.
     """
 
     rows: tuple[Row, ...]
@@ -69,12 +69,12 @@ def run_batch(
     force: bool = False,
     progress: _Show = lambda _stage: None,
 ) -> Outcome:
-    """Calibrate recordings and merge those of each camera; what an earlier run did is kept.
+    """Calibrate recordings and merge those of each camera, reusing the results of an earlier run.
 
-    The folder is new or empty, or that of an earlier run; with ``force``, it may hold something else. It gets
-    ``batch.csv``, ``batch.parquet``, ``index.html``, a folder per camera in ``cameras``, and a result per recording
-    in ``recordings``. A recording that fails is tried again after all others. ``progress`` may raise
-    ``KeyboardInterrupt``, and the runner an error if it cannot go on at all: what is done by then is written.
+    The folder must be new, empty, or from an earlier run, unless ``force`` is set. It receives ``batch.csv``,
+    ``batch.parquet``, ``index.html``, a folder per camera in ``cameras``, and a result per recording in
+    ``recordings``. A recording that fails is retried after all others. If ``progress`` raises ``KeyboardInterrupt``,
+    or the runner an error because it cannot continue, the results so far are written.
     """
     place = Path(folder)
     _check(place, force=force)
@@ -85,7 +85,7 @@ def run_batch(
             batch.calibrate(attempt)
     except KeyboardInterrupt:
         return batch.written(interrupted=True)
-    except OspcError:  # the runner is gone, or the disk is full: what is done should be on record
+    except OspcError:  # the runner failed, or the disk is full: keep the results so far
         if any(row.status != "not done" for row in batch.rows):
             with suppress(OspcError):
                 batch.written(interrupted=True)
@@ -95,7 +95,7 @@ def run_batch(
 
 @dataclass
 class _Batch:
-    """A batch while it runs; a row says what is known of each entry."""
+    """A running batch, with one row per entry."""
 
     entries: Sequence[Entry]
     rows: list[Row]
@@ -107,7 +107,7 @@ class _Batch:
         self.store = Store(self.folder / _RECORDINGS)
 
     def recognise(self) -> None:
-        """Find out which recordings an earlier run has done."""
+        """Find the recordings that an earlier run has done."""
 
         def recognised(row: Row, answer: Answer) -> Row:
             return replace(row, key=answer.key, status="done" if self.store.has(answer.key) else "not done")
@@ -134,7 +134,7 @@ class _Batch:
         self._work("calibrate", "calibrating" if attempt == 1 else f"trying again ({attempt - 1})", recorded)
 
     def _work(self, what: Work, name: str, taken: Callable[[Row, Answer], Row]) -> None:
-        """Have a piece of work on all recordings done that are not done."""
+        """Run a piece of work on all recordings that are not done."""
         left = [number for number, row in enumerate(self.rows) if row.status != "done"]
         failed = 0
         with closing(self.runner.run(Task(number, self.entries[number], what) for number in left)) as answers:
@@ -145,7 +145,7 @@ class _Batch:
                 self.show(Stage(name, count, len(left), failed))
 
     def written(self, *, interrupted: bool) -> Outcome:
-        """Merge what is done, and write everything that users read."""
+        """Merge the results and write everything that users read."""
         place, store = self.folder, self.store
         place.mkdir(parents=True, exist_ok=True)
         rows = [_with_result(row, store) if row.status == "done" else row for row in self.rows]
@@ -161,7 +161,7 @@ class _Batch:
         try:
             files.append(write_parquet(rows, place / PARQUET_NAME))
         except MissingExtraError as error:
-            (place / PARQUET_NAME).unlink(missing_ok=True)  # that of an earlier run would contradict the CSV
+            (place / PARQUET_NAME).unlink(missing_ok=True)  # one from an earlier run would contradict the CSV
             notes.append(f"no {PARQUET_NAME}: {error}")
         files.append(write_bytes(place / PAGE_NAME, page(cameras, rows).encode("utf-8", "replace")))
         content = {
@@ -177,7 +177,7 @@ class _Batch:
 
 
 def _with_result(row: Row, store: Store) -> Row:
-    """Return the row of a recording that is done with the figures of its result."""
+    """Return the row of a finished recording, completed with the figures of its result."""
     result = store.get(row.key)
     found = Calibration.from_dict(result.calibration)
     counts, states = found.counts, {name: verdict.state for name, verdict in found.verdicts.items()}
@@ -204,14 +204,14 @@ def _check(place: Path, *, force: bool) -> None:
         schema = json_object(place / _HEAD).get("schema")
         if schema != SCHEMA:
             raise SettingError(
-                f"{place}: holds a batch of another version (schema {schema!r}, expected {SCHEMA!r}); choose another "
-                "folder"
+                f"{place}: contains a batch of another version (schema {schema!r}, expected {SCHEMA!r}); choose "
+                "another folder"
             )
         return
-    # A batch that was stopped before its end has results, and perhaps the first of the files that come last.
+    # A batch that was killed before its end has results, and perhaps some of the final files.
     found = {entry.name for entry in place.iterdir()}
     if not force and (_RECORDINGS not in found or found - _OWN_NAMES):
         raise SettingError(
-            f"{place}: holds something else than an earlier batch; choose another folder, or add --force to write "
-            "into it"
+            f"{place}: contains something other than an earlier batch; choose another folder, or add --force to "
+            "write into it"
         )

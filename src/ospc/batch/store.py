@@ -1,4 +1,4 @@
-"""The results of a batch on disk: one file per recording, named by content and settings, and the table of all."""
+"""The results of a batch on disk: one file per recording, keyed by content and settings, and a table of all."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from ospc.state.container import Container
 from ospc.state.values import pack, unpack
 
 KIND, VERSION = "batch-result", 5
-"""What the files claim to hold."""
+"""Kind and version that the result files declare."""
 
 
 @dataclass(frozen=True)
 class Result:
-    """The calibration of one recording, as ``calibration.json`` holds it.
+    """The calibration of one recording, with the content of ``calibration.json``.
 
-    The key identifies content and settings. ``summary`` is what it can be merged by; None where nothing was learned.
+    The key identifies content and settings. ``summary`` is needed for merging; None if nothing was learned.
     """
 
     key: str
@@ -33,7 +33,7 @@ class Result:
     notes: tuple[str, ...] = ()
 
     def to_bytes(self) -> bytes:
-        """Return its file; equal results give equal bytes."""
+        """Return the content of the result file; equal results give equal bytes."""
         content, arrays = pack(self)
         return container.to_bytes(Container(KIND, VERSION, content, arrays))
 
@@ -45,29 +45,29 @@ class Store:
     folder: Path
 
     def put(self, key: str, data: bytes) -> Path:
-        """Keep a result, whole or not at all, and return its path; it may come over a network, and is checked."""
+        """Check a result, which may come over a network, store it atomically, and return its path."""
         name = f"the result of {key[:12]}…"
         found = container.from_bytes(data, name)
         if (found.kind, found.version, found.content.get("key")) != (KIND, VERSION, key):
-            raise FormatError(f"{name} is not what was asked for; do all workers have the same version?")
+            raise FormatError(f"{name} is not the requested one; do all workers have the same version?")
         place = self._place(key)
         with os_error_as(FormatError, f"{place.parent}: cannot be made", "check its permissions"):
             place.parent.mkdir(parents=True, exist_ok=True)
         return write_bytes(place, data)
 
     def get(self, key: str) -> Result:
-        """Return a result; a format error says if it is not there, damaged, or of another version."""
+        """Return a result; FormatError if it is missing, damaged, or of another version."""
         place = self._place(key)
         found = container.load(place, KIND, VERSION)
         try:
             result = unpack(Result, found.content, found.arrays)
             Calibration.from_dict(result.calibration)
         except (FormatError, LookupError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
-            raise FormatError(f"{place}: not readable as a result of a batch, {error}") from None
+            raise FormatError(f"{place}: cannot be read as the result of a batch ({error})") from None
         return result
 
     def has(self, key: str) -> bool:
-        """Tell whether a result is there, whole and of this version."""
+        """Return whether an intact result of this version is stored."""
         try:
             self.get(key)
         except FormatError:
@@ -80,7 +80,7 @@ class Store:
 
 
 SCHEMA = "ospc-batch-table/1"
-"""Version of the columns, repeated in the first of them."""
+"""Version of the columns, repeated in the first column."""
 
 CSV_NAME, PARQUET_NAME = "batch.csv", "batch.parquet"
 
@@ -91,11 +91,11 @@ Status = Literal["done", "failed", "not done"]
 class Row:
     """The outcome of one recording.
 
-    ``recording`` and ``camera`` are those of the manifest. ``error`` says in one sentence why it was not calibrated,
-    ``attempts`` how often it was tried, 0 where an earlier run had done it. ``seconds`` and ``worker`` (host and
-    process) are of the last attempt. ``key`` names its result. ``response`` and ``vignette`` are states of verdicts,
-    and the sigmas the largest standard deviation of g and that of V at the corner. ``differs`` says how it differs
-    from the other recordings of its camera, and ``notes`` what was found about its exposures and skipped frames.
+    ``recording`` and ``camera`` are from the manifest. ``error`` says in one sentence why it was not calibrated.
+    ``attempts`` is the number of tries, 0 if an earlier run had done it. ``seconds`` and ``worker`` (host and
+    process) refer to the last attempt. ``key`` identifies the result. ``response`` and ``vignette`` are states of
+    verdicts; the sigmas are the largest standard deviations of g and V. ``differs`` says how the recording
+    contradicts the others of its camera. ``notes`` are about its exposures and skipped frames.
     """
 
     recording: str
@@ -119,19 +119,19 @@ class Row:
 
 
 _COLUMNS = {"schema": "str"} | {str(entry.name): str(entry.type) for entry in fields(Row)}
-"""Names of the columns, and types of their values."""
+"""Names and types of the columns."""
 
 
 def write_csv(rows: Sequence[Row], path: Path) -> Path:
-    """Write the table as CSV, whole or not at all, and return the path.
+    """Write the table as CSV atomically, and return the path.
 
-    As :func:`~ospc.formats.files.csv_text` has it, no cell is a formula.
+    No cell is interpreted as a formula, see :func:`~ospc.formats.files.csv_text`.
     """
     return write_text(path, csv_text([_COLUMNS, *(_values(row).values() for row in rows)]))
 
 
 def write_parquet(rows: Sequence[Row], path: Path) -> Path:
-    """Write the table as Parquet (extra ``parquet``), whole or not at all, and return the path."""
+    """Write the table as Parquet (extra ``parquet``) atomically, and return the path."""
     with needs_extra("writing Parquet tables", "parquet"):
         import pyarrow as arrow
         from pyarrow import parquet
@@ -143,7 +143,7 @@ def write_parquet(rows: Sequence[Row], path: Path) -> Path:
 
 
 def _values(row: Row) -> dict[str, object]:
-    """Return the cells of a row; what UTF-8 cannot express, as in names that were never UTF-8, is escaped."""
+    """Return the cells of a row, escaping characters that cannot be encoded as UTF-8."""
     cells = {"schema": SCHEMA, **asdict(row)}
     return {
         name: cell.encode("utf-8", "backslashreplace").decode() if isinstance(cell, str) else cell

@@ -1,4 +1,4 @@
-"""The work on one recording: in this process, in others of this machine, or on another machine."""
+"""Work on one recording, in this process, in other processes, or on another machine."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from ospc.recording import Recording, open_recording
 from ospc.recording.recording import identity
 
 _MOST_FILES = 2_000_000
-"""Files of a recording whose names and sizes are part of its key; far more than any has."""
+"""Most files of a recording whose names and sizes enter its key; far more than any recording has."""
 
 
 Work: TypeAlias = Literal["identify", "calibrate"]
@@ -36,7 +36,7 @@ Work: TypeAlias = Literal["identify", "calibrate"]
 
 @dataclass(frozen=True)
 class Task:
-    """A piece of work on one recording: only to identify it, or to calibrate it. Numbers are unique."""
+    """A piece of work on one recording: only identify it, or calibrate it. Numbers are unique."""
 
     number: int
     entry: Entry
@@ -45,10 +45,10 @@ class Task:
 
 @dataclass(frozen=True)
 class Answer:
-    """The outcome of the task of this number, and the host and process that did it.
+    """The outcome of the task with this number, and the host and process that ran it.
 
-    ``key`` identifies content and settings of the recording, ``result`` is the file of the result, and ``error`` a
-    sentence on what went wrong; each is empty where there is none.
+    ``key`` identifies content and settings of the recording, ``result`` is the content of the result file, and
+    ``error`` says in a sentence what went wrong; each may be empty.
     """
 
     number: int
@@ -60,7 +60,7 @@ class Answer:
 
 
 def work(task: Task) -> Answer:
-    """Do a task; whatever goes wrong is reported in the answer."""
+    """Run a task; any error is reported in the answer."""
     begun_s = time.monotonic()
     answer = Answer(task.number)
     try:
@@ -71,10 +71,10 @@ def work(task: Task) -> Answer:
             answer = replace(answer, key=key)
             if task.what == "calibrate":
                 result = _calibrated(recording, source, key, task.entry)
-                if _key(place, source, task.entry) != key:  # a result must not pass for that of other content
+                if _key(place, source, task.entry) != key:  # the result would be stored for the wrong content
                     raise RecordingError(f"{place}: its files changed meanwhile; run the command again")
                 answer = replace(answer, result=result.to_bytes())
-    except Exception as error:  # a failure is a result too: the other recordings go on
+    except Exception as error:  # the other recordings go on
         answer = replace(answer, error=one_line(error) or type(error).__name__, result=b"")
     return replace(answer, seconds=time.monotonic() - begun_s, worker=f"{socket.gethostname()}:{os.getpid()}")
 
@@ -89,10 +89,10 @@ def _calibrated(recording: Recording, source: dict[str, object], key: str, entry
 
 
 def _key(place: Path, source: dict[str, object], entry: Entry) -> str:
-    """Return a hash of what a recording holds, how it is read and calibrated, and by which version.
+    """Return a hash of a recording's content, its reading options and settings, and the version.
 
-    Of the content it covers all stamps and exposures, some images, and the names and sizes of all files. When files
-    were changed and where the recording is do not matter.
+    It covers all stamps and exposures, some images, and the names and sizes of all files, but not the modification
+    times or the location of the recording.
     """
     content = {
         "source": {name: value for name, value in source.items() if name != "name"},
@@ -117,33 +117,33 @@ def _files(place: Path) -> str:
 
 
 _PATIENCE_S = 5
-"""Time an idle or terminated process gets to end before it is killed."""
+"""Time that an idle or terminated process has to exit before it is killed."""
 
 
 class Runner(Protocol):
-    """Does tasks, here or elsewhere."""
+    """Runs tasks, here or elsewhere."""
 
     def run(self, tasks: Iterable[Task]) -> Generator[Answer, None, None]:
-        """Give the answers to tasks as they come, one to each, in no particular order."""
+        """Yield one answer per task as they arrive, in any order."""
         ...
 
 
 class ThisProcess:
-    """Does one task after the other."""
+    """Runs tasks one after the other in this process."""
 
     def run(self, tasks: Iterable[Task]) -> Generator[Answer, None, None]:
-        """Give the answers in the order of the tasks."""
+        """Yield the answers in the order of the tasks."""
         yield from map(work, tasks)
 
 
 @dataclass(frozen=True)
 class Processes:
-    """Does tasks in processes of this machine; one that dies takes only its own task with it."""
+    """Runs tasks in processes of this machine; if one dies, only its task fails."""
 
     count: int
 
     def run(self, tasks: Iterable[Task]) -> Generator[Answer, None, None]:
-        """Give the answers as they come."""
+        """Yield the answers as they arrive."""
         waiting, idle, busy = iter(tasks), list[_Worker](), list[_Worker]()
         try:
             while True:
@@ -165,7 +165,7 @@ class Processes:
 
 
 class _Worker:
-    """A process that does one task after the other."""
+    """A process that runs tasks one after the other."""
 
     def __init__(self) -> None:
         # A fresh interpreter, because libraries with threads do not survive a fork.
@@ -178,7 +178,7 @@ class _Worker:
 
     def give(self, task: Task) -> None:
         self._number = task.number
-        with suppress(OSError):  # a process that died meanwhile is noticed when its answer is awaited
+        with suppress(OSError):  # if the process has died, waiting for its answer shows that
             self.connection.send(task)
 
     def answer(self) -> Answer:
@@ -202,7 +202,7 @@ class _Worker:
 
 def _serve(connection: Connection) -> None:
     """Answer tasks until there are no more."""
-    # Ctrl-C reaches all processes of a terminal, but only the one that hands out work must act on it.
+    # Ctrl-C reaches all processes of a terminal, but only the parent process handles it.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     with suppress(EOFError, OSError):
         while True:
@@ -214,7 +214,7 @@ def _death(exitcode: int | None) -> str:
         return f"exit code {exitcode}"
     with suppress(ValueError):
         name = signal.Signals(-exitcode).name
-        return f"{name}, perhaps for lack of memory" if name == "SIGKILL" else name
+        return f"{name}, perhaps out of memory" if name == "SIGKILL" else name
     return f"signal {-exitcode}"
 
 

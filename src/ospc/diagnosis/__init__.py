@@ -1,4 +1,4 @@
-"""What a recording can determine of its camera, and what is wrong with it."""
+"""Check recordings: what a recording can determine about its camera, and what is wrong with it."""
 
 from ospc.diagnosis.check import check_recording
 from ospc.diagnosis.report import RecordingReport

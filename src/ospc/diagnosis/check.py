@@ -1,4 +1,4 @@
-"""Checks a recording: runs the engine, and reports figures on everything that could spoil a calibration."""
+"""Check a recording: run the engine and report everything that could spoil a calibration."""
 
 from __future__ import annotations
 
@@ -29,17 +29,17 @@ def check_recording(
     correct_lag: LagChoice = "auto",
     progress: Callable[[int, int], None] | None = None,
 ) -> RecordingReport:
-    """Report what a calibration of a recording finds, and what is wrong with the recording.
+    """Report what a calibration of a recording would find, and what is wrong with the recording.
 
-    The frames go through the same engine as for a calibration: the verdicts are those of
-    :func:`~ospc.calibrator.calibrate`, and ``correct_lag`` is what it is there.
+    The frames go through the same engine as a calibration. The verdicts, and ``correct_lag``, are those of
+    :func:`~ospc.calibrator.calibrate`.
 
     Parameters
     ----------
     frames
-        Number of frames used, from the beginning; None for all.
+        Number of frames to use, from the beginning; None for all.
     progress
-        Called after every frame with the number of frames taken and of all.
+        Called after every frame with the number of frames processed and the total.
 
     Raises
     ------
@@ -60,7 +60,7 @@ def check_recording(
         raise RecordingError(f"{recording.path}: none of its frames can be used; the first: {why}")
     found, calibration = calibrator.exposure_findings(), labelled(calibrator.calibration(), recording)
     when = timing(recording.stamps_s[:total], brightness.repeated, brightness.compared)
-    told = (
+    remarks = (
         *_about_frames(when, calibration.counts, calibrator.first_reasons),
         *_about_lag(found),
         *_about_brightness(found.brightness, when),
@@ -82,22 +82,22 @@ def check_recording(
         verdicts=calibration.verdicts,
         complete=calibration.complete,
         warnings=calibration.warnings,
-        notes=(*calibration.warnings, *calibration.notes, *told, *recording.notes),
+        notes=(*calibration.warnings, *calibration.notes, *remarks, *recording.notes),
     )
 
 
 _MANY_CLIPPED = 0.10
-"""Share of clipped pixels worth a note: windows and lamps clip in any recording, but make up less of it."""
+"""Share of clipped pixels that justifies a note: windows and lamps clip in any recording, but cover less of it."""
 
 _DARK_CORNER_SHARE = 0.05
-"""Share of well-exposed places in the outermost ring below which the vignette of the corners is a continuation."""
+"""Share of well-exposed pixels in the outermost ring below which the vignette in the corners is extrapolated."""
 
 _WEAK_SLOPE = 0.15
-"""Median d ln M/d ln e below which brightness hardly follows the exposure: a third of that of a gamma of 2.2."""
+"""Median d ln M/d ln e below which brightness hardly follows the exposure: a third of the slope for gamma 2.2."""
 
 _SLOWEST_VIDEO_S = 0.7
-"""Longest interval between frames of a video, in seconds: photographs taken one by one are further apart, and have no
-rate by which frames could be missing."""
+"""Longest interval between frames of a video, in seconds. Photographs taken one by one are further apart and have no
+frame rate that could show dropped frames."""
 
 
 def _about_frames(timing: Timing, counts: Mapping[str, int], reasons: Sequence[str]) -> Iterator[str]:
@@ -105,14 +105,14 @@ def _about_frames(timing: Timing, counts: Mapping[str, int], reasons: Sequence[s
         yield skipped_in_words(counts["skipped"], counts["frames"], reasons)
     if timing.duplicate_frames:
         yield (
-            f"{len(timing.duplicate_frames)} of {timing.compared_frames} frames repeat the image of the one before, "
-            f"the first is frame {timing.duplicate_frames[0]}: frames were dropped and filled up, and exposures "
-            f"may belong to other frames; record without filling up"
+            f"{len(timing.duplicate_frames)} of {timing.compared_frames} frames repeat the previous image, first at "
+            f"frame {timing.duplicate_frames[0]}: dropped frames were replaced by copies, and exposures may belong to "
+            "other frames; record without such copies"
         )
     if timing.dropped_frames and timing.interval_s < _SLOWEST_VIDEO_S:
         yield (
             f"{counted(timing.dropped_frames, 'frame')} missing in {counted(timing.gaps, 'gap')} between time "
-            f"stamps, of {1 / timing.interval_s:.3g} frames a second"
+            f"stamps, at {1 / timing.interval_s:.3g} frames a second"
         )
 
 
@@ -120,13 +120,13 @@ def _about_lag(found: ExposureFindings) -> Iterator[str]:
     lag, cycle = found.lag, found.course.cycle_frames
     if lag.frames is not None and cycle is not None and cycle <= 2 * MAX_LAG:
         yield (
-            f"the exposures repeat every {cycle} frames, so a lag of {lag.frames} looks the same as one of "
+            f"the exposures repeat every {cycle} frames, so a lag of {lag.frames} cannot be distinguished from "
             f"{lag.frames - cycle} or {lag.frames + cycle}, which are less likely"
         )
     if lag.fit is not None and lag.fit.slopes.any() and float(np.median(lag.fit.slopes)) < _WEAK_SLOPE:
         yield (
-            "brightness follows the exposure only weakly; gain control or tone mapping may work against it: "
-            "switch them off"
+            "brightness follows the exposure only weakly; automatic gain or tone mapping may counteract it: switch "
+            "them off"
         )
 
 
@@ -138,9 +138,9 @@ def _about_brightness(brightness: BrightnessReport | None, timing: Timing) -> It
         count = len(brightness.jumps)
         times = "once" if count == 1 else f"{count} times"
         yield (
-            f"brightness jumps {times} while the exposure does not, the most at frame {largest.frame}, by "
-            f"{np.expm1(largest.log_change):+.0%}: a gain or an aperture changed that the metadata do not record; "
-            "fix the gain, or record it"
+            f"brightness jumps {times} without a change of exposure, most at frame {largest.frame}, by "
+            f"{np.expm1(largest.log_change):+.0%}: a gain or aperture changed that the metadata do not record; fix "
+            "it, or record it"
         )
     for flicker in brightness.flicker:
         often = f"every {1 / flicker.cycles_per_frame:.2g} frames"
@@ -148,12 +148,12 @@ def _about_brightness(brightness: BrightnessReport | None, timing: Timing) -> It
             often += f" ({flicker.cycles_per_frame / timing.interval_s:.3g} Hz as sampled)"
         yield (
             f"brightness flickers by ±{flicker.brightness_amplitude:.1%} {often}, which the exposures do not "
-            f"explain; use daylight, or exposures that are multiples of the lamp's period (10 ms at 50 Hz)"
+            "explain; use daylight, or exposures that are multiples of the lamp's period (10 ms at 50 Hz)"
         )
 
 
 def _about_tone(tone: LocalTone | None) -> Iterator[str]:
-    # Clear signs are a warning already.
+    # Clear signs are already a warning.
     if tone is not None and tone.text and not tone.is_clear:
         yield f"{tone.text}; {NO_LOCAL_TONE}"
 
@@ -165,9 +165,9 @@ def _about_pixels(pixels: PixelReport) -> Iterator[str]:
     if black > _MANY_CLIPPED:
         yield f"{black:.0%} of all pixels are black; use longer exposures or more light"
     if pixels.surround == "disc":
-        yield f"the image is a disc in a black surround ({pixels.surround_share:.0%} of it): a fisheye lens; mask it"
+        yield f"the image is a disc surrounded by black ({pixels.surround_share:.0%} of it): a fisheye lens; mask it"
     if pixels.surround == "border":
-        yield f"{pixels.surround_share:.1%} of the image, along its border, are always black; crop or mask them"
+        yield f"the border of the image ({pixels.surround_share:.1%} of it) is always black; crop or mask it"
     if pixels.empty_low_bits:
         yield (
             f"the lowest {pixels.empty_low_bits} bits of all grey values are empty: the values are padded, and "
@@ -175,19 +175,19 @@ def _about_pixels(pixels: PixelReport) -> Iterator[str]:
         )
     elif pixels.missing_levels_share:
         yield (
-            f"{pixels.missing_levels_share:.0%} of the grey values between the extremes never occur: contrast was "
-            f"stretched after recording, or the values have fewer bits than they are stored with"
+            f"{pixels.missing_levels_share:.0%} of the grey values between lowest and highest never occur: the "
+            "contrast was stretched after recording, or the values have fewer bits than they are stored with"
         )
     if pixels.piled_low:
         yield (
-            f"no grey value is below {pixels.lowest_grey} of {pixels.max_grey}, and many have it: a black level was "
-            f"added, or video of limited range was not expanded"
+            f"many grey values are {pixels.lowest_grey} of {pixels.max_grey}, and none is lower: a black level was "
+            "added, or limited-range video was not expanded"
         )
     if pixels.piled_high:
         yield (
-            f"no grey value is above {pixels.highest_grey} of {pixels.max_grey}, and many have it: the image clips "
-            f"below the end of its scale; state the true largest grey value"
+            f"many grey values are {pixels.highest_grey} of {pixels.max_grey}, and none is higher: the image clips "
+            "below the end of its scale; state the true largest grey value"
         )
     corner = pixels.mean_radius_share[-1]
     if pixels.surround == "none" and np.isfinite(corner) and corner < _DARK_CORNER_SHARE:
-        yield "the corners are hardly ever well exposed; the vignette there would be a continuation"
+        yield "the corners are rarely well exposed; the vignette there would be extrapolated"

@@ -1,4 +1,4 @@
-"""What a check of a recording found, as values."""
+"""The results of checking a recording."""
 
 from __future__ import annotations
 
@@ -19,19 +19,20 @@ from ospc.photometry.calibration import Verdict
 from ospc.settings.exposures import GREY_BIN_EDGES
 
 _GAP = 1.5
-"""Interval over the median one from which frames are missing: half way between one and two, since stamps jitter."""
+"""Interval over the median interval above which frames are missing: midway from one to two, as stamps jitter."""
 
 _MOST_DROPPED = 1e9
-"""Most dropped frames counted: time stamps of two clocks may be decades apart, beyond any integer of a file."""
+"""Most dropped frames counted: stamps from two clocks may be decades apart, and the count must fit an integer."""
 
 
 @dataclass(frozen=True)
 class Timing:
     """Time stamps and repeated images.
 
-    ``interval_s`` is the median time from one frame to the next, NaN for a single frame; ``gaps`` intervals are
-    longer than one and a half of that, and ``dropped_frames`` would fill them. ``duplicate_frames`` are the indices
-    of frames whose image is that of the frame before, pixel by pixel, of ``compared_frames`` that were compared.
+    ``interval_s`` is the median time between frames, NaN for a single frame. ``gaps`` is the number of intervals
+    longer than 1.5 times the median, and ``dropped_frames`` the number of frames that would fill them.
+    ``duplicate_frames`` are the indices of frames identical to the previous one, among ``compared_frames`` compared
+    frames.
     """
 
     interval_s: float
@@ -42,7 +43,7 @@ class Timing:
 
 
 def timing(stamps_s: FloatArray, duplicates: list[int], compared: int) -> Timing:
-    """Look at the time stamps of all frames in seconds, shape (frames,); ``duplicates`` repeat the frame before."""
+    """Summarise time stamps in seconds, shape (frames,), and the indices of frames that repeat the previous one."""
     interval = np.diff(stamps_s)
     if not len(interval):
         return Timing(float("nan"), 0, 0, tuple(duplicates), compared)
@@ -58,11 +59,14 @@ class MotionReport:
     Attributes
     ----------
     median_px_per_frame
-        Median displacement from one frame to the next in pixels; NaN where nothing could be followed.
+        Median displacement between consecutive frames in pixels; NaN if nothing could be tracked.
     radial_reach
-        Radial displacement, in half diagonals, of the scene points that tell the vignette; 0 if the camera is still.
+        Radial displacement, in half diagonals, of the scene points that determine the vignette; 0 if the camera is
+        still.
     found_share
-        Share of the image that is well exposed and found again in the next frame; NaN where none was compared.
+        Share of the image that is well exposed and visible in the next frame; NaN if no frames were compared.
+    still
+        Whether the camera stands still.
     """
 
     median_px_per_frame: float
@@ -72,7 +76,7 @@ class MotionReport:
 
 
 def motion(changes: Sequence[BrightnessChange], inputs: FitInputs | None) -> MotionReport:
-    """Summarise the motion between consecutive frames, and over the scene points of a run."""
+    """Summarise the motion between consecutive frames and of the scene points over the run."""
     displacement = [c.motion_px for c in changes if np.isfinite(c.motion_px)]
     still = inputs is not None and inputs.standing_still
     observations = None if inputs is None or still else inputs.observations
@@ -87,19 +91,19 @@ def motion(changes: Sequence[BrightnessChange], inputs: FitInputs | None) -> Mot
 SCHEMA = "ospc-check/1"
 
 _MOST_LISTED = 100
-"""Most jumps and repeated frames listed: a recording full of them must not make a huge report."""
+"""Most jumps and repeated frames listed, to keep the report small if a recording is full of them."""
 
 
 @dataclass(frozen=True)
 class RecordingReport:
-    """What a recording can determine of its camera, and what is wrong with it.
+    """What a recording can determine about its camera, and what is wrong with it.
 
     Attributes
     ----------
     name, kind, frames, size, max_grey
-        Of the recording: the number of its frames, width and height in pixels, largest grey value of the sensor.
+        Name and kind of the recording, number of frames, width and height in pixels, largest grey value.
     processed, unreadable
-        Number of frames processed, and of those that could not be used.
+        Number of frames processed, and number of frames that could not be used.
     exposures
         What the images show about the exposures.
     pixels
@@ -109,14 +113,14 @@ class RecordingReport:
     motion
         Motion of the scene in the image.
     verdicts
-        For ``"response"``, ``"vignette"`` and ``"exposures"``: identifiable, marginal or not, why, and what to record
+        For ``"response"``, ``"vignette"`` and ``"exposures"``: whether it is identifiable, why, and what to record
         instead.
     complete
-        Whether a calibration of these frames is complete: all verdicts are identifiable, and nothing warns.
+        Whether a calibration of these frames is complete: all verdicts are identifiable, and there are no warnings.
     warnings
-        Those of a calibration of these frames.
+        The warnings of a calibration of these frames.
     notes
-        Everything a user should know beside the verdicts, worst first: the warnings are the first of them.
+        Everything else a user should know, worst first, beginning with the warnings.
     """
 
     name: str
@@ -137,11 +141,11 @@ class RecordingReport:
 
     @property
     def exposure_lag_frames(self) -> int | None:
-        """By how many frames exposures come late; None where that cannot be determined."""
+        """Number of frames by which the exposures lag; None if it cannot be determined."""
         return self.exposures.lag_frames
 
     def as_dict(self) -> dict[str, Any]:
-        """Return everything as JSON-compatible values; what is unknown is None."""
+        """Return the report as JSON-compatible values; unknown values are None."""
         return {
             "schema": SCHEMA,
             "recording": {

@@ -43,7 +43,7 @@ def checked_lag_choice(choice: LagChoice) -> LagChoice:
         case int() | np.integer() if not isinstance(choice, bool):
             return int(choice)
     raise SettingError(
-        f"correct_lag is {choice!r}; give 'auto', 'never', 'trusted', or a whole number of frames such as 2 or -1"
+        f"correct_lag is {choice!r}; give 'auto', 'never', 'trusted' or a whole number of frames such as 2 or -1"
     )
 
 
