@@ -106,8 +106,8 @@ def _about_frames(timing: Timing, counts: Mapping[str, int], reasons: Sequence[s
     if timing.duplicate_frames:
         yield (
             f"{len(timing.duplicate_frames)} of {timing.compared_frames} frames repeat the previous image, first at "
-            f"frame {timing.duplicate_frames[0]}: dropped frames were replaced by copies, and exposures may belong to "
-            "other frames; record without such copies"
+            f"frame {timing.duplicate_frames[0]}: dropped frames were replaced by copies, and exposures may belong "
+            "to other frames; record without such copies"
         )
     if timing.dropped_frames and timing.interval_s < _SLOWEST_VIDEO_S:
         yield (
