@@ -83,7 +83,7 @@ def test_options_of_an_entry_go_before_those_of_the_command():
         (b"recording,options\na,channel=ultraviolet\n", SettingError, "option channel is one of luminance"),
         (b"recording\n", RecordingError, "no recordings there"),
         (b'recording\n"a', FormatError, "cannot be read as CSV"),
-        (b"\xff\xfe\x00", FormatError, "not a text file in UTF-8"),
+        (b"\xff\xfe\x00", FormatError, "is not UTF-8 text"),
     ],
 )
 def test_tables_that_make_no_sense_are_refused(tmp_path, content, error, said):

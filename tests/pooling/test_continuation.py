@@ -102,7 +102,7 @@ def test_a_recording_that_starts_from_itself_counts_once():
         found = PriorCalibration("itself", itself).continued(own, seen)
         np.testing.assert_array_equal(found.vignette_sigma, own.vignette_sigma)
         np.testing.assert_array_equal(found.response.log_sigma, own.response.log_sigma)
-        assert any("rests on this recording itself" in note for note in found.notes)
+        assert any("from this same recording" in note for note in found.notes)
     others = Pool.of([summary(CAMERA, 0), summary(CAMERA, 1)])
     twice, once = (PriorCalibration("both", pool).continued(own, seen) for pool in (others + Pool.of([seen]), others))
     np.testing.assert_array_equal(twice.vignette_sigma, once.vignette_sigma)
@@ -124,7 +124,7 @@ def test_starting_from_a_state_is_starting_from_what_merging_it_gives():
 
 def test_recordings_that_contradict_one_another_are_nothing_to_start_from(tmp_path):
     Pool.of([summary(CAMERA, 0), summary(OTHER_RESPONSE, 101)]).save(tmp_path / "state.ospc")
-    with pytest.raises(NotObservableError, match="agree on nothing that one could start from"):
+    with pytest.raises(NotObservableError, match="contradict each other, so there is nothing to start from"):
         PriorCalibration.open(tmp_path)
 
 
@@ -173,7 +173,7 @@ def test_frames_of_another_size_are_refused(yesterday):
 
 
 def test_what_cannot_be_started_from_is_refused_by_name(tmp_path):
-    with pytest.raises(NotObservableError, match="knows neither response nor vignette"):
+    with pytest.raises(NotObservableError, match="has neither response nor vignette"):
         PriorCalibration.open(made_up(response=False, vignette=False).save(tmp_path / "a.json"))
     with pytest.raises(FormatError, match="no calibration of the default method"):
         PriorCalibration.open(made_up().save(tmp_path / "b.json"))

@@ -1,4 +1,4 @@
-"""Cameras that do not wait: the engine beside a camera, in a thread of its own, with advice on what to film next."""
+"""Calibrate a running camera in a background thread, with advice on what to film next."""
 
 from __future__ import annotations
 

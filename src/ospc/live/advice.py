@@ -1,4 +1,4 @@
-"""What to film next: one instruction at a time, derived from the information matrix of what was observed so far."""
+"""Advise what to film next: one instruction at a time, derived from the information matrix so far."""
 
 from __future__ import annotations
 
@@ -16,49 +16,50 @@ from ospc.photometry.calibration import Calibration
 Kind = Literal["begin", "slower", "move", "bright", "dark", "vary", "exposures", "done"]
 
 _CHOSEN = ("move", "bright", "dark", "vary")
-"""Kinds between which the gain decides."""
+"""Kinds that are chosen by their gain."""
 
 HOLD_S, PATIENCE_S, SET_ASIDE_S = 3.0, 12.0, 20.0
-"""Times in seconds: for which an instruction stays unless it is urgent, since nobody follows what changes faster;
-after which one that brings nothing gives way to the next best one; and for which it is then left out."""
+"""Times in seconds: how long an instruction stays at least, unless another is urgent, since nobody can follow faster
+changes; after how long an instruction without effect gives way to the next best; how long it is then excluded."""
 
 FEWEST_PAIRS = 64
-"""Pairs of frames before anything counts as done: the first were registered without knowing the vignette, and their
-common errors do not show in any standard deviation."""
+"""Fewest pairs of frames before the capture can be done: the first ones were registered without knowing the vignette,
+and their common errors do not appear in any standard deviation."""
 
 _BETTER = 1.3
-"""Gain of another instruction over that of the present one at which it takes its place."""
+"""Ratio of gains at which another instruction replaces the current one."""
 
 _PROGRESS = 0.8
-"""Share of its first gain below which an instruction counts as followed: its gain shrinks as the aim comes closer."""
+"""Share of its first gain below which an instruction counts as followed: the gain shrinks towards the goal."""
 
 _EXPOSURE_STEP = 1.5
-"""Factor between the exposures of an imagined pair: what turning from a wall to a window changes within a second."""
+"""Exposure ratio of a hypothetical pair: the change within a second when turning from a wall to a window."""
 
 _TARGETS = np.linspace(0.05, 0.95, 19)
-"""Grey levels of imagined points, spaced as the knots of the response."""
+"""Grey levels of hypothetical points, spaced like the knots of the response."""
 
 _DARK, _BRIGHT = 0.25, 0.7
-"""Grey levels below which surroundings have to be brighter for points to become so dark, and vice versa."""
+"""Grey levels that points only reach in brighter surroundings (below the first) or darker ones (above the second)."""
 
 _RADII = (0.0, 0.3, 0.6, 0.9)
-"""Radii of imagined points in half diagonals; places beyond 0.9 are hardly ever matched."""
+"""Radii of hypothetical points in half diagonals; points beyond 0.9 are rarely matched."""
 
 _TYPICAL_GREY = 0.4
-"""Grey level of imagined points that move: exposure controls aim at it."""
+"""Grey level of hypothetical moving points: the usual target of auto exposure."""
 
 _OUTER_RADIUS = 0.6
-"""Radius from which a place counts as near a corner: what decides which corner has been seen least."""
+"""Radius beyond which a point counts as near a corner, to find the corner that has been seen least."""
 
 _LATEST_PAIRS, _FEW_POINTS = 16, 12.0
-"""Pairs looked back at, and points per pair below which the camera is said to move too fast; a hundred are usual."""
+"""Number of latest pairs considered, and points per pair below which the camera moves too fast; about a hundred are
+usual."""
 
 _MIN_LOG_RANGE = 0.4
-"""Range of ln exposure below which the exposure hardly changed: a factor of 1.5."""
+"""Range of ln exposure below which the exposure counts as constant: a factor of 1.5."""
 
 _CORNERS = {(-1, -1): "upper left", (1, -1): "upper right", (-1, 1): "lower left", (1, 1): "lower right"}
 _TURNS = {(-1, -1): "right and down", (1, -1): "left and down", (-1, 1): "right and up", (1, 1): "left and up"}
-"""Where a camera turns for its picture to move to a corner."""
+"""Directions in which to turn the camera for the scene to move to each corner."""
 
 
 @dataclass(frozen=True)
@@ -68,19 +69,19 @@ class Instruction:
     Attributes
     ----------
     kind, text
-        What sort of instruction it is, and one sentence or two for whoever holds the camera.
+        Kind of instruction, and one or two sentences for the person holding the camera.
     part
-        What it makes better known: "response" or "vignette"; empty for everything.
+        What it improves: "response" or "vignette"; empty for both.
     greys
-        Grey levels at which the response is to be measured; None where it is about something else.
+        Range of grey levels at which to measure the response; None if not applicable.
     radii
-        Radii in half diagonals between which points are to move; None where it is about something else.
+        Radii in half diagonals between which points should move; None if not applicable.
     arrow
-        From where to where in the image, (x, y) in shares of its width and height; None for nowhere.
+        Start and end of the motion in the image, (x, y) as fractions of width and height; None if not applicable.
     exposure
-        1 where the exposure should become longer, -1 shorter, 0 where it is about something else.
+        1 if the exposure should become longer, -1 if shorter, 0 if not applicable.
     response_sigma, vignette_sigma
-        Standard deviations of g and V as root mean squares over grey levels and radii; None before there is an
+        Standard deviations of g and V as root mean squares over grey levels and radii; None before the first
         estimate.
     """
 
@@ -96,7 +97,7 @@ class Instruction:
 
 
 class _Option(NamedTuple):
-    """An instruction, and what following it for one pair of frames would add."""
+    """An instruction, and the gain from following it for one pair of frames."""
 
     instruction: Instruction
     gain: float
@@ -104,17 +105,17 @@ class _Option(NamedTuple):
 
 _BEGIN = Instruction("begin", "Film something with texture and even surfaces, and turn the camera slowly.")
 _SLOWER = Instruction(
-    "slower", "Move more slowly, and film something with more texture: hardly anything is found again."
+    "slower", "Move more slowly, and film something with more texture: too few points can be tracked."
 )
 _VARY = Instruction(
     "vary",
-    "Turn to and fro between something bright and something dark, so that the exposure changes; if it does not, "
-    "switch auto exposure on or change it by hand.",
+    "Turn back and forth between something bright and something dark, so that the exposure changes; if it does not, "
+    "switch on auto exposure or change it by hand.",
     "response",
 )
 _BRIGHTER = Instruction(
     "bright",
-    "Film something bright and even, such as a wall, a door or paper in the light, and turn slowly towards "
+    "Film something bright and even, such as a well-lit wall, door or sheet of paper, and turn slowly towards "
     "something darker while it stays in view: it should become almost white.",
     "response",
     exposure=1,
@@ -126,21 +127,21 @@ _DARKER = Instruction(
     "response",
     exposure=-1,
 )
-"""Grey levels are added when one of them is chosen; the exposure is to become longer (1) or shorter (-1)."""
+"""Instructions for brighter and darker scenes; their grey levels are filled in when they are chosen."""
 
 
 class Adviser:
-    """Chooses the instruction of the moment, and keeps to it long enough to be followed.
+    """Chooses the current instruction, and keeps it long enough to be followed.
 
     Parameters
     ----------
     goal
-        Standard deviation of g and of V, as root mean squares, at which both count as known.
+        Root mean square standard deviation at which g and V count as known.
 
     Attributes
     ----------
     instruction, expects_end
-        The instruction of the moment, and whether by quick figures a complete estimate would find the goal reached.
+        The current instruction, and whether quick estimates indicate that the goal is reached.
     """
 
     def __init__(self, goal: float = GOAL) -> None:
@@ -153,9 +154,9 @@ class Adviser:
         self._found: deque[tuple[int, int]] = deque()
 
     def look(self, preview: Preview | None, time_s: float, known: Calibration | None = None) -> Instruction:
-        """Take note of what the engine knows at a time in seconds from any origin, and return the instruction then.
+        """Update the instruction from a preview at a time in seconds (of any origin), and return it.
 
-        Only the latest complete estimate, ``known``, can say that the goal is reached.
+        Only ``known``, the latest complete estimate, can show that the goal is reached.
         """
         self.expects_end = False
         urgent = self._urgent(preview, known)
@@ -175,7 +176,7 @@ class Adviser:
         return self.instruction
 
     def _urgent(self, preview: Preview | None, known: Calibration | None) -> Instruction | None:
-        """Return what goes before everything else."""
+        """Return the instruction that overrides all others, if any."""
         if known is not None:
             response, vignette = certainty(known, 1.0 if preview is None else preview.usable_radius)
             enough = known.converged and known.counts.get("pairs", 0) >= FEWEST_PAIRS
@@ -188,7 +189,7 @@ class Adviser:
         return _SLOWER if preview is not None and self._finds_little(preview) else None
 
     def _finds_little(self, preview: Preview) -> bool:
-        """Whether hardly any scene points were found again in the latest pairs of frames."""
+        """Return whether the latest pairs of frames have too few scene points."""
         points = 0 if preview.observations is None else len(preview.observations.starts)
         if self._found and points < self._found[-1][1]:
             self._found.clear()  # some were dropped to save memory
@@ -251,11 +252,11 @@ def _best_motion(preview: Preview, knowledge: Knowledge, goal: float) -> _Option
 
 
 def _motion(radius0: float, radius1: float, corner: tuple[int, int]) -> Instruction:
-    place = "what is in the middle" if radius0 < _RADII[1] else "something even near the middle"
+    target = "what is in the middle" if radius0 < _RADII[1] else "something even near the middle"
     way = "" if radius1 >= _RADII[-1] else f"{radius1:.0%} of the way "
     text = (
-        f"Turn the camera slowly to the {_TURNS[corner]}, until {place} has moved {way}to the {_CORNERS[corner]} "
-        f"corner of the picture."
+        f"Turn the camera slowly to the {_TURNS[corner]} until {target} has moved {way}to the {_CORNERS[corner]} "
+        "corner of the picture."
     )
     ends = tuple((0.5 + 0.5 * corner[0] * radius, 0.5 + 0.5 * corner[1] * radius) for radius in (radius0, radius1))
     return Instruction("move", text, "vignette", radii=(radius0, radius1), arrow=(ends[0], ends[1]))

@@ -1,4 +1,4 @@
-"""A calibrator that never keeps a camera waiting."""
+"""A calibrator that never blocks the camera."""
 
 from __future__ import annotations
 
@@ -26,39 +26,38 @@ from ospc.settings import DefaultSettings, Settings
 from ospc.throttle import Throttle
 
 QUEUE_BYTES = 64 * 2**20
-"""Images that wait for the background, in bytes: they cover the time of a fit. Beyond, frames are dropped."""
+"""Size of the queue of images in bytes, enough for the duration of a fit; frames are dropped when it is full."""
 
 ADVICE_S, ADVICE_SHARE = 0.8, 0.05
-"""Shortest time in seconds between two pieces of advice, and the largest share of the time that they may take."""
+"""Shortest interval between two updates of the advice in seconds, and the largest share of the time they may take."""
 
 
 class LiveCalibrator:
-    """Calibrates a camera while it runs: frames are taken at once, and processed by one thread in the background.
+    """Calibrates a camera while it runs: frames are accepted at once and processed by a background thread.
 
-    It drives the same engine as :class:`~ospc.calibrator.OnlineCalibrator`: where no frame is dropped, the result is
-    the same to the last bit. Only unreadable images that are not needed are not counted: nobody looks at them. Images
-    wait in a bounded queue while the background is busy; beyond it they are dropped, and only their exposures are
-    kept. :meth:`push` may be called by any thread, by a callback, or within a coroutine.
+    It drives the same engine as :class:`~ospc.calibrator.OnlineCalibrator`. If no frame is dropped, the result is
+    identical to the last bit, except that unreadable images are not counted if they are not needed. Images wait in a
+    bounded queue while the background is busy. If the queue is full, they are dropped, and only their exposures are
+    kept. :meth:`push` may be called from any thread, a callback, or a coroutine.
 
     Parameters
     ----------
     settings
         Settings of the default method, or the name of a preset of it.
     correct_lag
-        What to do where exposures are written beside other frames than their own, as for
-        :func:`~ospc.calibrator.calibrate`.
+        What to do about a lag of the exposures, as for :func:`~ospc.calibrator.calibrate`.
     goal
-        Standard deviation of g and of V, as root mean squares, at which the advice is that it is done.
+        Root mean square standard deviation of g and V at which the advice says that the capture is done.
     source
         Identification of the recording that is replayed; empty for a camera.
 
     Raises
     ------
     SettingError
-        If the settings are those of preset "paper", which is too slow for it, or the goal is not positive.
+        If the settings are those of preset "paper", which is too slow, or the goal is not positive.
     OspcError
         By :meth:`push`, :meth:`wait`, :meth:`calibration`, :meth:`save_state` and :attr:`status` in a forked process;
-        by the first three also if it was closed or the background failed.
+        by the first three also if the calibrator was closed or the background failed.
 
     Examples
     --------
@@ -81,7 +80,7 @@ class LiveCalibrator:
         if not isinstance(self._engine.settings, DefaultSettings):
             raise SettingError(f"preset {self._engine.settings.name} cannot keep up with a camera; use the default")
         if not goal > 0:
-            raise SettingError(f"goal {goal} is no standard deviation; give a positive number")
+            raise SettingError(f"goal {goal} is not a standard deviation; give a positive number")
         self.goal = goal
         self._process = os.getpid()
         self._changed = threading.Condition()
@@ -93,21 +92,21 @@ class LiveCalibrator:
         self._frames = self._dropped = self._unusable = 0
         self._found = Findings(self._engine, goal)
         self._throttle = Throttle(ADVICE_S, ADVICE_SHARE)
-        self._unseen = False  # whether anything was taken since the last look
+        self._unseen = False  # whether frames were processed since the last advice
         self._worker = threading.Thread(target=self._work, name="ospc-live", daemon=True)
         self._worker.start()
 
     def push(self, frame: Frame) -> bool:
-        """Take the next frame, without waiting for any work on it, and return whether its image was kept.
+        """Accept the next frame without waiting for its processing, and return whether its image was kept.
 
-        Images in memory are copied if they may be processed: a driver may fill its buffer anew. FrameError if it is
-        no frame.
+        Images in memory are copied if they may be processed, because a driver may reuse its buffer. FrameError if it
+        is not a frame.
         """
         with self._running():
             check_is_frame(frame, self._frames)
             needed, full = self._engine.may_need_image(self._frames), self._waiting_bytes >= QUEUE_BYTES
             work, size, kept = partial(self._engine.push_without_image, frame.exposure_ms, frame.name), 0, False
-            # What waits in the queue may change which frames are needed: that is predicted only while none waits.
+            # Queued frames may change which frames are needed, so the prediction counts only if the queue is empty.
             if not full and (needed or self._queue):
                 try:
                     own = frame if frame.threads else in_memory(frame)
@@ -120,9 +119,9 @@ class LiveCalibrator:
             return kept
 
     def wait(self, most: int = 0) -> None:
-        """Wait until at most so many frames are waiting for the background; of a recording, none is dropped then.
+        """Wait until at most ``most`` frames are queued, for example so that no frame of a recording is dropped.
 
-        With none left, :attr:`preview` and :attr:`status` are up to date as well.
+        With ``most`` 0, :attr:`preview` and :attr:`status` are then up to date as well.
         """
         with self._running():
             self._changed.wait_for(
@@ -133,9 +132,9 @@ class LiveCalibrator:
             self._check()
 
     def calibration(self) -> Calibration:
-        """Return what is known from all frames pushed so far; waits until the background has estimated it.
+        """Wait for and return the calibration from all frames pushed before this call.
 
-        Frames that are pushed meanwhile are not waited for. OspcError if no frame could be used.
+        OspcError if no frame could be used.
         """
         answer: Future[Calibration] = Future()
         with self._running():
@@ -145,35 +144,35 @@ class LiveCalibrator:
 
     @property
     def status(self) -> LiveStatus:
-        """Where it stands."""
+        """The current status."""
         self._check_process()
         with self._changed:
             return self._found.status(self._frames, self._dropped, self._unusable)
 
     @property
     def preview(self) -> Preview | None:
-        """Quick estimates and what they rest on, some tenths of a second old; None before there are any."""
+        """Quick estimates and the observations behind them, some tenths of a second old; None before the first."""
         return self._found.preview
 
     @property
     def latest(self) -> Calibration | None:
-        """The calibration last estimated, without waiting; None before the first."""
+        """The latest estimated calibration, without waiting; None before the first."""
         return self._found.latest
 
     @property
     def first_reasons(self) -> tuple[str, ...]:
-        """Why the first frames that could not be used were skipped, at most three."""
+        """Reasons why the first unusable frames were skipped, at most three."""
         return self._engine.first_reasons
 
     def save_state(self, path: str | Path) -> Path:
-        """Write all that is known to a file, as ``OnlineCalibrator.save_state`` does with its summary."""
+        """Write the state to a file, like ``OnlineCalibrator.save_state`` with its summary."""
         self._check_process()
         return self._engine.save_state(path, complete=True)
 
     def close(self) -> None:
-        """End the background once its present work is done; what is known stays in :attr:`latest`.
+        """Stop the background once its current work is done; :attr:`latest` remains available.
 
-        In a fork this does nothing: the background goes on in the process that made it.
+        In a forked process this does nothing: the background continues in the process that created it.
         """
         if self._process != os.getpid():
             return
@@ -191,22 +190,22 @@ class LiveCalibrator:
 
     @contextmanager
     def _running(self) -> Iterator[None]:
-        """Hold the lock of a background that still works."""
+        """Hold the lock while the background is known to be working."""
         self._check_process()
         with self._changed:
             self._check()
             yield
 
     def _check_process(self) -> None:
-        """Refuse a fork, where no lock may be taken: a thread that is not there may hold it."""
+        """Refuse to work in a forked process, where a lock may be held by a thread that does not exist."""
         if self._process != os.getpid():
-            raise OspcError("this live calibrator belongs to the process that made it; make a new one after a fork")
+            raise OspcError("this live calibrator belongs to another process; create a new one after a fork")
 
     def _check(self) -> None:
         if self._failure is not None:
             raise _failed(self._failure)
         if self._closed:
-            raise OspcError("this live calibrator was closed; make a new one")
+            raise OspcError("this live calibrator was closed; create a new one")
 
     def _enqueue(self, work: Callable[[], bool], size: int = 0) -> None:
         self._queue.append((work, size))
@@ -225,13 +224,13 @@ class LiveCalibrator:
         except BaseException as error:
             with self._changed:
                 self._failure = error
-                # Whoever waits has to learn of it.
+                # Pass the error on to all waiting callers.
                 for answer in self._asked:
                     answer.set_exception(_failed(error))
                 self._changed.notify_all()
 
     def _wait_for_work(self) -> bool:
-        """Wait until there is something to do; return whether there is, and not the end."""
+        """Wait for something to do; return False once the calibrator is closed and all answers are given."""
         with self._changed:
             until_advice_s = self._throttle.remaining_s if self._unseen else None
             self._changed.wait_for(lambda: self._queue or self._closed, until_advice_s)
@@ -256,7 +255,7 @@ class LiveCalibrator:
                 self._changed.notify_all()
 
     def _answer(self, answer: Future[Calibration]) -> bool:
-        """Answer one who asked what is known from the frames taken so far, with a reason where nothing is."""
+        """Complete a request for the calibration with an estimate, or with the error that prevented it."""
         try:
             answer.set_result(self._found.estimate(self._frames))
         except OspcError as error:
@@ -267,13 +266,13 @@ class LiveCalibrator:
 
 
 def in_memory(frame: Frame) -> Frame:
-    """Return a frame with an image of its own, for any thread; FrameError if it cannot be read."""
+    """Return a frame with its own copy of the image, for any thread; FrameError if it cannot be read."""
     image = frame.image.copy()
     return replace(frame, load=lambda: image, verify=None, threads=True)
 
 
 def _failed(failure: BaseException) -> OspcError:
-    """Return what to say to whoever needs the background, caused by what ended it."""
+    """Return the error for callers that need the background, chained to its failure."""
     error = OspcError(f"the background failed: {said_by(failure)}")
     error.__cause__ = failure
     return error

@@ -1,4 +1,4 @@
-"""A guided capture: frames go to a live calibrator, and whoever looks sees where it stands."""
+"""A guided capture: feeds frames to a live calibrator and provides what its page shows."""
 
 from __future__ import annotations
 
@@ -25,35 +25,36 @@ from ospc.recording import Frame
 Stage = Literal["filming", "estimating", "writing", "written", "failed"]
 
 WAITING_FRAMES = 4
-"""Frames of a recording that may wait for the background: what is shown is then what is being calibrated."""
+"""Frames of a recording that may be queued: few, so that the page shows what is being calibrated."""
 
 _PICTURE_PX, _JPEG = 640, 80
-"""Longest side and JPEG quality of the picture that is shown."""
+"""Longest side and JPEG quality of the picture on the page."""
 
 _COVERED = 150
-"""Observations that fill a class of grey levels, of radii or of places: five times as many as keep the report from
-calling it a gap."""
+"""Observations that fill a bin of grey levels, radii or image cells: five times the number below which the report
+reports a gap."""
 
 _GREYS, _RADII = slice(1, -2), slice(0, -1)
-"""Classes that can be covered: in those left out, nearly everything is clipped, or lies outside the image."""
+"""Bins that can be filled: in the others, nearly everything is clipped or lies outside the image."""
 
 _WIDE_RANGE, _NOTHING_KNOWN, _UNCONFIRMED = 8.0, 0.2, 0.97
-"""Ratio of the extreme exposures that fills its bar, standard deviation with which that of certainty is empty, and
-the most that it shows before a complete estimate has confirmed what quick ones say."""
+"""Exposure ratio at which the exposure bar is full, standard deviation at which the certainty bar is empty, and the
+most that the certainty bar shows before a complete estimate has confirmed the quick ones."""
 
 _COLUMNS, _ROWS = 16, 12
-"""Cells of the image whose observations are counted for what is drawn over the picture."""
+"""Cells of the image in which observations are counted for the overlay on the picture."""
 
 _CURVE_POINTS = 51
-"""Points of the response's curve, as many as the vignette's profile has."""
+"""Points of the response curve, as many as in the vignette profile."""
 
 
 @dataclass(frozen=True)
 class Bars:
-    """How full the bars are, each from 0 to 1.
+    """Levels of the progress bars, each from 0 to 1.
 
-    ``exposures`` is the range of the exposures, and ``certainty`` how near the uncertainty is to the goal, both on a
-    logarithmic scale; ``greys`` and ``radii`` are the shares of grey levels and radii with enough observations.
+    ``exposures`` is the range of the exposures, and ``certainty`` shows how close the uncertainty is to the goal,
+    both on a logarithmic scale. ``greys`` and ``radii`` are the shares of grey levels and radii with enough
+    observations.
     """
 
     exposures: float = 0.0
@@ -63,7 +64,7 @@ class Bars:
 
     @classmethod
     def of(cls, preview: Preview | None, instruction: Instruction, goal: float = GOAL) -> Bars:
-        """Return the bars of a moment."""
+        """Return the bars for a preview and the current instruction."""
         if preview is None:
             return cls()
         low, high = preview.coverage.exposure_edges_ms[[0, -1]]
@@ -82,10 +83,10 @@ class Bars:
 
 
 class Capture:
-    """Feeds a live calibrator, and tells any thread where it stands.
+    """Feeds a live calibrator, and reports its progress to any thread.
 
-    With ``ends``, the capture ends by itself when the calibrator's goal is reached. ``out`` is the name of the folder
-    that is written in the end, for the page. ``stage`` and ``message`` say what is being done, and how it ended.
+    With ``ends``, the capture ends on its own when the calibrator's goal is reached. ``out`` is the name of the
+    output folder, shown on the page. ``stage`` and ``message`` describe the current activity or the outcome.
     """
 
     def __init__(self, live: LiveCalibrator, *, ends: bool = True, out: str = "") -> None:
@@ -97,7 +98,7 @@ class Capture:
         self._times: list[tuple[float, float]] = []
         self._shown: Frame | None = None
         self._looked = threading.Event()
-        self._looked.set()  # whoever looks first finds the first frame
+        self._looked.set()  # so that the first frame is kept for the first viewer
         self._finish = threading.Event()
         self._begun_s = time.monotonic()
 
@@ -112,10 +113,10 @@ class Capture:
         return np.array([exposure_ms for _, exposure_ms in self._times])
 
     def run(self, frames: Iterable[Frame], stop: Callable[[], bool], *, replayed: bool) -> None:
-        """Push frames until they end, the goal is reached, or somebody asks for the end.
+        """Push frames until they end, the goal is reached, or the capture is stopped.
 
-        ``stop`` is asked after every frame, and ends the capture if it returns True. Frames ``replayed`` from a
-        recording wait for the background, and none is dropped.
+        ``stop`` is called after every frame, and ends the capture if it returns True. Frames ``replayed`` from a
+        recording wait for the background, so that none is dropped.
         """
         for frame in frames:
             self._show(frame)
@@ -128,7 +129,7 @@ class Capture:
                 break
 
     def _show(self, frame: Frame) -> None:
-        """Make it the frame that is shown; what only this thread may read, only if somebody looked since the last."""
+        """Show a frame; one that only this thread can read is copied, but only if the previous one was viewed."""
         if frame.threads:
             self._shown = frame
         elif self._looked.is_set():
@@ -139,16 +140,16 @@ class Capture:
                 self._shown = None
 
     def finish(self) -> None:
-        """Ask for the end of the capture."""
+        """Request the end of the capture."""
         self._finish.set()
 
     @property
     def bars(self) -> Bars:
-        """How full the bars are."""
+        """Current levels of the progress bars."""
         return Bars.of(self.live.preview, self.live.status.instruction, self.live.goal)
 
     def view(self) -> dict[str, Any]:
-        """Return all that the page shows beside the picture, as JSON-compatible values."""
+        """Return everything that the page shows except the picture, as JSON-compatible values."""
         status, preview = self.live.status, self.live.preview
         return {
             "stage": self.stage,
@@ -166,9 +167,9 @@ class Capture:
         }
 
     def picture(self) -> bytes | None:
-        """Return the latest frame as JPEG, reduced; None where there is none that can be read.
+        """Return the latest frame as a reduced JPEG; None if there is no readable one.
 
-        Where only the capturing thread may read the frames, it is the first one after the last call.
+        If only the capturing thread can read the frames, it is the first frame after the previous call.
         """
         self._looked.set()
         frame = self._shown
@@ -186,7 +187,7 @@ class Capture:
 
 
 def replayed(frames: Iterable[Frame], pace: float) -> Iterator[Frame]:
-    """Yield the frames of a recording at the times of their stamps, so many times as fast; 0 for no waiting."""
+    """Yield the frames of a recording at the pace of their stamps times ``pace``; 0 for no waiting."""
     begun_s, first_s = time.monotonic(), None
     for frame in frames:
         first_s = frame.stamp_s if first_s is None else first_s
@@ -197,7 +198,7 @@ def replayed(frames: Iterable[Frame], pace: float) -> Iterator[Frame]:
 
 
 def _seen(preview: Preview) -> dict[str, Any]:
-    """Return the places and radii that were seen, and the curves with their standard deviations."""
+    """Return the coverage of image cells, grey levels and radii, and the curves with their standard deviations."""
     found: dict[str, Any] = {
         "greys": _filled(preview.coverage.by_grey),
         "radii": _filled(preview.coverage.by_radius),
@@ -226,7 +227,7 @@ def _curve(value: FloatArray, sigma: FloatArray) -> dict[str, list[float]]:
 
 
 def _filled(counts: IntArray) -> list[float]:
-    """Return how full classes are, from 0 to 1."""
+    """Return how full the bins are, from 0 to 1."""
     return [round(min(count / _COVERED, 1.0), 2) for count in counts.tolist()]
 
 

@@ -1,4 +1,4 @@
-"""How well response and vignette are known at the moment, and how much another view would add."""
+"""Predict the uncertainty of response and vignette, and how much another view would reduce it."""
 
 from __future__ import annotations
 
@@ -14,39 +14,40 @@ from ospc.observations import ExposedObservations
 from ospc.photometry.calibration import PROFILE_RADII, Calibration
 
 GOAL = 0.005
-"""Error of g and of V, as a root mean square over all grey levels and radii, at which a capture is complete: direct
-odometry gains nothing from less."""
+"""Root mean square error of g and V over all grey levels and radii at which a capture is complete: direct odometry
+does not benefit from smaller errors."""
 
 _GREYS = np.linspace(0, 1, 65)
-"""Grey levels at which the response's uncertainty is looked at; dense enough for its 33 knots."""
+"""Grey levels at which the uncertainty of the response is evaluated; dense enough for its 33 knots."""
 
 _POINTS = 3000
-"""Scene points that the information matrix is added up from: 25 ms, and as representative as all of them."""
+"""Scene points used for the information matrix: a representative sample that takes 25 ms."""
 
 _PAIR_POINTS = 100
-"""Scene points of an imagined pair of frames: half of what a usual one gives."""
+"""Scene points of a hypothetical pair of frames: half of what a typical pair provides."""
 
 _GRADIENT = 0.003
-"""Grey gradient of an imagined point, in full scale per pixel: half of what counts as flat."""
+"""Grey gradient of a hypothetical point, in full scale per pixel: half of what counts as flat."""
 
 _DIAGONAL = np.ones(2) / np.sqrt(2)
-"""Direction from the centre to a corner of a square image; quick fits are alike in all directions."""
+"""Direction from the centre to a corner of a square image; quick fits are radially symmetric."""
 
 
 @dataclass(frozen=True)
 class Knowledge:
-    """What the observations so far say on the parameters, and what is asked of them.
+    """The current uncertainty of the parameters, linearised at a fit.
 
     Attributes
     ----------
     fit, covariance
-        The fit that the parameters are linearised at, and their covariance by all observations so far, shape (p, p).
+        The fit at which the model is linearised, and the covariance of the parameters given all observations so far,
+        shape (p, p).
     wanted
-        A row for every grey level and radius: the derivative of g or V there, shape (n, p).
+        Derivatives of g and V with respect to the parameters, one row per grey level and radius, shape (n, p).
     information_scale
         Share of its nominal information that an observation adds.
     response_sigma, vignette_sigma
-        Standard deviations of g, its scale held, and of V, as root mean squares over grey levels and radii.
+        Standard deviations of g, with its scale fixed, and V, as root mean squares over grey levels and radii.
     """
 
     fit: Fit
@@ -57,11 +58,11 @@ class Knowledge:
     vignette_sigma: float
 
     def reaches(self, goal: float) -> bool:
-        """Whether both standard deviations are within a goal."""
+        """Return whether both standard deviations are within a goal."""
         return max(self.response_sigma, self.vignette_sigma) <= goal
 
     def corrected(self, response_sigma: float | None, vignette_sigma: float | None) -> Knowledge:
-        """Return it with the standard deviations of a complete estimate, where they are larger."""
+        """Return it with the standard deviations of a complete estimate if those are larger."""
         return replace(
             self,
             response_sigma=max(self.response_sigma, response_sigma or 0.0),
@@ -69,36 +70,37 @@ class Knowledge:
         )
 
     def gain_of_exposure(self, grey0: float, grey1: float, goal: float) -> float:
-        """Return what a pair of frames adds in which points change from one grey level to another.
+        """Return the gain from a pair of frames in which points change from one grey level to another.
 
-        It is the decrease of the summed squares of :attr:`response_sigma` and :attr:`vignette_sigma` in goals.
+        The gain is the decrease of the sum of the squares of :attr:`response_sigma` and :attr:`vignette_sigma`, in
+        units of the squared goal.
         """
         rows = self.fit.response_basis.log_rows([grey0, grey1])
         row = np.concatenate([rows[1] - rows[0], np.zeros(len(self.fit.vignette_basis))])
         return self._gain(row, (grey0, grey1), goal)
 
     def gain_of_motion(self, radius0: float, radius1: float, grey: float, goal: float) -> float:
-        """Return what a pair of frames adds in which points of a grey level move from one radius to another."""
+        """Return the gain from a pair of frames in which points of a grey level move from one radius to another."""
         places = np.array([radius0, radius1])[:, None] * _DIAGONAL
         rows = self.fit.vignette_basis.jacobian(self.fit.vignette_parameters, places)
         row = np.concatenate([np.zeros(len(self.fit.response_basis)), rows[0] - rows[1]])
         return self._gain(row, (grey, grey), goal)
 
     def grey_after(self, grey: float, factor: float) -> float:
-        """Return the grey level of a point when the exposure is so many times as long; 1 where it saturates."""
+        """Return the grey level of a point after multiplying the exposure by a factor; 1 if it saturates."""
         log_g = self.fit.response_basis.log_of(self.fit.response_parameters)
         now = np.interp(grey, self.fit.response_basis.grid, log_g)
         return float(np.interp(now + np.log(factor), log_g, self.fit.response_basis.grid))
 
     def _gain(self, row: FloatArray, greys: tuple[float, float], goal: float) -> float:
-        """Return the decrease by one more row of the normal equations (Sherman and Morrison)."""
+        """Return the gain from one more row of the normal equations (Sherman and Morrison)."""
         variance = float(self._log_variance(np.array(greys)).sum())
         information = _PAIR_POINTS * self.information_scale / variance
         spread = self.covariance @ row
         falls = (self.wanted @ spread) ** 2 / (1 / information + row @ spread)
         response, vignette = np.mean(falls[: len(_GREYS)]), np.mean(falls[len(_GREYS) :])
         if (self.response_sigma <= goal) != (self.vignette_sigma <= goal):
-            # Only what is not known to the goal yet counts.
+            # Only the part that has not reached the goal counts.
             return float(response if self.response_sigma > goal else vignette) / goal**2
         return float(response + vignette) / goal**2
 
@@ -112,7 +114,7 @@ class Knowledge:
 
 
 def knowledge_of(preview: Preview | None) -> Knowledge | None:
-    """Return what is known by all observations so far; None before there is a fit."""
+    """Return the knowledge from all observations so far; None before the first fit."""
     if preview is None or preview.fit is None or preview.observations is None:
         return None
     fit, observations = preview.fit, preview.observations
@@ -126,9 +128,9 @@ def knowledge_of(preview: Preview | None) -> Knowledge | None:
 
 
 def certainty(calibration: Calibration, usable_radius: float = 1.0) -> tuple[float | None, float | None]:
-    """Return what :attr:`Knowledge.response_sigma` and ``vignette_sigma`` estimate, of a calibration.
+    """Return the counterparts of :attr:`Knowledge.response_sigma` and ``vignette_sigma`` for a calibration.
 
-    None stands for a part that is not known at all. Radii beyond the usable part of the image do not count.
+    They are None for an unknown part. Radii beyond the usable part of the image do not count.
     """
     response, of_response, of_vignette = calibration.response, None, None
     if response is not None and response.inverse_sigma is not None:

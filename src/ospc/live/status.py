@@ -1,4 +1,4 @@
-"""Where a live calibration stands: the latest estimate, what to film next, and when to estimate again."""
+"""Status of a live calibration: the latest estimate, what to film next, and when to estimate again."""
 
 from __future__ import annotations
 
@@ -14,40 +14,39 @@ from ospc.methods.preview import Preview
 from ospc.photometry.calibration import Calibration
 
 FIRST_ESTIMATE, ESTIMATE_GROWTH = 48, 4
-"""Frames processed before the first estimate that nobody asked for, and how many times as many as at the last one,
-whoever asked for it, before each next: with twice as many, these took a quarter of the processor time of the first
-half minute."""
+"""Number of processed frames before the first automatic estimate, and factor by which that number grows from one
+estimate to the next: with a factor of 2, they took a quarter of the processor time of the first half minute."""
 
 CONFIRMING = 12
-"""Frames processed before the next estimate where the information so far says that the goal may be reached."""
+"""Number of processed frames before the next estimate if quick estimates indicate that the goal is reached."""
 
 MOST_NOTES = 20
-"""Latest notes that are kept."""
+"""Number of latest notes to keep."""
 
 
 @dataclass(frozen=True)
 class LiveStatus:
-    """Where a live calibration stands; taken without waiting.
+    """Status of a live calibration, available without waiting.
 
     Attributes
     ----------
     frames
-        Frames pushed so far.
+        Number of frames pushed so far.
     processed
-        Frames that the background has processed.
+        Number of frames that the background has processed.
     dropped
-        Frames that should have been processed, but too many images were waiting.
+        Number of frames that were needed, but dropped because the queue was full.
     unusable, reasons
-        Frames that could not be used, and why, the latest last.
+        Number of frames that could not be used, and why, in order.
     converged, converged_after
-        Whether response and vignette were identifiable at the latest estimate, and the frames pushed when they first
-        were; None before.
+        Whether response and vignette were identifiable at the latest estimate, and the number of frames pushed when
+        they first were; None before.
     notes
-        When they became known, and whether and how the camera changed since.
+        When they became identifiable, and how the camera changed since.
     epochs
-        The epochs of the camera, one more than it changed. Those that ended hold their calibration.
+        The epochs of the camera; each change of the camera starts a new one. Past epochs hold their calibration.
     progress
-        The method's own figures.
+        Figures specific to the method.
     instruction
         What to film next, and why.
     """
@@ -66,12 +65,12 @@ class LiveStatus:
 
     @property
     def advice(self) -> str:
-        """What to film next, as text: one instruction at a time, until it says that it is done."""
+        """What to film next, as text: one instruction at a time, until the capture is done."""
         return self.instruction.text
 
 
 class Findings:
-    """What the background finds out about a run; only it calls the methods, and anybody may read the attributes."""
+    """Findings of the background thread; only that thread calls the methods, any thread may read the attributes."""
 
     def __init__(self, engine: OnlineCalibrator, goal: float) -> None:
         self._engine = engine
@@ -80,13 +79,13 @@ class Findings:
         self.latest: Calibration | None = None
         self._converged_after: int | None = None
         self._notes: tuple[str, ...] = ()
-        self._confirmed: Calibration | None = None  # the latest, unless the camera has changed since
+        self._confirmed: Calibration | None = None  # the latest one, unless the camera has changed since
         self._estimated_after = self._estimated_frames = 0
         self._next_estimate = FIRST_ESTIMATE
         self._known_epochs = 1
 
     def status(self, pushed: int, dropped: int, unusable: int) -> LiveStatus:
-        """Return where the run stands, after so many frames."""
+        """Return the status after this many frames."""
         status = self._engine.status
         return LiveStatus(
             frames=pushed,
@@ -103,7 +102,7 @@ class Findings:
         )
 
     def estimate(self, pushed: int) -> Calibration:
-        """Return a complete estimate after so many frames were pushed, made once for all that ask together."""
+        """Return a complete estimate after this many pushed frames, computed once for simultaneous requests."""
         if self.latest is not None and self._estimated_frames == self._engine.frames:
             return self.latest
         found = self._engine.calibration()
@@ -116,7 +115,7 @@ class Findings:
         return found
 
     def follow(self, pushed: int) -> None:
-        """Notice a change of the camera after a frame was processed, and estimate if it is time to."""
+        """After a processed frame, check for a change of the camera, and estimate if due."""
         epochs, processed = self._engine.epochs, self._engine.processed
         if len(epochs) > self._known_epochs:
             change, self._known_epochs = epochs[-2].change, len(epochs)
@@ -129,12 +128,12 @@ class Findings:
             self.estimate(pushed)
 
     def advise(self, pushed: int) -> None:
-        """Choose what to film next, by quick estimates."""
+        """Choose what to film next from quick estimates."""
         self.preview = self._engine.preview()
         now = self._adviser.look(self.preview, time.monotonic(), self._confirmed)
         due = self._engine.processed >= self._estimated_after + CONFIRMING
         if due and now.kind != "done" and self._adviser.expects_end:
-            self.estimate(pushed)  # quick figures leave out what only a complete estimate finds
+            self.estimate(pushed)  # quick estimates omit errors that only a complete one finds
 
     def _note(self, text: str) -> None:
         self._notes = (*self._notes, text)[-MOST_NOTES:]

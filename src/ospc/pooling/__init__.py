@@ -1,1 +1,1 @@
-"""What several recordings of one camera say together."""
+"""Combine recordings of one camera: summaries, agreement, merging, and earlier calibrations as a start."""

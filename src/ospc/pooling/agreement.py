@@ -1,7 +1,7 @@
-"""Whether recordings are of the same camera in the same state, and in what one that is not differs.
+"""Check whether recordings show the same camera in the same state, and how those that do not differ.
 
-Each recording's own curves are compared with those that the others give together, at a few places, in units of the
-standard deviations of both and of the usual differences between recordings of one camera.
+The curves of each recording are compared with the joint curves of the others at a few grey levels and image points.
+Differences are divided by the standard deviation of both and of the usual scatter between recordings of one camera.
 """
 
 from __future__ import annotations
@@ -21,33 +21,33 @@ from ospc.pooling.summary import RESPONSE, RESPONSE_PART, VIGNETTE_PART, Summary
 Part = Literal["response", "vignette"]
 
 GREYS = np.array([0.1, 0.2, 0.3, 0.4, 0.6, 0.7, 0.8, 0.9])
-"""Grey levels at which ln g is compared, relative to :data:`_MIDDLE`: without the ends, which follow the prior."""
+"""Grey levels at which ln g is compared, relative to :data:`_MIDDLE`. The ends are omitted because they follow the
+prior."""
 
 _PLACES: dict[Part, slice] = {"response": slice(0, len(GREYS)), "vignette": slice(len(GREYS), None)}
-"""Where in the values compared the two parts are."""
+"""Slices of the two parts in the compared values."""
 
 _MIDDLE = 0.5
-"""Grey level at which the curves are made equal, since the scale of g is a convention: a level that most recordings
-cover."""
+"""Grey level at which the curves are normalised, because the scale of g is a convention. Most recordings cover it."""
 
 _RADII = (0.4, 0.7, 1.0)
-"""Radii at which ln V is compared, in half diagonals: nearer to the centre it is next to zero in any lens."""
+"""Radii at which ln V is compared, in half diagonals; closer to the centre it is almost zero for any lens."""
 
 _DIRECTIONS = 8
 """Directions in which ln V is compared at each radius, so that a shifted centre is noticed."""
 
 _ALLOWED = {"response": 0.02, "vignette": 0.01}
-"""Standard deviation, in ln, by which recordings of one camera differ beyond what they state: another scene and
-another light have other errors of registration."""
+"""Standard deviation, in ln, of the scatter between recordings of one camera beyond their stated uncertainty: other
+scenes and lighting lead to other registration errors."""
 
 _LIMIT_SIGMAS = 5.0
-"""Difference from which a recording differs: the largest of 32 values is compared, with errors not quite normal."""
+"""Difference above which a recording differs: the largest of 32 values is tested, and errors are not quite normal."""
 
 _SUSPICIOUS_FACTOR = 4.0
-"""How many times the usual share of exposure changes must stay unexplained for exposures to be suspected."""
+"""Ratio to the usual unexplained share of exposure changes above which exposures are suspected to be wrong."""
 
 _LEAST_UNEXPLAINED = 0.005
-"""Least share that counts as usual: among recordings with nearly perfect exposures nothing would be usual."""
+"""Smallest unexplained share that counts as usual, for recordings with nearly perfect exposures."""
 
 _MEANING: dict[tuple[Part, ...], str] = {
     ("vignette",): "another lens, or its focus, aperture or zoom changed",
@@ -56,17 +56,16 @@ _MEANING: dict[tuple[Part, ...], str] = {
 }
 
 _MOST_ROUNDS = 10
-"""Most rounds of comparing with those that agree; it ends when the same recordings differ, usually after two or
-three, and may alternate between two choices."""
+"""Most rounds of comparing with the recordings that agree. The set of differing recordings usually settles after two
+or three rounds, but may alternate."""
 
 _FEWEST_FOR_SCATTER = 4
-"""Fewest recordings that agree whose scatter is measured: of fewer it is too uncertain to weaken their
-information."""
+"""Fewest agreeing recordings whose scatter is measured; with fewer, it is too uncertain to be used."""
 
 
 @dataclass(frozen=True)
 class Difference:
-    """How the recording of a key and name differs from the others: in response, vignette or both.
+    """How the recording with this key and name differs from the others: in response, vignette or both.
 
     ``sigmas`` is the largest difference in standard deviations; ``text`` is a sentence with the usual cause.
     """
@@ -82,7 +81,8 @@ class Difference:
 class Agreement:
     """Which recordings differ, by key, and for each part whether more than half of them agree on it.
 
-    ``scatter`` is the mean square of the differences between those that agree, over what is expected; 1 for few.
+    ``scatter`` is the mean square of the differences between agreeing recordings over its expected value, at least 1;
+    1 if there are only few.
     """
 
     differing: dict[str, Difference]
@@ -97,14 +97,17 @@ class Agreement:
 
 @dataclass(frozen=True)
 class _Curves:
-    """ln g and ln V at the places compared, with their standard deviations, shape (places,) each."""
+    """ln g and ln V at the compared points, with their standard deviations, shape (points,) each."""
 
     value: FloatArray
     sigma: FloatArray
 
 
 def agreement(summaries: Sequence[Summary]) -> Agreement:
-    """Return which recordings, of frames of one size and bit depth, differ from what most agree on, in any order."""
+    """Return which recordings differ from the majority; all must have the same frame size and bit depth.
+
+    The result does not depend on the order of the summaries.
+    """
     ordered = sorted(summaries, key=lambda s: s.key)
     if len(ordered) < 2:
         return Agreement({}, dict.fromkeys(_PLACES, True))
@@ -126,7 +129,7 @@ def agreement(summaries: Sequence[Summary]) -> Agreement:
 
 
 def difference_of(one: Summary | None, other: Summary | None) -> Difference | None:
-    """Return in what one recording differs from another, or from earlier ones; None where nothing tells that."""
+    """Return how one recording differs from another, or from earlier ones; None if no difference is significant."""
     if one is None or other is None:
         return None
     curves, known = (_curves(solve(Information.of([s]))) for s in (one, other))
@@ -135,7 +138,7 @@ def difference_of(one: Summary | None, other: Summary | None) -> Difference | No
 
 
 def _from_the_middle(own: list[_Curves]) -> list[dict[Part, float]]:
-    """Return in what each recording is far from the median of all: a start that outliers do not spoil."""
+    """Return the parts in which each recording is far from the median of all: a robust starting point."""
     values, sigmas = np.stack([c.value for c in own]), np.stack([c.sigma for c in own])
     middle = np.median(values, axis=0)
     of_middle = np.median(sigmas, axis=0) / np.sqrt(len(own))
@@ -143,9 +146,9 @@ def _from_the_middle(own: list[_Curves]) -> list[dict[Part, float]]:
 
 
 def _rest_of_each(summaries: list[Summary], apart: list[dict[Part, float]]) -> list[_Curves]:
-    """Return for each recording the curves of all others that did not differ."""
+    """Return for each recording the joint curves of all others that did not differ."""
     agreeing = [s for s, found in zip(summaries, apart, strict=True) if not found]
-    # Where none agree, or only one does, the comparison is with all others.
+    # If at most one agrees, compare with all others.
     inside = {s.key for s in (agreeing if len(agreeing) > 1 else summaries)}
     information = Information.of([s for s in summaries if s.key in inside])
     together = solve(information)
@@ -166,7 +169,7 @@ def _scores(one: _Curves, other: _Curves) -> FloatArray:
 
 
 def _scatter(agreeing: list[tuple[_Curves, _Curves]]) -> float:
-    """Return by how much the spread of the recordings that agree exceeds what they state, as a ratio of variances."""
+    """Return the ratio of the observed to the stated variance between the recordings that agree."""
     if len(agreeing) < _FEWEST_FOR_SCATTER:
         return 1.0
     squares = [(one.value - other.value) ** 2 / (one.sigma**2 + other.sigma**2) for one, other in agreeing]
@@ -175,7 +178,7 @@ def _scatter(agreeing: list[tuple[_Curves, _Curves]]) -> float:
 
 @cache
 def _places() -> FloatArray:
-    """Return where V is compared, in half diagonals from the image centre, shape (places, 2)."""
+    """Return the points at which V is compared, in half diagonals from the image centre, shape (points, 2)."""
     angle = 2 * np.pi * (np.arange(_DIRECTIONS) + 0.5) / _DIRECTIONS
     return np.concatenate([r * np.stack([np.cos(angle), np.sin(angle)], axis=1) for r in _RADII])
 
@@ -200,9 +203,9 @@ def _curves(fit: Fit) -> _Curves:
 
 
 def _described(  # noqa: PLR0917 (two recordings, and what is usual)
-    summary: Summary, found: dict[Part, float], rest: _Curves, own: _Curves, usual: float, whose: str = "the others'"
+    summary: Summary, found: dict[Part, float], rest: _Curves, own: _Curves, usual: float, whose: str = "the others"
 ) -> Difference:
-    """Return how a recording differs; ``usual`` is the usual share of exposure changes that stays unexplained."""
+    """Describe how a recording differs; ``usual`` is the usual unexplained share of exposure changes."""
     score, difference, said = np.abs(_scores(own, rest)), np.exp(own.value - rest.value) - 1, []
     for part in found:
         at = _PLACES[part].start + int(np.argmax(score[_PLACES[part]]))
@@ -210,9 +213,9 @@ def _described(  # noqa: PLR0917 (two recordings, and what is usual)
             what = f"g({GREYS[at]:.1f})/g({_MIDDLE})"
         else:
             what = f"V at radius {np.linalg.norm(_places()[at - len(GREYS)]):.1f}"
-        said.append(f"{what} is {difference[at]:+.0%} off {whose} ({score[at]:.0f} standard deviations)")
+        said.append(f"{what} differs by {difference[at]:+.0%} from {whose} ({score[at]:.0f} standard deviations)")
     parts, meaning = tuple(found), _MEANING[tuple(found)]
-    # Wrong exposures spoil both parts, even where only one of them shows it.
+    # Wrong exposures spoil both parts, even if only one of them differs significantly.
     if summary.unexplained > _SUSPICIOUS_FACTOR * max(usual, _LEAST_UNEXPLAINED):
         parts = ("response", "vignette")
         meaning = (

@@ -1,7 +1,7 @@
-"""All that is known of one camera, from however many recordings: a summary of each, and what they say together.
+"""Pools: the summaries of any number of recordings of one camera, and the calibration that they give together.
 
-Pools are added by taking the union, so that the order does not matter and a recording added twice counts once.
-Results are computed in the order of the recordings' keys, which makes them the same to the last bit.
+Adding pools takes their union, so the order does not matter, and a recording added twice counts once. Results are
+computed in the order of the recordings' keys, which makes them reproducible to the last bit.
 """
 
 from __future__ import annotations
@@ -31,11 +31,10 @@ from ospc.state.values import pack, unpack
 from ospc.versions import versions
 
 KIND, VERSION = "pool", 5
-"""What files say they hold."""
+"""Kind and version that pool files declare."""
 
 _FREE = 1e-4
-"""Precision of a part that is left free, in each parameter: a standard deviation of 100, far beyond any value, and
-yet not singular."""
+"""Precision of each parameter of a free part: a standard deviation of 100, far beyond any value, but not singular."""
 
 _MOST_NAMED = 5
 """Most recordings named in a reason; all are listed in the calibration's ``source``."""
@@ -43,13 +42,13 @@ _MOST_NAMED = 5
 
 @dataclass(frozen=True)
 class Pool:
-    """Summaries of different recordings of one camera, in the order of their keys; make one with :meth:`of`."""
+    """Summaries of different recordings of one camera, in the order of their keys; create one with :meth:`of`."""
 
     summaries: tuple[Summary, ...] = ()
 
     @classmethod
     def of(cls, summaries: Iterable[Summary]) -> Pool:
-        """Return the pool of summaries in any order; of two of the same recording the one of more frames is kept.
+        """Return the pool of summaries in any order; of two for the same recording, the one with more frames is kept.
 
         Raises
         ------
@@ -67,7 +66,7 @@ class Pool:
         return cls(ordered)
 
     def __add__(self, other: Pool) -> Pool:
-        """Return the union of both."""
+        """Return the union of both pools."""
         return Pool.of((*self.summaries, *other.summaries))
 
     def __len__(self) -> int:
@@ -76,34 +75,34 @@ class Pool:
 
     @property
     def size(self) -> ImageSize:
-        """Width and height of the frames in pixels; (0, 0) of no recordings."""
+        """Width and height of the frames in pixels; (0, 0) for an empty pool."""
         return self.summaries[0].size if self.summaries else (0, 0)
 
     @property
     def max_grey(self) -> int:
-        """Largest grey value of the frames; 0 of no recordings."""
+        """Largest grey value of the frames; 0 for an empty pool."""
         return self.summaries[0].max_grey if self.summaries else 0
 
     def save(self, path: str | Path) -> Path:
-        """Write the pool, whole or not at all, and return the path; equal pools give equal files.
+        """Write the pool atomically, and return the path; equal pools give equal files.
 
         Raises
         ------
         FormatError
-            If it cannot be written; an earlier file is unchanged then.
+            If it cannot be written; an existing file then stays unchanged.
         """
         content, arrays = pack(self)
         return container.save(Container(KIND, VERSION, content, arrays), path)
 
     @classmethod
     def load(cls, path: str | Path) -> Pool:
-        """Read a pool that :meth:`save` wrote, or the state of one recording, alone or in its output folder.
+        """Read a pool written by :meth:`save`, or the state of one recording: the file or its output folder.
 
         Raises
         ------
         FormatError
-            If there is no such file, it is torn or damaged, another version wrote it, or nothing could be learned
-            of the recording.
+            If the file does not exist, is truncated or damaged, or is of another version, or if nothing could be
+            learned from the recording.
         """
         place = Path(path)
         if place.is_dir():
@@ -112,7 +111,7 @@ class Pool:
             summary = load_summary(place, Summary)
             if summary is None:
                 raise FormatError(
-                    f"{place}: nothing could be learned from this recording, or its run did not end: finish it "
+                    f"{place}: nothing could be learned from this recording, or its run is unfinished: finish it "
                     "with ospc calibrate --resume"
                 )
             return cls((summary,))
@@ -132,22 +131,22 @@ def _check_alike(one: Summary, other: Summary) -> None:
         if first != second:
             raise SettingError(
                 f"{one.name} has {first} {what}, {other.name} {second}: they are not recordings of one camera in one "
-                "mode; merge those of each by themselves"
+                "mode; merge those of each camera and mode separately"
             )
 
 
 @dataclass(frozen=True)
 class Merged:
-    """What the recordings of a pool give together, without parts on which they do not agree, and which differ."""
+    """The joint calibration of a pool, without parts on which no majority agrees, and the recordings that differ."""
 
     calibration: Calibration
     agreement: Agreement
 
 
 def merge(pool: Pool) -> Merged:
-    """Return the calibration of a pool; recordings that differ from most are left out and named, not averaged.
+    """Return the calibration of a pool; recordings that differ from the majority are excluded and named.
 
-    A recording of which only the vignette differs still contributes to the response.
+    A recording that differs only in the vignette still contributes to the response.
 
     Raises
     ------
@@ -155,7 +154,7 @@ def merge(pool: Pool) -> Merged:
         If the pool is empty.
     """
     if not len(pool):
-        raise SettingError("there is nothing to merge: give the states of one recording or more")
+        raise SettingError("there is nothing to merge: give at least one state")
     agreed = agreement(pool.summaries)
     used = agreeing(pool, agreed)
     fit = solve_with_chosen_vignette(Information.of(used).weakened(agreed.scatter))
@@ -173,7 +172,7 @@ def merge(pool: Pool) -> Merged:
         vignette=fit.vignette(pool.size, radius) if vignette else None,
         verdicts=verdicts,
         vignette_sigma=vignette_sigma(fit, radius) if vignette else None,
-        # Of the recording with the most scene points.
+        # From the recording with the most scene points.
         noise=max(used, key=lambda s: (s.points, s.key)).noise if used else None,
         covariance=covariance_of(fit, response, vignette),
         max_grey=pool.max_grey,
@@ -199,10 +198,10 @@ def merge(pool: Pool) -> Merged:
 
 
 def agreeing(pool: Pool, agreed: Agreement) -> list[Summary]:
-    """Return what the recordings of a pool agree on.
+    """Return summaries of what the recordings of a pool agree on.
 
-    Those whose response differs are left out. Those whose vignette differs, or all where no majority agrees on it,
-    say no more about it than if the camera had stood still.
+    Recordings whose response differs are excluded. If the vignette differs, or no majority agrees on it, a recording
+    contributes only to the response.
     """
     used = [summary for summary in pool.summaries if not agreed.differs(summary, "response")]
     if not agreed.majority["vignette"]:
@@ -211,21 +210,22 @@ def agreeing(pool: Pool, agreed: Agreement) -> list[Summary]:
 
 
 def usable_radius(fit: Fit, used: Sequence[Summary]) -> float:
-    """Return the radius, in half diagonals, up to which a fit to recordings that agree gives the vignette.
+    """Return the radius, in half diagonals, up to which a fit to agreeing recordings determines the vignette.
 
-    A mask may hide what other recordings show, so the largest of theirs counts if V is known there. A dark or short
-    recording does not show where a fisheye's image ends, so otherwise it is the smallest.
+    This is the largest usable radius of the recordings if V is known there, because a mask may hide what other
+    recordings show. Otherwise it is the smallest, because a dark or short recording does not show where a fisheye's
+    image ends.
     """
     largest = max((s.usable_radius for s in used if not s.standing_still), default=1.0)
-    # The basis of the fit has the smallest.
+    # The basis of the fit uses the smallest.
     known = fit.worst_log_vignette_sigma(largest) <= IDENTIFIABLE_CORNER_SIGMA
     return largest if known else fit.vignette_basis.usable_radius
 
 
 def _response_alone(summary: Summary) -> Summary:
-    """Return a recording's information on the response, its vignette, which is a different one, integrated out."""
+    """Return a recording's information on the response, with its own vignette marginalised."""
     n, p, whole = VIGNETTE_PART.start, PARAMETERS, summary.matrix
-    # A prior centred on the recording's own estimate only says that the vignette is free.
+    # A wide prior, centred on the recording's own estimate, leaves the vignette free.
     free = _FREE * np.eye(p - n)
     carried = np.linalg.solve(whole[n:, n:] + free, whole[n:, :n])
     reduced = np.concatenate([np.eye(n), -carried.T], axis=1)
@@ -258,16 +258,16 @@ def _vignette_verdict(fit: Fit, used: Sequence[Summary], radius: float) -> Verdi
 
 
 def _judged(part: Part, verdict: Verdict, agreed: Agreement, recordings: int) -> Verdict:
-    """Return the verdict with what the recordings' agreement adds to it."""
+    """Return the verdict, taking into account how many recordings agree."""
     differing = [found.name for found in agreed.differing.values() if part in found.parts]
     names = ", ".join(sorted(differing)[:_MOST_NAMED]) + (", …" if len(differing) > _MOST_NAMED else "")
     if not agreed.majority[part]:
         return Verdict(
             "not identifiable",
             f"{len(differing)} of {recordings} recordings contradict the others ({names}), and no majority agrees",
-            "merge only recordings of one camera whose lens, focus and aperture were not changed",
+            "merge only recordings of one camera with unchanged lens, focus and aperture",
         )
     reason = f"{verdict.reason}, from {recordings - len(differing)} of {counted(recordings, 'recording')}"
     if differing:
-        reason += f"; {names} left out, because it differs" if len(differing) == 1 else f"; {names} left out"
+        reason += f"; {names} left out because it differs" if len(differing) == 1 else f"; {names} left out"
     return replace(verdict, reason=reason)

@@ -1,4 +1,4 @@
-"""A calibration that starts from an earlier one of the camera, and notices when that no longer holds."""
+"""Start a calibration from an earlier one of the same camera, and detect whether the camera has changed since."""
 
 from __future__ import annotations
 
@@ -34,39 +34,38 @@ from ospc.pooling.summary import (
 from ospc.state.container import STATE_NAME
 
 _LEAST_INFORMATION = 1e-9
-"""Least information in any direction, over that in the best known one: subtracting a prior may round it below
-zero."""
+"""Smallest relative information in any direction: subtracting a prior may otherwise make it negative by rounding."""
 
 _GIVEN_UP_SIGMA = 0.005
-"""Standard deviation, about zero, of vignette parameters that a calibration does without: an asymmetry larger than
-this would have been found."""
+"""Standard deviation, around zero, of vignette parameters that a calibration omits: it would have included larger
+ones."""
 
 _STEEPEST, _ROUGHEST = 1e3, 1e3
-"""Coefficients of a response, and hyperparameters of its prior, that are read: a hundred times what any fit has."""
+"""Largest accepted coefficients of a response and hyperparameters of its prior: a hundred times those of any fit."""
 
 _USUAL_NOISE = NoiseModel((0.5 / 255) ** 2, 0.0)
-"""Noise of a calibration that states none: half an 8-bit grey level, as of a good camera."""
+"""Noise assumed if a calibration states none: half an 8-bit grey level, typical of a good camera."""
 
 
 @dataclass(frozen=True)
 class PriorCalibration:
-    """An earlier calibration of a camera, by its name in messages and its recordings; make one with :meth:`open`."""
+    """An earlier calibration of a camera: its name in messages and its recordings; create one with :meth:`open`."""
 
     name: str
     pool: Pool
 
     @classmethod
     def open(cls, path: str | Path) -> PriorCalibration:
-        """Read an earlier calibration: a ``state.ospc``, of one recording or merged, or a ``calibration.json``.
+        """Read an earlier calibration: a ``state.ospc``, possibly merged, or a ``calibration.json``.
 
-        The latter must be of the default method; a folder with one of them will do.
+        The path may be a folder with one of these files. A ``calibration.json`` must be from the default method.
 
         Raises
         ------
         FormatError
             If it is none of these, or damaged.
         NotObservableError
-            If neither response nor vignette is known in it, or its recordings agree on nothing.
+            If it contains neither response nor vignette, or no majority of its recordings agrees.
         """
         place = Path(path)
         if place.is_dir():
@@ -76,14 +75,14 @@ class PriorCalibration:
         found = cls(str(path), Pool.load(place))
         if found.summary is None:
             raise NotObservableError(
-                f"{path}: its recordings agree on nothing that one could start from; merge only recordings of one "
-                "camera that was not changed"
+                f"{path}: its recordings contradict each other, so there is nothing to start from; merge only "
+                "recordings of one unchanged camera"
             )
         return found
 
     @cached_property
     def summary(self) -> Summary | None:
-        """All that its recordings agree on, as if it were one recording; None where no majority agrees."""
+        """Joint summary of the recordings that agree, as if they were one recording; None without a majority."""
         agreed = agreement(self.pool.summaries)
         used = agreeing(self.pool, agreed)
         if not (used and agreed.majority["response"]):
@@ -111,36 +110,42 @@ class PriorCalibration:
         )
 
     def check_size(self, size: tuple[int, int]) -> None:
-        """Refuse frames of another size.
+        """Check the size of frames.
 
         Raises
         ------
         SettingError
-            If their size differs from that of the earlier calibration.
+            If it differs from that of the earlier calibration.
         """
         if size != self.pool.size:
             raise SettingError(
-                f"{self.name}: is of {self.pool.size[0]}×{self.pool.size[1]} pixels, but the frames have "
+                f"{self.name}: is for {self.pool.size[0]}×{self.pool.size[1]} pixels, but the frames have "
                 f"{size[0]}×{size[1]}; start from a calibration of the same size"
             )
 
     def difference(self, today: Summary | None) -> Difference | None:
-        """Return how today's recording differs from the earlier ones; None where it does not."""
+        """Return how today's recording differs from the earlier ones; None if it does not."""
         return difference_of(today, self._apart_from(today))
 
     def _apart_from(self, today: Summary | None) -> Summary | None:
-        """Return what recordings other than today's say, which must not count twice; None where there are none."""
+        """Return the joint summary without today's recording, which must not count twice; None if there is none."""
         others = tuple(s for s in self.pool.summaries if today is None or s.key != today.key)
         return self.summary if len(others) == len(self.pool) else PriorCalibration(self.name, Pool(others)).summary
 
     def continued(self, own: Calibration, today: Summary | None) -> Calibration:
         """Return the calibration from the earlier recordings and today's together.
 
-        A part that has changed since is taken from today's frames alone. Its verdict and ``source["started_from"]``
-        say so. Today's recording counts once, even where the earlier calibration rests on it, too. However much was
-        known before, what contradicts today's frames leaves nothing better than marginal.
+        If the camera has changed since, the calibration is from today's frames alone, and the verdicts of the changed
+        parts and ``source["started_from"]`` say so. Today's recording counts once, even if the earlier calibration
+        already includes it. Warnings about today's frames limit all verdicts to marginal, however much was known
+        before.
 
-        ``own`` is what today's frames alone say, ``today`` the same as a summary; None where they say too little.
+        Parameters
+        ----------
+        own
+            The calibration from today's frames alone.
+        today
+            The summary of today's frames; None if they allow no fit.
 
         Raises
         ------
@@ -153,12 +158,12 @@ class PriorCalibration:
         changed, text = ([], "") if difference is None else (list(difference.parts), difference.text)
         source = own.source | {"started_from": {"name": self.name, "changed": changed, "text": text}}
         if earlier is None:
-            note = f"{self.name} rests on this recording itself, which must not count twice, and was not used"
+            note = f"{self.name} was not used: it is from this same recording, which must not count twice"
             return replace(own, source=source, notes=(*own.notes, note))
         verdicts = dict(own.verdicts)
         if difference is not None:
             for part in difference.parts:
-                reason = f"{verdicts[part].reason}; it is no longer that of {self.name}: {text}"
+                reason = f"{verdicts[part].reason}; it has changed since {self.name}: {text}"
                 verdicts[part] = replace(verdicts[part], reason=reason)
             return replace(own, source=source, verdicts=verdicts)
         together = merge(Pool.of([earlier] if today is None else [earlier, today])).calibration
@@ -183,23 +188,23 @@ class PriorCalibration:
 
 
 def summary_of_calibration(calibration: Calibration, name: str) -> Summary:
-    """Return a calibration as a summary: the information in its covariance, less that of the prior.
+    """Return a calibration as a summary: the information in its covariance minus that of the prior.
 
     Raises
     ------
     NotObservableError
-        If neither response nor vignette is known.
+        If it contains neither response nor vignette.
     FormatError
-        If it is not one of the default method.
+        If it is not from the default method.
     """
     if calibration.response is None and calibration.vignette is None:
-        raise NotObservableError(f"{name}: knows neither response nor vignette, so there is nothing to start from")
+        raise NotObservableError(f"{name}: has neither response nor vignette, so there is nothing to start from")
     try:
         found = _summary_of(calibration, name)
         found.check()
     except (LookupError, TypeError, ValueError, ArithmeticError, FormatError, np.linalg.LinAlgError):
         raise FormatError(
-            f"{name}: is no calibration of the default method with its covariance; start from a state.ospc instead"
+            f"{name}: is not a calibration of the default method with a covariance; start from a state.ospc instead"
         ) from None
     return found
 
@@ -243,14 +248,14 @@ def _response_model(calibration: Calibration) -> dict[str, Any]:
 
 
 def _usable_radius(vignette: Vignette | None) -> float:
-    """Return the radius about the image centre at which a vignette ends; its limit is one about its own centre."""
+    """Return the radius around the image centre up to which a vignette is valid; its limit is about its own centre."""
     if not isinstance(vignette, LogVignette):
         return 1.0
     return min(1.0, vignette.limit - float(np.hypot(*vignette.centre)))
 
 
 def _of_response(calibration: Calibration) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the estimate of the response, and A and b of its likelihood."""
+    """Return the estimated response parameters, and A and b of their likelihood."""
     model = _response_model(calibration)
     coefficients = np.array(model["coefficients"], dtype=np.float64)
     covariance = np.array(calibration.covariance["response"]["matrix"], dtype=np.float64)
@@ -262,12 +267,12 @@ def _of_response(calibration: Calibration) -> tuple[FloatArray, FloatArray, Floa
     if not (plausible and coefficients.min() > 0 and coefficients.max() < _STEEPEST):
         raise ValueError("not coefficients of a response")
     information = _positive(np.linalg.inv(covariance).astype(np.float64) - prior.precision(hyperparameters))
-    # How rough the response may be is chosen anew, so that nobody knows how much of the estimate a prior will add.
+    # The roughness of the prior is estimated anew, so its share of the estimate cannot be subtracted from b.
     return coefficients, information, information @ coefficients
 
 
 def _of_vignette(calibration: Calibration) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the estimate of the vignette, and A and b of its likelihood."""
+    """Return the estimated vignette parameters, and A and b of their likelihood."""
     vignette = calibration.vignette
     if not isinstance(vignette, LogVignette):
         raise TypeError("another model of the vignette")
@@ -284,18 +289,18 @@ def _of_vignette(calibration: Calibration) -> tuple[FloatArray, FloatArray, Floa
     estimate, matrix = np.zeros(len(VIGNETTE)), np.eye(len(VIGNETTE)) / _GIVEN_UP_SIGMA**2
     estimate[place] = given
     precision = np.linalg.inv(covariance).astype(np.float64)
-    # In units of the prior, in which terms of any order are alike.
+    # In units of the prior, so that terms of all orders have the same scale.
     sigma = replace(VIGNETTE, usable_radius=_usable_radius(vignette)).prior_sigma[place]
     unit = np.outer(sigma, sigma)
     matrix[np.ix_(place, place)] = _positive(precision * unit - np.eye(len(place))) / unit
-    # The prior is centred on zero: it shares in the precision, but not in b.
+    # The prior is centred on zero: it contributes to the precision, but not to b.
     vector = np.zeros(len(VIGNETTE))
     vector[place] = precision @ estimate[place]
     return estimate, matrix, vector
 
 
 def _positive(matrix: FloatArray) -> FloatArray:
-    """Return the nearest positive definite matrix: rounding may leave negative information in some direction."""
+    """Return the nearest positive definite matrix, because rounding may leave negative information in a direction."""
     value, vector = np.linalg.eigh((matrix + matrix.T) / 2)
     if value.max() <= 0:
         raise ValueError("no information")

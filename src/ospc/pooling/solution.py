@@ -1,4 +1,4 @@
-"""Response and vignette from the sum of the summaries' information, with the prior added once."""
+"""Solve for response and vignette from summed summaries, with the prior added once."""
 
 from __future__ import annotations
 
@@ -19,22 +19,21 @@ from ospc.library_threads import one_blas_thread
 from ospc.pooling.summary import PARAMETERS, RESPONSE, VIGNETTE, Summary
 
 _MOST_ROUNDS = 12
-"""Most rounds of linearising the prior; a few are usual, and only information that contradicts itself takes more."""
+"""Most rounds of linearising the prior; a few are usual, and only contradictory information needs more."""
 
 _SETTLED = 1e-3
-"""Squared change of all parameters together, in standard deviations, at which the rounds end: far below their
-errors."""
+"""Squared change of the parameters, in standard deviations, at which the rounds end: far below their errors."""
 
 _SIMPLER = (VignetteBasis(VIGNETTE.radial, free_centre=True), VignetteBasis(VIGNETTE.radial))
 
 
 @dataclass(frozen=True)
 class Information:
-    """The sum of summaries: A and b of their common likelihood, and the errors that more samples do not reduce.
+    """The sum of summaries: A and b of their joint likelihood, and the errors that more samples do not reduce.
 
-    The matrix A and ``systematic``, the sum of A S A, have shape (p, p), the vector b (p,): recordings err
-    independently of one another. ``points`` and ``groups`` count the scene points behind them, and their groups. The
-    usable radius is the smallest of theirs.
+    The matrix A and ``systematic``, the sum of A S A, have shape (p, p), the vector b (p,). The errors of different
+    recordings are independent. ``points`` and ``groups`` count the scene points and their groups. The usable radius
+    is the smallest of the summaries.
     """
 
     matrix: FloatArray
@@ -46,7 +45,7 @@ class Information:
 
     @classmethod
     def of(cls, summaries: Sequence[Summary]) -> Information:
-        """Return the sum over summaries, which depends on their order by its last bits only."""
+        """Return the sum over summaries; their order only affects the last bits."""
         nothing = np.zeros((PARAMETERS, PARAMETERS))
         return cls(
             np.sum([nothing, *(s.matrix for s in summaries)], axis=0),
@@ -58,7 +57,7 @@ class Information:
         )
 
     def without(self, summary: Summary) -> Information:
-        """Return what remains without one of the summaries."""
+        """Return the information without one of the summaries."""
         matrix, vector = self.matrix - summary.matrix, self.vector - summary.vector
         systematic = self.systematic - summary.systematic_matrix
         points, groups = self.points - summary.points, self.groups - summary.groups
@@ -71,10 +70,10 @@ class Information:
 
 
 def solve(information: Information, vignette: VignetteBasis = VIGNETTE, start: Fit | None = None) -> Fit:
-    """Return the most probable parameters, on one core: small matrices, which threads only slow down.
+    """Return the maximum a posteriori parameters.
 
-    The vignette is the common one, or one without its last parameters, which are zero then. The prior of a solution
-    for nearly the same information and the same model is taken, which saves most of the time.
+    ``vignette`` is the common model, or one without its last parameters. ``start`` is a solution for nearly the same
+    information and the same model; reusing its prior saves most of the time.
     """
     with one_blas_thread():
         vignette = replace(vignette, usable_radius=information.usable_radius)
@@ -82,7 +81,7 @@ def solve(information: Information, vignette: VignetteBasis = VIGNETTE, start: F
         parameters = model.typical if start is None else start.parameters
         p = len(parameters)
         equations = NormalEquations(information.matrix[:p, :p], information.vector[:p], np.zeros((p, p)))
-        # The prior is one of ln γ, linearised where the last round ended: a few rounds settle it.
+        # The prior is on ln γ, linearised at the result of the previous round.
         for _ in range(_MOST_ROUNDS):
             prior = model.prior(parameters)
             hyperparameters = equations.maximize_evidence(prior) if start is None else start.hyperparameters
@@ -107,7 +106,7 @@ def solve(information: Information, vignette: VignetteBasis = VIGNETTE, start: F
 
 
 def solve_with_chosen_vignette(information: Information) -> Fit:
-    """Return the most probable parameters with no more of the vignette's than the information supports."""
+    """Return the maximum a posteriori parameters with the simplest vignette that the information supports."""
     fit = solve(information)
     for simpler in _SIMPLER:
         if supported(fit, len(fit.vignette_basis) - len(simpler)):

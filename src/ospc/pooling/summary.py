@@ -1,7 +1,7 @@
-"""What one recording says about its camera, small and additive: the information of its likelihood without a prior.
+"""A small, additive summary of a recording: the information of its likelihood, without a prior.
 
-Near its maximum a log likelihood is a parabola, -½ θᵀAθ + bᵀθ + const. Independent recordings multiply their
-likelihoods, so A and b add up; the prior comes in once, when the sum is solved.
+Near its maximum, a log likelihood is quadratic, -½ θᵀAθ + bᵀθ + const. The likelihoods of independent recordings
+multiply, so A and b add up; the prior is added once, when the sum is solved.
 """
 
 from __future__ import annotations
@@ -32,12 +32,12 @@ from ospc.settings.estimation import MIN_USABLE_RADIUS
 
 RESPONSE = ResponseBasis(32)
 VIGNETTE = VignetteBasis(10, free_centre=True, non_radial=True)
-"""The models whose parameters all summaries share, whatever the settings of their recordings: those of the default
-settings at their richest, so that nothing is lost in the usual case."""
+"""The models whose parameters all summaries share, whatever settings their recordings used: the richest models of the
+default settings, so that usually nothing is lost."""
 
 RESPONSE_PART = slice(0, len(RESPONSE))
 VIGNETTE_PART = slice(len(RESPONSE), len(RESPONSE) + len(VIGNETTE))
-"""Where in the parameters the two parts are."""
+"""Slices of the two parts in the parameters."""
 
 PARAMETERS = VIGNETTE_PART.stop
 """Number of parameters."""
@@ -45,48 +45,50 @@ PARAMETERS = VIGNETTE_PART.stop
 _TRIANGLE = np.tril_indices(PARAMETERS)
 
 _MOST, _LONGEST_MS, _FARTHEST, _LARGEST = 2**40, 1e9, 3.0, 1e15
-"""Limits of what is read from files: counts, an exposure, a displacement in half diagonals, and other numbers.
-Nothing measured comes near them, and nothing within them overflows."""
+"""Limits for values in files: counts, an exposure, a displacement in half diagonals, and other numbers. Measurements
+do not come close to them, and nothing within them overflows."""
 
 _ROUNDING = 1e-6
-"""Share of the largest eigenvalue of A by which rounding may make another one negative."""
+"""Share of the largest eigenvalue of A by which rounding may make another eigenvalue negative."""
 
 _RADII = np.linspace(0, 1, 101)
-"""Radii, in half diagonals, at which radial terms of another number are fitted: many more than there are terms."""
+"""Radii, in half diagonals, at which a different number of radial terms is fitted: many more than there are terms."""
 
 
 @dataclass(frozen=True)
 class Summary:
-    """What one recording says.
+    """Summary of one recording.
 
     Attributes
     ----------
     key, name
-        Identifies the recording, the same for all runs over the same one; what to call it.
-    size, max_grey, frames, pairs, points, groups
-        Of the frames; how many were pushed, pairs of them compared, scene points and groups of these used.
+        Identifier of the recording, equal for all runs over the same recording; name for messages.
+    size, max_grey
+        Width and height of the frames in pixels, and their largest grey value.
+    frames, pairs, points, groups
+        Number of frames pushed, pairs compared, scene points used, and groups of these.
     estimate
         Estimate of the common parameters, at which the likelihood was approximated, shape (p,).
     triangle, vector
-        Lower triangle of A, row by row, and b of the approximation, shapes (p (p + 1) / 2,) and (p,), scaled for
-        errors that samples have in common.
+        Lower triangle of A, row by row, and b of the approximation, shapes (p (p + 1) / 2,) and (p,), scaled to
+        account for errors that samples have in common.
     systematic
-        Lower triangle of A S A, where S is the covariance of errors that more samples do not reduce, shape
-        (p (p + 1) / 2,): what the parts of the recording disagree about, and effects that it cannot tell.
+        Lower triangle of A S A, shape (p (p + 1) / 2,), where S is the covariance of errors that more samples do not
+        reduce: differences between parts of the recording, and effects that it cannot determine.
     exposure_range_ms
         Shortest and longest exposure.
     reach
-        Radial displacement, in half diagonals, of the scene points that tell the vignette.
+        Radial displacement, in half diagonals, of the scene points that determine the vignette.
     standing_still
         Whether the camera did not move.
     support
-        Lowest and highest grey level observed, without the last two in a thousand.
+        Lowest and highest grey level observed, without the outermost two in a thousand.
     unexplained
-        Share of a typical change of exposure that does not show in the images.
+        Share of a typical exposure change that does not appear in the images.
     noise, grey_range
-        Noise of a grey value; black and white, between which the response's parameters have their grey levels.
+        Noise of a grey value; black and white levels, between which the grey levels of the response model lie.
     usable_radius
-        Radius in half diagonals that the usable part of the image reaches, in (0, 1].
+        Radius in half diagonals of the usable part of the image, in (0, 1].
     """
 
     key: str
@@ -111,7 +113,7 @@ class Summary:
     usable_radius: float = 1.0
 
     def __post_init__(self) -> None:
-        """Refuse arrays that do not belong to the common models."""
+        """Check that the arrays fit the common models."""
         p = PARAMETERS
         arrays = (self.estimate, self.vector, self.triangle, self.systematic)
         if [values.shape for values in arrays] != 2 * [(p,)] + 2 * [(p * (p + 1) // 2,)]:
@@ -120,12 +122,12 @@ class Summary:
             raise ValueError("a summary has values that are not finite")
 
     def check(self) -> None:
-        """Check a summary that comes from a file, beyond what is checked whenever one is made.
+        """Check the values of a summary from a file.
 
         Raises
         ------
         FormatError
-            If a number is out of range, or A is no information matrix.
+            If a number is out of range, or a matrix is not positive semidefinite.
         """
         image_size(*self.size)
         shortest_ms, longest_ms = self.exposure_range_ms
@@ -165,14 +167,15 @@ class Summary:
 
     @property
     def rank(self) -> tuple[int, int, str]:
-        """Which of two summaries of the same recording is kept: the larger; a total order."""
+        """Total order of summaries of the same recording; the largest is kept."""
         return self.frames, self.points, sha256(self.vector.tobytes() + self.triangle.tobytes()).hexdigest()
 
 
 def summary_of(inputs: FitInputs, first_frames: str, source: dict[str, Any], frames: int) -> Summary | None:
-    """Return the summary of a run of so many frames; None where it allowed no fit.
+    """Return the summary of a run of this many frames; None if it allowed no fit.
 
-    ``source`` identifies the recording; it is empty for a live stream, which the hash of its first frames identifies.
+    ``source`` identifies the recording. It is empty for a live stream, which is identified by the hash of its first
+    frames.
     """
     fit, observations = inputs.fit, inputs.observations
     if fit is None or observations is None:
@@ -204,7 +207,7 @@ def summary_of(inputs: FitInputs, first_frames: str, source: dict[str, Any], fra
 
 
 def triangle_of(matrix: FloatArray) -> FloatArray:
-    """Return the lower triangle of a matrix that is symmetric but for rounding, shape (p, p) -> (p (p + 1) / 2,)."""
+    """Return the lower triangle of a matrix, symmetric up to rounding, shape (p, p) -> (p (p + 1) / 2,)."""
     return np.asarray(((matrix + matrix.T) / 2)[_TRIANGLE])
 
 
@@ -215,13 +218,13 @@ def _full(triangle: FloatArray) -> FloatArray:
 
 
 def joint_range(ranges: Iterable[tuple[float, float]]) -> tuple[float, float]:
-    """Return the least and the largest value of ranges."""
+    """Return the smallest range that includes all ranges."""
     lows, highs = zip(*ranges, strict=True)
     return min(lows), max(highs)
 
 
 def recording_key(first_frames: str, source: dict[str, Any]) -> str:
-    """Return what identifies a recording: the hashes in its source, or its first frames where there are none."""
+    """Return a key for a recording from the hashes in its source, or from its first frames if there are none."""
     content = {name: source[name] for name in ("frames_sha256", "images_sha256") if name in source}
     return sha256(json.dumps(content or first_frames, sort_keys=True).encode()).hexdigest()[:32]
 
@@ -229,7 +232,7 @@ def recording_key(first_frames: str, source: dict[str, Any]) -> str:
 def _information(
     inputs: FitInputs, fit: Fit, observations: ExposedObservations
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return A, b, A S A and the estimate in the common parameters."""
+    """Return A, b, A S A and the estimate, all in the common parameters."""
     noise = None if inputs.single_pixels else inputs.grey_range.stretched_noise(inputs.noise)
     estimator = MaximumLikelihoodEstimator(RESPONSE, VIGNETTE, noise, effects=fit.effects)
     estimate = _in_common(fit, fit.parameters)
@@ -241,7 +244,7 @@ def _information(
 
 
 def _systematic_errors(fit: Fit) -> FloatArray:
-    """Return errors of the common parameters that more samples do not reduce, independent columns, shape (p, k)."""
+    """Return a square root of the covariance S of errors that more samples do not reduce, shape (p, k)."""
     curves = fit.vignette_part.stop
     variance, directions = np.linalg.eigh(fit.covariance[:curves, :curves] - fit.chance[:curves, :curves])
     in_common = np.stack([_in_common(fit, parameter) for parameter in np.eye(curves)], axis=1)
@@ -249,14 +252,14 @@ def _systematic_errors(fit: Fit) -> FloatArray:
 
 
 def _in_common(fit: Fit, parameters: FloatArray) -> FloatArray:
-    """Return parameters of a fit's curves in the common models."""
+    """Convert the parameters of a fit's curves to the common models."""
     gamma = fit.response_basis.gamma_of(parameters[: len(fit.response_basis)])
     response = np.interp(RESPONSE.knots, fit.response_basis.grid, gamma)
     return np.concatenate([response, _vignette_in_common(fit.vignette_basis, parameters[fit.vignette_part])])
 
 
 def _vignette_in_common(own: VignetteBasis, given: FloatArray) -> FloatArray:
-    """Return the vignette's parameters in the common model, radial terms fitted where their number differs."""
+    """Convert vignette parameters to the common model, refitting the radial terms if their number differs."""
     common = np.zeros(len(VIGNETTE))
     if own.free_centre:
         common[VIGNETTE.radial : VIGNETTE.radial + 2] = own.centre(given)

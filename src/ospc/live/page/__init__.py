@@ -1,1 +1,1 @@
-"""The page of a guided capture, and the server that shows it on this machine only."""
+"""The page of a guided capture, and the server that shows it on this machine."""

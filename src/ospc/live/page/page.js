@@ -62,7 +62,7 @@ function showPicture(picture) {
   picture.close();
 }
 
-/* Make a canvas as large as it is shown, and return its context with width and height in CSS pixels. */
+/* Resize a canvas to its displayed size; return its context with width and height in CSS pixels. */
 function cleared(canvas) {
   const scale = devicePixelRatio || 1;
   const [width, height] = [canvas.clientWidth, canvas.clientHeight];

@@ -1,4 +1,4 @@
-"""Serves the page of a capture on the loopback address, to whoever knows its token."""
+"""Serve the page of a capture on the loopback address to clients that know its token."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ if TYPE_CHECKING:
 ADDRESS = "127.0.0.1"
 
 _TOKEN_BYTES = 24
-"""Random bytes in the address of the page: nobody on this machine guesses 192 bits."""
+"""Random bytes in the address of the page: 192 bits cannot be guessed."""
 
 _PERIOD_S = 0.15
-"""Time between two updates of a page, in seconds."""
+"""Interval between page updates, in seconds."""
 
 _LAST_WORD_S = 5.0
-"""Longest time in seconds for which the server waits, in the end, until pages were told of it."""
+"""Longest time in seconds that the server waits at the end for pages to receive the final state."""
 
 _ASSETS = {
     "": ("page.html", "text/html; charset=utf-8"),
@@ -49,9 +49,9 @@ _HEADERS = {
 class PageServer:
     """A page that shows a capture; use it in a ``with`` statement.
 
-    Only requests from this machine that name the token and this address are answered: others get 403, which keeps
-    other users and web pages out. Port 0 stands for any that is free; one in use is a SettingError, and without the
-    package ``websockets`` it is a MissingExtraError.
+    Only requests from this machine with the token and this host name are answered; all others get 403, which keeps
+    other users and web pages out. Port 0 selects a free port. SettingError if the port is in use, MissingExtraError
+    without the package ``websockets``.
     """
 
     def __init__(self, capture: Capture, port: int = 0) -> None:
@@ -63,7 +63,7 @@ class PageServer:
         self._stopped = threading.Event()
         self._pages: set[threading.Thread] = set()
         logger = logging.getLogger("ospc.live.page")
-        logger.setLevel(logging.CRITICAL)  # a browser that goes away is no error
+        logger.setLevel(logging.CRITICAL)  # a browser that disconnects is not an error
         with os_error_as(SettingError, f"port {port} cannot be used", "choose another one"):
             listening = socket.create_server((ADDRESS, port))
         self.port: int = listening.getsockname()[1]
@@ -89,7 +89,7 @@ class PageServer:
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Tell pages how it ended, and stop."""
+        """Send the final state to all pages, and stop."""
         self._stopped.set()
         for page in tuple(self._pages):
             page.join(_LAST_WORD_S)
@@ -97,7 +97,7 @@ class PageServer:
         self._thread.join()
 
     def _answer(self, connection: ServerConnection, request: Request) -> Response | None:
-        """Return a file, or None to go on with the WebSocket; 403 to whoever must not know more."""
+        """Return a file, 403 if the request is not allowed, or None to continue with the WebSocket."""
         token, _, name = request.path.removeprefix("/").partition("/")
         hosts = request.headers.get_all("Host")
         is_ours = len(hosts) == 1 and hosts[0] in self._hosts
@@ -111,7 +111,7 @@ class PageServer:
         return _replied(connection, 200, files("ospc.live.page").joinpath(file).read_text(encoding="utf-8"), kind)
 
     def _show(self, connection: ServerConnection) -> None:
-        """Send a page what it shows until the end, and listen for the request to finish."""
+        """Send updates to a page until the end, and listen for the request to finish."""
         from websockets.exceptions import ConnectionClosed
 
         self._pages.add(threading.current_thread())
@@ -119,7 +119,7 @@ class PageServer:
             last = False
             while not last:
                 last = self._stopped.is_set()
-                # JSON lacks numbers that are not finite.
+                # JSON has no NaN and no infinity.
                 view = json.loads(json.dumps(self._capture.view()), parse_constant=lambda _: None)
                 connection.send(json.dumps(view, allow_nan=False))
                 picture = self._capture.picture()
@@ -132,7 +132,7 @@ class PageServer:
                 if said == "finish":
                     self._capture.finish()
         except ConnectionClosed:
-            pass  # the page was left; the capture goes on
+            pass  # the page was closed; the capture continues
         finally:
             self._pages.discard(threading.current_thread())
 
