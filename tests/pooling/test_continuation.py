@@ -168,7 +168,7 @@ def test_frames_of_another_size_are_refused(yesterday):
     calibrator = OnlineCalibrator()
     calibrator.prior = PriorCalibration.open(yesterday)
     calibrator.push(Frame.of_array(np.zeros((48, 64), np.uint8), 5.0))
-    with pytest.raises(SettingError, match="is of 640×480 pixels, but the frames have 64×48"):
+    with pytest.raises(SettingError, match="is for 640×480 pixels, but the frames have 64×48"):
         calibrator.calibration()
 
 

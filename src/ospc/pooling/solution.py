@@ -106,7 +106,7 @@ def solve(information: Information, vignette: VignetteBasis = VIGNETTE, start: F
 
 
 def solve_with_chosen_vignette(information: Information) -> Fit:
-    """Return the maximum a posteriori parameters with the simplest vignette that the information supports."""
+    """Return the maximum a posteriori parameters with a vignette no richer than the information supports."""
     fit = solve(information)
     for simpler in _SIMPLER:
         if supported(fit, len(fit.vignette_basis) - len(simpler)):
