@@ -175,10 +175,10 @@ def test_frames_of_another_size_are_refused(yesterday):
 def test_what_cannot_be_started_from_is_refused_by_name(tmp_path):
     with pytest.raises(NotObservableError, match="has neither response nor vignette"):
         PriorCalibration.open(made_up(response=False, vignette=False).save(tmp_path / "a.json"))
-    with pytest.raises(FormatError, match="no calibration of the default method"):
+    with pytest.raises(FormatError, match="not a calibration of the default method"):
         PriorCalibration.open(made_up().save(tmp_path / "b.json"))
     forged = replace(made_up(), covariance={"response": {"parameters": ["c0"], "matrix": [[0.0]]}})
-    with pytest.raises(FormatError, match="no calibration of the default method"):
+    with pytest.raises(FormatError, match="not a calibration of the default method"):
         PriorCalibration.open(forged.save(tmp_path / "c.json"))
     with pytest.raises(FormatError, match="there is no such"):
         PriorCalibration.open(tmp_path / "none")
@@ -190,5 +190,5 @@ def test_a_calibration_with_an_impossible_prior_is_refused(yesterday, tmp_path, 
     content = json.loads((yesterday / "calibration.json").read_text())
     content["response"]["model"][name] = value
     (tmp_path / "calibration.json").write_text(json.dumps(content))
-    with pytest.raises(FormatError, match="no calibration of the default method"):
+    with pytest.raises(FormatError, match="not a calibration of the default method"):
         PriorCalibration.open(tmp_path / "calibration.json")

@@ -248,7 +248,7 @@ def _response_model(calibration: Calibration) -> dict[str, Any]:
 
 
 def _usable_radius(vignette: Vignette | None) -> float:
-    """Return the radius about the image centre within which a vignette is valid; its limit is about its own centre."""
+    """Return the radius about the image centre to which a vignette is valid; its limit is about its own centre."""
     if not isinstance(vignette, LogVignette):
         return 1.0
     return min(1.0, vignette.limit - float(np.hypot(*vignette.centre)))
