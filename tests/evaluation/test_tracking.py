@@ -153,7 +153,7 @@ def test_frames_that_cannot_be_read_are_skipped_and_counted():
 @pytest.mark.parametrize("grey", [0, 128, 255])
 def test_without_structure_there_is_nothing_to_follow(grey):
     recording = ArrayRecording(np.full((3, 180, 240), grey, np.uint8), [1.0, 2.0, 3.0])
-    with pytest.raises(NotObservableError, match="nothing to follow"):
+    with pytest.raises(NotObservableError, match="nothing to track"):
         compare_tracking(recording, Corrector(LINEAR, PolynomialVignette((240, 180), (-0.3, 0.0, 0.0))))
 
 

@@ -1,1 +1,1 @@
-"""How good a calibration is."""
+"""Evaluate calibrations."""

@@ -1,4 +1,4 @@
-"""Comparison of two calibrations of a camera, in whatever format they are."""
+"""Compare two calibrations of a camera in any format."""
 
 from __future__ import annotations
 
@@ -24,23 +24,23 @@ from ospc.photometry.response import Response
 from ospc.photometry.vignette import RasterVignette, Vignette, radial_profile
 
 _EXPONENTS = (0.1, 10.0)
-"""Range in which the aligning exponent is sought; no two responses of cameras differ by more."""
+"""Search range of the aligning exponent; no two camera responses differ by more."""
 
 _AT_THE_END = 1e-3
-"""Distance from the ends of that range, in ln γ, at which there is no minimum within it."""
+"""Distance from the ends of that range, in ln γ, below which it contains no minimum."""
 
 _RAMP = 1e-12
-"""Height of a ramp added to a power of g: values that it would round together stay apart."""
+"""Height of a ramp added to a power of g, so that values do not become equal by rounding."""
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """Errors of one calibration against another that is taken for the truth; None if either lacks the part.
+    """Errors of one calibration against another that is treated as the truth; None if either lacks the part.
 
     Attributes
     ----------
     exponent
-        Power γ to which the first was raised before; 1 for none.
+        Power γ to which the first was raised before the comparison.
     response_rmse, response_shape_rmse, log_ratio_error, vignette_rmse, vignette_pixel_rmse
         The metrics of these names; the last only for vignettes of equal size.
     response_coverage
@@ -57,10 +57,10 @@ class Comparison:
 
 
 def compare(estimate: Photometry, truth: Photometry, exponent: float = 1.0) -> Comparison:
-    """Return the errors of a calibration against another, which is taken for the truth.
+    """Return the errors of a calibration against another that is treated as the truth.
 
-    Response and vignette of the first are raised to the power ``exponent`` before; uncertainties are compared only
-    at 1.
+    Response and vignette of the first are raised to the power ``exponent`` first. Uncertainties are only evaluated
+    for an exponent of 1.
 
     Raises
     ------
@@ -88,10 +88,10 @@ def compare(estimate: Photometry, truth: Photometry, exponent: float = 1.0) -> C
 
 
 def aligning_exponent(estimate: Photometry, truth: Photometry) -> float:
-    """Return the common exponent γ for which g^γ and V^γ of the first are nearest to the second.
+    """Return the common exponent γ for which g^γ and V^γ of the first are closest to the second.
 
-    It minimises the squared shape error of the response plus the squared error of the vignette's profile; a part that
-    either lacks does not count.
+    It minimises the squared shape error of the response plus the squared error of the vignette profile. Parts that
+    either calibration lacks do not count.
 
     Raises
     ------
@@ -120,7 +120,7 @@ def aligning_exponent(estimate: Photometry, truth: Photometry) -> float:
     best = minimize_scalar(error, bounds=tuple(ends), method="bounded", options={"xatol": 1e-6})
     if min(abs(best.x - ends)) < _AT_THE_END:
         raise NotObservableError(
-            f"no exponent between {_EXPONENTS[0]} and {_EXPONENTS[1]} brings {estimate.name} near {truth.name}"
+            f"no exponent between {_EXPONENTS[0]} and {_EXPONENTS[1]} aligns {estimate.name} with {truth.name}"
         )
     return float(np.exp(best.x))
 

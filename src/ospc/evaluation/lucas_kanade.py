@@ -1,4 +1,4 @@
-"""Tracking of points from frame to frame, and detection of lost ones (Lucas and Kanade 1981; Bouguet 2000)."""
+"""Track points between frames and detect lost ones (Lucas and Kanade 1981; Bouguet 2000)."""
 
 from __future__ import annotations
 
@@ -10,31 +10,31 @@ import numpy as np
 from ospc.arrays import BoolArray, FloatArray, Image
 
 LOSSES = ("gave up", "came back elsewhere", "looks different")
-"""Causes of loss: the Lucas–Kanade method itself fails; tracking back does not return to the start; the windows
+"""Causes of loss: the Lucas-Kanade method itself fails; backward tracking does not return to the start; the windows
 differ too much."""
 
 WINDOW_PX = 21
-"""Side of the square windows that are tracked, as OpenCV has it."""
+"""Side of the square tracking windows; OpenCV's default."""
 
 _LEVELS = 3
-"""Levels of the image pyramid above the image itself, as OpenCV has it."""
+"""Levels of the image pyramid above the image itself; OpenCV's default."""
 
 _MAX_RETURN_PX = 1.0
-"""Largest forward-backward error: distance between a point and the end of tracking it there and back."""
+"""Largest forward-backward error in pixels."""
 
 _MAX_MISMATCH = 0.5
 """Largest mean absolute difference of the two windows over the mean absolute deviation within them: the share of the
 structure that the match does not explain."""
 
 _LEAST_CONTRAST = 1e-9
-"""Keeps the quotients of flat windows finite."""
+"""Lower bound of the contrast, to keep the quotients of flat windows finite."""
 
 
 @dataclass(frozen=True)
 class Step:
-    """Points in the next frame: their pixel coordinates, shape (n, 2), and which are lost by each of :data:`LOSSES`.
+    """Points in the next frame: pixel coordinates, shape (n, 2), and which are lost by each of :data:`LOSSES`.
 
-    At most one is true in a column of ``losses``, shape (3, n).
+    Each column of ``losses``, shape (3, n), has at most one true value.
     """
 
     places: FloatArray
@@ -61,7 +61,7 @@ def follow(before: Image, after: Image, places: FloatArray) -> Step:
 
 
 def windows(image: Image, places: FloatArray, side_px: int = WINDOW_PX) -> FloatArray:
-    """Return the values around places, interpolated bilinearly, shape (n, 2) -> (n, side_px²)."""
+    """Return the bilinearly interpolated windows around points, shape (n, 2) -> (n, side_px²)."""
     reach = np.arange(side_px, dtype=np.float64) - side_px // 2
     y, x = (grid.ravel() for grid in np.meshgrid(reach, reach, indexing="ij"))
     at = [(places[:, i, None] + offset).astype(np.float32) for i, offset in enumerate((x, y))]
@@ -70,7 +70,7 @@ def windows(image: Image, places: FloatArray, side_px: int = WINDOW_PX) -> Float
 
 
 def in_contrasts(change: FloatArray, first: FloatArray, second: FloatArray) -> FloatArray:
-    """Return changes, shape (n,), over the mean absolute deviation within two windows, shape (n, pixels) each."""
+    """Divide changes, shape (n,), by the mean absolute deviation within two windows, shape (n, pixels) each."""
     deviations = [np.abs(w - w.mean(axis=1, keepdims=True)).mean(axis=1) for w in (first, second)]
     return np.asarray(change / np.maximum(np.mean(deviations, axis=0), _LEAST_CONTRAST))
 

@@ -21,10 +21,10 @@ GREYS = 256
 """Grey levels at which responses are compared."""
 
 _BINS, _CENTRE_BINS = 50, 3
-"""Bins of a radial profile, and those that count as the centre, where a vignette is normalised."""
+"""Bins of a radial profile, and number of bins at the centre, where a vignette is normalised."""
 
 _RANDOM_PAIRS = 20_000
-"""Pairs of grey values of the log-ratio error."""
+"""Number of grey value pairs for the log-ratio error."""
 
 
 class RatioError(NamedTuple):
@@ -52,7 +52,8 @@ def response_rmse(estimate: Response, truth: Response) -> float:
 def response_shape_rmse(estimate: Response, truth: Response, low: int = 5, high: int = 250) -> float:
     """Return the root mean square of s·g − G over greys low…high, with the scale s that minimises it.
 
-    The scale of a response is not observable, and the last grey levels, which fix it, are hardly ever measured.
+    The scale of a response is not observable, and the brightest grey levels, which fix it by convention, are rarely
+    measured.
     """
     g, truth_g = (r.resampled(GREYS)[low : high + 1] for r in (estimate, truth))
     scale = float(g @ truth_g) / float(g @ g)
@@ -62,8 +63,8 @@ def response_shape_rmse(estimate: Response, truth: Response, low: int = 5, high:
 def log_ratio_error(estimate: Response, truth: Response, seed: int = 0) -> float:
     """Return κ, the median over random pairs of grey values of |ln g(a)/g(b) − ln G(a)/G(b)|.
 
-    There are 20 000 pairs: a is uniform in 15…245, and b = a·exp(N(0, 0.3)) is clipped to the same range. A direct
-    method compares such pairs.
+    There are 20 000 pairs: a is uniform in 15…245, and b = a·exp(N(0, 0.3)) is clipped to the same range. Direct
+    methods compare such pairs.
     """
     random = np.random.default_rng(seed)
     a = random.uniform(RATIO_DARKEST_GREY, RATIO_BRIGHTEST_GREY, _RANDOM_PAIRS)
@@ -78,10 +79,10 @@ def log_ratio_error(estimate: Response, truth: Response, seed: int = 0) -> float
 
 
 def vignette_rmse(estimate: Vignette, truth: Vignette, reach: float = 1.0) -> float:
-    """Return the root mean square difference of the radial profiles, each divided by its first three bins' mean.
+    """Return the RMS difference of the radial profiles, each divided by the mean of its first three bins.
 
-    Their sizes may differ, because the radius is 1 at the corner of each; bins without a pixel, and those beyond the
-    radius ``reach``, do not count.
+    The sizes may differ, because the radius is 1 at the corner of each. Bins without pixels and bins beyond the
+    radius ``reach`` do not count.
     """
     difference = (radial_profile(estimate, _BINS) - radial_profile(truth, _BINS))[: max(1, int(reach * _BINS))]
     return _rms(difference[np.isfinite(difference)])
@@ -95,7 +96,7 @@ def vignette_pixel_rmse(estimate: Vignette, truth: Vignette) -> float:
     if estimate.size != truth.size:
         raise FormatError(
             f"vignettes of {estimate.size[0]}x{estimate.size[1]} and {truth.size[0]}x{truth.size[1]} pixels cannot "
-            f"be compared pixel by pixel; resize one of them"
+            "be compared pixel by pixel; resize one of them"
         )
     radius = np.linalg.norm(normalised(pixel_grid(truth.size), truth.size), axis=-1)
     centre = radius < _CENTRE_BINS / _BINS
@@ -107,7 +108,7 @@ def vignette_pixel_rmse(estimate: Vignette, truth: Vignette) -> float:
 def exposure_ratio_error(k_estimated: npt.ArrayLike, k_metadata: npt.ArrayLike) -> RatioError:
     """Return the errors of estimated exposure ratios against the metadata, for pairs that were not used in the fit.
 
-    ExposureError if there are none, their numbers differ, or some ratio is not positive.
+    ExposureError if there are no ratios, their numbers differ, or a ratio is not positive.
     """
     ratios = np.asarray(k_estimated, dtype=np.float64), np.asarray(k_metadata, dtype=np.float64)
     if ratios[0].shape != ratios[1].shape or ratios[0].size == 0:
@@ -122,13 +123,13 @@ def exposure_ratio_error(k_estimated: npt.ArrayLike, k_metadata: npt.ArrayLike) 
 def coverage(estimate: npt.ArrayLike, sigma: npt.ArrayLike, truth: npt.ArrayLike) -> Coverage:
     """Return the share of curve points within ±1σ and ±2σ of the truth: 0.683 and 0.954 if σ is right.
 
-    Points without error and with σ = 0 do not count; the ends of a response are such by convention. The shapes of
-    curves, standard deviations and true curves broadcast, such as (recordings, points). FormatError if a standard
-    deviation is negative, a value is not finite, or no point counts.
+    Points without error and with σ = 0 do not count, such as the ends of a response, which are fixed by convention.
+    The shapes of curves, standard deviations and true curves broadcast, such as (recordings, points). FormatError if
+    a standard deviation is negative, a value is not finite, or no point counts.
     """
     e, s, t = np.broadcast_arrays(*(np.asarray(array, dtype=np.float64) for array in (estimate, sigma, truth)))
     if not all(np.all(np.isfinite(array)) for array in (e, s, t)) or np.any(s < 0):
-        raise FormatError("coverage needs finite curves and standard deviations that are not negative")
+        raise FormatError("coverage needs finite curves and finite, non-negative standard deviations")
     error = np.abs(e - t)
     counted = (s > 0) | (error > 0)
     if not counted.any():

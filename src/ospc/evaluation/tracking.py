@@ -1,18 +1,17 @@
-"""The effect of a calibration on tracking: points are tracked through a recording as it is and corrected.
+"""Measure the effect of a calibration on tracking: track points through the raw and the corrected recording.
 
-Both start from the same points, detected in the raw frames. Both are tracked from frame to frame by the same
-Lucas–Kanade method with the same settings (:mod:`ospc.evaluation.lucas_kanade`):
+Both sets of tracks start from the same points, detected in the raw frames, and use the same Lucas-Kanade method with
+the same settings (:mod:`ospc.evaluation.lucas_kanade`):
 
 - *raw*: in the grey values as recorded;
 - *corrected*: in what the same camera would have recorded without vignette and at the longer exposure of the two
-  frames (:class:`~ospc.evaluation.tracks.CorrectedFrames`). Since these are encoded by the camera's own
-  response, both kinds of frames have similar grey levels, noise and contrast, and no setting favours one of them.
+  frames (:class:`~ospc.evaluation.tracks.CorrectedFrames`). These images are encoded by the camera's own response, so
+  both kinds of frames have similar grey levels, noise and contrast, and no setting favours one of them.
 
-A track ends when it is lost. It is censored when it leaves the image or the recording ends. It is lost if the
-tracking from frame to frame fails, or if its window has become so much brighter or darker since the track began that
-a direct method, which compares with the first frame of a point, would reject it (monitoring against the first
-appearance as in Shi and Tomasi 1994, but by brightness alone). Jumps of the exposure cause the former, slow changes
-the latter. Losses are counted by cause.
+A track ends when it is lost. It is censored when it leaves the image or the recording ends. It is lost if tracking to
+the next frame fails, or if the brightness of its window has changed so much since its first frame that a direct
+method would reject it (monitoring against the first appearance as in Shi and Tomasi 1994, but by brightness alone).
+Abrupt exposure changes cause the former, slow ones the latter. Losses are counted by cause.
 """
 
 from __future__ import annotations
@@ -27,17 +26,17 @@ from ospc.recording import Frame, Recording
 from ospc.recording.stream import usable_frames
 
 _NOTICEABLE = 1.1
-"""Ratio up to which a change counts as none."""
+"""Ratio up to which a change counts as negligible."""
 
 
 @dataclass(frozen=True)
 class TrackingComparison:
     """The effect of a calibration on tracking.
 
-    Both residuals of ``raw`` and ``corrected`` frames are computed at the same places: along the track in the
-    corrected frames or, if only that one is lost, along the raw one. There are ``tracks`` in ``frames`` that could be
-    used, besides those ``skipped``, each followed for at most ``horizon`` frames. ``largest_step`` is the largest
-    ratio of the exposures of two successive frames.
+    The residuals of ``raw`` and ``corrected`` frames are computed at the same points: along the track in the
+    corrected frames or, if only that one is lost, along the raw one. ``tracks`` is the number of tracks, ``frames``
+    the number of frames used, and ``skipped`` the number of unusable ones. Each track is followed for at most
+    ``horizon`` frames. ``largest_step`` is the largest exposure ratio of two consecutive frames.
     """
 
     raw: TrackFigures
@@ -50,12 +49,12 @@ class TrackingComparison:
 
     @property
     def life_ratio(self) -> float:
-        """Mean life in corrected frames over that in raw ones."""
+        """Mean life in corrected frames over the mean life in raw ones."""
         return self.corrected.mean_life / self.raw.mean_life
 
     @property
     def residual_ratio(self) -> float:
-        """Residual in raw frames over that in corrected ones: the factor by which correction reduces it."""
+        """Factor by which correction reduces the residual."""
         return self.raw.residual / self.corrected.residual
 
     @property
@@ -67,7 +66,7 @@ class TrackingComparison:
         verdict = {
             (True, False): "helps",
             (True, True): "helps in one respect and harms in another",
-            (False, True): "harms (is it of this camera, and do the exposures belong to their frames?)",
+            (False, True): "harms (is it for this camera, and do the exposures belong to their frames?)",
             (False, False): "hardly changes anything here",
         }[better, worse]
         life = f"{self.raw.mean_life:.1f} → {self.corrected.mean_life:.1f} of at most {self.horizon} frames"
@@ -81,7 +80,7 @@ class TrackingComparison:
 
 
 def _times(ratio: float, what: str, same: str) -> str:
-    """Return a ratio in words: 4.2 times as long, 1/20 as large."""
+    """Return a ratio as text, such as "4.2 times as long" or "1/20 as large"."""
     if not ratio > 0:
         return "unknown"
     if 1 / _NOTICEABLE <= ratio <= _NOTICEABLE:
@@ -94,7 +93,7 @@ def _times(ratio: float, what: str, same: str) -> str:
 def compare_tracking(
     recording: Recording, corrector: Corrector, progress: Callable[[int, int], None] = lambda _done, _total: None
 ) -> TrackingComparison:
-    """Track points through a recording as it is and corrected.
+    """Track points through the raw and the corrected frames of a recording.
 
     ``progress`` is called with the number of frames done and the total.
 
@@ -121,7 +120,7 @@ def compare_tracking(
     raw, corrected, horizon = tracks.figures()
     if raw.steps == 0:
         raise NotObservableError(
-            f"{recording.path}: nothing to follow in {counted(used, 'readable frame')}; tracks need at least two "
-            f"frames with structure that is not saturated"
+            f"{recording.path}: nothing to track in {counted(used, 'readable frame')}; tracks need at least two "
+            "frames with texture that is not saturated"
         )
     return TrackingComparison(raw, corrected, tracks.begun, used, len(skipped), horizon, largest)

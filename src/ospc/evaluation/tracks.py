@@ -1,4 +1,4 @@
-"""Tracks of the same points through raw and corrected frames, with their survival and brightness residuals."""
+"""Tracks of the same points through raw and corrected frames, with survival and brightness residuals."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from ospc.photometry.response import Response
 from ospc.recording import Frame
 
 _LOWEST, _HIGHEST, _BINS = 1e-5, 1e4, 4096
-"""Range and number of the bins of a median: each is half a per cent wide."""
+"""Range and number of the bins of the median; each is half a per cent wide."""
 
 
 class LifeTable:
-    """Counts of individuals at risk and lost at every age up to a horizon.
+    """Counts of tracks at risk and lost at every age up to a horizon.
 
-    Survival is the product-limit estimate (Kaplan and Meier 1958): an individual that is censored, such as a point
-    that leaves the image, counts until then, and afterwards neither as lost nor as alive.
+    Survival is the product-limit estimate (Kaplan and Meier 1958): a censored track, such as one that leaves the
+    image, counts until then, and afterwards neither as lost nor as alive.
     """
 
     def __init__(self, horizon: int) -> None:
@@ -29,7 +29,7 @@ class LifeTable:
         self._lost = np.zeros(horizon, np.int64)
 
     def add(self, ages: IntArray, lost_ages: IntArray) -> None:
-        """Count a step of individuals by their ages before it, all below the horizon, and those lost in it."""
+        """Count a step of tracks by their ages before it, all below the horizon, and the ages of those lost in it."""
         self._at_risk += np.bincount(ages, minlength=len(self._at_risk))
         self._lost += np.bincount(lost_ages, minlength=len(self._lost))
 
@@ -40,7 +40,7 @@ class LifeTable:
 
     @property
     def horizon(self) -> int:
-        """Age up to which survival is known: the one asked for, unless all were censored before."""
+        """Age up to which survival is known: the requested one, unless all tracks were censored before."""
         unknown = np.flatnonzero((self._at_risk == 0) & (self.survival[:-1] > 0))
         return int(unknown[0]) if unknown.size else len(self._at_risk)
 
@@ -51,23 +51,23 @@ class LifeTable:
         return np.concatenate([[1.0], np.cumprod(kept)])
 
     def mean_life(self, horizon: int) -> float:
-        """Return the mean age reached, counted from 1, of individuals followed to an age of at most ``horizon``."""
+        """Return the mean age reached, counted from 1, of tracks followed to an age of at most ``horizon``."""
         return float(self.survival[:horizon].sum())
 
     def median_life(self, horizon: int) -> int | None:
-        """Return the age that half do not outlive, counted from 1; None if more do."""
+        """Return the median age reached, counted from 1; None if more than half outlive the horizon."""
         gone = np.flatnonzero(self.survival[: horizon + 1] <= 0.5)
         return int(gone[0]) if gone.size else None
 
 
 class StreamingMedian:
-    """Counts numbers in bins of equal ratio from 10⁻⁵ to 10⁴; the median is accurate to a quarter of a per cent."""
+    """A streaming median: counts in logarithmic bins from 10⁻⁵ to 10⁴, accurate to a quarter of a per cent."""
 
     def __init__(self) -> None:
         self._counts = np.zeros(_BINS, np.int64)
 
     def add(self, values: FloatArray) -> None:
-        """Count numbers; those out of range are clipped to it, those that are not finite are ignored."""
+        """Count values; values out of range are clipped, non-finite values are ignored."""
         finite = values[np.isfinite(values)]
         share = np.log(np.clip(finite, _LOWEST, _HIGHEST) / _LOWEST) / np.log(_HIGHEST / _LOWEST)
         self._counts += np.bincount(np.minimum((share * _BINS).astype(np.int64), _BINS - 1), minlength=_BINS)
@@ -83,7 +83,7 @@ class StreamingMedian:
 
 
 _LEAST_HEADROOM = 0.25
-"""Least factor by which corrected frames are darkened; beyond it, strongly vignetted corners are clipped."""
+"""Smallest factor by which corrected frames are darkened; stronger vignettes are clipped in the corners."""
 
 _LEVELS = 65536
 """Entries of the table from 16-bit irradiance to 8-bit grey values."""
@@ -92,8 +92,8 @@ _LEVELS = 65536
 class CorrectedFrames:
     """Frames as if recorded at another exposure and without vignette, f(s·g(M')/V).
 
-    M' is the frame warped to that exposure. The factor s ≤ 1 makes room for the corrected corners, which can be
-    brighter than white in the middle of the image.
+    M' is the frame converted to that exposure. The factor s ≤ 1 provides headroom for the corrected corners, which
+    can exceed white.
     """
 
     def __init__(self, corrector: Corrector) -> None:
@@ -108,11 +108,11 @@ class CorrectedFrames:
         return np.asarray(self._corrector.correct(frame.image, frame.exposure_ms), dtype=np.float32)
 
     def greys(self, radiance: FloatArray, exposure_ms: float) -> FloatArray:
-        """Return the grey values, 0 to 255, that radiances have in corrected frames of an exposure."""
+        """Return the grey values, 0 to 255, of radiances in corrected frames at an exposure."""
         return 255 * self._encoded(self._headroom * exposure_ms * radiance)
 
     def at_exposure(self, frame: Frame, exposure_ms: float) -> Image:
-        """Return the image of a frame as it would be at another exposure."""
+        """Return the corrected image of a frame at another exposure."""
         image = frame.image
         if exposure_ms != frame.exposure_ms:
             image = self._corrector.warp_exposure(image, frame.exposure_ms, exposure_ms)
@@ -127,11 +127,11 @@ class CorrectedFrames:
 
 KINDS = ("raw", "corrected")
 CAUSES = (*LOSSES, "too bright or dark")
-"""Causes that end a track: the point is lost from one frame to the next, or its brightness differs from that at the
-start, so that a method which compares brightness with the first frame cannot track it."""
+"""Causes that end a track: the point is lost between frames, or its brightness differs too much from its first frame
+for a method that compares with that frame."""
 
 EVERY = 15
-"""Frames from one in which tracks start to the next."""
+"""Interval, in frames, at which new tracks start."""
 
 _POINTS = 150
 """Most tracks that start in one frame."""
@@ -143,8 +143,8 @@ _MAX_CHANGE = 0.5
 """Largest change of a window's mean grey level since its track began, in units of the contrast within it."""
 
 _QUALITY, _DISTANCE_PX, _BLOCK_PX = 0.01, 10.0, 7
-"""Detection of corners: least response relative to the best (Shi and Tomasi 1994), least distance between points,
-side of the block in which the response is computed."""
+"""Corner detection: smallest corner strength relative to the best (Shi and Tomasi 1994), smallest distance between
+points, and side of the block in which the strength is computed."""
 
 
 @dataclass(frozen=True)
@@ -154,13 +154,13 @@ class TrackFigures:
     Attributes
     ----------
     steps, lost
-        Attempts to track a point to the next frame, and failures by cause, see :data:`CAUSES`.
+        Number of attempts to track a point to the next frame, and failures by cause, see :data:`CAUSES`.
     mean_life, median_life
-        Frames, including the first, that tracks live on average if followed for at most ``horizon`` frames, and that
-        half of them do not outlive; the latter None if more than half outlive the horizon.
+        Mean and median life of tracks in frames, including the first, if followed for at most ``horizon`` frames; the
+        median is None if more than half outlive the horizon.
     residual
         Median over tracks and frames of the brightness residual: the change of the window's mean grey level since the
-        track began over the contrast (mean absolute deviation) within the window; NaN without any.
+        track began, divided by the contrast (mean absolute deviation) within the window; NaN if there is none.
     """
 
     steps: int
@@ -182,12 +182,12 @@ class Tracks:
         self._places = np.empty((len(KINDS), 0, 2))
         self._alive = np.empty((len(KINDS), 0), np.bool_)
         self._age = np.empty(0, np.int64)
-        # Their windows when they began: grey levels, and radiances.
+        # Windows in the first frame of each track: grey levels and radiances.
         self._first = np.empty((len(KINDS), 0, WINDOW_PX**2))
         self.begun = 0
 
     def begin(self, frame: Frame) -> None:
-        """Start tracks at the corners of a raw frame that are not saturated."""
+        """Start tracks at the unsaturated corners of a raw frame."""
         image = frame.image_8_bit
         usable = cv2.erode((frame.image < self._max_grey).view(np.uint8), np.ones((WINDOW_PX, WINDOW_PX), np.uint8))
         found = cv2.goodFeaturesToTrack(image, _POINTS, _QUALITY, _DISTANCE_PX, mask=usable, blockSize=_BLOCK_PX)
@@ -225,7 +225,7 @@ class Tracks:
         self._first, self._age = self._first[:, kept], self._age[kept]
 
     def figures(self) -> tuple[TrackFigures, TrackFigures, int]:
-        """Return the statistics of raw and of corrected frames, and the age up to which both are known."""
+        """Return the statistics of raw and corrected frames, and the age up to which both are known."""
         horizon = min(life.horizon for life in self._lives)
         raw, corrected = (
             TrackFigures(
@@ -240,12 +240,12 @@ class Tracks:
         return raw, corrected, horizon
 
     def _inside(self, frame: Frame) -> BoolArray:
-        """Return which places are at least a window's side from the border, shape (2, n)."""
+        """Return which points are at least one window side from the border, shape (2, n)."""
         far = np.array(frame.image.shape[::-1]) - 1 - WINDOW_PX
         return np.asarray(np.all((self._places >= WINDOW_PX) & (self._places <= far), axis=-1))
 
     def _compare_with_first(self, frame: Frame, radiance: Float32Array) -> None:
-        """Add the brightness residuals of both kinds, computed at the same places."""
+        """Add the brightness residuals of both kinds, computed at the same points."""
         alive = self._alive & self._inside(frame)
         index = np.flatnonzero(alive.any(axis=0))
         places = np.where(alive[1, index, None], self._places[1, index], self._places[0, index])
@@ -255,7 +255,7 @@ class Tracks:
     def _changes(
         self, kind: int, frame: Frame, radiance: Float32Array, index: IntArray, places: FloatArray
     ) -> FloatArray:
-        """Return the brightness residuals of tracks at places, in frames of one kind; NaN if saturated."""
+        """Return the brightness residuals of tracks at given points in one kind of frames; NaN if saturated."""
         changes = np.full(index.size, np.nan)
         if not index.size:
             return changes
@@ -271,5 +271,5 @@ class Tracks:
 
 
 def _residual(first: FloatArray, now: FloatArray) -> FloatArray:
-    """Return the change of brightness in units of the contrast, shape (n, pixels) twice -> (n,)."""
+    """Return the brightness change in units of the contrast, shape (n, pixels) twice -> (n,)."""
     return in_contrasts(np.abs(now.mean(axis=1) - first.mean(axis=1)), first, now)

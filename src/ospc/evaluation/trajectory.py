@@ -1,4 +1,4 @@
-"""Errors of a trajectory against the truth, up to the similarity that a single camera leaves undetermined.
+"""Errors of a trajectory against the truth, up to the similarity that is not observable with a single camera.
 
 The alignment error e_align is that of the TUM monocular visual odometry dataset (Engel, Usenko, Cremers, "A
 photometrically calibrated benchmark for monocular visual odometry", 2016). The truth is known only at the beginning
@@ -19,10 +19,10 @@ from ospc.errors import FormatError, NotObservableError, SettingError, counted
 from ospc.formats.files import read_text
 
 _FEWEST_POSES = 3
-"""Poses that determine a similarity."""
+"""Fewest poses that determine a similarity."""
 
 _DEGENERATE = 1e-9
-"""Ratio of singular values below which points lie on a line, up to rounding."""
+"""Ratio of singular values below which points are collinear, up to rounding."""
 
 
 @dataclass(frozen=True)
@@ -39,9 +39,9 @@ class Similarity:
 
 
 def align_similarity(points: FloatArray, target: FloatArray) -> Similarity:
-    """Return the similarity from points to their targets, shape (n, 3), with least squares (Umeyama 1991).
+    """Return the least squares similarity from points to their targets, shape (n, 3) (Umeyama 1991).
 
-    NotObservableError if there are fewer than three points, or they lie on a line and do not determine the rotation.
+    NotObservableError if there are fewer than three points, or they are collinear and do not determine the rotation.
     """
     if points.shape[0] < _FEWEST_POSES:
         raise NotObservableError(f"an alignment needs {_FEWEST_POSES} poses with truth; there are {points.shape[0]}")
@@ -49,7 +49,7 @@ def align_similarity(points: FloatArray, target: FloatArray) -> Similarity:
     centred = points - centre
     left, singular, right = np.linalg.svd((target - target_centre).T @ centred)
     if singular[1] <= _DEGENERATE * singular[0] or not np.isfinite(singular).all():
-        raise NotObservableError("the poses lie on a line or in one point, which determines no alignment")
+        raise NotObservableError("the poses are collinear or equal, so the alignment is not determined")
     mirror = np.array([1.0, 1.0, np.sign(np.linalg.det(left @ right))])
     rotation = np.asarray((left * mirror) @ right)
     scale = float(singular @ mirror / np.sum(centred**2))
@@ -57,24 +57,25 @@ def align_similarity(points: FloatArray, target: FloatArray) -> Similarity:
 
 
 STAMP_TOLERANCE_S = 1e-3
-"""Largest difference of the time stamps of a pose and its truth, in seconds."""
+"""Largest difference between the time stamps of a pose and its truth, in seconds."""
 
 _LARGEST_FILE = 2**29
-"""Largest file that is read, in bytes: a day of poses at 50 Hz in ample digits."""
+"""Largest file that is read, in bytes: a day of poses at 50 Hz."""
 
 _COLUMNS = 8
 """Columns of a row: stamp, position, quaternion."""
 
 _QUATERNION_LENGTHS = (0.5, 2.0)
-"""Lengths accepted for unit quaternions: files round them to a few digits."""
+"""Range of accepted lengths of unit quaternions, which files round to a few digits."""
 
 
 @dataclass(frozen=True)
 class Trajectory:
     """Poses in temporal order.
 
-    ``stamps_s`` in seconds have the shape (n,) and do not decrease; ``positions`` of the camera in the world (n, 3);
-    ``quaternions`` (x, y, z, w) from camera to world coordinates (n, 4). What is unknown is NaN.
+    ``stamps_s``, in seconds, has shape (n,) and does not decrease. ``positions`` of the camera in the world have
+    shape (n, 3), and ``quaternions`` (x, y, z, w) from camera to world coordinates have shape (n, 4). Unknown values
+    are NaN.
     """
 
     stamps_s: FloatArray
@@ -98,18 +99,18 @@ class AlignmentError:
     Attributes
     ----------
     e_align
-        Root mean square distance, over all poses, between the trajectory aligned to the first half and aligned to the
-        second, in units of the truth.
+        Root mean square distance, over all poses, between the trajectories aligned to the first and to the second
+        half, in units of the truth.
     e_s
-        Scale of the first alignment over that of the second.
+        Scale of the first alignment over the scale of the second.
     e_r_deg
-        Angle between the two alignments' rotations, in degrees.
+        Angle between the rotations of the two alignments, in degrees.
     rmse
         Root mean square distance to the truth after one alignment to all of it.
     poses, unmatched
-        Number of poses of the trajectory, and of those without a row of the truth within the tolerance.
+        Number of poses of the trajectory, and number of poses without a row of the truth within the tolerance.
     first, second
-        Number of poses with truth in the first and in the second half.
+        Number of poses with truth in the first and the second half.
     """
 
     e_align: float
@@ -132,10 +133,10 @@ class RelativeError:
 
 
 def read_trajectory(path: str | Path) -> Trajectory:
-    """Read rows ``stamp tx ty tz qx qy qz qw``, separated by white space or commas; ``#`` begins a comment.
+    """Read rows ``stamp tx ty tz qx qy qz qw``, separated by white space or commas; ``#`` starts a comment.
 
-    Further columns are ignored, NaN is allowed, and rows are sorted by stamp. FormatError if a row has another form,
-    a stamp is not finite, or there is no row.
+    Further columns are ignored, NaN is allowed, and rows are sorted by stamp. FormatError if a row is malformed, a
+    stamp is not finite, or there is no row.
     """
     rows: list[list[float]] = []
     for number, line in enumerate(read_text(path, _LARGEST_FILE).splitlines(), start=1):
@@ -149,7 +150,7 @@ def read_trajectory(path: str | Path) -> Trajectory:
         if len(rows[-1]) < _COLUMNS:
             raise FormatError(f"{path}: line {number} is not 'stamp tx ty tz qx qy qz qw'; {line.strip()[:40]!r}")
     if not rows:
-        raise FormatError(f"{path}: holds no pose; rows are 'stamp tx ty tz qx qy qz qw'")
+        raise FormatError(f"{path}: contains no pose; rows are 'stamp tx ty tz qx qy qz qw'")
     table = np.array(rows, dtype=np.float64)
     if not np.all(np.isfinite(table[:, 0])):
         raise FormatError(f"{path}: has a time stamp that is not finite")
@@ -158,18 +159,18 @@ def read_trajectory(path: str | Path) -> Trajectory:
 
 
 def associate(stamps_s: FloatArray, truth_stamps_s: FloatArray) -> IntArray:
-    """Return for each stamp the index of the nearest true stamp, or −1 where none is within the tolerance.
+    """Return for each stamp the index of the nearest true stamp, or −1 if none is within the tolerance.
 
-    The shapes are (n,) and (m,), m ≥ 1; true stamps do not decrease.
+    The shapes are (n,) and (m,), m ≥ 1; true stamps must not decrease.
     """
     found = nearest(truth_stamps_s, stamps_s)
     return np.where(np.abs(truth_stamps_s[found] - stamps_s) <= STAMP_TOLERANCE_S, found, -1).astype(np.int64)
 
 
 def alignment_error(estimate: Trajectory, truth: Trajectory) -> AlignmentError:
-    """Return e_align, e_s and e_r of a trajectory; the truth is split at its middle row, NaN rows included.
+    """Return e_align, e_s and e_r of a trajectory; the truth is split at its middle row, including NaN rows.
 
-    Errors are those of :func:`half_alignments`.
+    Raises the exceptions of :func:`half_alignments`.
     """
     (first, first_poses), (second, second_poses) = half_alignments(estimate, truth)
     apart = first(estimate.positions) - second(estimate.positions)
@@ -187,7 +188,7 @@ def alignment_error(estimate: Trajectory, truth: Trajectory) -> AlignmentError:
 
 
 def half_alignments(estimate: Trajectory, truth: Trajectory) -> list[tuple[Similarity, int]]:
-    """Return the alignments to the first and to the second half of the truth, with the poses that each rests on.
+    """Return the alignments to the first and second half of the truth, each with its number of poses.
 
     Raises
     ------
@@ -213,7 +214,7 @@ def half_alignments(estimate: Trajectory, truth: Trajectory) -> list[tuple[Simil
 
 
 def absolute_trajectory_error(estimate: Trajectory, truth: Trajectory) -> float:
-    """Return the root mean square distance of the poses to the truth after the best similarity, in its units.
+    """Return the root mean square distance to the truth after the best similarity, in units of the truth.
 
     FormatError if a position of the estimate is not finite, NotObservableError if too few poses have a truth.
     """
@@ -223,19 +224,19 @@ def absolute_trajectory_error(estimate: Trajectory, truth: Trajectory) -> float:
 
 
 def relative_pose_error(estimate: Trajectory, truth: Trajectory, interval_s: float = 1.0) -> RelativeError:
-    """Return the errors of the motions over an interval of time, after the best similarity over all poses.
+    """Return the errors of the motions over a time interval, after the best similarity over all poses.
 
-    Each pose is paired with the first that is at least this interval later. Both trajectories are of the same camera
-    frame.
+    Each pose is paired with the first one at least this interval later. Both trajectories must refer to the same
+    camera frame.
 
     Raises
     ------
     SettingError
         If the interval is not positive.
     FormatError
-        If a position of the estimate is not finite, or a quaternion is not of length 1.
+        If a position of the estimate is not finite, or a quaternion does not have length 1.
     NotObservableError
-        If too few poses have a truth, or no two are so far apart.
+        If too few poses have a truth, or no two are this far apart.
     """
     if not interval_s > 0:
         raise SettingError(f"the interval of relative errors must be positive, not {interval_s}")
@@ -260,11 +261,11 @@ def relative_pose_error(estimate: Trajectory, truth: Trajectory, interval_s: flo
 
 
 def _matched(estimate: Trajectory, truth: Trajectory) -> tuple[BoolArray, IntArray]:
-    """Return which poses have a truth, shape (n,), and the rows of the truth that belong to these."""
+    """Return which poses have a truth, shape (n,), and the matching rows of the truth."""
     if not estimate.known.all():
         raise FormatError(
             f"{np.count_nonzero(~estimate.known)} of {counted(len(estimate), 'estimated position')} not finite; "
-            f"the odometry failed"
+            "the odometry failed"
         )
     partner = associate(estimate.stamps_s, truth.stamps_s)
     matched = (partner >= 0) & truth.known[partner]
@@ -274,7 +275,7 @@ def _matched(estimate: Trajectory, truth: Trajectory) -> tuple[BoolArray, IntArr
 def _rotations(quaternions: FloatArray) -> Rotation:
     length = np.linalg.norm(quaternions, axis=1)
     if not np.all((length > _QUATERNION_LENGTHS[0]) & (length < _QUATERNION_LENGTHS[1])):
-        raise FormatError("a quaternion of a matched pose is not of length 1")
+        raise FormatError("a quaternion of a matched pose does not have length 1")
     return Rotation.from_quat(quaternions)
 
 

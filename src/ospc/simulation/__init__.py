@@ -1,6 +1,6 @@
-"""A simulated camera whose truth is known: M = f(e · V · L) plus noise.
+"""A simulated camera with known truth: M = f(e · V · L) plus noise.
 
-:func:`frames` yields frames in memory, :func:`simulate` writes a recording, :func:`truth` returns the truth alone.
+:func:`frames` yields frames in memory, :func:`simulate` writes a recording, and :func:`truth` returns only the truth.
 """
 
 from ospc.simulation.camera import SimulatedRecording, frames, irradiances, simulate

@@ -1,4 +1,4 @@
-"""The simulated camera: frames in memory, or a recording on disk."""
+"""The simulated camera: render frames in memory, or write a recording to disk."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _FILES = (
 
 
 def _write_truth(folder: Path, known: Truth) -> None:
-    """Write times.txt, camera.txt, groundtruthSync.txt and the true pcalib.txt, vignette.png and truth.json."""
+    """Write times.txt, camera.txt, groundtruthSync.txt, truth.json, and the true pcalib.txt and vignette.png."""
     width, height = known.settings.size
     focal, size = f"{known.settings.focal_px:.9g}", f"{width} {height}"
     times = enumerate(zip(known.stamps_s, known.metadata_exposures_ms, strict=True))
@@ -48,12 +48,12 @@ def _write_truth(folder: Path, known: Truth) -> None:
 
 
 def remove_recording(folder: Path) -> None:
-    """Remove an earlier simulated recording; nothing happens if its folder is missing or empty.
+    """Remove an earlier simulated recording; do nothing if its folder is missing or empty.
 
     Raises
     ------
     SettingError
-        If the folder holds anything but what :func:`simulate` writes; then nothing is removed.
+        If the folder contains anything that :func:`simulate` does not write; then nothing is removed.
     """
     if not folder.exists() or (folder.is_dir() and not any(folder.iterdir())):
         return
@@ -65,7 +65,7 @@ def remove_recording(folder: Path) -> None:
     written += [path for path in inside if _IMAGE.fullmatch(path.name)]
     foreign = {*folder.iterdir(), *inside} - {images, *written}
     if foreign:
-        raise SettingError(f"{folder}: also holds {min(foreign).name}, which no simulation wrote; move it away")
+        raise SettingError(f"{folder}: also contains {min(foreign).name}, which no simulation wrote; move it away")
     for path in written:
         path.unlink()
     if images.is_dir():
@@ -73,28 +73,28 @@ def remove_recording(folder: Path) -> None:
 
 
 _TABLE = 2**16
-"""Entries of the table of 8-bit grey values: indices fit 16 bits, and errors stay far below a grey level."""
+"""Entries of the table of 8-bit grey values: indices fit 16 bits, and errors are far below a grey level."""
 
 
 class Sensor:
-    """Turns irradiance into grey values, M = f(I + noise).
+    """Converts irradiance to grey values, M = f(I + noise).
 
-    The noise is that of counted electrons. With gain G, full well F and read noise r, the irradiance I (1 saturates)
-    corresponds to I·F/G electrons, and their count has the variance I·F/G + r². It is drawn from a normal
-    distribution, which a Poisson distribution resembles from about ten electrons on.
+    The noise consists of shot and read noise. With gain G, full well F and read noise r, an irradiance I (saturation
+    is 1) corresponds to I·F/G electrons, whose count has variance I·F/G + r². It is drawn from a normal distribution,
+    which approximates a Poisson distribution above about ten electrons.
     """
 
     def __init__(self, response: Response, settings: SimulationSettings) -> None:
         self._response, self._max_grey, self._seed = response, settings.max_grey, settings.seed
         self._full_well, self._read_noise = settings.sensor
-        # Tabulated over the square root of the irradiance: as a function of it, no usual response is steep.
+        # Tabulated over the square root of the irradiance, because responses are steep near zero irradiance.
         root = np.linspace(0.0, 1.0, _TABLE)
         self._grey = np.rint(response(root**2) * self._max_grey).astype(
             np.uint8 if self._max_grey < 256 else np.uint16
         )
 
     def expose(self, irradiance: Float32Array, *, frame: int, gain: float = 1.0) -> Image:
-        """Return the uint8 or uint16 image of an irradiance e V L, a share of saturation, shape (height, width).
+        """Return the uint8 or uint16 image of an irradiance e V L relative to saturation, shape (height, width).
 
         The index of the frame seeds the noise; e includes the linear gain.
         """
@@ -124,9 +124,9 @@ class SimulatedRecording(Truth):
 def frames(settings: SimulationSettings = _DEFAULT, known: Truth | None = None) -> Iterator[Frame]:
     """Yield the frames of a simulated recording without writing it.
 
-    Their exposures are those of the metadata, as in a recording on disk; the true ones, and the errors, are those of
-    :func:`~ospc.simulation.truth.truth`. If it was called for the same settings, ``known`` is what it returned: auto
-    exposure need not be simulated again.
+    Their exposures are those in the metadata, as in a recording on disk; :func:`~ospc.simulation.truth.truth` returns
+    the true ones. Its result for the same settings may be passed as ``known``, to avoid simulating auto exposure
+    again.
     """
     known = known or truth(settings)
     for index, image in enumerate(exposed_images(Scene.of(settings), known, settings.seed)):
@@ -134,7 +134,7 @@ def frames(settings: SimulationSettings = _DEFAULT, known: Truth | None = None) 
 
 
 def frame_of(known: Truth, index: int, image: Image) -> Frame:
-    """Return the frame of an image, with what the metadata say of it."""
+    """Return an image as a frame, with its metadata."""
     stated_ms, stamp_s = float(known.metadata_exposures_ms[index]), float(known.stamps_s[index])
     return Frame.of_array(image, stated_ms, index=index, stamp_s=stamp_s, max_grey=known.settings.max_grey)
 
@@ -151,7 +151,7 @@ def simulate(
     Parameters
     ----------
     out
-        Folder to create. It must be empty or missing, unless it holds an earlier simulated recording to overwrite.
+        Folder to create. It must be empty or missing, unless it contains an earlier simulated recording to overwrite.
     overwrite
         Whether to remove an earlier simulated recording; nothing else is ever removed.
     progress
@@ -160,9 +160,9 @@ def simulate(
     Raises
     ------
     SettingError
-        If the folder is not empty or cannot be written, or there is no such response or vignette.
+        If the folder is not empty or cannot be written, or the response or vignette does not exist.
     FormatError
-        If the file of a response or vignette cannot be read.
+        If a response or vignette file cannot be read.
     """
     place = Path(out)
     if not overwrite and place.exists() and (not place.is_dir() or any(place.iterdir())):
@@ -183,9 +183,9 @@ def simulate(
 
 
 def irradiances(settings: SimulationSettings = _DEFAULT, known: Truth | None = None) -> Iterator[Float32Array]:
-    """Yield the irradiance e·V·L of every frame as a share of saturation, before noise and response.
+    """Yield the irradiance e·V·L of every frame relative to saturation, before noise and response.
 
-    Each has shape (height, width). For tests, and for what an ideal sensor would record. ``known`` is that of
+    This is what an ideal sensor would record. Each array has shape (height, width). For ``known``, see
     :func:`frames`.
     """
     yield from _irradiances(Scene.of(settings), known or truth(settings))
@@ -211,7 +211,7 @@ def _irradiances(scene: Scene, known: Truth) -> Iterator[Float32Array]:
 
 
 def _exposed(scene: Scene, known: Truth, motion: Motion, index: int) -> Float32Array:
-    """Return the radiance at every pixel, averaged over instants of the exposure for motion blur."""
+    """Return the radiance at every pixel, averaged over instants during the exposure to simulate motion blur."""
     settings, count = known.settings, known.settings.motion_blur_samples
     instants = known.stamps_s[index] + ((np.arange(count) + 0.5) / count - 0.5) * known.times_ms[index] / 1000
     total = radiance(scene, view_at(settings, motion, instants[0]), instants[0])

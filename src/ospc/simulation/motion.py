@@ -1,4 +1,4 @@
-"""The motion of the camera: smooth functions of time, so that every instant of an exposure has a pose.
+"""The motion of the camera: smooth functions of time, so that a pose is defined at every instant of an exposure.
 
 World axes: x and y horizontal, z up, metres, origin on the floor in the middle of the room.
 Camera axes: x right, y down, z forward.
@@ -18,10 +18,10 @@ EYE_HEIGHT_M = 1.35
 """Mean height of the camera above the floor, in metres: held in front of the chest."""
 
 REACH_M = 1.1
-"""Largest horizontal distance of the camera from the middle of the room, in metres; all objects are further out."""
+"""Largest horizontal distance of the camera from the middle of the room, in metres; all objects are further away."""
 
 _SPREAD = (0.85, 1.15)
-"""Range of the random factor on each amplitude and period, so that no two seeds move alike."""
+"""Range of the random factor on each amplitude and period, so that each seed gives a different motion."""
 
 _Waves = tuple[tuple[float, float], ...]
 
@@ -47,8 +47,8 @@ _FORWARD: dict[str, _Waves] = {
     "roll": ((2.0, 6.1), (0.3, 0.9)),
 }
 _WAVES: dict[str, dict[str, _Waves]] = {"handheld": _HANDHELD, "static": _HANDHELD, "pan": _PAN, "forward": _FORWARD}
-"""Amplitude (metres or degrees) and period (seconds) of the oscillations of each coordinate. The slow ones carry the
-camera through the room, those of a few seconds look around, and those below a second are the tremor of a hand."""
+"""Amplitude (metres or degrees) and period (seconds) of the oscillations of each coordinate. Slow ones move the
+camera through the room, those of a few seconds look around, and those below a second are hand tremor."""
 
 _AXES = ("x", "y", "z", "yaw", "pitch", "roll")
 
@@ -60,7 +60,7 @@ class Poses:
     position_m: FloatArray
     """Position of the camera in the world, shape (n, 3)."""
     rotation: FloatArray
-    """Matrices that turn camera into world directions, shape (n, 3, 3)."""
+    """Camera-to-world rotations, shape (n, 3, 3)."""
 
     def as_trajectory(self) -> FloatArray:
         """Return rows (tx, ty, tz, qx, qy, qz, qw), camera to world, shape (n, 7)."""
@@ -82,7 +82,7 @@ class Motion:
 
     @classmethod
     def of(cls, settings: SimulationSettings) -> Motion:
-        """Draw the motion that the settings ask for."""
+        """Draw a random motion of the kind in the settings."""
         rng = np.random.default_rng([settings.seed, 1])
         waves = _WAVES[settings.motion]
         most = max(len(w) for w in waves.values())

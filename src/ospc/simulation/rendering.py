@@ -1,8 +1,8 @@
-"""Renders the radiance at every pixel from a scene and a pose.
+"""Render the radiance at every pixel from a scene and a pose.
 
 Each flat surface is mapped by a homography. A pixel samples the texture pyramid at the level whose texels are as
-large as its footprint, blended between the two nearest levels. So fine texture averages out as over the area of a
-real pixel, instead of aliasing.
+large as its footprint, blended between the two nearest levels. This averages fine texture over the area of the pixel
+and avoids aliasing.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ _NEAR_M = 0.02
 """Distance of the near clipping plane, in metres; nothing comes nearer than 0.2 m."""
 
 _MARGIN_PX = 2.0
-"""Margin around the image within which surfaces are kept, in pixels: their antialiased edges reach half a pixel
-in."""
+"""Margin around the image within which surfaces are kept, in pixels, because their antialiased edges extend half a
+pixel."""
 
 _CELL_PX = 32
 """Edge of the cells, in pixels, on which the level of detail is computed before it is interpolated."""
@@ -38,28 +38,28 @@ class View:
     size: ImageSize
     """Width and height of its image in pixels."""
     focal_px: float
-    """Focal length; the principal point is the image centre, where the centre of the first pixel is (0, 0)."""
+    """Focal length in pixels. The principal point is the image centre; the first pixel is centred at (0, 0)."""
     position_m: FloatArray
     """World position, shape (3,)."""
     rotation: FloatArray
     """Camera-to-world rotation, shape (3, 3)."""
 
     def homography(self, place: Rectangle) -> FloatArray:
-        """Return the map of metres (across, down, 1) on a rectangle to homogeneous pixels, shape (3, 3)."""
+        """Return the map from metres (across, down, 1) on a rectangle to homogeneous pixels, shape (3, 3)."""
         columns = np.empty((3, 3))
         columns[:, 0], columns[:, 1], columns[:, 2] = place.across, place.down, place.corner_m - self.position_m
         return np.asarray(self.projection @ columns)
 
     @cached_property
     def projection(self) -> FloatArray:
-        """Map of world directions to homogeneous pixels, shape (3, 3)."""
+        """Map from world directions to homogeneous pixels, shape (3, 3)."""
         x, y = (self.size[0] - 1) / 2, (self.size[1] - 1) / 2
         intrinsics = np.array([[self.focal_px, 0.0, x], [0.0, self.focal_px, y], [0.0, 0.0, 1.0]])
         return np.asarray(intrinsics @ self.rotation.T)
 
     @cached_property
     def half_spaces(self) -> FloatArray:
-        """What bounds the view with its margin: rows (a, b, c, d) with a·x + b·y + c·w + d >= 0 inside."""
+        """Bounds of the view with its margin: rows (a, b, c, d) with a·x + b·y + c·w + d >= 0 inside."""
         right, bottom = self.size[0] - 1 + _MARGIN_PX, self.size[1] - 1 + _MARGIN_PX
         return np.array(
             [
@@ -73,12 +73,12 @@ class View:
 
     @cached_property
     def world_half_spaces(self) -> FloatArray:
-        """Those of homogeneous world positions: rows (a, b, c, d) with a·x + b·y + c·z + d >= 0 inside."""
+        """The same bounds in world coordinates: rows (a, b, c, d) with a·x + b·y + c·z + d >= 0 inside."""
         normals = self.half_spaces[:, :3] @ self.projection
         return np.column_stack([normals, self.half_spaces[:, 3] - normals @ self.position_m])
 
     def misses(self, place: Rectangle) -> bool:
-        """Whether a rectangle is out of view for lying beyond one of its bounds."""
+        """Return whether a rectangle lies entirely beyond one of the bounds of the view."""
         return bool((self.world_half_spaces @ place.corners).max(axis=1).min() < 0)
 
 
@@ -91,10 +91,10 @@ def radiance(scene: Scene, view: View, time_s: float) -> Float32Array:
         for area, colour, alpha in _drawn(face, view):
             canvas[area] += colour * alpha
             covered[area] += alpha
-    # Neighbouring walls share the pixels of their common edge: divide by what they cover together.
+    # Neighbouring walls share the pixels of their common edge: divide by their total coverage.
     canvas /= np.maximum(covered, np.float32(1e-3))
     for faces in _in_order(scene, view, time_s):
-        # Faces of one body also share pixels: each replaces its share of the background, not of the other face.
+        # Faces of one body also share pixels: each replaces its share of the background, not the other face.
         pieces = [piece for face in faces for piece in _drawn(face, view)]
         changes = [(area, (colour - canvas[area]) * alpha) for area, colour, alpha in pieces]
         for area, change in changes:
@@ -106,8 +106,9 @@ def radiance(scene: Scene, view: View, time_s: float) -> Float32Array:
 def _in_order(scene: Scene, view: View, time_s: float) -> Iterable[tuple[Face, ...]]:
     """Yield pictures, the visible faces of each solid, and patches, from back to front.
 
-    Solids are sorted by the power of the camera's position with respect to their bounding spheres, d² − r². It is
-    equal on the radical plane of two spheres, which separates the bodies; the nearer body is on the camera's side.
+    Solids are sorted by the power of the camera's position with respect to their bounding spheres, d² − r². The
+    powers of two spheres are equal on their radical plane, which separates the bodies, so the body on the camera's
+    side is nearer.
     """
     yield from ((picture,) for picture in scene.pictures)
 
@@ -123,7 +124,7 @@ _Piece = tuple[tuple[slice, slice], Float32Array, Float32Array]
 
 
 def _drawn(face: Face, view: View) -> Iterable[_Piece]:
-    """Yield the image area that a face covers, its radiance there, and the share of each pixel that it covers."""
+    """Yield the image area of a face, its radiance there, and the share of each pixel that it covers."""
     if view.misses(face.place):
         return
     to_image = view.homography(face.place)
@@ -160,7 +161,7 @@ def _coverage(size_m: tuple[float, float], to_metres: FloatArray, shape: tuple[i
 
 
 def _outline(size_m: tuple[float, float], to_image: FloatArray, half_spaces: FloatArray) -> FloatArray | None:
-    """Return the corners in pixels of a rectangle clipped to the view, shape (n, 2); None if it is out of view."""
+    """Return the corners in pixels of a rectangle clipped to the view, shape (n, 2); None if out of view."""
     w, h = size_m
     polygon = (np.array([[0, 0, 1], [w, 0, 1], [w, h, 1], [0, h, 1.0]]) @ to_image.T).tolist()
     for a, b, c, d in half_spaces.tolist():
@@ -200,7 +201,7 @@ def _sampled(face: Face, to_metres: FloatArray, shape: tuple[int, int], outline:
     for level in range(first, final + 1):
         weight = np.maximum(0, 1 - np.abs(detail - level)).astype(np.float32)
         if weight.max() > 0:
-            # Warp only where this level has weight; interpolation spreads it by one cell.
+            # Warp only where this level has weight; interpolation extends it by one cell.
             (y0, y1), (x0, x1) = (
                 _span(np.flatnonzero(weight.max(axis=1 - axis) > 0), weight.shape[axis], shape[axis])
                 for axis in (0, 1)
@@ -211,15 +212,14 @@ def _sampled(face: Face, to_metres: FloatArray, shape: tuple[int, int], outline:
 
 
 def _span(used: npt.NDArray[np.intp], cells: int, pixels: int) -> tuple[int, int]:
-    """Return the range of pixels of a run of cells, with one more cell on either side."""
+    """Return the pixel range of a run of cells, with one more cell on either side."""
     return max(0, (used[0] - 1) * pixels // cells), min(pixels, -(-(int(used[-1]) + 2) * pixels // cells))
 
 
 def _detail(to_metres: FloatArray, points: FloatArray, texel_m: float) -> FloatArray:
     """Return the pyramid level whose texels are as long as the footprint of a pixel, shape (n, 2) -> (n,).
 
-    The footprint is the image of a pixel under the derivative of the homography; its length is the larger singular
-    value of that derivative.
+    The length of the footprint is the larger singular value of the derivative of the homography.
     """
     p = points[:, :1] * to_metres[:, 0] + points[:, 1:] * to_metres[:, 1] + to_metres[:, 2]
     depth = p[:, 2:]
@@ -236,12 +236,12 @@ def _detail(to_metres: FloatArray, points: FloatArray, texel_m: float) -> FloatA
 def _warped(
     face: Face, level: int, to_metres: FloatArray, first: tuple[int, int], shape: tuple[int, int]
 ) -> Float32Array:
-    """Return one level of a face's pyramid, warped to an image area of ``shape`` that begins at pixel ``first``."""
+    """Return one level of a face's pyramid, warped to an image area of ``shape`` that starts at pixel ``first``."""
     mip = face.mips[level]
     across, down = mip.shape[1] / face.place.size_m[0], mip.shape[0] / face.place.size_m[1]
     to_elements = np.array([[across, 0, -0.5], [0, down, -0.5], [0, 0, 1.0]]) @ to_metres
     to_elements = to_elements @ np.array([[1.0, 0, first[0]], [0, 1, first[1]], [0, 0, 1]])
     flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
     warped = cv2.warpPerspective(mip, to_elements, shape[::-1], flags=flags, borderMode=cv2.BORDER_REPLICATE)
-    cv2.patchNaNs(warped)  # on the horizon of its plane, where the face covers nothing
+    cv2.patchNaNs(warped)  # NaN occurs on the horizon of the plane, where the face covers nothing
     return np.asarray(warped, dtype=np.float32)

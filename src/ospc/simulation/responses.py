@@ -1,4 +1,4 @@
-"""Response and vignette of the simulated camera: analytic ones by name, or a pcalib.txt and a vignette.png."""
+"""Response and vignette of the simulated camera: analytic ones by name, or from pcalib.txt and vignette.png."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from ospc.simulation.settings import SimulationSettings
 from ospc.simulation.texture import srgb_decoded
 
 LEVELS = 255 * 8 + 1
-"""Length of the tables: every 8-bit grey value, and so every knot given as one, falls on an entry."""
+"""Length of the tables: every 8-bit grey value coincides with an entry."""
 
 _GREY = np.linspace(0.0, 1.0, LEVELS)
 """Grey levels of the entries."""
@@ -59,7 +59,7 @@ def filmic(exponent: float = 1.25, half: float = 0.18) -> Response:
 def tum_narrow() -> Response:
     """Return a piecewise linear g through (0, 0), (88/255, 0.068), (188/255, 0.464), (1, 1).
 
-    These are the knees of the camera of the TUM monocular dataset.
+    This approximates the response of the camera of the TUM monocular dataset.
     """
     inverse = np.interp(_GREY * 255, [0, 88, 188, 255], [0, 0.068, 0.464, 1])
     return Response(inverse, model={"name": "tum_narrow"})
@@ -77,7 +77,7 @@ RESPONSES: dict[str, Callable[[], Response]] = {
 
 
 def make_response(choice: str | Path | Response) -> Response:
-    """Return the response of a name or of a pcalib.txt, or the response itself; an unknown name is a SettingError."""
+    """Return a response given by name, as a pcalib.txt, or itself; SettingError if it is none of these."""
     if isinstance(choice, Response):
         return choice
     if str(choice) in RESPONSES:
@@ -92,15 +92,15 @@ VIGNETTES = ("none", "polynomial", "cos4", "decentred")
 
 
 def cos4(size: ImageSize, focal_px: float) -> RasterVignette:
-    """Return the natural fall-off of a thin lens, V = cos⁴θ with tan θ = distance from the centre / focal length."""
+    """Return the natural vignette of a thin lens, V = cos⁴θ with tan θ = distance from the centre / focal length."""
     tangent = np.linalg.norm(normalised(pixel_grid(size), size), axis=-1) * half_diagonal(size) / focal_px
     return RasterVignette((1 / (1 + tangent**2) ** 2).astype(np.float32), {"name": "cos4", "focal_px": focal_px})
 
 
 def decentred(size: ImageSize, coefficients: tuple[float, ...], centre: tuple[float, float]) -> RasterVignette:
-    """Return V = 1 + v₁R² + v₂R⁴ + v₃R⁶ with R measured from its own centre, divided by its maximum.
+    """Return V = 1 + v₁R² + v₂R⁴ + v₃R⁶ with R measured from ``centre``, divided by its maximum.
 
-    R, and the centre relative to the image centre, are in half diagonals.
+    R and the centre, which is relative to the image centre, are in half diagonals.
     """
     squared = np.sum((normalised(pixel_grid(size), size) - np.array(centre)) ** 2, axis=-1)
     values = np.polynomial.polynomial.polyval(squared, [1.0, *coefficients])
@@ -109,9 +109,9 @@ def decentred(size: ImageSize, coefficients: tuple[float, ...], centre: tuple[fl
 
 
 def make_vignette(settings: SimulationSettings) -> Vignette:
-    """Return the vignette of the settings: by name, from a vignette.png, or as given.
+    """Return the vignette of the settings, given by name, as a vignette.png, or itself.
 
-    Raise a SettingError if it is none of these, not positive everywhere, or of another size than the images.
+    SettingError if it is none of these, is not positive everywhere, or differs in size from the images.
     """
     choice = settings.vignette
     if not isinstance(choice, str | Path):
@@ -133,6 +133,6 @@ def make_vignette(settings: SimulationSettings) -> Vignette:
     image = made.image()
     if not np.all(np.isfinite(image)) or image.min() <= 0 or image.max() > 1 + 1e-6:
         raise SettingError(
-            f"the vignette runs from {image.min():.3g} to {image.max():.3g}; it must stay above 0 and at most 1"
+            f"the vignette ranges from {image.min():.3g} to {image.max():.3g}; it must be above 0 and at most 1"
         )
     return made

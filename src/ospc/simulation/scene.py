@@ -1,4 +1,4 @@
-"""The scene: a room with pictures on its walls, boxes in front of them, and patches that move by themselves."""
+"""The scene: a room with pictures on its walls, boxes in front of them, and moving patches."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ ROOM_M = (4.2, 3.4, 2.8)
 """Half length, half width and height of the room, in metres."""
 
 REFERENCE_IRRADIANCE = 0.12
-"""Irradiance of the median wall at the reference exposure, as a share of saturation: a mid grey at a gamma of 2.2."""
+"""Irradiance of the median wall at the reference exposure, relative to saturation: mid grey at a gamma of 2.2."""
 
 _RING_M = 2.35
 """Distance of the boxes from the middle of the room, in metres; the camera stays within 1.1 m of it."""
 
 _BOX_AZIMUTHS_DEG = (40, 90, 140, 220, 270, 320)
-"""Azimuths of the boxes: the long axis of the room stays free."""
+"""Azimuths of the boxes, which leave the long axis of the room free."""
 
 _PATCH_M = (0.42, 0.34)
 """Width and height of a moving patch, in metres."""
 
 _NEAREST_PATCH_M, _PATCH_SPACING_M = 1.4, 0.027
-"""Distance from the middle of the nearest patch, and from one to the next, in metres. The corners of a flat patch are
-0.026 m further out than its middle, so patches never cross."""
+"""Distance of the nearest patch from the middle of the room, and distance between patches, in metres. The corners of
+a flat patch are 0.026 m further out than its middle, so patches never intersect."""
 
 _WINDOW_M = (1.5, 1.1)
 """Width and height of the window, in metres."""
@@ -44,8 +44,8 @@ _COATS = (
     (tiled, "brick", 1.5, 0.9, 0.12),
     (strewn, "grass", 1.7, 0.35, 0.5),
 )
-"""Wall coverings with the edge in metres, contrast and level of their texture: pale bricks, plaster, dark bricks,
-rough wallpaper."""
+"""Wall coverings, with edge length in metres, contrast and level of their textures: pale bricks, plaster, dark
+bricks, rough wallpaper."""
 
 _PICTURES = ("camera", "coffee", "chelsea")
 
@@ -54,8 +54,8 @@ _PICTURES = ("camera", "coffee", "chelsea")
 class Patch:
     """A patch that floats along its own smooth path, facing the middle of the room.
 
-    Each keeps its own distance from the middle. So patches never intersect, and from wherever the camera may be an
-    inner one is in front of an outer one.
+    Each patch keeps its own distance from the middle. Patches therefore never intersect, and for any camera position,
+    inner patches are in front of outer ones.
     """
 
     mips: tuple[Float32Array, ...]
@@ -84,19 +84,19 @@ class Scene:
     """Everything in front of the camera."""
 
     walls: tuple[Face, ...]
-    """The inside of a convex room: a wall in every direction, none in front of another."""
+    """The inside of a convex room: exactly one wall in every direction."""
     pictures: tuple[Face, ...]
-    """Flat on the walls."""
+    """Pictures, flat on the walls."""
     solids: tuple[Solid, ...]
-    """Boxes in front of the walls. The radical plane of the bounding spheres of any two separates them."""
+    """Boxes in front of the walls. The radical plane of the bounding spheres of any two boxes separates them."""
     patches: tuple[Patch, ...]
-    """Moving patches between camera and boxes, the outermost first."""
+    """Moving patches between camera and boxes, outermost first."""
     scale: float
-    """Factor from the radiance of the faces to saturations per millisecond."""
+    """Factor from the radiance of the faces to irradiance per millisecond, relative to saturation."""
 
     @classmethod
     def of(cls, settings: SimulationSettings) -> Scene:
-        """Build and light the room of the settings."""
+        """Build and light the room."""
         room, median = _room(settings.seed if settings.scene_seed is None else settings.scene_seed)
         scale = REFERENCE_IRRADIANCE / median / settings.reference_exposure_ms
         return replace(room, patches=_patches(settings.seed, settings.moving_objects, median), scale=scale)
@@ -106,7 +106,7 @@ class Scene:
 def _room(seed: int) -> tuple[Scene, float]:
     """Build a room without patches, and return it with the median radiance of its walls.
 
-    The last two are cached, because comparisons of cameras use the same room many times.
+    The last two rooms are cached, because comparisons of cameras use the same room many times.
     """
     rng = np.random.default_rng([seed, 2])
     window_side = int(rng.choice([0, 2]))
@@ -134,7 +134,7 @@ def _on_wall(side: int, along_m: float, height_m: float, size_m: tuple[float, fl
 
 
 def _lamps(rng: np.random.Generator, window_side: int) -> tuple[Lamp, ...]:
-    """Place strong sources in the shape of a window at one end of the room, and a weak lamp at the other."""
+    """Place strong lights in the shape of a window at one end of the room, and a weak lamp at the other."""
     away = np.array([1.0 if window_side == 0 else -1.0, 1.0, 1.0])
     shift = rng.uniform(-0.5, 0.5)
     window = tuple(
@@ -166,7 +166,7 @@ def _walls(rng: np.random.Generator, lamps: tuple[Lamp, ...]) -> tuple[Face, ...
 
 
 def _pictures(rng: np.random.Generator, lamps: tuple[Lamp, ...], window_side: int) -> tuple[Face, ...]:
-    """Hang framed photographs and painted boards, a window to daylight, and a doorway to a dark room."""
+    """Add framed photographs and painted boards, a window to daylight, and a doorway to a dark room."""
     faces = []
     names = list(rng.permutation([*_PICTURES, *_PICTURES]))
     door_side = int(rng.permutation([side for side in range(4) if side != window_side])[0])
@@ -217,7 +217,7 @@ def _furniture(rng: np.random.Generator, lamps: tuple[Lamp, ...]) -> tuple[Solid
 
 
 def _box_coat(name: str, size_m: tuple[float, float], rng: np.random.Generator, level: float) -> Float32Array:
-    """Return the texture of a side of a box: a picture, a rough material, or plain paint for an empty name."""
+    """Return the texture of a side of a box: a picture, a rough material, or paint if the name is empty."""
     if name in _PICTURES:
         return single(name, size_m)
     if name == "brick":

@@ -22,7 +22,7 @@ NOISE_PRESETS: dict[str, tuple[float, float]] = {
     "low": (20_000.0, 5.0),
     "high": (3_000.0, 12.0),
 }
-"""Full well and read noise in electrons. Low: a machine-vision sensor in good light; high: a small one in poor
+"""Full well and read noise in electrons. Low: a machine-vision sensor in good light; high: a small sensor in poor
 light."""
 
 _CHOICES = {
@@ -43,13 +43,14 @@ _WHOLE = {
     "motion_blur_samples": (1, 64),
     "moving_objects": (0, 16),
 }
-"""Limits of the settings that are whole numbers; 16 patches fit between the camera and the boxes."""
+"""Limits of integer settings; 16 patches fit between the camera and the boxes."""
 
 _SIDE_PX = (16, 8192)
-"""Limits of width and height in pixels: room for the exposure meter's pyramid, and 256 MB for a float image."""
+"""Limits of width and height in pixels: large enough for the pyramid of the exposure meter, and at most 256 MB for a
+float image."""
 
 _MAX_FOV_DEG = 140
-"""Field of view that a pinhole camera stays below, in degrees; wider ones waste most pixels on the corners."""
+"""Upper limit of the field of view in degrees; a wider pinhole camera wastes most pixels on the corners."""
 
 
 @dataclass(frozen=True)
@@ -65,25 +66,25 @@ class SimulationSettings:
     fps
         Images per second.
     seed
-        Seed of everything random: scene, motion, noise, metadata errors.
+        Seed of the scene, motion, noise and metadata errors.
     scene_seed
-        Seed of the scene, if it differs from ``seed``: films one scene in several ways.
+        Seed of the scene if it differs from ``seed``, to film one scene in several ways.
     bit_depth
-        Bits per grey value, 8 to 16; above 8 the images are stored as 16-bit words, right-aligned.
+        Bits per grey value, 8 to 16; above 8, images are stored as right-aligned 16-bit words.
     response
-        Name of one of :data:`ospc.simulation.responses.RESPONSES`, a pcalib.txt, or a response.
+        Name from :data:`ospc.simulation.responses.RESPONSES`, a pcalib.txt, or a response.
     vignette
-        Name of one of :data:`ospc.simulation.responses.VIGNETTES`, a vignette.png, or a vignette.
+        Name from :data:`ospc.simulation.responses.VIGNETTES`, a vignette.png, or a vignette.
     vignette_coefficients
-        (v₁, v₂, v₃) of the vignettes ``"polynomial"`` and ``"decentred"``, radius 1 at the corner.
+        (v₁, v₂, v₃) of the vignettes ``"polynomial"`` and ``"decentred"``, with radius 1 at the corner.
     vignette_centre
         Centre of ``"decentred"`` relative to the image centre, in half diagonals.
     noise
-        Preset of the two sensor settings that follow.
+        Preset for the following two sensor settings.
     full_well_electrons
-        Electrons that give the largest grey value at gain 1, inf for no shot noise; None for that of the preset.
+        Electrons at the largest grey value at gain 1, inf for no shot noise; None for the value of the preset.
     read_noise_electrons
-        Standard deviation of the read noise in electrons; None for that of the preset.
+        Standard deviation of the read noise in electrons; None for the value of the preset.
     motion
         ``"handheld"`` walks and looks around, ``"pan"`` turns on the spot, ``"forward"`` moves along the optical
         axis, ``"static"`` stands on a tripod.
@@ -94,7 +95,7 @@ class SimulationSettings:
     motion_blur_samples
         Number of instants of the exposure that are averaged; 1 for no motion blur.
     exposure
-        ``"auto"``: exposure control. ``"sweep"``: logarithmic, from the smallest to the largest. ``"cycle"``: through
+        ``"auto"``: auto exposure. ``"sweep"``: logarithmic, from the smallest to the largest. ``"cycle"``: through
         ``exposures_ms``. ``"file"``: ``exposures_ms`` frame by frame. ``"constant"``: ``exposure_ms``.
     exposure_ms
         Exposure time of ``"constant"``.
@@ -103,27 +104,27 @@ class SimulationSettings:
     exposure_min_ms, exposure_max_ms
         Limits of ``"auto"`` and ``"sweep"``.
     reference_exposure_ms
-        Exposure at which the median surface of the scene gives an irradiance of 0.12 of saturation.
+        Exposure at which the irradiance of the median scene surface is 0.12 of saturation.
     auto_target
-        Mean grey level, in [0, 1], that the exposure control aims at.
+        Target of auto exposure: mean grey level in [0, 1].
     auto_gain
-        Change of ln exposure per logarithmic deviation of the mean grey level in one step of the control.
+        Change of ln exposure per logarithmic deviation of the mean grey level in one step of auto exposure.
     auto_rate
-        Largest change of ln exposure from one frame to the next.
+        Largest change of ln exposure between consecutive frames.
     gain
         Linear gain of every frame.
     gain_max
-        Largest linear gain the control may use once the exposure time is at its maximum.
+        Largest linear gain that auto exposure may use once the exposure time is at its maximum.
     gain_in_metadata
-        Whether the metadata hold time times gain; false for a camera that hides its gain.
+        Whether the metadata contain time times gain; false for a camera that does not report its gain.
     lag
-        The metadata of frame i hold the exposure of frame i − lag; positive if they are late.
+        The metadata of frame i contain the exposure of frame i − lag; positive if they are late.
     metadata_error
         Standard deviation of a multiplicative (log-normal) error of the metadata.
     flicker
         Relative amplitude of the oscillation of the light, below 1.
     flicker_hz
-        Frequency of that oscillation in Hz.
+        Frequency of the oscillation in Hz.
     moving_objects
         Number of textured patches, up to 16, that move in front of the scene.
     image_format
@@ -131,7 +132,7 @@ class SimulationSettings:
     jpg_quality
         JPEG quality, 1 to 100.
     archive
-        Whether the images go into ``images.zip`` instead of the folder ``images``.
+        Whether to store the images in ``images.zip`` instead of the folder ``images``.
     """
 
     size: ImageSize = (640, 480)
@@ -203,14 +204,14 @@ class SimulationSettings:
         fine = len(self.size) == 2 and all(isinstance(n, int) and low <= n <= high for n in self.size)
         self._require("size", fine, f"give width and height, {low} to {high} pixels each")
         if self.image_format == "jpg":
-            self._require("bit_depth", self.bit_depth == 8, "JPEG holds 8 bits; set image_format to 'png'")
+            self._require("bit_depth", self.bit_depth == 8, "JPEG stores 8 bits; set image_format to 'png'")
         wide = self.horizontal_fov_deg >= _MAX_FOV_DEG
         self._require("horizontal_fov_deg", not wide, f"give less than {_MAX_FOV_DEG} for a pinhole camera")
         full_well, read_noise = self.sensor
         self._require("full_well_electrons", full_well > 0, "give a number above 0, or inf for no shot noise")
         self._require("read_noise_electrons", _not_negative(read_noise), "give a finite number of at least 0")
         if math.isinf(full_well) and read_noise > 0:
-            raise SettingError("read noise in electrons has no meaning with an infinite full well; set a full well")
+            raise SettingError("read noise in electrons requires a finite full well; set full_well_electrons")
 
     def _check_exposures(self) -> None:
         in_order = self.exposure_min_ms <= self.exposure_max_ms
@@ -220,7 +221,7 @@ class SimulationSettings:
             self._require("exposures_ms", listed, "list finite exposure times above 0 in milliseconds")
         if self.exposure == "file" and len(self.exposures_ms) != self.frames:
             raise SettingError(
-                f"exposures_ms holds {len(self.exposures_ms)} exposures for {self.frames} frames; give one each"
+                f"exposures_ms has {len(self.exposures_ms)} exposures for {self.frames} frames; give one per frame"
             )
         if self.exposure == "auto":
             self._require("gain_max", self.gain_max >= self.gain, f"give at least gain, {self.gain}")
@@ -241,7 +242,7 @@ class SimulationSettings:
 
     @property
     def still(self) -> bool:
-        """Whether every frame shows the same from the same place."""
+        """Whether all frames show the same static view."""
         return self.motion == "static" and not self.moving_objects
 
     @property

@@ -1,7 +1,7 @@
-"""Flat surfaces in space, each with its radiance.
+"""Flat surfaces in space with their radiance.
 
-They are opaque and Lambertian, so that the radiance of a scene point does not depend on the direction of view: the
-assumption behind every photometric calibration from a moving camera.
+They are opaque and Lambertian: the radiance of a scene point does not depend on the viewing direction, as every
+photometric calibration from a moving camera assumes.
 """
 
 from __future__ import annotations
@@ -15,30 +15,30 @@ import numpy as np
 from ospc.arrays import Float32Array, FloatArray
 
 UP = np.array([0.0, 0.0, 1.0])
-"""Unit vector upwards in the world."""
+"""Unit vector pointing up in the world."""
 UP.setflags(write=False)
 
 _AMBIENT = 0.008
-"""Irradiance that reaches every point, beside 1/d² from a lamp of strength 1: no surface is black."""
+"""Ambient irradiance at every point, relative to 1/d² from a lamp of strength 1, so that no surface is black."""
 
 _DIFFUSE_SHARE = 0.06
-"""Share of a lamp's light that arrives without the cosine: it stands for light reflected by other surfaces."""
+"""Share of a lamp's light without the cosine factor, which represents light reflected by other surfaces."""
 
 _LAMP_RADIUS_SQUARED_M2 = 0.15
-"""Added to the squared distance from a lamp, in square metres, so that no surface near it is too bright to expose."""
+"""Added to the squared distance from a lamp, in square metres, so that surfaces near it are not too bright."""
 
 _LIGHT_GRID = (32, 24)
-"""Columns and rows at which the light on a surface is computed; it is smooth enough to interpolate in between."""
+"""Columns and rows at which the light on a surface is computed; it is smooth enough to be interpolated in between."""
 
 _SMALLEST_LEVEL = 12
-"""Edge, in texels, at which a pyramid ends."""
+"""Edge length, in texels, at which a pyramid ends."""
 
 
 @dataclass(frozen=True)
 class Rectangle:
     """A rectangle in space: its first corner in the world, and unit vectors along the rows and columns of a texture.
 
-    ``size_m`` is its extent along both.
+    ``size_m`` is its extent along these two vectors.
     """
 
     corner_m: FloatArray
@@ -48,7 +48,7 @@ class Rectangle:
 
     @classmethod
     def upright(cls, centre_m: FloatArray, azimuth: float, size_m: tuple[float, float]) -> Rectangle:
-        """Return a vertical rectangle that faces a viewer who looks along ``azimuth`` (radians)."""
+        """Return a vertical rectangle facing a viewer who looks along ``azimuth`` (radians)."""
         across = np.array([np.sin(azimuth), -np.cos(azimuth), 0.0])
         return cls(centre_m - across * size_m[0] / 2 + UP * size_m[1] / 2, across, -UP, size_m)
 
@@ -59,14 +59,14 @@ class Rectangle:
 
     @cached_property
     def corners(self) -> FloatArray:
-        """Its corners in the world as homogeneous columns, shape (4, 4)."""
+        """Corners in the world as homogeneous columns, shape (4, 4)."""
         corners = np.ones((4, 4))
         for column, (a, d) in enumerate(((0, 0), (1, 0), (1, 1), (0, 1))):
             corners[:3, column] = self.corner_m + a * self.size_m[0] * self.across + d * self.size_m[1] * self.down
         return corners
 
     def grid(self, columns: int, rows: int) -> FloatArray:
-        """Return the centres of equal cells on it, shape (rows, columns, 3)."""
+        """Return the centres of a grid of equal cells, shape (rows, columns, 3)."""
         a = (np.arange(columns) + 0.5) / columns * self.size_m[0]
         d = (np.arange(rows) + 0.5) / rows * self.size_m[1]
         return np.asarray(self.corner_m + a[None, :, None] * self.across + d[:, None, None] * self.down)
@@ -74,7 +74,7 @@ class Rectangle:
 
 @dataclass(frozen=True)
 class Face:
-    """A rectangle with its radiance, stretched over it; each level has half the size of the one before."""
+    """A rectangle with its radiance as a mipmap; each level has half the size of the previous one."""
 
     place: Rectangle
     mips: tuple[Float32Array, ...]
@@ -82,7 +82,7 @@ class Face:
 
 @dataclass(frozen=True)
 class Solid:
-    """The faces of a convex body, of which those that face away are not drawn, and its bounding sphere."""
+    """The faces of a convex body, and its bounding sphere; faces turned away from the camera are not drawn."""
 
     faces: tuple[Face, ...]
     centre_m: FloatArray
@@ -98,7 +98,7 @@ class Lamp:
 
 
 def irradiance(points_m: FloatArray, normal: FloatArray, lamps: tuple[Lamp, ...]) -> FloatArray:
-    """Return the light that falls on points: inverse squares, cosines and ambient light, shape (..., 3) -> (...)."""
+    """Return the irradiance at points, from inverse squares, cosines and ambient light, shape (..., 3) -> (...)."""
     total = np.full(points_m.shape[:-1], _AMBIENT)
     for lamp in lamps:
         towards = lamp.position_m - points_m
@@ -110,7 +110,7 @@ def irradiance(points_m: FloatArray, normal: FloatArray, lamps: tuple[Lamp, ...]
 
 
 def lit(place: Rectangle, reflectance: Float32Array, lamps: tuple[Lamp, ...]) -> Face:
-    """Return a rectangle with a reflectance as a face that reflects the light of lamps."""
+    """Return a face that reflects the light of lamps with the given reflectance."""
     light = irradiance(place.grid(*_LIGHT_GRID), place.normal, lamps)
     height, width = reflectance.shape
     smooth = cv2.resize(np.log(light).astype(np.float32), (width, height), interpolation=cv2.INTER_CUBIC)
@@ -118,7 +118,7 @@ def lit(place: Rectangle, reflectance: Float32Array, lamps: tuple[Lamp, ...]) ->
 
 
 def pyramid(image: Float32Array) -> tuple[Float32Array, ...]:
-    """Return an image and its averages over blocks of 2, 4, 8, … texels, read-only."""
+    """Return an image and its averages over blocks of 2, 4, 8, … texels, as read-only arrays."""
     levels = [np.ascontiguousarray(image, dtype=np.float32)]
     while min(levels[-1].shape) > _SMALLEST_LEVEL:
         height, width = levels[-1].shape

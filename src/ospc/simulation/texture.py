@@ -1,4 +1,4 @@
-"""Reflectance of surfaces, made from the photographs in the package."""
+"""Reflectance of surfaces, synthesised from the photographs in the package."""
 
 from __future__ import annotations
 
@@ -14,24 +14,24 @@ TEXEL_M = 0.004
 """Edge of a texel in metres: the footprint of a pixel of a 640-pixel-wide camera at about 1.7 m."""
 
 _DARKEST, _BRIGHTEST = 0.015, 0.93
-"""Reflectance of black paint and of white plaster."""
+"""Reflectance of black paint and white plaster."""
 
 _FRAME = 0.75
 """Reflectance of picture frames."""
 
 _STAINED, _PAINT_STAINED = 0.15, 0.08
-"""Standard deviation of ln reflectance by stains of the largest size: on rough surfaces and on paint."""
+"""Standard deviation of ln reflectance due to the largest stains, on rough surfaces and on paint."""
 
 _STAINS = ((0.6, 1.0), (0.2, 0.5), (0.07, 0.25))
-"""Size in metres and relative strength of the stains: from an arm's length to a hand's width."""
+"""Size in metres and relative strength of the stains, from an arm's length to a hand's width."""
 
 _GRAIN_CONTRAST, _GRAIN_TEXELS = 0.3, 256
-"""Contrast and size of the gravel that gives tiled surfaces a grain which does not repeat."""
+"""Contrast and size of the gravel texture that adds a non-repeating grain to tiled surfaces."""
 
 
 @lru_cache(maxsize=8)
 def photograph(name: str) -> Float32Array:
-    """Return one of the package's photographs as linear reflectance in (0, 1), read-only."""
+    """Return one of the package's photographs as a read-only array of linear reflectance in (0, 1)."""
     content = (files("ospc.simulation") / "textures" / f"{name}.png").read_bytes()
     coded = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_GRAYSCALE)
     linear = srgb_decoded(np.asarray(coded, dtype=np.float64) / 255)
@@ -41,12 +41,12 @@ def photograph(name: str) -> Float32Array:
 
 
 def srgb_decoded(grey: FloatArray) -> FloatArray:
-    """Return the light that grey levels of sRGB stand for (IEC 61966-2-1)."""
+    """Return the linear light of sRGB grey levels (IEC 61966-2-1)."""
     return np.where(grey <= 0.04045, grey / 12.92, ((grey + 0.055) / 1.055) ** 2.4)
 
 
 def single(name: str, size_m: tuple[float, float], border_m: float = 0.0) -> Float32Array:
-    """Return a photograph cropped to the shape of an area, in a pale frame of the given width."""
+    """Return a photograph cropped to the aspect ratio of an area, with a pale frame of the given width."""
     width, height = _texels(size_m)
     photo = photograph(name)
     scale = max(width / photo.shape[1], height / photo.shape[0])
@@ -62,9 +62,9 @@ def single(name: str, size_m: tuple[float, float], border_m: float = 0.0) -> Flo
 def tiled(
     name: str, size_m: tuple[float, float], rng: np.random.Generator, *, edge_m: float, contrast: float, level: float
 ) -> Float32Array:
-    """Cover an area with mirrored copies of a photograph, for patterns that repeat in reality too.
+    """Cover an area with mirrored copies of a photograph, for patterns that also repeat in reality.
 
-    Grain and stains that do not repeat are added. ``edge_m`` is the edge of one copy, ``contrast`` a factor on the
+    Non-repeating grain and stains are added. ``edge_m`` is the edge of one copy, ``contrast`` a factor on the
     logarithm of the reflectance relative to its mean, and ``level`` the geometric mean of the reflectance.
     """
     width, height = _texels(size_m)
@@ -81,9 +81,9 @@ def tiled(
 def strewn(
     name: str, size_m: tuple[float, float], rng: np.random.Generator, *, edge_m: float, contrast: float, level: float
 ) -> Float32Array:
-    """Cover an area with overlapping random pieces of a photograph of loose material, so that nothing repeats.
+    """Cover an area with overlapping random pieces of a photograph of loose material, without repetition.
 
-    Parameters are those of :func:`tiled`; ``edge_m`` is the edge of the whole photograph.
+    Parameters are the same as for :func:`tiled`; ``edge_m`` is the edge of the whole photograph.
     """
     covered = np.float32(contrast) * _strewn(name, _texels(size_m), rng, max(32, round(edge_m / TEXEL_M)))
     return _coated(covered, level, rng, _STAINED)
@@ -96,7 +96,7 @@ def painted(size_m: tuple[float, float], rng: np.random.Generator, level: float)
 
 
 def _coated(log_contrast: Float32Array, level: float, rng: np.random.Generator, stained: float) -> Float32Array:
-    """Return reflectance of a level, with smooth stains whose geometric mean is about 1, shape (height, width)."""
+    """Return reflectance at a level, with smooth stains whose geometric mean is about 1, shape (height, width)."""
     height, width = log_contrast.shape
     stains = np.zeros((height, width), np.float32)
     for cell_m, weight in _STAINS:
@@ -115,10 +115,10 @@ def _log_contrast(reflectance: Float32Array) -> Float32Array:
 
 
 def _strewn(name: str, size: tuple[int, int], rng: np.random.Generator, edge: int) -> Float32Array:
-    """Return overlapping random pieces of a photograph's log contrast, blended, shape (height, width).
+    """Blend overlapping random pieces of a photograph's log contrast, shape (height, width).
 
-    A weighted mean of independent pieces loses contrast. Dividing by the root of the sum of squared weights instead
-    of the sum of weights keeps the variance of the photograph everywhere.
+    A weighted mean of independent pieces would lose contrast. Dividing by the root of the sum of squared weights,
+    instead of the sum of weights, preserves the variance of the photograph.
     """
     source = _log_contrast(_resized(photograph(name), (edge, edge)))
     piece = edge // 2

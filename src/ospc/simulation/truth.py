@@ -1,4 +1,4 @@
-"""The truth of a simulated recording, known before any full image is rendered."""
+"""The truth of a simulated recording, computed without rendering full images."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from ospc.simulation.scene import Scene
 from ospc.simulation.settings import SimulationSettings
 
 _METER_SIZE = 64
-"""Width in pixels of the small image that exposure control meters."""
+"""Width in pixels of the small image that auto exposure meters."""
 
 _SETTLING_STEPS = 40
-"""Steps of the control before the first frame: with the default rate enough for a change by a factor of 100."""
+"""Steps of auto exposure before the first frame: at the default rate, enough for a change by a factor of 100."""
 
 _DARKEST_METERED = 1e-3
-"""Least mean grey level that the control works with, which bounds its step on a black image."""
+"""Lower bound of the metered mean grey level, which limits the step on a black image."""
 
 _WRITTEN_BY_FRAME = ("stamps_s", "times_ms", "gains", "exposures_ms", "metadata_exposures_ms", "light")
 
@@ -36,7 +36,7 @@ class Truth:
     response: Response
     vignette: Vignette
     stamps_s: FloatArray
-    """Time stamps, at the middle of the exposures, shape (frames,)."""
+    """Time stamps in seconds, at the middle of the exposures, shape (frames,)."""
     times_ms: FloatArray
     """True exposure times, shape (frames,)."""
     gains: FloatArray
@@ -46,7 +46,7 @@ class Truth:
     metadata_exposures_ms: FloatArray
     """Exposures in the metadata, shape (frames,)."""
     light: FloatArray
-    """Factor of flicker on all radiance, mean over each exposure, shape (frames,)."""
+    """Brightness factor due to flicker, averaged over each exposure, shape (frames,)."""
     trajectory: FloatArray
     """Rows (tx, ty, tz, qx, qy, qz, qw), camera to world, metres, shape (frames, 7)."""
 
@@ -69,9 +69,9 @@ def truth(settings: SimulationSettings = SimulationSettings()) -> Truth:  # noqa
     Raises
     ------
     SettingError
-        If there is no such response or vignette.
+        If the response or vignette does not exist.
     FormatError
-        If the file of a response or vignette cannot be read.
+        If a response or vignette file cannot be read.
     """
     response, vignette = make_response(settings.response), make_vignette(settings)
     stamps = np.arange(settings.frames) / settings.fps
@@ -101,7 +101,7 @@ def flicker(settings: SimulationSettings, stamps_s: FloatArray, times_ms: FloatA
 
 
 def view_at(settings: SimulationSettings, motion: Motion, time_s: float, width: int | None = None) -> View:
-    """Return the camera at an instant, with smaller images if a width is given."""
+    """Return the camera at an instant, with images scaled to ``width`` if given."""
     poses = motion.at(time_s)
     scale = 1.0 if width is None else width / settings.size[0]
     size = settings.size if width is None else (width, max(1, round(settings.size[1] * scale)))
@@ -116,7 +116,7 @@ def _programmed(settings: SimulationSettings) -> FloatArray:
 
 
 def _metadata(settings: SimulationSettings, exposures_ms: FloatArray) -> FloatArray:
-    """Return the exposures that the camera reports: late by the lag, and with errors."""
+    """Return the exposures in the metadata, with lag and errors."""
     index = np.clip(np.arange(settings.frames) - settings.lag, 0, settings.frames - 1)
     error = np.random.default_rng([settings.seed, 4]).standard_normal(settings.frames)
     return np.asarray(exposures_ms[index] * np.exp(settings.metadata_error * error))
@@ -125,9 +125,9 @@ def _metadata(settings: SimulationSettings, exposures_ms: FloatArray) -> FloatAr
 def _auto_exposure(
     settings: SimulationSettings, response: Response, vignette: Vignette, stamps_s: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the exposure times and gains of a control loop that meters the previous frame.
+    """Return the exposure times and gains of auto exposure, a control loop that meters the previous frame.
 
-    It raises the gain only when the time has reached its limit.
+    It raises the gain only after the exposure time has reached its limit.
     """
     scene, motion = Scene.of(settings), Motion.of(settings)
     width = min(_METER_SIZE, settings.size[0])
@@ -139,7 +139,7 @@ def _auto_exposure(
         return radiance(scene, view_at(settings, motion, stamp_s, width), stamp_s) * attenuation
 
     def controlled(log_e: float, light: FloatArray) -> float:
-        """Step by a share of the deviation of the mean grey level, limited."""
+        """Take a limited step proportional to the deviation of the mean grey level."""
         grey = max(float(np.mean(response(light * np.exp(log_e)))), _DARKEST_METERED)
         wanted = settings.auto_gain * np.log(settings.auto_target / grey)
         return min(max(log_e + float(np.clip(wanted, -settings.auto_rate, settings.auto_rate)), low), high)
@@ -161,7 +161,7 @@ def _auto_exposure(
 
 
 def _thumbnail(vignette: Vignette, size: tuple[int, int]) -> FloatArray:
-    """Return a vignette at the size of the metered image, shape (height, width)."""
+    """Return a vignette at the resolution of the metered image, shape (height, width)."""
     x = (np.arange(size[0]) + 0.5) / size[0] * vignette.size[0] - 0.5
     y = (np.arange(size[1]) + 0.5) / size[1] * vignette.size[1] - 0.5
     return vignette.at(np.stack(np.broadcast_arrays(x[None, :], y[:, None]), axis=-1))
