@@ -60,7 +60,7 @@ def test_common_exponent_is_found_and_removes_the_ambiguity(exponent):
 
 def test_exponent_that_leads_nowhere_is_not_given():
     flat = Photometry("flat", None, PolynomialVignette(SIZE, (0.0,)))
-    with pytest.raises(NotObservableError, match="steep near truth"):
+    with pytest.raises(NotObservableError, match="steep with truth"):
         aligning_exponent(Photometry("steep", None, PolynomialVignette(SIZE, (-1e-9,))), TRUTH)
     with pytest.raises(FormatError, match="in common"):
         aligning_exponent(flat, Photometry("response", RESPONSE, None))

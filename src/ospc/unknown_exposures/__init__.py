@@ -1,4 +1,4 @@
-"""Recordings without exposures: estimated from the images, up to one exponent."""
+"""Recordings without exposures: estimate everything from the images, up to one exponent."""
 
 from ospc.unknown_exposures.recovery import calibrate_without_exposures, labelled, recover_exposures
 

@@ -1,12 +1,12 @@
 """Joint estimation of response, vignette and exposures from images alone (Bergmann, Wang, Cremers 2018).
 
-Scene points p are tracked through frames i; their grey levels O are modelled as O = f(eᵢ V(xᵢᵖ) Lᵖ), with f from the
-empirical model of response, V = 1 + v₁R² + v₂R⁴ + v₃R⁶, and e and L free. Non-linear least squares alternates
-between Gauss-Newton steps in (c, v, e) with the radiances fixed, and in the radiances with the rest fixed. Residuals
-have less weight where the image is steep; Huber's function bounds the influence of large ones.
+Scene points p are tracked through frames i. Their grey levels O are modelled as O = f(eᵢ V(xᵢᵖ) Lᵖ), with f from the
+empirical model of response, V = 1 + v₁R² + v₂R⁴ + v₃R⁶, and free e and L. Non-linear least squares alternates between
+Gauss-Newton steps in (c, v, e) with fixed radiances, and steps in the radiances with the rest fixed. Residuals at
+steep image gradients have less weight, and a Huber loss bounds the influence of outliers.
 
 The result explains the data equally well after g → g^γ, V → V^γ, e → e^γ for any γ. One known point of the true
-response fixes γ: :meth:`JointEstimate.aligned_to`. Without it, γ stays near where the optimisation started.
+response fixes γ, see :meth:`JointEstimate.aligned_to`. Without it, γ stays close to its initial value.
 """
 
 from __future__ import annotations
@@ -23,46 +23,48 @@ from ospc.unknown_exposures.response_model import SAMPLES, ResponseModel, learne
 from ospc.unknown_exposures.tracking import TrackObservations
 
 _HUBER = 0.015
-"""Residual, of full scale, from which Huber's function grows linearly: four 8-bit levels, a few times the noise."""
+"""Residual, relative to full scale, above which the Huber loss is linear: four 8-bit levels, a few times the
+noise."""
 
 _RADIAL = 2 * np.arange(1, 4)
 """Powers of R in the vignette, as in the paper: R², R⁴ and R⁶."""
 
 _FEWEST = 200
-"""Observations needed: a few for each of about ten parameters and for the radiances."""
+"""Fewest observations: a few for each of about ten parameters and for the radiances."""
 
 _LEAST_V, _MOST_LOG = 0.05, 12.0
-"""Least V, and largest |ln| of the irradiance: far beyond any camera, they keep the optimisation finite."""
+"""Smallest V and largest |ln| of the irradiance, far beyond any camera, to keep the optimisation finite."""
 
 _SETTLED = 1e-5
-"""Relative decrease of the cost at which the alternation ends: the data determine nothing beyond."""
+"""Relative decrease of the cost at which the alternation ends; the data do not determine smaller changes."""
 
 _LEAST_IRRADIANCE = 1e-4
-"""Smallest irradiance whose logarithm the first exposures are computed from: darker samples are noise."""
+"""Smallest irradiance whose logarithm is used for the initial exposures: darker samples are noise."""
 
 _MOST_DAMPED, _LARGEST_STEP = 6, 0.5
-"""Attempts with more damping, and largest change of ln e or ln L in a step: the linearisation holds no further."""
+"""Most attempts with increased damping, and largest change of ln e or ln L in a step, to keep the linearisation
+valid."""
 
 _START_DAMPING, _LEAST_DAMPING = 1e-3, 1e-7
 _DAMPING_UP, _DAMPING_DOWN = 8, 4
-"""Damping of Levenberg and Marquardt, relative to the diagonal: at the beginning, at least, and its factors after a
-step that failed and one that succeeded."""
+"""Levenberg-Marquardt damping relative to the diagonal: initial value, lower bound, factor after a failed step, and
+divisor after a successful one."""
 
 _SOLVER_TOLERANCE = 1e-8
-"""Relative accuracy of the linear system for the first exposures, far below their errors."""
+"""Relative accuracy of the linear system for the initial exposures, far below their errors."""
 
 _MOST_SOLVER_STEPS = 400
-"""Most steps of its solver, which propagates exposures along chains of tracks about one frame a step."""
+"""Most steps of its solver, which propagates exposures along chains of tracks by about one frame per step."""
 
 
 @dataclass(frozen=True)
 class JointEstimate:
     """The result of joint estimation, known up to one exponent.
 
-    Response, vignette and exposures are raised to the power γ, ``exponent``. Before that, ``coefficients`` are c of
-    the model of responses, shape (n,), ``radial`` is v of the vignette, shape (3,), and ``log_exposures`` are the ln
-    e, with mean 0, of the frames with these indices, shape (m,). ``cost`` is the mean weighted square of the
-    residuals.
+    Response, vignette and exposures are raised to the power γ, ``exponent``. Before that, ``coefficients`` are the c
+    of the response model, shape (n,), ``radial`` is the v of the vignette, shape (3,), and ``log_exposures`` are the
+    ln e, with mean 0, of the frames with the indices ``frames``, shape (m,). ``cost`` is the weighted mean Huber loss
+    of the residuals.
     """
 
     size: ImageSize
@@ -76,17 +78,17 @@ class JointEstimate:
 
     @property
     def response(self) -> Response:
-        """The response, with the exponent."""
+        """The response, raised to the exponent."""
         found = self.model.response(self.coefficients)
         if self.exponent == 1.0:
             return found
         powered = found.inverse_table**self.exponent
-        # The ramp makes it increase strictly even where a power has made it flat.
+        # The ramp keeps the curve strictly increasing where the power makes it flat.
         return Response.from_values(powered + np.linspace(0, 1e-9, powered.size), model={"name": "joint"})
 
     @property
     def vignette(self) -> Vignette:
-        """The vignette, with the exponent."""
+        """The vignette, raised to the exponent."""
         found = PolynomialVignette(self.size, tuple(self.radial.tolist()))
         if self.exponent == 1.0 and found.profile(1.0) > _LEAST_V:
             return found
@@ -95,11 +97,11 @@ class JointEstimate:
 
     @property
     def exposures(self) -> FloatArray:
-        """Exposures up to a factor, with the exponent, shape (m,)."""
+        """Exposures up to a factor, raised to the exponent, shape (m,)."""
         return np.asarray(np.exp(self.exponent * self.log_exposures))
 
     def aligned_to(self, truth: Response) -> JointEstimate:
-        """Return the estimate with the exponent that makes g(½) true."""
+        """Return the estimate with the exponent for which g(½) equals the true value."""
         found = float(self.model.response(self.coefficients).inverse(0.5))
         return replace(self, exponent=float(np.log(truth.inverse(0.5)) / np.log(found)))
 
@@ -110,10 +112,10 @@ def estimate_jointly(
     start: JointEstimate | None = None,
     iterations: int = 60,
 ) -> JointEstimate:
-    """Return the response, vignette and exposures that fit observations best.
+    """Return the response, vignette and exposures that fit the observations best.
 
-    It begins at ``start``, or at the mean response, no vignette and equal exposures, and alternates ``iterations``
-    times at most. Where ``model`` is None, it is :func:`learned_model`.
+    The optimisation starts from ``start``, or from the mean response, no vignette and equal exposures, and alternates
+    at most ``iterations`` times. ``model`` defaults to :func:`learned_model`.
 
     Raises
     ------
@@ -123,7 +125,7 @@ def estimate_jointly(
     if tracks.grey.size < _FEWEST or tracks.frames.size < 2:
         raise NotObservableError(
             f"joint estimation has {counted(tracks.grey.size, 'observation')} in "
-            f"{counted(tracks.frames.size, 'frame')}; it needs {_FEWEST} in two frames or more"
+            f"{counted(tracks.frames.size, 'frame')}; it needs {_FEWEST} in at least two frames"
         )
     model = model or learned_model()
     c, v, log_e = np.zeros(len(model.components)), np.zeros(3), np.zeros(tracks.frames.size)
@@ -142,7 +144,7 @@ def estimate_jointly(
 
 
 class _Problem:
-    """The state of the alternation; arrays have one entry for each observation unless said otherwise."""
+    """The state of the alternation; arrays have one entry per observation unless stated otherwise."""
 
     def __init__(
         self, tracks: TrackObservations, model: ResponseModel, c: FloatArray, v: FloatArray, log_e: FloatArray
@@ -163,7 +165,7 @@ class _Problem:
         return JointEstimate(size, self._model, self._c, self._v, frames, log_e, cost=cost)
 
     def cost(self) -> float:
-        """Return the mean of Huber's function of the residuals, weighted."""
+        """Return the weighted mean Huber loss of the residuals."""
         return self._cost_of(self._c, self._v, self._log_e)
 
     def fit_parameters(self) -> None:
@@ -204,7 +206,7 @@ class _Problem:
         self._centre()
 
     def _linearised(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-        """Return irradiance, residual O − f, the derivative of f by ln of the irradiance, and weight."""
+        """Return irradiance, residual O − f, the derivative of f with respect to ln irradiance, and weight."""
         x = self._irradiance(self._v, self._log_e)
         curve = self._model.curve(self._c)
         residual = self._tracks.grey - self._at(curve[None], x)[:, 0]
@@ -226,13 +228,13 @@ class _Problem:
         return float(np.average(robust, weights=self._tracks.weight))
 
     def _centre(self) -> None:
-        """Move the mean exposure into the radiances: their common factor cannot be observed."""
+        """Move the mean exposure into the radiances, because their common factor is not observable."""
         mean = float(self._log_e.mean())
         self._log_e, self._log_l = self._log_e - mean, self._log_l + mean
 
     @staticmethod
     def _at(curves: FloatArray, x: FloatArray) -> FloatArray:
-        """Return curves, given at equidistant irradiances, at irradiances x, shape (m, 1024), (n,) -> (n, m)."""
+        """Interpolate curves, given at equidistant irradiances, at x, shape (m, 1024), (n,) -> (n, m)."""
         place = np.clip(x, 0, 1) * (SAMPLES - 1)
         low = np.minimum(place.astype(np.int64), SAMPLES - 2)
         share = (place - low)[:, None]
@@ -243,10 +245,10 @@ class _Problem:
 def _first_exposures(
     tracks: TrackObservations, log_irradiance: FloatArray, start: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return ln e of frames and ln L of points whose sums fit observed ln irradiances best.
+    """Return the ln e of frames and ln L of points whose sums fit observed ln irradiances best.
 
-    The alternation carries a change of exposure along a chain of tracks slowly; this linear system does so at once.
-    Bergmann et al. solve it from frame to frame.
+    The alternation propagates a change of exposure only slowly along a chain of tracks; this linear system does so at
+    once. Bergmann et al. solve it from frame to frame.
     """
     from scipy.sparse import csr_matrix  # slow to import and rarely needed
     from scipy.sparse.linalg import lsqr

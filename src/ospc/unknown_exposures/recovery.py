@@ -1,9 +1,9 @@
-"""Calibration of recordings without exposures: known up to one exponent, and labelled so in all outputs.
+"""Calibrate recordings without exposures, up to one exponent, which all outputs state.
 
 With free exposures, g^γ, V^γ and e^γ explain any recording equally well for every γ > 0. Exposures are estimated
-jointly with response and vignette (Bergmann, Wang, Cremers 2018). γ is then chosen so that the response is as near as
-possible to the mean response of usual cameras, and the selected method runs as if these exposures had been stated.
-The spread of cameras about that mean is the uncertainty of γ, which is added to all others.
+jointly with response and vignette (Bergmann, Wang, Cremers 2018). γ is then chosen such that the response is as close
+as possible to the mean response of typical cameras, and the selected method runs with these exposures. The scatter of
+cameras around the mean is the uncertainty of γ, which is added to all other uncertainties.
 """
 
 from __future__ import annotations
@@ -30,19 +30,20 @@ from ospc.unknown_exposures.tracking import GainRobustTracker
 
 EXPONENT_SIGMA = 0.34
 """Standard deviation of ln γ between the mean response used here and the 201 measured ones of the database of
-response functions (Grossberg and Nayar 2004); its mean is 0.05."""
+response functions (Grossberg and Nayar 2004); the mean of ln γ is 0.05."""
 
 MOST_FRAMES = 1500
 """Most frames, from the first, whose exposures are estimated: memory and time grow with their number."""
 
 _LEVELS = np.linspace(0.1, 0.9, 81)
-"""Grey levels at which a response is compared with the mean one; noise and saturation spoil the ends."""
+"""Grey levels at which a response is compared with the mean response, without the ends, which suffer from noise and
+saturation."""
 
 _REMEDY = "give the exposure of every frame, or of a second recording of the same camera"
 
 
 class RecoveredRecording(DerivedRecording):
-    """A recording whose exposures are estimated from its images, relative to the median, up to an exponent."""
+    """A recording with exposures estimated from its images, relative to their median and up to an exponent."""
 
 
 def recover_exposures(
@@ -50,8 +51,8 @@ def recover_exposures(
 ) -> RecoveredRecording:
     """Return a recording with exposures estimated from its images alone, relative to their median.
 
-    Frames whose exposure cannot be estimated are left out. ``progress`` is called with the number of frames done, and
-    of all. NotObservableError if too little can be tracked from frame to frame.
+    Frames whose exposure cannot be estimated are left out. ``progress`` is called with the number of frames done and
+    the total. NotObservableError if too little can be tracked between frames.
     """
     tracker = GainRobustTracker(every=1)
     total = min(len(recording), MOST_FRAMES)
@@ -70,7 +71,7 @@ def recover_exposures(
     exposures = np.exp(log_e - np.median(log_e))
     exposures.setflags(write=False)
     missing = len(recording) - len(exposures)
-    left_out = f"; {counted(missing, 'frame')} left out, whose exposure was not estimated" if missing else ""
+    left_out = f"; {counted(missing, 'frame')} left out because no exposure was estimated" if missing else ""
     note = f"exposures are estimated from the images: relative, and up to one exponent{left_out}"
     return RecoveredRecording.of(recording, found.frames, exposures, note=note)
 
@@ -78,12 +79,11 @@ def recover_exposures(
 def calibrate_without_exposures(
     recording: Recording | str | Path, settings: Settings | str = "default"
 ) -> Calibration:
-    """Calibrate the camera of a recording, or of the path of one, whose exposures are unknown or not to be used.
+    """Calibrate the camera of a recording, or of the recording at a path, without using exposures.
 
     Response and vignette are known up to one common exponent, as verdicts and ``exponent_sigma`` state.
 
-    NotObservableError if too little can be tracked from frame to frame, RecordingError if the recording cannot be
-    opened.
+    NotObservableError if too little can be tracked between frames, RecordingError if the recording cannot be opened.
     """
     if isinstance(recording, str | Path):
         recording = open_recording(recording, options=ReadingOptions(unknown_exposures=True))
@@ -92,7 +92,7 @@ def calibrate_without_exposures(
 
 
 def typical_exponent(found: JointEstimate) -> float:
-    """Return the exponent γ for which ln g^γ is nearest to that of the mean response, in least squares over greys."""
+    """Return the exponent γ for which ln g^γ is closest to the mean response, in least squares over grey levels."""
     x = np.linspace(0, 1, SAMPLES)
     log_g = np.log(np.maximum(found.response.inverse(_LEVELS), 1e-6))
     log_mean = np.log(np.interp(_LEVELS, learned_model().mean, x))
@@ -100,7 +100,7 @@ def typical_exponent(found: JointEstimate) -> float:
 
 
 def labelled(calibration: Calibration, recording: object) -> Calibration:
-    """Return the calibration of a recording, labelled and less certain if its exposures were estimated."""
+    """Return the calibration; if the exposures were estimated, label it and add the uncertainty of the exponent."""
     if not isinstance(recording, RecoveredRecording):
         return calibration
     response, vignette_sigma, sigma = calibration.response, calibration.vignette_sigma, EXPONENT_SIGMA
@@ -135,8 +135,7 @@ def _labelled_verdict(name: str, verdict: Verdict) -> Verdict:
     others = " and ".join(part for part in ("response", "vignette", "exposures") if part != name)
     return Verdict(
         "marginal",
-        f"up to one exponent: no exposures were known, and the {name} to any power, together with {others} to the "
-        f"same power, explains the images as well; the power is taken to be that of a usual camera "
-        f"(ln γ ± {EXPONENT_SIGMA:.2f})",
+        f"up to one exponent: no exposures were known, and raising {name}, {others} to any common power explains the "
+        f"images equally well; the power is that of a typical camera (ln γ ± {EXPONENT_SIGMA:.2f})",
         _REMEDY,
     )

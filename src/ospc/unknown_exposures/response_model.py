@@ -1,9 +1,9 @@
 """A low-dimensional model of camera responses: a mean curve and its principal variations.
 
 The empirical model of response (EMoR; Grossberg and Nayar, "Modeling the space of camera response functions", 2004)
-is f = f₀ + Σ cₖ hₖ, learned from measured curves. Their tables can be read from a file. Without them, a model of the
-same form is learned from analytic families that resemble camera responses: powers, video curves with a linear toe,
-logarithms, sigmoids, and each of these with a knee.
+is f = f₀ + Σ cₖ hₖ, learned from measured curves. Its published tables can be read from a file. Without them, a model
+of the same form is learned from analytic families that resemble camera responses: powers, video curves with a linear
+toe, logarithms, sigmoids, and combinations of these with a knee.
 """
 
 from __future__ import annotations
@@ -20,22 +20,22 @@ from ospc.formats.hugin import EMOR_SAMPLES, read_emor
 from ospc.photometry.response import Response
 
 SAMPLES = EMOR_SAMPLES
-"""Irradiances at which a model is tabulated, as in the published tables."""
+"""Number of irradiances at which a model is tabulated, as in the published tables."""
 
 _LEAST_SLOPE = 1e-4
-"""Least growth of an estimated response over the whole range: a curve must increase to have an inverse."""
+"""Smallest slope of an estimated response, which must increase to have an inverse."""
 
-# The families of curves that a model is learned from, chosen by hand to span what measured responses look like. Three
-# numbers are the least, the largest and the number of a parameter, in equal ratios.
+# Families of curves that a model is learned from, chosen by hand to span the variety of measured responses. Triples
+# are the smallest value, largest value and number of values of a parameter, in geometric progression.
 
 _GAMMAS = (0.6, 4.5, 14)
 """Exponents g of the powers x^(1/g)."""
 
 _TOE_GAMMAS = (1.2, 3.5, 6)
-"""Exponents of the powers that begin with a straight line, as video curves do."""
+"""Exponents of powers with a linear toe, like video curves."""
 
 _TOES = (0.002, 0.01, 0.03)
-"""Irradiances at which this line ends."""
+"""Irradiances at which the linear toe ends."""
 
 _LOGARITHMS = (1.5, 400.0, 12)
 """Factors a of the logarithms ln(1 + a x)."""
@@ -44,13 +44,13 @@ _SIGMOID_POWERS = (1.0, 1.2, 1.5, 1.9)
 """Powers p of the sigmoids x^p / (x^p + c)."""
 
 _SIGMOID_MIDDLES = (0.05, 2.0, 5)
-"""Their values of c: x^p at half of the limit."""
+"""Values of c of the sigmoids: x^p at half of the limit."""
 
 _KNEES = ((0.05, 0.3), (0.1, 0.45), (0.3, 0.6), (0.5, 0.8), (0.6, 0.75))
-"""Irradiance and grey level of the knee of curves of two straight lines."""
+"""Irradiance and grey level of the knee of curves made of two straight lines."""
 
 _EVERY_WITH_KNEE = 5
-"""Every n-th curve without a knee is averaged with each of these; all of them would outweigh the others."""
+"""Every n-th curve without a knee is averaged with each of these; using every curve would outweigh the others."""
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ class ResponseModel:
         return _increasing(self.mean + np.asarray(coefficients, dtype=np.float64) @ self.components)
 
     def coefficients_of(self, response: Response) -> FloatArray:
-        """Return the coefficients nearest to a response in least squares, shape (n,)."""
+        """Return the least squares coefficients of a response, shape (n,)."""
         target = response(np.linspace(0, 1, SAMPLES)) - self.mean
         return np.asarray(np.linalg.lstsq(self.components.T, target, rcond=None)[0], dtype=np.float64)
 
@@ -93,27 +93,27 @@ def learned_model(count: int = 4) -> ResponseModel:
 
 
 def read_model(path: str | Path, count: int = 4) -> ResponseModel:
-    """Read the empirical model of response from ``emor.txt``, with ``count`` of its components, at most five.
+    """Read the empirical model of response from ``emor.txt``, with ``count`` components, at most five.
 
-    FormatError if it is not that file.
+    FormatError if the file is not an ``emor.txt``.
     """
     basis = read_emor(path, count)
     return ResponseModel(basis.mean, basis.components)
 
 
 def family_of_inverses(levels: int) -> FloatArray:
-    """Return g of every curve that the model is learned from, at equidistant grey levels, shape (n, levels)."""
+    """Return g for every curve that the model is learned from, at equidistant grey levels, shape (n, levels)."""
     grey, x = np.linspace(0, 1, levels), np.linspace(0, 1, SAMPLES)
     return np.array([np.interp(grey, _increasing(curve), x) for curve in _family()])
 
 
 def _family() -> list[FloatArray]:
-    """Return curves from 0 to 1 over equidistant irradiances, shape (1024,) each."""
+    """Return the curves that the model is learned from, at equidistant irradiances, shape (1024,) each."""
     x = np.linspace(0, 1, SAMPLES)
     curves = [x ** (1 / g) for g in np.geomspace(*_GAMMAS)]
     for g in np.geomspace(*_TOE_GAMMAS):
         for toe in _TOES:
-            # a straight line up to the toe, and a power that continues it with the same value and slope
+            # A straight line up to the toe, continued by a power with the same value and slope.
             offset = toe * (g - 1)
             power = (np.maximum(x, toe) + offset) ** (1 / g)
             at_toe = (toe + offset) ** (1 / g)
@@ -134,7 +134,7 @@ def _unit(curve: FloatArray) -> FloatArray:
 
 
 def _increasing(curve: FloatArray) -> FloatArray:
-    """Return the curve from 0 to 1, raised wherever it would not increase."""
+    """Return the curve, forced to increase strictly, and scaled to 0 to 1."""
     steps = np.maximum(np.diff(curve), _LEAST_SLOPE / len(curve))
     raised = np.concatenate([[0.0], np.cumsum(steps)])
     return np.asarray(raised / raised[-1])

@@ -2,8 +2,8 @@
 
 Kim, Frahm and Pollefeys ("Joint feature tracking and radiometric calibration from auto-exposure video", 2007) track
 with a gain that all features of a frame share, estimated together with their displacements; Bergmann et al. 2018 do
-the same. Here displacements and gain are estimated in turn: the current gain brings both frames to equal brightness,
-features are tracked, and the gain is estimated again from them.
+the same. Here displacements and gain are estimated alternately: the frames are equalised with the current gain,
+features are tracked, and the gain is estimated from them again.
 """
 
 from __future__ import annotations
@@ -19,52 +19,55 @@ from ospc.photometry.geometry import normalised
 from ospc.recording.frame import Frame
 
 _PATTERN = np.array([(0, 0), (3, 0), (-3, 0), (0, 3), (0, -3)], dtype=np.float32)
-"""Offsets in pixels of the scene points that are observed around each feature: other grey levels than its own, still
-within the window that is tracked."""
+"""Offsets in pixels of the scene points that are observed around each feature: they have other grey levels than the
+feature, but are still within the tracked window."""
 
 _RIGHT, _DOWN = np.array([1, 0], dtype=np.float32), np.array([0, 1], dtype=np.float32)
-"""Steps of one pixel, (x, y), by which gradients are taken."""
+"""Steps of one pixel, (x, y), for computing gradients."""
 
 _ROUNDS, _GAIN_CHANGE = 2, 0.02
-"""Most turns of tracking and gain, and the change of ln gain at which they end: a gain wrong by less is within the
-range that the tracking tolerates."""
+"""Most alternations of tracking and gain, and change of ln gain at which they end: tracking tolerates a smaller
+error."""
 
 _FEATURES = 250
-"""Features tracked at a time; the published program follows more, and takes longer."""
+"""Number of features tracked at a time; the published program tracks more, and takes longer."""
 
 _WINDOW_PX, _LEVELS = 21, 4
-"""Side of the windows compared, and levels of the pyramid above the image: motion of some 100 pixels is followed."""
+"""Side of the tracking window, and levels of the pyramid above the image, for motion up to about 100 pixels."""
 
 _BACK_PX = 0.7
 """Largest forward-backward error of a track in pixels: tracks that do not return are on another feature."""
 
 _MARGIN_PX = 6
-"""Least distance of a feature from the border in pixels: the points around it and their gradients lie inside."""
+"""Smallest distance of a feature from the border in pixels, so that the points around it and their gradients lie
+inside."""
 
 _REFILL = 0.7
-"""Share of the features below which new ones are detected: that takes time, and long tracks tell the most."""
+"""Share of the features below which new ones are detected: detection takes time, and long tracks are most
+informative."""
 
 _QUALITY, _SPACING_PX = 0.005, 14
-"""Detection: least corner strength over that of the strongest, low so that weak texture counts, and least distance of
-corners in pixels, so that they cover the image."""
+"""Corner detection: smallest strength relative to the strongest corner, low to include weak texture, and smallest
+distance between corners in pixels, so that they cover the image."""
 
 _OCCUPIED_PX = 12
-"""Radius in pixels around a feature within which no new one is detected: it would be the same."""
+"""Radius in pixels around a feature within which no new one is detected: it would be the same feature."""
 
 _SMOOTHING_PX = 0.8
 """Standard deviation of the smoothing of sampled grey levels: less noise, and hardly any blur."""
 
 _DARKEST, _BRIGHTEST = 1.5, 254.0
-"""Grey levels, of 255, between which a sample is exposed; the brightest of its neighbours counts at the upper end."""
+"""Grey levels, of 255, between which a sample is well exposed; the upper limit applies to its brightest neighbour."""
 
 _GAIN_SIDE_PX = 7
-"""Side of the squares around features whose mean brightness gives the gain: their noise and motion blur cancel."""
+"""Side of the squares around features whose mean brightness determines the gain: averaging reduces the effects of
+noise and motion blur."""
 
 _GAIN_DARKEST, _GAIN_BRIGHTEST = 3, 245
-"""Grey levels, of 255, between which these means are used: beyond, part of their pixels is clipped."""
+"""Grey levels, of 255, between which these means are used; otherwise some of their pixels are clipped."""
 
 _MEDIAN_STEP = 4
-"""The median of an image is taken over every n-th row and column."""
+"""Row and column step at which the median of an image is computed."""
 
 _GRADIENT_SCALE = 12.0
 """Gradient, in grey levels per pixel, at which a sample has half its weight: there, displacement errors dominate."""
@@ -79,10 +82,10 @@ class TrackObservations:
     size
         Width and height of the frames.
     point, frame
-        Scene point of each observation, numbered from 0 without gaps, and position of its frame among
-        :attr:`frames`, shape (n,).
+        Scene point of each observation, numbered from 0 without gaps, and index of its frame in :attr:`frames`,
+        shape (n,).
     grey, radius, weight
-        Grey level in [0, 1], distance from the image centre, 1 at the corner, and weight in (0, 1], shape (n,).
+        Grey level in [0, 1], distance from the image centre (1 at the corner), and weight in (0, 1], shape (n,).
     frames
         Indices of the frames in the recording, shape (frames,).
     """
@@ -96,7 +99,7 @@ class TrackObservations:
     frames: IntArray
 
     def since(self, index: int) -> TrackObservations:
-        """Return the observations in frames from this index on, of points that have at least two of them."""
+        """Return the observations in frames from this index on, for points with at least two of them."""
         recent = self.frames[self.frame] >= index
         count = np.bincount(self.point[recent], minlength=int(self.point.max(initial=-1)) + 1)
         kept = recent & (count[self.point] >= 2)
@@ -114,7 +117,7 @@ class TrackObservations:
 
 
 class GainRobustTracker:
-    """Tracks features from frame to frame, and keeps observations of every ``every``-th frame."""
+    """Tracks features between frames, and keeps the observations of every ``every``-th frame."""
 
     def __init__(self, every: int = 2) -> None:
         self._every = every
@@ -126,7 +129,7 @@ class GainRobustTracker:
         self._rows: list[tuple[int, IntArray, FloatArray, FloatArray, FloatArray]] = []
         self._size: ImageSize = (0, 0)
         self.log_gain = 0.0
-        """ln of the last frame's brightness over that of the one before."""
+        """ln of the brightness ratio between the last frame and the previous one."""
 
     def push(self, frame: Frame) -> None:
         """Take the next frame."""
@@ -147,12 +150,12 @@ class GainRobustTracker:
         return self._track.copy(), self._points.astype(np.float64)
 
     def grey_at_current(self, frame: Frame) -> FloatArray:
-        """Return the grey levels, in [0, 1], of the features in the last frame, shape (n,), smoothed by a pixel."""
+        """Return the smoothed grey levels, in [0, 1], of the features in the last frame, shape (n,)."""
         smooth = cv2.GaussianBlur(frame.image_8_bit, (0, 0), 1.0).astype(np.float32)
         return np.asarray(sampled(smooth, self._points) / 255)
 
     def observations(self) -> TrackObservations:
-        """Return all observations so far, of points that have at least two."""
+        """Return all observations so far, for points with at least two."""
         if not self._rows:
             empty, none = np.empty(0), np.empty(0, np.int64)
             return TrackObservations(self._size, none, none, empty, empty, empty, none)
@@ -190,7 +193,7 @@ class GainRobustTracker:
         for x, y in self._points:
             cv2.circle(mask, (round(float(x)), round(float(y))), _OCCUPIED_PX, 0, -1)
         wanted = _FEATURES - len(self._points)
-        # Equalised, so that dark parts of the image get features too.
+        # Histogram equalisation, so that dark parts of the image get features too.
         corners = cv2.goodFeaturesToTrack(cv2.equalizeHist(image), wanted, _QUALITY, _SPACING_PX, mask=mask)
         if corners is None:
             return
@@ -222,7 +225,7 @@ class GainRobustTracker:
 
 
 def sampled(image: Float32Array, places: npt.ArrayLike) -> FloatArray:
-    """Return an image at pixels (x, y), interpolated linearly, shape (n, 2) -> (n,) or (n, channels)."""
+    """Sample an image at pixels (x, y) with bilinear interpolation, shape (n, 2) -> (n,) or (n, channels)."""
     maps = np.ascontiguousarray(places, dtype=np.float32).reshape(-1, 1, 2)
     if not len(maps):
         return np.empty((0, *image.shape[2:]))
@@ -231,19 +234,19 @@ def sampled(image: Float32Array, places: npt.ArrayLike) -> FloatArray:
 
 
 def log_brightness(image: Image) -> float:
-    """Return ln of the median grey level."""
+    """Return ln of the median grey level, at least 0."""
     return float(np.log(max(float(np.median(image[::_MEDIAN_STEP, ::_MEDIAN_STEP])), 1.0)))
 
 
 def equalised(before: Image, after: Image, log_gain: float) -> tuple[Image, Image]:
-    """Return both frames at the brightness of the darker one."""
+    """Return both frames scaled to the brightness of the darker one."""
     if log_gain > 0:
         return before, cv2.convertScaleAbs(after, alpha=float(np.exp(-log_gain)))
     return cv2.convertScaleAbs(before, alpha=float(np.exp(log_gain))), after
 
 
 def _gain(before: Image, after: Image, places: Float32Array, moved: Float32Array) -> float:
-    """Return the median over features of ln of their brightness after over before."""
+    """Return the median over features of the ln brightness ratio of the second to the first frame."""
     first, second = (
         sampled(cv2.blur(image, (_GAIN_SIDE_PX, _GAIN_SIDE_PX)).astype(np.float32), p)
         for image, p in ((before, places), (after, moved))

@@ -1,1 +1,1 @@
-"""Response and vignette from single images, whose exposures say nothing."""
+"""Response and vignette from single images, without exposure changes."""

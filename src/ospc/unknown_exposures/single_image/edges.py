@@ -1,30 +1,31 @@
-"""The response from windows across the edge of two even regions, in one image.
+"""Estimate the response from windows across edges between two even regions of one image.
 
-A pixel on the edge sees both regions, each on a part of its area. Its irradiance is between theirs, and its grey
-level is not where it would be on a line. The prior p of responses is
+A pixel on the edge covers a part of each region. Its irradiance is a mixture of theirs, but its grey level is not the
+same mixture of their grey levels unless the response is linear. The prior p of responses is
 :mod:`~ospc.unknown_exposures.single_image.response_prior`.
 
 **Colours**: Lin, Gu, Yamazaki and Shum, "Radiometric calibration from a single image", 2004. An edge pixel has the
-irradiance α I₁ + (1 − α) I₂ in every channel, with the same α. So its colour lies on the line between the region
-colours in irradiances, and g has to bring it there:
+irradiance α I₁ + (1 − α) I₂ in every channel, with the same α. Its irradiance therefore lies on the line between the
+region colours, and g must map its colour onto that line:
 
     d = |(g(M₁) − g(M₂)) × (g(Mₚ) − g(M₂))| / |g(M₁) − g(M₂)|²,     g* = argmin  mean d − λ ln p(g)
 
-All channels share one response. Departures: the publication does not divide by the length of the line a second time.
-Its distances become small for every g that is nearly zero up to the brightest greys, and only a prior learned from
-real cameras keeps it from there; relative to the line, d has no such escape. Its thresholds for windows could not be
-verified. That d is the mean over all edge pixels, and that the prior counts once for each channel, is as in an
-independent implementation (Lalonde).
+All channels share one response. Deviation from the publication: it does not divide by the length of the line a second
+time. Its distances become small for any g that is close to zero up to the brightest grey levels, and only a prior
+learned from real cameras prevents this solution; d relative to the length of the line does not have this problem. The
+published thresholds for windows could not be verified. As in an independent implementation (Lalonde), d is the mean
+over all edge pixels, and the prior counts once per channel.
 
-**Histograms**: Lin and Zhang, "Determining the radiometric response function from a single grayscale image", 2005. An
-edge crosses pixels at all positions alike, so irradiances in its window spread evenly between those of its regions:
-the histogram of g(Mₚ) is uniform. With Hₖ pixels in the k-th of b equal parts between g(M₁) and g(M₂),
+**Histograms**: Lin and Zhang, "Determining the radiometric response function from a single grayscale image", 2005.
+Edges cross pixels at uniformly distributed positions, so irradiances in a window are uniformly distributed between
+those of its regions: the histogram of g(Mₚ) is uniform. With Hₖ pixels in the k-th of b equal bins between g(M₁) and
+g(M₂),
 
     N(g; H) = 1/b Σₖ (|Hₖ| / |H| − 1/b)²,     g* = argmin  mean N − λ ln p(g)
 
-What the publication could not be checked for: the weights that it gives to histograms. Counts jump when a pixel
-changes its part; here the parts are compared through the cumulative distribution, N = mean (F(u) − u)², which does
-not jump and vanishes for the same histograms.
+The published weights of the histograms could not be verified. Counts jump when a pixel moves to another bin; this
+implementation compares cumulative distributions instead, N = mean (F(u) − u)², which is continuous and vanishes for
+the same histograms.
 """
 
 from __future__ import annotations
@@ -44,40 +45,41 @@ _SIDE_PX = 15
 """Side of a window, as published."""
 
 _BLEND_PX = 2
-"""Pixels up to this distance from the edge see both regions."""
+"""Distance from the edge, in pixels, within which pixels cover both regions."""
 
 _SPACING_PX = 8
-"""Windows begin at most one in a cell of this side, on the pixel of the strongest gradient."""
+"""Side of the cells that contain at most one window each, centred on the pixel with the strongest gradient."""
 
 _CANNY = (40, 100)
 """Thresholds of the edge detector, in grey levels."""
 
 _MOST_SPREAD, _LEAST_CONTRAST = 4.0, 20.0
-"""Largest standard deviation within a region, and least distance of the regions, in grey levels of each channel: the
-error of the means must be small against what the curve bends in between."""
+"""Largest standard deviation within a region and smallest difference between the regions, in grey levels of each
+channel: the error of the means must be small compared with the curvature of the response in between."""
 
 _FEWEST_REGION, _FEWEST_EDGE = 20, 8
-"""Pixels that a region and an edge have at least: with fewer, their means and histograms are noise."""
+"""Fewest pixels of a region and an edge; with fewer, their means and histograms are noise."""
 
 _BETWEEN = 0.03
-"""Part of the distance of the regions by which an edge pixel stays within them: nearer ones see one region only."""
+"""Margin between an edge pixel and both regions, relative to their difference: pixels within it cover only one
+region."""
 
 _CLIPPED = (3, 252)
-"""Grey levels outside of which a region may be clipped."""
+"""Grey levels outside which a region may be clipped."""
 
 _MOST_WINDOWS = 1500
-"""Windows of an image that are read, the strongest edges first: more take time, and do not make the curve better."""
+"""Most windows of an image, strongest edges first; more take time and do not improve the curve."""
 
 _FEWEST_PATCHES = 5
-"""Patches that a curve is estimated from at least."""
+"""Fewest patches for estimating a curve."""
 
 
 @dataclass(frozen=True)
 class EdgePatches:
-    """Windows across edges, with grey levels in [0, 255] of one channel, or of three.
+    """Windows across edges, with grey levels in [0, 255] of one or three channels.
 
-    ``first`` and ``second`` are means of the two regions, shape (n, channels); ``edge`` are the grey levels of the
-    edge pixels of all windows, shape (m, channels), and ``window`` is the window of each of them, shape (m,).
+    ``first`` and ``second`` are the means of the two regions, shape (n, channels). ``edge`` contains the grey levels
+    of the edge pixels of all windows, shape (m, channels), and ``window`` their window indices, shape (m,).
     """
 
     first: FloatArray
@@ -94,22 +96,22 @@ class EdgePatches:
         found = [patch for image in images for patch in _patches_in(image)]
         if len(found) < _FEWEST_PATCHES:
             raise NotObservableError(
-                f"only {counted(len(found), 'edge')} between even regions found, of the {_FEWEST_PATCHES} that a "
-                f"response takes; use an image of distinct, evenly lit surfaces"
+                f"only {counted(len(found), 'edge')} between even regions found, but a response needs "
+                f"{_FEWEST_PATCHES}; use an image of distinct, evenly lit surfaces"
             )
         first, second, edges = zip(*found, strict=True)
         window = np.repeat(np.arange(len(edges)), [len(edge) for edge in edges])
         return cls(np.array(first), np.array(second), np.concatenate(edges), window)
 
     def linearised(self, curve: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return g of both regions for every edge pixel, and g of the pixel, shape (m, channels) each."""
+        """Return g of the two regions of every edge pixel, and of the pixel itself, shape (m, channels) each."""
         levels = np.arange(curve.size) * (255 / (curve.size - 1))
         first, second, edge = (np.interp(grey, levels, curve) for grey in (self.first, self.second, self.edge))
         return first[self.window], second[self.window], edge
 
 
 def _patches_in(image: Image) -> list[tuple[FloatArray, FloatArray, FloatArray]]:
-    """Return means of both regions and the edge pixels of every window that qualifies."""
+    """Return the means of both regions and the edge pixels of every valid window."""
     planes = image if image.ndim == 3 else image[:, :, None]
     grey = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY) if image.ndim == 3 else image
     strength = np.hypot(cv2.Sobel(grey, cv2.CV_32F, 1, 0), cv2.Sobel(grey, cv2.CV_32F, 0, 1))
@@ -157,14 +159,14 @@ def _patch(grey: Image, pixels: FloatArray) -> tuple[FloatArray, FloatArray, Flo
 
 
 _COLOUR_PRIOR = 3 * 0.001
-"""λ of edge colours, for each of three channels."""
+"""λ of edge colours, for three channels."""
 
 _LEAST_SQUARE = 1e-12
-"""Square of a line's length below which it counts as a point: a guard against division by zero."""
+"""Lower bound of the squared length of a line, against division by zero."""
 
 
 def edge_colour_distance(patches: EdgePatches, curve: FloatArray) -> float:
-    """Return the mean distance d of edge colours from the lines between their regions, g at equidistant greys."""
+    """Return the mean distance d of edge colours from the lines between their regions; g at equidistant greys."""
     first, second, edge = patches.linearised(curve)
     line, offset = first - second, edge - second
     area = np.linalg.norm(np.cross(line, offset), axis=1)
@@ -172,12 +174,12 @@ def edge_colour_distance(patches: EdgePatches, curve: FloatArray) -> float:
 
 
 def edge_colour_response(patches: EdgePatches, prior_weight: float = _COLOUR_PRIOR) -> Response:
-    """Return the response for which edge colours are on the lines between the colours of their regions.
+    """Return the response that maps edge colours onto the lines between the colours of their regions.
 
     NotObservableError if the patches have no colours.
     """
     if patches.first.shape[1] != 3:
-        raise NotObservableError("the colours of edges are needed, and the image is grey")
+        raise NotObservableError("this needs the colours of edges, but the image is grey")
     return response_prior().most_likely(
         lambda curve: edge_colour_distance(patches, curve), prior_weight, "edge-colours"
     )
@@ -187,19 +189,20 @@ _HISTOGRAM_PRIOR = 0.001
 """λ of edge histograms."""
 
 _MARGIN = 0.15
-"""Part of the range between the regions, at either end, that is left out: there, pixels of the regions mix in."""
+"""Share of the range between the regions that is left out at either end, because it contains pixels of the
+regions."""
 
 _FEWEST_BETWEEN = 5
-"""Pixels between these margins that a histogram needs."""
+"""Fewest pixels of a histogram between these margins."""
 
 _LEAST_RANGE = 1e-6
-"""Irradiance between two regions below which a curve counts as flat."""
+"""Lower bound of the irradiance difference of two regions, for curves that are flat."""
 
 
 def histogram_unevenness(patches: EdgePatches, curve: FloatArray) -> float:
-    """Return how far irradiances at edges are from uniform, for g at equidistant grey levels.
+    """Return how far irradiances at edges are from a uniform distribution, given g at equidistant grey levels.
 
-    NotObservableError if hardly any pixel lies between its regions.
+    NotObservableError if too few pixels lie between their regions.
     """
     levels = np.arange(curve.size) * (255 / (curve.size - 1))
     grey, window = patches.edge[:, 0], patches.window
@@ -209,7 +212,7 @@ def histogram_unevenness(patches: EdgePatches, curve: FloatArray) -> float:
     grey, window = grey[inner], window[inner]
     counts = np.bincount(window, minlength=len(low))
     if counts.max(initial=0) < _FEWEST_BETWEEN:
-        raise NotObservableError("too few pixels lie on edges to show how irradiances spread")
+        raise NotObservableError("too few pixels lie on edges to determine the distribution of irradiances")
     order = np.lexsort((grey, window))
     grey, window = grey[order], window[order]
     place = np.arange(window.size) - (np.cumsum(counts) - counts)[window] + 0.5
@@ -220,7 +223,7 @@ def histogram_unevenness(patches: EdgePatches, curve: FloatArray) -> float:
 
 
 def edge_histogram_response(patches: EdgePatches, prior_weight: float = _HISTOGRAM_PRIOR) -> Response:
-    """Return the response for which irradiances at edges spread evenly; the first channel counts."""
+    """Return the response for which irradiances at edges are uniformly distributed, using the first channel."""
     return response_prior().most_likely(
         lambda curve: histogram_unevenness(patches, curve), prior_weight, "edge-histograms"
     )

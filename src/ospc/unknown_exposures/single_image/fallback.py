@@ -1,9 +1,10 @@
-"""Response and vignette where nothing is known: from one photograph or a few, with bands as wide as their errors.
+"""Response and vignette from one or a few photographs without known exposures, with realistic confidence bands.
 
-The response is that of edge colours (Lin et al. 2004) where there are enough even regions in colour, drawn towards
-the usual one, which is all there is otherwise. The vignette is that of radial gradients (Zheng et al. 2008), drawn
-towards a usual one, because the shading of a scene looks like a vignette. Edge histograms and segments, which these
-methods compete with, were farther off on simulated photographs. The bands are the errors found there.
+The response is estimated from edge colours (Lin et al. 2004) if there are enough even regions in colour, and shrunk
+towards a typical response; otherwise it is the typical response. The vignette is estimated from radial gradients
+(Zheng et al. 2008) and shrunk towards a typical vignette, because the shading of a scene looks like a vignette. The
+alternatives, edge histograms and segments, were less accurate on simulated photographs. The bands are the errors
+measured on these.
 """
 
 from __future__ import annotations
@@ -32,35 +33,35 @@ from ospc.unknown_exposures.single_image.zheng_2008 import radial_gradient_vigne
 from ospc.versions import versions
 
 _MOST_IMAGES = 8
-"""Images of a recording that are used, spread evenly: more show the same surfaces again."""
+"""Number of evenly spaced images of a recording to use: more would show the same surfaces again."""
 
 _SHAPE_SIGMA = 0.4
-"""Standard deviation of ln g(M)/g(½) over its size, as of an exponent, on simulated photographs."""
+"""Relative standard deviation of ln g(M)/g(½), like that of an exponent, on simulated photographs."""
 
 _LEAST_LOG_SIGMA = 0.08
-"""Standard deviation of ln g(M)/g(½) next to ½: curves differ there by more than an exponent."""
+"""Standard deviation of ln g(M)/g(½) close to ½, where curves differ by more than an exponent."""
 
 _CORNER_SIGMA = 0.2
-"""Standard deviation of V in the corners; it grows as the radius. 0.11 on simulated photographs by usual lenses, but
-wide ones lose more."""
+"""Standard deviation of V in the corners; it grows linearly with the radius. It is 0.11 on simulated photographs with
+typical lenses, but wide-angle lenses lose more."""
 
 _OWN_RESPONSE, _OWN_VIGNETTE = 0.5, 0.2
-"""Shares of the estimates against usual curves: errors are smallest so on simulated photographs."""
+"""Weights of the estimates relative to typical curves, which minimise the errors on simulated photographs."""
 
 _USUAL_VIGNETTE = (-0.2, -0.1, -0.05)
-"""v₁, v₂, v₃ of a usual vignette."""
+"""v₁, v₂, v₃ of a typical vignette."""
 
 _DARKEST, _BRIGHTEST = 2, 250
-"""Grey levels outside of which a pixel may be clipped."""
+"""Grey levels outside which a pixel may be clipped."""
 
 _SMALLEST_PX = 32
-"""Width and height that an image needs: with less, neither edges nor rings show."""
+"""Smallest width and height of an image; smaller ones contain neither edges nor rings."""
 
-_REMEDY = "record a video whose exposure changes and is known: 'ospc check' says what it takes"
+_REMEDY = "record a video with changing, known exposures; check it with 'ospc check'"
 
 
 def single_images(path: str | Path, kind: str | None = None, options: ReadingOptions = DEFAULT) -> list[Image]:
-    """Return the photograph at a path, or a few frames of the recording there, in colour if they have colours.
+    """Return the photograph at a path, or a few frames of the recording there, in colour if available.
 
     RecordingError if it is neither, FrameError if an image is damaged.
     """
@@ -74,24 +75,24 @@ def single_images(path: str | Path, kind: str | None = None, options: ReadingOpt
 
 
 def calibrate_single_images(images: Sequence[Image]) -> Calibration:
-    """Return response and vignette of one photograph, or of several by the same camera, with wide bands.
+    """Estimate response and vignette from one photograph, or from several by the same camera, with wide bands.
 
-    The images have 8 or 16 bits, one size, and the shape (height, width), or (height, width, 3) in the order blue,
-    green, red. FrameError if there is none, or they differ in size, or are tiny.
+    The images have 8 or 16 bits, equal sizes, and shape (height, width), or (height, width, 3) in the order blue,
+    green, red. FrameError if there are none, they differ in size, or they are too small.
     """
     if len({image.shape for image in images}) != 1:
-        raise FrameError("single images must be at least one, and of one size")
+        raise FrameError("give at least one image, and images of equal size")
     size = size_of(images[0])
     if min(size) < _SMALLEST_PX:
         raise FrameError(
-            f"an image of {size[0]}x{size[1]} pixels shows too little; give one of {_SMALLEST_PX}x"
-            f"{_SMALLEST_PX} or more"
+            f"an image of {size[0]}x{size[1]} pixels is too small; give one of at least "
+            f"{_SMALLEST_PX}x{_SMALLEST_PX} pixels"
         )
     eight = _in_8_bits(images)
     response, basis = _response(eight)
     vignette, shading = _vignette(size, eight, response)
     count = counted(len(eight), "image")
-    reason = f"from {count} without known exposures: it rests on {{}}, and its band is that of simulated photographs"
+    reason = f"from {count} without known exposures, based on {{}}; its band is from simulated photographs"
     return Calibration(
         size,
         response,
@@ -99,7 +100,7 @@ def calibrate_single_images(images: Sequence[Image]) -> Calibration:
         verdicts={
             "response": Verdict("marginal", reason.format(basis), _REMEDY),
             "vignette": Verdict("marginal", reason.format(shading), _REMEDY),
-            "exposures": Verdict("not identifiable", "single images say nothing of exposures", _REMEDY),
+            "exposures": Verdict("not identifiable", "single images do not determine exposures", _REMEDY),
         },
         vignette_sigma=np.asarray(_CORNER_SIGMA * PROFILE_RADII),
         counts={"frames": len(eight)},
@@ -118,15 +119,15 @@ def _in_8_bits(images: Sequence[Image]) -> list[Image]:
 
 
 def _response(images: Sequence[Image]) -> tuple[Response, str]:
-    """Return the response with its band, and what it rests on."""
+    """Return the response with its band, and a description of its basis."""
     try:
         patches = EdgePatches.of(images)
         own = np.array(edge_colour_response(patches).model["coefficients"])
         found = response_prior().response(_OWN_RESPONSE * own, "edge-colours")
-        basis = f"{len(patches.first)} edges in colour and usual curves"
+        basis = f"{len(patches.first)} edges in colour and typical curves"
     except NotObservableError:
         found = response_prior().response(np.zeros(COMPONENTS), "usual")
-        basis = "usual curves, for want of edges in colour"
+        basis = "typical curves, for lack of edges in colour"
     log_g = np.log(np.maximum(found.inverse_table, np.finfo(float).tiny))
     log_reference = float(np.log(found.inverse(found.reference_grey)))
     sigma = np.hypot(_LEAST_LOG_SIGMA, _SHAPE_SIGMA * np.abs(log_g - log_reference))
@@ -134,14 +135,14 @@ def _response(images: Sequence[Image]) -> tuple[Response, str]:
 
 
 def _vignette(size: ImageSize, images: Sequence[Image], response: Response) -> tuple[PolynomialVignette, str]:
-    """Return the vignette, and what it rests on."""
+    """Return the vignette, and a description of its basis."""
     greys = [image if image.ndim == 2 else image[..., 1] for image in images]
     light: list[FloatArray] = [response.inverse(grey / 255) for grey in greys]
     usual = PolynomialVignette(size, _USUAL_VIGNETTE)
     try:
         own = radial_gradient_vignette(light, [(grey > _DARKEST) & (grey < _BRIGHTEST) for grey in greys])
     except NotObservableError:
-        return usual, "usual curves, for want of exposed pixels"
+        return usual, "typical curves, for lack of exposed pixels"
     both = zip(own.coefficients, _USUAL_VIGNETTE, strict=True)
     blended = tuple(_OWN_VIGNETTE * a + (1 - _OWN_VIGNETTE) * b for a, b in both)
-    return PolynomialVignette(size, blended), "radial gradients and usual curves"
+    return PolynomialVignette(size, blended), "radial gradients and typical curves"

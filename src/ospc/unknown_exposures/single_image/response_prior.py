@@ -1,8 +1,8 @@
-"""What inverse responses usually look like: a mean, five variations, and a mixture of five normal distributions.
+"""A prior of inverse responses: a mean, five components, and a mixture of five normal distributions.
 
-The prior of Lin et al. 2004 and of Lin and Zhang 2005: g = g₀ + Σ cᵢhᵢ, and p(g) = Σ αₖ N(c; μₖ, Σₖ). They learned it
-from the measured curves of Grossberg and Nayar's database, which are not distributed here; this one is learned from
-the analytic families of :mod:`ospc.unknown_exposures.response_model`.
+This is the prior of Lin et al. 2004 and Lin and Zhang 2005: g = g₀ + Σ cᵢhᵢ, and p(g) = Σ αₖ N(c; μₖ, Σₖ). They
+learned it from the measured curves of Grossberg and Nayar's database, which are not distributed here; this one is
+learned from the analytic families of :mod:`ospc.unknown_exposures.response_model`.
 """
 
 from __future__ import annotations
@@ -24,22 +24,23 @@ LEVELS = 256
 """Grey levels at which curves are tabulated."""
 
 COMPONENTS, NORMALS = 5, 5
-"""Variations of g, and normal distributions of the mixture, as published."""
+"""Number of components of g, and of normal distributions in the mixture, as published."""
 
 _LEAST_VARIANCE = 0.05
-"""Added to the variance of each coefficient, whose own is 1: a curve between those that were learned is possible."""
+"""Added to the variance of each coefficient, which is 1 overall, to allow for curves between the learned ones."""
 
 _LEAST_SLOPE = 1e-3
-"""Least growth of g over the whole range, so that it has an inverse."""
+"""Smallest slope of g, so that it has an inverse."""
 
 _ROUNDS = 60
-"""Turns of expectation and maximisation; the mixture does not change any more."""
+"""Iterations of expectation maximisation, enough for convergence."""
 
 _SETTLED = 1e-6
-"""Gradient of the sum to be minimised at which the minimisation ends: no grey level moves any more."""
+"""Gradient of the cost at which the minimisation ends: smaller ones do not change any grey level."""
 
 _FALLING = 100.0
-"""Weight of the falling parts of a curve, as a sum of falls in full scale, against −ln p: they are no responses."""
+"""Weight of decreasing parts of a curve (the sum of all decreases in full scale) relative to −ln p: a response must
+not decrease."""
 
 
 @dataclass(frozen=True)
@@ -47,8 +48,8 @@ class ResponsePrior:
     """The prior; coefficients are in standard deviations of the curves that it was learned from.
 
     ``mean`` and ``components`` are g₀ and hᵢ at 256 grey levels, shapes (256,) and (5, 256). The normal distributions
-    have ``log_weights``, ln αₖ with their factor, ``means`` μₖ, and ``precisions``, the inverses of Σₖ; shapes (5,),
-    (5, 5) and (5, 5, 5).
+    have ``log_weights``, ln αₖ plus ln of the normalisation, ``means`` μₖ, and ``precisions``, the inverses of Σₖ,
+    shapes (5,), (5, 5) and (5, 5, 5).
     """
 
     mean: FloatArray
@@ -58,17 +59,17 @@ class ResponsePrior:
     precisions: FloatArray
 
     def curve(self, coefficients: FloatArray) -> FloatArray:
-        """Return g at 256 grey levels; it may fall."""
+        """Return g at 256 grey levels; it may decrease."""
         return np.asarray(self.mean + coefficients @ self.components)
 
     def response(self, coefficients: FloatArray, name: str) -> Response:
-        """Return the response with these coefficients, raised where it would fall."""
+        """Return the response with these coefficients, forced to increase."""
         steps = np.maximum(np.diff(self.curve(coefficients)), _LEAST_SLOPE / LEVELS)
         model = {"name": name, "coefficients": coefficients.tolist()}
         return Response.from_values(np.append(0.0, np.cumsum(steps)), model=model)
 
     def cost(self, coefficients: FloatArray) -> float:
-        """Return −ln p(g), and more where g falls."""
+        """Return −ln p(g) plus a penalty for decreasing parts of g."""
         offset = coefficients - self.means
         normal = np.einsum("ki,kij,kj->k", offset, self.precisions, offset)
         falls = np.minimum(np.diff(self.curve(coefficients)), 0)
@@ -77,8 +78,8 @@ class ResponsePrior:
     def most_likely(self, misfit: Callable[[FloatArray], float], weight: float, name: str) -> Response:
         """Return the response that minimises misfit(g) − λ ln p(g), g at 256 grey levels, with λ ``weight``.
 
-        The minimisation starts from the mean of each normal distribution; the best end counts. NotObservableError if
-        the misfit is never finite.
+        The minimisation starts from the mean of each normal distribution, and the best result is used.
+        NotObservableError if the misfit is never finite.
         """
 
         def total(coefficients: FloatArray) -> float:
@@ -93,13 +94,13 @@ class ResponsePrior:
 
 @cache
 def response_prior() -> ResponsePrior:
-    """Return the prior, learned by expectation and maximisation."""
+    """Return the prior, learned by expectation maximisation."""
     curves = family_of_inverses(LEVELS)
     mean = curves.mean(axis=0)
     _, singular, directions = np.linalg.svd(curves - mean, full_matrices=False)
     components = directions[:COMPONENTS] * singular[:COMPONENTS, None] / np.sqrt(len(curves))
     coefficients = (curves - mean) @ np.linalg.pinv(components)
-    # From curves in the order of their main variation, so that the result is always the same.
+    # Initialise from curves sorted by their first component, so that the result is reproducible.
     order = np.argsort(coefficients[:, 0])
     starts = np.array([part.mean(axis=0) for part in np.array_split(coefficients[order], NORMALS)])
     weights, means, covariances = _mixture(coefficients, starts)
@@ -110,7 +111,7 @@ def response_prior() -> ResponsePrior:
 
 
 def _mixture(points: FloatArray, means: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return weights, means and covariances of a mixture of normal distributions, by expectation and maximisation."""
+    """Fit a mixture of normal distributions by expectation maximisation; return weights, means and covariances."""
     ridge = _LEAST_VARIANCE * np.eye(points.shape[1])
     weights = np.full(len(means), 1 / len(means))
     covariances = np.array([np.eye(points.shape[1])] * len(means))
