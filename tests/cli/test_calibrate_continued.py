@@ -103,7 +103,7 @@ def test_resuming_another_recording_is_refused(uninterrupted, tmp_path):
     other = simulated(tmp_path / "other", frames=5, seed=3, scene_seed=0)
     result = run(other, "-o", uninterrupted, *QUICK, "--resume")
     assert isinstance(result.exception, SettingError)
-    assert "state of another recording (first)" in str(result.exception)
+    assert "belongs to another recording (first)" in str(result.exception)
 
 
 def test_a_run_starts_from_an_earlier_one(recording, uninterrupted, tmp_path):

@@ -71,7 +71,7 @@ def test_a_picture_that_cannot_be_written_is_one_line(late: Path, tmp_path: Path
     result = check(late, "--frames", 3, "--plot", tmp_path / "no" / "folder.png")
     assert result.exit_code == 1
     assert isinstance(result.exception, OspcError)
-    assert "folder.png: is a folder, or lies in none" in str(result.exception)
+    assert "folder.png: is a folder, or its folder does not exist" in str(result.exception)
 
 
 def test_real_recordings_agree_with_what_is_known_of_them(real_data: Path) -> None:

@@ -32,7 +32,7 @@ def run(*arguments: str):
 
 def test_table_states_the_freedoms_and_aligns_nothing_unasked(folders):
     output = run(*folders)
-    assert "Scale is free" in output
+    assert "The scale cannot be observed" in output
     assert "unaligned" in output
     assert "γ =" not in output
 

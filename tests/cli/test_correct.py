@@ -280,7 +280,7 @@ def test_an_interrupted_run_leaves_no_recording_and_is_completed_by_the_same_com
         torn.write("\n2 30")
     resumed = run(made.path, calibration, "-o", tmp_path / "out", "--output", "grey8")
     assert resumed.exit_code == 0
-    assert "2 images of an interrupted run kept" in resumed.output
+    assert "2 images from an interrupted run kept" in resumed.output
     assert first.stat().st_ctime_ns == written_at
     assert run(made.path, calibration, "-o", tmp_path / "whole", "--output", "grey8").exit_code == 0
     assert content_of(tmp_path / "out") == content_of(tmp_path / "whole")

@@ -55,7 +55,7 @@ def test_tracking_needs_no_exposures_and_says_that_it_had_none(tmp_path):
     (recording / "times.txt").unlink()
     result = ospc("evaluate", "tracking", recording / "images", "--calibration", recording)
     assert result.exit_code == 0, result.output
-    assert "exposures are unknown and taken as equal" in result.output
+    assert "exposures are unknown and assumed to be equal" in result.output
     content = json.loads(
         ospc("evaluate", "tracking", recording / "images", "--calibration", recording, "--json").output
     )

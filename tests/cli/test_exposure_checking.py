@@ -54,7 +54,7 @@ def test_a_lag_gives_a_corrected_calibration_and_a_note(late: Path, tmp_path: Pa
     assert calibration.source["exposure_lag_corrected_frames"] == 2
     assert shape_error(calibration) < 0.01
     again = ospc("calibrate", str(late), "-o", str(tmp_path), "--json", "--resume")
-    assert f"going on after frame {FRAMES}" in again.stdout
+    assert f"continuing after frame {FRAMES}" in again.stdout
 
 
 def test_uncorrected_it_is_loud(late: Path, tmp_path: Path) -> None:

@@ -59,7 +59,7 @@ def test_the_output_is_that_of_a_calibration_and_can_be_merged_again(states, tmp
 def test_a_recording_given_twice_counts_once_and_that_is_said(states, tmp_path):
     result = run(*states[:2], states[0], "-o", tmp_path / "out")
     assert "from 2 recordings" in result.stdout
-    assert "1 of the 3 given are of a recording given already; it counts once" in result.output
+    assert "1 of the 3 given states repeat a recording; each recording counts once" in result.output
 
 
 def test_another_lens_is_warned_of_even_when_quiet(states, tmp_path):

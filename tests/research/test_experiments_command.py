@@ -44,7 +44,7 @@ def test_a_given_recording_is_measured_once_beside_another_programs_calibration(
 def test_recordings_of_one_name_could_not_be_told_apart(study, tiny_room, tmp_path):
     result = run(study, tiny_room, tiny_room, "-o", tmp_path)
     assert isinstance(result.exception, SettingError)
-    assert "two recordings are called room" in str(result.exception)
+    assert "two recordings are named room" in str(result.exception)
 
 
 def test_an_interruption_is_told_and_what_is_finished_is_kept(tmp_path, monkeypatch):

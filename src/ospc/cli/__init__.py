@@ -1,1 +1,1 @@
-"""The command line: one file a command, and the only place that prints."""
+"""The command line: one module per command. No other package prints."""

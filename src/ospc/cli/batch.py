@@ -1,4 +1,4 @@
-"""``ospc batch``: many recordings of many cameras, on this machine or on a cluster."""
+"""``ospc batch``: calibrate many recordings of many cameras, on this machine or on a cluster."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ if TYPE_CHECKING:
     from ospc.batch.run import Outcome, Stage
 
 _SOME_FAILED = 4
-"""Exit code where some recordings failed."""
+"""Exit code if some recordings failed."""
 
 _MOST_LISTED = 10
-"""Failures, folders left out, and contradictions of one camera, that are listed; the table has all recordings."""
+"""Most failures, ignored folders, and contradictions of one camera that are listed; the table has all recordings."""
 
 
 @declared(
     "batch",
     exits={
         0: "every recording was calibrated",
-        _SOME_FAILED: "some recordings failed; the messages and OUT say which and why",
-        INTERRUPTED: "interrupted; run the same command again to go on",
+        _SOME_FAILED: "some recordings failed; the messages and OUT show which and why",
+        INTERRUPTED: "interrupted; run the same command again to continue",
     },
 )
 def command(
@@ -39,14 +39,14 @@ def command(
         "Processes on this machine; by default one per core.", "-j", "--jobs", type=click.IntRange(1)
     ),
     scheduler: str | None = option(
-        "Run on the Dask cluster of this scheduler, such as tcp://host:8786.", metavar="ADDRESS"
+        "Run on the Dask cluster with this scheduler, such as tcp://host:8786.", metavar="ADDRESS"
     ),
     retries: int = option(
-        "How often a recording that failed is tried again, after all others.", type=click.IntRange(0, 100), default=1
+        "Number of retries for failed recordings, after all others.", type=click.IntRange(0, 100), default=1
     ),
-    camera: str | None = option("Name of the camera of all recordings, in place of what MANIFEST says."),
+    camera: str | None = option("Name of the camera for all recordings, instead of that in MANIFEST."),
     options: tuple[str, ...] = option(
-        "A setting of the method or of reading (exposure_unit=us, kind=euroc); those in MANIFEST take precedence.",
+        "Setting of the method or of reading (exposure_unit=us, kind=euroc); those in MANIFEST take precedence.",
         "--set",
         metavar="NAME=VALUE",
     ),
@@ -54,13 +54,13 @@ def command(
     quiet: bool = QUIET,
     as_json: bool = AS_JSON,
 ) -> int:
-    """Calibrate all recordings that MANIFEST names, and merge those of each camera.
+    """Calibrate all recordings in MANIFEST, and merge those of each camera.
 
     MANIFEST is a folder with recordings, a pattern such as 'data/*/cam0', or a .csv or .parquet table with the
     columns recording, camera and options. Recordings may be in object stores (s3://…; extra 'objects').
 
     OUT gets the page index.html, batch.csv and batch.parquet with a row per recording, and cameras/NAME with the
-    calibration of each camera. Run again, the command does only what is new, changed or failed.
+    calibration of each camera. Run the command again to process new, changed or failed recordings only.
     """
     from ospc.batch.cluster import Cluster
     from ospc.batch.manifest import read_manifest
@@ -68,7 +68,7 @@ def command(
     from ospc.batch.work import Processes, cores
 
     if jobs is not None and scheduler is not None:
-        raise click.UsageError("--jobs is for this machine and --scheduler for a cluster; give only one of them")
+        raise click.UsageError("--jobs applies to this machine and --scheduler to a cluster; use only one of them")
     left_out: list[str] = []
     found = read_manifest(manifest, camera, left_out.append)
     defaults = named(options, "rounds=4")
@@ -119,7 +119,7 @@ def _say(outcome: Outcome, out: Path) -> None:
     )
     say(f"{known} of {counted(len(outcome.cameras), 'camera')} fully calibrated")
     if outcome.interrupted:
-        say("interrupted; run the same command again to go on")
+        say("interrupted; run the same command again to continue")
     say(f"written to {out}: {', '.join(file.name for file in outcome.files)}")
 
 

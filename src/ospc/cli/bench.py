@@ -1,4 +1,4 @@
-"""``ospc bench``: accuracy of the methods on recordings with known truth, and their speed."""
+"""``ospc bench``: accuracy of the methods on recordings with known truth, robustness to faults, and speed."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from ospc.cli.terminal import say
 
 command = click.Group("bench", help="Measure the accuracy and speed of the methods.")
 
-_FRAMES = option("Frames simulated.", type=click.IntRange(2, 100_000), default=500)
+_FRAMES = option("Frames per simulated recording.", type=click.IntRange(2, 100_000), default=500)
 
 
 @declared("accuracy", command)
@@ -22,7 +22,7 @@ def accuracy(
     presets: tuple[str, ...] = presets_option("default,paper"),
     data: Path | None = DATA,
     jobs: int = JOBS,
-    only: str | None = option("Recordings whose name matches, such as 'srgb-*' or 'chart'.", metavar="PATTERN"),
+    only: str | None = option("Only recordings whose name matches, such as 'srgb-*' or 'chart'.", metavar="PATTERN"),
     frames: int = _FRAMES,
     as_json: bool = AS_JSON,
 ) -> None:
@@ -30,7 +30,7 @@ def accuracy(
 
     Most recordings are simulated; real ones are added from the folder of real data. OUT gets results.json,
     results.csv, table.md and errors.png. Finished results are kept in OUT/cache: the same command continues an
-    interrupted run, and computes again only what has changed.
+    interrupted run, and recomputes only what has changed.
     """
     from ospc.research.accuracy.design import PresetMethods, accuracy_sources, select
     from ospc.research.accuracy.report import accuracy_report
@@ -53,22 +53,22 @@ def faults(
     out: Path = study_out_option("ospc-faults"),
     data: Path | None = DATA,
     jobs: int = JOBS,
-    only: str | None = option("Faults whose name matches, such as 'glare' or '*flicker'.", metavar="PATTERN"),
+    only: str | None = option("Only faults whose name matches, such as 'glare' or '*flicker'.", metavar="PATTERN"),
     strengths: tuple[str, ...] = option(
         "Strength of the faults; repeatable. [all three]",
         "--strength",
         type=click.Choice(["weak", "medium", "strong"]),
     ),
-    recordings: int = option("Simulated recordings, of as many cameras.", type=click.IntRange(1, 28), default=5),
+    recordings: int = option("Simulated recordings, each of another camera.", type=click.IntRange(1, 28), default=5),
     frames: int = _FRAMES,
-    only_list: bool = option("Print the faults, and do nothing else.", "--list"),
+    only_list: bool = option("Print the faults and exit.", "--list"),
     as_json: bool = AS_JSON,
 ) -> None:
-    """Put faults on good recordings, and see whether calibrations notice, cope, or are confident and wrong.
+    """Add faults to good recordings, to see whether calibrations notice, cope, or are confident and wrong.
 
-    Every fault is put on simulated recordings of several cameras, and on the real video from the folder of real data.
-    OUT gets results.json, results.csv and table.md. Finished runs are kept in OUT/cache: the same command continues
-    an interrupted run, and computes again only what has changed.
+    Every fault is added to simulated recordings of several cameras, and to the real video from the folder of real
+    data. OUT gets results.json, results.csv and table.md. Finished runs are kept in OUT/cache: the same command
+    continues an interrupted run, and recomputes only what has changed.
     """
     from ospc.research.faults.footage import STRENGTHS, good_sources
     from ospc.research.faults.judging import Run
@@ -97,16 +97,20 @@ def speed(
     sizes: tuple[tuple[int, int], ...] = option(
         "Size of the frames; repeatable. [640x480, 1280x1024]", "--size", type=STUDY_SIZE, metavar="WxH"
     ),
-    frames: int = option("Frames at most.", type=click.IntRange(2, 1_000_000), default=1500),
-    live_s: float = option("Seconds live.", "--live", type=click.FloatRange(0, 3600), default=30),
-    rate_hz: float = option("Frames/s live.", "--rate", type=click.FloatRange(0.1, 1000), default=30),
+    frames: int = option("Maximum number of frames.", type=click.IntRange(2, 1_000_000), default=1500),
+    live_s: float = option(
+        "Duration of the live measurement, in seconds.", "--live", type=click.FloatRange(0, 3600), default=30
+    ),
+    rate_hz: float = option(
+        "Frame rate of the live camera, in frames/s.", "--rate", type=click.FloatRange(0.1, 1000), default=30
+    ),
     as_json: bool = AS_JSON,
 ) -> None:
-    """Measure speed: of whole commands, presets, a live camera, and corrections, with the goals of this project.
+    """Measure the speed of whole commands, presets, a live camera, and corrections, with the goals of this project.
 
-    Simulated JPEG frames are decoded, or copied, in the same run just before. OUT gets speed.json, speed.md and
-    speed.png, which shows the time of each stage. Finished measurements are kept in OUT/cache: the same command
-    continues an interrupted run; remove it to measure again. Preset "paper" gets 30 frames.
+    As a lower bound, simulated JPEG frames are decoded, or copied, in the same run just before. OUT gets speed.json,
+    speed.md and speed.png, which shows the time of each stage. Finished measurements are kept in OUT/cache: the same
+    command continues an interrupted run; remove the folder to measure again. Preset "paper" gets 30 frames.
     """
     from ospc.research.speed.lines import SIZES, row_of, speed_report, speed_tasks
 

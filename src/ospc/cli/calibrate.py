@@ -1,4 +1,4 @@
-"""``ospc calibrate``: response and vignette of a camera from one of its recordings."""
+"""``ospc calibrate``: response and vignette of a camera from a recording."""
 
 from __future__ import annotations
 
@@ -37,68 +37,68 @@ if TYPE_CHECKING:
     from ospc.pooling.prior_calibration import PriorCalibration
 
 RIG_NAME = "rig.json"
-"""Name of the file with the relative scales in the folder of the cameras' folders."""
+"""Name of the file with the relative scales of a rig's cameras."""
 
 _LARGE_MISFIT = 4.0
-"""Standard deviations by which overlaps contradict each other before the user is warned."""
+"""Contradiction between overlaps, in standard deviations, above which the user is warned."""
 
 
 @dataclass(frozen=True)
 class _Request:
     """Calibrate the camera of the recording at PATH.
 
-    PATH is a folder or file of any kind that is known: a folder with images/ or images.zip and times.txt, a EuRoC
-    folder, photographs with EXIF, folders named by exposure, images or a video with a list of exposures, a ROS bag.
+    PATH is a folder with images/ or images.zip and times.txt, a EuRoC folder, photographs with EXIF, folders named by
+    exposure, images or a video with a list of exposures, or a ROS bag.
 
-    OUT gets report.html to look at, calibration.json, pcalib.txt, vignette.png, times.txt, and pictures. What the
-    recording does not determine is not written, and why is said. OUT/state.ospc is what --resume goes on from and
-    'ospc merge' takes.
+    OUT gets report.html, calibration.json, pcalib.txt, vignette.png, times.txt, and pictures. Parts that the
+    recording does not determine are not written, and the output explains why. OUT/state.ospc is the input of --resume
+    and 'ospc merge'.
 
-    Ctrl-C ends the run early; what is known by then is written and marked partial.
+    Ctrl-C ends the run early; the result so far is written and marked partial.
     """
 
     interruption: Interruption
     path: Path = argument()
     out: Path = out_option("Folder to write the results to; required.", required=False)
     preset_name: str = option(
-        "The method: maximum likelihood, the same with fewer frames and points, or the paper's.",
+        "Method: maximum likelihood (default), the same with fewer frames and points (fast), or the paper's.",
         "--preset",
         type=click.Choice(["default", "fast", "paper"]),
         default="default",
     )
     overrides: tuple[str, ...] = option("Change a setting of the preset; repeatable.", "--set", metavar="NAME=VALUE")
     truth: str | None = TRUTH
-    resume: bool = option("Continue where an earlier run into OUT was stopped or killed, if there was one.")
+    resume: bool = option("Continue an earlier run into OUT that was stopped or killed, if there is one.")
     checkpoint_s: float = option(
-        "How often OUT/state.ospc is saved, from which --resume goes on; 0 for after every frame.",
+        "Interval for saving OUT/state.ospc, from which --resume continues; 0 to save after every frame.",
         "--checkpoint-every",
         metavar="SECONDS",
         type=click.FloatRange(min=0),
         default=5.0,
     )
-    rerun: bool = option("Open the Rerun viewer and watch the run in it; needs the extra rerun.")
+    rerun: bool = option("Show the run in the Rerun viewer; needs the extra rerun.")
     rerun_file: Path | None = option(
-        "Stream the same to a file that the viewer opens later.",
+        "Write the same stream to a file that the viewer can open later.",
         metavar="FILE.rrd",
         type=click.Path(path_type=Path, dir_okay=False),
     )
     correct_lag: LagChoice = CORRECT_LAG
-    pdf: bool = option("Write the report as report.pdf too.")
+    pdf: bool = option("Also write the report as report.pdf.")
     start_from: Path | None = option(
-        "An earlier calibration of the camera: a state.ospc, a calibration.json, or a folder with one. It is used as "
-        "long as the recording agrees with it; a changed lens or focus is noticed."
+        "Earlier calibration of the camera: a state.ospc, a calibration.json, or a folder with one. It is used as "
+        "long as the recording agrees with it; a changed lens or focus is detected."
     )
-    force: bool = option("Write into OUT even if it holds other files; those named as results go.")
+    force: bool = option("Write into OUT even if it contains other files; those with names of results are replaced.")
     quiet: bool = QUIET
     as_json: bool = AS_JSON
     reading: Reading = READING_OR_ESTIMATING
     all_cameras: bool = option(
-        "Calibrate every camera of a rig (a EuRoC folder, a bag, folders side by side), each into OUT/CAMERA; "
-        "--truth and --start-from may be folders of the same names."
+        "Calibrate every camera of a rig (a EuRoC folder, a bag, neighbouring folders), each into OUT/CAMERA; "
+        "--truth and --start-from may contain subfolders named after the cameras."
     )
     fallback: str | None = option(
-        "What to do with one photograph, or a recording without exposures: single-image guesses response and "
-        "vignette from edges and shading, with wide bands, and says so in every file.",
+        "Method for a single photograph or a recording without exposures: single-image guesses response and "
+        "vignette from edges and shading, with wide bands, and labels every file as a guess.",
         type=click.Choice(["single-image"]),
     )
     list_topics: bool = LIST_TOPICS
@@ -111,9 +111,9 @@ class _Request:
         if self.out is None:
             raise click.UsageError("Missing option '-o' / '--out'.")
         if unknown and (self.resume or self.start_from or mask):
-            raise click.UsageError("--unknown-exposures goes with none of --resume, --start-from and --mask")
+            raise click.UsageError("--unknown-exposures cannot be combined with --resume, --start-from or --mask")
         if self.fallback and (unknown or mask or region):
-            raise click.UsageError("--fallback goes with none of --unknown-exposures, --mask and --roi")
+            raise click.UsageError("--fallback cannot be combined with --unknown-exposures, --mask or --roi")
         with leaving("no result was written"):
             if self.all_cameras or self.reading.each_channel:
                 return _calibrate_rig(self)
@@ -154,7 +154,7 @@ class _Request:
         return open_photometry(self.truth)
 
     def result(self, truth: Photometry | None) -> ResultFolder:
-        """Return where the result goes; refuse a folder that must not be written to."""
+        """Return the folder of the result; refuse one that must not be written to."""
         from ospc.cli.calibration_result import ResultFolder
         from ospc.output import OutputFolder
 
@@ -162,7 +162,7 @@ class _Request:
         return ResultFolder(folder, self.interruption, self.quiet, self.as_json, truth, self.pdf)
 
     def of_camera(self, name: str) -> _Request:
-        """Return what is asked for of one camera of a rig."""
+        """Return the request for one camera of a rig."""
 
         def own(place: str | Path) -> Path:
             inner = Path(place) / name
@@ -197,7 +197,7 @@ def _calibrate_one(request: _Request, opened: Callable[[], Recording]) -> dict[s
         if request.path.is_file() and is_image_name(request.path.name):
             raise RecordingError(f"{error}, or guess from it alone with --fallback single-image") from None
         raise
-    # After what may be wrong with the recording, for it is slow.
+    # Imported late, because it is slow: problems with the recording are reported first.
     from ospc.cli.calibration_run import CalibrationRun, Checkpoints
 
     result = request.result(truth)
@@ -217,7 +217,7 @@ def _calibrate_one(request: _Request, opened: Callable[[], Recording]) -> dict[s
             request.checkpoint_s,
             resume=request.resume,
             prior=prior,
-            # A state does not hold an exponent: it must not be merged with states of known exposures.
+            # A state does not contain an exponent, so it must not be merged with states of known exposures.
             wanted=not request.exposures_unknown,
         ),
         # Exposures that come from the images cannot disagree with them.
@@ -228,7 +228,7 @@ def _calibrate_one(request: _Request, opened: Callable[[], Recording]) -> dict[s
 
 
 def _guess(request: _Request, truth: Photometry | None) -> dict[str, Any]:
-    """Calibrate from single images, of which nothing is known; the result is never complete."""
+    """Guess a calibration from single images; it is never complete."""
     from ospc.cli.calibration_result import Outcome
     from ospc.output import Written
     from ospc.unknown_exposures.single_image.fallback import calibrate_single_images, single_images
@@ -240,7 +240,7 @@ def _guess(request: _Request, truth: Photometry | None) -> dict[str, Any]:
 
 
 def _calibrate_rig(request: _Request) -> int:
-    """Calibrate one camera after the other; what goes wrong with one does not keep the others from it."""
+    """Calibrate one camera after the other; the failure of one does not stop the others."""
     contents: dict[str, dict[str, Any]] = {}
     cameras = request.reading.cameras(request.path)
     for name, opened in cameras.items():
@@ -260,7 +260,7 @@ def _calibrate_rig(request: _Request) -> int:
     if len(cameras) > 1 and not request.interruption.requested:
         try:
             scale = add_rig_scale(request.out, cameras, talkative=request.talkative)
-        except OspcError as error:  # the calibrations are kept even without the scale
+        except OspcError as error:  # the calibrations are valid without the scale
             say(f"ospc: error: no relative irradiance scale: {error}", err=True)
             scale = {"error": str(error)}
     if request.as_json:
@@ -269,14 +269,14 @@ def _calibrate_rig(request: _Request) -> int:
 
 
 def add_rig_scale(out: Path, cameras: Mapping[str, Callable[[], Recording]], *, talkative: bool) -> dict[str, Any]:
-    """Find the relative irradiance scale of a rig's cameras, write it, and return it as JSON-compatible values.
+    """Estimate the relative irradiance scale of a rig's cameras, write it, and return it as JSON-compatible values.
 
-    ``out`` holds the folder of each camera.
+    ``out`` contains the folder of each camera.
     """
     from ospc.photometry.calibration import Calibration
     from ospc.rig import rig_scale
 
-    (out / RIG_NAME).unlink(missing_ok=True)  # one of an earlier run would be of other calibrations
+    (out / RIG_NAME).unlink(missing_ok=True)  # that of an earlier run would belong to other calibrations
     recordings, calibrations = {}, {}
     for name, opened in cameras.items():
         if (out / name / "calibration.json").exists():

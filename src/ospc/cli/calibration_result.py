@@ -1,4 +1,4 @@
-"""How a calibration ended, and its folder: what every command that calibrates one camera writes and says."""
+"""The outcome of a calibration and its folder: the output of every command that calibrates one camera."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from ospc.second_thread import SecondThread
 
 _STYLES = {"identifiable": "green", "marginal": "yellow", "not identifiable": "red"}
 _WIDTH_WHEN_PIPED = 110
-"""Characters per line of a table that does not go to a terminal."""
+"""Characters per line of a table outside a terminal."""
 
 _ERRORS = {
     "response_rmse": "response, RMSE of g",
@@ -40,17 +40,17 @@ _ERRORS = {
     "vignette_rmse": "vignette, RMSE of the radial profile",
     "vignette_pixel_rmse": "vignette, RMSE over all pixels",
 }
-"""The metrics of a comparison with a truth, and what to call them."""
+"""Labels of the metrics of a comparison with a truth."""
 
 Saved: TypeAlias = tuple[Written, list[str]]
-"""What was written of a state, and notes on it."""
+"""The files written for a state, and notes on it."""
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """A calibration, marked partial if the run did not come to its end, and the recording, None if there is none.
+    """A calibration, marked partial if the run did not finish, and its recording, None if there is none.
 
-    ``skipped`` has the first reasons for skipped frames, ``failure`` what went wrong; it is empty if nothing did.
+    ``skipped`` contains the first reasons for skipped frames; ``failure`` is the error, or empty.
     """
 
     calibration: Calibration
@@ -69,7 +69,7 @@ class Outcome:
         return COMPLETE if self.calibration.complete else UNDETERMINED
 
     def basis(self) -> Iterator[str]:
-        """Return what the calibration rests on, as lines."""
+        """Return lines that describe the data behind the calibration."""
         counts, partial = self.calibration.counts, self.calibration.partial
         nouns = ("recording", "frame", "pair", "sample")
         seen = {noun: counted(counts[f"{noun}s"], noun) for noun in nouns if f"{noun}s" in counts}
@@ -77,17 +77,17 @@ class Outcome:
             seen["frame"] = f"{counts['frames']} of {counted(len(self.recording), 'frame')}"
         yield f"from {', '.join(seen.values())}"
         if self.interrupted:
-            yield "partial: the run was interrupted; more frames would tell more"
+            yield "partial: the run was interrupted; more frames would improve the result"
         elif partial:
-            yield "partial: the run failed before its end"
+            yield "partial: the run failed before the end of the recording"
 
 
 @dataclass(frozen=True)
 class ResultFolder:
-    """Where a result goes, and how it is reported.
+    """The folder of a result, and how the result is reported.
 
-    ``times`` says when frames were taken where there is no recording. With ``as_json``, somebody else prints the
-    result. An interruption while files are written only leaves out pictures. ``second`` is what draws.
+    ``times`` has the time stamps of the frames if there is no recording. With ``as_json``, the caller prints the
+    result. An interruption while files are written only leaves out pictures. ``second`` draws the pictures.
     """
 
     folder: OutputFolder
@@ -124,7 +124,7 @@ class ResultFolder:
             return self._as_dict(outcome, written, notes, comparison)
 
     def _written(self, outcome: Outcome) -> tuple[Outcome, Written]:
-        """Write data, report and pictures; an interruption now only leaves out pictures."""
+        """Write data, report and pictures; an interruption leaves out pictures only."""
         folder, recording, before = self.folder, outcome.recording, self.interruption.count
         written = folder.write(outcome.calibration, self.times if recording is None else recording)
         if not written.problems:
@@ -140,7 +140,7 @@ class ResultFolder:
         return replace(outcome, failure=failure), written
 
     def _compared(self, calibration: Calibration) -> Comparison | None:
-        """Return the errors against a truth; None without one, or where the two have nothing in common."""
+        """Return the errors against a truth; None without one, or if the two share no known part."""
         truth, response, vignette = self.truth, calibration.response, calibration.vignette
         if truth is None:
             return None
@@ -155,7 +155,7 @@ class ResultFolder:
             say("; ".join(["  response and vignette are marginal at best", *calibration.advice[:1]]), err=True)
 
     def _say(self, outcome: Outcome, written: Written, comparison: Comparison | None) -> None:
-        """Print skipped frames, verdicts, what they rest on, the files, and how far the result is from a truth."""
+        """Print skipped frames, verdicts, the data behind them, the files, and the errors against a truth."""
         calibration, folder, truth = outcome.calibration, self.folder.path, self.truth
         counts, ratios = calibration.counts, calibration.exposure_ratios
         if counts.get("skipped"):
@@ -169,7 +169,7 @@ class ResultFolder:
             return
         say()
         if comparison is None:
-            say(f"nothing to compare with {truth.name}: the estimate knows none of what it holds")
+            say(f"nothing to compare with {truth.name}: the estimate lacks the parts that it contains")
             return
         say(f"against {truth.name} (nothing aligned):")
         rows = error_rows(comparison)
@@ -210,7 +210,7 @@ class ResultFolder:
 
 
 def say_verdicts(verdicts: Mapping[str, Verdict]) -> None:
-    """Print what is known, why, and what to record instead of the rest."""
+    """Print the verdicts with their reasons and remedies."""
     from rich.text import Text
 
     rows = (
@@ -227,7 +227,7 @@ def say_verdicts(verdicts: Mapping[str, Verdict]) -> None:
 
 
 def error_rows(comparison: Comparison) -> dict[str, str]:
-    """Return the figures of a comparison that are known, as text, by what to call them."""
+    """Return the known figures of a comparison as text, by label."""
     figures = {label: getattr(comparison, name) for name, label in _ERRORS.items()}
     rows = {label: f"{figure:.4f}" for label, figure in figures.items() if figure is not None}
     share = comparison.response_coverage

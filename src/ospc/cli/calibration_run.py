@@ -1,4 +1,4 @@
-"""One calibration as commands run it: visible, interruptible, and never in vain, since checkpoints are saved."""
+"""A calibration with progress, interruption and checkpoints, as commands run it."""
 
 from __future__ import annotations
 
@@ -27,16 +27,16 @@ from ospc.unknown_exposures import labelled
 from ospc.versions import versions
 
 _LARGEST_SHARE = 0.02
-"""Checkpoints may take so much of a run's time at most."""
+"""Largest share of a run's time spent on checkpoints."""
 
 _SAME = ("frames", "size", "frames_sha256", "images_sha256")
 
 
 class Checkpoints:
-    """Writes the state of one run into its output folder, if it is ``wanted`` and the method has one.
+    """Writes the state of one run into its output folder, if it is ``wanted`` and the method has a state.
 
-    It is written at most every ``every_s`` seconds, or after every frame for 0; ``resume`` goes on from one that is
-    there. ``prior`` is an earlier calibration of the camera.
+    It is written at most every ``every_s`` seconds, or after every frame for 0; ``resume`` continues from an existing
+    one. ``prior`` is an earlier calibration of the camera.
     """
 
     def __init__(
@@ -55,12 +55,12 @@ class Checkpoints:
         self._failed = False
 
     def resumed(self, calibrator: OnlineCalibrator) -> OnlineCalibrator:
-        """Return a new calibrator with its settings and source as it is, or one that goes on from the checkpoint.
+        """Return the given new calibrator, or one with the same settings and source loaded from the checkpoint.
 
-        FormatError if that is damaged, SettingError if it is of another recording or of other settings.
+        FormatError if the checkpoint is damaged, SettingError if it belongs to another recording or other settings.
         """
         with self._throttle.timed():
-            pass  # the first is due only after that time
+            pass  # start the interval: the first checkpoint is due at its end
         self._kept = self._kept and calibrator.settings.keeps_state
         if not self._kept:
             if self._resume:
@@ -70,20 +70,20 @@ class Checkpoints:
         if self._resume and self.place.exists():
             calibrator = self._loaded(calibrator)
         elif self._resume:
-            self._notes.append(f"{self.place.parent} holds no checkpoint yet: starting with the first frame")
+            self._notes.append(f"{self.place.parent} contains no checkpoint yet: starting with the first frame")
         calibrator.prior = self._prior
         return calibrator
 
     def after_frame(self, calibrator: OnlineCalibrator) -> None:
-        """Save the state if it is time to."""
+        """Save the state if a checkpoint is due."""
         if self._throttle.due and not self._failed:
             with self._throttle.timed():
                 self.save(calibrator)
 
     def at_the_end(self, calibrator: OnlineCalibrator) -> Saved:
-        """Save the final state, with the summary that it can be merged by; or remove one of an earlier run.
+        """Save the final state, with the summary needed for merging, or remove that of an earlier run.
 
-        Return what was written, and all notes on the state of this run.
+        Return the files written, and all notes on the state of this run.
         """
         difference = None if self._prior is None else self._prior.difference(calibrator.summary())
         if self._prior is not None and difference is not None:
@@ -95,23 +95,23 @@ class Checkpoints:
         return Written((self.place,) if self._kept and not self._failed else ()), self._notes
 
     def save(self, calibrator: OnlineCalibrator, *, complete: bool = False) -> None:
-        """Save the state, if that is wanted."""
+        """Save the state, if wanted."""
         if not self._kept:
             return
         try:
             self.place.parent.mkdir(parents=True, exist_ok=True)
             calibrator.save_state(self.place, complete=complete)
         except (OSError, FormatError) as error:
-            # Go on: the result matters more than being able to resume.
+            # Continue: the result matters more than the ability to resume.
             self._failed = True
             self._notes.append(f"no state was saved: {error}")
 
     def _loaded(self, new: OnlineCalibrator) -> OnlineCalibrator:
         found = OnlineCalibrator.load_state(self.place)
-        start_anew = "leave out --resume to start anew"
+        start_anew = "omit --resume to start again"
         if [found.source.get(name) for name in _SAME] != [new.source.get(name) for name in _SAME]:
             name = found.source.get("name", "a live camera")
-            raise SettingError(f"{self.place}: is the state of another recording ({name}); {start_anew}")
+            raise SettingError(f"{self.place}: belongs to another recording ({name}); {start_anew}")
         if (found.settings, found.correct_lag) != (new.settings, new.correct_lag):
             before = as_dict(found.settings)
             changed = [
@@ -122,11 +122,11 @@ class Checkpoints:
             if found.correct_lag != new.correct_lag:
                 changed.append(f"--correct-lag {found.correct_lag} instead of {new.correct_lag}")
             raise SettingError(f"{self.place}: was made with other settings ({', '.join(changed)}); {start_anew}")
-        self._notes.append(f"going on after frame {found.frames} from {self.place}")
+        self._notes.append(f"continuing after frame {found.frames} from {self.place}")
         made = {name: version for name, version in found.saved_by.items() if versions().get(name) != version}
         if made:
             names = ", ".join(f"{name} {version}" for name, version in made.items())
-            self._notes.append(f"the state was saved by {names}: the result may differ in the last digits")
+            self._notes.append(f"the state was saved with {names}: the result may differ in the last digits")
         found.source = new.source
         return found
 
@@ -149,21 +149,22 @@ class CalibrationRun:
     def calibrate(self) -> dict[str, Any]:
         """Calibrate, write the folder, print the result, and return it as JSON-compatible values.
 
-        The values ``exit_code`` and ``error`` say how it ended; after a failure, a partial result is written.
-        OspcError if nothing could be estimated, KeyboardInterrupt if the user gave up before anything was written.
+        ``exit_code`` and ``error`` describe how it ended; after a failure, a partial result is written.
+        OspcError if nothing could be estimated, KeyboardInterrupt if the user interrupted it before anything was
+        written.
         """
         if self.result.talkative:
             say_notes(self.recording.notes)
-        result = replace(self.result, second=drawing_process())  # it loads while frames are compared
+        result = replace(self.result, second=drawing_process())  # loads while frames are compared
         with self.result.interruption.deferred():
             calibrator, outcome = self._estimated()
             with ThreadPoolExecutor(1, "ospc-state") as second:
-                # Most of it is compression, which leaves the interpreter to others.
+                # In parallel: most of it is compression, which releases the interpreter.
                 saving = second.submit(self.checkpoints.at_the_end, calibrator)
                 return result.take(outcome, saving.result)
 
     def _estimated(self) -> tuple[OnlineCalibrator, Outcome]:
-        """Calibrate; nothing observed before an interruption or a failure is lost."""
+        """Calibrate; an interruption or a failure keeps all earlier observations."""
         visible = not self.result.quiet and sys.stderr.isatty()
         with ExitStack() as stack:
             stream = None
@@ -177,7 +178,7 @@ class CalibrationRun:
             calibrator = self.checkpoints.resumed(calibrator)
 
             def show(stage: str, done: int = 0, total: int = 0) -> None:
-                if visible:  # the status is not even asked for where nobody looks
+                if visible:  # avoids computing the status otherwise
                     bar(stage, done, total, figures(calibrator.status))
 
             def after(frame: Frame, used: bool) -> None:
@@ -189,12 +190,12 @@ class CalibrationRun:
 
             failure = self._push_all(calibrator, after)
             early = self.result.interruption.requested
-            if early:  # who gives up now loses no frame
+            if early:  # a second interruption then loses no frame
                 self.checkpoints.save(calibrator)
             show("estimating")
             if early and not self.result.quiet:
                 frames = counted(calibrator.frames, "frame")
-                say(f"interrupted: estimating from {frames}; Ctrl-C again gives up", err=True)
+                say(f"interrupted: estimating from {frames}; press Ctrl-C again to stop without a result", err=True)
             try:
                 calibration = calibrator.calibration()
             except Exception as error:
@@ -206,12 +207,12 @@ class CalibrationRun:
         return calibrator, Outcome(calibration, self.recording, calibrator.first_reasons, stopped, failure)
 
     def _push_all(self, calibrator: OnlineCalibrator, after: Callable[[Frame, bool], None]) -> str:
-        """Push frames until their end or an interruption, and return what went wrong."""
+        """Push frames until the end or an interruption, and return the error message, if any."""
         try:
             drive(calibrator, self.recording, after)
         except KeyboardInterrupt:
             pass  # estimate from the frames so far
-        except Exception as error:  # the frames before any error still give an estimate
+        except Exception as error:  # estimate from the frames before the error
             return one_line(error)
         return ""
 
@@ -224,8 +225,8 @@ def figures(status: Status) -> str:
 
 
 def identification(recording: Recording) -> dict[str, Any]:
-    """Return what tells a recording from others."""
+    """Return the values that identify a recording."""
     try:
         return identity(recording)
-    except Exception as error:  # calibrate even if the recording cannot be identified
+    except Exception as error:  # the recording can be calibrated without
         return {"kind": recording.kind, "name": recording.path.name, "problem": one_line(error)}

@@ -1,4 +1,4 @@
-"""``ospc check``: what a recording can tell of its camera, and what is wrong with it."""
+"""``ospc check``: whether a recording is suitable for calibration, and its problems."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from ospc.exposures.lag_choice import LagChoice
 
 _LABEL_COLUMNS = 14
-"""Width of the names of the figures."""
+"""Width of the labels of the figures."""
 
 
 @declared(
@@ -33,14 +33,14 @@ def command(
     path: Path = argument(),
     as_json: bool = AS_JSON,
     plot: Path | None = PLOT,
-    frames: int | None = option("Use only this number of frames, from the beginning.", type=click.IntRange(min=2)),
+    frames: int | None = option("Use only the first N frames.", metavar="N", type=click.IntRange(min=2)),
     correct_lag: LagChoice = CORRECT_LAG,
     reading: Reading = READING_OR_ESTIMATING,
     list_topics: bool = LIST_TOPICS,
 ) -> int:
-    """Say what a calibration of the recording at PATH finds, without writing one.
+    """Check the recording at PATH by calibrating it, without writing a calibration.
 
-    Takes the whole recording, or its beginning (--frames). Says whether response, vignette and exposures are
+    Uses the whole recording, or its beginning (--frames). Reports whether response, vignette and exposures are
     identifiable, and what to record instead; whether each exposure belongs to its frame; and what in the recording
     would spoil a calibration. The verdicts are those of 'ospc calibrate' on the same frames.
     """
@@ -55,7 +55,7 @@ def command(
         from ospc.unknown_exposures import recover_exposures
 
         if reading.mask is not None:
-            raise click.UsageError("--unknown-exposures does not go with --mask")
+            raise click.UsageError("--unknown-exposures cannot be combined with --mask")
         with progress_of("exposures") as step:
             recording = recover_exposures(recording, step)
         correct_lag = "trusted"
@@ -83,7 +83,7 @@ def command(
 
 
 def _figures(report: RecordingReport) -> dict[str, str]:
-    """Return the figures that are known, as text, by what to call them."""
+    """Return the known figures as text, by label."""
     exposure, pixels, motion, timing = report.exposures.course, report.pixels, report.motion, report.timing
     cycle = "" if exposure.cycle_frames is None else f", repeating every {exposure.cycle_frames} frames"
     rows = {
@@ -94,20 +94,20 @@ def _figures(report: RecordingReport) -> dict[str, str]:
     brightness = report.exposures.brightness
     if brightness is not None:
         rows["brightness"] = (
-            f"ln grey of the same things changes by {brightness.change_rms_log:.4f} a frame; "
-            f"{brightness.unexplained_rms_log:.4f} are not explained by the exposures"
+            f"ln grey of the same points changes by {brightness.change_rms_log:.4f} per frame; "
+            f"{brightness.unexplained_rms_log:.4f} of it are not explained by the exposures"
         )
     radii = " ".join("-" if math.isnan(share) else f"{share * 100:.0f}" for share in pixels.mean_radius_share)
-    speed = "unknown" if math.isnan(motion.median_px_per_frame) else f"{motion.median_px_per_frame:.2g} px a frame"
-    rate = "" if math.isnan(timing.interval_s) else f"{1 / timing.interval_s:.4g} a second; "
+    speed = "unknown" if math.isnan(motion.median_px_per_frame) else f"{motion.median_px_per_frame:.2g} px per frame"
+    rate = "" if math.isnan(timing.interval_s) else f"{1 / timing.interval_s:.4g} per second; "
     return rows | {
         "grey levels": f"{pixels.covered_grey.mean():.0%} occur, from {pixels.lowest_grey} to {pixels.highest_grey} "
         f"of {pixels.max_grey}; {pixels.saturated_share:.1%} saturated, {pixels.black_share:.1%} black",
         "radii": f"well exposed from centre to corner: {radii} %",
-        "motion": f"{speed}; radial {motion.radial_reach:.2f} of the half diagonal; {motion.found_share:.0%} found "
-        f"again in the next frame",
+        "motion": f"{speed}; radial {motion.radial_reach:.2f} of the half diagonal; {motion.found_share:.0%} of the "
+        f"points found again in the next frame",
         "frames": f"{rate}{timing.dropped_frames} missing; {len(timing.duplicate_frames)} of "
-        f"{timing.compared_frames} repeat the one before",
+        f"{timing.compared_frames} repeat the previous one",
     }
 
 
@@ -118,5 +118,5 @@ def _lag(report: RecordingReport) -> str:
         candidates = f" (one of {', '.join(map(str, lag.candidates))})" if len(lag.candidates) > 1 else ""
         return f"not determinable: {lag.state}{candidates}"
     if lag.frames is None:
-        return f"{counted(certain, 'frame')}, or whole cycles of {cycle} more or less, which are the same exposures"
+        return f"{counted(certain, 'frame')}, or whole cycles of {cycle} more or less, with the same exposures"
     return f"{counted(lag.frames, 'frame')}, from {counted(lag.pairs, 'pair')} of frames"

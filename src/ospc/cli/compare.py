@@ -1,4 +1,4 @@
-"""``ospc compare``: two calibrations side by side."""
+"""``ospc compare``: compare two calibrations."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from ospc.cli.options import AS_JSON, PLOT, argument, declared, option
 from ospc.cli.terminal import console, print_json, say
 
 _FREEDOMS = (
-    "Scale is free, because it cannot be observed: g(0) = 0, g(255) = 1, V = 1 at the centre; "
-    "the shape is compared over greys 5…250 after the best scale."
+    "The scale cannot be observed: g(0) = 0, g(255) = 1, V = 1 at the centre; "
+    "the shape is compared over grey levels 5…250 after the best scale."
 )
 
 
@@ -19,15 +19,15 @@ def command(
     *,
     a: str = argument(),
     b: str = argument(),
-    gamma: bool = option("Add the figures after the best common exponent γ: g^γ and V^γ."),
+    gamma: bool = option("Also print the figures after the best common exponent γ: g^γ and V^γ."),
     plot: Path | None = PLOT,
     as_json: bool = AS_JSON,
 ) -> None:
-    """Compare calibration A with B, which is taken as the truth.
+    """Compare calibration A with calibration B, which is treated as the truth.
 
     Each is a calibration.json, a pcalib.txt, a vignette.png, a pair 'pcalib.txt,vignette.png', a folder with them, or
-    a file of hugin (.pto), Adobe (.lcp), lensfun (.xml) or OpenCV (.yml). A file that does not state the image size
-    takes it from the other one.
+    a file of hugin (.pto), Adobe (.lcp), lensfun (.xml) or OpenCV (.yml). If one file does not state the image size,
+    the size of the other is used.
     """
     from rich.table import Table
 

@@ -1,4 +1,4 @@
-"""``ospc convert``: write any recording as a folder that DSO and its descendants read."""
+"""``ospc convert``: convert a recording to a folder that DSO and its descendants read."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ def command(
     path: Path = argument(metavar="RECORDING"),
     out: Path = out_option("Folder to write, new or empty."),
     image_format: ImageFormat | None = option(
-        "Format of the images. By default files are copied if possible and written as PNG otherwise.",
+        "Format of the images. By default, files are copied if possible and written as PNG otherwise.",
         "--format",
         type=click.Choice(["png", "jpg"]),
     ),
     archive: bool = option("Write images.zip instead of images/.", "--zip"),
     lag: int = option(
-        "Move exposures that come this many frames late to their frames; 'ospc check' finds the number.",
+        "Correct exposures that are this many frames late; 'ospc check' determines the number.",
         default=0,
         metavar="FRAMES",
     ),
@@ -39,7 +39,7 @@ def command(
     """Write RECORDING in the layout of the TUM monocular data set, for DSO and its descendants.
 
     OUT gets images/ or images.zip, times.txt with integer ids, stamps in seconds and exposures in milliseconds, and
-    camera.txt if the recording has intrinsics. If the conversion fails or is interrupted, OUT is as it was before.
+    camera.txt if the recording has intrinsics. If the conversion fails or is interrupted, OUT stays unchanged.
     """
     from ospc.recording.writing.conversion import convert_recording
 

@@ -26,25 +26,25 @@ def command(
     calibration: str = argument(),
     out: Path = out_option("Folder to write."),
     output: Output | None = option(
-        "32-bit float TIFF, or PNG of 8 or 16 bit; all linear in the irradiance. By default irradiance, and with "
-        "--keep-response the depth of the originals.",
+        "32-bit float TIFF (irradiance), or 8- or 16-bit PNG, all linear in the irradiance. The default is "
+        "irradiance, or the bit depth of the originals with --keep-response.",
         type=click.Choice(["irradiance", "grey8", "grey16"]),
     ),
     keep_response: bool = option(
-        "Undo only the vignette: the grey levels that the camera would have recorded without it, as PNG, TIFF or "
-        "JPEG like the originals."
+        "Remove only the vignette: write the grey levels that the camera would have recorded without it, as PNG, "
+        "TIFF or JPEG like the originals."
     ),
-    normalise_exposure: bool = option("Bring all images to one exposure; SOURCE has to state them."),
+    normalise_exposure: bool = option("Normalise all images to one exposure; requires a SOURCE with exposures."),
     reference_ms: float | None = option(
-        "That exposure. By default 1 ms for irradiance, which makes it radiance per ms; the shortest of the "
-        "recording for grey16; the median for grey8.",
+        "Exposure for --normalise-exposure. The default is 1 ms for irradiance, which gives radiance per ms; the "
+        "shortest exposure of the recording for grey16; the median for grey8.",
         metavar="MS",
     ),
     white: float = option(
         "Irradiance that becomes the largest grey value; 1 saturates the camera where there is no vignette.",
         default=1.0,
     ),
-    mask_saturated: bool = option("Make saturated pixels NaN, or the largest grey value."),
+    mask_saturated: bool = option("Set saturated pixels to NaN, or to the largest grey value."),
     assume_missing: bool = ASSUME_MISSING,
     kind: str | None = KIND,
     stated: ReadingOptions = STATED,
@@ -53,19 +53,19 @@ def command(
 ) -> None:
     """Correct the images of SOURCE for response and vignette.
 
-    SOURCE is a recording of any kind, a folder of images, a video, or image files, also as a pattern such as
-    'photos/*.jpg'. Exposures are not needed, except to normalise them. Images in colour stay so, unless a --channel
-    is chosen.
+    SOURCE is a recording of any kind, a folder of images, a video, image files, or a pattern such as 'photos/*.jpg'.
+    Exposures are needed only for --normalise-exposure. Colour images remain in colour, unless --channel selects one
+    channel.
 
     CALIBRATION is a calibration.json or its folder, a pair 'pcalib.txt,vignette.png', a folder with these, or a file
     of hugin (.pto), Adobe (.lcp), lensfun (.xml) or OpenCV (.yml).
 
-    OUT/images gets the corrected images under their own names, with EXIF (PNG and JPEG) and the times of their
-    files. Beside them are correction.json, which describes the correction, the original camera.txt, and times.txt if
-    stamps are known, which makes OUT a recording. With 8- and 16-bit images come a pcalib.txt and a constant
-    vignette.png that are valid for them.
+    OUT/images gets the corrected images under their own names, with their EXIF (PNG and JPEG) and file times. OUT
+    also gets correction.json, which describes the correction, the original camera.txt, and times.txt if stamps are
+    known, which makes OUT a recording. For 8- and 16-bit images, it gets a matching pcalib.txt and a constant
+    vignette.png.
 
-    Do this before any undistortion, rectification or scaling, never after it.
+    Correct images before undistortion, rectification or scaling, never after it.
     """
     from ospc.correction.folder import CorrectedFolder
     from ospc.correction.recording import correct_recording
@@ -90,7 +90,7 @@ def command(
     if quiet:
         return
     if result.kept:
-        say(f"{counted(result.kept, 'image')} of an interrupted run kept", err=True)
+        say(f"{counted(result.kept, 'image')} from an interrupted run kept", err=True)
     warn_of_assumed(result.assumed)
     if result.skipped:
         reasons = "; ".join(result.reasons[:_REASONS_SHOWN])
@@ -103,7 +103,7 @@ def command(
 
 
 def warn_of_assumed(parts: tuple[str, ...]) -> None:
-    """Print on standard error which parts of a calibration are unknown and taken to be the identity."""
+    """Print on standard error which parts of a calibration are unknown and treated as the identity."""
     for part in parts:
         means = {"response": "linear", "vignette": "none"}[part]
-        say(f"warning: the {part} is unknown and taken as {means}", err=True)
+        say(f"warning: the {part} is unknown and assumed to be {means}", err=True)

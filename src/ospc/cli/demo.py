@@ -15,10 +15,10 @@ if TYPE_CHECKING:
     from ospc.simulation.settings import SimulationSettings
 
 _PERIOD_FRAMES = 50
-"""Frames in which the exposure swings up and down once: slow enough that neighbours overlap."""
+"""Period of the exposure in frames: slow enough that neighbouring frames overlap in exposure."""
 
 _MEAN_EXPOSURE_MS, _EXPOSURE_FACTOR = 9.0, 2.8
-"""The exposure swings between the mean times and divided by the factor, a range of about eight to one."""
+"""The exposure varies between mean / factor and mean × factor, a range of about eight to one."""
 
 
 @declared("demo")
@@ -30,13 +30,13 @@ def command(
         default=Path("ospc-demo"),
     ),
     frames: int = option("Number of frames.", type=click.IntRange(1, 10_000), default=200),
-    seed: int = option("Seeds scene, motion and noise.", type=click.IntRange(0), default=0),
+    seed: int = option("Seed of scene, motion and noise.", type=click.IntRange(0), default=0),
     quiet: bool = QUIET,
 ) -> int:
     """Simulate a short recording, calibrate it, and compare with the truth.
 
-    The camera is hand-held, has a film-like response, and darkens towards the corners; its exposure swings by a
-    factor of eight. OUT gets the recording with its truth, and the calibration as 'ospc calibrate' writes it, with
+    The simulated camera is hand-held, with a film-like response and a vignette, and its exposure varies by a factor
+    of eight. OUT gets the recording with its truth, and the calibration as written by 'ospc calibrate', with
     pictures that compare the estimate with the truth. The exit codes are those of 'ospc calibrate'.
     """
     from ospc.cli.calibration_result import ResultFolder
@@ -55,7 +55,7 @@ def command(
         with progress_of("simulating", quiet=quiet) as step:
             simulate(recording, settings, overwrite=True, progress=step)
         if not quiet:
-            say(f"calibrating, as would: ospc calibrate {recording} -o {result} --truth {recording}")
+            say(f"running: ospc calibrate {recording} -o {result} --truth {recording}")
         recorded, truth = open_recording(recording), open_photometry(recording)
         written = ResultFolder(folder, interruption, quiet=quiet, truth=truth)
         run = CalibrationRun(recorded, preset("default"), written, Checkpoints(result, wanted=False))
@@ -68,7 +68,7 @@ def command(
 
 
 def _settings(frames: int, seed: int) -> SimulationSettings:
-    """Return a simulation that determines everything: the exposure changes strongly, and things cross the image."""
+    """Return settings that determine response and vignette: strong exposure changes and radial motion."""
     import numpy as np
 
     from ospc.simulation import SimulationSettings

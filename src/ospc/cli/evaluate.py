@@ -1,4 +1,4 @@
-"""``ospc evaluate``: the effect of a calibration on tracking and odometry."""
+"""``ospc evaluate``: trajectories, and the effect of a calibration on tracking and odometry."""
 
 from __future__ import annotations
 
@@ -27,16 +27,16 @@ def ealign(
     *,
     trajectory: Path = argument(),
     truth: Path = argument(),
-    interval: float = option("Seconds between the poses of relative errors.", default=1.0),
+    interval: float = option("Time between the poses of relative errors, in seconds.", default=1.0),
     as_json: bool = AS_JSON,
 ) -> None:
     """Compute the drift of TRAJECTORY from its alignments to the two halves of TRUTH.
 
-    Both files have rows 'stamp tx ty tz qx qy qz qw', like result.txt of DSO and groundtruthSync.txt of the TUM
+    Both files have rows 'stamp tx ty tz qx qy qz qw', like DSO's result.txt and groundtruthSync.txt of the TUM
     monocular dataset. Rows of the truth with NaN are unknown. Prints e_align (root mean square distance between the
-    trajectory aligned to the first half and aligned to the second, in units of the truth), e_s (ratio of the two
-    scales) and e_r (angle between the two rotations, in degrees). After one alignment to all poses with truth, it
-    also prints the root mean square absolute error (ATE) and that of the motions over an interval (RPE).
+    trajectory aligned to the first half and to the second half, in units of the truth), e_s (ratio of the two
+    scales) and e_r (angle between the two rotations, in degrees). After one alignment to all poses with truth, also
+    prints the root mean square absolute error (ATE) and that of the motions over an interval (RPE).
     """
     from ospc.errors import FormatError, NotObservableError
     from ospc.evaluation.trajectory import alignment_error, read_trajectory, relative_pose_error
@@ -84,19 +84,19 @@ def tracking(
     kind: str | None = KIND,
     as_json: bool = AS_JSON,
 ) -> None:
-    """Measure whether a calibration helps to track points in RECORDING, and how much.
+    """Measure how much a calibration helps to track points in RECORDING.
 
-    Corners of the raw frames are tracked by the Lucas-Kanade method with the same settings through the raw frames and
-    through corrected ones: as the camera would have recorded them without vignette and, for each two successive
-    frames, at the same exposure. A track is lost if the method fails, if tracking it back ends more than a pixel
-    away, if the two windows differ by more than half of their contrast, or if the mean grey level has changed by more
-    than that since the track began, which direct methods do not tolerate. A track that leaves the image is not lost;
-    it just ends.
+    Corners of the raw frames are tracked by the Lucas-Kanade method, with the same settings through the raw frames
+    and through corrected frames. Corrected frames are those that the camera would have recorded without vignette,
+    with each two successive frames at the same exposure. A track is lost if the method fails, if backward tracking
+    ends more than a pixel away, if the two windows differ by more than half of their contrast, or if the mean grey
+    level has changed by more than that since the track began, which direct methods do not tolerate. A track that
+    leaves the image ends, but is not lost.
 
     The brightness residual is the change of a track's mean grey level since its start, relative to the contrast
-    within its window. A direct method has to account for it.
+    within its window. A direct method has to explain it.
 
-    Where exposures are unknown, they are taken as equal: only the vignette is corrected.
+    Unknown exposures are treated as equal: only the vignette is corrected.
     """
     from ospc.correction.recording import corrector_for
     from ospc.correction.source import open_source
@@ -129,10 +129,10 @@ def _print_tracking(result: TrackingComparison, *, exposures_known: bool) -> Non
     exposures = (
         f"exposures change by up to {result.largest_step:.3g}:1 from frame to frame"
         if exposures_known
-        else "exposures are unknown and taken as equal, so only the vignette is corrected"
+        else "exposures are unknown and assumed to be equal, so only the vignette is corrected"
     )
     say(
-        f"{counted(result.tracks, 'track')} in {counted(result.frames, 'frame')}, watched for up to "
+        f"{counted(result.tracks, 'track')} in {counted(result.frames, 'frame')}, followed for up to "
         f"{result.horizon}; {exposures}"
     )
     if result.skipped:
@@ -144,30 +144,30 @@ def _print_tracking(result: TrackingComparison, *, exposures_known: bool) -> Non
 def odometry(
     *,
     recordings: tuple[Path, ...] = argument(required=True),
-    program: Path | None = option("Your dso_dataset, or one with its arguments."),
+    program: Path | None = option("Your dso_dataset, or a program with the same arguments."),
     builtin: bool = option("Use the built-in direct odometry; needs simulated recordings."),
     out: Path = study_out_option("ospc-odometry"),
-    runs: int = option("Runs of each.", type=click.IntRange(1, 1000), default=10),
+    runs: int = option("Runs per recording and condition.", type=click.IntRange(1, 1000), default=10),
     conditions: str = option(
-        "Columns, separated by commas; 'affine' is a further one: no calibration, mode 1.",
+        "Conditions to compare, separated by commas; 'affine' is also available: no calibration, mode 1.",
         default="truth,paper,ours,joint-wgt,joint-wogt,none",
     ),
     given: tuple[str, ...] = CALIBRATIONS,
-    batch: bool = option("Joint estimation from the whole recording, not online."),
+    batch: bool = option("Run the joint estimation on the whole recording, not online."),
     jobs: int = JOBS,
     timeout: float = option("Time limit of a run in seconds.", default=3600.0),
     ends: float | None = option("Use only this share of the truth at the start and end.", metavar="SHARE"),
-    arguments: tuple[str, ...] = option("Further argument of the program, such as preset=0.", "--argument"),
+    arguments: tuple[str, ...] = option("Argument of the program, such as preset=0; repeatable.", "--argument"),
     as_json: bool = AS_JSON,
 ) -> None:
-    """Run direct visual odometry over RECORDINGS with several calibrations, and compare the drift.
+    """Run direct visual odometry on RECORDINGS with several calibrations, and compare the drift.
 
     Each recording is a folder in the layout of the TUM monocular data set, with camera.txt and groundtruthSync.txt;
-    'truth' uses its pcalib.txt and vignette.png. 'paper', 'ours' and the joint estimates are
-    made from the recording itself.
-    OUT gets table.md (medians of e_align, the lowest bold), runs.csv, results.json,
-    cumulative.png and the trajectories. Every finished run is kept in OUT: the same command continues where it was
-    interrupted. A calibration given under the name of a condition replaces its estimate.
+    'truth' uses its pcalib.txt and vignette.png. 'paper', 'ours' and the joint estimates are computed from the
+    recording itself. A calibration given under the name of a condition replaces its estimate.
+
+    OUT gets table.md (medians of e_align, the lowest in bold), runs.csv, results.json, cumulative.png and the
+    trajectories. Every finished run is kept in OUT: the same command continues an interrupted experiment.
     """
     from ospc.recording import open_recording
     from ospc.research.odometry.experiment import Experiment, result_of, tasks_of
@@ -197,9 +197,9 @@ def odometry(
 def _odometry(
     program: Path | None, arguments: tuple[str, ...], timeout: float, simulated: tuple[Path, ...]
 ) -> Odometry:
-    """Return the program, or the built-in odometry where there are simulated recordings for it."""
+    """Return the program, or the built-in odometry if there are simulated recordings for it."""
     if bool(simulated) == (program is not None):
-        raise SettingError("give the path of your dso_dataset by --program, or --builtin; one of the two")
+        raise SettingError("give either the path of your dso_dataset with --program, or --builtin")
     if program is not None:
         from ospc.research.odometry.program import Program
 
@@ -207,6 +207,5 @@ def _odometry(
     from ospc.research.odometry.direct import DirectOdometry, SceneDepth
 
     for place in simulated:
-        # Fails here if the depth of a scene is unknown, before hours are spent.
-        SceneDepth.of(place)
+        SceneDepth.of(place)  # fail early if the depth of a scene is unknown
     return DirectOdometry()

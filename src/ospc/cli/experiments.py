@@ -27,9 +27,9 @@ _EXPERIMENTS = {
     "solvers": "Solvers of the vignette: L2, L1, M-estimator, ours (section 5).",
     "features": "Features for the response: SIFT, SURF, ORB, ours (section 5); SURF needs the extra 'surf'.",
     "offsets": "Offset between the two frames of a pair for the vignette, 10 to 50 (section 5).",
-    "thresholds": "Least exposure ratio of a pair for the response (section 5).",
-    "static": "Methods for a camera at rest, on sweeps of the exposure.",
-    "ambiguity": "The exponential ambiguity: without known exposures every exponent explains a recording.",
+    "thresholds": "Minimum exposure ratio of a pair for the response (section 5).",
+    "static": "Methods for a static camera, on exposure sweeps.",
+    "ambiguity": "The exponential ambiguity: without known exposures, every exponent explains a recording.",
 }
 _AMBIGUITY_FRAMES = 300
 _SIZE = option("Size of simulated images.", type=STUDY_SIZE, metavar="WxH", default="320x240")
@@ -40,9 +40,9 @@ def command() -> None:
     """Reproduce the paper's figures and tables, on given recordings or on simulated stand-ins.
 
     RECORDINGS are folders in the layout of the TUM monocular data set; their pcalib.txt and vignette.png are the
-    truth. Without any, recordings are simulated: with the data set's narrow camera and real exposures where --data
-    (or OSPC_DATA) names a folder that holds them, with an analytic camera otherwise. Finished recordings are kept in
-    OUT/cache: the same command continues an interrupted run, and computes again only what has changed.
+    truth. Without RECORDINGS, recordings are simulated: with the data set's narrow camera and real exposures if
+    --data (or OSPC_DATA) names a folder that contains them, with an analytic camera otherwise. Finished recordings
+    are kept in OUT/cache: the same command continues an interrupted run, and recomputes only what has changed.
     """
 
 
@@ -54,13 +54,13 @@ class _Run:
     recordings: tuple[Path, ...] = argument()
     out: Path = study_out_option("ospc-experiments")
     data: Path | None = DATA
-    count: int | None = option("Number of recordings simulated.", type=click.IntRange(1, 1000))
-    frames: int | None = option("Frames used of each.", type=click.IntRange(2, 1_000_000))
+    count: int | None = option("Number of simulated recordings.", type=click.IntRange(1, 1000))
+    frames: int | None = option("Frames used per recording.", type=click.IntRange(2, 1_000_000))
     size: tuple[int, int] = _SIZE
-    speed: float | None = option("Factor of the speed of the simulated motion.")
+    speed: float | None = option("Speed factor of the simulated motion.")
     given: tuple[str, ...] = CALIBRATIONS
     estimated: tuple[str, ...] = option(
-        "Exposures of another program to be compared: the last number of each line, one line a frame.",
+        "Exposures from another program to compare: the last number of each line, one line per frame.",
         "--exposures",
         metavar="NAME=FILE",
     )
@@ -100,7 +100,7 @@ class _Run:
         )
 
     def _sources(self, count: int, frames: int, *, speed: float = 1.0, at_rest: bool = False) -> list[Source]:
-        """Return the recordings that are given, or simulated ones, by default as many as stated."""
+        """Return the given recordings, or simulated ones; ``count`` and ``frames`` are defaults."""
         from ospc.research.experiments.sources import stand_ins, sweeps
         from ospc.research.source import GivenSource
 
@@ -137,18 +137,21 @@ def systems(
     recordings: tuple[Path, ...] = argument(),
     out: Path = study_out_option("ospc-experiments"),
     data: Path | None = DATA,
-    count: int = option("Recordings simulated.", type=click.IntRange(0, 1000), default=10),
-    frames: int = option("Frames of each.", type=click.IntRange(2, 1_000_000), default=200),
+    count: int = option("Number of simulated recordings.", type=click.IntRange(0, 1000), default=10),
+    frames: int = option("Frames per recording.", type=click.IntRange(2, 1_000_000), default=200),
     size: tuple[int, int] = _SIZE,
     only: str = option(
-        "Systems of these names or patterns, separated by commas.", default="", show_default=False, metavar="NAMES"
+        "Only systems with these names or patterns, separated by commas.",
+        default="",
+        show_default=False,
+        metavar="NAMES",
     ),
-    only_list: bool = option("Print the systems with authors and year, and do nothing else.", "--list"),
+    only_list: bool = option("Print the systems with authors and year, and exit.", "--list"),
     jobs: int = JOBS,
 ) -> None:
-    """Every system that the paper names, side by side: what it needs, what it recovers, and how well.
+    """Compare all systems that the paper names: their requirements, what they recover, and how accurately.
 
-    Each is measured with and without the point of the truth that it may need, on simulated recordings, and with
+    Each is measured with and without the known point of the truth that it may need, on simulated recordings, and with
     --data on a real video and on photographs of charts.
     """
     from ospc.research.experiments.systems import chosen_systems, system_sources, system_tasks, systems_report

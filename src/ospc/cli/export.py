@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 def _crop(text: str) -> tuple[int, int, int, int]:
     match = re.fullmatch(r"(\d{1,6}),(\d{1,6}),([1-9]\d{0,5})[x×]([1-9]\d{0,5})", text)
     if match is None:
-        raise SettingError(f"{text!r} is no crop; write X,Y,WIDTHxHEIGHT, such as 64,32,1024x768")
+        raise SettingError(f"{text!r} is not a crop; use X,Y,WIDTHxHEIGHT, such as 64,32,1024x768")
     x, y, width, height = (int(group) for group in match.groups())
     return x, y, width, height
 
@@ -36,7 +36,7 @@ def command(
     ),
     out: Path = out_option("File to write; a folder for dso.", folder=False),
     crop: tuple[int, int, int, int] | None = option(
-        "For images cropped to this part.", metavar="X,Y,WxH", type=Parsed("crop", _crop)
+        "For images cropped to this region.", metavar="X,Y,WxH", type=Parsed("crop", _crop)
     ),
     binning: int = option(
         "For images binned by averaging blocks of NxN pixels, after the crop.",
@@ -51,22 +51,24 @@ def command(
     values: int = option("Grey levels in pcalib.txt (dso).", default=256),
     focal_px: float | None = option("Focal length in pixels (adobe, lensfun)."),
     focal_mm: float | None = option("Focal length in millimetres (adobe, lensfun)."),
-    crop_factor: float | None = option("Diagonal of 36x24 mm over the sensor's (adobe, lensfun)."),
+    crop_factor: float | None = option("Diagonal of 36x24 mm divided by that of the sensor (adobe, lensfun)."),
     aperture: float | None = option("f-number (adobe, lensfun)."),
-    maker: str = option("Maker of the lens (adobe, lensfun).", default="unknown"),
+    maker: str = option("Manufacturer of the lens (adobe, lensfun).", default="unknown"),
     lens: str = option("Name of the lens (adobe, lensfun).", default="unknown"),
     camera: str = option("Name of the camera (adobe).", default="unknown"),
     lensfun_model: Literal["pa", "acm"] = option(
-        "Radius in half diagonals or in focal lengths (lensfun).", type=click.Choice(["pa", "acm"]), default="pa"
+        "Radius in half diagonals (pa) or in focal lengths (acm) (lensfun).",
+        type=click.Choice(["pa", "acm"]),
+        default="pa",
     ),
-    emor: Path | None = option("The base curves emor.txt, to write the response (hugin)."),
+    emor: Path | None = option("File emor.txt with the base curves, needed to write the response (hugin)."),
 ) -> None:
     """Write CALIBRATION for another program.
 
     CALIBRATION is a calibration.json or its folder, a pcalib.txt, a vignette.png, a pair 'pcalib.txt,vignette.png',
     or a file of hugin (.pto), Adobe (.lcp) or OpenCV (.yml). Writes pcalib.txt and vignette.png (dso), a database
     file (lensfun, .xml), a project for use as a template (hugin, .pto), a file storage (opencv, .yml), a lens profile
-    (adobe, .lcp), or calibration.json. Reports what the format cannot hold, and the residuals of fits.
+    (adobe, .lcp), or calibration.json. Reports what the format cannot represent, and the residuals of fits.
     """
     from ospc.formats.export import ExportSettings, adapted, export
     from ospc.formats.hugin import read_emor

@@ -22,11 +22,11 @@ def command(
         type=click.IntRange(1, 65535),
     ),
 ) -> None:
-    """Write PCALIB and VIGNETTE as a calibration.json.
+    """Convert PCALIB and VIGNETTE to a calibration.json.
 
     PCALIB is a pcalib.txt and VIGNETTE a vignette.png. Each may also be a file of hugin (.pto), Adobe (.lcp), lensfun
-    (.xml) or OpenCV (.yml), and one folder or file with both parts is enough. 'ospc export --to dso' gives the same
-    pcalib.txt and vignette.png back.
+    (.xml) or OpenCV (.yml). A single folder or file with both parts is enough. 'ospc export --to dso' writes the same
+    pcalib.txt and vignette.png again.
     """
     from ospc.errors import SettingError
     from ospc.formats.export import as_calibration
@@ -34,7 +34,7 @@ def command(
 
     sources = [pcalib] if vignette is None else [pcalib, vignette]
     if out.resolve() in [Path(source).resolve() for source in sources]:
-        raise SettingError(f"{out}: is one of the files to import; choose another name")
+        raise SettingError(f"{out}: is one of the files to import; choose another output file")
     first, *others = (open_photometry(source, size) for source in sources)
     calibration = as_calibration(together(first, others[0]) if others else first, size, max_grey)
     place = calibration.save(out)

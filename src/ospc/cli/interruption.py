@@ -1,4 +1,4 @@
-"""Ctrl-C, SIGTERM and a lost terminal as a request to finish early and keep the results so far."""
+"""Ctrl-C, SIGTERM and a closed terminal as a request to finish early and keep the results so far."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from typing import Any, Literal, TypeVar
 _Mode = Literal["at once", "deferred", "held"]
 
 _SAME_S = 2.0
-"""Signals within this time, in seconds, count as one request: keys repeat, and the first may be noticed late."""
+"""Signals within this many seconds count as one request: keys repeat, and the first may be handled late."""
 
 
 _HANG_UP = getattr(signal, "SIGHUP", None)
-"""Sent when the terminal is closed; None where systems do not have it."""
+"""Sent when the terminal is closed; None on systems without it."""
 
 _Item = TypeVar("_Item")
 
@@ -26,9 +26,9 @@ _Item = TypeVar("_Item")
 class Interruption:
     """Handles SIGINT, SIGTERM and SIGHUP as a context manager.
 
-    By default, a signal raises ``KeyboardInterrupt`` at once. Within :meth:`deferred`, the first only sets
-    :attr:`requested`, so that no step of the work is interrupted; a second one, some seconds later, raises. Within
-    :meth:`held`, none raises.
+    By default, a signal raises ``KeyboardInterrupt`` at once. Within :meth:`deferred`, the first signal only sets
+    :attr:`requested`, so that no step of the work is interrupted, and a second one raises if it comes some seconds
+    later. Within :meth:`held`, no signal raises.
     """
 
     def __init__(self) -> None:
@@ -49,11 +49,11 @@ class Interruption:
             raise KeyboardInterrupt
 
     def deferred(self) -> AbstractContextManager[None]:
-        """Defer the first signal until the caller asks for :attr:`requested`."""
+        """Defer the first signal until the caller checks :attr:`requested`."""
         return self._switched("deferred")
 
     def until_requested(self, items: Iterable[_Item]) -> Iterator[_Item]:
-        """Yield items until there is a signal, which also ends the wait for the next one, however long it takes."""
+        """Yield items until there is a signal, which also ends the wait for the next item."""
         waiting = iter(items)
         while True:
             try:
@@ -65,15 +65,15 @@ class Interruption:
             yield item
 
     def held(self) -> AbstractContextManager[None]:
-        """Hold back all signals, while files are written."""
+        """Ignore signals except for counting them, while files are written."""
         return self._switched("held")
 
     def __enter__(self) -> Interruption:
-        # Only the main thread can handle signals; in others, the handlers stay as they are.
+        # Only the main thread can install signal handlers.
         if threading.current_thread() is threading.main_thread():
             for number in (signal.SIGINT, signal.SIGTERM):
                 self._before[number] = signal.signal(number, self._handle)
-            if _HANG_UP is not None and signal.getsignal(_HANG_UP) is not signal.SIG_IGN:  # as nohup ignores it
+            if _HANG_UP is not None and signal.getsignal(_HANG_UP) is not signal.SIG_IGN:  # nohup ignores it
                 self._before[_HANG_UP] = signal.signal(_HANG_UP, self._handle)
         return self
 
@@ -102,7 +102,7 @@ class Interruption:
 
 
 def _write_nothing_to_lost_terminals() -> None:
-    """Let output to a terminal that is gone vanish: the error of writing there must not end what is being saved."""
+    """Discard output to a closed terminal: an error in writing to it must not prevent saving."""
     for stream in (1, 2):
         if stat.S_ISCHR(os.fstat(stream).st_mode) and not os.isatty(stream):
             nothing = os.open(os.devnull, os.O_WRONLY)
@@ -112,7 +112,7 @@ def _write_nothing_to_lost_terminals() -> None:
 
 @contextmanager
 def leaving(state: str) -> Iterator[None]:
-    """Say what state an interruption of the work within leaves things in."""
+    """Add to an interruption of the work within what state it leaves behind."""
     try:
         yield
     except KeyboardInterrupt as interruption:

@@ -1,4 +1,4 @@
-"""``ospc live``: a capture guided by what is still unknown, in a browser or in the terminal."""
+"""``ospc live``: a guided capture, shown in a browser or in the terminal."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from ospc.live.capture import Capture
 
 _GOAL = 0.005
-"""As :data:`ospc.live.knowledge.GOAL`, which would take long to import for a help text."""
+"""Copy of :data:`ospc.live.knowledge.GOAL`, whose import would take too long for a help text."""
 
 
 @declared(
@@ -32,8 +32,8 @@ _GOAL = 0.005
         COMPLETE: "complete: response and vignette are identifiable, and the exposures agree with the images",
         FAILED: "error; a partial result is written if possible",
         UNDETERMINED: "written, but response, vignette or exposures are marginal or not identifiable, or the camera "
-        "changed meanwhile",
-        INTERRUPTED: "interrupted before a recording's end; the partial result is written",
+        "changed during the capture",
+        INTERRUPTED: "interrupted before the end of a recording; the partial result is written",
     },
 )
 def command(
@@ -41,38 +41,38 @@ def command(
     *,
     source: str = argument(),
     out: Path = out_option("Folder to write the results to."),
-    no_page: bool = option("Show instruction and bars in the terminal, not in a browser."),
+    no_page: bool = option("Show instructions and bars in the terminal, not in a browser."),
     port: int = option(
-        "Port of the page; by default any that is free.", type=click.IntRange(0, 65535), default=0, show_default=False
+        "Port of the page; by default any free port.", type=click.IntRange(0, 65535), default=0, show_default=False
     ),
-    no_browser: bool = option("Print the address of the page, but open no browser."),
+    no_browser: bool = option("Print the address of the page without opening a browser."),
     goal: float = option(
-        "Uncertainty of response and vignette at which the capture ends by itself; 0 to end it yourself.",
+        "Uncertainty of response and vignette at which the capture ends on its own; 0 to end it yourself.",
         type=click.FloatRange(min=0),
         default=_GOAL,
     ),
     pace: float = option(
-        "How many times as fast as it was filmed a recording is replayed; 0 for as fast as it can be calibrated.",
+        "Speed factor for replaying a recording; 0 for as fast as it can be calibrated.",
         type=click.FloatRange(min=0),
         default=1.0,
     ),
     correct_lag: LagChoice = CORRECT_LAG,
-    force: bool = option("Write into OUT even if it holds other files; those named as results go."),
+    force: bool = option("Write into OUT even if it contains other files; those with names of results are replaced."),
     quiet: bool = QUIET,
     as_json: bool = AS_JSON,
     reading: Reading = READING,
 ) -> int:
-    """Calibrate the camera SOURCE while it films, and say what to film next.
+    """Calibrate the camera SOURCE while it films, with instructions what to film next.
 
-    SOURCE is a camera as 'ospc record' takes it (opencv:0, realsense, depthai:left, …), or a recording, which is
-    replayed as if it were being filmed.
+    SOURCE is a camera as for 'ospc record' (opencv:0, realsense, depthai:left, …), or a recording, which is replayed
+    as if it were being filmed.
 
-    A page in the browser (extra 'live') shows the picture, what was seen so far, how well response and vignette are
-    known, and one instruction at a time. It can be reached from this machine only. With --no-page, the terminal shows
-    the same.
+    A page in the browser (extra 'live') shows the picture, the coverage so far, the uncertainty of response and
+    vignette, and one instruction at a time. It can be reached from this machine only. With --no-page, the terminal
+    shows the same.
 
-    The capture ends when both are known to the goal, at the button, with Ctrl-C, SIGTERM or the terminal, or at the
-    end of a recording. OUT then gets what 'ospc calibrate' writes.
+    The capture ends when both are known to the goal, with the button on the page, Ctrl-C or SIGTERM, when the
+    terminal is closed, or at the end of a recording. OUT then gets the files that 'ospc calibrate' writes.
     """
     from ospc.cli.calibration_result import ResultFolder
     from ospc.exposures.lag_choice import lag_choice_for
@@ -109,7 +109,7 @@ def command(
 def _opened(
     source: str, reading: Reading, pace: float
 ) -> Iterator[tuple[Recording | None, Iterable[Frame], dict[str, Any], Iterable[str]]]:
-    """Open a recording of that name, else a camera; give the recording, frames, what identifies them, and notes."""
+    """Open the recording of that name, otherwise a camera; yield the recording, frames, identification and notes."""
     from ospc.live.capture import replayed
     from ospc.recording.live import open_camera
 
@@ -121,9 +121,9 @@ def _opened(
         yield recording, replayed(recording, pace), identification(recording), recording.notes
         return
     if reading.mask is not None or reading.region is not None or reading.each_channel or reading.kind is not None:
-        raise click.UsageError("--kind, --mask, --roi and --channel each are for recordings, not for cameras")
+        raise click.UsageError("--kind, --mask, --roi and --channel each apply to recordings only, not to cameras")
     if place.name != source:
-        raise OspcError(f"{source}: does not exist; name a recording, or a camera such as opencv:0")
+        raise OspcError(f"{source}: does not exist; give a recording, or a camera such as opencv:0")
     with open_camera(source, reading.options) as camera:
         yield None, camera, {"kind": "camera", "name": camera.name}, camera.notes
 
@@ -132,7 +132,7 @@ def _show_page(stack: ExitStack, capture: Capture, port: int, *, browser: bool) 
     from ospc.live.page.server import PageServer
 
     server = stack.enter_context(PageServer(capture, port))
-    say(f"guidance at {server.url} (for this machine only); Ctrl-C or the button there ends the capture", err=True)
+    say(f"guidance at {server.url} (this machine only); end the capture with Ctrl-C or the button there", err=True)
     if browser:
         click.launch(server.url)
 
@@ -157,16 +157,16 @@ def _captured(
 
             try:
                 capture.run(interruption.until_requested(frames), stop, replayed=replayed)
-            except Exception as error:  # the frames before any error still give an estimate
+            except Exception as error:  # estimate from the frames before the error
                 failure = one_line(error)
         capture.stage = "estimating"
-        result.second.submit(style.load)  # not earlier: a small computer that films has better use for the memory
+        result.second.submit(style.load)  # not earlier: a small computer needs the memory while it films
         try:
             found = live.calibration()
         except OspcError as error:
             raise OspcError(failure or str(error)) from None
         capture.stage = "writing"
-        # Whoever ends a camera's capture has filmed enough; a recording has more to give.
+        # A camera's capture is complete whenever the user ends it; an interrupted recording is not.
         early = interruption.requested and replayed
         found = replace(found, partial=early or bool(failure))
         outcome = Outcome(found, recording, live.first_reasons, early, failure)

@@ -1,4 +1,4 @@
-"""A guided capture in the terminal: the instruction, bars and curves; or lines, where nobody looks at a terminal."""
+"""A guided capture in the terminal: the instruction, bars and curves; or lines of text outside a terminal."""
 
 from __future__ import annotations
 
@@ -32,20 +32,20 @@ _DOTS = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]])
 
 
 def bars(counts: IntArray) -> str:
-    """Return a bar for each count, its height by the logarithm; a dot in the middle where there is none."""
+    """Return a bar of logarithmic height for each count, and a centred dot for zero."""
     heights = np.log1p(counts) / max(float(np.log1p(counts.max(initial=0))), 1e-12)
     steps = np.clip(np.ceil(heights * len(_BARS)).astype(int), 1, len(_BARS)) - 1
     return "".join(_BARS[step] if count else _NOTHING for step, count in zip(steps, counts, strict=True))
 
 
 def filled(share: float, most: int) -> str:
-    """Return a bar that is full at a share of 1."""
+    """Return a horizontal bar that is full at a share of 1."""
     full = int(np.clip(share, 0, 1) * most)
     return "█" * full + "░" * (most - full)
 
 
 def falling(values: list[float], most: int) -> str:
-    """Return a bar for each of the latest positive values, their heights by the logarithm from the lowest up."""
+    """Return a bar of logarithmic height for each of the latest positive values."""
     logs = np.log(np.maximum(values[-most:], 1e-12))
     span = max(float(np.ptp(logs)), 1e-12) if len(logs) else 1.0
     steps = np.rint((logs - logs.min(initial=np.inf)) / span * (len(_BARS) - 1)).astype(int)
@@ -53,14 +53,14 @@ def falling(values: list[float], most: int) -> str:
 
 
 def drawn(curves: Iterable[tuple[FloatArray, str]], columns: int, rows: int) -> Text:
-    """Return curves drawn over one another in a frame of characters, each of which is two dots wide and four high.
+    """Return curves drawn over one another in Braille characters, each of which is two dots wide and four high.
 
-    A curve goes in even steps from the left edge to the right one, and has a style of rich. Heights are 0 at the foot
-    and 1 at the head; what is outside is not drawn.
+    Each curve has equidistant values from the left edge to the right edge, and a rich style. Values are 0 at the
+    bottom and 1 at the top; values outside are not drawn.
     """
     marks, styles = np.zeros((2, rows, columns), dtype=np.int64)
     names = [""]
-    # Several dots a column, so that steep parts have no gaps.
+    # Several samples per column, so that steep parts have no gaps.
     share = np.linspace(0, 1, 16 * columns)
     dot_columns = np.minimum((share * 2 * columns).astype(int), 2 * columns - 1)
     for y, style in curves:
@@ -80,28 +80,28 @@ def drawn(curves: Iterable[tuple[FloatArray, str]], columns: int, rows: int) -> 
 
 
 _REFRESH_S = 0.4
-"""Shortest time between two pictures, in seconds."""
+"""Shortest time between two updates, in seconds."""
 
 _LARGEST_SHARE = 0.03
-"""Largest share of the time that watching may take."""
+"""Largest share of the time spent on the display."""
 
 _LINE_S = 5.0
-"""Time between two lines where nobody looks at a terminal, if the instruction stays the same, in seconds."""
+"""Time between two lines outside a terminal, if the instruction stays the same, in seconds."""
 
 _BAR = 20
-"""Characters of a bar."""
+"""Width of a bar in characters."""
 
 _EARLIER_CURVES = 5
 _MOST_COLUMNS, _ROWS = 42, 9
 """Size of a drawing in characters."""
 
 Shown = Callable[[], None]
-"""Is called after every frame."""
+"""Called after every frame."""
 
 
 @contextmanager
 def shown(capture: Capture, *, quiet: bool, full: bool) -> Iterator[Shown]:
-    """Show a capture in the terminal for the time of the context; with ``full``, the bars and curves of the page."""
+    """Show a capture in the terminal within the context; with ``full``, with the bars and curves of the page."""
     if quiet:
         yield lambda: None
     elif sys.stderr.isatty() and full:
@@ -112,7 +112,7 @@ def shown(capture: Capture, *, quiet: bool, full: bool) -> Iterator[Shown]:
 
 
 def _lines(capture: Capture) -> Shown:
-    """Return what prints a line for every new instruction, and one every few seconds: for programs and logs."""
+    """Return a function that prints a line for every new instruction and every few seconds, for programs and logs."""
     text, next_s = "", 0.0
 
     def show() -> None:
@@ -129,7 +129,7 @@ def _lines(capture: Capture) -> Shown:
 
 @dataclass
 class LiveView:
-    """Instruction, bars and converging curves, some times a second; on standard error if no console is given."""
+    """Shows instruction, bars and converging curves, updated about twice a second; on standard error by default."""
 
     capture: Capture
     console: Console | None = None
@@ -140,7 +140,7 @@ class LiveView:
 
     @contextmanager
     def shown(self) -> Iterator[Shown]:
-        """Show it for the time of the context."""
+        """Show it within the context."""
         on = self.console or console(stderr=True)
         with Live(console=on, transient=True, auto_refresh=False) as live:
 
@@ -152,7 +152,7 @@ class LiveView:
             yield show
 
     def picture(self, width: int) -> RenderableType:
-        """Return what to show, at most ``width`` characters wide, and remember its curves."""
+        """Return the current display, at most ``width`` characters wide, and remember its curves."""
         status, preview = self.capture.live.status, self.capture.live.preview
         parts: list[RenderableType] = [Text(status.advice, style="bold"), Text(_figures(status), style="dim")]
         for name, share in asdict(self.capture.bars).items():
@@ -209,5 +209,5 @@ def _coverage(preview: Preview) -> RenderableType:
     table = Table.grid(padding=(0, 2, 0, 0))
     table.add_row("grey levels", f"[green]{bars(seen.by_grey)}[/]", "black to white")
     table.add_row("exposures", f"[green]{bars(seen.grey_exposure.sum(axis=1))}[/]", f"{low:.3g} to {high:.3g} ms")
-    table.add_row("radii", f"[green]{bars(seen.by_radius)}[/]", "centre to corner; · is never seen")
+    table.add_row("radii", f"[green]{bars(seen.by_radius)}[/]", "centre to corner; · not seen")
     return table

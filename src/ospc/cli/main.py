@@ -20,47 +20,46 @@ from ospc.errors import OspcError, one_line
 _COMMANDS = {
     "batch": "Calibrate many recordings, locally or on a cluster, and merge those of one camera.",
     "bench": "Benchmark the methods on recordings with known truth.",
-    "calibrate": "Calibrate the camera of a recording.",
-    "check": "Check whether a recording is suitable for calibration, and what is wrong with it.",
+    "calibrate": "Calibrate a camera from a recording.",
+    "check": "Check whether a recording is suitable for calibration, and report problems.",
     "compare": "Compare two calibrations.",
     "convert": "Convert any recording to a folder that DSO and its descendants read.",
     "correct": "Remove response and vignette from the images of a recording.",
     "demo": "Simulate a short recording, calibrate it and compare with the truth.",
     "evaluate": "Evaluate trajectories, and the effect of a calibration on tracking.",
-    "experiments": "Reproduce the figures and tables of the paper.",
+    "experiments": "Reproduce the paper's figures and tables.",
     "export": "Export a calibration for another program.",
     "import": "Import a calibration from pcalib.txt and vignette.png, or from another program.",
     "report": "Write the report on a calibration again, as HTML or PDF.",
-    "live": "Calibrate a camera while it films, and say what to film next.",
+    "live": "Calibrate a camera while it films, with instructions what to film next.",
     "merge": "Combine several recordings of one camera into one calibration.",
     "record": "Record from a camera to a folder that can be calibrated.",
     "simulate": "Simulate a recording with known truth.",
     "validate": "Check parameter files against the rules of the programs that read them.",
 }
-"""Name of each command, also that of its module, and its line in the overview."""
+"""Commands and their lines in the overview; each module has the name of its command."""
 
 _MODULES = {"import": "import_"}
-"""Modules of commands whose name is a keyword of Python."""
+"""Modules of commands whose name is a Python keyword."""
 
 
 _LEAST_MEMORY_MIB = 1024
-"""Address space below which OpenBLAS may end the process, or never return, instead of raising an error."""
+"""Address space below which OpenBLAS may end the process or hang, instead of raising an error."""
 
 _MALLOC = {
     "MALLOC_ARENA_MAX": (-8, 1),
     "MALLOC_TRIM_THRESHOLD_": (-1, 32 * 2**20),
     "MALLOC_MMAP_THRESHOLD_": (-3, 32 * 2**20),
 }
-"""Environment variables that tell glibc what to do with freed memory, with the number of each parameter for
-``mallopt`` and its value: one pool for all threads, and blocks of up to 32 MiB stay in it. An image takes one or
-two."""
+"""Environment variables that control how glibc reuses freed memory, each with its ``mallopt`` parameter number and
+value: one pool for all threads, which keeps blocks of up to 32 MiB. An image takes one or two MiB."""
 
 _ALLOCATIONS_PER_COLLECTION = 20_000
-"""New objects after which Python looks for garbage in cycles; it would look ten to thirty times as often."""
+"""New objects between two garbage collections; Python's default collects ten to thirty times as often."""
 
 
 class _Commands(click.Group):
-    """A group that lists its commands without importing them, and ends every failure as one line."""
+    """A group that lists its commands without importing them, and reports every failure as one line."""
 
     def list_commands(self, _ctx: click.Context) -> list[str]:
         return list(_COMMANDS)
@@ -76,15 +75,15 @@ class _Commands(click.Group):
             formatter.write_dl(list(_COMMANDS.items()))
 
     def invoke(self, ctx: click.Context) -> object:
-        """Call a command, which returns its exit code or None; the context's object is the interruption."""
+        """Run a command, which returns its exit code or None; the context's object is the interruption."""
         with Interruption() as ctx.obj:
             _check_memory_limit()
             _reuse_freed_memory()
-            # Before NumPy is imported: matrices are small, and further threads of OpenBLAS only wait and take memory.
+            # Must precede the import of NumPy. Matrices are small: more threads would only wait and use memory.
             os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-            # Nearly all objects are made by imports and stay: looking through them often takes a thirtieth of a run.
+            # Nearly all objects are created by imports and stay; scanning them often takes a thirtieth of a run.
             gc.set_threshold(_ALLOCATIONS_PER_COLLECTION)
-            # At its end Python would look through all of them several times, for garbage that goes with the process.
+            # Otherwise Python scans all objects several times at exit, although the process ends anyway.
             atexit.register(gc.freeze)
             try:
                 code = super().invoke(ctx)
@@ -92,7 +91,7 @@ class _Commands(click.Group):
                 say("; ".join(["ospc: interrupted", *map(str, interruption.args)]), err=True)
                 code = INTERRUPTED
             except click.UsageError as error:
-                # It quotes arguments, and a shell makes arguments of the names of files.
+                # The message quotes arguments, which may be file names expanded by the shell.
                 raise click.UsageError(escaped_lines(error.format_message()), error.ctx) from None
             except (OspcError, click.ClickException, click.exceptions.Exit, click.Abort, BrokenPipeError):
                 raise
@@ -112,19 +111,19 @@ def _check_memory_limit() -> None:
         return
     if limit_bytes < _LEAST_MEMORY_MIB * 2**20:
         given = limit_bytes // 2**20
-        raise OspcError(f"{given} MiB of memory are too few; allow {_LEAST_MEMORY_MIB} MiB at least (ulimit -v)")
+        raise OspcError(f"{given} MiB of memory are too few; allow at least {_LEAST_MEMORY_MIB} MiB (ulimit -v)")
 
 
 def _reuse_freed_memory() -> None:
-    """Have glibc reuse freed memory: by default each thread has its own pool, and large blocks are given back."""
+    """Make glibc reuse freed memory: by default, each thread has its own pool, and large blocks are returned."""
     if sys.platform != "linux":
         return
     import ctypes
 
     for name, (parameter, value) in _MALLOC.items():
         if name not in os.environ:
-            os.environ[name] = str(value)  # for processes started from here: this one has read it already
-            with suppress(AttributeError):  # there are other C libraries
+            os.environ[name] = str(value)  # for child processes: this one has read it already
+            with suppress(AttributeError):  # other C libraries have no mallopt
                 ctypes.CDLL(None).mallopt(parameter, value)
 
 
@@ -136,12 +135,12 @@ def cli() -> None:
 
 def main() -> None:
     """Run the command; expected errors become one line on standard error and exit code 1."""
-    # OpenCV and its decoders would print their own view of what becomes one line of ours.
+    # OpenCV and its decoders would print their own messages in addition to our one-line error.
     os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
     os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, TextIOWrapper):
-            stream.reconfigure(errors="backslashreplace")  # what the terminal cannot show must not end a run
+            stream.reconfigure(errors="backslashreplace")  # characters the terminal cannot show must not end a run
     try:
         cli(prog_name="ospc")
     except OspcError as error:

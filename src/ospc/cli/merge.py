@@ -1,4 +1,4 @@
-"""``ospc merge``: one calibration of several recordings of one camera."""
+"""``ospc merge``: one calibration from several recordings of a camera."""
 
 from __future__ import annotations
 
@@ -29,15 +29,15 @@ def command(
     states: tuple[Path, ...] = argument(required=True),
     out: Path = out_option("Folder to write the results to."),
     truth: str | None = TRUTH,
-    force: bool = option("Write into OUT even if it holds other files; earlier results go."),
+    force: bool = option("Write into OUT even if it contains other files; those with names of results are replaced."),
     quiet: bool = QUIET,
     as_json: bool = AS_JSON,
 ) -> int:
     """Merge the STATES of recordings of one camera into one calibration.
 
-    STATES are state.ospc files that 'ospc calibrate' or 'ospc merge' wrote, or the folders that hold them, in any
-    order. A recording given twice counts once. Of a run that is not finished, the frames so far count. Recordings
-    that contradict the others are reported and left out.
+    STATES are state.ospc files written by 'ospc calibrate' or 'ospc merge', or their folders, in any order. A
+    recording given twice counts once. From an unfinished run, the frames so far count. Recordings that contradict
+    the others are reported and left out.
 
     OUT gets the files that 'ospc calibrate' writes; OUT/state.ospc can be merged again with others.
     """
@@ -49,12 +49,12 @@ def command(
 
     known = None if truth is None else open_photometry(truth)
     folder = OutputFolder.at(out, force=force)
-    found = _named_apart([(place, summary) for place in states for summary in _summaries(place)])
+    found = _distinctly_named([(place, summary) for place in states for summary in _summaries(place)])
     pool = Pool.of(found)
     merged = merge(pool)
     differing = list(merged.agreement.differing.values())
     repeated = len(found) - len(pool.summaries)
-    notes = [f"{repeated} of the {len(found)} given are of a recording given already; it counts once"]
+    notes = [f"{repeated} of the {len(found)} given states repeat a recording; each recording counts once"]
     content = ResultFolder(folder, interruption, quiet, as_json, known).take(
         Outcome(merged.calibration),
         lambda: (Written((pool.save(folder.path / STATE_NAME),)), notes if repeated else []),
@@ -65,7 +65,7 @@ def command(
 
 
 def _summaries(place: Path) -> Sequence[Summary]:
-    """Return the summaries in a state; of the checkpoint of an unfinished run, that of the frames so far."""
+    """Return the summaries in a state; for the checkpoint of an unfinished run, that of the frames so far."""
     from ospc.calibrator import OnlineCalibrator
     from ospc.pooling.pool import Pool
     from ospc.pooling.summary import Summary
@@ -77,12 +77,12 @@ def _summaries(place: Path) -> Sequence[Summary]:
         return Pool.load(file).summaries
     summary = load_summary(file, Summary) or OnlineCalibrator.load_state(file).summary()
     if summary is None:
-        raise FormatError(f"{file}: nothing could be learned from this recording; leave it out")
+        raise FormatError(f"{file}: contains no usable observations; leave it out")
     return [summary]
 
 
-def _named_apart(found: Sequence[tuple[Path, Summary]]) -> list[Summary]:
-    """Add the shortest distinct path of the state to the names of recordings that share one."""
+def _distinctly_named(found: Sequence[tuple[Path, Summary]]) -> list[Summary]:
+    """Add the shortest distinct path of the state to the names of recordings that share a name."""
     named = []
     for place, summary in found:
         others = {
@@ -94,7 +94,7 @@ def _named_apart(found: Sequence[tuple[Path, Summary]]) -> list[Summary]:
 
 
 def _shortest_distinct(place: Path, others: set[Path]) -> str:
-    """Return the shortest end of a path that no other path has."""
+    """Return the shortest suffix of a path that no other path has."""
     parts = place.absolute().parts
     ends = [parts[-count:] for count in range(1, len(parts) + 1)]
     distinct = (end for end in ends if all(other.absolute().parts[-len(end) :] != end for other in others))

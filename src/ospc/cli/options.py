@@ -1,4 +1,4 @@
-"""How commands declare their options, each once and as the default of a parameter; and those that several share."""
+"""Declaration of options as defaults of a command's parameters, and options shared by several commands."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ if TYPE_CHECKING:
     from ospc.exposures.lag_choice import LagChoice
 
 _MOST_LAG_FRAMES = 1000
-"""Largest lag that can be stated; no camera buffers nearly as many frames."""
+"""Largest lag that is accepted; no camera buffers this many frames."""
 
 _HELP_COLUMNS = 76
-"""Width of help texts in a terminal of 80 columns, less their indentation."""
+"""Width of help texts in a terminal of 80 columns, without their indentation."""
 
 _OF_ANNOTATION: Mapping[str, Mapping[str, Any]] = {
     "bool": {"is_flag": True},
@@ -31,14 +31,14 @@ _OF_ANNOTATION: Mapping[str, Mapping[str, Any]] = {
     "float": {"type": float},
     "Path": {"type": click.Path(path_type=Path)},
 }
-"""What the annotation of a parameter says about its option; ``tuple[…, ...]`` takes several."""
+"""Attributes of an option by the annotation of its parameter; ``tuple[…, ...]`` makes it repeatable."""
 
 
 class Declared(NamedTuple):
-    """The default of a parameter, which declares the option or argument that its value comes from.
+    """The default of a parameter: the declaration of its option or argument.
 
-    ``then`` makes the value of what was given; an :class:`~ospc.errors.OspcError` of it ends the command. With
-    ``reserve``, a folder is made, and kept for this process alone while the command runs. An argument has no flags;
+    ``then`` converts the given value; an :class:`~ospc.errors.OspcError` raised by it ends the command. With
+    ``reserve``, the folder is created and reserved for this process while the command runs. Arguments have no flags;
     the attributes are click's.
     """
 
@@ -48,7 +48,7 @@ class Declared(NamedTuple):
     reserve: bool = False
 
     def parameters(self, name: str, annotation: str) -> list[click.Parameter]:
-        """Return what click is to parse for a parameter of this name and annotation."""
+        """Return click's parameters for a parameter of this name and annotation."""
         several = annotation.startswith("tuple[") and annotation.endswith(", ...]")
         item = annotation.removeprefix("tuple[").removesuffix(", ...]").removesuffix(" | None")
         attributes = {**_OF_ANNOTATION.get(item, {}), **self.attributes}
@@ -58,29 +58,29 @@ class Declared(NamedTuple):
         return [click.Option([*flags, name], **{"multiple": several} | attributes)]
 
     def taken(self, name: str, values: dict[str, Any]) -> Any:
-        """Take the parameter's value out of what click has parsed."""
+        """Remove the parameter's value from those that click has parsed, and return it converted."""
         value = values.pop(name)
         return value if value is None or self.then is None else self.then(value)
 
 
 class Several(NamedTuple):
-    """Declares several options, whose values ``make`` turns into that of one parameter."""
+    """Declares several options that ``make`` combines into the value of one parameter."""
 
     make: Callable[..., Any]
     parts: Mapping[str, Declared]
     reserve: bool = False
 
     def parameters(self, _name: str, _annotation: str) -> list[click.Parameter]:
-        """Return what click is to parse."""
+        """Return click's parameters."""
         return [parameter for name, part in self.parts.items() for parameter in part.parameters(name, "")]
 
     def taken(self, _name: str, values: dict[str, Any]) -> Any:
-        """Take the values of all parts, and return what is made of them."""
+        """Remove the values of all parts, and return the combined value."""
         return self.make(**{name: part.taken(name, values) for name, part in self.parts.items()})
 
 
 def option(help: str | None, *flags: str, then: Callable[[Any], Any] | None = None, **attributes: Any) -> Any:  # noqa: A002
-    """Declare an option, by default with the parameter's name as its flag."""
+    """Declare an option; its flag is the parameter's name by default."""
     return Declared(flags, {"help": help} | attributes, then)
 
 
@@ -98,10 +98,10 @@ def out_option(help: str, *, folder: bool = True, **attributes: Any) -> Any:  # 
 def declared(
     name: str, group: click.Group | None = None, *, exits: Mapping[int, str] | None = None, **attributes: Any
 ) -> Callable[[Callable[..., Any]], click.Command]:
-    """Make a command of what has options as defaults: a function, or a dataclass whose method ``run`` does the work.
+    """Make a command of a function, or of a dataclass with a method ``run``; its parameter defaults declare options.
 
-    A parameter without a default is the :class:`~ospc.cli.interruption.Interruption`. What the command returns is
-    its exit code, None for 0; ``exits`` explains them at the end of the help text.
+    A parameter without a default gets the :class:`~ospc.cli.interruption.Interruption`. The command returns its exit
+    code, or None for 0; ``exits`` explains the codes at the end of the help text.
     """
 
     def made(work: Callable[..., Any]) -> click.Command:
@@ -136,7 +136,7 @@ def declared(
 
 
 def _exit_codes(meanings: Mapping[int, str]) -> str:
-    """Return the list of exit codes for the end of a help text; that of errors and wrong usage is added."""
+    """Return the list of exit codes for the end of a help text, with those of errors and wrong usage added."""
     every = {1: "error", 2: "wrong usage", **meanings}
     width = max(len(str(code)) for code in every)
     lines = [
@@ -149,7 +149,7 @@ def _exit_codes(meanings: Mapping[int, str]) -> str:
 
 
 class Parsed(click.ParamType):  # type: ignore[type-arg]  # generic in new versions of click only
-    """A value that a function makes of a text; a ``SettingError`` of it is wrong usage."""
+    """A value parsed by a function; its ``SettingError`` is wrong usage."""
 
     def __init__(self, name: str, parse: Callable[[str], Any]) -> None:
         self.name, self._parse = name, parse
@@ -167,7 +167,7 @@ def _size(text: str, least: int, most: int) -> tuple[int, int]:
     match = re.fullmatch(r"\s*(\d{1,6})\s*[xX×]\s*(\d{1,6})\s*", text)
     size = (0, 0) if match is None else (int(match[1]), int(match[2]))
     if not all(least <= side <= most for side in size):
-        raise SettingError(f"{text!r} is not a size such as 640x480, of {least} to {most} pixels a side")
+        raise SettingError(f"{text!r} is not a size such as 640x480, with sides of {least} to {most} pixels")
     return size
 
 
@@ -176,20 +176,20 @@ def _lag(text: str) -> LagChoice:
 
     choice = lag_choice(text)
     if isinstance(choice, int) and abs(choice) > _MOST_LAG_FRAMES:
-        raise SettingError(f"no camera is {abs(choice)} frames late; at most {_MOST_LAG_FRAMES} can be corrected")
+        raise SettingError(f"a lag of {abs(choice)} frames is too large; at most {_MOST_LAG_FRAMES} can be corrected")
     return choice
 
 
 def _writable(place: Path) -> Path:
-    """Refuse a file that cannot be written before anything is computed for it."""
+    """Refuse a file that cannot be written, before anything is computed for it."""
     if place.is_dir() or not place.parent.is_dir():
-        raise SettingError(f"{place}: is a folder, or lies in none; name a file in a folder that exists")
+        raise SettingError(f"{place}: is a folder, or its folder does not exist; name a file in an existing folder")
     check_usable(place.parent)
     return place
 
 
 def named(entries: Iterable[str], example: str) -> dict[str, str]:
-    """Return entries NAME=VALUE as a dictionary; a usage error names the example."""
+    """Return entries NAME=VALUE as a dictionary; the usage error shows the example."""
     found: dict[str, str] = {}
     for entry in entries:
         name, equals, value = (part.strip() for part in entry.partition("="))
@@ -201,22 +201,22 @@ def named(entries: Iterable[str], example: str) -> dict[str, str]:
 
 SIZE = Parsed("size", partial(_size, least=1, most=999_999))
 STUDY_SIZE = Parsed("size", partial(_size, least=16, most=8192))
-"""Size of the images of a study: smaller ones show nothing, and larger ones take days."""
+"""Image size of a study: smaller images show nothing, and larger ones take days."""
 
 QUIET = option("Print only errors and warnings.", "-q", "--quiet")
 AS_JSON = option("Print the result as JSON on standard output.", "--json")
-PLOT = option("Draw the result into this picture.", then=_writable)
-IMAGE_SIZE = option("Size of the images; by default what the files state.", metavar="WxH", type=SIZE)
+PLOT = option("Draw the result into this picture file.", then=_writable)
+IMAGE_SIZE = option("Size of the images; by default that stated in the files.", metavar="WxH", type=SIZE)
 TRUTH = option(
     "A known calibration to compare with: calibration.json, or a folder with pcalib.txt and vignette.png.",
     metavar="PATH",
 )
-ASSUME_MISSING = option("Take an unknown response as linear, and an unknown vignette as none.")
-KIND = option("Kind of recording (tum_mono, euroc, …); by default recognised.", metavar="KIND")
-LIST_TOPICS = option("Print the topics of the bag at PATH, and do nothing else.")
+ASSUME_MISSING = option("Treat an unknown response as linear, and an unknown vignette as none.")
+KIND = option("Kind of recording (tum_mono, euroc, …); recognised by default.", metavar="KIND")
+LIST_TOPICS = option("Print the topics of the bag at PATH and exit.")
 CORRECT_LAG = option(
-    "What to do where exposures are written beside other frames than theirs: correct that if the images show by how "
-    "many frames (auto), never, or correct it by N frames; positive if exposures come late.",
+    "Correction of exposures recorded with the wrong frames: auto corrects the lag if the images show it with "
+    "certainty; never leaves the exposures as recorded; N corrects N frames, positive if exposures are late.",
     metavar="auto|never|N",
     type=Parsed("lag", _lag),
     default="auto",

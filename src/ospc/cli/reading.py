@@ -1,4 +1,4 @@
-"""Options that say how a recording is read, shared by the commands that read one."""
+"""Options for reading a recording, shared by the commands that read one."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ from ospc.recording.kinds import kinds
 from ospc.recording.options import ReadingOptions, declared_options
 
 _EACH = "each"
-"""Value of ``--channel`` for one calibration of each channel."""
+"""Value of ``--channel`` that calibrates each channel separately."""
 
 _EACH_HELP = " With each, 'ospc calibrate' calibrates red, green and blue into OUT/red, OUT/green and OUT/blue."
 _WIDTH_WHEN_PIPED = 200
-"""Characters per line of a table that does not go to a terminal; long topic names fit."""
+"""Characters per line of a table outside a terminal; long topic names fit."""
 
 _Opener = Callable[[], Recording]
 
 
 @dataclass(frozen=True)
 class Reading:
-    """How the user wants a recording to be read; ``kind`` is None to recognise it, ``mask`` the file of a mask."""
+    """How to read a recording; ``kind`` is None to recognise it, ``mask`` is the file of a mask."""
 
     options: ReadingOptions
     kind: str | None = None
@@ -40,15 +40,15 @@ class Reading:
     each_channel: bool = False
 
     def open(self, path: Path) -> Recording:
-        """Open a recording; an error for want of exposures names the option to go without them."""
+        """Open a recording; the error for missing exposures suggests ``--unknown-exposures``."""
         if self.each_channel:
-            raise click.UsageError("only 'ospc calibrate' takes --channel each; choose one channel")
+            raise click.UsageError("only 'ospc calibrate' accepts --channel each; choose one channel")
         from ospc.recording import open_recording
 
         return self._opened(path, lambda options: open_recording(path, self.kind, options))
 
     def cameras(self, path: Path) -> dict[str, _Opener]:
-        """Return an opener for each camera of a rig by its name, or for each of its channels if asked for."""
+        """Return an opener for each camera of a rig by name, or for each of its channels with ``--channel each``."""
         if not self.each_channel:
             return {name: partial(self._camera, path, name) for name in cameras_of(path, self.kind, self.options)}
         openers = {}
@@ -68,7 +68,7 @@ class Reading:
         except RecordingError as error:
             if self.options.unknown_exposures:
                 raise
-            # What keeps it from being opened without exposures, too, is to be mended first.
+            # A problem that prevents opening it even without exposures takes precedence.
             opener(replace(self.options, unknown_exposures=True))
             hint = "if there are none, 'ospc calibrate --unknown-exposures' estimates them from the images"
             raise ExposureError(f"{error}; {hint}") from error
@@ -92,7 +92,7 @@ def _known_kind(name: str) -> str:
 
 
 def _stated(name: str, *, each: bool = False) -> Any:
-    """Declare the option for a field of :class:`ReadingOptions`; with ``each``, it takes that word too."""
+    """Declare the option for a field of :class:`ReadingOptions`; with ``each``, that word is a choice too."""
     stated = declared_options()[name]
     choices = (*stated.choices, _EACH) if each else stated.choices
     flags = (f"--{name.replace('_', '-')}", *stated.aliases)
@@ -100,7 +100,7 @@ def _stated(name: str, *, each: bool = False) -> Any:
     return option(text, *flags, type=click.Choice(choices) if choices else None, metavar=stated.metavar)
 
 
-# Whoever reads a recording without knowing its exposures has to do something about them; only some commands do.
+# Only some commands can handle unknown exposures.
 _FIELDS = [name for name in declared_options() if name != "unknown_exposures"]
 _READING: dict[str, Declared] = {
     "kind": option(
@@ -108,7 +108,7 @@ _READING: dict[str, Declared] = {
     ),
     **{name: _stated(name, each=name == "channel") for name in _FIELDS},
     "mask": option(
-        "Image of the frames' size; pixels that are black in it are not used.",
+        "Image of the same size as the frames; pixels that are black in it are not used.",
         type=click.Path(path_type=Path),
         metavar="IMAGE",
     ),
@@ -117,8 +117,8 @@ _READING: dict[str, Declared] = {
     ),
 }
 _UNKNOWN_EXPOSURES = option(
-    "Estimate the exposures from the images, whatever the recording says of them: everything is then known only up "
-    "to one exponent, and labelled so.",
+    "Estimate the exposures from the images and ignore recorded ones. Response, vignette and exposures are then "
+    "known only up to one exponent, and labelled so.",
     is_flag=True,
 )
 
@@ -126,7 +126,7 @@ READING: Any = Several(_reading, _READING)
 """Declares a :class:`Reading`."""
 
 READING_OR_ESTIMATING: Any = Several(_reading, _READING | {"unknown_exposures": _UNKNOWN_EXPOSURES})
-"""The same with ``--unknown-exposures``, for commands that then estimate them."""
+"""The same with ``--unknown-exposures``, for commands that can estimate exposures."""
 
 STATED: Any = Several(lambda **stated: ReadingOptions.of(stated), {name: _stated(name) for name in _FIELDS})
 """Declares :class:`ReadingOptions` alone."""
@@ -135,11 +135,11 @@ STATED_OF_CAMERA: Any = Several(
     lambda **stated: ReadingOptions.of(stated),
     {name: _stated(name) for name in ("channel", "exposure_unit", "gain_unit")},
 )
-"""The same, as far as it matters for a camera that is connected."""
+"""The same, reduced to the options that apply to a connected camera."""
 
 
 def print_topics(path: Path) -> None:
-    """Print the topics of a bag, and what each can be used for."""
+    """Print the topics of a bag and their possible uses."""
     from rich.text import Text
 
     from ospc.recording.bags.bag import Bag, uses
@@ -150,7 +150,7 @@ def print_topics(path: Path) -> None:
     ]
     if rows:
         say_table(
-            ("topic", "type", "messages", "holds"), rows, right="messages", columns_when_piped=_WIDTH_WHEN_PIPED
+            ("topic", "type", "messages", "content"), rows, right="messages", columns_when_piped=_WIDTH_WHEN_PIPED
         )
     else:
-        say(f"{path}: has no topics")
+        say(f"{path}: no topics")

@@ -1,4 +1,4 @@
-"""``ospc record``: record a camera into a folder that can be calibrated."""
+"""``ospc record``: record a camera with the exposure of every frame."""
 
 from __future__ import annotations
 
@@ -24,19 +24,19 @@ def command(
     camera: str = argument(),
     out: Path = out_option("Folder to write, new or empty."),
     frames: int | None = option(
-        "Stop after this many frames; else with Ctrl-C.", "-n", "--frames", type=click.IntRange(1, _MAX_FRAMES)
+        "Stop after this many frames; otherwise with Ctrl-C.", "-n", "--frames", type=click.IntRange(1, _MAX_FRAMES)
     ),
     stated: ReadingOptions = STATED_OF_CAMERA,
     quiet: bool = QUIET,
 ) -> None:
-    """Record CAMERA with the exposure of every frame, to be checked and calibrated.
+    """Record CAMERA with the exposure of every frame, for 'ospc check' and 'ospc calibrate'.
 
     CAMERA is opencv:0 for the first webcam, realsense or realsense:SERIAL (extra 'realsense'), or depthai:left,
-    depthai:right or depthai:colour (extra 'depthai'); realsense:FILE is a recording of RealSense's own viewer.
-    With --channel, RealSense and DepthAI use their colour sensor. The units matter for opencv only: without
-    --gain-unit the gain must stay constant.
+    depthai:right or depthai:colour (extra 'depthai'); realsense:FILE is a recording made with RealSense's viewer.
+    With --channel, RealSense and DepthAI use their colour sensor. The units apply to opencv only: without
+    --gain-unit, the gain must stay constant.
 
-    OUT gets images/ and times.txt. Ctrl-C stops the recording; what was recorded so far is complete.
+    OUT gets images/ and times.txt. Ctrl-C stops the recording; the frames recorded so far are complete.
     """
     from ospc.recording.live import open_camera
     from ospc.recording.writing.images import film

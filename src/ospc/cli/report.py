@@ -14,21 +14,21 @@ from ospc.errors import OspcError
 def command(
     *,
     folder: Path = argument(),
-    recording: Path | None = option("Recording from which to show pictures and track points."),
+    recording: Path | None = option("Recording used for pictures and tracked points."),
     truth: str | None = TRUTH,
-    pdf: bool = option("Write report.pdf too."),
+    pdf: bool = option("Also write report.pdf."),
     reading: Reading = READING,
 ) -> None:
     """Write the report on the calibration in FOLDER again.
 
-    FOLDER holds the calibration.json of 'ospc calibrate' or 'ospc merge'. An earlier report.html is replaced.
+    FOLDER contains the calibration.json of 'ospc calibrate' or 'ospc merge'. An earlier report.html is replaced.
     """
     from ospc.formats.opening import open_photometry
     from ospc.output import OutputFolder
     from ospc.photometry.calibration import Calibration
 
     if not folder.is_dir():
-        raise OspcError(f"{folder}: not a folder; give the folder that holds calibration.json")
+        raise OspcError(f"{folder}: not a folder; give the folder that contains calibration.json")
     calibration = Calibration.load(folder)
     frames = None if recording is None else reading.open(recording)
     known = None if truth is None else open_photometry(truth)

@@ -1,4 +1,4 @@
-"""A run as a stream for the Rerun viewer: images, matches, exposures, curves and coverage along the frames."""
+"""Stream of a run for the Rerun viewer: images, matches, exposures, curves and coverage over time."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from ospc.recording import Frame, Recording
 
 _REFRESH_S, _LARGEST_SHARE = 0.2, 0.2
-"""Shortest time between two looks at the estimates, and the largest share of the time that they may take."""
+"""Shortest time between two updates of the estimates, in seconds, and the largest share of the time spent on them."""
 
 _JPEG = 75
 _MOST_POINTS = 300
@@ -33,12 +33,11 @@ _GREEN, _GREY, _BLUE, _ORANGE = (0, 158, 115), (150, 150, 150), (0, 114, 178), (
 class RerunStream:
     """Streams to the Rerun viewer; make one with :meth:`opened`.
 
-    Images are those of the frames that were looked at, which is not every frame. Along the timelines ``frame`` and
-    ``time``:
+    Only processed frames have images. The timelines ``frame`` and ``time`` have:
 
-    - ``recorded/image``, ``recorded/matches``: a frame, and from where its scene points came since an earlier one;
-    - ``corrected/image``: the frame without vignette, at the longest exposure so far, by what is known at the moment;
-    - ``exposure/stated``, ``exposure/from_images`` in milliseconds, both logarithmic to base 2;
+    - ``recorded/image``, ``recorded/matches``: a frame, and the motion of its scene points since an earlier frame;
+    - ``corrected/image``: the frame without vignette, at the longest exposure so far, with the current estimate;
+    - ``exposure/stated``, ``exposure/from_images``: log₂ of the exposure in milliseconds;
     - ``response``, ``vignette``: the curves, with ±2σ; ``spread/response``, ``spread/vignette``: their σ;
     - ``coverage``: grey level × exposure.
     """
@@ -54,7 +53,7 @@ class RerunStream:
     def opened(
         cls, recording: Recording, file: Path | None, *, spawn: bool, throttle: Throttle | None = None
     ) -> Iterator[RerunStream]:
-        """Open a stream to a file, to a viewer that is started, or both, and close it at the end."""
+        """Open a stream to a file, to a newly started viewer, or both, and close it at the end."""
         with needs_extra("streaming to the Rerun viewer", "rerun"):
             import rerun as rr
             import rerun.blueprint as rrb
@@ -67,7 +66,9 @@ class RerunStream:
             try:
                 rr.spawn(connect=False)
             except RuntimeError as error:
-                raise SettingError(f"the Rerun viewer does not start ({error}); try --rerun-file FILE.rrd") from None
+                raise SettingError(
+                    f"the Rerun viewer cannot be started ({error}); use --rerun-file FILE.rrd"
+                ) from None
             sinks.append(rr.GrpcSink())
         stream.set_sinks(*sinks, default_blueprint=_blueprint(rrb))
         stream.log(
@@ -83,7 +84,7 @@ class RerunStream:
             stream.disconnect()
 
     def __call__(self, calibrator: OnlineCalibrator, frame: Frame) -> None:
-        """Stream what a frame brought."""
+        """Stream a frame and the current estimates."""
         self._stream.set_time("frame", sequence=frame.index)
         self._stream.set_time("time", timestamp=frame.stamp_s)
         self._stream.log("exposure/stated", self._rr.Scalars(np.log2(frame.exposure_ms)))
@@ -141,7 +142,7 @@ class RerunStream:
 
 
 def _check_place(file: Path) -> None:
-    """Refuse a place that cannot be written to, which the package would only say much later, if at all."""
+    """Refuse a file that cannot be written, which Rerun would report only much later, if ever."""
     with os_error_as(FormatError, f"{file}: cannot be written", "name another file"):
         file.parent.mkdir(parents=True, exist_ok=True)
         file.open("ab").close()
@@ -149,7 +150,7 @@ def _check_place(file: Path) -> None:
 
 def _style(rr: Any, stream: Any) -> None:
     stream.log("exposure/stated", rr.SeriesLines(colors=_GREY, names="stated"), static=True)
-    stream.log("exposure/from_images", rr.SeriesPoints(colors=_GREEN, names="shown by the images"), static=True)
+    stream.log("exposure/from_images", rr.SeriesPoints(colors=_GREEN, names="from the images"), static=True)
     stream.log("spread/response", rr.SeriesLines(colors=_BLUE, names="g"), static=True)
     stream.log("spread/vignette", rr.SeriesLines(colors=_ORANGE, names="V at the corner"), static=True)
 

@@ -20,7 +20,7 @@ def _numbers(text: str) -> tuple[float, ...]:
     try:
         return tuple(float(part) for part in text.replace(",", " ").split())
     except ValueError:
-        raise SettingError(f"'{text}' is not a list of numbers") from None
+        raise SettingError(f"'{text}' is not a list of numbers, such as 1,2,4") from None
 
 
 _NUMBERS = Parsed("numbers", _numbers)
@@ -28,10 +28,10 @@ _NUMBERS = Parsed("numbers", _numbers)
 
 @dataclass(frozen=True)
 class _Simulation:
-    """Simulate a recording with known truth in the folder OUT.
+    """Simulate a recording with known truth and write it to the folder OUT.
 
-    The folder contains images, times.txt and camera.txt like a real recording, and the truth in pcalib.txt,
-    vignette.png, groundtruthSync.txt and truth.json.
+    OUT gets images, times.txt and camera.txt like a real recording, and the truth in pcalib.txt, vignette.png,
+    groundtruthSync.txt and truth.json.
     """
 
     out: Path = argument(reserve=True)
@@ -42,7 +42,7 @@ class _Simulation:
     response: str = option("linear, srgb, gamma2.2, log, filmic, tum_narrow, or a pcalib.txt.", default="gamma2.2")
     vignette: str = option("none, polynomial, cos4, decentred, or a vignette.png.", default="polynomial")
     vignette_coefficients: tuple[float, ...] | None = option(
-        "1 + V1 R² + V2 R⁴ + V3 R⁶, R = 1 at the corner.", metavar="V1,V2,V3", type=_NUMBERS
+        "Vignette 1 + V1 R² + V2 R⁴ + V3 R⁶ with R = 1 at the corner.", metavar="V1,V2,V3", type=_NUMBERS
     )
     noise: str = option(None, type=click.Choice(["none", "low", "high"]), default="low")
     exposure: str = option(
@@ -54,19 +54,19 @@ class _Simulation:
         "Limits of auto and sweep, in ms.", nargs=2, type=float, metavar="MIN MAX"
     )
     exposures: tuple[float, ...] | None = option(
-        "Exposures in ms of cycle; one for constant.", metavar="MS,MS,…", type=_NUMBERS
+        "Exposures for cycle, in ms; a single one for constant.", metavar="MS,MS,…", type=_NUMBERS
     )
     exposure_file: Path | None = option(
-        "For file: exposures in ms, the last column of a text file such as times.txt.",
+        "Text file with exposures in ms in its last column, such as times.txt; for file.",
         type=click.Path(path_type=Path, dir_okay=False),
     )
     motion: str = option(None, type=click.Choice(["handheld", "static", "pan", "forward"]), default="handheld")
-    speed: float = option("Factor on the speed of the motion.", default=1.0)
-    lag: int = option("Number of frames by which the metadata are late.", default=0)
-    metadata_error: float = option("Relative standard deviation of errors in the metadata.", default=0.0)
-    flicker: float = option("Relative amplitude of flicker of the light.", default=0.0)
-    moving_objects: int = option("Number of patches that move in front of the scene.", default=0)
-    motion_blur_samples: int = option("Instants averaged per frame.", "--motion-blur", default=1)
+    speed: float = option("Speed factor of the motion.", default=1.0)
+    lag: int = option("Lag of the exposure metadata in frames.", default=0)
+    metadata_error: float = option("Relative standard deviation of errors in the exposure metadata.", default=0.0)
+    flicker: float = option("Relative amplitude of the flicker of the light.", default=0.0)
+    moving_objects: int = option("Number of patches moving in front of the scene.", default=0)
+    motion_blur_samples: int = option("Number of instants averaged per frame.", "--motion-blur", default=1)
     bit_depth: int = option("Bits per grey value, 8 to 16.", default=8)
     jpg: bool = option("Store JPEG instead of PNG.")
     archive: bool = option("Store images.zip instead of the folder images.")
@@ -95,16 +95,16 @@ class _Simulation:
             options["exposure_min_ms"], options["exposure_max_ms"] = self.exposure_range
         if self.exposures:
             if self.exposure not in ("cycle", "constant"):
-                raise SettingError("--exposures goes with --exposure cycle or constant; add one of them")
+                raise SettingError("--exposures requires --exposure cycle or constant; add one of them")
             if self.exposure == "constant" and len(self.exposures) > 1:
                 count = len(self.exposures)
                 raise SettingError(
-                    f"--exposure constant takes one of --exposures, not {count}; give one, or use cycle"
+                    f"--exposure constant takes a single exposure, not {count}; give one, or use cycle"
                 )
             options["exposures_ms"], options["exposure_ms"] = self.exposures, self.exposures[0]
         if self.exposure == "file":
             if self.exposure_file is None:
-                raise SettingError("--exposure file needs --exposure-file with one exposure for each frame")
+                raise SettingError("--exposure file requires --exposure-file with one exposure per frame")
             options["exposures_ms"] = tuple(exposures_in(self.exposure_file)[: self.frames])
         if self.vignette_coefficients:
             options["vignette_coefficients"] = self.vignette_coefficients

@@ -1,4 +1,4 @@
-"""What the commands of studies share: their options, their progress, and how they print tables and files."""
+"""Options, progress and output shared by the commands that run studies."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ if TYPE_CHECKING:
     from ospc.research.tables import StudyReport, Table
 
 _EXAMPLE = "theirs=pcalib.txt,vignette.png"
-"""A calibration of another program, as its option takes it."""
+"""Example of a calibration of another program."""
 
 _WIDTH = 400
-"""Columns of tables: the terminal wraps lines that are longer; cells that were cut would be lost."""
+"""Width of tables in characters: the terminal wraps longer lines, whereas cut cells would be lost."""
 
 
 def study_out_option(default: str) -> Any:
-    """Declare the option for the folder of the results."""
+    """Declare the option for the output folder."""
     return out_option("Folder of the results.", default=Path(default))
 
 
@@ -47,31 +47,31 @@ def _presets(text: str) -> tuple[str, ...]:
 
 def _folder(place: Path) -> Path:
     if not place.is_dir():
-        raise SettingError(f"{place}: is not a folder; give the folder of real data, or leave --data out")
+        raise SettingError(f"{place}: is not a folder; give the folder of real data, or omit --data")
     return place
 
 
 DATA = option("Folder of real data.", envvar="OSPC_DATA", then=_folder)
 JOBS = option("Number of processes.", type=click.IntRange(1, 256), default=1)
 CALIBRATIONS = option(
-    f"Calibration of another program to be compared, such as {_EXAMPLE}; repeatable.",
+    f"Calibration of another program to compare, such as {_EXAMPLE}; repeatable.",
     "--calibration",
     metavar="NAME=FILES",
 )
 
 
 def words(text: str) -> tuple[str, ...]:
-    """Return the words of a list that is separated by commas."""
+    """Return the words of a comma-separated list."""
     return tuple(word.strip() for word in text.split(",") if word.strip())
 
 
 def by_name(recordings: Iterable[Path]) -> dict[str, Path]:
-    """Return recordings by the name of their folder, by which results are told apart."""
+    """Return recordings by the name of their folder, which identifies them in results."""
     found: dict[str, Path] = {}
     for place in recordings:
         name = escaped(place.resolve().name)
         if name in found:
-            raise SettingError(f"two recordings are called {name}; rename the folder of one of them")
+            raise SettingError(f"two recordings are named {name}; rename the folder of one of them")
         found[name] = place
     return found
 
@@ -92,9 +92,9 @@ def run_study(
     as_json: bool = False,
     partly: Callable[[Sequence[Finished]], bool] = lambda _finished: False,
 ) -> None:
-    """Run tasks with a progress bar, then write and print the report on those that finished, in their order.
+    """Run tasks with a progress bar, then write and print the report on the finished ones, in their order.
 
-    It is also written whenever ``partly`` says so of those finished so far: an interruption leaves what was there.
+    The report is also written whenever ``partly`` returns True for the tasks finished so far.
     """
     from ospc.research.runner import ResultStore, run
 

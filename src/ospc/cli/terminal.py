@@ -1,6 +1,6 @@
-"""The only way to standard output and standard error, progress included, where what terminals obey is escaped.
+"""All output to standard output and standard error, including progress, with escape sequences made harmless.
 
-Names of folders, topics, cameras and texts in files come from outside, and terminals obey escape sequences in them.
+Names of folders, topics and cameras, and texts in files, are untrusted and may contain terminal escape sequences.
 """
 
 from __future__ import annotations
@@ -23,28 +23,28 @@ if TYPE_CHECKING:
 
 
 COMPLETE, FAILED, UNDETERMINED, INTERRUPTED = 0, 1, 3, 130
-"""Exit codes: everything is identifiable and nothing warns; an error; something is not, or warns; and, after Ctrl-C,
-what shells expect, 128 + SIGINT."""
+"""Exit codes: everything is identifiable without warnings; an error; something is not identifiable, or there is a
+warning; and 128 + SIGINT after Ctrl-C, as shells expect."""
 
 
 class Styled(str):
-    """A text that may hold escape sequences; make one with :func:`styled`."""
+    """A text that may contain escape sequences; make one with :func:`styled`."""
 
     __slots__ = ()
 
 
 def styled(text: str, **style: Any) -> Styled:
-    """Return a text in a style of :func:`click.style`."""
+    """Return an escaped text in a style of :func:`click.style`."""
     return Styled(click.style(escaped(text), **style))
 
 
 def say(*parts: str, err: bool = False) -> None:
-    """Print one line, on standard error if ``err``: :class:`Styled` parts as they are, any other text escaped."""
+    """Print one line, on standard error if ``err``; parts are escaped unless they are :class:`Styled`."""
     click.echo("".join(part if isinstance(part, Styled) else escaped(part) for part in parts), err=err)
 
 
 def say_notes(notes: Iterable[str], label: str = "note") -> None:
-    """Print notes on standard error, one a line."""
+    """Print notes on standard error, one per line."""
     for note in notes:
         say(f"{label}: {note}", err=True)
 
@@ -52,7 +52,7 @@ def say_notes(notes: Iterable[str], label: str = "note") -> None:
 def say_table(
     headings: Iterable[str], rows: Iterable[Iterable[Any]], *, right: str | None = None, columns_when_piped: int
 ) -> None:
-    """Print rows of rich's texts below their headings; the column of the heading ``right`` is aligned to that."""
+    """Print a table of rich texts; the column with the heading ``right`` is right-aligned."""
     from rich.table import Table
 
     table = Table(show_edge=False, pad_edge=False, header_style="bold")
@@ -64,9 +64,9 @@ def say_table(
 
 
 def print_json(content: Any) -> None:
-    """Print one JSON document on standard output; numbers that are not finite become null."""
+    """Print one JSON document on standard output; non-finite numbers become null."""
     for line in json.dumps(_finite(content), indent=1, allow_nan=False).split("\n"):
-        say(line.replace("\x7f", "\\u007f"))  # the only control character that JSON leaves as it is
+        say(line.replace("\x7f", "\\u007f"))  # the only control character that JSON does not escape
 
 
 def _finite(content: Any) -> Any:
@@ -78,7 +78,7 @@ def _finite(content: Any) -> Any:
 
 
 def concluded(content: dict[str, Any], *, as_json: bool) -> int:
-    """Print a result as JSON if that is asked for, and return its exit code; OspcError if the run failed."""
+    """Print a result as JSON if ``as_json``, and return its exit code; OspcError if the run failed."""
     if as_json:
         print_json(content)
     if content["error"]:
@@ -87,7 +87,7 @@ def concluded(content: dict[str, Any], *, as_json: bool) -> int:
 
 
 def console(**options: Any) -> Console:
-    """Return a console of rich, for tables and progress, that escapes as :func:`say` does."""
+    """Return a rich console for tables and progress that escapes text like :func:`say`."""
     from rich.console import Console
     from rich.segment import Segment
 
@@ -100,12 +100,12 @@ def console(**options: Any) -> Console:
 
 
 def escaped_lines(text: str) -> str:
-    """Return a text of several lines with everything else escaped that a terminal would interpret."""
+    """Return a text with everything escaped that a terminal would interpret, except line breaks."""
     return "\n".join(escaped(line.expandtabs(4)) for line in text.split("\n"))
 
 
 class ProgressLine:
-    """A stage, a bar, how many steps of how many are done, further figures, and the time left."""
+    """A progress bar with the stage, the number of steps, further figures, and the remaining time."""
 
     def __init__(self, on: Console | None = None) -> None:
         from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
@@ -123,9 +123,9 @@ class ProgressLine:
         self._done = 0.0
 
     def show(self, stage: str, done: float, total: float, figures: str = "") -> None:
-        """Show a stage; one of which less is done than before starts the clock anew.
+        """Show the progress of a stage; the clock restarts when ``done`` decreases.
 
-        With a total of 0, nobody knows how far it is: the bar moves to and fro instead of standing still.
+        With a total of 0, the progress is unknown, and the bar moves back and forth.
         """
         if done < self._done:
             self.bar.reset(self._task)
@@ -137,7 +137,7 @@ class ProgressLine:
 
 @contextmanager
 def progress_line(*, quiet: bool = False) -> Iterator[Callable[..., None]]:
-    """Give the function :meth:`ProgressLine.show`; where nobody looks at a terminal, one that does nothing."""
+    """Yield the function :meth:`ProgressLine.show`, or one that does nothing outside a terminal."""
     if quiet or not sys.stderr.isatty():
         yield lambda *_shown, **_more: None
         return
@@ -150,9 +150,9 @@ def progress_line(*, quiet: bool = False) -> Iterator[Callable[..., None]]:
 def progress_of(
     stage: str, *, quiet: bool = False, interruption: Interruption | None = None
 ) -> Iterator[Callable[[int, int], None]]:
-    """Give a function to call with the number of steps done and of all; what follows the last is "finishing".
+    """Yield a function to call with the number of steps done and in total; after the last, the stage is "finishing".
 
-    Signals of an ``interruption`` are deferred to the end of a step, which then raises ``KeyboardInterrupt``.
+    Signals are deferred to the end of a step, which then raises ``KeyboardInterrupt``.
     """
     with progress_line(quiet=quiet) as show:
 

@@ -31,9 +31,9 @@ def command(
     mend: bool = option("Write repaired copies <name>.repaired.<ext>.", "--repair"),
     as_json: bool = AS_JSON,
 ) -> int:
-    """Check pcalib.txt, vignette.png, times.txt and camera.txt, or folders that hold them.
+    """Check pcalib.txt, vignette.png, times.txt and camera.txt, or folders that contain them.
 
-    Reports what the program that reads the files would do with them, and what to do about it. The exit code is 0 if
+    Reports what the program that reads the files would do with them, and how to fix problems. The exit code is 0 if
     all files are valid, even with warnings and notes; 1 if a file is invalid or unreadable; 2 for wrong usage.
     """
     from ospc.errors import OspcError

@@ -42,7 +42,7 @@ def test_conditions_and_given_calibrations_are_compared(tiny_room, tmp_path):
 def test_it_wants_a_program_or_the_one_built_in(tiny_room, tmp_path, options):
     result = run(tiny_room, "-o", tmp_path / "out", *options)
     assert isinstance(result.exception, SettingError)
-    assert "one of the two" in str(result.exception)
+    assert "give either the path" in str(result.exception)
     assert not (tmp_path / "out").exists()
 
 
