@@ -73,8 +73,8 @@ def test_points_are_followed_where_the_exposure_changes_most():
 @pytest.mark.parametrize(
     ("changes", "reason"),
     [
-        ({"size": (32, 24)}, "another image size"),
-        ({"response": None, "vignette": None}, "nothing to correct with"),
+        ({"size": (32, 24)}, "the image size of the recording differs"),
+        ({"response": None, "vignette": None}, "neither response nor vignette is known"),
     ],
 )
 def test_what_cannot_be_shown_is_said(changes, reason):

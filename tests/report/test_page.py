@@ -205,7 +205,7 @@ def test_whatever_is_known_makes_a_page_of_finite_figures(findings, draw_once, m
 
 def test_what_is_missing_is_said():
     content = page(Findings(CASES["no vignette"]))
-    assert "Not known: it was seen." in content
+    assert "Unknown: it was seen." in content
     assert "No pairs of frames could be compared." in page(Findings(CASES["nothing known"]))
     assert "stopped before the end of the recording" in page(Findings(CASES["interrupted"]))
 

@@ -75,5 +75,5 @@ def test_calibrations_are_compared_in_one_picture(tmp_path):
     assert b"<svg" in plot_photometries(several, tmp_path / "plot.svg").read_bytes()
     with pytest.raises(FormatError, match="cannot be written"):
         plot_photometries(several, tmp_path / "no" / "plot.png")
-    with pytest.raises(FormatError, match="known kind of picture"):
+    with pytest.raises(FormatError, match="unknown picture format"):
         plot_photometries(several, tmp_path / "plot.docx")

@@ -28,7 +28,7 @@ WELL, ROUGH, LOST = (Verdict(state, "why") for state in ("identifiable", "margin
         (
             WELL,
             ROUGH,
-            "The response of this camera is well determined. The vignette is known only roughly.",
+            "The response of this camera is well determined. The vignette is known only approximately.",
             "marginal",
         ),
         (
@@ -79,7 +79,7 @@ def test_corners_that_differ_and_a_bright_place_beside_the_centre_are_named():
     text = said(vignette=decentred)
     low, high = (100 * (1 - 0.2 * (x**2 + 1)) / (1 - 0.2 * 0.4**2) for x in (1.4, 0.6))
     assert f"on average ({low:.0f} to {high:.0f} %)" in text
-    assert "vignette.png is relative to the brightest place" in text
+    assert "relative to the brightest point, as in vignette.png" in text
 
 
 def test_the_corners_are_those_of_the_file():
@@ -100,4 +100,4 @@ def test_the_ends_of_the_grey_levels_do_not_stand_for_all_of_them():
     spread = np.full(256, 0.001)
     spread[:30] = 0.4
     sure = replace(Response.gamma(2.0), log_sigma=spread, scale_sigma=0.001)
-    assert "is known to ±0.1 % in the median and to ±40 % at the worst" in said(response=sure)
+    assert "is known to ±0.1 % in the median and ±40 % at worst" in said(response=sure)

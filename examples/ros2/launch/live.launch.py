@@ -1,4 +1,4 @@
-"""Starts the node on the topics of a driver."""
+"""Starts the node with the topics of a driver."""
 
 from launch.actions import DeclareLaunchArgument
 from launch.substitutions import LaunchConfiguration

@@ -16,11 +16,11 @@ from ospc.recording.live.ros import RosFrames
 from ospc.recording.options import ReadingOptions
 
 OPTIONS = ("channel", "exposure_field", "exposure_unit", "gain_field", "gain_unit")
-"""What the user may state, as for ospc calibrate; needed for messages that ospc does not know."""
+"""Reading options, as for ospc calibrate; needed for message types that ospc does not know."""
 
 
 class LiveCalibration(Node):
-    """Takes images and exposures from a driver; saves the calibration when all is known, and when it is shut down."""
+    """Calibrates from a driver's images and exposures; saves the result when everything is known, and on shutdown."""
 
     def __init__(self):
         super().__init__("ospc_live")
@@ -38,7 +38,7 @@ class LiveCalibration(Node):
         self.create_timer(1.0, self.advise)
 
     def taker(self, frame_of):
-        """Return the callback of a topic."""
+        """Return the callback for a topic."""
 
         def take(message):
             try:
@@ -52,16 +52,16 @@ class LiveCalibration(Node):
         return take
 
     def advise(self):
-        """Say what to film next; end when everything is known."""
+        """Publish what to film next; end when everything is known."""
         self.advice.publish(String(data=self.live.status.advice))
         if self.live.status.instruction.kind == "done" and not self.done.done():
             self.done.set_result(True)
 
     def save(self):
-        """Save what is known."""
+        """Save the calibration so far."""
         try:
             self.live.calibration().save(self.out)
-            print(f"saved {self.out}")  # not by the logger: it is of no use once the node is shut down
+            print(f"saved {self.out}")  # the logger does not work after the node was shut down
         except OspcError as error:
             print(error)
         finally:

@@ -1,1 +1,1 @@
-"""Reports and pictures of calibrations, all charts drawn with matplotlib."""
+"""Reports and pictures of calibrations; matplotlib draws all charts."""

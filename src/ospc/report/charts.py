@@ -1,4 +1,4 @@
-"""Every chart of a report or picture: its title, what to see in it, and how it is drawn."""
+"""The charts of reports and pictures, each with title, caption and drawing function."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from ospc.formats.opening import Photometry
 
 WIDTH_IN = 4.6
-"""Width of a chart; with letters of 9 points, the charts are readable on a telephone too."""
+"""Width of a chart; with letters of 9 points, charts are readable on a phone too."""
 
 
 _HEIGHT_IN, _HEIGHT_WITH_PANELS_IN = 3.2, 4.6
@@ -30,10 +30,10 @@ _MARGINS_IN = {"left": 0.86, "right": 0.12, "top": 0.28, "bottom": 0.48}
 
 @dataclass(frozen=True)
 class Findings:
-    """All that charts show; None for what is not known.
+    """The data for charts; unknown parts are None.
 
-    ``exposures_ms`` are those of the metadata, shape (frames,), and ``truth`` a reference to draw the calibration
-    against.
+    ``exposures_ms`` are those of the metadata, shape (frames,), and ``truth`` is a reference that is drawn with the
+    calibration.
     """
 
     calibration: Calibration
@@ -42,9 +42,9 @@ class Findings:
 
     @cached_property
     def charts(self) -> dict[str, Chart]:
-        """The charts that can be drawn, by name, in the order in which a report shows them.
+        """The charts that can be drawn, by name, in the order of a report.
 
-        "response" and "vignette" are always there: where one is unknown, the chart says so.
+        "response" and "vignette" are always included; if one is unknown, its chart says so.
         """
         calibration, coverage = self.calibration, self.calibration.coverage
         charts = _curves(calibration, self.truth) | _exposures(calibration.exposure_ratios, self.exposures_ms)
@@ -55,8 +55,7 @@ class Findings:
 class Chart:
     """A chart that can be drawn into any figure: ``draw`` takes a cell of a grid and returns the topmost axes.
 
-    The height is for a width of :data:`WIDTH_IN`. ``unknown`` says why there is nothing to draw; it is empty where
-    there is.
+    The height is for a width of :data:`WIDTH_IN`. ``unknown`` is the reason why there is nothing to draw, or empty.
     """
 
     title: str
@@ -71,7 +70,7 @@ class Chart:
         axes.set_title(self.title)
 
     def drawn(self, width_in: float, height_in: float, margins_in: Mapping[str, float]) -> Any:
-        """Return a figure of the chart alone, always the same one: to make its axes takes as long as to draw them."""
+        """Return a figure of the chart alone; it is reused, because creating axes takes as long as drawing them."""
         return fit_into(self._figure, width_in, height_in, margins_in)
 
     @cached_property
@@ -84,7 +83,7 @@ class Chart:
 
 
 def charts_as_svg(findings: Findings) -> dict[str, str]:
-    """Return the charts that show something as elements for HTML, by title."""
+    """Return the charts with content as elements for HTML, by title."""
     return {chart.title: chart_as_svg(chart) for chart in findings.charts.values() if not chart.unknown}
 
 
@@ -99,16 +98,16 @@ def _curves(calibration: Calibration, truth: Photometry | None) -> dict[str, Cha
     charts = {
         "response": Chart(
             "Inverse response g",
-            "Irradiance behind each grey level, relative to saturation: g(0) = 0 and g(largest grey level) = 1 by "
-            "convention. The lowest panel counts the observations.",
+            "Irradiance of each grey level, relative to saturation: g(0) = 0 and g(largest grey level) = 1 by "
+            "convention. The lowest panel shows the number of observations.",
             partial(curves.draw_response, calibration=calibration, reference=response),
             _HEIGHT_WITH_PANELS_IN,
             _unknown(calibration, "response"),
         ),
         "vignette": Chart(
             "Vignette V",
-            "Share of the light at the centre that arrives at each distance from it: the mean along the four half "
-            "diagonals.",
+            "Attenuation at each distance from the image centre, relative to the centre: the mean along the four "
+            "half diagonals.",
             partial(curves.draw_vignette, calibration=calibration, reference=vignette),
             _HEIGHT_WITH_PANELS_IN,
             _unknown(calibration, "vignette"),
@@ -127,7 +126,7 @@ def _unknown(calibration: Calibration, part: str) -> str:
     if getattr(calibration, part) is not None:
         return ""
     verdict = calibration.verdicts.get(part)
-    return "Not known." if verdict is None else f"Not known: {verdict.reason}."
+    return "Unknown." if verdict is None else f"Unknown: {verdict.reason}."
 
 
 def _exposures(ratios: ExposureRatios, exposures_ms: FloatArray | None) -> dict[str, Chart]:
@@ -136,16 +135,15 @@ def _exposures(ratios: ExposureRatios, exposures_ms: FloatArray | None) -> dict[
         return charts
     if exposures_ms is not None and len(exposures_ms) > int(ratios.frames.max()):
         charts["exposures"] = Chart(
-            "Exposures along the recording",
-            "A dot is the exposure of a frame as estimated from the images: that of an earlier frame by the "
-            "metadata, divided by the estimated ratio of the two. Dots beside the line indicate exposures that "
-            "belong to other frames, gain that changed unrecorded, or frames that were matched badly.",
+            "Exposures over time",
+            "Each dot is the exposure of a frame as estimated from the images: the recorded exposure of an earlier "
+            "frame, divided by the estimated ratio of the two. Dots off the line indicate exposures that belong to "
+            "other frames, unrecorded changes of gain, or badly matched frames.",
             partial(evidence.draw_exposures, exposures_ms=exposures_ms, ratios=ratios),
         )
     charts["ratios"] = Chart(
         "Exposure ratios of pairs of frames",
-        "The closer the dots lie to the line, the better images and metadata agree. The median weights each pair by "
-        "its samples.",
+        "Dots on the line indicate agreement of images and metadata. The median weights each pair by its samples.",
         partial(evidence.draw_ratios, ratios=ratios),
     )
     return charts
@@ -156,34 +154,34 @@ def _coverage(coverage: Coverage, max_grey: int) -> dict[str, Chart]:
     charts = {
         "grey coverage": Chart(
             "Observations by grey level and exposure",
-            "The response is found from the same light at several exposures: filled columns are good, empty ones are "
-            "grey levels that were never observed.",
+            "The response is estimated from the same light at several exposures. Filled columns are good; empty "
+            "columns are grey levels that were never observed.",
             partial(evidence.draw_grey_coverage, coverage=coverage, max_grey=max_grey),
         ),
         "radius coverage": Chart(
             "Observations by radius in two frames",
-            "The vignette is found from scene points that move between centre and corner: observations away from the "
-            "diagonal determine it, those on the diagonal do not.",
+            "The vignette is estimated from scene points that move between centre and corner. Observations away from "
+            "the diagonal determine it; those on the diagonal do not.",
             partial(evidence.draw_radius_coverage, coverage=coverage),
         ),
     }
     if by_grey is not None:
         charts["grey residual"] = Chart(
             "Residuals over grey levels",
-            "A median away from zero means that the response bends where the model does not. The width of the band "
-            "is noise and imperfect matching.",
+            "A median away from zero means that the model does not fit the response there. The width of the band "
+            "shows noise and imperfect matching.",
             partial(evidence.draw_residual, quantiles=by_grey, x_end=max_grey, x_label="grey level M", colour=BLUE),
         )
     if by_radius is not None:
         charts["radius residual"] = Chart(
             "Residuals over the radius",
-            "A median away from zero means that the vignette falls off in a way that the model does not.",
+            "A median away from zero means that the model does not fit the vignette there.",
             partial(evidence.draw_residual, quantiles=by_radius, x_end=1, x_label=curves.RADIUS_LABEL, colour=ORANGE),
         )
     if by_place is not None and np.isfinite(by_place).any():
         charts["place residual"] = Chart(
             "Residuals over the image",
-            "A large patch of one colour means shading that the model does not describe, or dirt on the lens. "
+            "A large patch of one colour indicates shading that the model does not describe, or dirt on the lens. "
             "A random mixture of colours is noise.",
             partial(evidence.draw_place_residual, by_place=by_place),
         )

@@ -1,4 +1,4 @@
-"""A picture of the result of a check."""
+"""The plot of a check."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from ospc.report.style import BLACK, BLUE, GREEN, GREY, ORANGE, new_figure, prin
 from ospc.settings.correspondence import COVERAGE_GREY_CELLS, COVERAGE_RADIUS_CELLS
 
 _EXPOSURE_ROWS = 12
-"""Classes of exposure."""
+"""Number of exposure classes."""
 
 _SAME_EXPOSURE = 1e-3
 """Range of ln exposure below which there is only one class."""
 
 _DECIDING = 10
-"""Differences in log likelihood up to which the axis is linear: larger ones are all equally decisive."""
+"""Difference in log likelihood up to which the axis is linear; all larger ones are decisive."""
 
 
 def plot_report(report: RecordingReport, path: str | Path) -> Path:
-    """Draw brightness against exposure, the score of each lag, and the coverage; return the path of the picture."""
+    """Draw brightness and exposure, the score of each lag, and the coverage; return the path of the picture."""
     lag = report.exposure_lag_frames
     title = (
         f"{report.name}: {report.processed} of {counted(report.frames, 'frame')}, exposure lag "
@@ -42,10 +42,10 @@ def plot_report(report: RecordingReport, path: str | Path) -> Path:
 
 
 def _draw_brightness(report: RecordingReport, axes: Any) -> None:
-    """Draw the observed change of brightness and what exposures explain of it, accumulated within each run."""
+    """Draw the observed change of brightness and the part explained by the exposures, accumulated within each run."""
     axes.set(
-        title="Brightness of the same scene points, and what the exposures explain of it",
-        xlabel="frame (runs side by side, each with the number of its first frame)",
+        title="Brightness of the same scene points, and the part explained by the exposures",
+        xlabel="frame (consecutive runs, each labelled with its first frame)",
         ylabel="ln grey level, relative to the start of the run",
     )
     fit, frame = report.exposures.lag.fit, report.exposures.lag.frame
@@ -73,7 +73,9 @@ def _draw_score(report: RecordingReport, axes: Any) -> None:
 
     lag = report.exposures.lag
     axes.set(
-        title=f"Lag of the exposures: {lag.state}", xlabel="lag in frames", ylabel="log likelihood below the best"
+        title=f"Lag of the exposures: {lag.state}",
+        xlabel="lag in frames",
+        ylabel="log likelihood relative to the best",
     )
     if not np.any(lag.score):
         axes.text(0.5, 0.5, "cannot be determined", ha="center", transform=axes.transAxes)
@@ -115,7 +117,7 @@ def _draw_radii(report: RecordingReport, axes: Any) -> None:
     axes.annotate("", xy=(min(reach, 1.0), 1.06), xytext=(0, 1.06), arrowprops={"arrowstyle": "|-|", "color": ORANGE})
     axes.text(min(reach, 0.5) + 0.02, 1.09, f"radial motion {reach:.2f}", color=ORANGE, fontsize=8)
     axes.set(
-        title="Well exposed share of each radius",
+        title="Well-exposed share at each radius",
         xlabel=RADIUS_LABEL,
         ylabel="share of pixels",
         xlim=(0, 1),

@@ -20,34 +20,34 @@ from ospc.report.style import BLACK, BLUE, GREEN, GREY, ORANGE, printable
 RADIUS_LABEL = "distance from the image centre (1 = corner)"
 
 _BANDS = ((2, 0.2), (1, 0.35))
-"""Multiples of the standard deviation that are shown as bands, and the opacity of each."""
+"""Multiples of the standard deviation that are shown as bands, with their opacities."""
 
 _PANEL_HEIGHTS = (3.0, 1.1, 0.9)
-"""Of the curve, its error and the number of observations, relative to one another."""
+"""Relative heights of the panels of the curve, its error, and the number of observations."""
 
 _MOST_LEVELS = 257
 """Points of a drawn response: as smooth as a screen can show."""
 
 _LEAST_EXTENT = 1e-4
-"""Smallest half height of an error panel; errors below it do not matter."""
+"""Smallest half height of an error panel; smaller errors are negligible."""
 
 _MOST_TICKS = 6
-"""Intervals between the ticks of an axis."""
+"""Most intervals between the ticks of an axis."""
 
 _LABEL_IN = 0.66
-"""Distance of the label of a y axis from the axis, in inches: room for the numbers of the ticks."""
+"""Distance of the label of a y axis from the axis, in inches, with room for the tick labels."""
 
 _BAR_WIDTHS = (20, 1, 4.5)
-"""Of an image, its colour bar, and the numbers and label beside that, relative to one another."""
+"""Relative widths of an image, its colour bar, and the labels of the colour bar."""
 
 _MAP_COLUMNS = 240
 """Cells in a row of the vignette map."""
 
 _MAP_STEPS = 9
-"""Most steps of attenuation in the vignette map: more could not be told apart by their colour."""
+"""Most steps of attenuation in the vignette map; more colours could not be distinguished."""
 
 _WRAP_COLUMNS = 38
-"""Characters in a line of text in place of a curve."""
+"""Characters per line of a text in place of a curve."""
 
 
 @dataclass(frozen=True)
@@ -65,10 +65,10 @@ class _Curve:
 
 
 def draw_response(cell: Any, calibration: Calibration, reference: Response | None = None) -> Any:
-    """Draw g over grey levels, the uncertainty and error of its shape enlarged, and the number of observations.
+    """Draw g over grey levels, an enlarged view of the uncertainty and error of its shape, and the observations.
 
-    Grey levels outside the range that was measured are shaded. A reference is scaled to agree at the grey level that
-    the uncertainty is relative to.
+    Grey levels outside the measured range are shaded. A reference is scaled to agree at the grey level to which the
+    uncertainty is relative.
     """
     response, white = calibration.response, calibration.max_grey
     assert response is not None
@@ -95,7 +95,7 @@ def draw_response(cell: Any, calibration: Calibration, reference: Response | Non
 
 
 def draw_vignette(cell: Any, calibration: Calibration, reference: Vignette | None = None) -> Any:
-    """Draw V over the radius, its uncertainty and error enlarged, and the number of observations."""
+    """Draw V over the radius, an enlarged view of its uncertainty and error, and the number of observations."""
     vignette = calibration.vignette
     assert vignette is not None
     curve = _Curve(
@@ -116,7 +116,7 @@ def draw_vignette(cell: Any, calibration: Calibration, reference: Vignette | Non
 
 
 def draw_vignette_map(cell: Any, vignette: Vignette) -> Any:
-    """Draw V over the image in round steps."""
+    """Draw V over the image, with steps at round numbers."""
     from matplotlib.colors import BoundaryNorm
     from matplotlib.ticker import MaxNLocator
 
@@ -177,7 +177,7 @@ def logarithmic(axes: Any, name: str, low: float, high: float) -> None:
 
 
 def _panels(cell: Any, curve: _Curve, observations: IntArray | None) -> list[Any]:
-    """Draw a curve, below it its error where known, and below that the observations where counted."""
+    """Draw a curve, with panels for its error if known, and the number of observations if counted."""
     judged = curve.sigma is not None or curve.reference is not None
     shown = [True, judged, observations is not None]
     heights = [height for height, is_shown in zip(_PANEL_HEIGHTS, shown, strict=True) if is_shown]
@@ -224,7 +224,7 @@ def _draw_bands(axes: Any, curve: _Curve) -> None:
 
 
 def _legend(axes: Any, place: str) -> None:
-    """Explain each kind of mark once, the estimate first."""
+    """Add a legend with one entry per kind of mark, the estimate first."""
     handles, labels = axes.get_legend_handles_labels()
     by_label = dict(zip(labels, handles, strict=True))
     order = [name for name in ("estimate", "±1σ", "±2σ", "reference", "extrapolated") if name in by_label]

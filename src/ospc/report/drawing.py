@@ -1,6 +1,6 @@
-"""Everything that is drawn of a calibration, and a process of its own that draws it.
+"""All drawings of a calibration, and a separate process that draws them.
 
-Matplotlib holds the interpreter while it is loaded and while it draws: in a thread it would delay all others.
+Matplotlib holds the interpreter lock while it is loaded and while it draws, and would delay all other threads.
 """
 
 from __future__ import annotations
@@ -38,18 +38,18 @@ class Drawings(NamedTuple):
 
 
 Drawn: TypeAlias = Callable[[], Future[Drawings]]
-"""Begins to draw when it is first called, and returns what can be waited for."""
+"""Starts drawing on its first call, and returns the future."""
 
 
 def drawings_of(findings: Findings) -> Drawings:
-    """Draw everything."""
+    """Draw all charts and pictures."""
     return Drawings(charts_as_svg(findings), pictures_as_png(findings))
 
 
 class DrawingProcess:
-    """Runs functions in an interpreter of its own, one after the other; it ends with this process.
+    """Runs functions one after the other in a second process, which ends with this one.
 
-    What fails there, or cannot be sent, is done here instead. So it is where no process can be started.
+    If a function fails there or cannot be sent, or if no process can be started, it runs in this process instead.
     """
 
     def __init__(self) -> None:
@@ -59,7 +59,7 @@ class DrawingProcess:
     def submit(
         self, function: Callable[_Arguments, _Result], *args: _Arguments.args, **kwargs: _Arguments.kwargs
     ) -> Future[_Result]:
-        """Call a function of a module in the process."""
+        """Call a module-level function in the process."""
         return self._thread.submit(self._result, partial(function, *args, **kwargs))
 
     def _result(self, work: Callable[[], _Result]) -> _Result:
@@ -77,13 +77,13 @@ class DrawingProcess:
 
 @cache
 def drawing_process() -> DrawingProcess:
-    """Return the one process that draws; it is started when this is first called."""
+    """Return the shared drawing process, started on the first call."""
     return DrawingProcess()
 
 
 def _started() -> subprocess.Popen[bytes] | None:
-    """Return a new process that serves; None where none can be started."""
-    if getattr(sys, "frozen", False):  # the executable is no interpreter but this very program
+    """Start a process that serves; return None if it cannot be started."""
+    if getattr(sys, "frozen", False):  # the executable is this program, not an interpreter
         return None
     try:
         process = subprocess.Popen(  # noqa: S603 - this program
@@ -91,7 +91,7 @@ def _started() -> subprocess.Popen[bytes] | None:
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
-            # Ctrl-C in the terminal is for this process alone.
+            # Only this process handles Ctrl-C in the terminal.
             start_new_session=True,
             creationflags=getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0),
         )
@@ -103,15 +103,15 @@ def _started() -> subprocess.Popen[bytes] | None:
 
 def _end(process: subprocess.Popen[bytes]) -> None:
     process.kill()
-    process.wait()  # so that its processor time counts as that of this one's children
+    process.wait()  # so that its processor time is counted as that of a child
 
 
 def serve() -> None:
-    """Run what is sent to the standard input, until its end or a failure, and send results to the standard output."""
+    """Run functions sent to standard input, until its end or a failure, and send results to standard output."""
     results = os.fdopen(os.dup(1), "wb")
-    os.dup2(2, 1)  # nothing else may be written among the results
+    os.dup2(2, 1)  # keep other output out of the results
     load()
-    gc.freeze()  # what was imported stays
+    gc.freeze()  # imported objects are never collected
     with suppress(Exception):
         while True:
             pickle.dump(pickle.load(sys.stdin.buffer)(), results)  # noqa: S301 - from a process of this program

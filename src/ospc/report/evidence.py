@@ -1,4 +1,4 @@
-"""Drawings of what a calibration rests on: exposures, coverage and residuals.
+"""Drawings of the data behind a calibration: exposures, coverage and residuals.
 
 Every function draws into a cell of a matplotlib grid (a ``SubplotSpec``) and returns the axes.
 """
@@ -18,13 +18,13 @@ from ospc.report.style import BLACK, GREEN, GREY
 from ospc.robust import weighted_median
 
 FEW_SAMPLES = 50
-"""A pair of frames with fewer samples may be matched wrongly; it is drawn, but as an open grey circle."""
+"""A pair of frames with fewer samples may be wrongly matched, and is drawn as an open grey circle."""
 
 _MOST_POINTS = 2000
-"""Points in a scatter plot: more would only cover one another."""
+"""Most points in a scatter plot; more would hide one another."""
 
 _LEAST_RESIDUAL = 0.5
-"""Smallest half range of a residual axis in per cent; less is noise."""
+"""Smallest half range of a residual axis in per cent; smaller residuals are noise."""
 
 
 def draw_exposures(cell: Any, exposures_ms: FloatArray, ratios: ExposureRatios) -> Any:
@@ -38,7 +38,7 @@ def draw_exposures(cell: Any, exposures_ms: FloatArray, ratios: ExposureRatios) 
     )
     axes.set(xlabel="frame", ylabel="exposure in ms", xlim=(0, max(1, len(exposures_ms) - 1)))
     low, high = _limits(exposures_ms, estimated_ms)
-    logarithmic(axes, "y", low, high * (high / low) ** 0.25)  # a quarter more, for the legend
+    logarithmic(axes, "y", low, high * (high / low) ** 0.25)  # room for the legend
     axes.legend(loc="upper left", ncols=2)
     return axes
 
@@ -46,8 +46,8 @@ def draw_exposures(cell: Any, exposures_ms: FloatArray, ratios: ExposureRatios) 
 def exposures_from_images(exposures_ms: FloatArray, ratios: ExposureRatios) -> tuple[IntArray, FloatArray]:
     """Return frames in ascending order and their exposures in ms as estimated from the images.
 
-    A pair of frames gives the exposure of the later one: that of the earlier one by the metadata, divided by the
-    ratio between the two. A frame gets the median over its pairs, weighted by their samples; pairs with few samples
+    A pair of frames gives the exposure of the later frame: the recorded exposure of the earlier frame, divided by
+    the estimated ratio. Each frame gets the median over its pairs, weighted by their samples; pairs with few samples
     are not used.
     """
     pairs = np.flatnonzero(ratios.samples >= FEW_SAMPLES)
@@ -59,7 +59,7 @@ def exposures_from_images(exposures_ms: FloatArray, ratios: ExposureRatios) -> t
 
 
 def draw_ratios(cell: Any, ratios: ExposureRatios) -> Any:
-    """Draw the exposure ratios of pairs of frames, from the images against those of the metadata."""
+    """Draw the exposure ratios of pairs of frames as estimated from the images, against those of the metadata."""
     axes = axes_in(cell)
     chosen = _thinned(ratios.metadata.size)
     metadata, estimated = ratios.metadata[chosen], ratios.estimated[chosen]
@@ -72,7 +72,7 @@ def draw_ratios(cell: Any, ratios: ExposureRatios) -> Any:
     if few.any():
         label = f"pair with fewer than {FEW_SAMPLES} samples"
         axes.plot(metadata[few], estimated[few], "o", mfc="none", mec=GREY, ms=4, label=label)
-    axes.set(xlabel="exposure ratio k by the metadata", ylabel="k from the images")
+    axes.set(xlabel="exposure ratio k from the metadata", ylabel="k from the images")
     logarithmic(axes, "x", low, high)
     logarithmic(axes, "y", low, high * (high / low) ** 0.45)  # room for the legend
     title = f"median |Δ ln k| of all {counted(ratios.metadata.size, 'pair')}: {ratios.misfit:.2g}"
@@ -81,7 +81,7 @@ def draw_ratios(cell: Any, ratios: ExposureRatios) -> Any:
 
 
 def draw_grey_coverage(cell: Any, coverage: Coverage, max_grey: int) -> Any:
-    """Draw how many observations each grey level has at each exposure."""
+    """Draw the number of observations of each grey level at each exposure."""
     edges_ms, counts = coverage.exposure_edges_ms, coverage.grey_exposure
     axes = _draw_counts(cell, counts, (0, max_grey, 0, len(counts)))
     rows = np.unique(np.linspace(0, len(counts), min(len(counts), 5) + 1).round().astype(int))
@@ -91,7 +91,7 @@ def draw_grey_coverage(cell: Any, coverage: Coverage, max_grey: int) -> Any:
 
 
 def draw_radius_coverage(cell: Any, coverage: Coverage) -> Any:
-    """Draw between which radii scene points moved."""
+    """Draw the number of observations by the radii of a scene point in the two frames."""
     axes = _draw_counts(cell, coverage.radius_radius + coverage.radius_radius.T, (0, 1, 0, 1))
     axes.plot([0, 1], [0, 1], "--", color=BLACK, lw=0.8)
     axes.set(xlabel="radius in one frame (1 = corner)", ylabel="radius in the other")
@@ -132,9 +132,9 @@ def _draw_counts(cell: Any, counts: IntArray, extent: tuple[float, float, float,
 
 
 def draw_residual(cell: Any, quantiles: FloatArray, x_end: float, x_label: str, colour: str) -> Any:
-    """Draw the middle of the residuals and where two thirds of them lie, in equal classes from 0 to ``x_end``.
+    """Draw the median of the residuals and the band of two thirds of them, in equal classes from 0 to ``x_end``.
 
-    ``quantiles`` has those of each class, shape (classes, 3).
+    ``quantiles`` has the lower limit, median and upper limit of each class, shape (classes, 3).
     """
     axes = axes_in(cell)
     middle = (np.arange(len(quantiles)) + 0.5) / len(quantiles) * x_end
@@ -151,12 +151,12 @@ def draw_residual(cell: Any, quantiles: FloatArray, x_end: float, x_label: str, 
 
 
 def _thinned(count: int) -> IntArray:
-    """Return evenly chosen indices where there are too many points to draw."""
+    """Return indices, evenly thinned if there are too many points to draw."""
     return np.arange(0, count, max(1, int(np.ceil(count / _MOST_POINTS))))
 
 
 def _limits(*values: FloatArray) -> tuple[float, float]:
-    """Return the limits of a logarithmic axis that show all but the outermost per cent of positive values."""
+    """Return the limits of a logarithmic axis that shows the central 99 % of the positive values."""
     every = np.concatenate(values)
     low, high = np.quantile(every[np.isfinite(every) & (every > 0)], [0.005, 0.995])
     return float(low / 1.12), float(high * 1.12)

@@ -1,4 +1,4 @@
-"""What a calibration does to its own recording: pictures before and after, and points tracked through an excerpt."""
+"""The effect of a calibration on its own recording: pictures before and after, and points tracked in an excerpt."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from ospc.recording import Frame, Recording
 from ospc.recording.derived import DerivedRecording
 
 _TRACKED_FRAMES = 12
-"""Frames of the excerpt through which points are tracked: enough to show the effect, few enough to take no time."""
+"""Frames of the excerpt in which points are tracked: enough to show the effect, and quick to compute."""
 
 _PICTURES = 2
 """Scenes to show."""
@@ -30,17 +30,17 @@ _WIDTH_PX = 480
 
 _STREAMS = ("video", "rosbag")
 _STREAM_REACH = 300
-"""Frames to choose from in a recording that can only be read from its beginning."""
+"""Frames considered in a recording that can only be read from its beginning."""
 
 _LEAST_SAMPLES = 50
-"""Fewest samples of a pair of frames that certainly show the same scene."""
+"""Minimum number of samples of a pair of frames that show the same scene with certainty."""
 
 _STILL = 0.98
-"""Share of observations that keep their class of radius when the camera stands still."""
+"""Share of observations within one class of radius above which the camera is considered static."""
 
 
 Pictures: TypeAlias = tuple[tuple[Image, str], ...]
-"""Frames of one scene with captions, as recorded and then corrected to their longest exposure without vignette.
+"""Frames of one scene with captions: first as recorded, then without vignette at their longest exposure.
 
 Images are 8 bit, reduced to the width of a page.
 """
@@ -48,9 +48,10 @@ Images are 8 bit, reduced to the width of a page.
 
 @dataclass(frozen=True)
 class Examples:
-    """What was tried on the recording: scenes at different exposures, and points tracked through an excerpt.
+    """Scenes at different exposures, and the result of tracking points in an excerpt.
 
-    ``tracked`` is the first frame of the excerpt and the one after its last; ``notes`` say what could not be shown.
+    ``tracked`` is the first frame of the excerpt and the frame after its last; ``notes`` state what could not be
+    shown.
     """
 
     pictures: tuple[Pictures, ...] = ()
@@ -60,18 +61,18 @@ class Examples:
 
 
 NOTHING_TRIED = Examples()
-"""What there is without a recording."""
+"""Examples without a recording."""
 
 
 def examples_of(calibration: Calibration, recording: Recording) -> Examples:
-    """Try a calibration on a recording of its camera; an unknown response or vignette is taken to be the identity.
+    """Apply a calibration to a recording of its camera; an unknown response or vignette is treated as the identity.
 
-    Points are tracked through the frames where the exposure changes most.
+    Points are tracked in the frames with the largest changes of exposure.
     """
     if calibration.size != recording.size:
-        return Examples(notes=("no pictures: the recording has another image size than the calibration",))
+        return Examples(notes=("no pictures: the image size of the recording differs from that of the calibration",))
     if calibration.response is None and calibration.vignette is None:
-        return Examples(notes=("no pictures: there is nothing to correct with",))
+        return Examples(notes=("no pictures: neither response nor vignette is known",))
     corrector = Corrector(calibration.response, calibration.vignette, recording.max_grey, assume_missing=True)
     reach = min(len(recording), _STREAM_REACH if recording.kind in _STREAMS else len(recording))
     notes: list[str] = []
@@ -95,7 +96,7 @@ def examples_of(calibration: Calibration, recording: Recording) -> Examples:
 
 
 def exposures_beside(folder: Path) -> FloatArray | None:
-    """Return the exposures in the times.txt of an output folder; None where there is none that can be read."""
+    """Return the exposures in the times.txt of an output folder; None if it does not exist or cannot be read."""
     from ospc.recording.exposure_lists import read_times
 
     try:
@@ -105,7 +106,7 @@ def exposures_beside(folder: Path) -> FloatArray | None:
 
 
 def _where_exposure_changes(recording: Recording, reach: int) -> DerivedRecording:
-    """Return the successive frames with the largest range of exposures, the earliest of several."""
+    """Return the successive frames with the largest range of exposures; the first ones if several are equal."""
     count = min(_TRACKED_FRAMES, reach)
     log_exposure = filled(np.log(np.maximum(recording.exposures_ms[:reach], 1e-12)))
     pieces = np.lib.stride_tricks.sliding_window_view(log_exposure, count)
@@ -114,7 +115,7 @@ def _where_exposure_changes(recording: Recording, reach: int) -> DerivedRecordin
 
 
 def _chosen_pairs(ratios: ExposureRatios, reach: int) -> list[tuple[int, ...]]:
-    """Return the pairs with the most different exposures among those that share much of their scene."""
+    """Return the pairs with the largest exposure ratios among those with a large overlap."""
     inside = np.all(ratios.frames < reach, axis=1)
     shared = ratios.samples >= max(_LEAST_SAMPLES, 0.5 * float(ratios.samples.max(initial=0)))
     chosen: list[tuple[int, ...]] = []
@@ -134,7 +135,7 @@ def _stands_still(coverage: Coverage | None) -> bool:
 
 
 def _far_exposures(exposures_ms: FloatArray) -> list[tuple[int, ...]]:
-    """Return the frames whose exposures have a fifth of all known exposures below and above them."""
+    """Return the frames with exposures at the lower and upper fifth of all known exposures."""
     order = np.argsort(exposures_ms, kind="stable")[: np.count_nonzero(np.isfinite(exposures_ms))]
     return [(int(order[len(order) // 5]), int(order[-1 - len(order) // 5]))]
 
@@ -144,7 +145,7 @@ def _pictures(corrector: Corrector, recording: Recording, scenes: list[tuple[int
     frames: dict[int, Frame] = {}
     for frame in recording:
         if frame.index in wanted:
-            _ = frame.image  # load it now: a video cannot go back to it later
+            _ = frame.image  # load it now: a video cannot seek back later
             frames[frame.index] = frame
         if len(frames) == len(wanted):
             break

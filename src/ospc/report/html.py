@@ -1,4 +1,4 @@
-"""HTML in which every text is escaped unless it is marked as HTML already."""
+"""HTML generation; every text is escaped unless it is marked as HTML."""
 
 from __future__ import annotations
 
@@ -7,23 +7,23 @@ from html import escape
 from ospc.errors import escaped
 
 _POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'"
-"""What a browser may load for a page: nothing from anywhere, and no scripts."""
+"""Content security policy of a page: no external resources and no scripts."""
 
 _VOID = ("img", "meta", "br")
-"""Elements that have no content and no end tag."""
+"""Elements without content and end tag."""
 
 
 class Html(str):
-    """A piece of HTML, embedded as it is."""
+    """A piece of HTML that is not escaped."""
 
     __slots__ = ()
 
 
 def tag(name: str, /, *content: str, **attributes: str) -> Html:
-    """Return an element around content: :class:`Html` as it is, any other text escaped.
+    """Return an element with the given content, escaped unless it is :class:`Html`.
 
-    A trailing underscore of an attribute's name is dropped (``class_``), others become hyphens; attributes without a
-    value are left out.
+    A trailing underscore of an attribute's name is dropped (``class_``), other underscores become hyphens; attributes
+    with an empty value are left out.
     """
     given = "".join(
         f' {key.rstrip("_").replace("_", "-")}="{_safe(value)}"' for key, value in attributes.items() if value
@@ -34,7 +34,7 @@ def tag(name: str, /, *content: str, **attributes: str) -> Html:
 
 
 def join(*parts: str) -> Html:
-    """Return pieces one after another: :class:`Html` as it is, any other text escaped."""
+    """Return the concatenated parts, escaped unless they are :class:`Html`."""
     return Html("".join(part if isinstance(part, Html) else _safe(part) for part in parts))
 
 
@@ -43,7 +43,7 @@ def _safe(text: str) -> str:
 
 
 def document(title: str, style: str, *content: str) -> str:
-    """Return a whole page that needs neither network nor scripts; the content is as for :func:`tag`."""
+    """Return a complete page that needs neither network nor scripts; the content is as for :func:`tag`."""
     head = tag(
         "head",
         tag("meta", charset="utf-8"),

@@ -25,8 +25,8 @@ _STATE_CLASSES = {"identifiable": "good", "marginal": "fair", "not identifiable"
 def write_page(
     findings: Findings, path: Path, examples: Examples = NOTHING_TRIED, charts: Mapping[str, str] | None = None
 ) -> Path:
-    """Write the report, whole or not at all, and return its path; ``charts`` are those that were drawn already."""
-    # A file name or a JSON text may hold half a surrogate pair, which UTF-8 cannot express.
+    """Write the report completely or not at all, and return its path; ``charts`` are charts already drawn."""
+    # A file name or a JSON text may contain half a surrogate pair, which UTF-8 cannot encode.
     return write_bytes(path, page(findings, examples, charts).encode("utf-8", "replace"))
 
 

@@ -18,7 +18,7 @@ from ospc.report.style import new_figure, printable, rules
 
 _A4_IN = (8.27, 11.69)
 _LEFT, _RIGHT, _TOP, _BOTTOM = 0.09, 0.95, 0.95, 0.05
-"""Edges of the printed area, in shares of the page."""
+"""Edges of the printed area, as fractions of the page."""
 
 _MARGINS_IN = {
     "left": (_LEFT + 0.025) * _A4_IN[0],
@@ -26,10 +26,10 @@ _MARGINS_IN = {
     "top": (1 - _TOP + 0.02) * _A4_IN[1],
     "bottom": _BOTTOM * _A4_IN[1],
 }
-"""Room around charts, whose labels stay inside the printed area."""
+"""Margins around charts; their labels stay inside the printed area."""
 
 _LINE_SPACING = 1.25
-"""Distance of lines of text, in font sizes."""
+"""Distance between lines of text, in font sizes."""
 
 _TEXT_POINTS, _HEADLINE_POINTS, _TITLE_POINTS = 9.0, 11.0, 15.0
 
@@ -37,7 +37,7 @@ _CHART_ROWS = 4
 """Rows of charts on a page, two charts in each."""
 
 _BETWEEN = {"wspace": 0.35, "hspace": 0.42}
-"""Room between charts for labels, in shares of their size."""
+"""Space between charts for labels, as fractions of their size."""
 
 _POINTS_PER_INCH = 72
 _ROOM_POINTS = (_RIGHT - _LEFT) * _A4_IN[0] * _POINTS_PER_INCH
@@ -45,12 +45,12 @@ _ROOM_POINTS = (_RIGHT - _LEFT) * _A4_IN[0] * _POINTS_PER_INCH
 
 
 def write_pdf(findings: Findings, path: Path, examples: Examples = NOTHING_TRIED) -> Path:
-    """Write the report as PDF, whole or not at all, and return its path."""
+    """Write the report as PDF, completely or not at all, and return its path."""
     from matplotlib.backends.backend_pdf import PdfPages
 
     content = io.BytesIO()
     title = printable(f"Photometric calibration of {name_of(findings.calibration)}")
-    # Without a date, the same calibration gives the same bytes.
+    # No date, so that the same calibration gives the same bytes.
     with rules(), PdfPages(content, metadata={"Title": title, "Creator": "ospc", "CreationDate": None}) as pdf:
         for figure in pages(findings, examples):
             pdf.savefig(figure)
@@ -71,7 +71,7 @@ def pages(findings: Findings, examples: Examples = NOTHING_TRIED) -> Iterator[An
 
 
 def _first_page(calibration: Calibration, summary: Section, curves: list[Chart]) -> Any:
-    """Return the page of the summary with the charts of response and vignette, which are always there."""
+    """Return the summary page with the charts of response and vignette, which always exist."""
     figure = _page()
     top = _write(figure, [f"Photometric calibration of {name_of(calibration)}"], _TOP, _TITLE_POINTS, "bold")
     top = _write(figure, [basis_of(calibration)], top)
@@ -103,7 +103,7 @@ def _picture_page(pictures: list[tuple[Any, str]]) -> Any:
 
 
 def _lines(section: Section) -> list[str]:
-    """Return what a section says in words under its heading; nothing where it says nothing."""
+    """Return the text of a section under its heading, or nothing if it has no text."""
     content = _content(section)
     return [section.heading.upper(), *content, ""] if content else []
 
@@ -134,7 +134,7 @@ def _page() -> Any:
 
 
 def _write(figure: Any, lines: list[str], top: float, points: float = _TEXT_POINTS, weight: str = "normal") -> float:
-    """Write lines below one another, wrapped to the page, and return where the next one would be."""
+    """Write lines below one another, wrapped to the page, and return the position of the next line."""
     for text in (part for line in lines for part in _wrapped(line, points, weight)):
         figure.text(_LEFT, top, text, fontsize=points, weight=weight, va="top", parse_math=False)
         top -= _line_height(points)
@@ -146,7 +146,7 @@ def _line_height(points: float) -> float:
 
 
 def _wrapped(text: str, points: float, weight: str) -> list[str]:
-    """Return the lines of a text, each narrow enough for the page; words longer than a line are divided."""
+    """Return a text wrapped to the width of the page; words longer than a line are divided."""
     lines: list[str] = []
     for word in printable(text).split():
         longer = f"{lines[-1]} {word}" if lines else word
@@ -158,9 +158,8 @@ def _wrapped(text: str, points: float, weight: str) -> list[str]:
 
 
 def _divided(word: str, points: float, weight: str) -> Iterator[str]:
-    """Give the pieces of a word, each as long as a line may be, and at least one character."""
+    """Yield pieces of a word that fill a line, with at least one character each."""
     while word:
-        # More characters are wider.
         lengths = range(1, len(word) + 1)
         fitting = bisect_right(lengths, _ROOM_POINTS, key=lambda length: _width(word[:length], points, weight))
         yield word[: max(1, fitting)]

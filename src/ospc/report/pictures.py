@@ -1,4 +1,4 @@
-"""The pictures of a calibration that are written as PNG files, and one that compares several calibrations."""
+"""The PNG pictures of a calibration, and a picture that compares several calibrations."""
 
 from __future__ import annotations
 
@@ -29,32 +29,33 @@ _CONTENT = {
 }
 
 PICTURES = tuple(_CONTENT)
-"""File names: an overview like figure 3 of the paper, and its three parts on their own."""
+"""File names: an overview like figure 3 of the paper, and its three parts separately."""
 
 _HEIGHT_IN, _CHART_IN = 4.2, 3.05
 _MARGINS_IN = {"left": 0.86, "right": 0.14, "top": 0.62, "bottom": 0.72}
-"""Room around the charts for titles and labels."""
+"""Margins around the charts for titles and labels."""
 
 _TILE_IN = _MARGINS_IN["left"] + _CHART_IN + _MARGINS_IN["right"]
-"""Width of a chart with its margins: a whole number of pixels, so that drawings can be put side by side."""
+"""Width of a chart with its margins: a whole number of pixels, so that drawings can be joined."""
 
 _LINE_IN = 0.14
 """Height of a line below the charts."""
 
 _LETTERS = 58
-"""Letters of a line that fit into the width of a chart."""
+"""Letters per line that fit into the width of a chart."""
 
 _STYLES = ((BLUE, "-"), (ORANGE, "--"), (GREEN, "-."), (BLACK, ":"))
-"""Colours and lines of successive calibrations: those that lie on one another can still be told apart."""
+"""Colours and line styles of successive calibrations, distinguishable even if curves coincide."""
 
 _NAME_LETTERS = 40
-"""Most letters of a name in a legend: a longer one would leave no room for the curves. Its end tells most."""
+"""Most letters of a name in a legend, so that the curves keep enough room. Longer names are cut at the beginning,
+because their end is more informative."""
 
 
 def pictures_of(findings: Findings) -> dict[str, Image]:
-    """Return those of :data:`PICTURES` that show something known, by name, shape (height, width, 3) in BGR.
+    """Return those of :data:`PICTURES` with known content, by name, shape (height, width, 3) in BGR.
 
-    Every chart is drawn only once, though several pictures may show it: drawing takes most of the time.
+    Each chart is drawn only once, even if several pictures show it, because drawing takes most of the time.
     """
     calibration, charts = findings.calibration, findings.charts
     content = {name: [part for part in parts if part in charts] for name, parts in _CONTENT.items()}
@@ -75,12 +76,12 @@ def pictures_of(findings: Findings) -> dict[str, Image]:
 
 
 def pictures_as_png(findings: Findings) -> dict[str, bytes]:
-    """Return the same pictures as the content of PNG files."""
+    """Return the same pictures as PNG data."""
     return {name: as_png(picture, name) for name, picture in pictures_of(findings).items()}
 
 
 def words_around(calibration: Calibration, width_in: float, height_in: float) -> Any:
-    """Return a figure of what is written around charts: the title of a picture above and its caveat below."""
+    """Return a figure of the text around charts: the title of a picture above and its caveat below."""
     figure = new_figure(width_in, height_in, _MARGINS_IN)
     at, edge = 0.12 / width_in, 0.06 / height_in
     title = textwrap.fill(_title(calibration), _LETTERS, max_lines=2)
@@ -91,7 +92,7 @@ def words_around(calibration: Calibration, width_in: float, height_in: float) ->
 
 
 def _caveat(calibration: Calibration) -> list[str]:
-    """Return the lines below the charts; none where the calibration rests on exposures."""
+    """Return the lines below the charts; none if the calibration is based on known exposures."""
     return textwrap.wrap(calibration.caveat, _LETTERS)
 
 
@@ -113,7 +114,7 @@ def plot_photometries(photometries: Sequence[Photometry], path: str | Path) -> P
         for number, photometry in enumerate(photometries):
             colour, line = _STYLES[number % len(_STYLES)]
             name = printable(photometry.name)
-            # A label that began with an underscore would be left out of the legend.
+            # The space: matplotlib leaves labels with a leading underscore out of the legend.
             label = f" {name}" if len(name) <= _NAME_LETTERS else f" …{name[-_NAME_LETTERS:]}"
             if photometry.response is not None:
                 response = photometry.response

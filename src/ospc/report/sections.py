@@ -1,4 +1,4 @@
-"""What a report says, declared once for every kind of file: sections, and the calibration in plain words."""
+"""The content of a report, independent of its file format: sections, and the calibration in words."""
 
 from __future__ import annotations
 
@@ -23,20 +23,20 @@ SUMMARY = "Summary"
 """Heading of the first section."""
 
 _LONGEST_LIST = 24
-"""Entries of a list that are shown."""
+"""Most entries of a list that are shown."""
 
 _ABOUT_PICTURES = (
     "Frames of this recording as recorded, and as the camera would have recorded them without vignette and at the "
-    "longer exposure of the two. The better the calibration, the more alike are the corrected frames."
+    "longer exposure of the two. With a good calibration, the corrected frames look the same."
 )
 
 
 @dataclass(frozen=True)
 class Section:
-    """A section of the report; what is empty is left out.
+    """A section of the report; empty parts are left out.
 
     It begins with paragraphs of text and a list of items. ``figures`` are rows of a table (label, as recorded,
-    corrected, unit), followed by ``remark`` in small print; ``tables`` are names and values by their heading.
+    corrected, unit), followed by ``remark`` in small print; ``tables`` are names and values by heading.
     """
 
     heading: str
@@ -51,7 +51,7 @@ class Section:
 
 
 def sections_of(findings: Findings, examples: Examples) -> Iterator[Section]:
-    """Give the sections in the order in which a report shows them; those with nothing to show are left out."""
+    """Yield the sections in the order of a report, without empty ones."""
     calibration, charts = findings.calibration, findings.charts
 
     def existing(*names: str) -> tuple[Chart, ...]:
@@ -79,7 +79,7 @@ def sections_of(findings: Findings, examples: Examples) -> Iterator[Section]:
         if existing(*names):
             yield Section(heading, charts=existing(*names))
     improvements = [sentence(advice) for advice in calibration.advice if advice]
-    nothing = () if improvements else ("This recording shows nothing to improve.",)
+    nothing = () if improvements else ("There is nothing to improve.",)
     yield Section("How to improve it", nothing, tuple(improvements))
     tables = {
         "Settings": calibration.settings,
@@ -94,14 +94,14 @@ def _tracking(tracking: TrackingComparison, first: int, end: int) -> Section:
     remark = (
         f"{counted(tracking.tracks, 'point')}, tracked through frames {first} to {end - 1} by the same method with "
         f"the same settings; the exposure changes by up to {tracking.largest_step:.3g}:1 from frame to frame. "
-        "'ospc evaluate tracking' does this for a whole recording."
+        "'ospc evaluate tracking' evaluates a whole recording."
     )
     rows = tuple(tracking_rows(tracking))
     return Section("Effect on tracking", (tracking.sentence,), figures=rows, remark=remark)
 
 
 def tracking_rows(tracking: TrackingComparison) -> Iterator[tuple[str, str, str, str]]:
-    """Give label, figure as recorded, figure corrected, and unit of each row."""
+    """Yield label, figure as recorded, figure corrected, and unit of each row."""
     causes = tuple(tracking.raw.lost)
 
     def figures(tracks: TrackFigures) -> list[str]:
@@ -129,7 +129,7 @@ def name_of(calibration: Calibration) -> str:
 
 
 def basis_of(calibration: Calibration) -> str:
-    """Return what the calibration was made from, on one line."""
+    """Return a one-line description of the data behind the calibration."""
     counts = calibration.counts
     parts = [f"{calibration.size[0]}×{calibration.size[1]} pixels", f"grey levels up to {calibration.max_grey}"]
     parts += [counted(counts[f"{noun}s"], noun) for noun in ("frame", "pair", "sample") if f"{noun}s" in counts]
@@ -151,7 +151,7 @@ def shown(value: object) -> str:
 
 
 def sentence(text: str) -> str:
-    """Return a text as a sentence, with a capital letter and a full stop."""
+    """Return a text as a sentence, with an initial capital and a full stop."""
     return f"{text[:1].upper()}{text[1:].rstrip('.')}." if text else ""
 
 
@@ -159,7 +159,7 @@ _LINEAR_WITHIN = 0.05
 """Largest distance of the gamma exponent from 1 at which a response is called linear."""
 
 _UNEVEN = 0.01
-"""Difference between the corners, or between the centre and the brightest place, that is mentioned."""
+"""Smallest difference that is mentioned between the corners, or between the centre and the brightest point."""
 
 _HARDLY_VIGNETTED = 0.98
 """Attenuation at the corners above which there is hardly any vignetting: less than 3 hundredths of a stop."""
@@ -175,7 +175,7 @@ def headline(calibration: Calibration) -> str:
     if known:
         parts.append(f"The {_listed(known)} of this camera {'is' if len(known) == 1 else 'are'} well determined.")
     if rough:
-        parts.append(f"The {_listed(rough)} {'is' if len(rough) == 1 else 'are'} known only roughly.")
+        parts.append(f"The {_listed(rough)} {'is' if len(rough) == 1 else 'are'} known only approximately.")
     if unknown:
         parts.append(f"This recording does not determine the {_listed(unknown)}; no estimate is given.")
     if calibration.exponent_sigma:
@@ -184,17 +184,17 @@ def headline(calibration: Calibration) -> str:
         parts.append(f"{calibration.caveat}.")
     if calibration.partial:
         parts.append("The run stopped before the end of the recording; more frames would improve the result.")
-    return " ".join(parts) or "This calibration does not say how well it is known."
+    return " ".join(parts) or "This calibration does not state its uncertainty."
 
 
 def overall_state(calibration: Calibration) -> str:
-    """Return the state that all verdicts share; "marginal" where they differ."""
+    """Return the common state of all verdicts; "marginal" if they differ."""
     states = {verdict.state for verdict in calibration.verdicts.values()}
     return states.pop() if len(states) == 1 else "marginal"
 
 
 def facts(calibration: Calibration, tracking: TrackingComparison | None = None) -> list[str]:
-    """Return what the calibration says about the camera, and what it does for tracking, one sentence each."""
+    """Return one sentence each on response, vignette, exposures and the effect on tracking."""
     found: list[str] = []
     if calibration.response is not None:
         found.append(_response_fact(calibration.response, calibration.max_grey))
@@ -223,7 +223,7 @@ def _response_fact(response: Response, max_grey: int) -> str:
 
 
 def _shape_fact(response: Response, max_grey: int) -> str:
-    """Say how well ratios of irradiance are known where grey levels were observed."""
+    """State the uncertainty of irradiance ratios over the observed grey levels."""
     if response.log_sigma is None:
         return ""
     low, high = response.support
@@ -233,7 +233,7 @@ def _shape_fact(response: Response, max_grey: int) -> str:
     typical, most = (float(of(response.log_sigma[seen])) for of in (np.median, np.max))
     known = _spread(typical)
     if most > 2 * typical:
-        known += f" in the median and to {_spread(most)} at the worst"
+        known += f" in the median and {_spread(most)} at worst"
     return (
         f" Between grey levels {low * max_grey:.0f} and {high * max_grey:.0f} the ratio of two irradiances is known "
         f"to {known}; the scale, g = 1 at white, does not affect it."
@@ -245,7 +245,7 @@ def _spread(log_sigma: float) -> str:
 
 
 def _like_curve(middle: float) -> str:
-    """Say which gamma curve, g(M) = M to the power γ, has the same irradiance at middle grey."""
+    """Describe the gamma curve, g(M) = M to the power γ, with the same irradiance at middle grey."""
     if not 0 < middle < 1:
         return ""
     exponent = float(np.log(middle) / np.log(0.5))
@@ -268,7 +268,7 @@ def _vignette_fact(vignette: Vignette, sigma: FloatArray | None) -> str:
         said += f", {-np.log2(corner):.1f} stops less"
     if brightest - 1 > _UNEVEN:
         relative = _percent(corner / brightest)
-        said += f"; vignette.png is relative to the brightest place, of which they receive {relative}"
+        said += f"; relative to the brightest point, as in vignette.png, they receive {relative}"
     return f"{said}."
 
 

@@ -1,4 +1,4 @@
-"""The look of every picture, and how a figure becomes a file."""
+"""The style of all pictures, and the output of figures."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from ospc.errors import FormatError
 from ospc.formats.files import write_bytes
 
 BLUE, ORANGE, GREEN, GREY, BLACK = "#0072B2", "#D55E00", "#009E73", "#999999", "#000000"
-"""Colours that colour-blind readers can tell apart: Okabe and Ito, 2008, "Color universal design"."""
+"""Colours that colour-blind readers can distinguish: Okabe and Ito, 2008, "Color universal design"."""
 
 DPI = 140
 """Pixels per inch of PNG pictures: sharp when a picture fills the width of a page."""
@@ -26,7 +26,7 @@ DPI = 140
 _RULES: Any = {
     "font.size": 9.0,
     "axes.titlesize": 10.0,
-    "axes.titley": 1.0,  # without a search for room, which would take a sixth of the time
+    "axes.titley": 1.0,  # fixed: automatic placement takes a sixth of the time
     "axes.spines.top": False,
     "axes.spines.right": False,
     "axes.grid": True,
@@ -34,7 +34,7 @@ _RULES: Any = {
     "legend.fontsize": 8.0,
     "legend.framealpha": 0.8,
     "svg.fonttype": "none",  # text stays text: smaller files, and readers can search it
-    "svg.hashsalt": "ospc",  # identifiers depend on the content only, so equal charts give equal bytes
+    "svg.hashsalt": "ospc",  # identifiers depend only on the content, so equal charts give equal bytes
 }
 _UNDATED = dict.fromkeys(("Date", "Creator", "Format", "Type"))
 _ONE_AT_A_TIME = RLock()
@@ -43,8 +43,8 @@ _ONE_AT_A_TIME = RLock()
 def new_figure(width_in: float, height_in: float, margins_in: Mapping[str, float] | None = None) -> Any:
     """Return an empty matplotlib figure that needs no display and no global state.
 
-    ``margins_in`` is the room left, right, top and bottom of all axes; None to let matplotlib find it, in twice the
-    time.
+    ``margins_in`` are the left, right, top and bottom margins of all axes; with None, matplotlib determines them,
+    which doubles the time.
     """
     from matplotlib.figure import Figure
 
@@ -53,7 +53,7 @@ def new_figure(width_in: float, height_in: float, margins_in: Mapping[str, float
 
 
 def fit_into(figure: Any, width_in: float, height_in: float, margins_in: Mapping[str, float]) -> Any:
-    """Give a figure another size and room around its axes, and return it; letters and lines keep their size."""
+    """Set the size and margins of a figure, and return it; letters and lines keep their size."""
     figure.set_size_inches(width_in, height_in)
     figure.subplots_adjust(
         left=margins_in["left"] / width_in,
@@ -65,7 +65,7 @@ def fit_into(figure: Any, width_in: float, height_in: float, margins_in: Mapping
 
 
 def load() -> None:
-    """Import the parts of matplotlib that draw, so that nobody has to wait for them later."""
+    """Import the drawing modules of matplotlib in advance."""
     import matplotlib.axes
     import matplotlib.backends.backend_agg
     import matplotlib.backends.backend_svg
@@ -74,7 +74,7 @@ def load() -> None:
 
 @contextmanager
 def rules() -> Iterator[None]:
-    """Apply the look to all figures drawn within; only one thread draws at a time, as matplotlib requires."""
+    """Apply the style to all figures drawn within; only one thread draws at a time, as matplotlib requires."""
     import matplotlib as mpl
 
     with _ONE_AT_A_TIME, mpl.rc_context(_RULES):
@@ -82,12 +82,12 @@ def rules() -> Iterator[None]:
 
 
 def save(figure: Any, path: Path) -> Path:
-    """Write a figure as the kind of picture that the suffix names, whole or not at all, and return the path.
+    """Write a figure in the format given by the suffix, completely or not at all, and return the path.
 
     Raises
     ------
     FormatError
-        If the file cannot be written, or matplotlib does not know the suffix.
+        If the file cannot be written, or matplotlib does not support the suffix.
     """
     kind = path.suffix.removeprefix(".").lower() or "png"
     fast = {"pil_kwargs": {"compress_level": 2}} if kind == "png" else {}
@@ -95,7 +95,7 @@ def save(figure: Any, path: Path) -> Path:
     try:
         figure.savefig(picture, format=kind, dpi=DPI, **fast)
     except ValueError:
-        raise FormatError(f"{path}: not a known kind of picture; give a .png, .svg or .pdf") from None
+        raise FormatError(f"{path}: unknown picture format; use .png, .svg or .pdf") from None
     return write_bytes(path, picture.getvalue())
 
 
@@ -109,10 +109,10 @@ def as_image(figure: Any) -> Image:
 
 
 def as_svg(figure: Any, title: str) -> str:
-    """Return a figure as an SVG element for HTML, titled for readers who cannot see it; equal figures, equal text."""
+    """Return a figure as an SVG element for HTML, labelled for screen readers; equal figures give equal text."""
     drawn = io.StringIO()
     figure.savefig(drawn, format="svg", metadata=_UNDATED)
-    # Groups have the same identifiers in every figure; in a page, identifiers must be unique.
+    # Groups have the same identifiers in every figure, but identifiers must be unique within a page.
     content = re.sub(r'<g id="[^"]*">', "<g>", drawn.getvalue())
     size = re.search(r'viewBox="[^"]*"', content)
     inner = content[content.index("<defs>") :]
