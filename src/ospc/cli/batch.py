@@ -50,7 +50,7 @@ def command(
         "--set",
         metavar="NAME=VALUE",
     ),
-    force: bool = option("Write into OUT even if it holds other files."),
+    force: bool = option("Write into OUT even if it contains other files."),
     quiet: bool = QUIET,
     as_json: bool = AS_JSON,
 ) -> int:

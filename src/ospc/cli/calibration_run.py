@@ -133,7 +133,7 @@ class Checkpoints:
 
 @dataclass(frozen=True)
 class CalibrationRun:
-    """What to calibrate, where the result and checkpoints go, and how the run is watched.
+    """A recording to calibrate, with its result folder, checkpoints and display.
 
     ``viewer`` opens the Rerun viewer, and ``stream`` is a file for it.
     """

@@ -112,7 +112,7 @@ def _write_nothing_to_lost_terminals() -> None:
 
 @contextmanager
 def leaving(state: str) -> Iterator[None]:
-    """Add to an interruption of the work within what state it leaves behind."""
+    """Attach to an interruption of the work within a message about the state of its output."""
     try:
         yield
     except KeyboardInterrupt as interruption:

@@ -62,7 +62,7 @@ def command(
     as_json: bool = AS_JSON,
     reading: Reading = READING,
 ) -> int:
-    """Calibrate the camera SOURCE while it films, with instructions what to film next.
+    """Calibrate the camera SOURCE while it films, with advice on what to film next.
 
     SOURCE is a camera as for 'ospc record' (opencv:0, realsense, depthai:left, …), or a recording, which is replayed
     as if it were being filmed.

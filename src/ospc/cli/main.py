@@ -31,7 +31,7 @@ _COMMANDS = {
     "export": "Export a calibration for another program.",
     "import": "Import a calibration from pcalib.txt and vignette.png, or from another program.",
     "report": "Write the report on a calibration again, as HTML or PDF.",
-    "live": "Calibrate a camera while it films, with instructions what to film next.",
+    "live": "Calibrate a camera while it films, with advice on what to film next.",
     "merge": "Combine several recordings of one camera into one calibration.",
     "record": "Record from a camera to a folder that can be calibrated.",
     "simulate": "Simulate a recording with known truth.",

@@ -256,20 +256,20 @@ def _like_curve(middle: float) -> str:
 
 def _vignette_fact(vignette: Vignette, sigma: FloatArray | None) -> str:
     corner = float(diagonal_profile(vignette, PROFILE_RADII[-1:])[0])
-    said = f"The corners receive {_percent(corner, None if sigma is None else sigma[-1])} of the light at the centre"
+    text = f"The corners receive {_percent(corner, None if sigma is None else sigma[-1])} of the light at the centre"
     image = vignette.image()
     centre = float(vignette.at((np.array(vignette.size) - 1) / 2))
     corners, brightest = image[[0, 0, -1, -1], [0, -1, 0, -1]] / centre, float(image.max()) / centre
     if np.ptp(corners) > _UNEVEN:
-        said += f" on average ({100 * corners.min():.0f} to {100 * corners.max():.0f} %)"
+        text += f" on average ({100 * corners.min():.0f} to {100 * corners.max():.0f} %)"
     if corner > _HARDLY_VIGNETTED:
-        said += ": there is hardly any vignetting"
+        text += ": there is hardly any vignetting"
     elif corner > 0:
-        said += f", {-np.log2(corner):.1f} stops less"
+        text += f", {-np.log2(corner):.1f} stops less"
     if brightest - 1 > _UNEVEN:
         relative = _percent(corner / brightest)
-        said += f"; relative to the brightest point, as in vignette.png, they receive {relative}"
-    return f"{said}."
+        text += f"; relative to the brightest point, as in vignette.png, they receive {relative}"
+    return f"{text}."
 
 
 def _percent(share: float, sigma: float | None = None) -> str:
