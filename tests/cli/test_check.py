@@ -50,7 +50,7 @@ def test_text_has_every_verdict_and_what_to_do(late: Path) -> None:
     result = check(late, "--frames", 8)
     assert result.exit_code == 3
     words = " ".join(result.stdout.split())
-    parts = ("response", "vignette", "exposures", "exposure lag", "8 of them processed", "20 a second", "→", "•")
+    parts = ("response", "vignette", "exposures", "exposure lag", "8 of them processed", "20 per second", "→", "•")
     for part in parts:
         assert part in words, part
 
