@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from ospc.errors import FormatError
-from ospc.formats.dso import write_pcalib, write_times, write_vignette
-from ospc.formats.validation import kind_of, validate
+from ospc.formats.dso import read_pcalib, write_pcalib, write_times, write_vignette
+from ospc.formats.validation import ParameterFile, kind_of, repair, validate
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import PolynomialVignette
 
@@ -171,11 +171,11 @@ def test_broken_picture_is_a_finding_and_does_not_stop_the_others(folder):
     [
         ("0 0.0 1\n1 0.1 2\n", "2 lines for 3 files"),
         ("", "there is none"),
-        ("0.png 0.0 1\n1.png 0.1 2\n2.png 0.2 3\n", "3 are not, first line 1: '0.png 0.0 1'"),
-        ("0,0.0,1\n1,0.1,2\n2,0.2,3\n", "separated by spaces; 3 are not, first line 1: '0,0.0,1'"),
-        ("0.5 1\n0.6 2\n0.7 3\n", "with an integer id; 3 are not, first line 1: '0.5 1'"),
-        ("0 0.0\n1 0.1\n2 0.2\n", "a zero exposure has a positive neighbour; 3 of 3"),
-        ("0 0.0 1\n1 0.1 -2\n2 0.2 nan\n", "2 of 3 are, first in row 2, negative or not a number"),
+        ("0.png 0.0 1\n1.png 0.1 2\n2.png 0.2 3\n", "3 lines differ, first line 1: '0.png 0.0 1'"),
+        ("0,0.0,1\n1,0.1,2\n2,0.2,3\n", "separated by spaces; 3 lines differ, first line 1: '0,0.0,1'"),
+        ("0.5 1\n0.6 2\n0.7 3\n", "with an integer id; 3 lines differ, first line 1: '0.5 1'"),
+        ("0 0.0\n1 0.1\n2 0.2\n", "every zero exposure has a positive neighbour; 3 of 3 have none, first in row 1"),
+        ("0 0.0 1\n1 0.1 -2\n2 0.2 nan\n", "2 of 3 are negative or not a number, first in row 2"),
         ("0 0.0 1\n" + " " * 1000 + "1 0.1 2\n2 0.2 2\n", "line 2 is longer"),
     ],
 )
@@ -187,7 +187,7 @@ def test_times_that_are_dropped_or_misread(folder, text, complaint):
 @pytest.mark.parametrize(
     ("text", "complaint"),
     [
-        ("0 0.0 1\n1 0.1 0\n2 0.2 3\n", "1 of 3 are, first in row 2, zero"),
+        ("0 0.0 1\n1 0.1 0\n2 0.2 3\n", "1 of 3 is zero or missing, first in row 2"),
         ("0 0.0 1e-3\n1 0.1 2e-3\n2 0.2 3e-3\n", "in seconds"),
         ("0 0.0 1000\n1 0.1 5000\n2 0.2 8000\n", "in microseconds"),
         ("0 0 1\n1 100000000 2\n2 200000000 3\n", "as if in milli- or nanoseconds"),
@@ -211,6 +211,34 @@ def test_run_of_zero_exposures_drops_all_of_them_only_in_dso(folder):
 def test_comments_are_passed_over(folder):
     (folder / "times.txt").write_text("# id stamp exposure\n0 0.0 1\n1 0.1 2\n\n2 0.2 3\n")
     assert found(folder / "times.txt") == []
+
+
+def test_images_that_sort_in_another_order_as_text_are_refused(folder):
+    for i in range(3):
+        (folder / "images" / f"{i:05d}.png").rename(folder / "images" / f"{i + 8}.png")
+    assert "'10.png' sorts before '8.png'" in errors(folder / "times.txt")
+    assert "'10.png' sorts before '8.png'" in errors(folder / "times.txt", "mono")
+    with pytest.raises(FormatError, match="ospc convert"):
+        repair(ParameterFile(folder / "times.txt", "times"))
+
+
+def test_a_byte_order_mark_is_named_removed_and_skipped_where_we_read(folder):
+    for name in ("pcalib.txt", "times.txt", "camera.txt"):
+        place = folder / name
+        known, before = kind_of(place), place.read_text()
+        place.write_text(f"\ufeff{before}")
+        assert kind_of(place) == known
+        assert errors(place) == "no byte order mark before the first number; there is one"
+        assert repair(ParameterFile(place, known)).path.read_text() == before
+    assert read_pcalib(folder / "pcalib.txt").inverse_table.size == 256
+
+
+def test_decimal_commas_are_not_taken_for_separators(tmp_path):
+    place = tmp_path / "pcalib.txt"
+    place.write_text(" ".join(f"{i},5" for i in range(256)))
+    assert "decimal points" in validate([place], "dso").findings[0].remedy
+    with pytest.raises(FormatError, match="decimal points"):
+        repair(ParameterFile(place, "pcalib"))
 
 
 def test_images_in_an_archive_are_counted(folder):

@@ -158,6 +158,11 @@ BROKEN: dict[str, tuple[dict[str, str], type[Exception], tuple[str, ...]]] = {
         ("times.txt", "which of its 2 columns", "name the columns"),
     ),
     "no such column": ({"times.txt": "file,stamp\na,1\n"}, ExposureError, ("times.txt", "which of its 2 columns")),
+    "empty cell": (
+        {"e.csv": "file,exposure_ms\na,1\nb,\n"},
+        RecordingError,
+        ("line 3: the exposure is missing", "nan"),
+    ),
     "ragged": ({"e.csv": "file,exposure_ms\na,1\nb\n"}, RecordingError, ("e.csv, line 3", "has 1 column where")),
     "text": ({"e.csv": "file,exposure_ms\na,1\nb,soon\n"}, RecordingError, ("e.csv, line 3", "'soon'")),
     "gain is text": (

@@ -60,6 +60,7 @@ BROKEN = {
         RecordingError,
         "line 2: the exposure must be a number, not 'fast'",
     ),
+    "decimal comma": ("1 0,1 2\n", RecordingError, "not '0,1'; use a decimal point"),
     "text as stamp": ("1 now 1\n", RecordingError, "line 1: the time stamp must be a number, not 'now'"),
     "python's digits": ("1 0.1 1_000\n", RecordingError, "line 1: the exposure must be a number"),
     "other digits": ("1 0.1 ٣\n", RecordingError, "line 1: the exposure must be a number"),

@@ -10,10 +10,11 @@ from pathlib import Path, PurePosixPath
 
 from ospc.errors import ExposureError, MissingExtraError, OspcError, RecordingError
 from ospc.formats.dso import LARGEST_ID
+from ospc.formats.files import by_name
 from ospc.recording import Recording, open_recording
 from ospc.recording.frame_table import FrameTable
 from ospc.recording.image_sequence import ImageSequence, open_sequence
-from ospc.recording.image_source import FolderImages, by_name, is_image_name, why_unread
+from ospc.recording.image_source import FolderImages, is_image_name, why_unread
 from ospc.recording.options import DEFAULT, ReadingOptions
 from ospc.recording.writing.images import numbered
 

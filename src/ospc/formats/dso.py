@@ -13,10 +13,10 @@ import numpy as np
 import numpy.typing as npt
 
 from ospc.errors import ExposureError, FormatError, SettingError
-from ospc.formats.files import write_text
+from ospc.formats.files import read_text, write_text
 from ospc.formats.png import read_png, write_png
 from ospc.formats.rules import Context
-from ospc.formats.rules_pcalib import FEWEST_VALUES, MOST_VALUES, PCALIB, table_text
+from ospc.formats.rules_pcalib import FEWEST_VALUES, MOST_VALUES, PCALIB, PcalibText, table_text
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import RasterVignette, Vignette
 
@@ -43,14 +43,15 @@ def read_pcalib(path: str | Path) -> Response:
     """Read the inverse response in a pcalib.txt as DSO does: only the first line counts.
 
     The response has one table entry per value, shifted and scaled to run from 0 to 1; like DSO, this loses a black
-    level. FormatError if DSO would refuse the file: ``validate`` finds an error in it.
+    level. A byte order mark is skipped. FormatError if DSO would refuse the rest of the file: ``validate`` finds an
+    error in it.
     """
     place = Path(path)
-    for finding in PCALIB.findings(place, Context("dso")):
+    table = PcalibText(read_text(place))
+    for finding in PCALIB.findings_in(table, place, Context("dso")):
         if finding.severity == "error":
             raise FormatError(f"{place}: {'; '.join(filter(None, (finding.rule, finding.remedy)))}")
-    values = PCALIB.read(place).scanned[0]
-    return Response.from_values(values, model={"name": "table", "source": place.name})
+    return Response.from_values(table.scanned[0], model={"name": "table", "source": place.name})
 
 
 def write_vignette(vignette: Vignette, path: str | Path, description: str = "") -> Path:

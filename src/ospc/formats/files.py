@@ -6,6 +6,7 @@ import csv
 import io
 import json
 import os
+import re
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -19,8 +20,21 @@ LARGEST_TEXT = 64 * 2**20
 _PIECE_BYTES = 2**20
 """What is read at once of a file that does not state its size."""
 
+BYTE_ORDER_MARK = "\ufeff"
+"""What some editors write in front of UTF-8 text, and C programs take for text."""
+
 _BEGINS_FORMULA = ("=", "+", "-", "@", "\t", "\r")
 """First characters of a cell that spreadsheets take for a formula."""
+
+
+def by_name(name: str) -> tuple[tuple[object, ...], str]:
+    """Return a sorting key in which 2 comes before 10, with and without leading zeros."""
+    parts: list[object] = list(re.split(r"(\d+)", name))
+    for i in range(1, len(parts), 2):
+        # Compared by length and then as text: hostile names may have more digits than Python converts.
+        digits = str(parts[i]).lstrip("0")
+        parts[i] = (len(digits), digits)
+    return tuple(parts), name
 
 
 def read_bytes(path: str | Path, limit: int = LARGEST_TEXT, error: type[OspcError] = FormatError) -> bytes:
@@ -42,9 +56,13 @@ def read_bytes(path: str | Path, limit: int = LARGEST_TEXT, error: type[OspcErro
     return content
 
 
-def read_text(path: str | Path, limit: int = LARGEST_TEXT) -> str:
-    """Return the content of a text file, as :func:`read_bytes`; bytes that are not UTF-8 are replaced."""
-    return read_bytes(path, limit).decode("utf-8", errors="replace")
+def read_text(path: str | Path, limit: int = LARGEST_TEXT, *, keep_mark: bool = False) -> str:
+    """Return the content of a text file, as :func:`read_bytes`; bytes that are not UTF-8 are replaced.
+
+    A byte order mark in front is removed unless ``keep_mark``.
+    """
+    text = read_bytes(path, limit).decode("utf-8", errors="replace")
+    return text if keep_mark else text.removeprefix(BYTE_ORDER_MARK)
 
 
 def json_object(path: str | Path) -> dict[str, Any]:

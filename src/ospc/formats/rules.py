@@ -10,6 +10,7 @@ from typing import Any, Generic, Literal, TypeAlias, TypeVar
 
 from ospc.arrays import ImageSize
 from ospc.errors import FormatError
+from ospc.formats.files import BYTE_ORDER_MARK
 
 Program: TypeAlias = Literal["dso", "mono"]
 """``dso``: DSO and its descendants; ``mono``: the tools of the TUM monocular data set."""
@@ -33,6 +34,7 @@ UNCORRECTED = {
 MOST_INTERPOLATED = 0.1
 """Largest share of the values of a file that a repair interpolates."""
 
+_WITHOUT_MARK = "save it as UTF-8 without byte order mark (BOM)"
 _REPAIR = "run with --repair for a repaired copy"
 
 
@@ -75,6 +77,13 @@ class Broken:
     repair: Callable[[Any, Context], tuple[Any, str]] | None = None
 
 
+def mark_before(text: str, effect: str, repair: Callable[[Any, Context], tuple[Any, str]]) -> Iterator[Broken]:
+    """Yield the rule that a text with a byte order mark breaks; ``repair`` removes it."""
+    if text.startswith(BYTE_ORDER_MARK):
+        rule = "no byte order mark before the first number; there is one"
+        yield Broken("error", rule, effect, _WITHOUT_MARK, repair)
+
+
 @dataclass(frozen=True)
 class Format(Generic[Document]):
     """One kind of parameter file: how to read and write it, and the rules it must keep.
@@ -94,6 +103,10 @@ class Format(Generic[Document]):
         except FormatError as error:
             reason = str(error).removeprefix(f"{path}: ")
             return (Finding("error", reason, UNCORRECTED[context.program], "", str(path)),)
+        return self.findings_in(document, path, context)
+
+    def findings_in(self, document: Document, path: Path, context: Context) -> tuple[Finding, ...]:
+        """Return the findings about a document that was read from a file."""
         try:
             repairable = bool(self._repaired(document, context)[1])
         except FormatError:

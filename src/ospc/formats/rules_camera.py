@@ -6,8 +6,8 @@ import math
 from collections.abc import Iterator
 
 from ospc.arrays import ImageSize
-from ospc.formats.files import read_text, write_text
-from ospc.formats.rules import Broken, Context, Format, Program
+from ospc.formats.files import BYTE_ORDER_MARK, read_text, write_text
+from ospc.formats.rules import Broken, Context, Format, Program, mark_before
 from ospc.formats.scanning import scanned
 
 MODELS = {"KannalaBrandt": 8, "RadTan": 8, "EquiDistant": 8, "FOV": 5, "Pinhole": 5}
@@ -64,6 +64,10 @@ def intrinsics(line: str, program: Program) -> tuple[str, list[float]]:
 def input_size(text: str) -> ImageSize | None:
     """Return width and height on the second line of a camera.txt, or None."""
     return _size(_lines(text)[1])
+
+
+def _about_the_mark(text: str, context: Context) -> Iterator[Broken]:
+    return mark_before(text, _BAD_LINE[context.program], _remove_mark)
 
 
 def _about_the_intrinsics(text: str, context: Context) -> Iterator[Broken]:
@@ -146,6 +150,10 @@ def _about_the_output_size(text: str, context: Context) -> Iterator[Broken]:
         yield Broken("warning", rule, "warns of too few pyramid levels and loses track sooner", remedy)
 
 
+def _remove_mark(text: str, _context: Context) -> tuple[str, str]:
+    return text.removeprefix(BYTE_ORDER_MARK), "byte order mark removed"
+
+
 def _strip_lines(text: str, _context: Context) -> tuple[str, str]:
     stripped = "".join(f"{line.strip()}\n" for line in text.rstrip().split("\n"))
     return stripped, "line ends changed to those of Unix, and white space around lines dropped"
@@ -153,7 +161,7 @@ def _strip_lines(text: str, _context: Context) -> tuple[str, str]:
 
 def _lines(text: str) -> list[str]:
     """Return the four lines that the programs read, empty ones for those that are missing."""
-    return [*text.split("\n", 4), "", "", "", ""][:4]
+    return [*text.removeprefix(BYTE_ORDER_MARK).split("\n", 4), "", "", "", ""][:4]
 
 
 def _is_rectification(line: str) -> bool:
@@ -170,7 +178,7 @@ def _times(size: ImageSize | None) -> str:
 
 
 CAMERA: Format[str] = Format(
-    read_text,
+    lambda path: read_text(path, keep_mark=True),
     lambda text, path: write_text(path, text),
-    (_about_the_intrinsics, _about_the_input_size, _about_the_rectification, _about_the_output_size),
+    (_about_the_mark, _about_the_intrinsics, _about_the_input_size, _about_the_rectification, _about_the_output_size),
 )

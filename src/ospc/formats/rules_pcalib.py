@@ -12,8 +12,8 @@ import numpy.typing as npt
 
 from ospc.arrays import Float32Array, FloatArray
 from ospc.errors import FormatError, counted
-from ospc.formats.files import read_text, write_text
-from ospc.formats.rules import MOST_INTERPOLATED, UNCORRECTED, Broken, Context, Format, Severity
+from ospc.formats.files import BYTE_ORDER_MARK, read_text, write_text
+from ospc.formats.rules import MOST_INTERPOLATED, UNCORRECTED, Broken, Context, Format, Severity, mark_before
 from ospc.formats.scanning import NUMBER, leading_numbers, words_of
 
 FEWEST_VALUES = 256
@@ -38,7 +38,7 @@ class PcalibText:
     @property
     def first_line(self) -> str:
         """The line that the programs read."""
-        return self.text.split("\n", 1)[0]
+        return self.text.removeprefix(BYTE_ORDER_MARK).split("\n", 1)[0]
 
     @property
     def other_lines(self) -> list[str]:
@@ -102,6 +102,18 @@ _LIMITED_TOLERANCE = 2
 """Grey levels by which straight ends may differ from that: extrapolation extends them by one or two."""
 
 
+_DECIMAL_COMMA = re.compile(r"(?:^|\s)[+-]?\d+,\d+(?:\s|$)", re.ASCII)
+_DECIMAL_POINTS = "write decimal points, and spaces between values"
+
+
+def _has_decimal_commas(line: str) -> bool:
+    return _DECIMAL_COMMA.search(line) is not None
+
+
+def _about_the_mark(table: PcalibText, _context: Context) -> Iterator[Broken]:
+    return mark_before(table.text, "stops reading there, with 0 values", _remove_mark)
+
+
 def _about_the_line(table: PcalibText, context: Context) -> Iterator[Broken]:
     (values, rest), extra = table.scanned, table.other_lines
     complete = values.size >= FEWEST_VALUES
@@ -114,6 +126,8 @@ def _about_the_line(table: PcalibText, context: Context) -> Iterator[Broken]:
         rule = f"only numbers, separated by spaces; {rest.split()[0][:20]!r} stands in place {values.size + 1}"
         effect = f"stops reading there, with {counted(values.size, 'value')}"
         remedy = "write only the values on the first line, separated by spaces"
+        if _has_decimal_commas(table.first_line):
+            remedy = _DECIMAL_POINTS
         yield Broken(severity, rule, effect, remedy, _keep_numbers_only)
     if not complete:
         wanted = "exactly" if context.program == "mono" else "at least"
@@ -180,6 +194,10 @@ def _about_the_range(table: PcalibText, _context: Context) -> Iterator[Broken]:
         yield Broken("note", rule, effect, repair=_scale_to_255)
 
 
+def _remove_mark(table: PcalibText, _context: Context) -> tuple[PcalibText, str]:
+    return PcalibText(table.text.removeprefix(BYTE_ORDER_MARK)), "byte order mark removed"
+
+
 def _put_on_one_line(table: PcalibText, _context: Context) -> tuple[PcalibText, str]:
     extra = table.other_lines
     if len(words_of(table.first_line)) <= 1 and len(extra) + 1 >= FEWEST_VALUES:
@@ -190,6 +208,8 @@ def _put_on_one_line(table: PcalibText, _context: Context) -> tuple[PcalibText, 
 
 def _keep_numbers_only(table: PcalibText, _context: Context) -> tuple[PcalibText, str]:
     """Interpolate values such as nan, drop other words, and drop all text after a complete table."""
+    if _has_decimal_commas(table.first_line):
+        raise FormatError(_DECIMAL_POINTS)
     words = words_of(table.first_line)
     numbers = [float(word) if NUMBER.fullmatch(word) else None for word in words]
     changes = ["commas or semicolons replaced by spaces"] if re.search("[,;]", table.first_line) else []
@@ -261,7 +281,7 @@ def _is_of_limited_range(table: Float32Array) -> bool:
 
 
 PCALIB: Format[PcalibText] = Format(
-    read=lambda path: PcalibText(read_text(path)),
+    read=lambda path: PcalibText(read_text(path, keep_mark=True)),
     write=lambda table, path: write_text(path, table.text),
-    checks=(_about_the_line, _about_the_order, _about_the_count, _about_the_range),
+    checks=(_about_the_mark, _about_the_line, _about_the_order, _about_the_count, _about_the_range),
 )

@@ -15,8 +15,8 @@ import numpy as np
 from ospc.arrays import BoolArray, FloatArray
 from ospc.errors import FormatError, counted
 from ospc.formats.dso import LARGEST_ID, write_times
-from ospc.formats.files import read_text
-from ospc.formats.rules import MOST_INTERPOLATED, Broken, Context, Format
+from ospc.formats.files import BYTE_ORDER_MARK, by_name, read_text
+from ospc.formats.rules import MOST_INTERPOLATED, Broken, Context, Format, mark_before
 from ospc.formats.scanning import scanned, words_of
 
 _LONGEST_LINE = 999
@@ -37,6 +37,7 @@ _LOST = {
 }
 _PASSED_OVER = f"passes over these lines without a word; then the counts differ and it {_LOST['dso']}"
 _LAYOUT = "every line is 'id stamp[s] exposure[ms]'"
+_IS, _HAS = ("is", "are"), ("has", "have")
 _WRITE_ANEW = "write times.txt again from the recording's source"
 
 
@@ -54,17 +55,21 @@ class TimesText:
     text: str
 
     @cached_property
+    def lines(self) -> list[str]:
+        """All lines, without a byte order mark."""
+        return self.text.removeprefix(BYTE_ORDER_MARK).split("\n")
+
+    @cached_property
     def rows(self) -> tuple[_Row, ...]:
         """The words of every line, without comments and blank lines."""
-        lines = enumerate(self.text.split("\n"), start=1)
-        split = (_Row(number, _WORD.findall(line)) for number, line in lines)
+        split = (_Row(number, _WORD.findall(line)) for number, line in enumerate(self.lines, start=1))
         return tuple(row for row in split if row.words and not row.words[0].startswith("#"))
 
     @cached_property
     def scanned(self) -> FloatArray:
         """Ids, stamps in s and exposures in ms as DSO takes them, shape (lines, 3); a missing exposure is 0."""
         values: list[list[float]] = []
-        for line in self.text.split("\n"):
+        for line in self.lines:
             if len(line) > _LONGEST_LINE:
                 break
             row = scanned(line, "dff")
@@ -93,15 +98,20 @@ def _neighbour_filled(exposures_ms: FloatArray) -> FloatArray:
     return filled
 
 
+def _about_the_mark(times: TimesText, context: Context) -> Iterator[Broken]:
+    effect = f"passes over the first line without a word; then the counts differ and it {_LOST[context.program]}"
+    return mark_before(times.text, effect, _remove_mark)
+
+
 def _about_the_lines(times: TimesText, _context: Context) -> Iterator[Broken]:
-    number = next((i for i, line in enumerate(times.text.split("\n"), 1) if len(line) > _LONGEST_LINE), None)
+    number = next((i for i, line in enumerate(times.lines, 1) if len(line) > _LONGEST_LINE), None)
     if number is not None:
         rule = f"lines of up to {_LONGEST_LINE} characters; line {number} is longer"
         yield Broken("error", rule, "stops reading there", "shorten the line")
     if bad := [row for row in times.rows if _has_commas(row)]:
         rule = f"values are separated by spaces; {_first_of(bad)}"
         effect = "stops at the first of them, and so drops the line or takes part of a number for the whole"
-        yield Broken("error", rule, effect, "separate the values by spaces", _separate_by_spaces)
+        yield Broken("error", rule, effect, "write decimal points, and spaces between values", _separate_by_spaces)
     if bad := [row for row in times.rows if not _has_stamp(row) and not _has_commas(row)]:
         yield Broken("error", f"{_LAYOUT}; {_first_of(bad)}", _PASSED_OVER, _WRITE_ANEW, _drop_lines_without_stamp)
 
@@ -113,6 +123,17 @@ def _about_the_count(times: TimesText, context: Context) -> Iterator[Broken]:
         found = f"{counted(len(times.rows), 'line')} for {counted(len(context.images), 'file')} in images"
         rule = f"one line per image; {found}"
         yield Broken("error", rule, _LOST[context.program], "remove the surplus", _drop_lines_without_image)
+
+
+def _about_the_image_order(_times: TimesText, context: Context) -> Iterator[Broken]:
+    """Check that the programs, which sort names as text, do not read image 10 before image 2."""
+    images = context.images or ()
+    pairs = zip(images, sorted(images, key=by_name), strict=True)
+    early, due = next(((found, due) for found, due in pairs if found != due), ("", ""))
+    if early:
+        rule = f"image names sort as text in the order of their numbers; {early!r} sorts before {due!r}"
+        effect = "reads the images in another order and pairs them with the wrong lines"
+        yield Broken("error", rule, effect, "number the images with leading zeros, as 'ospc convert' does")
 
 
 def _about_the_ids_and_images(times: TimesText, context: Context) -> Iterator[Broken]:
@@ -141,16 +162,19 @@ def _about_the_exposures(times: TimesText, context: Context) -> Iterator[Broken]
     zero, valid = exposures_ms == 0, np.isfinite(exposures_ms) & (exposures_ms > 0)
     invalid = ~zero & ~valid
     if invalid.any():
-        rule = f"exposures are positive; {_places(invalid)} negative or not a number"
+        rule = f"exposures are positive; {_count_of(invalid, _IS, 'negative or not a number')}"
         effect = "leaves those images uncorrected, or carries NaN into its brightness transfer"
         yield Broken("error", rule, effect, "correct them", _fill_exposures)
     left = _neighbour_filled(exposures_ms) == 0
     if context.program == "dso" and left.any():
-        rule = f"a zero exposure has a positive neighbour; {_places(left)} without"
+        rule = f"every zero exposure has a positive neighbour; {_count_of(left, _HAS, 'none')}"
         remedy = "record exposures; if there are none, leave the third column out of all lines"
         yield Broken("error", rule, "drops the exposures of all images", remedy, _fill_exposures)
     if zero.any() and not (context.program == "dso" and zero.all()):
-        rule, remedy = f"exposures are positive; {_places(zero)} zero or missing", "record the missing exposures"
+        rule, remedy = (
+            f"exposures are positive; {_count_of(zero, _IS, 'zero or missing')}",
+            "record the missing exposures",
+        )
         if context.program == "mono":
             yield Broken("error", rule, "passes the zeros on", remedy, _fill_exposures)
         else:
@@ -176,6 +200,10 @@ def _about_the_stamps(times: TimesText, _context: Context) -> Iterator[Broken]:
         rule = f"time stamps are in seconds; they advance by {median:g}, as if in milli- or nanoseconds"
         effect = "cannot play them in real time, nor can they be matched with a ground truth"
         yield Broken("warning", rule, effect, "convert them")
+
+
+def _remove_mark(times: TimesText, _context: Context) -> tuple[TimesText, str]:
+    return TimesText(times.text.removeprefix(BYTE_ORDER_MARK)), "byte order mark removed"
 
 
 def _separate_by_spaces(times: TimesText, _context: Context) -> tuple[TimesText, str]:
@@ -237,12 +265,14 @@ def _has_stamp(row: _Row) -> bool:
 
 
 def _first_of(rows: list[_Row]) -> str:
-    return f"{len(rows)} are not, first line {rows[0].number}: {' '.join(rows[0].words)[:40]!r}"
+    differ = "line differs" if len(rows) == 1 else "lines differ"
+    return f"{len(rows)} {differ}, first line {rows[0].number}: {' '.join(rows[0].words)[:40]!r}"
 
 
-def _places(where: BoolArray) -> str:
+def _count_of(where: BoolArray, verbs: tuple[str, str], what: str) -> str:
+    """Return how many rows something is true of, with the verb for one or several, and the first of them."""
     count = int(np.count_nonzero(where))
-    return f"{count} of {where.size} are, first in row {int(np.argmax(where)) + 1},"
+    return f"{count} of {where.size} {verbs[count > 1]} {what}, first in row {int(np.argmax(where)) + 1}"
 
 
 def _write(times: TimesText, path: Path) -> Path:
@@ -251,7 +281,15 @@ def _write(times: TimesText, path: Path) -> Path:
 
 
 TIMES: Format[TimesText] = Format(
-    lambda path: TimesText(read_text(path)),
+    lambda path: TimesText(read_text(path, keep_mark=True)),
     _write,
-    (_about_the_lines, _about_the_count, _about_the_ids_and_images, _about_the_exposures, _about_the_stamps),
+    (
+        _about_the_mark,
+        _about_the_lines,
+        _about_the_count,
+        _about_the_image_order,
+        _about_the_ids_and_images,
+        _about_the_exposures,
+        _about_the_stamps,
+    ),
 )

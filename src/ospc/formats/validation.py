@@ -16,7 +16,7 @@ from ospc.formats.rules_camera import CAMERA, MODELS, input_size
 from ospc.formats.rules_pcalib import MOST_COLUMNS, PCALIB
 from ospc.formats.rules_times import TIMES
 from ospc.formats.rules_vignette import VIGNETTE
-from ospc.formats.scanning import leading_numbers, scanned
+from ospc.formats.scanning import leading_numbers, scanned, words_of
 
 FOLDER_FILES = ("pcalib.txt", "vignette.png", "times.txt", "camera.txt")
 """Names of the parameter files in the folder of a recording."""
@@ -81,7 +81,7 @@ def kind_of(path: str | Path) -> Kind:
             if word in place.stem.lower():
                 return kind
     first, second, *_ = [*read_text(place).split("\n"), "", ""]
-    if leading_numbers(first)[0].size > MOST_COLUMNS:
+    if len(words_of(first)) > MOST_COLUMNS and leading_numbers(first)[0].size:
         return "pcalib"
     words = first.split(maxsplit=1)
     if (len(words) > 1 and words[0] in MODELS) or (

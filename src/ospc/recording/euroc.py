@@ -9,9 +9,10 @@ from __future__ import annotations
 from pathlib import Path
 
 from ospc.errors import RecordingError
+from ospc.formats.files import by_name
 from ospc.recording.exposure_lists import lists_in, only_list, read_list
 from ospc.recording.image_sequence import ImageSequence, open_sequence
-from ospc.recording.image_source import FolderImages, by_name
+from ospc.recording.image_source import FolderImages
 from ospc.recording.options import DEFAULT, ReadingOptions
 
 _IMAGES, _INDEX = "data", "data.csv"

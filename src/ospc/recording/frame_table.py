@@ -12,10 +12,10 @@ import numpy.typing as npt
 
 from ospc.arrays import FloatArray
 from ospc.errors import ExposureError, MissingExtraError, RecordingError, counted, listed, quoted
-from ospc.formats.files import read_bytes
+from ospc.formats.files import by_name, read_bytes
 from ospc.formats.scanning import NUMBER
 from ospc.photometry.correction import EXPOSURE_RANGE_MS
-from ospc.recording.image_source import by_name, is_image_name
+from ospc.recording.image_source import is_image_name
 
 MAX_LINES = 1_000_000
 """Text files with more lines are refused: that is nine hours at 30 frames per second."""
@@ -66,7 +66,11 @@ def parse_number(text: str, what: str, place: str) -> float:
     """
     if is_number(text):
         return float(text)
-    raise RecordingError(f"{place}: {what} must be a number, not {quoted(text)}; correct the line")
+    if not text:
+        unknown = ", or write nan if it is unknown" if what == "the exposure" else ""
+        raise RecordingError(f"{place}: {what} is missing; add it{unknown}")
+    remedy = "use a decimal point" if "," in text else "correct the line"
+    raise RecordingError(f"{place}: {what} must be a number, not {quoted(text)}; {remedy}")
 
 
 def exposures_in(path: str | Path) -> list[float]:

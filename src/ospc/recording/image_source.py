@@ -16,7 +16,7 @@ import numpy as np
 
 from ospc.arrays import Image
 from ospc.errors import FrameError, RecordingError, escaped, listed, os_error_as, quoted
-from ospc.formats.files import read_bytes
+from ospc.formats.files import by_name, read_bytes
 from ospc.formats.image_header import JPEG_START, PNG_SIGNATURE, ImageHeader, read_header
 from ospc.recording.channel import Channel
 from ospc.recording.frame import check_decoded_size
@@ -94,16 +94,6 @@ def is_image_name(name: str) -> bool:
     """Tell whether a file name is that of an image; hidden files are not."""
     known = PurePosixPath(name).suffix.lower() in _SUFFIXES or format_of(name) is not None
     return known and not name.startswith(".")
-
-
-def by_name(name: str) -> tuple[tuple[object, ...], str]:
-    """Return a sorting key in which 2 comes before 10, with and without leading zeros."""
-    parts: list[object] = list(re.split(r"(\d+)", name))
-    for i in range(1, len(parts), 2):
-        # Compared by length and then as text: hostile names may have more digits than Python converts.
-        digits = str(parts[i]).lstrip("0")
-        parts[i] = (len(digits), digits)
-    return tuple(parts), name
 
 
 @dataclass(frozen=True)

@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from ospc.errors import ExposureError, RecordingError, escaped, listed, quoted
+from ospc.formats.files import by_name
 from ospc.recording.bags.carriers import candidates
 from ospc.recording.bags.container import ROS1_START, SQLITE_START, BagFile, Message, Ros1File, Sqlite3File, Topic
 from ospc.recording.bags.mcap_file import MCAP_START, McapFile
-from ospc.recording.image_source import by_name
 from ospc.recording.options import ReadingOptions
 
 RAW, COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
