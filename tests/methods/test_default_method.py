@@ -224,7 +224,7 @@ def test_where_the_light_is_unsteady_steadier_light_is_asked_for(walk, calibrate
     result = calibrated(frames, QUICK)
     for name in ("response", "vignette"):
         assert result.verdicts[name].state != "identifiable"
-        assert result.verdicts[name].remedy.startswith("film in steadier light or give more exact exposures")
+        assert result.verdicts[name].remedy.startswith("film in steadier light or provide more accurate exposures")
         assert result.verdicts[name].remedy in result.advice
 
 

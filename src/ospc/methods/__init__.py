@@ -1,1 +1,1 @@
-"""The calibration methods: frames in, calibration out, one step of the method a line."""
+"""The calibration methods, which turn frames into a calibration."""

@@ -1,15 +1,15 @@
-"""Has the camera changed? New pairs of frames are predicted by what was known before, and the errors are explained.
+"""Detection of camera changes: new pairs of frames are predicted from earlier ones, and the errors are explained.
 
 A fit from the beginning of an epoch predicts the ratio of the two grey levels of every scene point in a new pair of
-frames. If the camera is the same, the prediction errors are noise. If its vignette or its response is another, they
-depend on the radius or on the grey level within each pair. Light that changes, by clouds or lamps, changes all points
-of a pair alike: it is subtracted, and seldom mistaken for a change of the camera. Exposures that are suddenly written
-late are found by :mod:`ospc.exposures.lag_change`.
+frames. If the camera is unchanged, the prediction errors are noise. If its vignette or its response has changed, they
+depend on the radius or on the grey level within each pair. Changing light, from clouds or lamps, affects all points
+of a pair equally: it is subtracted, and rarely mistaken for a change of the camera. Exposures that suddenly start to
+lag are detected by :mod:`ospc.exposures.lag_change`.
 
-Outliers among these errors raise a suspicion. Neighbouring frames soon show a change of the response; the vignette
-shows in frames further apart, between which scene points move radially. From then on every frame is processed for a
-while, and only pairs that begin after the suspicion count: in a pair that spans a change of the light nothing can be
-told.
+Outliers among these errors raise a suspicion. Neighbouring frames soon reveal a change of the response; a change of
+the vignette shows in frames further apart, between which scene points move radially. Every frame is then processed
+for a while, and only pairs that begin after the suspicion count, because a pair that spans a change of the light is
+inconclusive.
 """
 
 from __future__ import annotations
@@ -51,11 +51,11 @@ class Change:
     Attributes
     ----------
     frame, found
-        Numbers of the first frame after it, as nearly as it can be told, and of that at which it was found.
+        Numbers of the first frame after the change (approximate) and of the frame at which it was detected.
     part
-        What changed: ``"response"``, ``"vignette"``, ``"response or vignette"`` or ``"exposures"``.
+        The part that changed: ``"response"``, ``"vignette"``, ``"response or vignette"`` or ``"exposures"``.
     text
-        What changed, by how much and since which frame, as one sentence.
+        What changed, by how much and since which frame, as a sentence.
     """
 
     frame: int
@@ -66,7 +66,7 @@ class Change:
 
 @dataclass
 class Baseline:
-    """What pairs of frames of one kind show while nothing is suspected.
+    """Usual errors of one kind of pairs, without a suspicion.
 
     Attributes
     ----------
@@ -86,46 +86,45 @@ class Baseline:
         return max(float(np.median(self.errors)), MIN_BASELINE_ERROR_LOG)
 
     def add(self, pair: PairErrors) -> None:
-        """Judge a pair by those before it, and take it as one of them."""
+        """Compare a pair with the previous ones, and add it to them."""
         if len(self.errors) >= MIN_BASELINE_PAIRS:
             self.outliers = [*self.outliers, (pair.frame1, self.is_outlier(pair))][-RECENT_PAIRS:]
         self.errors = [*self.errors, abs(pair.error)][-MAX_BASELINE_PAIRS:]
         self.effects = [*self.effects, pair.effect][-MAX_BASELINE_PAIRS:]
 
     def is_outlier(self, pair: PairErrors) -> bool:
-        """Whether a pair shows much more than most; the light may change between frames that are not neighbours."""
+        """Whether the errors of a pair are unusual; between frames that are not neighbours, the light may change."""
         effect = max(float(np.median(self.effects)), MIN_BASELINE_ERROR_LOG)
         large_error = pair.consecutive and abs(pair.error) > OUTLIER_FACTOR * self.error
         return large_error or pair.effect > OUTLIER_FACTOR * effect
 
     @property
     def first_outlier(self) -> int | None:
-        """Number of the second frame of the first of the latest outliers; None where these are few."""
+        """Number of the second frame of the first recent outlier; None if there are few."""
         frames = [frame for frame, is_outlier in self.outliers if is_outlier]
         return frames[0] if len(frames) >= OUTLIER_PAIRS else None
 
 
 @dataclass
 class ChangeDetector:
-    """Compares each new pair of frames with what the epoch's fit predicts.
+    """Compares each new pair of frames with the prediction of the epoch's fit.
 
     Attributes
     ----------
     reference
-        The fit that predicts; None before there is one.
+        The fit used for prediction; None before there is one.
     neighbours, distant
-        What pairs of neighbouring frames show, and what others do.
+        Baselines of pairs of neighbouring frames, and of all other pairs.
     pairs, since
-        Pairs of frames while there is a suspicion, and the number of the frame that was the first to support it; None
-        while there is none.
+        Pairs of frames during a suspicion, and the number of the first frame that supports it; None without one.
     suspected_at
         Number of the frame at which the latest suspicion was raised.
     calm_until
-        Number of the frame from which on there may be another suspicion.
+        Number of the first frame that may raise another suspicion.
     lag_frames
-        Lag that the errors hold for.
+        Lag for which the errors were computed.
     first_number, first_stamp_s, frames_per_s
-        Number and time stamp of the first frame, none if negative, and the rate since then, within limits.
+        Number and time stamp of the first frame (negative for none), and the limited frame rate since then.
     """
 
     reference: Fit | None = None
@@ -141,7 +140,7 @@ class ChangeDetector:
     frames_per_s: float = MIN_FRAME_RATE
 
     def observe_time(self, number: int, stamp_s: float) -> None:
-        """Take the time stamp of a frame: light changes with time, however many frames that takes."""
+        """Update the frame rate with a frame's time stamp, which converts durations in seconds to frames."""
         if not math.isfinite(stamp_s):
             return
         if self.first_number < 0:
@@ -152,19 +151,20 @@ class ChangeDetector:
         self.frames_per_s = min(max(rate, MIN_FRAME_RATE), MAX_FRAME_RATE)
 
     def set_reference(self, fit: Fit) -> None:
-        """Predict by another fit from now on, unless a suspicion is followed: what it rests on must stay the same."""
+        """Predict with another fit from now on, except during a suspicion, whose reference must not change."""
         if not self.pairs:
             self.reference = fit
 
     @property
     def is_suspicious(self) -> bool:
-        """Whether there is a suspicion, so that every frame is to be processed."""
+        """Whether there is a suspicion, so that every frame is processed."""
         return self.since is not None
 
     def observe(self, latest: Observations, exposures: ExposureTable) -> Change | None:
-        """Take the observations of the latest pair, and return the change of the camera that they prove, if any.
+        """Process the observations of the latest pair, and return the camera change that they prove, if any.
 
-        When a suspicion begins, :attr:`is_suspicious`, the reference is best replaced by a fit to everything so far.
+        When a suspicion begins (:attr:`is_suspicious`), the reference should be replaced by a fit to all pairs so
+        far.
         """
         if self.reference is None or len(latest.starts) < MIN_PAIR_POINTS:
             return None
@@ -196,7 +196,7 @@ class ChangeDetector:
             self.since, self.suspected_at = first, pair.frame1
 
     def _end_suspicion(self, frame: int, reference: Fit) -> None:
-        """End a suspicion that has lasted too long, or that nothing supports any more."""
+        """End a suspicion that has lasted too long or is no longer supported."""
         latest = [pair for pair in self.pairs if pair.consecutive][-WATCHED_PAIRS:]
         if frame > self.suspected_at + self._frames(MAX_SUSPICION_S):
             self.calm_until = frame + self._frames(CALM_S)

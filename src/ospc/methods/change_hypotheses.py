@@ -1,4 +1,4 @@
-"""Which change of the camera, of its response or vignette, explains the errors of pairs of frames."""
+"""Selection of the camera change, of response or vignette, that explains the errors of pairs of frames."""
 
 from __future__ import annotations
 
@@ -29,25 +29,25 @@ from ospc.settings.methods import (
 )
 
 Halves = tuple[list[PairErrors], list[PairErrors]]
-"""Earlier and later pairs: what one half shows must explain the other."""
+"""Earlier and later pairs: a change seen in one half must explain the other."""
 
 Finding = tuple[str, str]
-"""What changed, and how, as a part of a sentence."""
+"""The part that changed, and a description of the change, as part of a sentence."""
 
 
 def explain(
     pairs: list[PairErrors], fit: Fit, exposures: ExposureTable, baseline_error: float, min_span_frames: int
 ) -> Finding | None:
-    """Return the change of the camera that pairs, in the order of frames, prove; None if they prove none.
+    """Return the camera change that the pairs, in frame order, prove; None if they prove none.
 
     Parameters
     ----------
     fit, exposures
-        What predicted them.
+        The fit and exposures of the prediction.
     baseline_error
         Usual absolute error of a whole pair, in ln.
     min_span_frames
-        Frames that the pairs must span.
+        Minimum number of frames that the pairs must span.
     """
     if len(pairs) < 2 * MIN_HALF_PAIRS or pairs[-1].frame1 - pairs[0].frame0 < min_span_frames:
         return None
@@ -55,7 +55,7 @@ def explain(
 
 
 def best_explanations(pairs: list[PairErrors], fit: Fit) -> list[ExplainedChange]:
-    """Return what a change of the response and one of the vignette explain of pairs, the better first."""
+    """Return the best explanation of the pairs by each of response and vignette, the better first."""
     parts = (ExplainedChange.of(pairs, fit, part, SYSTEMATIC_LOG) for part in PARTS)
     return sorted(parts, key=lambda explained: -explained.gain)
 
@@ -66,7 +66,7 @@ def _other_curve(pairs: list[PairErrors], fit: Fit) -> Finding | None:
     best, other = sorted(hypotheses, key=lambda found: -found.unseen_gain)
     alike = other.unseen_gain > ALIKE_RATIO * best.unseen_gain
     if alike:
-        # What fades towards the corners follows a steeper response alike, but then it follows the exposure so, too.
+        # Darker corners also fit a steeper response, but that would change the relation to the exposure, too.
         best, other = sorted((best, other), key=lambda found: found.common_error)
         alike = best.common_error > ALIKE_RATIO * other.common_error
     whole = best.whole
@@ -81,7 +81,7 @@ def _other_curve(pairs: list[PairErrors], fit: Fit) -> Finding | None:
 
 @dataclass(frozen=True)
 class _InHalves:
-    """A change of one part that explains all pairs, and those that explain its halves; none where one is short."""
+    """A change of one part fitted to all pairs, and to each half; without halves if one is too short."""
 
     whole: ExplainedChange
     halves: Halves
@@ -96,18 +96,18 @@ class _InHalves:
 
     @property
     def unseen_gain(self) -> float:
-        """By how much the change that each half shows reduces the sum of squared errors of the other half."""
+        """Reduction of each half's sum of squared errors by the change fitted to the other half, in total."""
         return sum(pair.gain(found.change) for found, unseen in self._crossed for pair in unseen)
 
     @property
     def common_error(self) -> float:
-        """Sum of the absolute errors of whole pairs that the change leaves, in ln."""
+        """Sum of the absolute errors of whole pairs after the change, in ln."""
         pairs = (pair for half in self.halves for pair in half)
         return sum(abs(pair.error - float(pair.common @ self.whole.change)) for pair in pairs)
 
     @property
     def agree(self) -> bool:
-        """Whether each half shows the same change clearly, and it explains most of the other half."""
+        """Whether each half clearly shows the same change, and this explains most of the other half."""
         if not self.by_half or min(found.sigmas for found in self.by_half) < MIN_HALF_SIGMAS:
             return False
         if np.corrcoef([found.curve for found in self.by_half])[0, 1] < MIN_CORRELATION:
@@ -125,7 +125,7 @@ class _InHalves:
 
 
 def _halves_by_effect(pairs: list[PairErrors], found: ExplainedChange) -> Halves:
-    """Split pairs into halves in which a change has equal effects: while a camera stands still, it has none."""
+    """Split pairs into halves in which a change has equal effects: it has none while the camera is stationary."""
     done = np.cumsum([np.sqrt(pair.energy(found.change)) for pair in pairs])
     middle = int(np.searchsorted(done, done[-1] / 2))
     return pairs[:middle], pairs[middle:]
@@ -144,14 +144,15 @@ def _steeper_response(pairs: list[PairErrors], exposures: ExposureTable, baselin
     expected = [slope * step for slope, step in zip(reversed(slopes), steps, strict=True)]
     if not _explained(halves, expected, baseline_error):
         return None
-    steeper = f"brightness follows the exposure by {np.mean(slopes):+.0%}"
-    return "response", f"the response changed, or a gain that is missing in the exposures: {steeper}"
+    slope = float(np.mean(slopes))
+    steeper = f"brightness follows the exposure {abs(slope):.0%} {'more' if slope > 0 else 'less'} than before"
+    return "response", f"the response changed, or a gain is missing from the exposures: {steeper}"
 
 
 def _explained(halves: Halves, expected: list[FloatArray], baseline_error: float) -> bool:
     """Return whether the expected errors explain most of the pairs in each half in which they are significant.
 
-    Light that fades steadily is no evidence: what grows evenly with time is taken out of errors and expectations.
+    Steadily fading light is no evidence, so a linear trend in time is removed from errors and expectations.
     """
     for half, change in zip(halves, expected, strict=True):
         known = np.isfinite(change)
@@ -170,13 +171,13 @@ def _without_drift(values: FloatArray, frames: IntArray) -> FloatArray:
 
 
 def _log_ratios(pairs: list[PairErrors], exposures: ExposureTable) -> FloatArray:
-    """Return ln of the exposure of each pair's second frame over that of its first, NaN where one is unknown."""
+    """Return ln of the exposure of each pair's second frame over that of its first, NaN if one is unknown."""
     frames = np.array([(pair.frame0, pair.frame1) for pair in pairs])
     return np.asarray(np.diff(exposures.log_exposure_of(frames), axis=1)[:, 0])
 
 
 def _median_slope(pairs: list[PairErrors], step: FloatArray) -> float:
-    """Return the median of error over change of exposure, weighted by the change; 0 where nothing changes."""
+    """Return the median of error over change of exposure, weighted by the change; 0 if nothing changes."""
     weight = np.where(np.isfinite(step), np.abs(step), 0.0)
     moving = weight > 0
     if not moving.any():

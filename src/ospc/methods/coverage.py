@@ -1,4 +1,4 @@
-"""What observations cover, and how far they are from a fit."""
+"""Coverage of the observations, and their residuals from a fit."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from ospc.settings.methods import (
 def coverage_of(observations: ExposedObservations, fit: Fit | None, size: ImageSize) -> Coverage:
     """Return the tables of a report: counts of observations and, with a fit to them, their residuals.
 
-    The size is that of the frames in pixels.
+    ``size`` is the frame size in pixels.
     """
     radius = np.linalg.norm(observations.position, axis=1)
     ring = np.clip((radius * RADIUS_CLASSES).astype(np.int64), 0, RADIUS_CLASSES - 1)
@@ -47,10 +47,10 @@ def coverage_of(observations: ExposedObservations, fit: Fit | None, size: ImageS
 
 
 def _exposure_edges(log_exposure: FloatArray) -> FloatArray:
-    """Return limits of equal classes of ln e, no more of them than there are values."""
+    """Return limits of equal classes of ln e, at most as many as there are values."""
     low, high = float(log_exposure.min()), float(log_exposure.max())
     classes = min(MAX_EXPOSURE_CLASSES, len(np.unique(log_exposure)))
-    room = max(1e-3, 1e-6 * abs(high))  # the highest belongs to the last class
+    room = max(1e-3, 1e-6 * abs(high))  # to include the highest value in the last class
     return np.linspace(low, max(high, low) + room, classes + 1)
 
 

@@ -1,4 +1,4 @@
-"""What the default method could and could not find, and why."""
+"""Verdicts of the default method: whether each curve could be determined, and why."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from ospc.settings.methods import (
 )
 
 _SEE_MORE = (
-    "record more frames, of a scene with even surfaces of all brightnesses: the exposure changes enough, "
+    "record more frames of a scene with uniform surfaces of all brightnesses: the exposure changes enough, "
     "but too little of the scene is well exposed in two frames"
 )
 _CHANGE_EXPOSURE = (
@@ -41,43 +41,43 @@ _MOVE_RADIALLY = (
     "half diagonal or more"
 )
 _STEADIER = (
-    "film in steadier light or give more exact exposures, and record more frames that differ much in exposure: "
-    "frames are brighter or darker than their exposures say"
+    "film in steadier light or provide more accurate exposures, and record more frames with very different "
+    "exposures: frames are brighter or darker than their exposures predict"
 )
 
 
 def response_verdict(
     settings: DefaultSettings, fit: Fit | None, observations: ExposedObservations | None, unexplained: float
 ) -> Verdict:
-    """Return whether the response is known, and what to record instead where it is not.
+    """Return whether the response is known, and what to record if it is not.
 
-    ``unexplained`` is the share of a typical change of exposure that the images do not show.
+    ``unexplained`` is the share of a typical change of exposure that is missing in the images.
     """
     if observations is not None and observations.log_exposure_change < settings.min_log_exposure_change:
         low, high = observations.exposure_range_ms
         return Verdict(
             "not identifiable",
-            f"the exposure hardly changes ({low:.4g} to {high:.4g} ms), so the response leaves no trace",
+            f"the exposure hardly changes ({low:.4g} to {high:.4g} ms), so the response cannot be determined",
             _CHANGE_EXPOSURE,
         )
     if observations is None or fit is None:
         points = 0 if observations is None else len(observations.starts)
         return Verdict(
             "not identifiable",
-            f"only {counted(points, 'scene point')} could be followed (at least {settings.min_points} are needed)",
-            "record a longer sequence of a well-exposed scene with even surfaces and some texture, moving slowly",
+            f"only {counted(points, 'scene point')} could be tracked (at least {settings.min_points} are needed)",
+            "record a longer sequence of a well-exposed scene with uniform surfaces and some texture, moving slowly",
         )
     return response_verdict_of_fit(fit, observations.exposure_range_ms, unexplained)
 
 
 def response_verdict_of_fit(fit: Fit, exposure_range_ms: tuple[float, float], unexplained: float) -> Verdict:
-    """Return whether a fit knows the response, given the share of changes of exposure that images do not show."""
+    """Return whether a fit determines the response; ``unexplained`` as in :func:`response_verdict`."""
     error = fit.log_ratio_error_bound
     low, high = exposure_range_ms
-    # A power of all exposures would be one of g and V, which no image shows.
+    # If all exposures were raised to a power, so would g and V be, and no image would differ.
     figure = (
         f"ratios of irradiance are known to within {100 * error:.2g}% (95% confidence) "
-        f"from exposures of {low:.4g} to {high:.4g} ms, taken as proportional to the light"
+        f"from exposures of {low:.4g} to {high:.4g} ms, assumed proportional to the light"
     )
     contradiction = f"{min(unexplained, 1):.0%} of a typical change of exposure does not show in the images"
     check_exposures = (
@@ -103,20 +103,22 @@ def vignette_verdict(
     *,
     usable_radius: float = 1.0,
 ) -> Verdict:
-    """Return whether the vignette is known, and what to record instead where it is not.
+    """Return whether the vignette is known, and what to record if it is not.
 
     Parameters
     ----------
     reach
         Radial displacement, in half diagonals, of the scene points that determine the vignette: half of the
-        information on it comes from points that move farther.
+        information comes from points that move farther.
     unexplained
-        Share of a typical change of exposure that the images do not show.
+        Share of a typical change of exposure that is missing in the images.
     usable_radius
-        Radius in half diagonals that the usable part of the image reaches.
+        Radius, in half diagonals, of the usable part of the image.
     """
     if standing_still:
-        return Verdict("not identifiable", "the camera stands still: every point keeps its vignette", _MOVE_RADIALLY)
+        return Verdict(
+            "not identifiable", "the camera is stationary: the vignette of each point never changes", _MOVE_RADIALLY
+        )
     if reach < settings.min_radial_reach:
         return Verdict(
             "not identifiable",
@@ -137,24 +139,24 @@ def vignette_verdict(
 
 
 def _is_unsteady(fit: Fit) -> bool:
-    """Return whether unsteady light keeps the response from being known, and with it the vignette."""
+    """Return whether unsteady light prevents the response, and with it the vignette, from being known."""
     return bool(fit.errors.gain_variances) and fit.log_ratio_error_bound > IDENTIFIABLE_ERROR
 
 
 def _graded(fit: Fit, relative_error: float, figure: str, remedy: str) -> Verdict:
-    """Return the verdict on a curve, by its error over the largest one of an identifiable curve."""
+    """Return the verdict on a curve, given its error relative to the limit for an identifiable curve."""
     if relative_error > 1:
         state: State = "not identifiable" if relative_error > UNIDENTIFIABLE_FACTOR else "marginal"
         return Verdict(state, figure, remedy)
     if fit.groups >= MIN_SCATTER_GROUPS:
         return Verdict("identifiable", figure)
-    few = f"{figure}, but from {counted(fit.groups, 'comparison')} of frames only"
-    return Verdict("marginal", few, "record more frames: their scatter tells how well the curve is known")
+    few = f"{figure}, but from only {counted(fit.groups, 'comparison')} of frames"
+    return Verdict("marginal", few, "record more frames: their scatter shows how accurate the curve is")
 
 
 def unexplained_share(ratios: ExposureRatios) -> float:
-    """Return the median misfit of ln k over its median size, where the exposure changes."""
-    # Every scene point counts, not every pair: one whose registration failed has hardly any left, and wrong ones.
+    """Return the median misfit of ln k over its median size, for changing exposures."""
+    # Count scene points, not pairs: a pair whose registration failed has few points, which are wrong.
     log_k, residual = (np.repeat(values, ratios.samples) for values in (np.log(ratios.metadata), ratios.log_residual))
     changing = np.abs(log_k) > MIN_COMPARED_LOG_K
     if not changing.any():
@@ -163,23 +165,23 @@ def unexplained_share(ratios: ExposureRatios) -> float:
 
 
 _SAME_FOR_ALL_PLACES = "switch off local contrast, HDR and tone mapping in the camera, and film in steady light"
-_VIGNETTE_STAYS = "switch off stabilisation, that of the lens too, and fix zoom and the orientation of the images"
+_VIGNETTE_STAYS = "switch off all stabilisation, including that of the lens, and fix the zoom and image orientation"
 
 _CONTRADICTIONS = {
     "local tone mapping": (
-        "grey levels change with the brightness around them, as local tone mapping or flickering light makes them",
+        "grey levels depend on the brightness around them, as with local tone mapping or flickering light",
         _SAME_FOR_ALL_PLACES,
     ),
     "curved exposures": (
-        "the images do not follow the exposures in proportion over their whole range",
+        "the brightness of the images is not proportional to the exposures over their whole range",
         "check the unit of the exposures: they must be times, not logarithms or steps, multiplied by the linear gain",
     ),
     "drifting response": (
-        "the response changes in the course of the recording",
+        "the response changes during the recording",
         "fix the picture profile, contrast and gamma of the camera",
     ),
     "drifting black level": (
-        "the black level changes in the course of the recording",
+        "the black level changes during the recording",
         "let the camera warm up, and switch off automatic contrast",
     ),
     "black level by exposure": (
@@ -187,7 +189,7 @@ _CONTRADICTIONS = {
         "fix the gain of the camera, and let it control the exposure time alone",
     ),
     UNSTEADY_VIGNETTE: (
-        "the vignette is at another place in each frame",
+        "the vignette has a different position in each frame",
         "switch off electronic stabilisation and cropping of the camera",
     ),
     UNSTEADY_RESPONSE: (
@@ -195,31 +197,31 @@ _CONTRADICTIONS = {
         "switch off automatic contrast and scene modes of the camera, and film scenes with texture",
     ),
     UNSTEADY_RADIANCE: (
-        "the same places differ in brightness from frame to frame by more than noise and exposure explain, in ln",
+        "the same points differ in brightness between frames by more than noise and exposure explain, in ln",
         _SAME_FOR_ALL_PLACES,
     ),
     UNEVEN: (
-        "a part of the image is darker or brighter than a smooth vignette would have it, in ln V",
+        "a region of the image is darker or brighter than a smooth vignette predicts, in ln V",
         "clean lens and sensor, and switch off shading correction",
     ),
     "drifting vignette": (
-        "the vignette changes in the course of the recording",
+        "the vignette changes during the recording",
         "fix zoom, focus and aperture, and switch off shading correction",
     ),
-    "vignette moving sideways": ("the vignette moves sideways in the course of the recording", _VIGNETTE_STAYS),
-    "vignette moving vertically": ("the vignette moves vertically in the course of the recording", _VIGNETTE_STAYS),
+    "vignette moving sideways": ("the vignette moves sideways during the recording", _VIGNETTE_STAYS),
+    "vignette moving vertically": ("the vignette moves vertically during the recording", _VIGNETTE_STAYS),
 }
-"""What each contradiction is, and what to do about it."""
+"""The description and the remedy of each contradiction."""
 
 
 def notes_of(fit: Fit) -> tuple[str, ...]:
-    """Return what was found and corrected, in sentences."""
+    """Return a sentence for each effect that was found and corrected."""
     typical_ms = float(np.exp(fit.effects.log_typical_exposure))
     return tuple(_corrected(found, typical_ms) for found in fit.effect_estimates if found.corrected)
 
 
 def contradictions_of(fit: Fit) -> tuple[tuple[str, str], ...]:
-    """Return each contradiction as what it is and what to do about it, the clearest first."""
+    """Return the description and the remedy of each contradiction, the clearest first."""
     found = [estimate for estimate in fit.effect_estimates if estimate.contradicts]
     found.sort(key=lambda estimate: -abs(estimate.value) / estimate.sigma)
     return tuple(
@@ -229,7 +231,7 @@ def contradictions_of(fit: Fit) -> tuple[tuple[str, str], ...]:
 
 
 def judged(verdict: Verdict, contradictions: tuple[tuple[str, str], ...]) -> Verdict:
-    """Return a verdict, marginal at best where something contradicts the model."""
+    """Return the verdict, at best marginal if anything contradicts the model."""
     if not contradictions or not verdict.known:
         return verdict
     what, remedy = contradictions[0]
@@ -239,19 +241,19 @@ def judged(verdict: Verdict, contradictions: tuple[tuple[str, str], ...]) -> Ver
 def _corrected(found: EffectEstimate, typical_ms: float) -> str:
     share = f"{abs(found.value):.1%} ± {found.sigma:.1%}"
     if found.name == "veiling glare":
-        return f"veiling glare of {share} of the mean irradiance of each frame was found and is taken into account"
+        return f"veiling glare of {share} of the mean irradiance of each frame was found and corrected"
     if found.name == "light scattered nearby":
-        return f"{share} of the light is scattered around its place; that is taken into account"
+        return f"{share} of the light is scattered nearby; this was corrected"
     if found.name == "dark current":
-        return f"a dark signal of {share} of white at {typical_ms:.3g} ms was found and is taken into account"
+        return f"a dark signal of {share} of white at {typical_ms:.3g} ms was found and corrected"
     if found.name == LATE_EXPOSURES:
         when, lag = ("late" if found.value > 0 else "early"), f"{abs(found.value):.2f} ± {found.sigma:.1g}"
-        return f"exposures are {when} by {lag} of a frame; that is taken into account"
+        return f"exposures are {lag} frames {when}; this was corrected"
     if found.name == UNSTEADY_LIGHT:
         return (
-            f"frames are brighter or darker than their exposures say, by {found.value:.1%} from pair to pair; "
-            "that is taken into account"
+            f"frames are brighter or darker than their exposures predict, by {found.value:.1%} between pairs; "
+            "this was corrected"
         )
     offset = f"{abs(found.value) * typical_ms:.3g} ± {found.sigma * typical_ms:.1g} ms"
     too = "short" if found.value > 0 else "long"
-    return f"all exposures are too {too} by {offset}; that is taken into account"
+    return f"all exposures are {offset} too {too}; this was corrected"

@@ -1,4 +1,4 @@
-"""The default method: register pairs of frames, sample flat places, fit response and vignette at once."""
+"""The default method: register pairs of frames, sample flat points, and fit response and vignette jointly."""
 
 from __future__ import annotations
 
@@ -67,9 +67,9 @@ class MaximumLikelihoodMethod:
         self._inputs: dict[tuple[int, int, int, GreyRange], FitInputs] = {}
 
     def push(self, frame: Frame, prepared: PreprocessedFrame, exposures: ExposureTable) -> Change | None:
-        """Take the next processed frame, and return the change of the camera that it proves, if any."""
+        """Process the next frame, and return the camera change that it proves, if any."""
         self._restored_keyframes = None
-        self._inputs = {}  # of fewer frames: they hold as much memory as all that is kept of the frames
+        self._inputs = {}  # outdated, and as large as everything kept of the frames
         log_exposure = _log_exposure(exposures, prepared.number)
         self._circle.observe(prepared, frame.mask)
         self._changes.observe_time(prepared.number, frame.stamp_s)
@@ -81,7 +81,7 @@ class MaximumLikelihoodMethod:
         if keyframe is not None:
             stated = _log_ratio(exposures, keyframe.number, prepared.number)
             registration = self._register(keyframe, prepared, self._quick_fit.normalize, stated)
-        measured = self._second.submit(self._noise.observe, frame)  # after registration, which waits for that thread
+        measured = self._second.submit(self._noise.observe, frame)  # after registration, which uses that thread
         if keyframe is not None:
             samples = self._sample(keyframe, prepared, registration, self._pairs)
             self._select_keyframe.update(keyframe, prepared.number, samples)
@@ -91,15 +91,15 @@ class MaximumLikelihoodMethod:
         if not len(samples.observations):
             return None
         self._accumulate(samples)
-        if self._pairs >= FIRST_QUICK_FIT_PAIRS and self._pairs.bit_count() == 1:  # whenever their number has doubled
+        if self._pairs >= FIRST_QUICK_FIT_PAIRS and self._pairs.bit_count() == 1:  # at powers of two
             self._refine(exposures)
         return self._detect_change(samples.observations, exposures)
 
     def compare(self, brightness: BrightnessChange, exposures: ExposureTable) -> Change | None:
-        """Take the change of brightness between consecutive frames, and return the change of the camera it proves."""
+        """Process a brightness change between consecutive frames, and return the camera change that it proves."""
         return self._detect_change(brightness.samples.observations(brightness.frame0, brightness.frame1), exposures)
 
-    # The steps of push.
+    # Steps of push.
 
     def _accumulate(self, samples: Samples) -> None:
         self._pairs += 1
@@ -108,7 +108,7 @@ class MaximumLikelihoodMethod:
         self._latest = samples.observations
 
     def _refine(self, exposures: ExposureTable) -> None:
-        """Improve what registration relies on, by a quick fit to some of the observations."""
+        """Update the normalisation used by registration, with a quick fit to some of the observations."""
         if self._reservoir.points >= self._settings.min_points:
             some = self._reservoir.some(QUICK_FIT_POINTS).with_exposures(exposures)
             if some.log_exposure_change >= self._settings.min_log_exposure_change:
@@ -116,13 +116,13 @@ class MaximumLikelihoodMethod:
                 self._quick_fit.refine(some, self._noise.model(), radius, trusts_stated=exposures.trusted)
                 if self._quick_fit.fit is not None and self._pairs >= REFERENCE_FIT_PAIRS:
                     self._changes.set_reference(self._quick_fit.fit)
-        # Early pairs were registered with the vignette still unknown, which draws registration a little to where
-        # brightness agrees: once there are enough others they do more harm than good.
+        # Early pairs were registered with an unknown vignette, which biases registration towards equal brightness:
+        # once there are enough others, they do more harm than good.
         if self._pairs >= 4 * FIRST_QUICK_FIT_PAIRS:
             self._reservoir.forget_before(min(self._pairs // 4, DROPPED_PAIRS))
 
     def _detect_change(self, observations: Observations, exposures: ExposureTable) -> Change | None:
-        """Return the change of the camera that a pair proves; a suspicion is judged by a fit to all pairs so far."""
+        """Return the camera change that a pair proves; a new suspicion triggers a fit to all pairs so far."""
         was_suspicious = self._changes.is_suspicious
         change = self._changes.observe(observations, exposures)
         if self._changes.is_suspicious and not was_suspicious:
@@ -132,7 +132,7 @@ class MaximumLikelihoodMethod:
     # Epochs and pauses.
 
     def split(self, number: int) -> MaximumLikelihoodMethod:
-        """Return a method that goes on with what was observed from a frame on; this one keeps what was before."""
+        """Return a method that continues with the observations from a frame on; this one keeps the earlier ones."""
         later = MaximumLikelihoodMethod(self._settings, self._size, self._max_grey)
         later._noise, later._circle = self._noise, self._circle
         later._reservoir, later._pairs = self._reservoir.split(number)
@@ -146,9 +146,9 @@ class MaximumLikelihoodMethod:
 
     @property
     def longest_pause(self) -> int:
-        """Most frames to skip: none in the short series of a camera that stands still, or on a suspicion.
+        """Maximum number of frames to skip: none in a short series of a stationary camera or during a suspicion.
 
-        A frame that had too little in common with its keyframe is followed by one that will have more with it.
+        If a frame overlaps too little with its keyframe, the next one is chosen to overlap more.
         """
         series = self._stationary.used_series
         if (series is not None and not series.full) or self._changes.is_suspicious:
@@ -157,14 +157,14 @@ class MaximumLikelihoodMethod:
 
     @property
     def progress(self) -> Progress:
-        """How far it has come."""
+        """The current progress."""
         fit = self._quick_fit
         return Progress(self._pairs, self._reservoir.points, fit.response_sigma, fit.vignette_sigma)
 
-    # What is known so far.
+    # Current results.
 
     def preview(self, exposures: ExposureTable) -> Preview | None:
-        """Return what is known without a new fit; None before anything was observed."""
+        """Return the current state without a new fit; None before there are observations."""
         observations = self._observations(exposures)
         if observations is None:
             return None
@@ -180,13 +180,13 @@ class MaximumLikelihoodMethod:
         )
 
     def inputs(self, exposures: ExposureTable, grey_range: GreyRange = FULL_RANGE) -> FitInputs:
-        """Return all that was observed, with the exposures as they are known now, and the fit to it.
+        """Return all observations with the currently known exposures, and the fit to them.
 
-        Asked for again with the same exposures, it is not computed again.
+        The result is cached for repeated calls with the same exposures.
         """
         key = (self._pairs, len(exposures), exposures.lag_frames, grey_range)
         if key not in self._inputs:
-            # Of the same frames, exposures as written and moved by a lag are asked for in turn.
+            # For the same frames, recorded and lag-corrected exposures are requested in turn.
             of_same_frames = {other: known for other, known in self._inputs.items() if other[:2] == key[:2]}
             self._inputs = {**of_same_frames, key: self._new_inputs(exposures, grey_range)}
         return self._inputs[key]
@@ -207,11 +207,11 @@ class MaximumLikelihoodMethod:
         )
 
     def calibration(self, exposures: ExposureTable, grey_range: GreyRange = FULL_RANGE) -> Calibration:
-        """Return the calibration from everything observed so far."""
+        """Return the calibration from all observations so far."""
         return summarise(self.inputs(exposures, grey_range), self._settings)
 
     def state(self) -> MaximumLikelihoodState:
-        """Return all that was learned; to be taken before the next frame is pushed."""
+        """Return the state; call it before the next frame is pushed."""
         return MaximumLikelihoodState(
             keyframes=self._restored_keyframes or self._select_keyframe.state(),
             reservoir=self._reservoir,
@@ -226,12 +226,12 @@ class MaximumLikelihoodMethod:
         )
 
     def restore(self, state: MaximumLikelihoodState) -> None:
-        """Go on from a state; the :attr:`frames_to_replay` come before the next is pushed.
+        """Continue from a state; replay the :attr:`frames_to_replay` before pushing the next frame.
 
         Raises
         ------
         ValueError
-            If its parts do not fit each other.
+            If its parts are inconsistent.
         """
         self._select_keyframe.restore(state.keyframes)
         self._reservoir, self._noise, self._pairs = state.reservoir, state.noise, state.pairs
@@ -242,26 +242,26 @@ class MaximumLikelihoodMethod:
 
     @property
     def frames_to_replay(self) -> frozenset[int]:
-        """Numbers of the keyframes of the state it goes on from."""
+        """Numbers of the keyframes of the restored state."""
         return (
             frozenset() if self._restored_keyframes is None else frozenset(self._restored_keyframes.frames.tolist())
         )
 
     def replay(self, prepared: PreprocessedFrame) -> None:
-        """Take a keyframe of the state it goes on from again."""
+        """Process a keyframe of the restored state again."""
         if self._restored_keyframes is not None:
             self._select_keyframe.replay(self._sample.keyframe(prepared), self._restored_keyframes)
 
     def _observations(
         self, exposures: ExposureTable, grey_range: GreyRange = FULL_RANGE
     ) -> ExposedObservations | None:
-        """Return what is known by all frames; None without any."""
+        """Return all observations, with the currently known exposures; None if there are none."""
         series = self._stationary.used_series
         if series is not None:
             found = series.observations()
         elif self._reservoir.kept is not None:
             found = self._reservoir.kept
-            # A surround that never sees light is alike in all frames.
+            # A surround that never receives light is equal in all frames.
             seen = self._circle.receives_light(found.position)
             found = found if seen is None else found.of_points(np.logical_and.reduceat(seen, found.starts))
         else:
@@ -287,12 +287,12 @@ class MaximumLikelihoodMethod:
 
 
 def _log_exposure(exposures: ExposureTable, number: int) -> float:
-    """Return ln of a frame's exposure as far as it is known: one that comes late is not known yet."""
+    """Return ln of a frame's exposure; the recorded value if the corrected one is not known yet."""
     found: FloatArray = exposures.log_exposure_of(np.array([number]))
     return float(found[0] if np.isfinite(found[0]) else exposures.written[number])
 
 
 def _log_ratio(exposures: ExposureTable, number0: int, number1: int) -> float:
-    """Return ln of the exposure of the second frame over that of the first, NaN where one is unknown."""
+    """Return ln of the exposure of the second frame over that of the first, NaN if one is unknown."""
     log_exposure = exposures.log_exposure_of(np.array([number0, number1]))
     return float(log_exposure[1] - log_exposure[0])

@@ -1,4 +1,4 @@
-"""What the default method must remember to go on where it stopped."""
+"""The state from which the default method continues an interrupted run."""
 
 from __future__ import annotations
 
@@ -15,22 +15,22 @@ from ospc.methods.change_detection import ChangeDetector
 
 @dataclass(frozen=True)
 class MaximumLikelihoodState:
-    """All that :class:`~ospc.methods.maximum_likelihood.MaximumLikelihoodMethod` has learned.
+    """The state of :class:`~ospc.methods.maximum_likelihood.MaximumLikelihoodMethod`.
 
     Attributes
     ----------
     keyframes
-        What is known of the keyframes; their images are read again.
+        State of the keyframes; their images are read again.
     series
-        Pixels of a camera that may stand still; None once it moved.
+        Pixels of a camera that may be stationary; None once it moved.
     fit
-        The fit that registration relies on.
+        The fit that registration uses.
     motions, pairs
-        Recent displacements in pixels, and number of pairs of frames compared.
+        Recent displacements in pixels, and number of compared pairs of frames.
     circle
-        Which part of the image ever sees light.
+        The part of the image that receives light.
     trusts_stated
-        Whether frames are brought to equal brightness by the exposures stated alone.
+        Whether frames are normalised to equal brightness with the stated exposures alone.
     """
 
     keyframes: KeyframeSelectorState

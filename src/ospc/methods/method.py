@@ -1,4 +1,4 @@
-"""What every calibration method offers to the engine that drives it."""
+"""The interface between a calibration method and the engine that runs it."""
 
 from __future__ import annotations
 
@@ -22,15 +22,14 @@ from ospc.settings.methods import MIN_SIDE_PX
 
 @dataclass(frozen=True)
 class Progress:
-    """How far a method has come, in figures that are cheap to ask for after every frame.
+    """Progress of a method, in figures that are cheap to compute after every frame.
 
     Attributes
     ----------
     pairs, samples
-        Pairs of frames compared, and correspondences kept so far.
+        Number of pairs of frames compared, and of correspondences kept so far.
     response_sigma
-        Standard deviation of g, its scale held, at the grey level where it is largest; None before there is an
-        estimate.
+        Largest standard deviation of g over the grey levels, with its scale fixed; None before there is an estimate.
     vignette_sigma
         Standard deviation of V at the corner; None before there is an estimate.
     """
@@ -42,7 +41,7 @@ class Progress:
 
 
 def check_size(size: ImageSize) -> None:
-    """Refuse images in which hardly anything could be found again.
+    """Reject images that are too small to match.
 
     Raises
     ------
@@ -51,76 +50,76 @@ def check_size(size: ImageSize) -> None:
     """
     if min(size) < MIN_SIDE_PX:
         raise FrameError(
-            f"images of {size[0]}×{size[1]} pixels are too small to compare; each side needs {MIN_SIDE_PX} or more"
+            f"images of {size[0]}×{size[1]} pixels are too small; each side needs at least {MIN_SIDE_PX} pixels"
         )
 
 
 class Method(Protocol):
-    """Takes processed frames as they arrive, and can be asked at any moment for what is known.
+    """Processes frames as they arrive, and returns the current results at any time.
 
-    Exposures are looked up in the table whenever an estimate is made: a lag found late applies to all frames.
-    Subclasses need :meth:`push`, :attr:`progress` and :meth:`calibration`; with the rest as it is here, a method
-    notices no change of the camera, and its runs can neither be merged nor continued.
+    Exposures are looked up in the table for every estimate, so a lag that is found late applies to all frames.
+    Subclasses must define :meth:`push`, :attr:`progress` and :meth:`calibration`; with the defaults of the other
+    methods, no camera change is detected, and runs can be neither merged nor continued.
     """
 
     def push(self, frame: Frame, prepared: PreprocessedFrame, exposures: ExposureTable) -> Change | None:
-        """Take the next processed frame, and return the change of the camera that it proves, if any.
+        """Process the next frame, and return the camera change that it proves, if any.
 
-        What is held in memory stays bounded.
+        Memory use must be bounded.
 
         Raises
         ------
         FrameError
-            If the frame's image cannot be read; the method goes on as if it had not been pushed.
+            If the frame's image cannot be read; the method continues as if the frame had not been pushed.
         """
 
     @property
     def progress(self) -> Progress:
-        """How far it has come."""
+        """The current progress."""
 
     def calibration(self, exposures: ExposureTable, grey_range: GreyRange = FULL_RANGE) -> Calibration:
-        """Return what is known now, given where black and white are; pushing may go on afterwards."""
+        """Return the current calibration for the given grey range; more frames may be pushed afterwards."""
 
     def compare(self, brightness: BrightnessChange, exposures: ExposureTable) -> Change | None:
-        """Take the change of brightness between consecutive frames, and return the change of the camera it proves."""
+        """Process a brightness change between consecutive frames, and return the camera change that it proves."""
         return None
 
     @property
     def longest_pause(self) -> int:
-        """Most frames that may be skipped now."""
+        """Maximum number of frames that may be skipped now."""
         return sys.maxsize
 
     def split(self, number: int) -> Method:
-        """Return a method that goes on with what was observed from a frame on; this one keeps what was before."""
+        """Return a method that continues with the observations from a frame on; this one keeps the earlier ones."""
         return self
 
     def inputs(self, exposures: ExposureTable, grey_range: GreyRange = FULL_RANGE) -> FitInputs | None:
-        """Return the evidence that calibrations of several recordings can be merged by; None where it has none."""
+        """Return the data for merging calibrations of several recordings; None if not supported."""
         return None
 
     def preview(self, exposures: ExposureTable) -> Preview | None:
-        """Return quick estimates; None before there are any, or where it has none."""
+        """Return quick estimates; None before there are any, or if not supported."""
         return None
 
     def state(self) -> Any:
-        """Return a dataclass from which :meth:`restore` goes on; None where it has none."""
+        """Return a dataclass for :meth:`restore`; None if not supported."""
         return None
 
     def restore(self, state: Any) -> None:
-        """Go on from a state.
+        """Continue from a state.
 
         Raises
         ------
         ValueError
-            If its parts do not fit each other.
+            If its parts are inconsistent.
         """
-        raise ValueError("this method has no state to go on from")
+        raise ValueError("this method cannot continue from a state")
 
     @property
     def frames_to_replay(self) -> frozenset[int]:
-        """Numbers of the frames that are to be given to :meth:`replay` after a state was restored."""
+        """Numbers of the frames to pass to :meth:`replay` after a state was restored."""
         return frozenset()
 
     def replay(self, prepared: PreprocessedFrame) -> None:
-        """Take a frame again that had been pushed before the state was saved."""
+        """Process a frame again that was pushed before the state was saved."""
         return

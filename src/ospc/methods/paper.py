@@ -1,9 +1,9 @@
-"""The paper's method, in the order of the paper's section 3: tracking, response, vignette, exposure.
+"""The paper's method, in the order of its section 3: tracking, response, vignette, exposure.
 
 The paper is "OSPC: Online Sequential Photometric Calibration" (Haidar, Khalil and Asmar, Pattern Recognition Letters
 181, 2024). Its subscripts 1 and 2 are 0 and 1 here. M is a grey level in [0, 1], g = f⁻¹ the inverse response, V the
-vignette, R the distance from the image centre (1 at the corner), and k = e₀/e₁ the exposure ratio of two frames.
-"The released program" is the authors' own implementation, which differs from the paper in a few details.
+vignette, R the distance from the image centre (1 at the corner), and k = e₀/e₁ the exposure ratio of two frames. "The
+released program" is the authors' own implementation, which differs from the paper in a few details.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ from ospc.settings.methods import (
 
 @dataclass(frozen=True)
 class Correspondences:
-    """The same n scene points in two frames.
+    """n scene points seen in two frames.
 
     Attributes
     ----------
@@ -68,7 +68,7 @@ class Correspondences:
         return len(self.grey0)
 
     def select(self, mask: BoolArray) -> Self:
-        """Return those where the mask, shape (n,), is true."""
+        """Return the correspondences for which the mask, shape (n,), is true."""
         kept = {name: getattr(self, name)[mask] for name in ("points0", "points1", "grey0", "grey1")}
         return replace(self, **kept)
 
@@ -91,18 +91,18 @@ class Correspondences:
 def follows_its_block(
     points0: FloatArray, points1: FloatArray, size: ImageSize, settings: PaperSettings
 ) -> BoolArray:
-    """Return the matches whose displacement points the same way as most others nearby.
+    """Return which matches move in the same direction as most others nearby.
 
-    Displacements that are longer than the mean plus some standard deviations go first. Then the image is cut into
-    blocks; in each with enough matches, only the fullest bin of the histogram of directions survives. The bins are
-    centred on the block's mean direction, because fixed bins would split motion that points along a bin's edge.
-    Points have shape (n, 2), in pixels; the mask has shape (n,).
+    Displacements longer than the mean plus some standard deviations are rejected. The image is then divided into
+    blocks; in each block with enough matches, only the fullest bin of the histogram of directions is kept. The bins
+    are centred on the block's mean direction, because fixed bins would split motion along a bin's edge. Points have
+    shape (n, 2), in pixels; the mask has shape (n,).
     """
     displacement = points1 - points0
     length = np.linalg.norm(displacement, axis=1)
     if not len(length):
         return np.zeros(0, dtype=np.bool_)
-    # The last term is for rounding: of equal displacements none is too long.
+    # The last term allows for rounding: equal displacements are all kept.
     longest = length.mean() + settings.filter_length_sigmas * length.std() + 1e-9 * length.max()
     kept = np.flatnonzero(length <= longest)
     unit = displacement[kept] / np.where(length > 0, length, 1)[kept, None]
@@ -122,10 +122,10 @@ def follows_its_block(
 
 
 class Matcher(Protocol):
-    """Finds and matches features, which takes most of the method's time; variants of the method may share one."""
+    """Extracts and matches features, the slowest step of the method; variants of the method may share a matcher."""
 
     def features(self, frame: Frame) -> Features:
-        """Return the features of a frame; raises :class:`FrameError` where its image cannot be read."""
+        """Return the features of a frame; raises :class:`FrameError` if its image cannot be read."""
 
     def correspondences(self, left: Features, right: Features, size: ImageSize) -> Correspondences:
         """Return the matches of two frames of a size in pixels."""
@@ -143,7 +143,7 @@ class FeatureMatcher:
         return extract(frame, self._extractor)
 
     def correspondences(self, left: Features, right: Features, size: ImageSize) -> Correspondences:
-        """Return the matches of two frames that pass the filter."""
+        """Return the filtered matches of two frames."""
         index0, index1 = match(left, right, self._extractor.norm, self._settings.match_ratio)
         points, grey = (left.points[index0], right.points[index1]), (left.grey[index0], right.grey[index1])
         found = Correspondences((left.frame, right.frame), size, *points, *grey)
@@ -154,13 +154,13 @@ class FeatureMatcher:
 
 
 def exposure_ratio(pairs: Correspondences, exposures: ExposureLookup) -> float:
-    """Return k = e₀/e₁ of the two frames, as far as it is known now."""
+    """Return k = e₀/e₁ of the two frames, as currently known."""
     log_exposure = exposures.log_exposure_of(np.array(pairs.frames))
     return float(np.exp(log_exposure[0] - log_exposure[1]))
 
 
 def in_order(pairs: Correspondences, ratio: float) -> Correspondences:
-    """Return the matches that are brighter at the larger exposure; an increasing response allows no others."""
+    """Return the matches that are brighter at the larger exposure, as an increasing response requires."""
     return pairs.select((pairs.grey0 - pairs.grey1) * (ratio - 1) > 0)
 
 
@@ -171,7 +171,7 @@ def response_rows(pairs: Correspondences, ratio: float, degree: int = 2) -> Floa
 
 
 def solve_kkt(gram: FloatArray) -> FloatArray:
-    """Minimise ‖Ac‖² subject to Σc = 1 and c₀ = 0 through the pseudo-inverse of the KKT system (eq. final_form).
+    """Minimise ‖Ac‖² subject to Σc = 1 and c₀ = 0 with the pseudo-inverse of the KKT system (eq. final_form).
 
     AᵀA has shape (d+1, d+1), the coefficients c₀ … c_d (d+1,).
     """
@@ -187,8 +187,8 @@ def solve_nonnegative(gram: FloatArray) -> FloatArray:
     n = len(gram)
     scale, vectors = np.linalg.eigh(_scaled(gram))
     root = np.sqrt(np.clip(scale, 0, None))[:, None] * vectors.T
-    # One row demands Σc = 1. Its weight is far above that of all others, whose squares add up to one; what the
-    # solution still misses is divided out.
+    # One row enforces Σc = 1, with a weight far above that of all others, whose squares add up to one. The remaining
+    # error is divided out.
     heavy = 1e4
     rows = np.vstack([root[:, 1:], np.full((1, n - 1), heavy)])
     solution = non_negative_least_squares(rows, np.append(np.zeros(n), heavy))
@@ -196,19 +196,19 @@ def solve_nonnegative(gram: FloatArray) -> FloatArray:
 
 
 def _scaled(gram: FloatArray) -> FloatArray:
-    """Return a Gram matrix of trace one: the constraints beside it do not grow with the number of samples."""
+    """Return the Gram matrix with a trace of one, which makes the constraints independent of the sample count."""
     return np.asarray(gram / max(float(np.trace(gram)), float(np.finfo(float).tiny)))
 
 
 def increases(coefficients: FloatArray) -> bool:
-    """Tell whether a polynomial increases strictly between 1024 levels of [0, 1]."""
+    """Return whether a polynomial increases strictly between 1024 levels of [0, 1]."""
     return bool(np.all(np.diff(polyval(np.linspace(0, 1, 1024), coefficients)) > 0))
 
 
 def solve_response(gram: FloatArray, positivity: str) -> FloatArray | None:
-    """Return the coefficients of g; None where the solution does not increase and so is no response.
+    """Return the coefficients of g; None if the solution does not increase and is therefore not a response.
 
-    c ≥ 0 is demanded "never", "always", or "when needed", that is where the solution does not increase.
+    c ≥ 0 is enforced "never", "always", or "when needed", that is, if the solution does not increase.
     """
     coefficients = solve_nonnegative(gram) if positivity == "always" else solve_kkt(gram)
     if positivity == "when needed" and not increases(coefficients):
@@ -223,9 +223,10 @@ RESPONSE_LEVELS = np.linspace(0, 1, 256)
 def polynomial_response(
     coefficients: FloatArray, estimates: FloatArray | None = None, support: tuple[float, float] = (0.0, 1.0)
 ) -> Response:
-    """Return the response whose inverse is a polynomial with c₀ … c_d, of samples between two grey levels.
+    """Return the response whose inverse is the polynomial with coefficients c₀ … c_d.
 
-    The scatter of the estimates of which these coefficients are the mean, shape (n, d+1), is the uncertainty.
+    ``support`` is the lowest and highest grey level of the samples. The uncertainty is the scatter of the estimates,
+    shape (n, d+1), of which the coefficients are the mean.
     """
     log_sigma = scale_sigma = None
     if estimates is not None and len(estimates) > 1:
@@ -258,8 +259,8 @@ def vignette_rows(pairs: Correspondences, ratio: float, response: Response) -> t
 def solver_weights(solver: str, residuals: FloatArray, tuning: float) -> FloatArray:
     """Return the weights of equations, shape (n,), from their residuals, shape (n,) (section 5).
 
-    "l2" is plain least squares, "l1" minimises the sum of absolute residuals, and "m-estimator" is Huber's (1964),
-    whose threshold is ``tuning`` times the standard deviation, estimated from the residuals.
+    "l2" is ordinary least squares, "l1" minimises the sum of absolute residuals, and "m-estimator" is Huber's (1964),
+    with a threshold of ``tuning`` standard deviations, estimated from the residuals.
     """
     if solver == "l2":
         return np.ones_like(residuals)
@@ -270,7 +271,7 @@ def solver_weights(solver: str, residuals: FloatArray, tuning: float) -> FloatAr
 
 
 def solve_vignette(rows: FloatArray, target: FloatArray, solver: str, tuning: float) -> FloatArray:
-    """Return (v₁, v₂, v₃) by iteratively reweighted least squares, with :func:`solver_weights`."""
+    """Return (v₁, v₂, v₃) by iteratively reweighted least squares with :func:`solver_weights`."""
     solution = np.linalg.lstsq(rows, target, rcond=None)[0]
     for _ in range(MAX_VIGNETTE_ROUNDS):
         root = np.sqrt(solver_weights(solver, rows @ solution - target, tuning))
@@ -284,7 +285,7 @@ def solve_vignette(rows: FloatArray, target: FloatArray, solver: str, tuning: fl
 
 
 def irradiance_ratios(pairs: Correspondences, response: Response, vignette: Vignette | None) -> FloatArray:
-    """Return g(M₀)V(R₁) / (g(M₁)V(R₀)) of each correspondence, shape (n,); V ≡ 1 where it is None."""
+    """Return g(M₀)V(R₁) / (g(M₁)V(R₀)) of each correspondence, shape (n,), with V ≡ 1 if the vignette is None."""
     ratio = response.inverse(pairs.grey0) / response.inverse(pairs.grey1)
     if vignette is not None:
         ratio = ratio * vignette.at(pairs.points1) / vignette.at(pairs.points0)
@@ -294,7 +295,7 @@ def irradiance_ratios(pairs: Correspondences, response: Response, vignette: Vign
 def estimate_ratios(
     samples: Sequence[tuple[Correspondences, float]], response: Response, vignette: Vignette | None
 ) -> ExposureRatios:
-    """Return k̂, the mean ratio of each pair of frames (eq. mean), beside the k that comes with its matches."""
+    """Return k̂, the mean ratio of each pair of frames (eq. mean), together with its recorded k."""
     used = [(pairs, ratio) for pairs, ratio in samples if len(pairs)]
     if not used:
         return ExposureRatios.none()
@@ -317,10 +318,10 @@ def disagreement(ratios: ExposureRatios) -> float:
 
 @dataclass
 class Estimates:
-    """Accepted estimates of the coefficients of one curve, one per window, and how many others were not accepted.
+    """Accepted estimates of one curve's coefficients, one per window, and the number of other estimates.
 
-    Those ``rejected`` did not predict the exposure ratios, or were no response at all. Those ``impossible`` were
-    vignettes that are not positive everywhere.
+    ``rejected`` ones did not predict the exposure ratios, or were not a response. ``impossible`` ones were vignettes
+    that are not positive everywhere.
     """
 
     accepted: list[FloatArray] = field(default_factory=list)
@@ -333,7 +334,7 @@ class Estimates:
         return np.asarray(np.mean(self.accepted, axis=0))
 
     def covariance(self, symbol: str, first: int) -> dict[str, object] | None:
-        """Return the covariance of the average with its parameters' names, numbered from ``first``; None for one."""
+        """Return the covariance of the mean and its parameters' names, numbered from ``first``; None for one."""
         if len(self.accepted) < 2:
             return None
         matrix = np.cov(np.array(self.accepted).T) / len(self.accepted)
@@ -341,7 +342,7 @@ class Estimates:
 
 
 def standard_error(curves: FloatArray) -> FloatArray | None:
-    """Return the standard error of the average of curves, shape (estimates, n) -> (n,); None for fewer than two."""
+    """Return the standard error of the mean of curves, shape (estimates, n) -> (n,); None for fewer than two."""
     if len(curves) < 2:
         return None
     return np.asarray(np.std(curves, axis=0, ddof=1) / np.sqrt(len(curves)))
@@ -351,10 +352,10 @@ def standard_error(curves: FloatArray) -> FloatArray | None:
 
 
 class PaperMethod(Method):
-    """The preset ``paper``: it has no state, for the features of hundreds of frames are too large for a file.
+    """The preset ``paper``. It has no state: the features of hundreds of frames are too large for a file.
 
-    Features are found and matched by the matcher, or as the settings say. Images that are too small raise
-    :class:`~ospc.errors.FrameError`.
+    Features are extracted and matched by the given matcher, or by one made from the settings. Images that are too
+    small raise :class:`~ospc.errors.FrameError`.
     """
 
     def __init__(
@@ -378,14 +379,14 @@ class PaperMethod(Method):
         self._pairs = self._usable = 0
 
     def push(self, frame: Frame, prepared: PreprocessedFrame | None, exposures: ExposureLookup) -> Change | None:
-        """Take the next frame: match it with earlier ones, and solve at the end of each window.
+        """Match the next frame with earlier ones, and solve at the end of each window.
 
-        Only its image and its number count; features are found in the image itself.
+        Only the frame's image and number are used; features are extracted from the full image.
 
         Raises
         ------
         FrameError
-            If the frame's image cannot be read; the method goes on as if it had not been pushed.
+            If the frame's image cannot be read; the method continues as if the frame had not been pushed.
         """
         features = self._matcher.features(frame)
         log_exposure = float(exposures.log_exposure_of(np.array([frame.index]))[0])
@@ -409,15 +410,15 @@ class PaperMethod(Method):
 
     @property
     def progress(self) -> Progress:
-        """How far it has come."""
+        """The current progress."""
         response, vignette = self._mean_response(), self._vignette_sigma()
         sigma = None if response is None else response.inverse_sigma
         largest = None if sigma is None else float(sigma.max())
         return Progress(self._pairs, self._usable, largest, None if vignette is None else float(vignette[-1]))
 
     def calibration(self, exposures: ExposureLookup, grey_range: GreyRange = FULL_RANGE) -> Calibration:
-        """Return the averages of the accepted estimates; an open window counts only where no full one did."""
-        # Closing windows on a copy leaves this object as it was: asking changes nothing.
+        """Return the mean of the accepted estimates; an open window is used only if no complete one was accepted."""
+        # Close the windows of a copy, so that this object does not change.
         closed = copy.copy(self)
         closed._responses, closed._vignettes = copy.deepcopy((self._responses, self._vignettes))
         if not closed._responses.accepted:
@@ -429,18 +430,18 @@ class PaperMethod(Method):
     # The steps.
 
     def _with_exposure_change(self, latest: Features, exposures: ExposureLookup) -> list[Features]:
-        """Return the frames of the window for which the latest is the first with enough change of exposure."""
+        """Return the waiting frames whose exposure first differs enough from that of the latest."""
         candidates = [*self._waiting, latest]
         log_exposure = exposures.log_exposure_of(np.array([one.frame for one in candidates]))
         log_ratio = log_exposure - log_exposure[-1]
         low, high = np.log([self._settings.exposure_ratio_low, self._settings.exposure_ratio_high])
-        # The ratio of the latest to itself is one, so that it joins those that wait.
+        # The latest frame's ratio to itself is one, so it joins the waiting frames.
         changed = (log_ratio <= low) | (log_ratio >= high)
         self._waiting = [candidates[i] for i in np.flatnonzero(~changed)]
         return [candidates[i] for i in np.flatnonzero(changed)]
 
     def _correspondences(self, left: Features, right: Features) -> Correspondences:
-        """Return the matches of two frames of which neither is clipped."""
+        """Return the matches of two frames that are clipped in neither."""
         found = self._matcher.correspondences(left, right, self._size)
         if len(found):
             self._reach = max(self._reach, float(np.quantile(found.radial_displacement, 0.9)))
@@ -454,7 +455,7 @@ class PaperMethod(Method):
     def _with_ratios(
         self, pairs: Sequence[Correspondences], exposures: ExposureLookup
     ) -> list[tuple[Correspondences, float]] | None:
-        """Return what a window is solved from, each pair with its exposure ratio; None where it is too little."""
+        """Return the samples of a window, each pair with its exposure ratio; None if there are too few."""
         ratios = [exposure_ratio(p, exposures) for p in pairs]
         samples = [(in_order(p, ratio), ratio) for p, ratio in zip(pairs, ratios, strict=True)]
         return samples if sum(len(p) for p, _ in samples) >= self._settings.min_samples else None
@@ -522,7 +523,7 @@ class PaperMethod(Method):
     def _mean_response(self) -> Response | None:
         if not self._responses.accepted:
             return None
-        # No sample is clipped, so that black and white are outside of the support.
+        # No sample is clipped, so black and white are outside the support.
         support = (float(RESPONSE_LEVELS[1]), float(RESPONSE_LEVELS[-2]))
         return polynomial_response(self._responses.mean, np.array(self._responses.accepted), support)
 
@@ -534,18 +535,18 @@ class PaperMethod(Method):
         return standard_error(np.array(curves))
 
 
-# What could be determined, and what to record instead where it could not.
+# Verdicts, with what to record instead.
 
 
 def response_verdict(
     settings: PaperSettings, estimates: Estimates, exposure_range_ms: tuple[float, float]
 ) -> Verdict:
-    """Return whether the response is known, from the responses accepted and the shortest and longest exposure."""
+    """Return whether the response is known, given the estimates and the shortest and longest exposure."""
     low, high = exposure_range_ms
     if high / low < settings.exposure_ratio_high:
         return Verdict(
             "not identifiable",
-            f"the exposure hardly changes ({low:.4g} to {high:.4g} ms), so the response leaves no trace",
+            f"the exposure hardly changes ({low:.4g} to {high:.4g} ms), so the response cannot be determined",
             "record with auto exposure on while moving between dark and bright places, or sweep the exposure",
         )
     remedy = (
@@ -557,9 +558,9 @@ def response_verdict(
 
 
 def vignette_verdict(settings: PaperSettings, estimates: Estimates, reach: float, response_known: bool) -> Verdict:
-    """Return whether the vignette is known, from the vignettes accepted.
+    """Return whether the vignette is known, given the estimates.
 
-    A tenth of some pair's matches moved radially by the reach, in half diagonals, or more.
+    ``reach`` is the largest radial displacement, in half diagonals, that a tenth of the matches of any pair exceed.
     """
     if not response_known:
         return Verdict("not identifiable", "without a response there is no irradiance to compare", "")
@@ -576,10 +577,10 @@ def vignette_verdict(settings: PaperSettings, estimates: Estimates, reach: float
 
 
 def _verdict(estimates: Estimates, wanted: str, remedy: str) -> Verdict:
-    """Return what the estimates of a curve say, from matches with the wanted displacement."""
+    """Return the verdict on a curve estimated from matches with the wanted displacement."""
     accepted = len(estimates.accepted)
     if accepted > 1:
-        return Verdict("identifiable", f"{accepted} windows of frames gave estimates that were accepted")
+        return Verdict("identifiable", f"{accepted} windows of frames gave accepted estimates")
     if accepted:
         return Verdict("marginal", "a single window of frames gave an estimate", "record longer")
     reason = f"too few matches with {wanted} between frames of different exposure"

@@ -1,4 +1,4 @@
-"""The prediction errors of a new pair of frames, and the change of the camera that would explain them."""
+"""Prediction errors of a new pair of frames, and the camera change that explains them."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ PARTS = {
 """Parameters of a change: a relative change of ln g and one at each knot; the coefficients of R² and R⁴ in ln V."""
 
 _STEPS = np.linspace(0, 1, 21)
-"""Where the effect of a change is evaluated, relative to the range of grey levels or radii that were seen."""
+"""Points at which the effect of a change is evaluated, relative to the observed range of grey levels or radii."""
 
 
 @dataclass(frozen=True)
 class PairErrors:
-    """The errors ρ of a pair's scene points, ln of the ratio of irradiances less what the fit predicts.
+    """The errors ρ of a pair's scene points: ln of the measured over the predicted ratio of irradiances.
 
-    A change x of the camera adds Φ x to them, and an error δ of the fit's parameters takes X δ away. Pairs are
-    described by sums over their scene points, from which the mean over the pair was subtracted: light that changes
-    alike for all points has no part in them.
+    A change x of the camera adds Φ x to them, and an error δ of the fit's parameters subtracts X δ. Pairs are
+    described by sums over their scene points, after subtraction of the mean over the pair, so changes of light that
+    affect all points equally have no influence.
 
     Attributes
     ----------
@@ -38,9 +38,9 @@ class PairErrors:
     matrix, vector, fit_products
         ΦᵀΦ, shape (9, 9), Φᵀρ, shape (9,), and ΦᵀX, shape (9, p).
     error, common
-        Median of ρ over the whole pair, and the mean of Φ, shape (9,), by which a change moves it.
+        Median of ρ over the whole pair, and the mean of Φ, shape (9,), by which a change shifts it.
     max_radius, grey_limits
-        Radius in half diagonals, and the two grey levels, within which nearly all observations lie.
+        Radius in half diagonals, and lowest and highest grey level, that include nearly all observations.
     """
 
     frame0: int
@@ -56,22 +56,22 @@ class PairErrors:
 
     @classmethod
     def of(cls, seen: ExposedObservations, fit: Fit) -> PairErrors:
-        """Compare a pair of frames, each of whose scene points is observed once in both, with a fit."""
+        """Compare a pair of frames, with each scene point observed once in both, with a fit."""
         basis, log_g = fit.response_basis, fit.log_response
         log_irradiance = fit.vignette_basis.log_value(fit.vignette_parameters, seen.position) + seen.log_exposure
         log_radiance = np.interp(fit.grey_of_mean(seen), basis.grid, log_g) - log_irradiance
-        # The basis is evaluated at the grey levels predicted from both observations: at those measured, its noise
-        # would be that of the errors, and every pair of nearly equal exposures would seem to have changed.
+        # The basis is evaluated at the grey levels predicted from both observations: at the measured ones, its noise
+        # would be correlated with the errors, and every pair of nearly equal exposures would seem to have changed.
         predicted = np.repeat((log_radiance[0::2] + log_radiance[1::2]) / 2, 2) + log_irradiance
         grey = np.interp(predicted, log_g, basis.grid)
         rows = fit.log_irradiance_rows(grey, seen.position)
         squared = np.sum(seen.position**2, axis=1)
         hats = np.stack([np.interp(grey, CHANGE_GREY_KNOTS, row) for row in np.eye(len(CHANGE_GREY_KNOTS))], axis=1)
         columns = np.column_stack([-np.interp(grey, basis.grid, log_g), -hats, squared, squared**2])
-        # The second observation of each point less the first.
+        # The second observation of each point minus the first.
         error, change, parameter = (values[1::2] - values[0::2] for values in (log_radiance, columns, -rows))
         middle = float(np.median(error))
-        # A predicted error has the weight of a well-measured one, whatever it is: a change may be large.
+        # Relative to the median, so that an error common to the pair keeps full weight however large it is.
         weight = (1 / (1 + ((error - middle) / OUTLIER_ERROR_LOG) ** 2))[:, None]
         root = np.sqrt(weight)
 
@@ -97,7 +97,7 @@ class PairErrors:
 
     @property
     def consecutive(self) -> bool:
-        """Whether the frames follow one another."""
+        """Whether the frames are consecutive."""
         return self.frame1 == self.frame0 + 1
 
     @property
@@ -107,17 +107,17 @@ class PairErrors:
         return float(np.sqrt(max(float(self.vector @ change), 0.0) / self.points))
 
     def energy(self, change: FloatArray) -> float:
-        """Return the sum of squared errors that a change of the camera makes."""
+        """Return the sum of squared errors caused by a change of the camera."""
         return float(change @ self.matrix @ change)
 
     def gain(self, change: FloatArray) -> float:
-        """Return by how much a change of the camera reduces the sum of squared errors."""
+        """Return the reduction of the sum of squared errors by a change of the camera."""
         return float(2 * change @ self.vector) - self.energy(change)
 
 
 @dataclass(frozen=True)
 class ExplainedChange:
-    """The change of response or vignette, zero in the other part, that explains the errors of pairs best.
+    """The change of response or vignette, zero in the other part, that best explains the errors of pairs.
 
     Attributes
     ----------
@@ -125,9 +125,9 @@ class ExplainedChange:
         The change, shape (9,), and the covariance of the part's parameters, from the scatter between pairs and the
         uncertainty of the fit.
     gain
-        By how much it reduces the sum of squared errors.
+        Reduction of the sum of squared errors.
     max_radius, grey_limits
-        Radius, and grey levels, within which the pairs have observations.
+        Radius, and range of grey levels, of the pairs' observations.
     """
 
     part: str
@@ -139,7 +139,7 @@ class ExplainedChange:
 
     @classmethod
     def of(cls, pairs: list[PairErrors], fit: Fit, part: str, systematic_log: float) -> ExplainedChange:
-        """Explain pairs by a change of one part; a systematic error of each parameter is part of the covariance."""
+        """Explain pairs by a change of one part; the covariance includes a systematic error of each parameter."""
         own = PARTS[part]
         matrix = np.sum([pair.matrix[own, own] for pair in pairs], axis=0)
         inverse = np.linalg.inv(matrix + NO_CHANGE_POINTS * np.eye(len(matrix)))
@@ -147,7 +147,7 @@ class ExplainedChange:
         scores = np.stack([pair.vector[own] - pair.matrix[own, own] @ found for pair in pairs])
         by_fit = inverse @ np.sum([pair.fit_products[own] for pair in pairs], axis=0)
         covariance = inverse @ (scores.T @ scores) @ inverse + by_fit @ fit.chance @ by_fit.T
-        # Where pairs say nothing, the ridge keeps the change at zero, and so it says nothing about the certainty.
+        # The ridge keeps unobserved changes at zero, so it adds nothing to the covariance.
         covariance += systematic_log**2 * np.eye(len(found))
         change = np.zeros(len(pairs[0].vector))
         change[own] = found
@@ -158,13 +158,13 @@ class ExplainedChange:
 
     @property
     def sigmas(self) -> float:
-        """How many standard deviations it is from zero (Mahalanobis' distance)."""
+        """Distance from zero in standard deviations (Mahalanobis distance)."""
         found = self.change[PARTS[self.part]]
         return float(np.sqrt(found @ np.linalg.solve(self.covariance, found)))
 
     @property
     def curve(self) -> FloatArray:
-        """The change of ln V over the radii seen, or that of ln g over the grey levels seen, less its median."""
+        """The change of ln V over the observed radii, or of ln g over the observed grey levels minus its median."""
         found = self.change[PARTS[self.part]]
         if self.part == "vignette":
             squared = (self.max_radius * _STEPS) ** 2
@@ -175,5 +175,5 @@ class ExplainedChange:
 
     @property
     def effect(self) -> float:
-        """Largest value of the curve, signed."""
+        """Largest value of the curve, with its sign."""
         return float(self.curve[np.argmax(np.abs(self.curve))])

@@ -1,4 +1,4 @@
-"""What a method knows in the middle of a run, cheap enough to look at again and again."""
+"""Quick estimates of a method during a run, cheap enough to request repeatedly."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ class Matches:
     Attributes
     ----------
     frames, exposures_ms
-        Indices of the earlier frame and of the later one, and their exposures.
+        Indices of the earlier and the later frame, and their exposures.
     points0, points1
-        Pixel coordinates in either, shapes (n, 2).
+        Pixel coordinates in the two frames, shapes (n, 2).
     log_ratios
-        ln of the exposure ratio e₀/e₁ that each point shows, shape (n,); None before there is an estimate.
+        ln of the exposure ratio e₀/e₁ measured at each point, shape (n,); None before there is an estimate.
     """
 
     frames: tuple[int, int]
@@ -40,25 +40,25 @@ class Matches:
 
 @dataclass(frozen=True)
 class Preview:
-    """Quick estimates, and what they rest on.
+    """Quick estimates, and the data behind them.
 
     Attributes
     ----------
     pairs
-        Pairs of frames compared so far.
+        Number of pairs of frames compared so far.
     coverage
-        What the measurements cover, without residuals.
+        Coverage of the measurements, without residuals.
     response, vignette
-        Estimates from some of the measurements; None before there are any. Nobody has judged yet whether they are
-        identifiable: their standard deviations tell.
+        Estimates from some of the measurements; None before there are any. They have no verdict yet; their standard
+        deviations indicate how reliable they are.
     vignette_sigma
         Standard deviation of the vignette's profile at the 51 radii 0, 0.02, … 1, shape (51,).
     matches
-        Points of the latest pair of frames; None where nothing was found again in it.
+        Points of the latest pair of frames; None if it had none.
     observations, fit
-        All that was observed, and the latest quick fit, None before there is one: what advice is derived from.
+        All observations, and the latest quick fit (None before there is one), from which advice is derived.
     usable_radius
-        Radius in half diagonals that the usable part of the image reaches.
+        Radius in half diagonals of the usable part of the image.
     """
 
     pairs: int
@@ -82,16 +82,16 @@ def preview_of(
     pairs: int,
     usable_radius: float = 1.0,
 ) -> Preview:
-    """Return what is known from all observations, those of the latest pair of frames, and the latest quick fit.
+    """Return the preview for all observations, those of the latest pair of frames, and the latest quick fit.
 
     Parameters
     ----------
     size, max_grey
         Width and height of the frames in pixels, and their largest grey value.
     pairs
-        Pairs of frames compared so far.
+        Number of pairs of frames compared so far.
     usable_radius
-        Radius in half diagonals that the usable part of the image reaches.
+        Radius in half diagonals of the usable part of the image.
     """
     return Preview(
         pairs,
@@ -107,7 +107,7 @@ def preview_of(
 
 
 def _matches_of(latest: ExposedObservations | None, fit: Fit | None, size: ImageSize) -> Matches | None:
-    """Return the points of a pair of frames; None without any."""
+    """Return the matches of a pair of frames; None without any."""
     if latest is None or not len(latest):
         return None
     pixel = latest.position * half_diagonal(size) + (np.array(size) - 1) / 2

@@ -1,4 +1,4 @@
-"""Quick fits in the course of a run: they tell registration what is known of response and vignette so far."""
+"""Quick fits during a run, which provide registration with the current response and vignette."""
 
 from __future__ import annotations
 
@@ -24,18 +24,18 @@ from ospc.settings.methods import (
 
 
 class QuickFit:
-    """The latest fit to some of the observations, and what follows from it for the frames to come.
+    """The latest fit to some of the observations, and its use for the next frames.
 
     Attributes
     ----------
     fit
         The fit; None before there is one.
     normalize
-        Brings frames to equal brightness by the fit, before they are registered.
+        Normalises frames to equal brightness with the fit, before they are registered.
     trusts_stated
-        Whether it does so by the exposures as stated alone.
+        Whether normalisation uses only the stated exposures.
     response_sigma
-        Standard deviation of g, its scale held, at the grey level where it is largest; None without a fit.
+        Largest standard deviation of g over the grey levels, with its scale fixed; None without a fit.
     """
 
     def __init__(self, settings: DefaultSettings, size: ImageSize, max_grey: int) -> None:
@@ -49,9 +49,9 @@ class QuickFit:
     def refine(
         self, observations: ExposedObservations, noise: NoiseModel, usable_radius: float, *, trusts_stated: bool
     ) -> None:
-        """Fit again, from the latest fit on, to observations whose exposures are trusted or not.
+        """Fit again, starting from the latest fit, to observations whose exposures may or may not be trusted.
 
-        A fit whose exposures the images contradict is not relied on: by its response, no frame could be registered.
+        A fit whose exposures contradict the images is not used: with its response, no frame could be registered.
         """
         rounds = self._settings.rounds if self.fit is None else QUICK_FIT_ROUNDS
         vignette = VignetteBasis(QUICK_FIT_RADIAL_TERMS, usable_radius=usable_radius)
@@ -61,7 +61,7 @@ class QuickFit:
             self.rely_on(fit, usable_radius, trusts_stated=trusts_stated)
 
     def rely_on(self, fit: Fit, usable_radius: float, *, trusts_stated: bool) -> None:
-        """Bring frames to equal brightness by a fit from now on."""
+        """Use a fit to normalise frames to equal brightness from now on."""
         self.fit, self.trusts_stated = fit, trusts_stated
         sigma = fit.response(self._max_grey).inverse_sigma
         self.response_sigma = None if sigma is None else float(sigma.max())

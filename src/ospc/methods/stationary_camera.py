@@ -1,4 +1,4 @@
-"""Does the camera stand still? Then every pixel is a scene point observed in all frames."""
+"""Detection of a stationary camera, for which every pixel is a scene point observed in all frames."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from ospc.settings.methods import MAX_MOTIONS, MIN_MOVING_PAIRS, MOVING_FACTOR, 
 
 
 class StationaryCamera:
-    """Decides from the displacements between frames whether the camera stands still.
+    """Decides from the displacements between frames whether the camera is stationary.
 
-    Until a camera clearly moves, the grey values of some pixels are kept, as the observations of one that does not.
+    Until the camera clearly moves, the grey values of some pixels are kept as observations.
 
     Parameters
     ----------
     still_px
-        Median displacement in pixels up to which a camera counts as standing still.
+        Median displacement in pixels up to which a camera counts as stationary.
     series
-        Where grey values are kept; None once the camera moved.
+        The kept grey values; None once the camera moved.
     """
 
     def __init__(self, still_px: float, series: StaticSeries | None) -> None:
@@ -38,16 +38,16 @@ class StationaryCamera:
             self.series = None
 
     def add_motion(self, motion_px: float) -> None:
-        """Take the displacement between two frames, NaN where it is unknown."""
+        """Add the displacement between two frames, NaN if unknown."""
         if np.isfinite(motion_px):
             self.motions = [*self.motions, motion_px][-MAX_MOTIONS:]
 
     @property
     def stands_still(self) -> bool:
-        """Whether the camera did not move lately."""
+        """Whether the camera did not move recently."""
         return len(self.motions) > 0 and float(np.median(self.motions)) <= self._still_px
 
     @property
     def used_series(self) -> StaticSeries | None:
-        """The series of grey values that stands in for pairs of frames; None where the camera moves."""
+        """The series of grey values used instead of pairs of frames; None if the camera moves."""
         return self.series if self.series is not None and self.stands_still else None

@@ -1,4 +1,4 @@
-"""From the evidence of a run to a calibration: curves with their uncertainty, verdicts, exposure ratios, advice."""
+"""Summary of a run as a calibration: curves with their uncertainty, verdicts, exposure ratios and advice."""
 
 from __future__ import annotations
 
@@ -31,25 +31,25 @@ from ospc.settings.methods import CONTRADICTING_UNEXPLAINED_SHARE
 
 @dataclass(frozen=True)
 class FitInputs:
-    """What calibrations, summaries and reports are made of.
+    """The data of calibrations, summaries and reports.
 
     Attributes
     ----------
     size, max_grey
-        Of the frames.
+        Size in pixels and largest grey value of the frames.
     noise
         Noise of single pixels.
     observations, fit
-        All observations with their exposures, their grey levels stretched where black and white are not the ends of
-        the scale, and the fit to them; None if there are none, or they do not allow a fit.
+        All observations with their exposures, stretched to the grey range, and the fit to them; None if there are
+        none or they do not allow a fit.
     standing_still
-        Whether the camera did not move.
+        Whether the camera was stationary.
     pairs
-        Pairs of frames registered.
+        Number of pairs of frames registered.
     usable_radius
-        Radius in half diagonals that the usable part of the image reaches: less than 1 in a fisheye's image.
+        Radius in half diagonals of the usable part of the image: less than 1 for a fisheye.
     grey_range
-        Where black and white are.
+        Grey levels of black and white.
     single_pixels
         Whether each observation is a single pixel instead of a mean of several.
     """
@@ -67,19 +67,19 @@ class FitInputs:
 
     @property
     def effects(self) -> tuple[EffectEstimate, ...]:
-        """What the fit says about effects beside response and vignette; nothing without a fit."""
+        """The estimates of effects other than response and vignette; empty without a fit."""
         return () if self.fit is None else self.fit.effect_estimates
 
     @cached_property
     def ratios(self) -> ExposureRatios:
-        """The exposure ratios of all pairs of frames; none without a fit."""
+        """The exposure ratios of all pairs of frames; empty without a fit."""
         if self.fit is None or self.observations is None:
             return ExposureRatios.none()
         return exposure_ratios(self.fit, self.observations)
 
 
 def summarise(inputs: FitInputs, settings: DefaultSettings) -> Calibration:
-    """Return the calibration that follows from the inputs; parts that they do not determine are None."""
+    """Return the calibration that follows from the inputs; curves that they do not determine are None."""
     fit, observations, ratios = inputs.fit, inputs.observations, inputs.ratios
     reach = 0.0 if observations is None or inputs.standing_still else observations.radial_reach
     points = 0 if observations is None else len(observations.starts)
@@ -91,7 +91,7 @@ def summarise(inputs: FitInputs, settings: DefaultSettings) -> Calibration:
             settings, fit, reach, inputs.standing_still, unexplained, usable_radius=inputs.usable_radius
         ),
     }
-    # What a fit shows beside exposures that the images contradict means nothing.
+    # With exposures that the images contradict, a fit is meaningless.
     refuted = unexplained > CONTRADICTING_UNEXPLAINED_SHARE
     contradictions = () if fit is None or refuted else contradictions_of(fit)
     verdicts = {name: judged(verdict, contradictions) for name, verdict in verdicts.items()}
@@ -124,7 +124,7 @@ def summarise(inputs: FitInputs, settings: DefaultSettings) -> Calibration:
 def vignette_sigma(fit: Fit, usable_radius: float) -> FloatArray:
     """Return the standard deviation of the profile at :data:`PROFILE_RADII`, shape (51,).
 
-    Beyond the usable radius it is that at this radius, as the vignette is.
+    Like the vignette, it is constant beyond the usable radius.
     """
     radii = np.minimum(PROFILE_RADII, usable_radius)
     along = np.stack([radii, radii], axis=1) / np.sqrt(2)
@@ -133,10 +133,10 @@ def vignette_sigma(fit: Fit, usable_radius: float) -> FloatArray:
 
 
 def exposure_ratios(fit: Fit, observations: ExposedObservations) -> ExposureRatios:
-    """Return the exposure ratio of every pair of frames: the median over its scene points, and how sure it is."""
+    """Return the exposure ratio of every pair of frames, the median over its scene points, with its uncertainty."""
     log_irradiance = fit.log_irradiance(observations)
     exposed = (observations.grey > DARKEST_EXPOSED) & (observations.grey < BRIGHTEST_EXPOSED)
-    # Each observation against the one before of the same point: a pair, or neighbours in a static series.
+    # Compare each observation with the previous one of the same point: a pair, or neighbours in a static series.
     later = np.flatnonzero((np.diff(observations.point) == 0) & exposed[1:] & exposed[:-1]) + 1
     if not len(later):
         return ExposureRatios.none()
@@ -144,36 +144,39 @@ def exposure_ratios(fit: Fit, observations: ExposedObservations) -> ExposureRati
     metadata = observations.log_exposure[later - 1] - observations.log_exposure[later]
     frames = np.stack([observations.frame[later - 1], observations.frame[later]], axis=1)
     pairs, first, pair, count = np.unique(frames, axis=0, return_index=True, return_inverse=True, return_counts=True)
-    pair = pair.reshape(-1)  # NumPy 2.0 gives it another dimension
+    pair = pair.reshape(-1)  # NumPy 2.0 adds a dimension
     estimated = medians(observed, pair)
     spread = SIGMA_OF_MEDIAN * medians(np.abs(observed - estimated[pair]), pair)
-    by_scatter = _sigma_ofmedians(spread, count)
+    by_scatter = _sigma_of_medians(spread, count)
     by_curves = _sigma_by_curves(fit, observations, later[np.argsort(pair, kind="stable")], count)
     return ExposureRatios(pairs, np.exp(metadata[first]), np.exp(estimated), count, np.hypot(by_scatter, by_curves))
 
 
-def _sigma_ofmedians(spread: FloatArray, count: IntArray) -> FloatArray:
-    """Return the standard deviation of the median of each group of points by their scatter, shape (groups,)."""
+def _sigma_of_medians(spread: FloatArray, count: IntArray) -> FloatArray:
+    """Return the standard deviation of the median of each group of points, from their scatter, shape (groups,)."""
     typical = float(np.median(np.repeat(spread, count)))
     wrong = spread > MISREGISTERED_SPREAD * typical
     return np.where(wrong, MISREGISTERED_SIGMAS * spread, np.sqrt(np.pi / 2 / count) * spread)
 
 
 def _sigma_by_curves(fit: Fit, observations: ExposedObservations, later: IntArray, count: IntArray) -> FloatArray:
-    """Return what the uncertainty of the curves makes of ln k of each pair of frames, its observations in turn."""
+    """Return the standard deviation of each pair's ln k due to the uncertainty of the curves, shape (pairs,).
+
+    ``later`` contains the indices of the pairs' second observations in order, and ``count`` their number per pair.
+    """
 
     def mean_row(one: IntArray) -> FloatArray:
         rows = fit.log_irradiance_rows(observations.grey[one], observations.position[one])
         return np.asarray(rows.mean(axis=0))
 
-    # One pair after the other: the rows of all would take more memory than the rest of a fit.
+    # One pair at a time: the rows of all pairs would take more memory than the rest of a fit.
     mean = np.stack([mean_row(pair - 1) - mean_row(pair) for pair in np.split(later, np.cumsum(count)[:-1])])
     n = mean.shape[1]
     return np.asarray(np.sqrt(np.einsum("ij,jk,ik->i", mean, fit.covariance[:n, :n], mean)))
 
 
 def covariance_of(fit: Fit, response: bool, vignette: bool) -> dict[str, dict[str, object]]:
-    """Return the parameters' names and their covariance for the parts that are known, as a calibration keeps them."""
+    """Return the parameter names and covariances of the known curves, in the format of a calibration."""
     n = len(fit.response_basis)
     found: dict[str, dict[str, object]] = {}
     if response:
