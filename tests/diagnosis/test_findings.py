@@ -228,5 +228,5 @@ def test_a_moving_camera_is_not_said_to_stand_still_for_inverse_exposures() -> N
     made = calibrate(Film(-log_exposure, hidden_log_gain=2 * log_exposure, size=LARGE, speed_px=4).recording(), QUICK)
     for verdict in made.verdicts.values():
         assert verdict.state == "not identifiable"
-        assert "stands still" not in verdict.reason
+        assert "is stationary" not in verdict.reason
     assert made.warnings == (made.verdicts["exposures"].reason,)

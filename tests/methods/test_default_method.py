@@ -200,7 +200,7 @@ def test_a_camera_that_stands_still_tells_nothing_of_the_vignette(calibrated, tm
     assert result.vignette_sigma is None
     assert "vignette" not in result.covariance
     assert result.verdicts["vignette"].state == "not identifiable"
-    assert "stands still" in result.verdicts["vignette"].reason
+    assert "is stationary" in result.verdicts["vignette"].reason
     assert any("pan" in line for line in result.advice)
     assert response_shape_rmse(result.response, made.truth.response) < 0.01
     assert Calibration.load(result.save(tmp_path / "c.json")).vignette is None

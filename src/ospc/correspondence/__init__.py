@@ -1,1 +1,1 @@
-"""From frames to correspondences: which pairs, which points, and their grey values."""
+"""Correspondences: selection of frame pairs and scene points, and their grey values."""

@@ -1,4 +1,4 @@
-"""Smoothing that covers the same part of the scene in two views, however differently they show it."""
+"""Smoothing over the same part of the scene in two views, despite their different scale and shape."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from ospc.arrays import FloatArray
 from ospc.settings.correspondence import MAX_STRETCH, NODE_STEP_PX, PIXEL_VARIANCE
 
 NODES = np.stack(np.meshgrid(*2 * [NODE_STEP_PX * np.arange(-1.0, 2.0)]), axis=-1).reshape(9, 2)
-"""Offsets (x, y) of the nodes from the place, in reduced pixels, shape (9, 2)."""
+"""Offsets (x, y) of the nodes from the sampled point, in reduced pixels, shape (9, 2)."""
 
 CENTRE = 4
-"""Index of the node at the place itself."""
+"""Index of the node at the sampled point itself."""
 
 _VALUE, _SLOPE, _CURVATURE = (np.array(stencil) for stencil in ([0, 1, 0], [-0.5, 0, 0.5], [1, -2, 1]))
 _STENCILS = np.stack(
@@ -27,10 +27,10 @@ _STENCILS = np.stack(
 
 
 def further_smoothing(jacobian: FloatArray, smoothing_px: float) -> tuple[FloatArray, FloatArray]:
-    """Return by how much to smooth each of two views further, as covariances, shape (n, 2, 2) each.
+    """Return the additional smoothing of each of two views, as covariances, shape (n, 2, 2) each.
 
-    Along each axis the view that shows the scene larger is smoothed as much more. The Jacobian of the places in the
-    second view by those in the first has shape (n, 2, 2).
+    Along each axis, the view with the larger scale is smoothed correspondingly more. ``jacobian`` is that of the
+    mapping from the first to the second view, shape (n, 2, 2).
     """
     axes1, stretch, axes0 = np.linalg.svd(jacobian)
     stretch = np.clip(stretch, 1 / MAX_STRETCH, MAX_STRETCH)
@@ -40,9 +40,9 @@ def further_smoothing(jacobian: FloatArray, smoothing_px: float) -> tuple[FloatA
 
 
 def node_weights(covariance: FloatArray) -> FloatArray:
-    """Return the weights of the values at the :data:`NODES` that smooth further by these covariances, shape (n, 9).
+    """Return the weights of the values at the :data:`NODES` that apply the additional smoothing, shape (n, 9).
 
-    The covariances have shape (n, 2, 2). The weighted sum is the mean of the Taylor series about the place over a
+    The covariances have shape (n, 2, 2). The weighted sum is the mean of the Taylor series about the point over a
     Gaussian, up to its term in x²y².
     """
     xx, yy, xy = covariance[:, 0, 0], covariance[:, 1, 1], covariance[:, 0, 1]
@@ -51,6 +51,6 @@ def node_weights(covariance: FloatArray) -> FloatArray:
 
 
 def interpolation_smoothing(places: FloatArray) -> FloatArray:
-    """Return how much linear interpolation at places, (n, 2), smooths by itself, as covariances, shape (n, 2, 2)."""
+    """Return the smoothing due to linear interpolation at points, (n, 2), as covariances, shape (n, 2, 2)."""
     share = places % 1
     return np.eye(2) * (share * (1 - share))[:, None]

@@ -1,4 +1,4 @@
-"""Brings two frames to equal brightness, by their exposures or by what they show."""
+"""Normalisation of two frames to equal brightness, based on their exposures or their images."""
 
 from __future__ import annotations
 
@@ -25,20 +25,20 @@ from ospc.settings.estimation import DARKEST_GREY
 
 
 class ExposureNormalizer:
-    """Brings two small images to equal brightness, without vignette, on a display's scale.
+    """Normalises two small images to equal brightness, without vignette, on a display scale.
 
-    How much brighter one is, is what the exposures stated say, unless the images clearly contradict them. The images
-    are not asked where the exposures stated are trusted. Without exposures, what the images say is taken. Where the
-    response is unknown, the typical display gamma is assumed; where the vignette is, V ≡ 1.
+    The brightness ratio is that of the stated exposures, unless the images clearly contradict it. If the stated
+    exposures are trusted, the images are not checked. Without exposures, the ratio is measured in the images. An
+    unknown response is replaced by the typical display gamma, an unknown vignette by V ≡ 1.
 
     Parameters
     ----------
     log_response
         ln g at the grey values 0 … 255, in any scale, shape (256,); None if unknown.
     vignette
-        None if unknown.
+        The vignette; None if unknown.
     trusts_stated
-        Whether the exposures stated are trusted.
+        Whether the stated exposures are trusted.
     """
 
     def __init__(
@@ -52,9 +52,9 @@ class ExposureNormalizer:
         self._register = ThumbnailRegistration()
 
     def __call__(self, frame0: ReducedFrame, frame1: ReducedFrame, stated_log_ratio: float) -> tuple[Image, Image]:
-        """Return the small images of both as they would be at the longer exposure, 8 bit, shapes (h, w).
+        """Return both small images as they would appear at the longer exposure, 8 bit, shapes (h, w).
 
-        The ratio is ln of the exposure of the second over that of the first, NaN where it is unknown.
+        ``stated_log_ratio`` is ln of the exposure of the second over that of the first, NaN if unknown.
         """
         log_ratio = stated_log_ratio
         if np.isnan(stated_log_ratio) or not (
@@ -64,7 +64,7 @@ class ExposureNormalizer:
             shown, sure = self.log_ratio(frame0, frame1)
             contradicted = sure and abs(stated_log_ratio - shown) > MAX_LOG_RATIO_DISAGREEMENT
             log_ratio = shown if contradicted or np.isnan(stated_log_ratio) else stated_log_ratio
-        # At the longer exposure both images clip at the same radiance, so that clipped areas have the same edges.
+        # At the longer exposure both images clip at the same radiance, so clipped regions have the same edges.
         log_gain = self._log_gain(frame1 if log_ratio > 0 else frame0)
         return (
             self._brightened(frame0, log_gain + max(0.0, log_ratio)),
@@ -72,7 +72,7 @@ class ExposureNormalizer:
         )
 
     def log_ratio(self, frame0: ReducedFrame, frame1: ReducedFrame) -> tuple[float, bool]:
-        """Return ln of the irradiance of the same places, second frame over first, and whether it is certain."""
+        """Return ln of the irradiance of the second frame over the first, and whether it is certain."""
         small0, small1 = frame0.thumbnail, frame1.thumbnail
         there, found = self._register(small0, small1)
         shared = exposed_in_both(small0, small1, there, found)
@@ -85,7 +85,7 @@ class ExposureNormalizer:
         return float(middle), robust_scale(difference - middle) < MAX_LOG_RATIO_SPREAD
 
     def _log_ratio_of_quantiles(self, frame0: ReducedFrame, frame1: ReducedFrame) -> float:
-        """Return the same for frames that hardly overlap: the median over quantiles of grey exposed in both."""
+        """Return ln of the same ratio for frames with little overlap: the median over quantiles exposed in both."""
         grey0, grey1 = frame0.grey_quantiles, frame1.grey_quantiles
         darkest, brightest = np.minimum(grey0, grey1), np.maximum(grey0, grey1)
         exposed = (darkest > DARKEST_COMPARED_GREY) & (brightest < BRIGHTEST_COMPARED_GREY)
@@ -99,9 +99,9 @@ class ExposureNormalizer:
         return np.asarray(log_irradiance + DISPLAY_GAMMA * np.log(self._lift_of(grey.shape, size)), dtype=np.float32)
 
     def _log_gain(self, frame: ReducedFrame) -> float:
-        """Return the gain, in ln, that keeps the middle of a frame visible.
+        """Return the gain, in ln, that keeps the middle grey level of a frame visible.
 
-        The scale of g follows from grey levels next to white: where they are never seen, g may be next to nothing at
+        The scale of g follows from grey levels next to white: if these are never observed, g may be almost zero at
         all others.
         """
         middle = max(float(np.median(frame.grey_quantiles)), DARKEST_COMPARED_GREY)
@@ -112,7 +112,7 @@ class ExposureNormalizer:
         table = (np.exp((self._log_irradiance + log_gain) / DISPLAY_GAMMA) * 255).astype(np.float32)
         table[0] = 0  # ln g tends to −∞ at black
         if self._vignette is None:
-            # A table of bytes has to be clipped here; below, the conversion to bytes clips.
+            # A table of bytes must be clipped here; below, the conversion to bytes clips.
             return np.asarray(cv2.LUT(frame.small, np.clip(table, 0, 255).astype(np.uint8)))
         bright = cv2.LUT(frame.small, table) * self._lift_of(frame.small.shape, frame.size)
         return np.asarray(cv2.convertScaleAbs(bright), dtype=np.uint8)

@@ -1,6 +1,6 @@
-"""Feature points of an image, and their matches in another.
+"""Feature points of an image, and their matches in another image.
 
-A new kind of feature is a class like those below, and a line that names it in :data:`EXTRACTORS`.
+To add another kind of feature, write a class like those below and add it to :data:`EXTRACTORS`.
 """
 
 from __future__ import annotations
@@ -20,25 +20,25 @@ from ospc.recording.frame import Frame
 
 @dataclass(frozen=True)
 class Features:
-    """Feature points of one frame; nothing else of its image is kept."""
+    """Feature points of a frame, without its image."""
 
     frame: int
     exposure_ms: float
-    """Its exposure as stated."""
+    """Stated exposure of the frame."""
     points: FloatArray
     """Pixel coordinates (x, y), shape (n, 2)."""
     grey: FloatArray
     """Grey levels in [0, 1] at the nearest pixels, shape (n,)."""
     descriptors: npt.NDArray[Any]
-    """One row a point, shape (n, d); uint8, or float32 for SURF."""
+    """One row per point, shape (n, d); uint8, or float32 for SURF."""
 
 
 class FeatureExtractor(Protocol):
-    """Finds and describes feature points."""
+    """Detects and describes feature points."""
 
     @property
     def norm(self) -> int:
-        """OpenCV's norm for comparing its descriptors."""
+        """OpenCV's norm for comparing the descriptors."""
         ...
 
     def detect(self, image: npt.NDArray[np.uint8]) -> tuple[FloatArray, npt.NDArray[Any]]:
@@ -47,7 +47,7 @@ class FeatureExtractor(Protocol):
 
 
 class OpenCvExtractor:
-    """A detector of OpenCV's."""
+    """A feature detector of OpenCV."""
 
     norm: int
     _create: Any
@@ -56,7 +56,7 @@ class OpenCvExtractor:
         self._detector = self._create(nfeatures=max_features)
 
     def detect(self, image: npt.NDArray[np.uint8]) -> tuple[FloatArray, npt.NDArray[Any]]:
-        """Return points, shape (n, 2), and descriptors, shape (n, d), as uint8; SIFT's values are whole numbers."""
+        """Return points, shape (n, 2), and descriptors, shape (n, d), as uint8; SIFT's values are integers."""
         keypoints, descriptors = self._detector.detectAndCompute(image, None)
         if descriptors is None:
             return np.empty((0, 2)), np.empty((0, self._detector.descriptorSize()), np.uint8)
@@ -76,9 +76,12 @@ class OrbExtractor(OpenCvExtractor):
 
 
 class SurfExtractor:
-    """Speeded-up robust features (Bay et al. 2006) by the package mahotas; keeps the ``max_features`` strongest.
+    """Speeded-up robust features (Bay et al. 2006) from the package mahotas; keeps the ``max_features`` strongest.
 
-    MissingExtraError if mahotas is not installed.
+    Raises
+    ------
+    MissingExtraError
+        If mahotas is not installed.
     """
 
     norm = cv2.NORM_L2
@@ -92,7 +95,7 @@ class SurfExtractor:
 
     def detect(self, image: npt.NDArray[np.uint8]) -> tuple[FloatArray, npt.NDArray[Any]]:
         """Return points, shape (n, 2), and descriptors, shape (n, 64)."""
-        # Rows are y, x, scale, score, Laplacian's sign, angle, and the 64 values of the descriptor.
+        # Rows contain y, x, scale, score, sign of the Laplacian, angle, and the 64 values of the descriptor.
         rows = np.asarray(self._surf(image, max_points=self._max_features, descriptor_only=False), dtype=np.float64)
         if rows.size == 0:
             return np.empty((0, 2)), np.empty((0, 64), np.float32)
@@ -104,7 +107,7 @@ EXTRACTORS: dict[str, Callable[[int], FeatureExtractor]] = {
     "orb": OrbExtractor,
     "surf": SurfExtractor,
 }
-"""Every extractor by its name in settings."""
+"""The available extractors, by their name in the settings."""
 
 
 def make_extractor(name: str, max_features: int) -> FeatureExtractor:
@@ -121,7 +124,7 @@ def make_extractor(name: str, max_features: int) -> FeatureExtractor:
 
 
 def to_8bit(image: Image, max_grey: int) -> npt.NDArray[np.uint8]:
-    """Return the image with the 8 bits that detectors need."""
+    """Return the image in 8 bits, as detectors require."""
     if image.dtype == np.uint8 and max_grey == 255:
         return np.asarray(image, dtype=np.uint8)
     return np.asarray(cv2.convertScaleAbs(image, alpha=255.0 / max_grey), dtype=np.uint8)
@@ -142,8 +145,8 @@ def extract(frame: Frame, extractor: FeatureExtractor) -> Features:
 def match(features0: Features, features1: Features, norm: int, ratio: float) -> tuple[IntArray, IntArray]:
     """Return the indices of matching features, shape (n,) each: nearest neighbours that pass Lowe's ratio test.
 
-    No feature of the second is used twice. ``norm`` is OpenCV's norm for the descriptors, ``ratio`` the largest
-    accepted ratio of the nearest to the second nearest distance.
+    Each feature of the second frame is used at most once. ``norm`` is OpenCV's norm for the descriptors, ``ratio``
+    the largest accepted ratio of the nearest to the second nearest distance.
     """
     none = np.empty(0, np.int64)
     if len(features0.points) < 2 or len(features1.points) < 2:
@@ -155,7 +158,7 @@ def match(features0: Features, features1: Features, norm: int, ratio: float) -> 
     accepted = [(m.distance, m.queryIdx, m.trainIdx) for m, n in found if m.distance < ratio * n.distance]
     if not accepted:
         return none, none
-    # Where several features have the same match, only the nearest keeps it.
+    # If several features have the same match, only the nearest keeps it.
     table = np.array(sorted(accepted))
     _, first = np.unique(table[:, 2], return_index=True)
     kept = table[np.sort(first)].astype(np.int64)

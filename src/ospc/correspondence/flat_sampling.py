@@ -1,4 +1,4 @@
-"""Grey values of the same scene points in two frames, read where the image is flat."""
+"""Sampling of the same scene points in two frames, where the image is flat."""
 
 from __future__ import annotations
 
@@ -32,16 +32,16 @@ from ospc.settings.correspondence import (
 
 @dataclass(frozen=True)
 class Keyframe(ReducedFrame):
-    """What is kept of a frame for later ones to be compared with: a tenth of the preprocessed frame."""
+    """The data of a frame kept for comparison with later frames: a tenth of the preprocessed frame."""
 
     places: FloatArray
-    """Places (x, y) of the grid on which scene points are chosen, in reduced pixels, shape (n, 2)."""
+    """Candidate sampling points (x, y) on a grid, in reduced pixels, shape (n, 2)."""
     grey: Float32Array
     squares: Float32Array
-    """Smoothed grey levels and squares at the nodes around these places, shape (n, 9)."""
+    """Smoothed grey levels and squares at the nodes around these points, shape (n, 9)."""
     gradient: Float32Array
     clipped: BoolArray
-    """This and the gradient are the frame's values at these places, shape (n,)."""
+    """The frame's gradient and clipping at these points, shape (n,)."""
 
 
 @dataclass(frozen=True)
@@ -51,11 +51,11 @@ class Samples:
     observations: Observations
     """Two observations for each scene point."""
     overlap: float
-    """Share of the places on the grid that were found again; 0 where the views have too little in common."""
+    """Share of the grid points that were matched; 0 if the overlap is too small."""
     radial_motion: float
-    """Root mean square of R₀ − R₁ of the places found again."""
+    """Root mean square of R₀ − R₁ over the matched points."""
     motion_px: float
-    """Median displacement in pixels of the frame, at places with enough structure; NaN where there are none."""
+    """Median displacement in pixels of the frame, at points with enough structure; NaN if there are none."""
 
 
 NOTHING_FOUND = Samples(
@@ -64,35 +64,35 @@ NOTHING_FOUND = Samples(
     radial_motion=0.0,
     motion_px=float("nan"),
 )
-"""What comparing two views gives that have too little in common."""
+"""The result for two views with too little overlap."""
 
 
 @dataclass(frozen=True)
 class FlatSampler:
-    """Chooses places on a grid that are flat in both frames, and reads smoothed grey values there.
+    """Selects grid points that are flat in both frames, and samples smoothed grey values there.
 
-    Any registration is wrong by a fraction of a pixel; where the image is flat that does no harm. Corners would bias
-    the result: they are extreme grey values, and any error leads to a less extreme one.
+    Any registration is wrong by a fraction of a pixel, which is harmless in flat regions. Corners would bias the
+    result: they are extremes of the grey value, and any error leads to a less extreme value.
 
-    Flat places, too, are often extremes, and the larger the area that is averaged, the less extreme is the mean. A
-    pinhole camera magnifies what moves towards the border, and a floor that comes nearer grows more in depth than in
-    width. So grey levels are read over the same part of the scene: what a view shows larger along some direction is
-    smoothed as much more along it.
+    Flat points, too, are often extremes, and the mean over a larger area is less extreme. A pinhole camera magnifies
+    objects that move towards the border, and an approaching floor grows more in depth than in width. Grey levels are
+    therefore averaged over the same part of the scene: along each direction, the view with the larger scale is
+    smoothed correspondingly more.
     """
 
     spacing_px: int = 8
-    """Distance between the places of the grid, in reduced pixels."""
+    """Distance between grid points, in reduced pixels."""
     margin_px: int = 8
-    """Places nearer to the border are not used."""
+    """Points closer to the border are not used."""
     max_gradient: float = 0.006
-    """Largest grey gradient, in full scale per reduced pixel, of a flat place."""
+    """Largest grey gradient, in full scale per reduced pixel, of a flat point."""
     max_forward_backward_error_px: float = 2.0
-    """Largest distance between a place and where going there and back ends, in reduced pixels."""
+    """Largest forward-backward registration error of a point, in reduced pixels."""
     max_points: int = 400
-    """Most scene points taken from one pair, spread evenly over mean grey level and radius."""
+    """Maximum number of scene points sampled from a pair, spread evenly over mean grey level and radius."""
 
     def keyframe(self, frame: PreprocessedFrame) -> Keyframe:
-        """Return what later frames need of a frame: its small images, and its values on the grid."""
+        """Return the keyframe of a frame: its small images, and its values on the grid."""
         places = _grid(frame.reduced_size, self.spacing_px, self.margin_px)
         return Keyframe(
             **{field.name: getattr(frame, field.name) for field in fields(ReducedFrame)},
@@ -106,7 +106,7 @@ class FlatSampler:
     def __call__(
         self, keyframe: Keyframe, frame: PreprocessedFrame, registration: Registration | None, group: int
     ) -> Samples:
-        """Compare two frames, the first as :meth:`keyframe` returns it; ``group`` is the number of the pair."""
+        """Compare a keyframe with a frame; ``group`` is the number of the pair."""
         if registration is None:
             return NOTHING_FOUND
         places0 = keyframe.places
@@ -129,13 +129,13 @@ class FlatSampler:
         radius0, radius1 = (np.linalg.norm(position, axis=1) for position in (position0, position1))
         radial = (radius0 - radius1)[found]
         motion = _typical_motion(places0[found], displacement[found], gradient0[found])
-        # By the mean of both frames: a choice by one grey level would be a choice by its noise.
+        # Select by the mean of both frames: a selection by one grey level would depend on its noise.
         grey = np.sqrt(np.clip(keyframe.grey[index, CENTRE] * frame.values_at(frame.grey, places1[index]), 0, 1))
         chosen = index[self._spread(grey, radius0[index], group)]
         places0, places1 = places0[chosen], places1[chosen]
         jacobian = jacobian_at(registration, places0, scale)
         further0, further1 = further_smoothing(jacobian, frame.smoothing_px)
-        further1 -= interpolation_smoothing(places1)  # the places of the keyframe are those of pixels
+        further1 -= interpolation_smoothing(places1)  # the points of the keyframe are at pixels
         nodes1 = places1[:, None] + NODES
         grey0, variance0 = _mean_and_variance(further0, keyframe.grey[chosen], keyframe.squares[chosen])
         values1 = (frame.values_at(image, nodes1) for image in (frame.grey, frame.squares))
@@ -165,7 +165,7 @@ class FlatSampler:
         return Samples(observations, float(found.mean()), radial_motion, motion * keyframe.reduction)
 
     def _at_nodes(self, image: Float32Array) -> Float32Array:
-        """Return the values of an image at the nodes around the places of the grid, (h, w) -> (n, 9)."""
+        """Return the values of an image at the nodes around the grid points, (h, w) -> (n, 9)."""
         (height, width), margin, step = image.shape, self.margin_px, self.spacing_px
         shifted = (
             image[margin + y : height - margin + y : step, margin + x : width - margin + x : step]
@@ -174,7 +174,7 @@ class FlatSampler:
         return np.stack([values.ravel() for values in shifted], axis=1)
 
     def _spread(self, grey: FloatArray, radius: FloatArray, seed: int) -> IntArray:
-        """Return which places to take: as many as allowed, evenly over cells of grey level and radius."""
+        """Return the indices of at most ``max_points`` points, spread evenly over cells of grey level and radius."""
         n = len(grey)
         if n <= self.max_points:
             return np.arange(n)
@@ -182,7 +182,7 @@ class FlatSampler:
         radius_cell = np.minimum((radius * SAMPLING_RADIUS_CELLS).astype(int), SAMPLING_RADIUS_CELLS - 1)
         cell = grey_cell * SAMPLING_RADIUS_CELLS + radius_cell
         random = np.random.default_rng(seed).random(n)
-        # First one of each cell, then a second one of each, and so on.
+        # Take one point of each cell, then a second one, and so on.
         order = np.argsort(cell + random)
         count = np.bincount(cell)
         rank = np.empty(n)
@@ -192,7 +192,7 @@ class FlatSampler:
 
 @cache
 def _grid(size: ImageSize, spacing_px: int, margin_px: int) -> FloatArray:
-    """Return the places (x, y) of an image, so far apart and away from the border, shape (n, 2)."""
+    """Return the grid points (x, y) of an image, with a spacing and a margin, shape (n, 2)."""
     x, y = np.meshgrid(*(np.arange(margin_px, side - margin_px, spacing_px, dtype=np.float64) for side in size))
     places = np.stack([x.ravel(), y.ravel()], axis=1)
     places.setflags(write=False)
@@ -200,7 +200,7 @@ def _grid(size: ImageSize, spacing_px: int, margin_px: int) -> FloatArray:
 
 
 def _typical_motion(places: FloatArray, displacement: FloatArray, gradient: FloatArray) -> float:
-    """Return the median displacement over parts of the image, at places with structure; NaN where there are none."""
+    """Return the median displacement over image tiles, at points with structure; NaN if there are none."""
     if len(places) < MIN_MOTION_PLACES:
         return float("nan")
     structured = gradient >= np.quantile(gradient, STRUCTURE_QUANTILE)
@@ -216,14 +216,14 @@ def _typical_motion(places: FloatArray, displacement: FloatArray, gradient: Floa
 
 
 def _clipped_at(frame: PreprocessedFrame, places: FloatArray) -> BoolArray:
-    """Return whether any of the places around, from whose values one is interpolated, is clipped, shape (n,)."""
+    """Return whether any of the pixels interpolated at each point is clipped, shape (n,)."""
     return frame.values_at(frame.clipped.view(np.uint8) * np.uint8(255), places) > 0
 
 
 def _mean_and_variance(
     further: FloatArray, grey: FloatArray | Float32Array, squares: FloatArray | Float32Array
 ) -> tuple[FloatArray, FloatArray]:
-    """Return grey levels and variances of the pixels, smoothed further by these covariances, shape (n,) each."""
+    """Return grey levels and variances of the pixels after additional smoothing, shape (n,) each."""
     weights = node_weights(further)
     mean, square = (np.sum(weights * values, axis=1) for values in (grey, squares))
     return np.clip(mean, 0.0, 1.0), np.clip(square - mean**2, 0.0, 1.0)

@@ -1,4 +1,4 @@
-"""Which frames are processed: all at first, then ever fewer; and which are compared with their neighbours."""
+"""Selection of the frames that are processed, all at first and then fewer, or compared with their neighbours."""
 
 from __future__ import annotations
 
@@ -8,24 +8,24 @@ from dataclasses import dataclass, replace
 
 @dataclass
 class FrameSampler:
-    """Decides what is done with a frame: nothing, comparing its brightness with its neighbours', or processing it.
+    """Decides whether a frame is skipped, compared in brightness with its neighbours, or processed.
 
-    Pauses between processed frames grow with their number. In between, short runs of consecutive frames are compared:
-    they tell whether exposures still belong to their frames, and cost little.
+    Pauses between processed frames grow with their number. In between, short runs of consecutive frames are compared,
+    a cheap way to check that exposures still belong to their frames.
     """
 
     frames_per_slowdown: int
-    """After so many processed frames, one more frame is skipped between two of them."""
+    """After every n processed frames, one more frame is skipped between two processed frames."""
     dense_frames: int
-    """Beyond so many processed frames, pauses grow faster: with the fourth power of their number."""
+    """Beyond this many processed frames, pauses grow faster: with the fourth power of their number."""
     longest_pause_frames: int
-    """Most frames skipped between two processed ones."""
+    """Maximum number of frames skipped between two processed ones."""
     comparison_period_frames: int
-    """Frames from the beginning of one run of compared frames to that of the next."""
+    """Number of frames from the start of one run of compared frames to the next."""
     comparison_run_frames: int
-    """Frames that are compared in each of these periods, the first ones."""
+    """Number of compared frames at the start of each of these periods."""
     processed: int = 0
-    """Frames processed so far."""
+    """Number of frames processed so far."""
     number: int = 0
     """Number of the next frame."""
     _pause: int = 0
@@ -38,28 +38,28 @@ class FrameSampler:
 
     @property
     def processes_next(self) -> bool:
-        """Whether the next frame is to be processed."""
+        """Whether the next frame is processed."""
         return self._pause == 0
 
     @property
     def compares_next(self) -> bool:
-        """Whether the brightness of the next frame is to be compared with that of the one before."""
+        """Whether the brightness of the next frame is compared with that of the previous one."""
         return self.processes_next or self.number % self.comparison_period_frames < self.comparison_run_frames
 
     def at(self, number: int) -> FrameSampler:
-        """Return the sampler as it will be before the frame with this number, a later one."""
+        """Return the sampler as it will be before a later frame with this number."""
         ahead = replace(self)
         while ahead.number < number:
             ahead.advance()
         return ahead
 
     def skip(self) -> None:
-        """Go on by one frame that could not be processed: where it was to be, the next one is."""
+        """Advance by one frame that could not be processed; the next one is processed in its place."""
         self.number += 1
         self._pause = max(self._pause - 1, 0)
 
     def advance(self, longest_pause: int = sys.maxsize) -> None:
-        """Go on by one frame, which was processed if it was to be; no more than ``longest_pause`` are skipped now."""
+        """Advance by one frame, which was processed if due; at most ``longest_pause`` frames are skipped now."""
         self.number += 1
         if self._pause == 0:
             self._pause = self._next_pause()
@@ -69,7 +69,7 @@ class FrameSampler:
         self._pause = min(self._pause, longest_pause)
 
     def restart(self) -> None:
-        """Begin with all frames again: nothing is known of the camera any more."""
+        """Process all frames again at first, because the camera changed."""
         self._restarted_after, self._pause = self.processed, 0
 
     def _next_pause(self) -> int:

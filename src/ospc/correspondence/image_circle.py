@@ -1,4 +1,4 @@
-"""The part of the image that receives light: all of it, the image circle of a fisheye, or what a mask leaves."""
+"""The part of the image that receives light: the whole image, the image circle of a fisheye, or a masked part."""
 
 from __future__ import annotations
 
@@ -28,30 +28,30 @@ _CORNERS = np.array([(1, 1), (-1, 1), (1, -1), (-1, -1)])
 
 @dataclass
 class ImageCircle:
-    """Keeps the largest grey level that each place of the image ever had.
+    """Keeps the largest grey level of every pixel.
 
-    A place that a dark part of the scene covers is lit sooner or later; one outside the image circle never is. What
-    stays dark and reaches the corners is taken for the surround of a fisheye's image.
+    A pixel that shows a dark part of the scene becomes bright sooner or later; one outside the image circle never
+    does. A region that stays dark and reaches the corners is treated as the surround of a fisheye image.
     """
 
     brightest: npt.NDArray[np.uint8] | None = None
-    """Largest grey level of each place in the size at which frames are registered, 8 bit, shape (h, w)."""
+    """Largest grey level of each pixel at the size used for registration, 8 bit, shape (h, w)."""
     frames: int = 0
     """Number of frames observed."""
     allowed: BoolArray | None = None
-    """Where pixels may be used, in the same size; None for everywhere."""
+    """Which pixels may be used, in the same size; None for all."""
 
     def observe(self, frame: PreprocessedFrame, mask: BoolArray | None) -> None:
-        """Take a frame; the mask says where its pixels may be used, shape (height, width), None for everywhere."""
+        """Add a frame; the mask marks its usable pixels, shape (height, width), None for all."""
         self.frames += 1
-        # Nobody else changes the small image of a frame, so that it need not be copied.
+        # The small image of a frame never changes, so it need not be copied.
         self.brightest = frame.small if self.brightest is None else np.maximum(self.brightest, frame.small)
         if mask is not None and self.allowed is None:
             height, width = frame.small.shape
             self.allowed = cv2.resize(mask.view(np.uint8), (width, height), interpolation=cv2.INTER_NEAREST) > 0
 
     def surround(self) -> BoolArray | None:
-        """Return where the image never sees light, in the small size, shape (h, w); None where it does everywhere."""
+        """Return which pixels never receive light, in the small size, shape (h, w); None if all do."""
         if self.brightest is None or self.frames < MIN_CIRCLE_FRAMES:
             return None
         lit = float(np.quantile(self.brightest, LIT_QUANTILE))
@@ -67,7 +67,7 @@ class ImageCircle:
         return np.asarray(cv2.dilate(outside.astype(np.uint8), np.ones((side, side), np.uint8)) > 0)
 
     def usable_radius(self) -> float:
-        """Return the radius, in half diagonals about the image centre, that the usable part reaches; at most 1."""
+        """Return the radius of the usable part, in half diagonals about the image centre; at most 1."""
         surround = self.surround()
         if self.brightest is None or (surround is None and self.allowed is None):
             return 1.0
@@ -75,15 +75,15 @@ class ImageCircle:
         place = normalised(pixel_grid((width, height)), (width, height))
         lit = np.ones((height, width), dtype=bool) if surround is None else ~surround
         radius = np.where(lit, np.linalg.norm(place, axis=-1), 0.0)
-        # An image circle that is off centre may leave one corner: that alone does not determine a radius.
+        # A decentred image circle may include one corner, which alone does not determine the radius.
         reached = float(np.median([radius[(place * corner >= 0).all(axis=-1)].max() for corner in _CORNERS]))
         if self.allowed is not None:
-            # A mask may hide any side: the vignette is asked for as far out as there are pixels in use.
+            # A mask may hide any side: the vignette is needed up to the outermost usable pixel.
             reached = min(reached, float(radius[self.allowed].max(initial=0.0)))
         return reached if 0 < reached < WHOLE_IMAGE_RADIUS else 1.0
 
     def receives_light(self, position: FloatArray) -> BoolArray | None:
-        """Return which positions, in half diagonals, are not in the surround, (n, 2) -> (n,); None without one."""
+        """Return which positions, in half diagonals, are outside the surround, (n, 2) -> (n,); None without one."""
         surround = self.surround()
         if surround is None:
             return None

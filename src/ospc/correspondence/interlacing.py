@@ -1,4 +1,4 @@
-"""Whether every other row of the images shows another moment, as in interlaced video."""
+"""Detection of interlaced video, in which every other row shows a different moment."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from ospc.settings.correspondence import COMPARED_COLUMNS_PX, LEAST_ROW_VARIANCE
 
 
 def row_alternation(image: Image, max_grey: int) -> float:
-    """Return how much each row differs from both of its neighbours in the same way, from -1 to 1.
+    """Return how much rows differ from both neighbours in the same direction, from -1 to 1.
 
-    It is minus the correlation of successive differences between rows, in the middle of the image: 1 where rows
-    alternate between two images, 1/2 for noise and for single lines, and usually below 0 for scenes.
+    It is minus the correlation of successive differences between rows, in the middle of the image: 1 if rows
+    alternate between two images, 1/2 for noise and single lines, and usually below 0 for scenes.
     """
     height, width = (side // 2 for side in image.shape)
     columns = width // COMPARED_COLUMNS_PX
@@ -22,7 +22,7 @@ def row_alternation(image: Image, max_grey: int) -> float:
     top, left = height // 2, width // 2
     middle = image[top : top + height, left : left + columns * COMPARED_COLUMNS_PX].astype(np.float32)
     rows = cv2.resize(middle, (columns, height), interpolation=cv2.INTER_AREA) / np.float32(max_grey)
-    # Whole rows that differ are noise of the sensor's readout.
+    # Differences of whole rows are readout noise of the sensor.
     rows -= rows.mean(axis=1, keepdims=True)
     step = np.diff(rows, axis=0)
     above, below = step[:-1], step[1:]

@@ -1,4 +1,4 @@
-"""Keyframe selection: which earlier frame a new one is compared with."""
+"""Keyframe selection: the earlier frame with which a new one is compared."""
 
 from __future__ import annotations
 
@@ -33,40 +33,41 @@ class _Kept:
 
 @dataclass(frozen=True)
 class KeyframeSelectorState:
-    """What :class:`KeyframeSelector` knows, with keyframes named by their numbers instead of held."""
+    """State of a :class:`KeyframeSelector`, with keyframes given by their numbers."""
 
     frames: IntArray
     """Number of every keyframe, shape (kept,)."""
     uses: IntArray
-    """How often it was selected, shape (kept,)."""
+    """Number of times each was selected, shape (kept,)."""
     log_exposure: FloatArray
-    """ln of its exposure when it was added, shape (kept,)."""
+    """ln of each exposure when the keyframe was added, shape (kept,)."""
     selections: int
-    """Selections made so far."""
+    """Number of selections so far."""
     statistics: FloatArray
-    """Of each class of age: the number of comparisons, the sum of their overlap, the number that found the view
-    again, and the sum of their radial motion, the latest counting most, shape (4, 26)."""
+    """For each class of age: the number of comparisons, the sum of their overlap, the number of successful ones, and
+    the sum of their radial motion, with decreasing weight of older ones, shape (4, 26)."""
 
 
 @dataclass
 class KeyframeSelector:
-    """Keeps keyframes at ages that grow geometrically, and selects the one that is most informative to compare with.
+    """Keeps keyframes at geometrically increasing ages, and selects the most informative one for comparison.
 
-    The information of a comparison is predicted before it is made: exposures are given, and overlap and radial motion
-    at each age are learned from the comparisons made so far. One selection in three goes for what serves the response
-    (change of exposure), the others for what serves the vignette (radial motion).
+    The information of a comparison is predicted in advance: exposures are known, and overlap and radial motion at
+    each age are learned from earlier comparisons. One selection in three optimises for the response (change of
+    exposure), the others for the vignette (radial motion).
     """
 
     capacity: int = 20
-    """Most keyframes kept."""
+    """Maximum number of keyframes."""
     max_log_ratio: float = 1.2
-    """Changes of exposure beyond this, in ln, add nothing: most places are then clipped in one of the two."""
+    """Changes of exposure beyond this, in ln, add no information: most points are then clipped in one of the two
+    frames."""
     _kept: list[_Kept] = field(default_factory=list, repr=False)
     _selections: int = field(default=0, repr=False)
     _statistics: FloatArray = field(default_factory=lambda: np.zeros((4, AGE_CLASSES)), repr=False)
 
     def select(self, number: int, log_exposure: float) -> Keyframe | None:
-        """Return the keyframe to compare a frame of this number and ln exposure with; None where there is none."""
+        """Return the keyframe to compare with a frame of this number and ln exposure; None if there is none."""
         if not self._kept:
             return None
         self._selections += 1
@@ -83,7 +84,7 @@ class KeyframeSelector:
 
     @property
     def best_age(self) -> int:
-        """Age in frames at which a comparison is expected to have most information on the vignette."""
+        """Age in frames at which a comparison is expected to be most informative about the vignette."""
         overlap, motion = self._expected()
         return round(AGE_CLASS_RATIO ** int(np.argmax(motion**2 * overlap**OVERLAP_POWER)))
 
@@ -94,12 +95,12 @@ class KeyframeSelector:
         self._statistics[:, age] += (1, samples.overlap, samples.overlap > 0, samples.radial_motion)
 
     def add(self, frame: Keyframe, log_exposure: float) -> None:
-        """Keep a frame as a keyframe, and drop the least useful one if there are too many."""
+        """Add a keyframe, and drop the least useful one if there are too many."""
         self._kept.append(_Kept(frame, log_exposure))
         if len(self._kept) > self.capacity:
             ages = 1 + frame.number - np.array([k.frame.number for k in self._kept], dtype=np.float64)
-            # Without a keyframe its neighbours become adjacent: drop where that leaves the smallest step in ln age.
-            # The newer half stays: only these can become old at other ages.
+            # Dropping a keyframe makes its neighbours adjacent: drop the one that leaves the smallest step in ln age.
+            # Keep the newer half, which will provide the future old keyframes.
             step = np.log(np.append(ages[0] * OLDEST_AGE_FACTOR, ages[:-2])) - np.log(ages[1:])
             del self._kept[int(np.argmin(step[: self.capacity // 2]))]
 
@@ -118,20 +119,26 @@ class KeyframeSelector:
         )
 
     def restore(self, state: KeyframeSelectorState) -> None:
-        """Go on from a state, without the images of the keyframes; raise a ValueError if its arrays do not fit."""
+        """Continue from a state, without the images of the keyframes.
+
+        Raises
+        ------
+        ValueError
+            If its arrays have inconsistent lengths.
+        """
         lengths = {len(state.frames), len(state.uses), len(state.log_exposure)}
         if state.statistics.shape != self._statistics.shape or len(lengths) != 1:
             raise ValueError("the state of the keyframe selection has tables of the wrong length")
         self._kept, self._selections, self._statistics = [], state.selections, state.statistics.copy()
 
     def replay(self, frame: Keyframe, state: KeyframeSelectorState) -> None:
-        """Keep a frame again that was a keyframe when the state was taken; any other is ignored."""
+        """Add a frame again if it was a keyframe in the state; ignore any other."""
         for at in np.flatnonzero(state.frames == frame.number):
             self._kept.append(_Kept(frame, float(state.log_exposure[at]), int(state.uses[at])))
         self._kept.sort(key=lambda kept: kept.frame.number)
 
     def _expected(self) -> tuple[FloatArray, FloatArray]:
-        """Return the overlap and the radial motion expected of every class of age, shape (26,) each."""
+        """Return the expected overlap and radial motion of every class of age, shape (26,) each."""
         expected = np.empty((2, AGE_CLASSES))
         overlap, motion = PRIOR_OVERLAP, PRIOR_RADIAL_MOTION
         for age, (trials, overlaps, successes, motions) in enumerate(self._statistics.T):

@@ -1,4 +1,4 @@
-"""Noise of single pixels, measured where the image has the least structure."""
+"""Noise of single pixels, measured in the image blocks with the least structure."""
 
 from __future__ import annotations
 
@@ -26,22 +26,23 @@ from ospc.settings.correspondence import (
 )
 
 _LAPLACIANS = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], dtype=np.float32) / 6
-"""Blind to planes and to edges along rows and columns; passes white noise with its variance (Immerkaer 1996)."""
+"""Insensitive to planes and to edges along rows and columns; preserves the variance of white noise (Immerkaer
+1996)."""
 
 
 @dataclass
 class NoiseEstimator:
-    """Collects the variance of blocks after filtering out their structure; the lowest ones are due to noise alone."""
+    """Collects the variances of blocks after filtering out structure; the lowest ones are due to noise alone."""
 
     max_grey: int
     _found: list[list[float]] = field(default_factory=lambda: [[] for _ in range(NOISE_BINS)], repr=False)
     """Variances of noise in each range of grey levels, the latest last."""
     _waiting: list[list[float]] = field(default_factory=lambda: [[] for _ in range(NOISE_BINS)], repr=False)
-    """Variances of blocks that are still too few for the next one: small images have few blocks of each range."""
+    """Variances of blocks that are not yet enough for the next value: small images have few blocks per range."""
 
     def observe(self, frame: Frame) -> None:
         """Measure some bands of a frame."""
-        # Black pixels are not used for the noise, so masked ones are made black.
+        # Black pixels are ignored, so masked ones are made black.
         image = frame.image if frame.mask is None else np.where(frame.mask, frame.image, 0)
         if min(image.shape) < NOISE_BLOCK_PX + 2:
             return
@@ -50,7 +51,7 @@ class NoiseEstimator:
         for b in range(NOISE_BINS):
             inside = np.sort(np.append(self._waiting[b], variance[number == b]))
             if len(inside) >= MIN_NOISE_BLOCKS:
-                # A quantile; NumPy's function takes many times as long for some hundreds of values.
+                # Interpolated quantile; NumPy's function is many times slower for a few hundred values.
                 lowest = np.interp(NOISE_QUANTILE * (len(inside) - 1), np.arange(len(inside)), inside)
                 least = float(lowest) / NOISE_QUANTILE_RATIO
                 self._found[b] = [*self._found[b], least][-NOISE_FRAMES:]
@@ -63,7 +64,7 @@ class NoiseEstimator:
         last = image.shape[0] - NOISE_BLOCK_PX - 1
         tops = np.arange(0, last, max(MIN_BAND_SPACING_ROWS, -(-last // MAX_BANDS)))
         columns = (image.shape[1] - 2) // NOISE_BLOCK_PX
-        # All bands at once, one below the other; a band's outermost rows keep its neighbours out of its blocks.
+        # Process all bands at once, stacked vertically; the outermost rows of a band separate it from its neighbours.
         rows = (tops[:, None] + np.arange(NOISE_BLOCK_PX + 2)).ravel()
         grey = image[rows].astype(np.float32) / np.float32(self.max_grey)
         rough = cv2.filter2D(grey, cv2.CV_32F, _LAPLACIANS) ** 2
@@ -78,7 +79,7 @@ class NoiseEstimator:
         return np.stack([means(grey), means(rough)])[:, means(clipped) == 0]
 
     def model(self) -> NoiseModel:
-        """Return the noise; an assumed one where nothing was measured."""
+        """Return the noise model; an assumed one if nothing was measured."""
         floor = QUANTISATION_VARIANCE / self.max_grey**2
         known = np.array([len(found) > 0 for found in self._found])
         if not known.any():

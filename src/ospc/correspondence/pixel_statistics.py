@@ -1,4 +1,4 @@
-"""What the grey values of a recording cover: levels, clipping, unused bits, places that are always black."""
+"""Statistics of a recording's grey values: coverage, clipping, unused bits and regions that are always black."""
 
 from __future__ import annotations
 
@@ -40,23 +40,24 @@ from ospc.settings.correspondence import (
 )
 
 _CORNERS = 4
-"""Corners that the surround of a disc covers: all of them."""
+"""Number of corners in the surround of a disc: all of them."""
 
 _MAX_COUNTED_BITS = 12
-"""Most bits by which grey values are counted; of deeper images the upper ones are, which bounds the histogram."""
+"""Maximum number of bits of counted grey values; for deeper images only the upper bits are counted, which bounds the
+histogram."""
 
 
 @dataclass(frozen=True, eq=False)
 class PixelReport(ByValue):
-    """Grey values of the frames observed."""
+    """Grey values of the observed frames."""
 
     grey_share: FloatArray
-    """Share of the pixels of each frame in 32 equal ranges of grey, shape (frames, 32)."""
+    """Share of each frame's pixels in 32 equal ranges of grey, shape (frames, 32)."""
     log_exposure: FloatArray
     """ln of the exposure in milliseconds of these frames, shape (frames,)."""
     radius_share: FloatArray
-    """Share of the places of each frame that are well exposed, in 10 equal ranges of R from 0 to 1 (the corner),
-    shape (frames, 10); NaN where there are no places."""
+    """Share of each frame's points that are well exposed, in 10 equal ranges of R from 0 to 1 (the corner), shape
+    (frames, 10); NaN for ranges without points."""
     saturated_share: float
     """Share of all pixels at the upper end."""
     black_share: float
@@ -66,39 +67,39 @@ class PixelReport(ByValue):
     highest_grey: int
     """Highest grey value of all frames."""
     max_grey: int
-    """Largest grey value that the sensor delivers."""
+    """Largest grey value of the sensor."""
     empty_low_bits: int
-    """Lowest bits that are zero in every grey value."""
+    """Number of lowest bits that are zero in every grey value."""
     missing_levels_share: float
-    """Share of the grey values between the extremes that never occur; of 8-bit images only, else 0."""
+    """Share of the grey values between the extremes that never occur; 0 unless the images have 8 bits."""
     piled_low: bool
-    """Whether many pixels share the lowest value though it is not the end of the scale."""
+    """Whether many pixels share the lowest value although it is not the end of the scale."""
     piled_high: bool
     """The same of the highest value."""
     lit: BoolArray
-    """Small image of the places that show the scene, shape (h, w)."""
+    """Small image of the region that shows the scene, shape (h, w)."""
     surround: str
     """Kind of the black surround: ``"none"``, ``"disc"`` (fisheye, all corners black) or ``"border"``."""
 
     @property
     def covered_grey(self) -> BoolArray:
-        """Which of the 32 ranges of grey hold at least a thousandth of all pixels, shape (32,)."""
+        """Which of the 32 ranges of grey contain at least a thousandth of all pixels, shape (32,)."""
         return np.asarray(self.grey_share.mean(axis=0) >= MIN_COVERED_SHARE)
 
     @property
     def mean_radius_share(self) -> FloatArray:
-        """Mean share of well exposed places in the 10 ranges of R, shape (10,); NaN where there are no places."""
+        """Mean share of well exposed points in the 10 ranges of R, shape (10,); NaN for ranges without points."""
         return np.asarray(self.radius_share.mean(axis=0))
 
     @property
     def surround_share(self) -> float:
-        """Share of the image that is black surround."""
+        """Share of the image that is a black surround."""
         return float(1 - self.lit.mean())
 
 
 @dataclass
 class PixelStatistics:
-    """Gathers the grey values of the frames of an epoch one by one, and where black and white were at each frame."""
+    """Accumulates the grey values of an epoch's frames, and the grey range known at each frame."""
 
     _histogram: IntArray | None = None
     _grey_share: list[FloatArray] = field(default_factory=list)
@@ -112,7 +113,7 @@ class PixelStatistics:
     _inherited: GreyRange = FULL_RANGE
 
     def observe(self, frame: Frame, small: Thumbnail) -> None:
-        """Take a frame, its image decoded already, with its thumbnail."""
+        """Add a frame, whose image is already decoded, with its thumbnail."""
         image = frame.image[::COUNTED_STRIDE, ::COUNTED_STRIDE]
         if frame.mask is not None:
             image = frame.image[frame.mask][:: COUNTED_STRIDE**2]
@@ -139,31 +140,31 @@ class PixelStatistics:
 
     @property
     def grey_range(self) -> GreyRange:
-        """Where black and white are as far as is known."""
+        """The currently known grey range."""
         return self.range_before(sys.maxsize)
 
     def range_before(self, number: int) -> GreyRange:
-        """Return where black and white were as far as was known from the frames before one."""
+        """Return the grey range that was known from the frames before a given one."""
         known = [(black, white) for frame, black, white in self._ranges if frame < number]
         return GreyRange(*known[-1]) if known else FULL_RANGE
 
     @property
     def interlaced(self) -> bool:
-        """Whether every other row of the images shows another moment."""
+        """Whether odd and even rows of the images show different moments."""
         alternations = self._row_alternation
         return bool(alternations) and bool(
             np.quantile(alternations, INTERLACED_QUANTILE) > MIN_INTERLACED_ALTERNATION
         )
 
     def of_next_epoch(self) -> PixelStatistics:
-        """Return the statistics to go on with after a change of the camera: black and white are looked for anew."""
+        """Return the statistics to continue with after a camera change, with the grey range determined anew."""
         return PixelStatistics(_max_grey=self._max_grey, _ranges=self._ranges, _inherited=self.grey_range)
 
     def _found_range(self) -> GreyRange:
-        """Return black and white: the extreme grey values, if many pixels share them, or else the ends of the scale.
+        """Return black and white: the extreme grey values if many pixels share them, else the ends of the scale.
 
-        Where values pile up at one end of the limited range of video and stay within it, both ends are taken. Where
-        none does, the range of the epoch before stays as long as all values are within it.
+        If values pile up at one end of the limited range of video and stay within it, both ends are used. If none
+        does, the range of the previous epoch is kept as long as all values lie within it.
         """
         assert self._histogram is not None
         last = len(self._histogram) - 1
@@ -181,9 +182,9 @@ class PixelStatistics:
 
     @property
     def _piles(self) -> tuple[bool, bool]:
-        """Whether many pixels share the lowest and the highest grey value though it is not the end of the scale.
+        """Whether many pixels share the lowest and the highest grey value, if these are not the ends of the scale.
 
-        Of few grey values, those next to the ends stand for the ends, too.
+        If few grey values occur, those next to the ends count as the ends.
         """
         assert self._histogram is not None
         counts, last = self._histogram, len(self._histogram) - 1
@@ -199,7 +200,7 @@ class PixelStatistics:
         return bool(black_piles), bool(white_piles)
 
     def report(self) -> PixelReport | None:
-        """Return what was gathered; None if no frame was."""
+        """Return the report; None if no frame was observed."""
         if self._histogram is None or self._brightest is None:
             return None
         counts, white = self._histogram, self._max_grey
@@ -227,13 +228,13 @@ class PixelStatistics:
 
 
 def level_count(max_grey: int) -> int:
-    """Return how many grey values, or ranges of them, are counted."""
+    """Return the number of grey values, or ranges of them, that are counted."""
     return (max_grey >> max(0, max_grey.bit_length() - _MAX_COUNTED_BITS)) + 1
 
 
 @cache
 def _radius_cells(size: ImageSize) -> IntArray:
-    """Return which range of R each place of a small image is in, shape (h · w,)."""
+    """Return the index of the range of R of each pixel of a small image, shape (h · w,)."""
     radius = np.linalg.norm(normalised(pixel_grid(size), size), axis=-1)
     cell = np.minimum((radius * COVERAGE_RADIUS_CELLS).astype(np.int64), COVERAGE_RADIUS_CELLS - 1).ravel()
     cell.setflags(write=False)
@@ -241,7 +242,7 @@ def _radius_cells(size: ImageSize) -> IntArray:
 
 
 def _counts(image: Image, max_grey: int) -> npt.NDArray[np.int64]:
-    """Return how often each grey value occurs; of more than 12 bits, each value of the upper 12."""
+    """Return the number of pixels of each grey value; above 12 bits, of each value of the upper 12."""
     levels = level_count(max_grey)
     values = image >> max(0, max_grey.bit_length() - _MAX_COUNTED_BITS)
     if levels <= np.iinfo(image.dtype).max:
@@ -250,7 +251,7 @@ def _counts(image: Image, max_grey: int) -> npt.NDArray[np.int64]:
 
 
 def _lit_places(brightest: Float32Array) -> tuple[BoolArray, str]:
-    """Return the places that are bright at least once, and what the dark ones along the border look like."""
+    """Return the pixels that are bright at least once, and the kind of the dark border."""
     everything = np.ones(brightest.shape, bool)
     dark = (brightest < BLACK_PLACE_LEVEL).astype(np.uint8)
     if np.median(brightest) < MIN_MEDIAN_LEVEL or not dark.any():

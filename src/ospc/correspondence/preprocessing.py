@@ -1,4 +1,4 @@
-"""Preprocessing: reduces a frame to what is compared with other frames."""
+"""Preprocessing: reduces a frame to the data that is compared with other frames."""
 
 from __future__ import annotations
 
@@ -29,32 +29,32 @@ from ospc.settings.correspondence import (
 
 @dataclass(frozen=True)
 class ReducedFrame:
-    """The small images of a frame, by which it is registered."""
+    """The small images of a frame, used for registration."""
 
     number: int
     size: ImageSize
     reduction: int
-    """Pixels of the frame, along each side, per pixel of the reduced size, at which grey levels are read."""
+    """Pixels of the frame, along each side, per pixel of the reduced size, at which grey levels are sampled."""
     small: npt.NDArray[np.uint8]
-    """Grey levels at the size at which frames are registered, 8 bit, shape (h', w')."""
+    """Grey levels at the size used for registration, 8 bit, shape (h', w')."""
     thumbnail: Thumbnail
-    """A still smaller image, for the comparison of brightness with the neighbouring frames."""
+    """An even smaller image, for the comparison of brightness with neighbouring frames."""
     grey_quantiles: FloatArray
-    """Grey levels of 0 … 255 below which equal shares of the small image's pixels are, shape (19,)."""
+    """Quantiles of the small image's grey levels, in 0 … 255, shape (19,)."""
     moments: FloatArray
     """Means of M … M⁵ over the small image, and the share of white pixels, shape (6,)."""
     surround_moments: Float32Array
-    """Weighted sums of 1, M … M⁵ and white pixels around each place of a coarse image, shape (h'', w'', 7)."""
+    """Weighted sums of 1, M … M⁵ and white pixels around each pixel of a coarse image, shape (h'', w'', 7)."""
 
     @property
     def reduced_size(self) -> ImageSize:
-        """Width and height at which grey levels are read."""
+        """Width and height at which grey levels are sampled."""
         return self.size[0] // self.reduction, self.size[1] // self.reduction
 
     def values_at(self, image: Float32Array | npt.NDArray[np.uint8], places: FloatArray) -> FloatArray:
-        """Return the values of an image of this frame, of any size, at places in the reduced size, interpolated.
+        """Interpolate an image of this frame, of any size, at points in the reduced size.
 
-        (h, w) or (h, w, c) at (..., 2) -> (...) or (..., c).
+        Shapes (h, w) or (h, w, c) and (..., 2) -> (...) or (..., c).
         """
         shape = (*places.shape[:-1], *image.shape[2:])
         if places.size == 0:
@@ -63,57 +63,57 @@ class ReducedFrame:
         return values_at(image, there.reshape(len(places), -1, 2)).astype(np.float64).reshape(shape)
 
     def to_frame(self, points: FloatArray) -> FloatArray:
-        """Return pixel coordinates in the frame of places (x, y) in the reduced size, shape (..., 2)."""
+        """Convert points (x, y) in the reduced size to pixel coordinates in the frame, shape (..., 2)."""
         return np.asarray((points + 0.5) * self.reduction - 0.5, dtype=np.float64)
 
 
 @dataclass(frozen=True)
 class PreprocessedFrame(ReducedFrame):
-    """A frame with everything that is read from it."""
+    """A frame with all data used from it."""
 
     grey: Float32Array
     squares: Float32Array
     """Grey levels in [0, 1] and their squares, smoothed, shape (h, w)."""
     smoothing_px: float
-    """Standard deviation of their smoothing, in reduced pixels."""
+    """Standard deviation of this smoothing, in reduced pixels."""
     gradient: Float32Array
-    """Magnitude of the grey gradient a little around each place, per reduced pixel, shape (h', w')."""
+    """Magnitude of the grey gradient in the neighbourhood, per reduced pixel, shape (h', w')."""
     clipped: BoolArray
-    """Whether too many pixels near the place are black or white, or any of them is masked, shape (h, w)."""
+    """Whether too many pixels in the neighbourhood are black or white, or any is masked, shape (h, w)."""
 
 
 @dataclass(frozen=True)
 class Preprocessor:
-    """Prepares frames; a frame whose image cannot be read raises a FrameError."""
+    """Preprocesses frames; raises a FrameError if a frame's image cannot be read."""
 
     longest_side: int = 800
-    """Reduced frames are at most this long; 800 keeps 640×480 as it is and halves 1280×1024."""
+    """Maximum side length of reduced frames; 800 keeps 640×480 unchanged and halves 1280×1024."""
     smoothing_px: float = 1.5
     """Standard deviation of the smoothing of the grey levels, in reduced pixels."""
     flatness_px: float = 2.5
-    """Standard deviation of the smoothing before gradients are taken, in reduced pixels: how far around a place the
+    """Standard deviation of the smoothing before gradients are taken, in reduced pixels: the distance over which the
     image has to be flat."""
     registration_side: int = 400
-    """Frames are registered at the first half, quarter, … of the reduced size at most this long."""
+    """Frames are registered at the reduced size or its first half, quarter, … that is at most this long."""
     black_margin_px: int = 3
     max_black_share: float = 0.25
-    """Half the side of the square around a place in which black pixels are counted, and their largest share in an
-    exposed place; none may be masked. Noise alone makes pixels black in the dark, and its effect on the mean is
-    corrected; a larger share has other causes."""
+    """Half the side of the square in which black pixels are counted, and their largest share at an exposed point;
+    none may be masked. In the dark, noise alone makes some pixels black, and its effect on the mean is corrected; a
+    larger share has other causes."""
     white_margin_px: int = 5
     max_white_share: float = 0.02
-    """The same for white pixels. Noise hardly clips there, but the tips of texture do: with a quarter of white pixels
-    and 3 px, ln g at grey 225 to 240 was off by up to 0.02."""
+    """The same for white pixels. Noise hardly clips there, but the peaks of texture do: with a quarter of white
+    pixels and 3 px, ln g at grey 225 to 240 was off by up to 0.02."""
 
     def __call__(self, frame: Frame, grey_range: GreyRange = FULL_RANGE) -> PreprocessedFrame:
-        """Prepare a frame, given where black and white are as far as is known."""
+        """Preprocess a frame, given the currently known grey range."""
         image, white = frame.image, frame.max_grey
         size = image.shape[1], image.shape[0]
         reduction = self._reduction(size)
         reduced = _reduced(image, reduction)
-        # Not for registration, which fine lines serve that are no defects.
+        # Not used for registration, which needs fine lines that look like defects.
         averaged = _without_impulses(image, white)
-        # In place: each of these images takes a megabyte or more.
+        # In place, because each of these images takes a megabyte or more.
         grey = cv2.GaussianBlur(_reduced(averaged, reduction), (0, 0), self.smoothing_px)
         grey /= np.float32(white)
         squares = _reduced(cv2.multiply(averaged, averaged, dtype=cv2.CV_32F), reduction)
@@ -140,13 +140,13 @@ class Preprocessor:
         )
 
     def thumbnail(self, frame: Frame, grey_range: GreyRange = FULL_RANGE) -> Thumbnail:
-        """Reduce a frame to its thumbnail only, given where black and white are as far as is known."""
+        """Reduce a frame to its thumbnail only, given the currently known grey range."""
         size = frame.image.shape[1], frame.image.shape[0]
         reduced = _reduced(frame.image, self._reduction(size))
         return thumbnail_of(frame, reduced, size, grey_range)
 
     def small_size(self, size: ImageSize) -> ImageSize:
-        """Return width and height at which frames of a size are registered."""
+        """Return the width and height used for registration, for frames of a size."""
         width, height = (side // self._reduction(size) for side in size)
         further = self._further_reduction(max(width, height))
         return width // further, height // further
@@ -158,7 +158,7 @@ class Preprocessor:
         return int(2 ** max(0, int(np.ceil(np.log2(longest / self.registration_side)))))
 
     def _gradient(self, small: Float32Array, further: int, white: int) -> Float32Array:
-        # Variances of smoothings add up, that of the reduction to the small image too.
+        # Variances of successive smoothings add up, including that of the reduction to the small image.
         flat = max(self.flatness_px**2, MIN_FLAT_AREA_RATIO * self.smoothing_px**2)
         further_px = np.sqrt(max(flat - (further**2 - 1) / 12, MIN_SMOOTHING_VARIANCE)) / further
         return gradient_magnitude(cv2.GaussianBlur(small, (0, 0), further_px)) / np.float32(white * further)
@@ -168,28 +168,28 @@ class Preprocessor:
         low, high = (round(level * white) for level in (grey_range.black, grey_range.white))
         at_black = cv2.compare(image, low + white // 255, cv2.CMP_LE)
         at_white = cv2.compare(image, high - white // 255, cv2.CMP_GE)
-        # In bytes, for speed: these shares need no better resolution.
+        # In bytes for speed: these shares need no higher resolution.
         black_share = _mean_nearby(_means(at_black, reduction), self.black_margin_px)
         white_share = _mean_nearby(_means(at_white, reduction), self.white_margin_px)
         clipped = np.asarray((black_share > 255 * self.max_black_share) | (white_share > 255 * self.max_white_share))
         if frame.mask is None:
             return clipped
-        # Not in bytes, in which a single masked pixel could be rounded to none.
+        # Not in bytes, where a single masked pixel could be rounded to zero.
         masked = _mean_nearby(_reduced((~frame.mask).view(np.uint8), reduction), self.black_margin_px)
         return np.asarray(clipped | (masked > 0))
 
 
 def _mean_nearby(image: Image, margin_px: int) -> Image:
-    """Return the mean over the square around each place, of the same type."""
+    """Return the mean over the square around each pixel, of the same type."""
     side = 2 * margin_px + 1
     return np.asarray(cv2.blur(image, (side, side)))
 
 
 def _without_impulses(image: Image, white: int) -> Image:
-    """Return the image with pixels far from the median of their surroundings replaced by it."""
+    """Return the image with pixels far from the median of their surroundings replaced by that median."""
     median = cv2.medianBlur(image, 3)
     deviation = cv2.absdiff(image, median)
-    # Surroundings with noise or texture allow for more.
+    # Allow for more in noisy or textured surroundings.
     usual = cv2.medianBlur(deviation, 5)
     allowed = cv2.addWeighted(usual, IMPULSE_DEVIATIONS, usual, 0.0, IMPULSE_CONTRAST * white)
     return np.asarray(cv2.copyTo(median, cv2.compare(deviation, allowed, cv2.CMP_GT), image.copy()))
@@ -200,7 +200,7 @@ def _reduced(image: Image, factor: int) -> Float32Array:
 
 
 def _means(image: Image, factor: int) -> Image:
-    """Return the means over squares of ``factor`` pixels a side; a remainder at the edge is cut off."""
+    """Return the means over squares of ``factor`` × ``factor`` pixels; a remainder at the edge is cut off."""
     if factor == 1:
         return image
     height, width = (side // factor for side in image.shape)
@@ -209,13 +209,13 @@ def _means(image: Image, factor: int) -> Image:
 
 
 def _quantiles(counts: IntArray) -> FloatArray:
-    """Return the grey levels below which equal shares of pixels are, by the number of each level, shape (256,)."""
+    """Return the quantiles of the grey levels, from the number of pixels of each level, shape (256,)."""
     total = np.cumsum(counts)
     return np.asarray(np.interp(COMPARED_QUANTILES * total[-1], total, np.arange(256)))
 
 
 def _moments(counts: IntArray) -> FloatArray:
-    """Return the mean powers and the share of white pixels, by the number of each grey level, shape (256,)."""
+    """Return the mean powers and the share of white pixels, from the number of pixels of each level, shape (256,)."""
     return np.asarray(counts @ _powers_of_grey() / counts.sum())
 
 
@@ -227,7 +227,7 @@ def _powers_of_grey() -> FloatArray:
 
 
 def _surround_moments(small: npt.NDArray[np.uint8]) -> Float32Array:
-    """Return the sums of powers and of white pixels around each place, (h', w') -> (h'', w'', 7)."""
+    """Return the sums of powers and of white pixels around each pixel, (h', w') -> (h'', w'', 7)."""
     height, width = small.shape
     size = (SURROUND_WIDTH_PX, max(1, round(SURROUND_WIDTH_PX * height / width)))
     coarse = cv2.resize(small, size, interpolation=cv2.INTER_AREA).astype(np.float32) / np.float32(255)
@@ -235,5 +235,5 @@ def _surround_moments(small: npt.NDArray[np.uint8]) -> Float32Array:
     white = cv2.resize(white, size, interpolation=cv2.INTER_AREA)
     powers = np.stack([*(coarse**power for power in range(1 + POWERS)), white], axis=-1)
     sigma = SURROUND_SIGMA * SURROUND_WIDTH_PX
-    # Nothing is known of light beyond the frame: none of it counts.
+    # Light from beyond the frame is unknown and is not counted.
     return np.asarray(cv2.GaussianBlur(powers, (0, 0), sigma, borderType=cv2.BORDER_CONSTANT))

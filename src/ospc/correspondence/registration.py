@@ -1,6 +1,6 @@
-"""Dense registration of frames brought to equal brightness: where every place of one is in the other.
+"""Dense registration of frames normalised to equal brightness: the position of each pixel of one in the other.
 
-To register frames in another way, write a class that satisfies :class:`Registrar`, and name it in :data:`REGISTRARS`.
+To add another registration method, write a class that implements :class:`Registrar` and add it to :data:`REGISTRARS`.
 """
 
 from __future__ import annotations
@@ -44,13 +44,14 @@ class Registration:
     """Displacements between two views."""
 
     forward: Float32Array
-    """Displacement (x, y) from each place of the first to the second, in small pixels, shape (h, w, 2)."""
+    """Displacement (x, y) from each pixel of the first to the second, in small pixels, shape (h, w, 2)."""
     forward_backward_error: Float32Array
-    """How far going there and back ends from where it began, in the same pixels, shape (h, w)."""
+    """Distance between each pixel and the end of registering it forward and back, in the same pixels, shape (h,
+    w)."""
 
 
 class Registrar(Protocol):
-    """Registers pairs of frames; a pair gives the same result whatever was registered before."""
+    """Registers pairs of frames; the result must not depend on earlier pairs."""
 
     def __call__(
         self,
@@ -59,24 +60,24 @@ class Registrar(Protocol):
         normalize: ExposureNormalizer,
         stated_log_ratio: float = np.nan,
     ) -> Registration | None:
-        """Return the displacements between two frames, or None where they have too little in common.
+        """Return the displacements between two frames, or None if they have too little overlap.
 
-        Where a single place is lost, its error is large. Displacements are in pixels of the small images, shape (h,
-        w), that ``normalize`` returns as they would be at the same exposure. The ratio is ln of the exposure of the
-        second over that of the first, NaN where it is unknown.
+        The error of a lost pixel is large. Displacements are in pixels of the small images, shape (h, w), that
+        ``normalize`` returns for equal exposure. ``stated_log_ratio`` is ln of the exposure of the second over that
+        of the first, NaN if unknown.
         """
         ...
 
 
 class DenseRegistration:
-    """Dense inverse search (Kroeger et al. 2016), OpenCV's implementation, on images of equal brightness.
+    """Dense inverse search (Kroeger et al. 2016), in OpenCV's implementation, on images of equal brightness.
 
-    Its smoothness holds displacements back where they grow from place to place, as when the camera moves forward or
-    turns. So a coarse search comes first, and the second image is warped by the homography that explains most of it:
-    what is left to find is small and nearly constant. Where no homography explains a quarter of it, the search ends:
-    of 524 such pairs, going on registered one. The way back only shows where the way there is wrong
-    by pixels: it is computed more coarsely, in ``second`` while this thread computes the way there, if there is a
-    second thread. The result is the same.
+    Its smoothness term underestimates displacements that vary across the image, as when the camera moves forward or
+    rotates. A coarse search therefore comes first, and the second image is warped by the homography that explains
+    most of it; the remaining displacements are small and nearly constant. If no homography explains a quarter of the
+    image, the search ends: of 524 such pairs, only one could have been registered. The backward search only detects
+    forward errors of several pixels, so it is coarser. If a second thread is given, it runs there in parallel, with
+    the same result.
     """
 
     def __init__(self, second: SecondThread | None = None) -> None:
@@ -107,18 +108,18 @@ class DenseRegistration:
             backward = returning.result()
         in_warped, error = there_and_back(forward, backward)
         there = cv2.perspectiveTransform(in_warped, homography)
-        # The warped image goes on beyond the second one, by its border: whatever is found there has left the view.
+        # The warped image repeats the border of the second one beyond its edge: points there have left the view.
         error[cv2.inRange(there, (0, 0, 0, 0), (size[0] - 1, size[1] - 1, 0, 0)) == 0] = OUTSIDE_PX
         there -= pixel_places(size)
         return Registration(there, error)
 
 
 REGISTRARS: dict[str, Callable[[SecondThread], Registrar]] = {"dense": DenseRegistration}
-"""Every registrar by its name in settings."""
+"""The available registrars, by their name in the settings."""
 
 
 def make_registrar(name: str, second: SecondThread) -> Registrar:
-    """Return the registrar of a name in :data:`REGISTRARS`, which may give work to a second thread.
+    """Return the registrar of a name in :data:`REGISTRARS`, which may use a second thread.
 
     Raises
     ------
@@ -138,10 +139,10 @@ def _short_search(finest_scale: int) -> cv2.DISOpticalFlow:
 
 
 def _refined(flow: cv2.DISOpticalFlow) -> cv2.DISOpticalFlow:
-    """Have a search refine displacements by the constancy of the gradient, and return it.
+    """Enable refinement of a search by gradient constancy, and return it.
 
-    Constancy of brightness, weighed too by default, would pull flat places to where the brightness agrees: grey
-    values sampled there would no longer show the difference that is to be measured.
+    Brightness constancy, which is included by default, would shift flat regions towards equal brightness: grey values
+    sampled there would no longer show the difference to be measured.
     """
     flow.setVariationalRefinementIterations(REFINEMENT_ITERATIONS)
     flow.setVariationalRefinementDelta(0.0)
@@ -165,9 +166,10 @@ def _homography(displacement: Float32Array) -> FloatArray | None:
 
 
 def displacement_at(registration: Registration, points: FloatArray, scale: float) -> tuple[FloatArray, FloatArray]:
-    """Return displacement, (n, 2), and forward-backward error, (n,), at places (x, y) of the reduced image, (n, 2).
+    """Return displacement, (n, 2), and forward-backward error, (n,), at points (x, y) of the reduced image, (n, 2).
 
-    Both are in its pixels; ``scale`` is its size over that of the small image that was registered.
+    Both are in reduced pixels; ``scale`` is the size of the reduced image relative to the small image that was
+    registered.
     """
     if len(points) == 0:
         return np.empty((0, 2)), np.empty(0)
@@ -179,9 +181,9 @@ def displacement_at(registration: Registration, points: FloatArray, scale: float
 
 
 def jacobian_at(registration: Registration, points: FloatArray, scale: float) -> FloatArray:
-    """Return the Jacobian of places (x, y) in the second view by those in the first, shape (n, 2, 2).
+    """Return the Jacobian of the mapping from the first to the second view, shape (n, 2, 2).
 
-    The places of the first, shape (n, 2), and the scale are those of :func:`displacement_at`.
+    The points of the first view, shape (n, 2), and the scale are as in :func:`displacement_at`.
     """
     if len(points) == 0:
         return np.empty((0, 2, 2))

@@ -15,16 +15,16 @@ _FIELDS = tuple(entry.name for entry in fields(Observations))
 
 @dataclass
 class Reservoir:
-    """Keeps every scene point until there are too many, then half of them, and so on; old and new ones alike.
+    """Keeps every scene point up to a limit, then repeatedly half of them, old and new ones equally.
 
-    Groups that are added later have higher numbers.
+    Groups that are added later must have higher numbers.
 
     Attributes
     ----------
     capacity
-        Most scene points kept.
+        Maximum number of scene points kept.
     kept
-        Their observations, None without any. They never change: those of later groups are written behind them.
+        Their observations, None without any. These arrays never change: later groups are written behind them.
     """
 
     capacity: int
@@ -32,7 +32,7 @@ class Reservoir:
     _halvings: int = 0
 
     def __post_init__(self) -> None:
-        """Begin with arrays that have room for nothing else."""
+        """Start with arrays without spare room."""
         self._columns: dict[str, npt.NDArray[Any]] = {}
         self._keep(self.kept)
 
@@ -60,13 +60,13 @@ class Reservoir:
 
     @property
     def latest_group(self) -> int:
-        """Number of the latest group of which something is kept, -1 where nothing is."""
+        """Number of the latest group with observations, -1 for none."""
         return -1 if self.kept is None else int(self.kept.group[-1])
 
     def split(self, frame: int) -> tuple[Reservoir, int]:
         """Move the groups whose frames all have this number or a higher one to a new reservoir.
 
-        Return it and the number of its groups, which are numbered from 0 there. Groups across that frame are dropped.
+        Return it and the number of its groups, which are renumbered from 0. Groups across that frame are dropped.
         """
         everything = self.kept
         if everything is None:
@@ -81,13 +81,19 @@ class Reservoir:
         return Reservoir(self.capacity, replace(later, group=number)), len(groups)
 
     def some(self, points: int) -> Observations:
-        """Return at most about so many scene points, spread evenly over all that are kept; ValueError without any."""
+        """Return about ``points`` scene points at most, spread evenly over all that are kept.
+
+        Raises
+        ------
+        ValueError
+            If nothing is kept.
+        """
         if self.kept is None:
             raise ValueError("nothing is kept")
         return self.kept.of_points(slice(None, None, max(1, -(-self.points // points))))
 
     def _append(self, added: Observations) -> None:
-        """Write observations of points with new numbers behind those that are kept."""
+        """Append observations with new point numbers."""
         rows, next_point = (0, 0) if self.kept is None else (len(self.kept), int(self.kept.point[-1]) + 1)
         numbered = replace(added, point=added.point - added.point[0] + next_point)
         for name in _FIELDS:
@@ -95,17 +101,17 @@ class Reservoir:
         self._show(rows + len(added))
 
     def _keep(self, observations: Observations | None) -> None:
-        """Keep only these."""
+        """Keep only these observations."""
         self.kept = observations if observations else None
         self._columns = {name: getattr(observations, name) for name in _FIELDS} if observations else {}
 
     def _show(self, rows: int) -> None:
-        """Let what is kept be the first rows of the columns."""
+        """Make the first rows of the columns the kept observations."""
         self.kept = Observations(**{name: column[:rows] for name, column in self._columns.items()}) if rows else None
 
 
 def _with_rows(column: npt.NDArray[Any] | None, rows: int, added: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """Return a column with values behind its first rows: in the same memory, or with room for half as many again."""
+    """Return a column with values after its first rows, in the same memory or in new memory half as large again."""
     needed = rows + len(added)
     if column is None or needed > len(column):
         larger = np.empty((needed * 3 // 2, *added.shape[1:]), added.dtype)
@@ -117,7 +123,7 @@ def _with_rows(column: npt.NDArray[Any] | None, rows: int, added: npt.NDArray[An
 
 
 def _halved(part: Observations, halving: int) -> Observations:
-    """Return about half of the points of each group, drawn anew, but reproducibly, at every halving."""
+    """Return about half of the points of each group; the random choice is reproducible for each halving."""
     groups = np.unique(part.group[part.starts], return_counts=True)
     drawn = [np.random.default_rng([group, halving]).random(count) for group, count in zip(*groups, strict=True)]
     return part.of_points(np.concatenate(drawn) < 0.5) if drawn else part

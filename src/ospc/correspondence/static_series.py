@@ -1,4 +1,4 @@
-"""A camera that stands still: every pixel is the same scene point in all frames."""
+"""Observations of a stationary camera: every pixel is the same scene point in all frames."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from ospc.settings.correspondence import SERIES_BRIGHTNESS_CELLS
 
 @dataclass
 class StaticSeries:
-    """Keeps the grey values of a fixed choice of pixels, for a bounded number of frames."""
+    """Keeps the grey values of a fixed selection of pixels, for a bounded number of frames."""
 
     pixels: int = 12_000
-    """Number of pixels kept: four times the points, so that dark and bright ones are among them."""
+    """Number of pixels kept: four times the points, so that they include dark and bright ones."""
     points: int = 3_000
-    """Number of them, spread evenly over their brightness, that are given to the estimators."""
+    """Number of these pixels, spread evenly over their brightness, that are used for estimation."""
     frames: int = 256
-    """Most frames kept; beyond, every second is dropped and only every second further one is taken."""
+    """Maximum number of frames kept; beyond it, every second one is dropped and only every second new one is kept."""
     _places: IntArray | None = field(default=None, repr=False)
     _size: tuple[int, int] = (0, 0)
     _grey: list[Image] = field(default_factory=list, repr=False)
@@ -33,7 +33,7 @@ class StaticSeries:
     _max_grey: int = 255
 
     def observe(self, frame: Frame) -> None:
-        """Take a frame."""
+        """Add a frame."""
         self._seen += 1
         if (self._seen - 1) % self._stride:
             return
@@ -55,13 +55,16 @@ class StaticSeries:
 
     @property
     def full(self) -> bool:
-        """Whether it has already dropped frames: more would hardly add anything."""
+        """Whether frames have already been dropped: more would hardly add information."""
         return self._stride > 1
 
     def observations(self) -> Observations:
-        """Return the series as scene points that each frame sees; a group is a frame.
+        """Return the series as scene points seen in every frame; each frame is a group.
 
-        Raise a ValueError if no frame was observed.
+        Raises
+        ------
+        ValueError
+            If no frame was observed.
         """
         if self._places is None:
             raise ValueError("no frame was observed")
@@ -77,7 +80,7 @@ class StaticSeries:
             position=np.repeat(normalised(places, (width, height)), frames, axis=0),
             gradient=np.zeros(grey.size),
             grey_variance=np.zeros(grey.size),
-            # Glare of a still scene is part of its radiance.
+            # Glare of a stationary scene is part of its radiance.
             frame_moments=np.zeros((grey.size, MOMENTS), np.float32),
             surround_moments=np.zeros((grey.size, 1 + MOMENTS), np.float32),
             frame=np.tile(np.array(self._index, dtype=np.int64), points),
@@ -86,11 +89,11 @@ class StaticSeries:
         )
 
     def _evenly_bright(self, grey: FloatArray, exposed: BoolArray) -> IntArray:
-        """Return pixels exposed in two frames or more, spread evenly over the logarithm of their radiance."""
+        """Return pixels exposed in at least two frames, spread evenly over the logarithm of their radiance."""
         usable = np.flatnonzero(exposed.sum(axis=1) >= 2)
         if len(usable) <= self.points:
             return usable
-        # The sum over all frames increases with radiance whatever the response is, and noise hardly moves it.
+        # The sum over all frames increases with radiance for any response, and noise hardly affects it.
         brightness = np.log(grey[usable].sum(axis=1))
         cell = np.digitize(brightness, np.histogram_bin_edges(brightness, SERIES_BRIGHTNESS_CELLS))
         order = np.lexsort((np.arange(len(usable)), cell))

@@ -1,4 +1,4 @@
-"""Thumbnails: frames reduced to small images, enough to compare their brightness with that of their neighbours."""
+"""Thumbnails: small images of frames for comparing the brightness of neighbouring frames."""
 
 from __future__ import annotations
 
@@ -32,17 +32,17 @@ class Thumbnail:
     gradient: Float32Array
     """Magnitude of the gradient of the grey levels, per thumbnail pixel, shape (h, w)."""
     exposed: BoolArray
-    """Whether neither the place nor anything near it is black, white or masked, shape (h, w)."""
+    """Whether no pixel in the neighbourhood is black, white or masked, shape (h, w)."""
     equalized: npt.NDArray[np.uint8]
-    """The image with its histogram equalized, 8 bit, shape (h, w): nearly the same at every exposure."""
+    """The image after histogram equalisation, 8 bit, shape (h, w): nearly the same at every exposure."""
     frame_width_px: int
     """Width of the frame."""
 
 
 def thumbnail_of(frame: Frame, image: Float32Array, size: ImageSize, grey_range: GreyRange) -> Thumbnail:
-    """Reduce a frame of a size to a thumbnail, given where black and white are as far as is known.
+    """Reduce a frame of a size to a thumbnail, given the currently known grey range.
 
-    ``image`` has the grey values of the frame, possibly reduced to a smaller size before.
+    ``image`` contains the grey values of the frame, possibly already reduced.
     """
     small = _reduced(image, size, frame.max_grey)
     grey = cv2.GaussianBlur(small, (0, 0), THUMBNAIL_SMOOTHING_PX)
@@ -52,7 +52,7 @@ def thumbnail_of(frame: Frame, image: Float32Array, size: ImageSize, grey_range:
         clipped |= _reduced(frame.mask.astype(np.float32), size, 1) < 1
     side = 2 * THUMBNAIL_CLIP_MARGIN_PX + 1
     near = cv2.dilate(clipped, np.ones((side, side), np.uint8))
-    # The square root leaves dark images more than a handful of levels to equalize.
+    # The square root keeps more levels of dark images for equalisation.
     levels = cv2.convertScaleAbs(np.sqrt(small), alpha=255.0)
     gradient = gradient_magnitude(cv2.GaussianBlur(grey, (0, 0), THUMBNAIL_GRADIENT_SMOOTHING_PX))
     return Thumbnail(frame.index, grey, gradient, near == 0, cv2.equalizeHist(levels), size[0])
@@ -66,7 +66,7 @@ def gradient_magnitude(image: Float32Array) -> Float32Array:
 
 def magnitude(x: Float32Array, y: Float32Array) -> Float32Array:
     """Return the lengths of vectors."""
-    # cv2.magnitude rounds by where in memory its arrays happen to be, so that results differ from run to run.
+    # The rounding of cv2.magnitude depends on the alignment of its arrays, so results would differ between runs.
     return np.asarray(np.sqrt(x * x + y * y))
 
 
