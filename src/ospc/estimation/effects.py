@@ -1,9 +1,9 @@
 """Effects of optics, sensors and metadata other than response and vignette, which are zero unless the data show them.
 
 With the corrected effects, the irradiance of an observation is ``g(M) = (e + δ ē) V L + γ Ḡ + d e/ē``, where Ḡ is the
-mean of g over the frame and ē a typical exposure. In the logarithm, each effect is a term of the equation ``h(M) − ln
-V − u = ln e + s``, which is linear in response and vignette; s is returned by :meth:`Effects.log_gain`. The other
-effects are not properties of a camera: they show that the recording contradicts the model.
+mean of g over the frame and ē a typical exposure. In the logarithm, each effect is a term s of the equation
+``h(M) − ln V − u = ln e + s``, which is linear in response and vignette; :meth:`Effects.log_gain` returns s. The
+other effects are not properties of a camera: they show that the recording contradicts the model.
 """
 
 from __future__ import annotations

@@ -129,7 +129,7 @@ def vignette_verdict(
     if fit is None or unexplained > CONTRADICTING_UNEXPLAINED_SHARE:
         return Verdict("not identifiable", "without a response there is no irradiance to compare", "")
     error, sigma = fit.vignette_error_bound(usable_radius), fit.worst_log_vignette_sigma(usable_radius)
-    where = "at the corner" if usable_radius >= 1 else f"at {usable_radius:.2f} half diagonals, where the image ends,"
+    where = "at the corner" if usable_radius >= 1 else f"at {usable_radius:.2f} half diagonals, the image edge,"
     figure = (
         f"V is known to within {100 * error:.2g}% (95% confidence), and ln V {where} to ±{sigma:.2g}, "
         f"from radial motion of {reach:.2f} half diagonals"

@@ -173,7 +173,7 @@ OLDEST_AGE_FACTOR = 1.5
 """Age of a hypothetical keyframe before the oldest, relative to the oldest: it determines when the oldest is
 dropped."""
 
-# Sampling of flat places (ospc.correspondence.flat_sampling)
+# Sampling of flat points (ospc.correspondence.flat_sampling)
 
 SAMPLING_GREY_CELLS, SAMPLING_RADIUS_CELLS = 8, 4
 """Numbers of ranges of the square root of grey level and of radius. If there are too many scene points, they are
