@@ -7,8 +7,7 @@ import numpy as np
 # Preprocessing (ospc.correspondence.preprocessing)
 
 COMPARED_QUANTILES = np.linspace(0.05, 0.95, 19)
-"""Quantiles of the grey levels at which the brightness of two images is compared; the ends, affected by noise and
-clipping, are omitted."""
+"""Quantiles of grey level at which the brightness of two images is compared; noise and clipping affect the ends."""
 
 SURROUND_SIGMA = 0.1
 """Standard deviation of the reach of light scattered nearby, in image widths: between that of bloom, a few pixels,
@@ -33,7 +32,7 @@ MIN_SMOOTHING_VARIANCE = 0.04
 # Thumbnails (ospc.correspondence.thumbnail)
 
 THUMBNAIL_SIDE_PX = 160
-"""Longest side of a thumbnail in pixels: its 19 000 points are enough to compare neighbouring frames in a
+"""Longest side of a thumbnail in pixels: 19 000 points, by which neighbouring frames are compared in a
 millisecond."""
 
 THUMBNAIL_SMOOTHING_PX = 1.0
@@ -70,14 +69,13 @@ MIN_REGISTERED_SIDE_PX = 32
 """Dense inverse search needs a few patches along each side; smaller images are treated as stationary."""
 
 MIN_EXPOSED_SHARE = 0.99
-"""Interpolated share of exposed pixels above which a point counts as exposed: all its neighbours are, up to
-rounding."""
+"""Interpolated share of exposed pixels above which a point is exposed: all its neighbours are, up to rounding."""
 
 # Equal brightness before registration (ospc.correspondence.exposure_normalizer)
 
 DISPLAY_GAMMA = 2.2
-"""Exponent of the display scale on which images are registered: noise and contrast are similar in dark and bright
-regions."""
+"""Exponent of the scale on which images are registered, that of displays: noise and contrast vary little with
+grey."""
 
 DARKEST_COMPARED_GREY, BRIGHTEST_COMPARED_GREY = 8.0, 247.0
 """Grey levels, of 255, beyond which a quantile may be clipped."""
@@ -122,12 +120,11 @@ HOMOGRAPHY_SPACING_PX, HOMOGRAPHY_MIN_ROWS = 16, 12
 rows and columns of points, which are closer together in small images. There are several hundred of them."""
 
 HOMOGRAPHY_INLIER_PX = 2.0
-"""Largest error of a coarse displacement that supports the homography, in pixels: well within the range of the search
-that follows."""
+"""Largest error, in pixels, of a coarse displacement that supports the homography: the next search easily corrects
+it."""
 
 HOMOGRAPHY_MIN_INLIERS = 16
-"""Minimum number of points that must support a homography: one through four points fits them whatever their
-errors."""
+"""Fewest points that must support a homography: one through four points fits them whatever their errors."""
 
 JACOBIAN_CELL_PX = 32
 """Side of the squares over which displacements are averaged before they are differentiated, in pixels of the small
@@ -162,16 +159,13 @@ EXPOSURE_CHANGE_WEIGHT = 0.01
 """Weight of a squared change of exposure when selecting for the vignette: it breaks ties between equal motions."""
 
 MIN_INFORMATION = 1e-6
-"""Information assumed for a comparison without change of exposure or motion, so that overlap decides between such
-comparisons."""
+"""Information assumed of a comparison without change of exposure or motion, so that overlap decides between these."""
 
 OVERLAP_POWER = 1.5
-"""Information grows with this power of the overlap, faster than the number of shared points: registration also
-improves with overlap."""
+"""Information grows with this power of the overlap: besides the number of shared points, registration improves."""
 
 OLDEST_AGE_FACTOR = 1.5
-"""Age of a hypothetical keyframe before the oldest, relative to the oldest: it determines when the oldest is
-dropped."""
+"""Age of a hypothetical keyframe before the oldest, relative to it: it determines when the oldest is dropped."""
 
 # Sampling of flat points (ospc.correspondence.flat_sampling)
 
@@ -183,15 +177,13 @@ MIN_MOTION_PLACES = 100
 """Minimum number of matched points for measuring the motion."""
 
 STRUCTURE_QUANTILE = 0.8
-"""Quantile of the gradient above which a point shows motion: at flat points, registration interpolates from the
-surroundings."""
+"""Quantile of the gradient above which a point shows motion: at flat points, registration interpolates."""
 
 MOTION_PARTS_PER_SIDE = 4
 """Number of image tiles along each side within which displacements are averaged as vectors, so that noise cancels."""
 
 MIN_PART_PLACES = 8
-"""Minimum number of points in such a tile: with fewer, noise does not cancel, and a stationary camera seems to
-move."""
+"""Fewest points in such a tile: with fewer, noise does not cancel, and a stationary camera seems to move."""
 
 # Equal smoothing of both views (ospc.correspondence.equal_smoothing)
 
@@ -209,15 +201,13 @@ a 75° view. Larger values are registration errors at depth edges."""
 # Noise of single pixels (ospc.correspondence.noise_estimation)
 
 NOISE_BINS = 16
-"""Number of equal grey ranges in which noise is measured: it changes little within one, and each has enough
-blocks."""
+"""Number of equal grey ranges in which noise is measured: it varies little within one, and each has enough blocks."""
 
 NOISE_BLOCK_PX = 8
 """Side of a block in pixels: small enough to fit between structures, and its 64 values give a variance to a fifth."""
 
 MIN_BAND_SPACING_ROWS, MAX_BANDS = 24, 20
-"""Minimum distance in rows between bands of blocks, and maximum number of bands: a third of a 640×480 image is
-enough."""
+"""Fewest rows between the starts of bands of blocks, and most bands: a third of a 640×480 image is enough."""
 
 NOISE_QUANTILE = 0.1
 """Quantile of the blocks' variances that is attributed to noise alone: hardly any image has structure in more than
@@ -255,7 +245,7 @@ MIN_CIRCLE_FRAMES = 8
 
 LIT_QUANTILE = 0.9
 MIN_LIT_GREY = 60
-"""Grey level, of 255, that the brightest tenth of the image must reach: in dark recordings, surround and scene look
+"""Grey level, of 255, that the brightest tenth of the image must reach: in the dark, scene and surround look
 similar."""
 
 MAX_SURROUND_SHARE = 0.1
@@ -290,8 +280,7 @@ COVERAGE_RADIUS_CELLS = 10
 """Number of equal ranges of radius, from the centre to the corner, whose coverage is reported."""
 
 COUNTED_STRIDE = 2
-"""Every n-th row and column is counted: a quarter of the pixels has the same distribution, in a quarter of the
-time."""
+"""Every n-th row and column is counted: a quarter of the pixels has the same distribution."""
 
 COMPARED_COLUMNS_PX, LEAST_ROW_VARIANCE = 8, 3e-7
 """Number of columns whose mean is compared from row to row, and regularisation of the variance of the differences, in
@@ -323,8 +312,7 @@ MIN_PILE_SHARE = 0.005
 """Minimum share of pixels at an extreme grey value for values to be piled up there: noise would spread them."""
 
 CLIPPING_MARGIN = 0.02
-"""Minimum distance of that value from the end of the scale, as a share of the scale: closer, it is ordinary
-clipping."""
+"""Minimum distance of that value from the end of the scale, as a share of it: closer, it is ordinary clipping."""
 
 WHITE_NEIGHBOURHOOD = 2 / 255
 """For values to be piled up at the highest grey value, all others within this distance below it must have fewer
@@ -336,8 +324,7 @@ HIGHEST_BLACK = LOWEST_WHITE = 0.2
 pixels; in 39 dark films without clipping, the highest grey value had less than 0.0005."""
 
 MIN_MISSING_LEVELS_SHARE = 0.05
-"""Minimum share of missing grey values between the extremes for these to be reported: a few rare ones are missing by
-chance."""
+"""Share of missing grey values between the extremes above which they are reported: a few rare ones miss by chance."""
 
 MIN_COMB_RANGE = 32
 """Minimum distance between the extremes, in grey values, for counting missing ones: a dark image has few values."""
@@ -345,8 +332,8 @@ MIN_COMB_RANGE = 32
 # Observations (ospc.observations)
 
 CLIPPED_MARGIN = 1 / 255
-"""Distance up to which a grey level counts as clipped at a black or white that is not the end of the scale: one 8-bit
-grey value."""
+"""Distance from a black or white within the scale up to which a grey level counts as clipped: one 8-bit grey
+value."""
 
 POSITION_TOLERANCE = 0.02
 """Share of the half diagonal by which a position may lie beyond the corner: half a pixel plus rounding."""

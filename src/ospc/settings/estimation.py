@@ -90,18 +90,15 @@ MIN_ONE_MINUS_LEVERAGE = 1e-3
 """Lower limit of one minus the leverage, by which residuals are divided. No effect from 1e-4 to 1e-2."""
 
 PIXEL_NOISE_STRIDE = 16
-"""The noise of single pixels is tabulated at every 16th point of the response grid, that is, at the 8-bit grey
-levels."""
+"""The noise of single pixels is tabulated at every 16th point of the response grid: at the 8-bit grey levels."""
 
 # The shift of a mean of noisy pixels (ospc.estimation.mean_of_pixels)
 
 SHIFT_LEVELS = 513
-"""Number of grey levels at which the shift is computed, half an 8-bit grey level apart. No effect from 257 to
-1025."""
+"""Grey levels at which the shift is computed, half an 8-bit grey level apart. No effect from 257 to 1025."""
 
 SHIFT_QUANTILES = 65
-"""Number of equally probable values that represent the normal distribution of noise; odd, so that zero is one of
-them."""
+"""Equally probable values that represent the normal distribution of noise; odd, so that zero is one of them."""
 
 UNCLIPPED_SIGMAS = 4.0
 """Distance from black and white, in standard deviations of the noise, beyond which clipping has no influence. No
@@ -147,8 +144,7 @@ MIN_RADIANCE_SIGMA = 1e-4
 """Lower limit of the fitted relative error of the radiance. No effect from 3e-5 to 1e-3."""
 
 FACTOR_GREYS = (0.0, 0.03, 0.08, 0.15, 0.25, 0.35, 0.45, 0.55, 0.65, 0.75, 0.85, 0.91, 0.95, 0.975, 1.0)
-"""Grey levels at which the fitted error model is corrected by a factor: denser near the ends, where noise is
-clipped."""
+"""Grey levels at which the fitted variance is corrected by a factor: denser near the ends, where noise is clipped."""
 
 FACTOR_RANGE = (0.25, 25.0)
 """Limits of these factors on the variance. Chosen by hand; 0.5 to 5 has no harmful effect, 0.1 to 100 raises the
@@ -161,8 +157,7 @@ LEVEL_SIGMA = 0.6
 responses of Grossberg and Nayar (2003) lie within it."""
 
 SLOPE_SIGMA = 1.0
-"""Standard deviation of the slope of ln γ, over the whole range of grey levels. 0.5 and 2 raise the shape error by a
-tenth."""
+"""Standard deviation of the slope of ln γ over all grey levels. 0.5 and 2 raise the shape error by a tenth."""
 
 SHOULDER_SIGMA = 0.5
 """Standard deviation of the change of ln γ between :data:`SHOULDER_GREY` and white that does not continue the curve
@@ -219,8 +214,8 @@ SETTLED_SIGMAS = 0.1
 effect, 0.3 raises the shape error by a fifth."""
 
 CHUNK_OBSERVATIONS = 4_000
-"""Number of observations whose rows are built at once: about 1.2 MB, which limits the memory of a fit and fits into
-the cache."""
+"""Observations whose rows are built at once: about 1.2 MB, which limits the memory of a fit and fits into the
+cache."""
 
 WEIGHT_SCALE_SIGMAS = 3.0
 """Scale of the redescending weight 1/(1 + (r/scale)²)² (Geman and McClure 1987), in robust standard deviations: an
@@ -265,8 +260,7 @@ observations alone gave -0.2 and 0.8 at precisions of 20 and 240, and 0.98 to 1.
 noisy recordings gave 0 to 0.8, and κ was up to three times as large."""
 
 MAX_RESPONSE_LEVELS = 4096
-"""Maximum size of a response table, one level per 12-bit grey value: between them, the response is straight to well
-within its error."""
+"""Most levels of a response table, one per 12-bit grey value: linear interpolation between them is accurate."""
 
 MIN_RESPONSE_STEP = 1e-12
 """Smallest step of that table, as a share of g at white. A gamma as steep as 20 near black is zero in floating point
@@ -307,8 +301,7 @@ KNEE_BEND = 3.0
 a knee, in 34 simulated recordings and a real video, and 14 to 29 with one."""
 
 MAX_DARK_CLEARANCE = 0.1
-"""Largest grey level excluded near black by :data:`CLEAR_OF_ENDS_SIGMAS`. Chosen by hand; no effect from 0.05 to
-0.2."""
+"""Largest grey level excluded near black for that reason. Chosen by hand; no effect from 0.05 to 0.2."""
 
 GROUPS_PER_BLOCK = 12
 """Maximum number of consecutive pairs of frames whose scores are added before their scatter is measured: neighbouring
@@ -419,12 +412,11 @@ MIN_GROUPS = 30
 simulated recordings, nor in 60 complete ones with 39 to 120 pairs."""
 
 MOST_ADDED_LIGHT, MOST_OFFSET = 0.1, 0.3
-"""Largest additional light and exposure offset of real lenses, sensors and shutters: larger values have other
-causes."""
+"""Largest additional light and exposure offset of real lenses, sensors and shutters."""
 
 SIGNIFICANT_SIGMAS = 5.0
-"""Significance of the fitted effect, in standard deviations by chance and by the errors of clean recordings, above
-which it counts."""
+"""Significance above which a fitted effect counts, in standard deviations by chance and by errors of clean
+recordings."""
 
 SIGNIFICANT_SIGMAS_IN_ALL = 3.0
 """The same, with the disagreement between halves of the observations included."""
@@ -473,8 +465,7 @@ UNSTEADY_FEWEST_POINTS = 20
 """Minimum number of scene points of a pair for estimating its slope."""
 
 UNSTEADY_SPREAD = 0.1
-"""Minimum standard deviation between these points of ln M, or of the position in half diagonals: a slope needs a
-range."""
+"""Smallest standard deviation of these points' ln M, or position in half diagonals: a slope needs a range."""
 
 UNSTEADY_FEWEST_PAIRS = 30
 """Minimum number of such pairs: the scatter of 30 slopes is known to an eighth."""
@@ -494,8 +485,7 @@ get latent gains. Relative to independent errors of the points, it was at most 1
 recordings, 2.5 in a real video, and 5 to 18 with clouds, flicker or drifting white balance."""
 
 MOST_LOG_GAIN = 10.0
-"""Largest latent gain, in ln, a factor of twenty thousand: larger ones result only from a degenerate response and
-would overflow."""
+"""Largest latent gain, in ln, a factor of twenty thousand: a degenerate response would make it overflow."""
 
 EXCEPTIONAL_SIGMAS = 2.5
 """Number of standard deviations from the prediction of all other pairs beyond which the gain of a pair is

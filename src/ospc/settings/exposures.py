@@ -16,8 +16,8 @@ MIN_BIN_PIXELS = 40
 With fewer, one moving object would dominate; with more, small images would leave bins empty."""
 
 MAX_BIN_WEIGHT = 5000.0
-"""Maximum number of points that a bin counts as; otherwise one large uniform surface, whose errors share a cause,
-would dominate."""
+"""Most points that a bin counts as; otherwise one large uniform surface, whose errors share a cause, would
+dominate."""
 
 MAX_RELATIVE_GRADIENT = 0.04
 """Largest relative gradient (gradient over grey level, per thumbnail pixel) of a flat point. A registration error of
@@ -28,8 +28,7 @@ BIN_OUTLIER_SIGMAS = 2.5
 objects, gloss, wrong registrations. This keeps 99 per cent of normally distributed values."""
 
 MIN_BIN_SCATTER_LOG = 1e-4
-"""Minimum scatter assumed in a bin, in ln of the grey level, so that rounding errors of nearly equal values are
-kept."""
+"""Minimum scatter assumed in a bin, in ln of the grey level: keeps rounding errors of nearly equal values."""
 
 PIXEL_SAMPLES_PER_PAIR = 400
 """Approximate number of single points kept per pair: about thirty in each cell of the local tone mapping check."""
@@ -79,16 +78,15 @@ ASSESSMENT_GROWTH = 1.5
 """Exposures are assessed again whenever the number of brightness changes has grown by this factor."""
 
 LAG_SEARCH_CHANGES = 400
-"""Number of brightness changes after which a lag that is still unknown is searched for only in the regular runs of
-frames."""
+"""Brightness changes after which a lag that is still unknown is searched for only in the regular runs of frames."""
 
 LAG_CHECK_INTERVAL_CHANGES, SUSPECTED_LAG_CHECK_INTERVAL_CHANGES = 16, 8
 """Number of brightness changes between two checks for a change of the lag, normally and while one is suspected. Late
 in a run, these are five seconds of film, which costs a hundredth of the run's time, and half a second."""
 
 EXPOSURE_CHANGE_FRAMES = 8
-"""The exposure must change within this many frames of a frame for it to be informative about the lag: the largest lag
-plus a margin."""
+"""Frames around a frame within which the exposure must change to be informative about the lag: the largest lag and
+some."""
 
 MIN_EXPOSURE_CHANGE_LOG = 0.02
 """Change of ln exposure over these frames that is visible in the images."""
@@ -148,12 +146,10 @@ REWEIGHTING_TOLERANCE = 1e-6
 likelihood changes far less."""
 
 MAX_AR_SUM = 0.98
-"""Upper limit of the sum of the magnitudes of the autoregressive coefficients: below one, so that the noise is
-stationary."""
+"""Largest sum of the magnitudes of the autoregressive coefficients: below one, so that the noise is stationary."""
 
 AR_RIDGE = 1e-3
-"""Ridge on these coefficients, relative to the mean diagonal of the normal matrix: noise-free recordings do not
-determine them."""
+"""Ridge on these, relative to the mean diagonal of the normal matrix: noise-free recordings do not determine them."""
 
 MIN_FITTED_LOG_CHANGE = 1e-9
 """Change of ln exposure below which it is mere rounding, and no slope is fitted."""
@@ -184,8 +180,7 @@ DISTINCT_NOISE_SCALES = 0.5
 units of the noise scale: a single change of exposure, or a single wrong one, is not enough."""
 
 MIN_EXPLAINED_SHARE = 0.05
-"""Minimum share of the energy of brightness changes explained by the exposures for them to count as visible in the
-images."""
+"""Share of the energy of brightness changes that exposures must explain to count as visible in the images."""
 
 FLAT_RESPONSE_SLOPE = 0.2
 """d ln M/d ln e of a flat response. If changes of brightness by this times the changes of exposure would be lost in
@@ -202,12 +197,10 @@ FRACTIONAL_LAGS = np.array([-0.6, -0.4, -0.2, 0.0, 0.2, 0.4, 0.6])
 """Offsets from a lag at which the fit is tried, in frames: beyond half a frame, so that the maximum is visible."""
 
 MAX_FRACTIONAL_LAG = 0.45
-"""Largest offset of the best fit from the lag, in frames: closer to half a frame, neither of the two lags is
-right."""
+"""Largest offset of the best fit from the lag, in frames: near half a frame, neither of the two lags is right."""
 
 MIN_FRACTIONAL_LAG_LEAD = MIN_LAG_LEAD / 2
-"""Log likelihood by which an offset between frames must lead: half of what a lag needs, because it only raises a
-doubt."""
+"""Log likelihood by which an offset between frames must lead: half that of a lag, because it only raises a doubt."""
 
 FLICKERING_EXPOSURE_SHARE = 0.87
 """Minimum share of the energy of fast exposure changes at the period of the flicker if they follow it. Noise of the
@@ -216,26 +209,22 @@ exposure control keeps it below one; changes that share the period by chance hav
 # The search for the lag (ospc.exposures.lag)
 
 MAX_LAG = 5
-"""Largest lag tried in either direction, in frames: one to three are common, and each more costs a fit and adds a
-rival."""
+"""Largest lag tried in either direction, in frames: one to three are common, and each more adds a fit and a rival."""
 
 MIN_LAG_PAIRS = 20
 """Minimum number of pairs for fitting lags: a fit has about twelve unknowns, and any lag fits fewer pairs."""
 
 MIN_PAIR_LOG_CHANGE = CONSTANT_EXPOSURE_LOG / 10
-"""Change of ln exposure that at least one compared pair must exceed; otherwise the exposure was constant in the
-compared frames."""
+"""Change of ln exposure that some compared pair must exceed; otherwise the exposure was constant in these frames."""
 
 MAX_FLICKERS = 2
-"""Maximum number of periodic changes fitted with the exposures: a lamp's frequency and its harmonic. More would fit
-anything."""
+"""Most periodic changes fitted with the exposures: a lamp's frequency and its harmonic. More would fit anything."""
 
 MAX_FLICKER_CANDIDATES = 3
 """Maximum number of frequencies tried for each of them; every one costs a fit of all lags."""
 
 SAME_FREQUENCY = 0.01
-"""Difference, in cycles per frame, up to which two frequencies are the same line: the resolution of a hundred
-frames."""
+"""Difference, in cycles per frame, up to which two frequencies are the same: the resolution of a hundred frames."""
 
 MIN_FLICKER_LEAD = 15.0
 """Gain in log likelihood required of a periodic change. The best of 500 frequencies gains about ln 500 = 6 by chance,
@@ -252,7 +241,7 @@ it and if they do not. These exceed :data:`MIN_LAG_SIGMAS` because long interval
 more."""
 
 MAX_LONG_INTERVAL_DEFICIT = 3.0
-"""Log likelihood by which the lag from long intervals may be behind the best frame-to-frame one: twenty times less
+"""Log likelihood by which the lag from long intervals may trail the best frame-to-frame one: twenty times less
 likely."""
 
 DOUBTFUL_RESPONSE_SLOPE = 0.25
@@ -302,12 +291,10 @@ MIN_FLICKER_FRAMES = 24
 """Minimum length of a run that is searched for a line: a wave of free frequency and phase fits anything shorter."""
 
 MIN_FAST_PERIODS = 4
-"""Minimum number of periods of a fast change within the observed time: slower ones come from the scene or an exposure
-control."""
+"""Fewest observed periods of a fast change: slower ones come from the scene or an exposure control."""
 
 MIN_WAVE_PERIODS = 2
-"""Minimum number of periods of any line within the observed time: with fewer it cannot be distinguished from a
-trend."""
+"""Fewest observed periods of any line: with fewer it cannot be distinguished from a trend."""
 
 FOURIER_OVERSAMPLING = 8
 """Length of the Fourier transform relative to that of the values: a line between two of its frequencies loses at most
@@ -317,8 +304,7 @@ MIN_FLICKER_SHARE = 0.4
 """Minimum share of the fast changes explained by a line: otherwise something else changes the brightness more."""
 
 FLICKER_CHANCE = 1e-4
-"""Probability with which noise alone may produce such a line. It is small because many lags of each recording are
-tested."""
+"""Probability with which noise alone may produce such a line: small, because many lags are tested per recording."""
 
 MAX_FLICKER_SHARE = 0.999
 """Upper limit of the share from which that probability is computed: rounding leaves no more even for a pure wave."""
@@ -332,8 +318,7 @@ FLICKER_CLIP_SIGMAS = 4
 the flat spectrum of a scene cut or a passing hand would hide every line."""
 
 MIN_FLICKER_SCATTER_LOG = 1e-6
-"""Minimum scatter assumed for that clipping, in ln of the grey level: rounding errors of simulated images are not
-clipped."""
+"""Minimum scatter assumed for that, in ln of the grey level: rounding errors of simulated images are not clipped."""
 
 MAX_PHASE_GAP_FRAMES = 8
 """A run is continued across fewer missing frames than this: over longer gaps the phase of a wave is lost."""
@@ -359,8 +344,7 @@ STALE_DRIFT_LOG = 0.12
 within `DRIFT_FRAMES`, an exposure control changes it by more, registration errors by less."""
 
 MIN_STALE_PAIRS = 12
-"""Minimum number of pairs of unchanged exposure for it to count as stale: their root mean square is known to a
-fifth."""
+"""Fewest pairs of unchanged exposure for it to count as stale: their root mean square is known to a fifth."""
 
 REPORTED_FLICKER_SHARE = 0.6
 """Minimum share of the fast unexplained changes for a flicker to be reported: more than :func:`find_flicker`
@@ -384,12 +368,10 @@ MIN_JUMP_LOG = 0.04
 """Minimum size of a jump, in ln of the grey level: smaller ones are not worth reporting even without noise."""
 
 JUMP_FRAMES = 4
-"""Number of frames before and after a jump within which it must not be reversed: a passing hand takes longer than
-one."""
+"""Frames before and after a jump within which it must not be reversed: a passing hand takes longer than one."""
 
 LASTING_JUMP_SHARE = 0.6
-"""Minimum share of a jump that remains over these frames: noise and drift over a few frames remove less than the
-rest."""
+"""Share of a jump that must remain over these frames: noise and drift over a few frames remove less than the rest."""
 
 MAX_JUMPS_SHARE = 0.1
 """Share of pairs with jumps above which none is reported: jumps are then the rule, and the exposures do not fit."""
@@ -397,16 +379,13 @@ MAX_JUMPS_SHARE = 0.1
 # Local tone mapping (ospc.exposures.tone_mapping)
 
 MIN_TONE_PAIRS = 10
-"""Minimum number of pairs of frames for a result: samples of one pair share errors, so the number of pairs
-matters."""
+"""Fewest pairs of frames for a result: samples of one pair share errors, so the number of pairs matters."""
 
 MAX_TONE_PAIRS = 120
-"""Maximum number of pairs used, spread over the recording: more take longer, and properties of the camera show in
-fewer."""
+"""Most pairs used, spread over the recording: more take longer, and properties of the camera show in fewer."""
 
 MIN_TONE_SAMPLES = 2000
-"""Minimum number of points over all pairs: about fifteen unknowns are fitted to them before image regions are
-compared."""
+"""Fewest points over all pairs: about fifteen unknowns are fitted to them before image regions are compared."""
 
 MAX_TONE_LOG_CHANGE = 1.5
 """Largest change of ln exposure used: beyond it, most points are clipped in one of the frames."""

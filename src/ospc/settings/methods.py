@@ -21,8 +21,7 @@ DROPPED_PAIRS = 32
 """Number of first pairs that the final fit omits: they were registered before the vignette was known."""
 
 QUICK_FIT_POINTS = 5000
-"""Number of scene points of a quick fit: enough for registration, which needs the vignette to within a few per
-cent."""
+"""Scene points of a quick fit: enough for registration, which needs the vignette to within a few per cent."""
 
 QUICK_FIT_ROUNDS = 3
 """Rounds of a quick fit that starts from the previous one."""
@@ -40,8 +39,7 @@ MIN_MOVING_PAIRS, MOVING_FACTOR = 8, 4.0
 counts as moving."""
 
 UNDECIDED_PAIRS = 60
-"""Number of pairs after which a camera that is not stationary counts as moving. Dark frames register poorly at
-first."""
+"""Pairs after which a camera that is not stationary counts as moving. Dark frames register poorly at first."""
 
 MAX_MOTIONS = 200
 """Number of latest displacements that determine whether the camera is stationary."""
@@ -87,8 +85,7 @@ MAX_SUSPICION_S = 9.6
 """Maximum duration of a suspicion, in seconds."""
 
 JUDGED_S = 5.6
-"""Latest part of a suspicion, in seconds, whose pairs are judged: light may have raised it before the camera
-changed."""
+"""Latest seconds of a suspicion whose pairs are judged: light may have raised it before the camera changed."""
 
 CALM_S = 4.8
 """Time, in seconds, without another suspicion after one that reached its maximum duration."""
@@ -149,8 +146,7 @@ MIN_SLOPE = 0.15
 """Minimum change of that slope that indicates another response."""
 
 MIN_SLOPE_ERROR_LOG = 0.008
-"""Median error of neighbours, in ln, below which the slope is not judged: clouds change the light by less per
-frame."""
+"""Median error of neighbours, in ln, below which the slope is not judged: clouds change light by less per frame."""
 
 # Identifiability of response and vignette (ospc.methods.identifiability)
 
