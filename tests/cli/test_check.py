@@ -107,4 +107,4 @@ def test_unknown_exposures_are_estimated_and_everything_labelled(tmp_path: Path)
     said = json.loads(result.stdout)
     for name, reason in said["reasons"].items():
         assert said["verdicts"][name] == "marginal"
-        assert f"the {name} to any power" in reason
+        assert f"raising {name}, " in reason

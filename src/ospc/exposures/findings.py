@@ -210,8 +210,8 @@ def _assess_choice(series: BrightnessSeries, written: FloatArray, choice: LagCho
 
 def _as_stated(found: ExposureFindings, lag: int) -> ExposureFindings:
     """Settle an open lag as stated by the user or the file format, unless the images contradict it."""
-    asked = found.verdict.state == "marginal" and found.lag.frames is None and not found.warnings
-    if not asked or (found.lag.candidates and lag not in found.lag.candidates):
+    is_open = found.verdict.state == "marginal" and found.lag.frames is None and not found.warnings
+    if not is_open or (found.lag.candidates and lag not in found.lag.candidates):
         return found
     whose = "belong to their frames" if lag == 0 else f"are recorded {lag_in_words(lag)}"
     reason = f"exposures {whose}, as stated; the images do not contradict this"
@@ -246,16 +246,16 @@ def _assess(series: BrightnessSeries, written: FloatArray) -> ExposureFindings:
     brightness = brightness_report(lag, written)
     few = brightness is None and len(written) < MIN_CHECKED_FRAMES
     # Whether exposures leave much of the brightness unexplained, even at the lag that fits best.
-    unlike = (
+    fits_badly = (
         brightness is not None
         and (lag.frames is not None or lag.state == "ambiguous")
         and brightness.unexplained_share > MAX_UNEXPLAINED_SHARE
         and brightness.unexplained_rms_log > NOTABLE_RMS_LOG
     )
-    opposed = explained_by_inverse(lag, series, written)
-    verdict = next(_verdicts(course, lag, brightness, len(written), opposed, unlike=unlike))
+    inverse_share = explained_by_inverse(lag, series, written)
+    verdict = next(_verdicts(course, lag, brightness, len(written), inverse_share, fits_badly=fits_badly))
     late = bool(lag.candidates) and 0 not in lag.candidates
-    contradicted = not verdict.known or late or unlike
+    contradicted = not verdict.known or late or fits_badly
     warnings = (verdict.reason,) if contradicted and not few else ()
     open_question = lag.frames is None and verdict.state == "marginal" and not few and not warnings
     notes = (_uncertain(verdict.reason),) if open_question else ()
@@ -267,9 +267,9 @@ def _verdicts(
     lag: LagEstimate,
     brightness: BrightnessReport | None,
     frames: int,
-    opposed: float,
+    inverse_share: float,
     *,
-    unlike: bool,
+    fits_badly: bool,
 ) -> Iterator[Verdict]:
     """Yield all verdicts that apply, the most important first."""
     if brightness is None and frames < MIN_CHECKED_FRAMES:
@@ -291,18 +291,18 @@ def _verdicts(
         )
     if lag.state == "constant exposure":
         yield Verdict("identifiable", f"the exposure is constant at {course.in_words()}, and the images agree")
-    if opposed > 1 - MAX_UNEXPLAINED_SHARE:
+    if inverse_share > 1 - MAX_UNEXPLAINED_SHARE:
         yield Verdict(
             "not identifiable",
             "the images get darker when the recorded exposures get longer: the inverse of the exposures explains "
-            f"{opposed:.0%} of the brightness changes",
+            f"{inverse_share:.0%} of the brightness changes",
             _GIVE_TIMES,
         )
     if lag.state == "no response to exposure":
-        silent = f"exposures range from {course.in_words()}, but the brightness of the scene does not follow them"
-        yield Verdict("not identifiable", silent, _FIX_METADATA)
+        text = f"exposures range from {course.in_words()}, but the brightness of the scene does not follow them"
+        yield Verdict("not identifiable", text, _FIX_METADATA)
     explained = f"{1 - brightness.unexplained_share:.0%} of the brightness changes"
-    if unlike and not lag.frames:
+    if fits_badly and not lag.frames:
         rest = f"the rest, {_percent(brightness.unexplained_rms_log)} per frame, may be flicker or an unrecorded gain"
         yield Verdict("marginal", f"exposures fit badly: they explain only {explained}; {rest}", _STEADY_LIGHT)
     certain = lag.correction(course.cycle_frames)
@@ -314,10 +314,10 @@ def _verdicts(
             f"exposures are recorded {lag_in_words(certain)}; once moved to their frames, they explain {explained}",
             f"leave --correct-lag at auto, or set it to {certain}",
         )
-    theirs = "exposures belong to their frames"
+    text = "exposures belong to their frames"
     if lag.frames is None:
-        theirs += f", or to others with the same exposure, because they repeat every {course.cycle_frames} frames"
-    yield Verdict("identifiable", f"{theirs}: they explain {explained}")
+        text += f", or to others with the same exposure, because they repeat every {course.cycle_frames} frames"
+    yield Verdict("identifiable", f"{text}: they explain {explained}")
 
 
 def _either(lag: LagEstimate) -> str:

@@ -71,8 +71,8 @@ def _select(tried: LagHypotheses, series: BrightnessSeries) -> LagEstimate:
     doubtful = first.fit is not None and float(np.median(first.fit.slopes)) < DOUBTFUL_RESPONSE_SLOPE
     settled = first.state not in ("ambiguous", *UNRESPONSIVE)
     if settled and not doubtful:
-        holds = _holds_under_swinging_light(first, tried)
-        return first if holds else replace(first, state="follows flicker")
+        survives = _survives_periodic_light(first, tried)
+        return first if survives else replace(first, state="follows flicker")
     inexact = None if tried.flickers else _with_inexact_exposures(tried)
     if inexact is not None:
         return replace(inexact, fit=tried.fits[tried.index_of(inexact.candidates[0])])
@@ -132,7 +132,7 @@ def _flicker_candidates(tried: LagHypotheses) -> list[Flicker]:
     return candidates[:MAX_FLICKER_CANDIDATES]
 
 
-def _holds_under_swinging_light(first: LagEstimate, tried: LagHypotheses) -> bool:
+def _survives_periodic_light(first: LagEstimate, tried: LagHypotheses) -> bool:
     """Return whether a lag stays the same if a light that varies with the main period of the exposures is fitted too.
 
     An exposure control that follows a periodic light leaves periodic brightness changes, which exposures at a wrong
@@ -148,9 +148,9 @@ def _holds_under_swinging_light(first: LagEstimate, tried: LagHypotheses) -> boo
     deviation = np.std(tried.log_exposure[tried.series.frame])
     if share < SWINGING_EXPOSURE_SHARE or deviation > MAX_SWINGING_EXPOSURE_LOG:
         return True
-    swing = Flicker(cycles_per_frame, float(np.sqrt(2) * np.std(change)), share)
-    with_swing = LagHypotheses.fit(tried.series, tried.log_exposure, tried.lags, (swing,))
-    return select_lag(with_swing).frames == first.frames
+    periodic_light = Flicker(cycles_per_frame, float(np.sqrt(2) * np.std(change)), share)
+    with_light = LagHypotheses.fit(tried.series, tried.log_exposure, tried.lags, (periodic_light,))
+    return select_lag(with_light).frames == first.frames
 
 
 def _with_inexact_exposures(tried: LagHypotheses) -> LagEstimate | None:

@@ -224,11 +224,11 @@ def _resolve_cycle(tried: LagHypotheses, best: int, rivals: list[int]) -> tuple[
     if not rivals:
         return best, rivals, "determined"
     cycle = exposure_cycle(tried.log_exposure)
-    alike = [int(tried.lags[best]), *rivals]
-    common = [lag for lag in alike if abs(lag) <= MAX_COMMON_LAG]
-    if cycle is None or len(common) != 1 or any((lag - common[0]) % cycle for lag in alike):
+    equivalent = [int(tried.lags[best]), *rivals]
+    common = [lag for lag in equivalent if abs(lag) <= MAX_COMMON_LAG]
+    if cycle is None or len(common) != 1 or any((lag - common[0]) % cycle for lag in equivalent):
         return best, rivals, "ambiguous"
-    return tried.index_of(common[0]), [lag for lag in alike if lag != common[0]], "determined"
+    return tried.index_of(common[0]), [lag for lag in equivalent if lag != common[0]], "determined"
 
 
 def _unresponsive(tried: LagHypotheses, best: int, without: LagFit) -> LagState | None:

@@ -79,9 +79,9 @@ def local_tone(changes: Sequence[BrightnessChange], log_change: FloatArray) -> L
     pair = np.repeat(np.arange(len(usable)), counts)
     target = np.concatenate([changes[i].samples.log_ratio for i in usable])
     expected = np.concatenate([_global_columns(changes[i], float(log_change[i])) for i in usable])
-    left = target - expected @ _fit(expected, target)
-    place = np.concatenate([changes[i].samples.position0 for i in usable])
-    return LocalTone(_spread_over_places(left, place, pair), len(usable))
+    residual = target - expected @ _fit(expected, target)
+    position = np.concatenate([changes[i].samples.position0 for i in usable])
+    return LocalTone(_spread_between_cells(residual, position, pair), len(usable))
 
 
 def _global_columns(change: BrightnessChange, log_change: float) -> FloatArray:
@@ -97,25 +97,29 @@ def _global_columns(change: BrightnessChange, log_change: float) -> FloatArray:
 def _fit(columns: FloatArray, target: FloatArray) -> FloatArray:
     """Return the coefficients of a robust linear fit."""
     weight = np.ones(len(target))
-    size: FloatArray = np.zeros(columns.shape[1])
+    coefficients: FloatArray = np.zeros(columns.shape[1])
     for _ in range(TONE_REWEIGHTINGS):
         normal = np.asarray((columns * weight[:, None]).T @ columns)
         normal[np.diag_indices_from(normal)] += 1e-6 * np.trace(normal) / len(normal) + 1e-12
-        size = np.asarray(np.linalg.solve(normal, columns.T @ (weight * target)))
-        left = np.abs(target - columns @ size)
-        weight = 1 / np.maximum(left / (TONE_HUBER_SIGMAS * robust_scale(left) + 1e-6), 1)
-    return size
+        coefficients = np.asarray(np.linalg.solve(normal, columns.T @ (weight * target)))
+        residual = np.abs(target - columns @ coefficients)
+        weight = 1 / np.maximum(residual / (TONE_HUBER_SIGMAS * robust_scale(residual) + 1e-6), 1)
+    return coefficients
 
 
-def _spread_over_places(left: FloatArray, place: FloatArray, pair: IntArray) -> float:
+def _spread_between_cells(residual: FloatArray, position: FloatArray, pair: IntArray) -> float:
     """Return the robust scale of the differences between the residuals of image cells within a pair of frames."""
     across, down = TONE_CELLS
-    extent = np.maximum(np.abs(place).max(axis=0), 1e-6)
-    x, y = (np.clip((place[:, k] / extent[k] + 1) / 2 * n, 0, n - 1).astype(int) for k, n in ((0, across), (1, down)))
+    extent = np.maximum(np.abs(position).max(axis=0), 1e-6)
+    x, y = (
+        np.clip((position[:, k] / extent[k] + 1) / 2 * n, 0, n - 1).astype(int) for k, n in ((0, across), (1, down))
+    )
     cell = pair * across * down + y * across + x
     number, group, count = np.unique(cell, return_inverse=True, return_counts=True)
     enough = count >= MIN_TONE_CELL_SAMPLES
-    middle, of_pair = medians(left, group)[enough], number[enough] // (across * down)
-    apart = [middle[of_pair == p] - np.median(middle[of_pair == p]) for p in np.unique(of_pair)]
-    different = np.concatenate([np.abs(values) for values in apart if len(values) >= MIN_TONE_CELLS] or [np.zeros(1)])
-    return robust_scale(different)
+    middle, of_pair = medians(residual, group)[enough], number[enough] // (across * down)
+    offsets = [middle[of_pair == p] - np.median(middle[of_pair == p]) for p in np.unique(of_pair)]
+    deviations = np.concatenate(
+        [np.abs(values) for values in offsets if len(values) >= MIN_TONE_CELLS] or [np.zeros(1)]
+    )
+    return robust_scale(deviations)

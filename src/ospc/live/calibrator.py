@@ -92,7 +92,7 @@ class LiveCalibrator:
         self._frames = self._dropped = self._unusable = 0
         self._found = Findings(self._engine, goal)
         self._throttle = Throttle(ADVICE_S, ADVICE_SHARE)
-        self._unseen = False  # whether frames were processed since the last advice
+        self._outdated = False  # whether frames were processed since the last advice
         self._worker = threading.Thread(target=self._work, name="ospc-live", daemon=True)
         self._worker.start()
 
@@ -126,7 +126,7 @@ class LiveCalibrator:
         with self._running():
             self._changed.wait_for(
                 lambda: (
-                    self._failure or self._closed or (len(self._queue) <= most and not (self._unseen and most == 0))
+                    self._failure or self._closed or (len(self._queue) <= most and not (self._outdated and most == 0))
                 )
             )
             self._check()
@@ -218,8 +218,8 @@ class LiveCalibrator:
         try:
             while self._wait_for_work():
                 if self._queue:
-                    self._take()
-                if self._unseen and self._throttle.due:
+                    self._process_next()
+                if self._outdated and self._throttle.due:
                     self._advise()
         except BaseException as error:
             with self._changed:
@@ -232,16 +232,16 @@ class LiveCalibrator:
     def _wait_for_work(self) -> bool:
         """Wait for something to do; return False once the calibrator is closed and all answers are given."""
         with self._changed:
-            until_advice_s = self._throttle.remaining_s if self._unseen else None
+            until_advice_s = self._throttle.remaining_s if self._outdated else None
             self._changed.wait_for(lambda: self._queue or self._closed, until_advice_s)
             return not self._closed or bool(self._asked)
 
-    def _take(self) -> None:
+    def _process_next(self) -> None:
         work, size = self._queue[0]
         used = work()
         with self._changed:
             self._unusable += not used
-            self._unseen = True
+            self._outdated = True
             self._queue.popleft()
             self._waiting_bytes -= size
             self._changed.notify_all()
@@ -251,7 +251,7 @@ class LiveCalibrator:
         with self._throttle.timed():
             self._found.advise(self._frames)
             with self._changed:
-                self._unseen = False
+                self._outdated = False
                 self._changed.notify_all()
 
     def _answer(self, answer: Future[Calibration]) -> bool:

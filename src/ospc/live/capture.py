@@ -97,8 +97,8 @@ class Capture:
         self._out = out
         self._times: list[tuple[float, float]] = []
         self._shown: Frame | None = None
-        self._looked = threading.Event()
-        self._looked.set()  # so that the first frame is kept for the first viewer
+        self._viewed = threading.Event()
+        self._viewed.set()  # so that the first frame is kept for the first viewer
         self._finish = threading.Event()
         self._begun_s = time.monotonic()
 
@@ -132,8 +132,8 @@ class Capture:
         """Show a frame; one that only this thread can read is copied, but only if the previous one was viewed."""
         if frame.threads:
             self._shown = frame
-        elif self._looked.is_set():
-            self._looked.clear()
+        elif self._viewed.is_set():
+            self._viewed.clear()
             try:
                 self._shown = in_memory(frame)
             except FrameError:
@@ -171,7 +171,7 @@ class Capture:
 
         If only the capturing thread can read the frames, it is the first frame after the previous call.
         """
-        self._looked.set()
+        self._viewed.set()
         frame = self._shown
         if frame is None:
             return None

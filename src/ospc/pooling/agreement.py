@@ -112,13 +112,13 @@ def agreement(summaries: Sequence[Summary]) -> Agreement:
     if len(ordered) < 2:
         return Agreement({}, dict.fromkeys(_PLACES, True))
     own = [_curves(solve(Information.of([s]))) for s in ordered]
-    apart = _from_the_middle(own)
+    apart = _differing_from_median(own)
     for _ in range(_MOST_ROUNDS):
-        rest = _rest_of_each(ordered, apart)
-        before, apart = apart, [_apart(one, other) for one, other in zip(own, rest, strict=True)]
+        rest = _joint_curves_of_others(ordered, apart)
+        before, apart = apart, [_differing_parts(one, other) for one, other in zip(own, rest, strict=True)]
         if [set(a) for a in apart] == [set(a) for a in before]:
             break
-    rest = _rest_of_each(ordered, apart)
+    rest = _joint_curves_of_others(ordered, apart)
     majority = {part: 2 * sum(part in found for found in apart) < len(ordered) for part in _PLACES}
     compared = list(zip(ordered, own, rest, apart, strict=True))
     typical = float(np.median([s.unexplained for s in ordered]))
@@ -133,19 +133,19 @@ def difference_of(one: Summary | None, other: Summary | None) -> Difference | No
     if one is None or other is None:
         return None
     curves, known = (_curves(solve(Information.of([s]))) for s in (one, other))
-    found = _apart(curves, known)
+    found = _differing_parts(curves, known)
     return _described(one, found, known, curves, other.unexplained, whose="before") if found else None
 
 
-def _from_the_middle(own: list[_Curves]) -> list[dict[Part, float]]:
+def _differing_from_median(own: list[_Curves]) -> list[dict[Part, float]]:
     """Return the parts in which each recording is far from the median of all: a robust starting point."""
     values, sigmas = np.stack([c.value for c in own]), np.stack([c.sigma for c in own])
     middle = np.median(values, axis=0)
     of_middle = np.median(sigmas, axis=0) / np.sqrt(len(own))
-    return [_apart(c, _Curves(middle, of_middle)) for c in own]
+    return [_differing_parts(c, _Curves(middle, of_middle)) for c in own]
 
 
-def _rest_of_each(summaries: list[Summary], apart: list[dict[Part, float]]) -> list[_Curves]:
+def _joint_curves_of_others(summaries: list[Summary], apart: list[dict[Part, float]]) -> list[_Curves]:
     """Return for each recording the joint curves of all others that did not differ."""
     agreeing = [s for s, found in zip(summaries, apart, strict=True) if not found]
     # If at most one agrees, compare with all others.
@@ -156,7 +156,7 @@ def _rest_of_each(summaries: list[Summary], apart: list[dict[Part, float]]) -> l
     return [_curves(solve(information.without(s), start=together)) if s.key in inside else whole for s in summaries]
 
 
-def _apart(one: _Curves, other: _Curves) -> dict[Part, float]:
+def _differing_parts(one: _Curves, other: _Curves) -> dict[Part, float]:
     """Return the parts in which curves differ, and by how many standard deviations."""
     score = np.abs(_scores(one, other))
     found = {part: float(score[places].max()) for part, places in _PLACES.items()}
@@ -206,14 +206,14 @@ def _described(  # noqa: PLR0917 (two recordings, and what is usual)
     summary: Summary, found: dict[Part, float], rest: _Curves, own: _Curves, usual: float, whose: str = "the others"
 ) -> Difference:
     """Describe how a recording differs; ``usual`` is the usual unexplained share of exposure changes."""
-    score, difference, said = np.abs(_scores(own, rest)), np.exp(own.value - rest.value) - 1, []
+    score, difference, texts = np.abs(_scores(own, rest)), np.exp(own.value - rest.value) - 1, []
     for part in found:
         at = _PLACES[part].start + int(np.argmax(score[_PLACES[part]]))
         if part == "response":
             what = f"g({GREYS[at]:.1f})/g({_MIDDLE})"
         else:
             what = f"V at radius {np.linalg.norm(_places()[at - len(GREYS)]):.1f}"
-        said.append(f"{what} differs by {difference[at]:+.0%} from {whose} ({score[at]:.0f} standard deviations)")
+        texts.append(f"{what} differs by {difference[at]:+.0%} from {whose} ({score[at]:.0f} standard deviations)")
     parts, meaning = tuple(found), _MEANING[tuple(found)]
     # Wrong exposures spoil both parts, even if only one of them differs significantly.
     if summary.unexplained > _SUSPICIOUS_FACTOR * max(usual, _LEAST_UNEXPLAINED):
@@ -222,4 +222,4 @@ def _described(  # noqa: PLR0917 (two recordings, and what is usual)
             f"its exposures are wrong ({summary.unexplained:.1%} of their changes do not show in the images, "
             f"usually {usual:.1%}), or it is of another camera"
         )
-    return Difference(summary.key, summary.name, parts, max(found.values()), f"{'; '.join(said)}: {meaning}")
+    return Difference(summary.key, summary.name, parts, max(found.values()), f"{'; '.join(texts)}: {meaning}")

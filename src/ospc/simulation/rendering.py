@@ -88,14 +88,14 @@ def radiance(scene: Scene, view: View, time_s: float) -> Float32Array:
     canvas = np.zeros((height, width), np.float32)
     covered = np.zeros((height, width), np.float32)
     for face in scene.walls:
-        for area, colour, alpha in _drawn(face, view):
+        for area, colour, alpha in _pieces(face, view):
             canvas[area] += colour * alpha
             covered[area] += alpha
     # Neighbouring walls share the pixels of their common edge: divide by their total coverage.
     canvas /= np.maximum(covered, np.float32(1e-3))
-    for faces in _in_order(scene, view, time_s):
+    for faces in _back_to_front(scene, view, time_s):
         # Faces of one body also share pixels: each replaces its share of the background, not the other face.
-        pieces = [piece for face in faces for piece in _drawn(face, view)]
+        pieces = [piece for face in faces for piece in _pieces(face, view)]
         changes = [(area, (colour - canvas[area]) * alpha) for area, colour, alpha in pieces]
         for area, change in changes:
             canvas[area] += change
@@ -103,7 +103,7 @@ def radiance(scene: Scene, view: View, time_s: float) -> Float32Array:
     return canvas
 
 
-def _in_order(scene: Scene, view: View, time_s: float) -> Iterable[tuple[Face, ...]]:
+def _back_to_front(scene: Scene, view: View, time_s: float) -> Iterable[tuple[Face, ...]]:
     """Yield pictures, the visible faces of each solid, and patches, from back to front.
 
     Solids are sorted by the power of the camera's position with respect to their bounding spheres, d² − r². The
@@ -123,7 +123,7 @@ def _in_order(scene: Scene, view: View, time_s: float) -> Iterable[tuple[Face, .
 _Piece = tuple[tuple[slice, slice], Float32Array, Float32Array]
 
 
-def _drawn(face: Face, view: View) -> Iterable[_Piece]:
+def _pieces(face: Face, view: View) -> Iterable[_Piece]:
     """Yield the image area of a face, its radiance there, and the share of each pixel that it covers."""
     if view.misses(face.place):
         return
