@@ -401,7 +401,7 @@ def test_who_waits_learns_that_the_background_failed(monkeypatch):
         assert held.go.wait(10)
         raise ArithmeticError("no number")
 
-    monkeypatch.setattr(LiveCalibrator, "_take", fails)
+    monkeypatch.setattr(LiveCalibrator, "_process_next", fails)
     live = LiveCalibrator()
     live.push(grey())
     answers = []
