@@ -41,7 +41,7 @@ def another_process_in():
 def test_a_second_process_is_refused_with_one_sentence_until_the_first_ends(tmp_path, another_process_in):
     out = tmp_path / "out"
     holder = another_process_in(out)
-    with pytest.raises(SettingError, match="another process is writing into it; wait"), reserved(out):
+    with pytest.raises(SettingError, match="another process is writing to it; wait"), reserved(out):
         pass
     other_way = tmp_path / "link"
     other_way.symlink_to(out)
@@ -77,7 +77,7 @@ def test_every_command_that_writes_a_folder_reserves_it(words, tmp_path, another
     dangling = tmp_path / "dangling"
     dangling.symlink_to(tmp_path / "nowhere")
     result = ospc(*words, dangling)
-    assert "is a link to nothing" in str(result.exception)
+    assert "is a broken link" in str(result.exception)
 
 
 def test_a_folder_made_for_nothing_is_removed_and_any_other_stays(tmp_path):
@@ -105,10 +105,10 @@ def test_what_cannot_be_written_is_refused(tmp_path):
 def test_links_to_nothing_and_folders_in_the_place_of_files_are_found_before_the_work(tmp_path):
     dangling = tmp_path / "dangling"
     dangling.symlink_to(tmp_path / "nowhere")
-    with pytest.raises(SettingError, match="is a link to nothing"):
+    with pytest.raises(SettingError, match="is a broken link"):
         OutputFolder.at(dangling)
     (tmp_path / "out" / OWN_NAMES[0]).mkdir(parents=True)
-    with pytest.raises(SettingError, match="is a folder, but a file is to be written there"):
+    with pytest.raises(SettingError, match="is a folder, but a file must be written there"):
         OutputFolder.at(tmp_path / "out", force=True)
     result = ospc("compare", tmp_path, tmp_path, "--plot", tmp_path / "none" / "a.png")
     assert "name a file in an existing folder" in str(result.exception)

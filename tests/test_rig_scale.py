@@ -53,7 +53,7 @@ def test_the_scale_is_that_of_the_sensors(found):
 
 def test_a_camera_that_sees_something_else_is_left_out(found):
     assert "rear" not in found.scale
-    assert "overlaps with none" in found.left_out["rear"]
+    assert "overlaps with no camera" in found.left_out["rear"]
 
 
 def test_a_camera_that_is_not_calibrated_is_left_out_and_two_are_needed(rig):
@@ -110,7 +110,7 @@ def test_a_command_writes_it_beside_the_cameras_and_says_it(rig, found, tmp_path
     assert content == json.loads((tmp_path / RIG_NAME).read_text()) == json.loads(json.dumps(found.as_dict()))
     said = capsys.readouterr().out
     assert f"right: {found.scale['right']:.4f} ±" in said
-    assert "rear: unknown, its view overlaps with none" in said
+    assert "rear: unknown, its view overlaps with no camera" in said
     (tmp_path / "right" / "calibration.json").unlink()
     (tmp_path / "rear" / "calibration.json").unlink()
     assert "error" in add_rig_scale(tmp_path, openers, talkative=True)

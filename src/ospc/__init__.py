@@ -1,6 +1,6 @@
 """Online sequential photometric calibration of cameras from ordinary recordings.
 
-The public interface; everything is loaded when first used, so importing the package costs nothing.
+This is the public interface. Names are loaded on first use, so importing the package is fast.
 """
 
 from __future__ import annotations
@@ -55,11 +55,11 @@ __all__ = [
     "open_recording",
     "simulate",
 ]
-"""Written out, because tools that check types do not run the package."""
+"""Spelled out because type checkers do not run the package."""
 
 
 def __getattr__(name: str) -> Any:
-    """Load a public name when it is first asked for."""
+    """Load a public name on first use."""
     if name not in _MODULES:
         raise AttributeError(f"module 'ospc' has no attribute {name!r}")
     value = getattr(import_module(_MODULES[name]), name)

@@ -1,4 +1,4 @@
-"""Names for the array types that cross module boundaries, and ways to find members of groups and nearest times."""
+"""Array types shared between modules, and helpers for nearest times and group members."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 FloatArray: TypeAlias = npt.NDArray[np.float64]
-"""Any array of 64-bit floats; the shape is stated where it is used."""
+"""Any array of 64-bit floats; each use states the shape."""
 
 Float32Array: TypeAlias = npt.NDArray[np.float32]
 """Any array of 32-bit floats: images, optical flow, moments of grey levels."""
@@ -27,13 +27,13 @@ ImageSize: TypeAlias = tuple[int, int]
 
 
 def nearest(times: npt.NDArray[Any], wanted: npt.NDArray[Any]) -> IntArray:
-    """Return the indices of the nearest of times that do not decrease, of the earlier where two are as near."""
+    """Return the indices of the nearest of non-decreasing times; the earlier of two that are equally near."""
     after = np.clip(np.searchsorted(times, wanted), 0, len(times) - 1)
     before = np.maximum(after - 1, 0)
     return np.where(np.abs(times[after] - wanted) < np.abs(times[before] - wanted), after, before)
 
 
 def members_of(group: IntArray) -> list[IntArray]:
-    """Return the indices of the members of each group, in the order of its number, from the group of each, (n,)."""
+    """Return the indices of the members of each group, ordered by group number; ``group`` has shape (n,)."""
     order = np.argsort(group, kind="stable")
     return np.split(order, np.flatnonzero(np.diff(group[order])) + 1)

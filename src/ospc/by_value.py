@@ -10,22 +10,22 @@ import numpy as np
 
 
 class ByValue:
-    """Two dataclasses that hold arrays are equal where all that they hold is, NaN included.
+    """Base of dataclasses that hold arrays: they are equal if all their fields are, and NaN equals NaN.
 
-    They are declared with ``eq=False``: the comparison that dataclasses get otherwise fails for arrays.
+    Declare them with ``eq=False``, because the generated comparison fails for arrays.
     """
 
     def __eq__(self, other: object) -> bool:
-        """Return whether the other is of the same class and holds the same."""
+        """Return whether the other has the same class and equal fields."""
         return _content(self) == _content(other) if type(other) is type(self) else NotImplemented
 
     def __hash__(self) -> int:
-        """Return the same for values that are equal."""
+        """Return a hash consistent with equality."""
         return hash(_content(self))
 
 
 def _content(value: Any) -> Any:
-    """Return what is equal for equal values, and can be hashed."""
+    """Return a hashable stand-in that is equal for equal values."""
     if isinstance(value, np.ndarray):
         if value.dtype.kind == "f":
             value = np.where(np.isnan(value), np.nan, value) + 0.0  # NaN and zero have several forms each
@@ -37,5 +37,5 @@ def _content(value: Any) -> Any:
     if isinstance(value, list | tuple):
         return tuple(map(_content, value))
     if isinstance(value, float) and math.isnan(value):
-        return math.nan  # this one is equal to itself within a tuple
+        return math.nan  # the same object is equal to itself within a tuple
     return value

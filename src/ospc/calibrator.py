@@ -1,4 +1,4 @@
-"""Calibrating from Python: frame by frame, or a whole recording at once."""
+"""Calibration from Python: frame by frame, or a whole recording at once."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ __all__ = ["OnlineCalibrator", "Status", "calibrate", "drive", "remaining"]
 
 
 class OnlineCalibrator(Engine):
-    """Calibrates a camera from its frames, one by one, in bounded memory; its state can be kept in a file.
+    """Calibrates a camera frame by frame in bounded memory. Its state can be saved to a file and loaded again.
 
     Attributes
     ----------
     saved_by
-        Versions of the software that saved the state it goes on from; empty if it began anew.
+        Versions of the software that saved the loaded state; empty for a new calibrator.
 
     Examples
     --------
@@ -51,36 +51,35 @@ class OnlineCalibrator(Engine):
     def of(
         cls, recording: Recording, settings: Settings | str = "default", *, correct_lag: LagChoice = "auto"
     ) -> OnlineCalibrator:
-        """Return a calibrator for the frames of a recording, whose kind may say that no exposure can be late.
+        """Return a calibrator for a recording; some kinds of recording guarantee that exposures do not lag.
 
         Raises
         ------
         SettingError
-            If ``correct_lag`` is no choice, or leaves nothing of the frames.
+            If ``correct_lag`` is invalid, or not smaller than the number of frames.
         """
         choice = checked_lag_choice(correct_lag)
         check_lag(choice, len(recording))
         return cls(settings, correct_lag=lag_choice_for(recording.kind, choice))
 
     def save_state(self, path: str | Path, *, complete: bool = False) -> Path:
-        """Write everything that is known to a file, whole or not at all, and return its path.
+        """Write the state to a file atomically and return its path.
 
-        Nothing here is changed by it: the result is the same whether states are saved or not. With ``complete``, the
-        summary is added that ``ospc merge`` needs; it costs a fit, unless :meth:`calibration` was asked for since the
-        last frame.
+        Saving does not affect the result. ``complete`` adds the summary that ``ospc merge`` needs. It takes one fit,
+        unless :meth:`calibration` was called since the last frame.
 
         Raises
         ------
         SettingError
-            If the state of the method is too large for that: preset "paper".
+            If the preset is "paper", whose state is too large to save.
         FormatError
-            If the file cannot be written, or an error such as the end of memory left a frame half processed.
+            If the file cannot be written, or an error such as running out of memory left a frame partly processed.
         """
         if self._partly_processed:
-            raise FormatError(f"{path}: not written, for {self._partly_processed} was processed in part only")
+            raise FormatError(f"{path}: not written, because {self._partly_processed} was only partly processed")
         if not self.settings.keeps_state:
             raise SettingError(
-                f"preset {self.settings.name} holds the features of hundreds of frames, which no state file takes; "
+                f"preset {self.settings.name} keeps the features of hundreds of frames, too much for a state file; "
                 "use the default preset"
             )
         with self._lock:
@@ -106,16 +105,16 @@ class OnlineCalibrator(Engine):
 
     @classmethod
     def load_state(cls, path: str | Path) -> OnlineCalibrator:
-        """Return a calibrator that goes on where another was when :meth:`save_state` wrote the file.
+        """Return a calibrator that continues from the state :meth:`save_state` wrote.
 
-        Give its :attr:`frames_to_replay` to :meth:`replay` before the next frame is pushed, as :func:`remaining`
-        does, and results are the same, bit for bit, as without the interruption. Where these
-        frames are gone, it goes on without: the first new frames then have no earlier ones to be compared with.
+        Pass its :attr:`frames_to_replay` to :meth:`replay` before pushing the next frame, as :func:`remaining` does.
+        The results are then bit for bit the same as without the interruption. Without these frames the calibrator
+        still works, but the first new frames cannot be compared with earlier ones.
 
         Raises
         ------
         FormatError
-            If there is no such file, it is torn or damaged, or another version wrote it.
+            If the file does not exist, is truncated or damaged, or was written by another version.
         """
         run, method = load_run(path, EngineState, MaximumLikelihoodState)
         settings = _settings_of(run.settings, str(path))
@@ -129,7 +128,7 @@ class OnlineCalibrator(Engine):
         return calibrator
 
     def _restore(self, run: EngineState, method: MaximumLikelihoodState | None) -> None:
-        """Go on from a state; ValueError if its parts do not fit each other."""
+        """Continue from a state; ValueError if its parts are inconsistent."""
         self._size, self._max_grey = run.size, run.max_grey
         self._sampler, self.pixels = run.sampler, run.pixels
         self._skipped, self._reasons = run.skipped, run.reasons
@@ -144,15 +143,18 @@ class OnlineCalibrator(Engine):
 
     @property
     def frames_to_replay(self) -> frozenset[int]:
-        """Numbers of the frames that :meth:`replay` needs before a loaded calibrator goes on."""
+        """Numbers of the frames that :meth:`replay` needs before a loaded calibrator continues."""
         if self._method is None:
             return frozenset()
         return self._method.frames_to_replay | self._exposures.history.frames_to_replay
 
     def replay(self, frame: Frame) -> None:
-        """Process a frame again that new ones were being compared with.
+        """Process an earlier frame again, so that new frames can be compared with it.
 
-        FrameError if its image cannot be read any more, or has another size.
+        Raises
+        ------
+        FrameError
+            If its image can no longer be read, or its size has changed.
         """
         if self._method is not None:
             shown = replace(frame, load=partial(image_of_size, frame, self._size))
@@ -166,17 +168,21 @@ def _settings_of(content: dict[str, Any], name: str) -> DefaultSettings:
         values = {key: str(value) for key, value in content.items() if key != "preset"}
         settings = with_overrides(preset(str(content.get("preset"))), values)
     except SettingError as error:
-        raise FormatError(f"{name}: was made by another version of this program ({error})") from None
+        raise FormatError(f"{name}: was written by another version of this program ({error})") from None
     if not isinstance(settings, DefaultSettings):
-        raise FormatError(f"{name}: was made with preset {settings.name}, which saves no state")
+        raise FormatError(f"{name}: was written with preset {settings.name}, which saves no state")
     return settings
 
 
 def remaining(calibrator: OnlineCalibrator, recording: Iterable[Frame]) -> Iterator[Frame]:
-    """Give the frames of a recording that were not pushed to a calibrator yet, after replaying those that it needs.
+    """Yield the frames of a recording that a calibrator has not seen yet, after replaying those it needs.
 
-    The calibrator is new, or was loaded from a state of a run over the same recording. FrameError if a frame that had
-    been read before cannot be read any more.
+    The calibrator is new, or was loaded from a state of a run over the same recording.
+
+    Raises
+    ------
+    FrameError
+        If a frame to replay can no longer be read.
     """
     replayed, done = calibrator.frames_to_replay, calibrator.frames
     for number, frame in enumerate(recording):
@@ -189,9 +195,10 @@ def remaining(calibrator: OnlineCalibrator, recording: Iterable[Frame]) -> Itera
 def drive(
     calibrator: OnlineCalibrator, frames: Iterable[Frame], after_frame: Callable[[Frame, bool], None] | None = None
 ) -> None:
-    """Push all frames :func:`remaining`, decoded ahead by another thread: the only loop over frames.
+    """Push all :func:`remaining` frames, decoded ahead by another thread. This is the only loop over frames.
 
-    ``after_frame`` is called after each frame with it and whether it could be used; it ends the run early by raising.
+    ``after_frame`` is called after each frame with the frame and whether it could be used. It may raise an exception
+    to end the run early.
     """
     prefetcher = calibrator.prefetcher
     with one_library_thread():
@@ -217,29 +224,29 @@ def calibrate(
     Parameters
     ----------
     recording
-        A recording, the path of one, or any iterable of frames or of (image, exposure in ms).
+        A recording, its path, or any iterable of frames or of (image, exposure in ms) tuples.
     settings
         Settings of the method, or the name of a preset.
     correct_lag
-        What to do where exposures are written beside other frames than their own: correct it where it is certain
-        (``"auto"``), ``"never"``, or by that many frames, positive if exposures come late.
+        What to do if exposures are recorded with the wrong frames: correct the lag if it is certain (``"auto"``),
+        never correct it (``"never"``), or correct it by this many frames, positive if exposures are late.
     progress
-        Called after every frame. It may raise ``KeyboardInterrupt`` (as Ctrl-C does at any time): the calibration
-        from the frames up to then is returned, marked partial.
+        Called after every frame. If it raises ``KeyboardInterrupt``, as Ctrl-C does, the calibration from the frames
+        so far is returned, marked as partial.
 
     Returns
     -------
     Calibration
-        Its ``verdicts`` say what could be known. Parts that could not are None.
+        Its ``verdicts`` state which parts could be determined; the others are None.
 
     Raises
     ------
     RecordingError
         If the recording cannot be opened.
     SettingError
-        If ``correct_lag`` is none of these, or leaves nothing of the frames.
+        If ``correct_lag`` is invalid, or not smaller than the number of frames.
     OspcError
-        If none of its frames can be used.
+        If no frame can be used.
     """
     source = open_recording(recording) if isinstance(recording, str | Path) else recording
     if isinstance(source, Recording):

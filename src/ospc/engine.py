@@ -1,4 +1,4 @@
-"""The run: everything a frame goes through, in one place. Whatever calibrates drives this."""
+"""The calibration engine: every step a frame goes through. All commands and calibrators use it."""
 
 from __future__ import annotations
 
@@ -33,18 +33,18 @@ from ospc.settings import Settings, as_dict, preset
 from ospc.versions import versions
 
 REMEMBERED_REASONS, FIRST_REASONS = 20, 3
-"""How many of the latest, and of the first, reasons for skipping a frame are kept."""
+"""How many of the latest and of the first reasons for skipping a frame are kept."""
 
 HASHED_FRAMES = 4
-"""Frames in the hash by which a stream is recognized."""
+"""Number of frames in the hash that identifies a stream."""
 
 
 @dataclass(frozen=True)
 class Status:
-    """Where a run stands.
+    """Status of a run.
 
-    ``frames`` is the number of frames pushed so far, skipped ones included; ``skipped`` says why frames could not be
-    used, the latest last, at most twenty; ``progress`` has the method's own figures.
+    ``frames`` counts the frames pushed so far, including skipped ones. ``skipped`` has the reasons of the last twenty
+    skipped frames at most, the latest last. ``progress`` has figures from the method.
     """
 
     frames: int
@@ -53,27 +53,27 @@ class Status:
 
 
 class Engine:
-    """Takes the frames of one camera one by one, in bounded memory, and knows the calibration at any moment.
+    """Processes the frames of one camera in bounded memory. The calibration is available at any time.
 
-    Frames are numbered in the order in which they are pushed. All methods may be called by any thread.
+    Frames are numbered in the order in which they are pushed. All methods are thread-safe.
 
     Parameters
     ----------
     settings
         Settings of the method, or the name of a preset.
     correct_lag
-        What to do where exposures are written beside other frames than their own: correct it where it is certain
-        (``"auto"``), ``"never"``, or by so many frames, positive if exposures come late.
+        What to do if exposures are recorded with the wrong frames: correct the lag if it is certain (``"auto"``),
+        never correct it (``"never"``), or correct it by this many frames, positive if exposures are late.
 
     Attributes
     ----------
     source
-        Identification of the recording the frames come from, kept with states; empty for a live camera.
+        Identification of the recording, saved in states; empty for a live camera.
     prior
-        An earlier calibration of the camera. Calibrations start from it as long as it agrees with the frames; None
-        for none. It is not kept with states.
+        An earlier calibration of the camera, or None. It is used as a prior as long as it agrees with the frames.
+        It is not saved in states.
     pixels
-        Statistics of the grey values of the frames processed in this epoch.
+        Grey value statistics of the frames processed in this epoch.
     prefetcher
         Predicts which frames will be needed, and keeps those that another thread preprocessed ahead of time.
     """
@@ -97,20 +97,20 @@ class Engine:
         self._reasons: list[str] = []
         self._first_reasons: list[str] = []
         self._first_frames = ("", 0)
-        self._partly_processed = ""  # name of a frame in whose processing something failed
+        self._partly_processed = ""  # name of a frame whose processing failed halfway
 
     def push(self, frame: Frame) -> bool:
-        """Take the next frame and return whether it could be used; most often it is not even decoded.
+        """Process the next frame and return whether it could be used. Most frames are not even decoded.
 
         A frame that cannot be read, or whose size, exposure, largest grey value or mask is wrong, is skipped and
-        counted; the run goes on.
+        counted.
 
         Raises
         ------
         FrameError
-            If it is no frame.
+            If ``frame`` is not a :class:`Frame`.
         RecordingError
-            If no frame can be read any more. Nothing has changed then, and the frame may be pushed again.
+            If no more frames can be read. The state is unchanged, and the frame may be pushed again.
         """
         with self._lock:
             check_is_frame(frame, self.frames)
@@ -133,9 +133,9 @@ class Engine:
             return True
 
     def push_without_image(self, exposure_ms: float, name: str, unusable: str = "") -> bool:
-        """Count a frame whose image is not wanted, and return whether it could have been used for all that is known.
+        """Count a frame whose image is not needed, and return whether it could have been used.
 
-        ``unusable`` says why its image cannot be used, where somebody looked at it.
+        ``unusable`` is the reason why its image cannot be used, if it has been checked.
         """
         with self._lock:
             self._exposures.table.append(exposure_ms)
@@ -150,9 +150,9 @@ class Engine:
     # The steps of push.
 
     def _process(self, frame: Frame) -> None:
-        """Take a frame through the steps of the method: all of them, only the comparison of brightness, or none."""
+        """Run all steps of the method on a frame, only the comparison of brightness, or none."""
         method = self._started(frame)
-        self._hash(frame)  # first: where the image cannot be read, nothing is learned from the frame
+        self._hash(frame)  # first: if the image cannot be read, the state must not change
         change: Change | None = None
         brightness: BrightnessChange | None = None
         if self._sampler.processes_next:
@@ -168,7 +168,7 @@ class Engine:
         self._exposures.assess_if_due()
 
     def _started(self, frame: Frame) -> Method:
-        """Return the method, made for frames like the first."""
+        """Return the method, creating it for frames like the first."""
         if self._method is None:
             size = size_of(frame.image)
             self._method = self.settings.build(size, frame.max_grey)
@@ -176,16 +176,16 @@ class Engine:
         return self._method
 
     def _hash(self, frame: Frame) -> None:
-        """Take the first frames into the hash by which this stream of frames is recognized."""
+        """Add the first frames to the hash that identifies this stream."""
         digest, count = self._first_frames
         if count < HASHED_FRAMES:
             content = f"{digest} {frame.stamp_s!r} {frame.exposure_ms!r} ".encode() + frame.image.tobytes()
             self._first_frames = (sha256(content).hexdigest(), count + 1)
 
     def _observe(self, method: Method, frame: Frame) -> tuple[Change | None, BrightnessChange | None]:
-        """Preprocess a frame and accumulate what it shows; return what changed of the camera, and in brightness.
+        """Preprocess a frame and accumulate its samples; return a change of the camera, and of brightness.
 
-        Meanwhile, the second thread counts grey values and compares the brightness with that of the frame before.
+        Meanwhile, the second thread counts grey values and compares the brightness with the previous frame.
         """
         prepared, precomputed = self.prefetcher.preprocessed(frame)
         counting = self._second.submit(self.pixels.observe, frame, prepared.thumbnail)
@@ -199,16 +199,16 @@ class Engine:
         return change, brightness
 
     def _detect_lag_change(self, other: Change | None) -> Change | None:
-        """Return a change of the lag of the exposures, which may explain another change of the camera."""
+        """Return a change of the exposure lag, which may explain another change of the camera."""
         found = self._exposures.detect_lag_change(camera_changed=other is not None)
         if found is None:
             return None
         late = lag_in_words(found.later_frames)
-        text = f"the exposures are written {late} compared with before, since about frame {found.frame}"
+        text = f"since about frame {found.frame}, exposures are recorded {late} compared with earlier frames"
         return Change(found.frame, self.frames - 1, "exposures", text)
 
     def _begin_epoch(self, method: Method, change: Change) -> Method:
-        """End the epoch with the calibration before a change of the camera, and go on with what came after it."""
+        """End the epoch with the calibration before a change of the camera, and continue with the frames after it."""
         first, later = self.epochs[-1].first_frame, method.split(change.frame)
         found, exposures = self._exposures.split(change.frame)
         grey_range = self.pixels.range_before(change.frame)
@@ -222,7 +222,7 @@ class Engine:
         return later
 
     def _skip(self, reason: str) -> None:
-        """Go on without a frame, for a reason if it could not be used."""
+        """Skip a frame; ``reason`` is empty if it could have been used."""
         if reason:
             self._skipped += 1
             self._reasons = [*self._reasons, reason][-REMEMBERED_REASONS:]
@@ -230,14 +230,14 @@ class Engine:
         self._sampler.skip()
 
     def _update_prefetcher(self) -> None:
-        """Tell the prefetcher, which waits for no other thread, what decides on the next frames."""
+        """Pass the prefetcher a copy of what selects the next frames, so that it never waits for the lock."""
         every = self._method is not None and self._method.longest_pause == 0
         self.prefetcher.update(self._sampler, self._size, every=every)
 
     # The result of the frames so far.
 
     def calibration(self) -> Calibration:
-        """Return what is known now; pushing may go on afterwards. OspcError if no frame could be read so far."""
+        """Return the calibration from the frames so far; more may be pushed later. OspcError if none was usable."""
         with self._lock:
             if self._method is None:
                 why = f": {self._reasons[-1]}" if self._reasons else ""
@@ -250,7 +250,7 @@ class Engine:
             return replace(judged, source=self.source | judged.source)
 
     def _used_exposures(self) -> tuple[ExposureTable, ExposureFindings]:
-        """Return the exposures as the result uses them, and what was found about them."""
+        """Return the exposures that the result uses, and the findings about them."""
         exposures, found = self._exposures.corrected_table, self._exposures.findings()
         if self._method is None:
             return exposures, found
@@ -259,9 +259,9 @@ class Engine:
     def _after_fit(
         self, method: Method, exposures: ExposureTable, found: ExposureFindings, grey_range: GreyRange
     ) -> tuple[ExposureTable, ExposureFindings]:
-        """Return exposures and findings, judged by a fit and by the images.
+        """Return exposures and findings, checked against a fit and the images.
 
-        Exposures are as written where the fit shows that they were not to be moved.
+        A lag correction is undone if the fit contradicts it.
         """
         inputs = method.inputs(exposures, grey_range)
         moved = found.corrected_frames and self._exposures.choice == "auto"
@@ -272,12 +272,12 @@ class Engine:
         return exposures, found.of_interlaced_images() if self.pixels.interlaced else found
 
     def _with_verdicts(self, known: Calibration, found: ExposureFindings, frames: int) -> Calibration:
-        """Return the calibration from so many frames with the verdicts that their exposures allow."""
+        """Return the calibration from this many frames with the verdicts that their exposures allow."""
         verdicts = {name: found.limited(verdict) for name, verdict in known.verdicts.items()}
         advice = (found.verdict.remedy, *known.advice) if found.warnings else known.advice
         verdicts["exposures"] = found.verdict
         lost = why_most_are_lost(self._skipped, self.frames, self._first_reasons)
-        if lost:  # more frames of the same kind would not help
+        if lost:  # the usual remedies ask for more frames, which would be lost as well
             verdicts = {n: v if v.state == "identifiable" else replace(v, remedy=lost) for n, v in verdicts.items()}
             advice = (lost, *advice)
         source: dict[str, Any] = {"exposure_lag_frames": found.lag_frames}
@@ -298,62 +298,62 @@ class Engine:
         )
 
     def exposure_findings(self) -> ExposureFindings:
-        """Return what the images say about the exposures so far; OspcError if no frame could be read."""
+        """Return the findings about the exposures so far; OspcError if no frame was usable."""
         with self._lock:
             if self._method is None:
-                raise OspcError("no frame could be used, so nothing is known about the exposures")
+                raise OspcError("no frame could be used, so the exposures could not be checked")
             return self._used_exposures()[1]
 
     def inputs(self) -> FitInputs | None:
-        """Return the evidence on response and vignette; None where there is none that could be merged."""
+        """Return the inputs of the fit of response and vignette; None if nothing can be merged."""
         with self._lock:
             if self._method is None:
                 return None
             return self._method.inputs(self._used_exposures()[0], self.pixels.grey_range)
 
     def summary(self) -> Summary | None:
-        """Return what is known as a value that can be merged with others; None where nothing is."""
+        """Return a summary that can be merged with others; None if there is nothing to merge."""
         inputs = self.inputs()
         return None if inputs is None else summary_of(inputs, self._first_frames[0], self.source, self.frames)
 
     def preview(self) -> Preview | None:
-        """Return quick estimates and what they rest on, to be watched during a run; None before there are any."""
+        """Return quick estimates and the data behind them, for display during a run; None before there are any."""
         with self._lock:
             return None if self._method is None else self._method.preview(self._exposures.table)
 
-    # What can be asked without waiting for other threads.
+    # These do not wait for other threads.
 
     @property
     def status(self) -> Status:
-        """Where the run stands; cheap enough to ask for after every frame."""
+        """Status of the run; cheap enough to read after every frame."""
         progress = self._method.progress if self._method else Progress()
         return Status(self.frames, tuple(self._reasons), progress)
 
     @property
     def frames(self) -> int:
-        """Frames pushed so far, skipped ones included: the number of the next."""
+        """Number of frames pushed so far, including skipped ones."""
         return len(self._exposures.table)
 
     @property
     def processed(self) -> int:
-        """Frames processed so far."""
+        """Number of frames processed so far."""
         return self._sampler.processed
 
     @property
     def epochs(self) -> tuple[Epoch, ...]:
-        """The epochs of the camera so far, one more than it changed; the present one is the last."""
+        """The epochs of the camera so far; a new one begins with each change, and the last is the current one."""
         ended = tuple(self._epochs)  # read once: the thread that pushes may add one at any time
         first = ended[-1].last_frame + 1 if ended else 0
         return (*ended, Epoch(first, self.frames - 1, None, None))
 
     @property
     def first_reasons(self) -> tuple[str, ...]:
-        """Why the first frames that could not be used were skipped, at most three."""
+        """Why the first unusable frames were skipped, three at most."""
         return tuple(self._first_reasons)
 
     @property
     def correct_lag(self) -> LagChoice:
-        """What is done about a lag of the exposures."""
+        """How a lag of the exposures is handled."""
         return self._exposures.choice
 
     @property
@@ -362,5 +362,5 @@ class Engine:
         return self._exposures.history
 
     def may_need_image(self, number: int) -> bool:
-        """Whether the image of the frame with this number can be needed at all."""
+        """Whether the image of the frame with this number may be needed."""
         return self._exposures.lag_is_uncertain or self.prefetcher.needs(number)

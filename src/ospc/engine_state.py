@@ -1,4 +1,4 @@
-"""What an engine knows, as values: the epochs of the camera, and all that a run goes on from."""
+"""The state of an engine as plain values, with the epochs of the camera."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from ospc.photometry.calibration import Calibration
 
 @dataclass(frozen=True)
 class Epoch:
-    """A time in which the camera stayed the same: its frames, what was known at its end, and what changed then.
+    """A range of frames in which the camera did not change, its calibration, and the change that ended it.
 
-    ``calibration`` and ``change`` are None for the present epoch, whose calibration is the engine's.
+    ``calibration`` and ``change`` are None for the current epoch, whose calibration is that of the engine.
     """
 
     first_frame: int
@@ -28,12 +28,13 @@ class Epoch:
 
 @dataclass(frozen=True)
 class EngineState:
-    """All that an engine knows beside its method.
+    """State of an engine, except for its method.
 
-    ``settings`` has the name of the preset, too. ``size`` and ``max_grey`` are (0, 0) and 0 before there was a frame.
-    ``epochs`` are those that ended, as JSON-compatible values. ``reasons`` and ``first_reasons`` say why the latest
-    and the first frames could not be used. ``first_frames`` is a hash over the first usable frames, which tells
-    streams apart, and how many it covers. ``source`` identifies the recording; it is empty for a live camera.
+    ``settings`` includes the name of the preset. ``size`` and ``max_grey`` are (0, 0) and 0 before the first frame.
+    ``epochs`` has the past epochs as JSON-compatible values. ``reasons`` and ``first_reasons`` say why the latest
+    and the first unusable frames were skipped. ``first_frames`` is a hash of the first usable frames, which
+    identifies the stream, and the number of frames in it. ``source`` identifies the recording; it is empty for a live
+    camera.
     """
 
     settings: dict[str, Any]
@@ -59,7 +60,7 @@ def epoch_content(epoch: Epoch) -> dict[str, Any]:
 
 
 def epoch_of(content: dict[str, Any]) -> Epoch:
-    """Return the epoch that :func:`epoch_content` made values of."""
+    """Return the epoch from the values of :func:`epoch_content`."""
     change = None if content["change"] is None else Change(**content["change"])
     calibration = None if content["calibration"] is None else Calibration.from_dict(content["calibration"])
     return Epoch(int(content["first_frame"]), int(content["last_frame"]), calibration, change)

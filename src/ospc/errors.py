@@ -1,7 +1,7 @@
-"""What can go wrong, as one family of exceptions.
+"""The exceptions of the library, and helpers for their messages.
 
-Every error the library raises on purpose derives from :class:`OspcError`. Its message is one sentence that names
-the file or value, says what is wrong with it and what to do; the command prints it as it stands.
+Every error the library raises on purpose derives from :class:`OspcError`. The message is one sentence that names
+the file or value, says what is wrong with it and what to do. The command line prints it unchanged.
 """
 
 from __future__ import annotations
@@ -19,23 +19,23 @@ UNREADABLE = (
     *(NotImplementedError, RuntimeError, SyntaxError, tokenize.TokenError),
     *(struct.error, zlib.error, zipfile.BadZipFile),
 )
-"""What zipfile, numpy and json raise for content that somebody forged or another program wrote."""
+"""Exceptions that zipfile, numpy and json raise for malformed content."""
 
 _MESSAGE_CHARACTERS = 1500
-"""Characters of a message before its middle is left out: libraries quote as much of a file as there is."""
+"""Longest message before its middle is cut: some libraries quote entire files."""
 
 _SHOWN_CHARACTERS, _SHOWN_ITEMS = 40, 3
-"""Characters of a quotation before it is cut, and items of a list that a message names."""
+"""Longest quotation, and most items of a list, that a message shows."""
 
 _NO_MEMORY = ("std::bad_alloc", "Failed to allocate", "failed to map segment", "Cannot allocate memory")
-"""What the libraries below, and the loader, say where memory ends."""
+"""How libraries and the loader report running out of memory."""
 
 
 class OspcError(Exception):
-    """Root of all errors raised by the library.
+    """Base of all errors raised by the library.
 
-    The message is one sentence. What it quotes of a file or a name is escaped, so that it stays on one line and no
-    terminal obeys it; of a very long one the middle is left out.
+    The message is one sentence. It is escaped, so that it stays on one line and contains no control sequences for
+    the terminal. If it is very long, its middle is cut.
     """
 
     def __init__(self, message: str = "") -> None:
@@ -45,33 +45,33 @@ class OspcError(Exception):
 
 
 class RecordingError(OspcError):
-    """A recording cannot be opened or does not hold what a recording must hold."""
+    """A recording cannot be opened, or its content is not valid."""
 
 
 class FrameError(RecordingError):
-    """One frame cannot be read; the others may still be good."""
+    """A frame cannot be read; others may still be usable."""
 
 
 class ExposureError(RecordingError):
-    """Exposures are missing, invalid, or do not belong to the images."""
+    """Exposures are missing or invalid, or do not match the images."""
 
 
 class FormatError(OspcError):
-    """A calibration or parameter file breaks the rules of its format."""
+    """A calibration or parameter file does not follow its format."""
 
 
 class SettingError(OspcError):
-    """A setting has a value the method cannot work with."""
+    """A setting has an invalid value."""
 
 
 class NotObservableError(OspcError):
-    """What was asked for cannot be known from the data given."""
+    """The data do not determine the requested quantity."""
 
 
 class MissingExtraError(OspcError):
-    """An optional dependency, which an extra of this package brings, is needed for what was asked.
+    """A feature needs an optional dependency, which an extra of this package installs.
 
-    ``feature`` is what the user asked for, as the subject of a sentence.
+    ``feature`` is the subject of the message.
     """
 
     def __init__(self, feature: str, extra: str) -> None:
@@ -82,7 +82,7 @@ class MissingExtraError(OspcError):
 
 @contextmanager
 def needs_extra(feature: str, extra: str) -> Iterator[None]:
-    """Raise a :class:`MissingExtraError` if something cannot be imported."""
+    """Turn an ImportError into a :class:`MissingExtraError`."""
     try:
         yield
     except ImportError:
@@ -91,7 +91,7 @@ def needs_extra(feature: str, extra: str) -> Iterator[None]:
 
 @contextmanager
 def os_error_as(kind: type[OspcError], what: str, remedy: str = "") -> Iterator[None]:
-    """Raise an error of this kind, ``what (reason); remedy``, where the operating system refuses something."""
+    """Turn an OSError into an error of this kind with the message ``what (reason); remedy``."""
     try:
         yield
     except OSError as error:
@@ -104,29 +104,29 @@ def said_by(error: BaseException, most: int | None = None) -> str:
 
 
 def one_line(error: BaseException) -> str:
-    """Return what an error says on one line; one that nobody expected with its type."""
+    """Return the message of an error on one line, with the type of the error if it is unexpected."""
     text = said_by(error)
     if isinstance(error, MemoryError) or any(sign in text for sign in _NO_MEMORY):
-        return "there is not enough memory; end other programs, or allow this one more (ulimit -v)"
+        return "not enough memory; close other programs, or raise the memory limit of this one (ulimit -v)"
     return text if isinstance(error, OspcError) else f"unexpected {type(error).__name__}: {text}".rstrip(": ")
 
 
 def quoted(text: str) -> str:
-    """Return a text from a file in quotes, shortened, on one line, with control characters escaped."""
+    """Return a text in quotes on one line, shortened and with control characters escaped."""
     if len(text) > _SHOWN_CHARACTERS:
         text = text[:_SHOWN_CHARACTERS] + "…"
     return f"'{escaped(text)}'"
 
 
 def escaped(text: str) -> str:
-    """Return a text from a file on one line, with everything escaped that a terminal would interpret."""
-    if text.isprintable():  # nearly always, and some texts are whole pictures
+    """Return a text on one line, with everything escaped that a terminal would interpret."""
+    if text.isprintable():  # almost always, and some texts are entire images
         return text
     return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text)
 
 
 def listed(items: Sequence[object]) -> str:
-    """Return the first few of many as 'a, b, c and 7 more'."""
+    """Return the first few items as 'a, b, c and 7 more'."""
     shown = ", ".join(escaped(str(item)) for item in items[:_SHOWN_ITEMS])
     rest = len(items) - _SHOWN_ITEMS
     return f"{shown} and {rest} more" if rest > 0 else shown

@@ -1,4 +1,4 @@
-"""Output folders: made before the work begins, and written to by one process at a time."""
+"""Output folders: created before work begins, and used by one process at a time."""
 
 from __future__ import annotations
 
@@ -12,35 +12,39 @@ from ospc.errors import SettingError, os_error_as
 
 try:
     import fcntl
-except ImportError:  # Windows has no such locks; there, nothing keeps a second process out
+except ImportError:  # Windows has no such locks, so a second process is not kept out
     fcntl = None  # type: ignore[assignment]
 
 
 def check_usable(
     place: Path, recording: Path | None = None, check_content: Callable[[Path], None] = lambda _place: None
 ) -> None:
-    """Refuse what cannot be, or become, a folder to write to, before anything is changed.
+    """Check that a path can be used as an output folder, without changing anything.
 
-    SettingError if it is a file, a link to nothing, not writable, or the folder of the recording itself or of its
-    images. ``check_content`` is asked about a folder that is there, and may refuse it.
+    ``check_content`` is called with a folder that exists, and may raise an error.
+
+    Raises
+    ------
+    SettingError
+        If the path is a file, a broken link, not writable, or the folder of the recording or of its images.
     """
     with os_error_as(SettingError, f"{place}: cannot be used for output", "choose another folder"):
         if recording is not None and _holds(recording.resolve(), place.resolve()):
-            raise SettingError(f"{place}: holds the recording itself; choose another folder for the output")
+            raise SettingError(f"{place}: contains the recording itself; choose another folder for the output")
         if place.is_symlink() and not place.exists():
-            raise SettingError(f"{place}: is a link to nothing ({place.readlink()}); choose another folder")
+            raise SettingError(f"{place}: is a broken link (to {place.readlink()}); choose another folder")
         if place.exists() and not place.is_dir():
-            raise SettingError(f"{place}: is a file; name a folder for the output")
+            raise SettingError(f"{place}: is a file; choose a folder for the output")
         nearest = next(folder for folder in (place, *place.absolute().parents) if folder.exists())
         if nearest == place:
             check_content(place)
     if not (nearest.is_dir() and os.access(nearest, os.W_OK | os.X_OK)):
-        why = "is not writable" if nearest == place else f"cannot be made: {nearest} is not writable"
+        why = "is not writable" if nearest == place else f"cannot be created: {nearest} is not writable"
         raise SettingError(f"{place}: {why}; choose another folder")
 
 
 def _holds(recording: Path, place: Path) -> bool:
-    """Return whether a folder holds files of the recording: its own folder, its images, or the folder of a video."""
+    """Return whether a folder contains files of the recording: its own folder, its images, or a video."""
     return place in (recording, (recording / "images").resolve()) or (
         recording.is_file() and place == recording.parent
     )
@@ -48,16 +52,20 @@ def _holds(recording: Path, place: Path) -> bool:
 
 @contextmanager
 def reserved(folder: str | Path) -> Iterator[Path]:
-    """Make a folder and keep other processes that reserve it out.
+    """Create a folder and lock it against other processes that reserve it.
 
-    The lock is on the folder itself: it leaves no file behind, and ends with the process, however that ends. A folder
-    that was made here and is still empty at the end is removed again. Unfinished files of processes that were killed
-    are removed. SettingError if it cannot be made or written to, or somebody else has reserved it.
+    The lock is on the folder itself. It needs no file, and is released when the process ends for any reason. Files
+    left unfinished by killed processes are removed, and so is a new folder if it is still empty at the end.
+
+    Raises
+    ------
+    SettingError
+        If the folder cannot be created or written to, or another process has reserved it.
     """
     place = Path(folder)
     check_usable(place)
     made = [path for path in (place, *place.parents) if not path.exists()]
-    with os_error_as(SettingError, f"{place}: cannot be made", "choose another folder"):
+    with os_error_as(SettingError, f"{place}: cannot be created", "choose another folder"):
         place.mkdir(parents=True, exist_ok=True)
     try:
         with _locked(place):
@@ -70,7 +78,7 @@ def reserved(folder: str | Path) -> Iterator[Path]:
 
 
 def _remove_unfinished(place: Path) -> None:
-    """Remove the unfinished files in a locked folder, and in those below that nobody else has locked."""
+    """Remove the unfinished files in a locked folder, and in its subfolders that no other process has locked."""
     if fcntl is None:
         return
     for path in place.rglob(".*.part"):
@@ -90,7 +98,7 @@ def _locked(place: Path) -> Iterator[None]:
     except BlockingIOError:
         os.close(descriptor)
         raise SettingError(
-            f"{place}: another process is writing into it; wait until it has finished, or choose another folder"
+            f"{place}: another process is writing to it; wait until it has finished, or choose another folder"
         ) from None
     except OSError:
         pass  # some network file systems have no locks

@@ -1,4 +1,4 @@
-"""Whether a frame can be used: its image, its exposure and its mask have to fit the first frame of the run."""
+"""Checks that a frame can be used: image, exposure and mask must be consistent with the first frame of the run."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from ospc.recording.frame import Frame, check_exposure, size_of
 
 
 def check_is_frame(pushed: object, number: int) -> None:
-    """Raise a FrameError where something else than a frame was pushed."""
+    """Raise a FrameError if the pushed object is not a frame."""
     if not isinstance(pushed, Frame):
         raise FrameError(
-            f"frame {number}: a Frame must be pushed, not {type(pushed).__name__}; make one with "
+            f"frame {number}: expected a Frame, not {type(pushed).__name__}; create one with "
             "Frame.of_array(image, exposure_ms)"
         )
 
 
 def checked_frame(frame: Frame, number: int, size: ImageSize | None, max_grey: int) -> Frame:
-    """Return a frame under its number in the run, with an image that has the size of the first.
+    """Return a checked frame with its number in the run as index.
 
-    Most frames need not be decoded: their files are only checked to be there and whole.
+    If the frame can verify its file without decoding it, the image and its size are checked when it is loaded.
 
     Parameters
     ----------
@@ -46,27 +46,27 @@ def checked_frame(frame: Frame, number: int, size: ImageSize | None, max_grey: i
         checked.load()
     if size is not None and frame.max_grey != max_grey:
         raise FrameError(
-            f"{frame.name}: its largest grey value is {frame.max_grey}, but that of the first frame "
-            f"{max_grey}; calibrate each bit depth on its own"
+            f"{frame.name}: its largest grey value is {frame.max_grey}, but that of the first frame is "
+            f"{max_grey}; calibrate each bit depth separately"
         )
     if frame.mask is not None and size_of(frame.mask) != expected:
         width, height = size_of(frame.mask)
         raise FrameError(
             f"{frame.name}: its mask has {width}×{height} pixels, but the frames have {expected[0]}×{expected[1]}; "
-            "make them equal"
+            "use a mask of the same size"
         )
     if frame.mask is not None and not frame.mask.any():
-        raise FrameError(f"{frame.name}: its mask leaves no pixel; True is where pixels may be used")
+        raise FrameError(f"{frame.name}: its mask excludes every pixel; True marks pixels that may be used")
     return checked
 
 
 def image_of_size(frame: Frame, size: ImageSize) -> Image:
-    """Return a frame's image; FrameError if it has another size than the first."""
+    """Return a frame's image; FrameError if its size differs from the first."""
     width, height = size_of(frame.image)
     if (width, height) != size:
         raise FrameError(
             f"{frame.name}: {width}×{height} pixels, but the first frame has {size[0]}×{size[1]}; "
-            "calibrate each image size on its own"
+            "calibrate each image size separately"
         )
     return frame.image
 
@@ -77,7 +77,7 @@ def skipped_in_words(skipped: int, frames: int, reasons: Sequence[str]) -> str:
 
 
 def why_most_are_lost(skipped: int, frames: int, reasons: Sequence[str]) -> str:
-    """Return how many frames could not be used, and the first reason, if those are most; otherwise nothing."""
+    """Return how many frames could not be used and the first reason, or "" unless these are most of the frames."""
     if 2 * skipped <= frames:
         return ""
     return ": ".join([f"{skipped} of {frames} frames could not be used", *reasons[:1]])

@@ -1,4 +1,4 @@
-"""Non-negative least squares: SciPy's takes a quarter of a second to import, and a tenth of a run's memory."""
+"""Non-negative least squares. Importing SciPy's takes a quarter of a second and a tenth of a run's memory."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ import numpy as np
 from ospc.arrays import BoolArray, FloatArray
 
 _ROUNDS_PER_UNKNOWN = 3
-"""Most rounds for each unknown, as in SciPy; half a round is usual."""
+"""Maximum number of rounds per unknown, as in SciPy; half a round is typical."""
 
 
 def non_negative_least_squares(matrix: FloatArray, target: FloatArray) -> FloatArray:
-    """Return the x ≥ 0 that makes A x nearest to b, by the active-set method of Lawson and Hanson (1974, ch. 23).
+    """Return the x ≥ 0 that minimises |A x - b|, by the active-set method of Lawson and Hanson (1974, ch. 23).
 
     Parameters
     ----------
@@ -26,7 +26,7 @@ def non_negative_least_squares(matrix: FloatArray, target: FloatArray) -> FloatA
     Raises
     ------
     ArithmeticError
-        If rounding errors keep it from ending.
+        If rounding errors prevent convergence.
     """
     unknowns = matrix.shape[1]
     tolerance = 10 * max(matrix.shape) * np.finfo(np.float64).eps * np.abs(matrix).sum(axis=0).max(initial=0.0)
@@ -40,12 +40,12 @@ def non_negative_least_squares(matrix: FloatArray, target: FloatArray) -> FloatA
         free[entering] = True
         solution = _solution(matrix, target, free)
         if solution[entering] <= 0:
-            # By exact arithmetic it would be positive: this one depends on those that are free already.
+            # In exact arithmetic it would be positive; its column depends on those that are free already.
             free[entering], refused[entering] = False, True
             continue
         refused[:] = False
         while np.any(solution[free] <= 0):
-            # Go towards the solution as far as all stay positive, and hold those that get to zero there.
+            # Step towards the solution until an unknown reaches zero, and keep that unknown at zero.
             ends = free & (solution <= 0)
             steps = found[ends] / (found[ends] - solution[ends])
             found += steps.min() * (solution - found)
@@ -53,11 +53,11 @@ def non_negative_least_squares(matrix: FloatArray, target: FloatArray) -> FloatA
             found[~free] = 0.0
             solution = _solution(matrix, target, free)
         found = solution
-    raise ArithmeticError("non-negative least squares did not end")
+    raise ArithmeticError("non-negative least squares did not converge")
 
 
 def _solution(matrix: FloatArray, target: FloatArray, free: BoolArray) -> FloatArray:
-    """Return the least squares solution in which only some unknowns differ from zero, shape (n,)."""
+    """Return the least squares solution in which only free unknowns differ from zero, shape (n,)."""
     solution = np.zeros(len(free))
     solution[free] = np.linalg.lstsq(matrix[:, free], target, rcond=None)[0]
     return solution

@@ -1,4 +1,4 @@
-"""Threads of the libraries, of which this program needs none: it has its own."""
+"""Limits on the threads of libraries; this program uses its own threads instead."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from threadpoolctl import ThreadpoolController
 
 @contextmanager
 def one_library_thread() -> Iterator[None]:
-    """Keep OpenCV and the linear algebra from using threads: images and matrices are small, and threads only wait."""
+    """Keep OpenCV and BLAS on one thread: images and matrices are too small to benefit from more."""
     before = cv2.getNumThreads()
     cv2.setNumThreads(1)
     try:
@@ -23,12 +23,12 @@ def one_library_thread() -> Iterator[None]:
 
 
 def one_blas_thread() -> AbstractContextManager[object]:
-    """Keep the linear algebra from using threads."""
+    """Keep BLAS on one thread."""
     limit: AbstractContextManager[object] = _libraries().limit(limits=1, user_api="blas")
     return limit
 
 
 @cache
 def _libraries() -> ThreadpoolController:
-    # Looking through all libraries that are loaded takes a millisecond, and a run does it hundreds of times.
+    # Searching the loaded libraries takes a millisecond, and a run needs it hundreds of times.
     return ThreadpoolController()

@@ -1,4 +1,4 @@
-"""Observations: scene points, each with its grey level in two or more frames. Estimators work on them."""
+"""Observations: scene points with their grey levels in two or more frames, the input of the estimators."""
 
 from __future__ import annotations
 
@@ -18,30 +18,31 @@ from ospc.robust import weighted_median
 from ospc.settings.correspondence import CLIPPED_MARGIN, POSITION_TOLERANCE
 
 POWERS = 5
-"""Powers of the grey level whose means are kept: a sum of them follows the inverse of smooth responses to 1 or 2 per
-cent, and glare is a few per cent of the mean irradiance. With three, dark surroundings of the simulator's filmic and
-logarithmic responses were wrong by a fifth."""
+"""Powers of the grey level whose means are kept. A polynomial of this degree approximates the inverse of smooth
+responses to 1 or 2 per cent, and glare is a few per cent of the mean irradiance. With three powers, dark surroundings
+were wrong by a fifth for the simulator's filmic and logarithmic responses."""
 
 MOMENTS = POWERS + 1
-"""These means, and the share of the pixels that are white: their irradiance is not known from their grey level."""
+"""These means, and the share of saturated pixels, whose grey level does not determine their irradiance."""
 
 _WIDTHS = {"position": (2,), "frame_moments": (MOMENTS,), "surround_moments": (1 + MOMENTS,)}
-"""Further dimensions of the fields that have some."""
+"""Additional dimensions of fields with more than one."""
 
 _SINGLE_PRECISION = ("frame_moments", "surround_moments")
-"""Fields of 32-bit floats: most of the memory is theirs, and errors of 1e-7 change light by less than noise does."""
+"""Fields of 32-bit floats: they take most of the memory, and rounding errors of 1e-7 are below the noise."""
 
 _OF_A_FRAME = ("grey", "grey_variance", "position", "gradient", "frame_moments", "surround_moments", "frame")
 
 
 class ExposureLookup(Protocol):
-    """Exposures by frame number, looked up when an estimate is made, not when a frame is observed.
+    """Exposures by frame number.
 
-    So a lag of the metadata that is found late applies to everything that was observed before.
+    They are looked up for each estimate, not when a frame is observed, so that a lag found later also applies to
+    earlier observations.
     """
 
     def log_exposure_of(self, frames: IntArray) -> FloatArray:
-        """Return ln of the exposure in milliseconds of frames, NaN where it is unknown, shape (n,) -> (n,)."""
+        """Return ln of the exposure in milliseconds of frames, NaN if unknown, shape (n,) -> (n,)."""
         ...
 
 
@@ -54,26 +55,26 @@ class Observations(ByValue):
     grey
         Grey level in [0, 1], shape (n,).
     grey_variance
-        Variance of the pixels that it is the mean of, noise included, shape (n,): where the response
-        is bent, their mean is not the grey level of their mean irradiance. Zeros where it is unknown.
+        Variance of the pixels averaged into the grey level, including noise, shape (n,). It is needed because for a
+        nonlinear response, the mean grey level is not the grey level of the mean irradiance. Zero if unknown.
     position
-        Place relative to the image centre in half diagonals, shape (n, 2).
+        Position relative to the image centre in half diagonals, shape (n, 2).
     gradient
-        Magnitude of the grey gradient around the place, per pixel of the image it was sampled in, shape (n,).
+        Magnitude of the grey gradient at the position, per pixel of the sampled image, shape (n,).
     frame_moments
-        Means of M … M⁵ over the frame, and the share of its pixels that are white, from which its mean irradiance
-        follows, shape (n, 6). Zeros where they are unknown: veiling glare is not noticed then.
+        Means of M … M⁵ over the frame, and the share of saturated pixels, shape (n, 6). They give the mean
+        irradiance of the frame. Zero if unknown; veiling glare is then not detected.
     surround_moments
-        Sums of 1, M … M⁵ and of the white pixels over the surroundings of the place, weighted by a normal
-        distribution whose standard deviation is a tenth of the width; beyond the frame all are zero, shape (n, 7).
-        Zeros where they are unknown: light scattered nearby and local tone mapping are not noticed then.
+        Sums of 1, M … M⁵ and of saturated pixels around the position, shape (n, 7), with Gaussian weights whose
+        standard deviation is a tenth of the width; pixels outside the frame count as zero. Zero if unknown; locally
+        scattered light and local tone mapping are then not detected.
     frame
         Number of the frame, shape (n,).
     point
         Number of the scene point, not decreasing, shape (n,).
     group
-        Number of the pair of frames (for a static series: of the frame) that the point belongs to. Errors within a
-        group may have a common cause, shape (n,).
+        Number of the pair of frames (for a static series: of the frame) that the point belongs to, shape (n,).
+        Errors within a group may have a common cause.
     """
 
     grey: FloatArray
@@ -105,7 +106,7 @@ class Observations(ByValue):
         surround_moments0: npt.ArrayLike = 0.0,
         surround_moments1: npt.ArrayLike = 0.0,
     ) -> Observations:
-        """Return the observations of scene points that were each found in two frames.
+        """Return the observations of scene points that were each seen in two frames.
 
         Parameters
         ----------
@@ -113,25 +114,25 @@ class Observations(ByValue):
             Grey levels in [0, 1] of each point in its two frames, shape (points,). Leave out points that are clipped
             in either frame.
         position0, position1
-            Places in these frames relative to the image centre in half diagonals, shape (points, 2).
-            :func:`ospc.photometry.geometry.normalised` makes them from pixel coordinates.
+            Positions in these frames relative to the image centre in half diagonals, shape (points, 2).
+            :func:`ospc.photometry.geometry.normalised` computes them from pixel coordinates.
         frame0, frame1
             Numbers of these frames, from 0, shape (points,), or one number for all points.
         grey_variance0, grey_variance1, gradient0, gradient1
-            As in the attributes, shape (points,) or one number. The gradient, in full scale per pixel, tells how much
-            an error of the registration changes the grey level.
+            As in the attributes, shape (points,) or one number. The gradient, in full scale per pixel, determines how
+            much a registration error changes the grey level.
         frame_moments0, frame_moments1, surround_moments0, surround_moments1
             As in the attributes, shapes (points, 6) and (points, 7), or one row for all points.
 
         Raises
         ------
         SettingError
-            If shapes do not fit or values are out of range.
+            If shapes do not match or values are out of range.
         """
         n = np.size(grey0)
         if np.shape(grey0) != (n,) or np.shape(grey1) != (n,):
             raise SettingError(
-                f"grey0 and grey1 must have one value for each scene point, not shapes {np.shape(grey0)} and "
+                f"grey0 and grey1 must have one value per scene point, not shapes {np.shape(grey0)} and "
                 f"{np.shape(grey1)}"
             )
         given = (
@@ -150,10 +151,10 @@ class Observations(ByValue):
     def alternating(
         cls, first: Mapping[str, npt.ArrayLike], second: Mapping[str, npt.ArrayLike], group: npt.ArrayLike
     ) -> Observations:
-        """Return the observations of points seen in two frames, from the fields of their first and second ones.
+        """Return the observations of points seen in two frames, from the fields in the first and the second.
 
         A field has a value for each point or one for all; ``group`` is the pair of each, shape (points,). Only shapes
-        are checked: a SettingError says which do not fit.
+        are checked; a SettingError names a field with a wrong one.
         """
         n = np.size(first["grey"])
 
@@ -176,12 +177,12 @@ class Observations(ByValue):
         return cls(**values, frame=frame, point=point, group=pair)
 
     def check(self) -> None:
-        """Check observations that were made elsewhere.
+        """Check observations from another source.
 
         Raises
         ------
         SettingError
-            If shapes do not fit, values are out of range, or a scene point has only one observation.
+            If shapes do not match, values are out of range, or a scene point has only one observation.
         """
         n = np.size(self.grey)
         for entry in fields(Observations):
@@ -190,20 +191,20 @@ class Observations(ByValue):
             if values.shape != shape:
                 raise SettingError(f"{entry.name} of {n} observations must have shape {shape}, not {values.shape}")
             if not np.all(np.isfinite(values)):
-                raise SettingError(f"{entry.name} must be finite; leave out points where it is unknown")
+                raise SettingError(f"{entry.name} must be finite; leave out points for which it is unknown")
         if np.any((self.grey < 0) | (self.grey > 1)):
-            raise SettingError("grey levels must lie in [0, 1]; divide grey values by the largest possible one")
+            raise SettingError("grey levels must be in [0, 1]; divide grey values by the largest possible value")
         moments = np.concatenate([self.frame_moments, self.surround_moments], axis=1)
         if np.any((moments < 0) | (moments > 1)):
-            raise SettingError("means of powers of the grey level must lie in [0, 1]")
+            raise SettingError("means of powers of the grey level must be in [0, 1]")
         if np.any(np.hypot(*self.position.T) > 1 + POSITION_TOLERANCE):
             raise SettingError(
-                "a position lies outside the image; positions are relative to its centre, in half diagonals"
+                "a position is outside the image; positions are relative to its centre, in half diagonals"
             )
         if np.any(self.gradient < 0) or np.any(self.grey_variance < 0) or np.any(self.frame < 0):
             raise SettingError("gradients, variances and frame numbers must not be negative")
         if np.any(np.diff(self.point) < 0) or np.any(self.counts < 2):
-            raise SettingError("each scene point needs two or more observations, one after the other")
+            raise SettingError("each scene point needs two or more observations, stored consecutively")
 
     def __len__(self) -> int:
         """Return the number of observations."""
@@ -213,8 +214,8 @@ class Observations(ByValue):
     def radial_reach(self) -> float:
         """Radial displacement, in half diagonals, of the scene points that determine the vignette.
 
-        Their information on it grows with the square of their displacement: half of it comes from points that move
-        farther than this.
+        The information about the vignette grows with the square of the displacement; half of it comes from points
+        that move farther than this.
         """
         radius = np.linalg.norm(self.position, axis=1)
         reach = self.combined(np.maximum, radius) - self.combined(np.minimum, radius)
@@ -237,30 +238,30 @@ class Observations(ByValue):
 
     @cached_property
     def group_number(self) -> IntArray:
-        """Number of the group of each observation, with none left out, shape (n,)."""
+        """Number of the group of each observation, renumbered without gaps, shape (n,)."""
         return np.unique(self.group, return_inverse=True)[1]
 
     @cached_property
     def frames_of_groups(self) -> IntArray:
-        """Numbers of the first and of the last frame of each group, shape (groups, 2)."""
+        """Numbers of the first and the last frame of each group, shape (groups, 2)."""
         point = np.unique(self.group_number[self.starts], return_index=True)[1]
         first = self.starts[point]
         return np.stack([self.frame[first], self.frame[first + self.counts[point] - 1]], axis=1)
 
     def combined(self, combine: np.ufunc, values: FloatArray) -> FloatArray:
         """Reduce the values of each point by ``np.add`` or another ufunc, shape (n, ...) -> (points, ...)."""
-        if self.in_pairs:  # in a tenth of the time
+        if self.in_pairs:  # ten times as fast
             return np.asarray(combine(values[0::2], values[1::2]))
         return np.asarray(combine.reduceat(values, self.starts, axis=0))
 
     def of_points(self: AnyObservations, chosen: Any) -> AnyObservations:
-        """Return the observations of some points, by a mask, shape (points,), or indices into :attr:`starts`."""
+        """Return the observations of some points, given by a mask, shape (points,), or indices into :attr:`starts`."""
         mask = np.zeros(len(self.starts), bool)
         mask[chosen] = True
         return self.where(np.repeat(mask, self.counts))
 
     def seen_twice(self: AnyObservations, mask: Any) -> AnyObservations:
-        """Return the observations where a mask, shape (n,), is true, of the points that have two or more of them."""
+        """Return the observations where a mask, shape (n,), is true, without points left with only one."""
         kept = self.where(mask)
         return kept.of_points(kept.counts >= 2)
 
@@ -269,7 +270,7 @@ class Observations(ByValue):
         return type(self)(**{f.name: getattr(self, f.name)[mask] for f in fields(self)})
 
     def with_exposures(self, exposures: ExposureLookup) -> ExposedObservations:
-        """Return the observations with the exposure of their frames; those of which it is unknown are left out."""
+        """Return the observations with the exposures of their frames, without those of unknown exposure."""
         log_exposure = exposures.log_exposure_of(self.frame)
         before, after = (exposures.log_exposure_of(self.frame + step) for step in (-1, 1))
         own = {f.name: getattr(self, f.name) for f in fields(Observations)}
@@ -281,15 +282,15 @@ class Observations(ByValue):
 
 @dataclass(frozen=True, eq=False)
 class ExposedObservations(Observations):
-    """Observations with the exposures of their frames: what a fit is made of.
+    """Observations with the exposures of their frames, the input of a fit.
 
     Attributes
     ----------
     log_exposure
         ln of the frame's exposure in milliseconds, shape (n,).
     log_exposure_rate
-        By how much it rises per frame, from the frame before to the one after; 0 where one of these is unknown,
-        shape (n,). Exposures that are late by a part of a frame are noticed by it.
+        Its increase per frame, from the previous to the next frame, shape (n,); 0 if one of these is unknown. It
+        reveals exposures that lag by a fraction of a frame.
     """
 
     log_exposure: FloatArray
@@ -297,7 +298,7 @@ class ExposedObservations(Observations):
 
     @property
     def exposure_range_ms(self) -> tuple[float, float]:
-        """Shortest and longest exposure; (inf, 0) where nothing was observed."""
+        """Shortest and longest exposure; (inf, 0) without observations."""
         low, high = self.log_exposure.min(initial=np.inf), self.log_exposure.max(initial=-np.inf)
         return float(np.exp(low)), float(np.exp(high))
 
@@ -310,13 +311,13 @@ class ExposedObservations(Observations):
         return float(np.max(highest - lowest))
 
     def stretched(self, grey_range: GreyRange) -> ExposedObservations:
-        """Return what lies between black and white, with black at grey level 0 and white at 1."""
+        """Return the observations between black and white, rescaled to black at 0 and white at 1."""
         if grey_range.is_full:
             return self
         low = grey_range.black + CLIPPED_MARGIN * (grey_range.black > 0)
         high = grey_range.white - CLIPPED_MARGIN * (grey_range.white < 1)
         kept = self.seen_twice((self.grey >= low) & (self.grey <= high))
-        # What turns the moments of grey levels, from the zeroth on, into those of stretched ones.
+        # The matrix that turns the moments of grey levels, from the zeroth on, into those of rescaled ones.
         powers = np.eye(1 + MOMENTS)
         stretch = np.polynomial.Polynomial([-grey_range.black / grey_range.span, 1 / grey_range.span])
         for power in range(1 + POWERS):

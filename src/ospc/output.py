@@ -1,4 +1,4 @@
-"""The folder that a calibration is written to: files for programs, a report and pictures."""
+"""The output folder of a calibration: files for programs, a report and pictures."""
 
 from __future__ import annotations
 
@@ -29,58 +29,66 @@ _MAP = "calibration.vignette.npz"
 _DATA = ("calibration.json", _MAP, "pcalib.txt", "pcalib_16bit.txt", "vignette.png", "times.txt", CAVEAT)
 REPORTS = ("report.html", "report.pdf")
 OWN_NAMES = (*_DATA, *PICTURES, *REPORTS)
-"""Every file that is ever written into such a folder; no other file in it is touched."""
+"""All files that are ever written to an output folder; no other files in it are touched."""
 
 
 @dataclass(frozen=True)
 class Written:
-    """What was written, in the order of writing, what was left out on purpose, and what could not be written."""
+    """The files written, in order, notes on files left out on purpose, and problems with others."""
 
     files: tuple[Path, ...] = ()
     notes: tuple[str, ...] = ()
     problems: tuple[str, ...] = ()
 
     def __add__(self, other: Written) -> Written:
-        """Return both together."""
+        """Return the two combined."""
         return Written(self.files + other.files, self.notes + other.notes, self.problems + other.problems)
 
 
 class Times(Protocol):
-    """What times.txt is made of: a recording, or what a camera has filmed."""
+    """The content of times.txt, from a recording or a live camera."""
 
     @property
     def exposures_ms(self) -> FloatArray:
-        """Exposure in milliseconds of every frame, shape (frames,)."""
+        """Exposure of every frame in milliseconds, shape (frames,)."""
 
     @property
     def stamps_s(self) -> FloatArray:
-        """Time stamp in seconds of every frame, shape (frames,)."""
+        """Time stamp of every frame in seconds, shape (frames,)."""
 
 
 @dataclass(frozen=True)
 class OutputFolder:
-    """A folder that may be written to, but need not exist yet; make one with :meth:`at`."""
+    """A folder checked by :meth:`at` to be writable; it need not exist yet."""
 
     path: Path
 
     @classmethod
     def at(cls, path: str | Path, *, recording: Path | None = None, force: bool = False) -> OutputFolder:
-        """Return a folder after checking that it may be written to.
+        """Return an output folder after checking that it can be written to.
 
-        SettingError unless it is new, empty, or the output of an earlier run, which is replaced. With ``force``, it
-        may hold something else; files of other names stay. The ``recording`` is never overwritten: its times.txt and
-        vignette.png have the same names.
+        The folder may be new, empty, or the output of an earlier run, which is replaced. With ``force``, it may also
+        contain other files, which stay. The folder of the ``recording`` is always refused, because its times.txt and
+        vignette.png would be overwritten.
+
+        Raises
+        ------
+        SettingError
+            If the folder cannot be used.
         """
         place = Path(path)
         check_usable(place, recording, lambda place: _check_content(place, force))
         return cls(place)
 
     def write(self, calibration: Calibration, times: Times | None = None) -> Written:
-        """Write the files for programs, times.txt if there are any, and remove all files of an earlier run.
+        """Write the files for programs, and times.txt if ``times`` are given, and remove all files of an earlier run.
 
-        Every file is written whole or not at all. calibration.json comes first: if it cannot be written, which is a
-        FormatError, an earlier output stays as it was. A problem with a later file does not keep the others from
-        being written.
+        Every file is written atomically. If a file after calibration.json cannot be written, the others still are.
+
+        Raises
+        ------
+        FormatError
+            If calibration.json, which comes first, cannot be written. An earlier output is then unchanged.
         """
         with os_error_as(FormatError, f"{self.path}: the folder cannot be created"):
             self.path.mkdir(parents=True, exist_ok=True)
@@ -105,14 +113,14 @@ class OutputFolder:
     def findings(
         self, calibration: Calibration, recording: Recording | None = None, truth: Photometry | None = None
     ) -> Findings:
-        """Return what to draw: with the exposures of a recording, or else of times.txt, and with a reference."""
+        """Return the findings to draw, with the exposures of a recording or of times.txt, and a reference."""
         exposures_ms = exposures_beside(self.path) if recording is None else recording.exposures_ms
         return Findings(calibration, exposures_ms, truth)
 
     def draw(
         self, findings: Findings, stop: Callable[[], bool] = lambda: False, drawn: Drawn | None = None
     ) -> Written:
-        """Write the pictures until ``stop``, asked before each, is true; ``drawn`` draws them elsewhere."""
+        """Write the pictures until ``stop`` returns true. ``drawn`` draws them in another process."""
 
         def pictures() -> Iterator[Written]:
             content = pictures_as_png(findings) if drawn is None else drawn().result().pictures
@@ -132,10 +140,10 @@ class OutputFolder:
         pdf: bool = False,
         drawn: Drawn | None = None,
     ) -> Written:
-        """Write report.html, and report.pdf if asked for.
+        """Write report.html, and report.pdf if ``pdf``.
 
-        Pictures and points to track are from the recording; without it, there are none. They are tried while
-        ``drawn`` draws the charts elsewhere.
+        Example images and tracks come from the recording, and are left out without it. They are computed while
+        ``drawn`` draws the charts in another process.
         """
 
         def reports() -> Iterator[Written]:
@@ -155,12 +163,12 @@ class OutputFolder:
                 try:
                     place.unlink(missing_ok=True)
                 except OSError as error:
-                    problems.append(f"{place}: left by an earlier run, and cannot be removed ({error.strerror})")
+                    problems.append(f"{place}: left from an earlier run and cannot be removed ({error.strerror})")
         return Written(problems=tuple(problems))
 
 
 def _collected(parts: Iterator[Written], failure: str) -> Written:
-    """Return what is written part by part until one fails; that must not cost the files that follow."""
+    """Combine the parts until one fails, and turn its error into a problem, so that later files are still written."""
     written = Written()
     try:
         for part in parts:
@@ -175,16 +183,16 @@ def _collected(parts: Iterator[Written], failure: str) -> Written:
 def _check_content(place: Path, force: bool) -> None:
     for name in OWN_NAMES:
         if (place / name).is_dir():
-            raise SettingError(f"{place / name}: is a folder, but a file is to be written there; remove it")
+            raise SettingError(f"{place / name}: is a folder, but a file must be written there; remove the folder")
     if any(place.iterdir()) and not force and not _is_earlier_output(place):
         raise SettingError(
-            f"{place}: holds files that are not an earlier calibration; choose another folder, or add --force to "
-            "write into it"
+            f"{place}: contains files that are not from an earlier calibration; choose another folder, or add --force "
+            "to write to it anyway"
         )
 
 
 def _is_earlier_output(place: Path) -> bool:
-    # A run that was killed before its end leaves only its state.
+    # A killed run leaves only its state.
     if all(entry.name == STATE_NAME for entry in place.iterdir()):
         return True
     return str(json_object(place / "calibration.json").get("schema")).startswith(_SCHEMA_BEGINNING)

@@ -1,4 +1,4 @@
-"""Prefetching: the thread that decodes frames also preprocesses them while the engine is busy with earlier ones."""
+"""Prefetching: the decoding thread also preprocesses frames while the engine is busy with earlier ones."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from ospc.recording.frame import Frame
 
 @dataclass(frozen=True)
 class _Prepared:
-    """A frame, or only its thumbnail, preprocessed for some black and white."""
+    """A frame, or only its thumbnail, preprocessed for a certain black and white."""
 
     image: Image
     grey_range: GreyRange
@@ -29,8 +29,8 @@ class _Prepared:
 class Prefetcher:
     """Predicts which frames will be needed, and preprocesses them ahead of time.
 
-    A prefetched frame is used only where it is what would be computed now, so that results do not depend on
-    prefetching. ``grey_range`` returns black and white as they are known now.
+    A prefetched frame is only used if computing it now would give the same, so results do not depend on
+    prefetching. ``grey_range`` returns the current black and white.
     """
 
     def __init__(self, preprocess: Preprocessor, sampler: FrameSampler, grey_range: Callable[[], GreyRange]) -> None:
@@ -42,18 +42,21 @@ class Prefetcher:
         self._compare = BrightnessComparer()
 
     def update(self, sampler: FrameSampler, size: ImageSize, *, every: bool) -> None:
-        """Predict by a copy of this sampler from now on, or that every frame is needed, for frames of this size."""
+        """Predict with a copy of this sampler from now on, or predict that every frame of this size is needed."""
         self._expected, self._size = (every, replace(sampler)), size
 
     def needs(self, number: int) -> bool:
-        """Whether the image of the frame with this number will probably be needed; waits for no other thread."""
+        """Whether the image of the frame with this number will probably be needed; never waits for other threads."""
         every, sampler = self._expected
         return every or sampler.at(number).compares_next
 
     def prepare(self, number: int, frame: Frame) -> None:
-        """Prefetch a frame that will be pushed with this number; one thread at a time may, and waits for no other."""
+        """Prefetch a frame that will be pushed with this number.
+
+        Only one thread at a time may call this; it never waits for others.
+        """
         every, sampler = self._expected
-        if number < sampler.number:  # already pushed: frames without a valid exposure are not waited for
+        if number < sampler.number:  # already pushed, because the engine does not wait for invalid exposures
             return
         shape = self._size[::-1]
         if frame.image.shape != shape or (frame.mask is not None and frame.mask.shape != shape):
@@ -69,25 +72,25 @@ class Prefetcher:
         self._latest = thumbnail
 
     def preprocessed(self, frame: Frame) -> tuple[PreprocessedFrame, PrecomputedChange | None]:
-        """Return a frame preprocessed, and the change of brightness from the frame before where it was prefetched."""
+        """Return a preprocessed frame, and the change of brightness from the previous frame if it was prefetched."""
         made = self._of(frame)
         if made is not None and made.frame:
             return made.frame, made.compared
         return self._preprocess(frame, self._grey_range()), None
 
     def thumbnail(self, frame: Frame) -> tuple[Thumbnail, PrecomputedChange | None]:
-        """Return the thumbnail of a frame, and the change of brightness where it was prefetched."""
+        """Return the thumbnail of a frame, and the change of brightness if it was prefetched."""
         made = self._of(frame)
         if made is not None:
             return made.thumbnail, made.compared
         return self._preprocess.thumbnail(frame, self._grey_range()), None
 
     def _of(self, frame: Frame) -> _Prepared | None:
-        """Return what was prefetched of a frame, unless black and white have changed since."""
+        """Return the prefetched frame, unless black and white have changed since."""
         made = self._prepared.get(frame.index)
         return made if made and made.image is frame.image and made.grey_range == self._grey_range() else None
 
     def drop_until(self, number: int) -> None:
-        """Drop what was prefetched of the frames up to this one."""
+        """Drop prefetched frames up to this one."""
         for old in [known for known in tuple(self._prepared) if known <= number]:
             del self._prepared[old]

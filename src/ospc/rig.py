@@ -1,8 +1,8 @@
-"""The relative irradiance scale of several cameras that look at the same things at the same time.
+"""The relative irradiance scale of several cameras that see the same scene at the same time.
 
-Response and vignette of a camera are known up to a scale of its own: g(1) = 1, V = 1 at the centre. Where the views
-of two calibrated cameras overlap, the same scene points fix the ratio of the two scales: with s the camera's scale,
-g(M) / (e V) = s L for every point of radiance L.
+Response and vignette of a camera are known up to its own scale: g(1) = 1, V = 1 at the centre. If the views of two
+calibrated cameras overlap, their common scene points determine the ratio of the two scales: g(M) / (e V) = s L for
+every point of radiance L, where s is the scale of the camera.
 """
 
 from __future__ import annotations
@@ -31,58 +31,58 @@ from ospc.robust import robust_scale
 SCHEMA = "ospc-rig/1"
 
 _MOMENTS = 24
-"""Most moments compared, spread over the recordings: features take most of the time, and :data:`_SYSTEMATIC_SIGMA`
-limits what more of them could add."""
+"""Maximum number of moments compared, spread over the recordings. Features take most of the time, and
+:data:`_SYSTEMATIC_SIGMA` limits the benefit of more moments."""
 
 _MAX_FEATURES = 1500
-"""Most features of an image: matching takes time with their square, and fewer leave small overlaps without
-matches."""
+"""Maximum number of features per image: matching time grows with their square, and with fewer, small overlaps have
+no matches."""
 
 _LONGEST_SIDE_PX = 800
-"""Longest side of the images that features are found in: finer structure costs time and matches less reliably."""
+"""Longest side of the images in which features are detected: finer structure takes time and matches less reliably."""
 
 _MATCH_RATIO = 0.8
-"""Largest distance of the nearest descriptor over that of the second nearest, as Lowe (2004) recommends."""
+"""Largest ratio of the distances to the nearest and second nearest descriptor, as recommended by Lowe (2004)."""
 
 _FEWEST_MATCHES = 20
-"""Fewest matches of a moment: a fundamental matrix takes eight, and matches that agree on one by chance are fewer."""
+"""Minimum number of matches at a moment: a fundamental matrix takes eight, and fewer than this agree by chance."""
 
 _EPIPOLAR_PX = 1.5
-"""Largest distance of a match from its epipolar line, in pixels of the reduced images: lenses are not undistorted."""
+"""Largest distance of a match from its epipolar line, in reduced pixels: lens distortion is not corrected."""
 
 _EPIPOLAR_CONFIDENCE = 0.999
-"""Probability with which RANSAC draws at least one sample without wrong matches."""
+"""Probability that RANSAC draws at least one sample without wrong matches."""
 
 _SMOOTHING_PX = 2.0
-"""Standard deviation of the smoothing of irradiance, in reduced pixels: features sit on structure, and their places
-are uncertain by about a pixel."""
+"""Standard deviation of the smoothing of irradiance, in reduced pixels: features lie on structure, and their
+positions are uncertain by about a pixel."""
 
 _BLACK, _WHITE = 4 / 255, 247 / 255
-"""Grey levels beyond which a pixel counts as clipped: there noise is clipped, and responses are least certain."""
+"""Grey levels beyond which a pixel counts as clipped: noise is clipped there, and responses are least certain."""
 
 _MAX_CLIPPED_SHARE = 0.01
 """Largest weight of clipped or masked pixels in a smoothed value."""
 
 _STRETCHED_QUANTILES = (0.02, 0.98)
-"""Quantiles of ln irradiance that become black and white of the image in which features are found: a lamp or a dark
-corner in one view must not change the contrast of all else."""
+"""Quantiles of ln irradiance that become black and white of the image in which features are detected, so that a lamp
+or a dark corner in one view does not change the contrast of the rest."""
 
 _LARGEST_GAP_S = 0.02
-"""Largest difference of time stamps, in seconds, of frames taken at one moment: little moves within it."""
+"""Largest difference, in seconds, between time stamps of the same moment: little moves in this time."""
 
 _MEDIAN_ERROR = 1.2533
-"""Standard error of a median over that of a mean, for a normal distribution: √(π/2)."""
+"""Ratio of the standard errors of median and mean for a normal distribution: √(π/2)."""
 
 _FEWEST_FOR_SPREAD = 3
-"""Fewest moments between which a spread is measured."""
+"""Minimum number of moments for measuring their spread."""
 
 _SYSTEMATIC_SIGMA = 0.005
-"""Standard deviation of ln s beyond that of the matches: surfaces look different from different sides."""
+"""Standard deviation of ln s in addition to that of the matches: radiance depends on the viewing direction."""
 
 
 @dataclass(frozen=True)
 class PairScale:
-    """What the overlap of two cameras says: ln (s₀/s₁), its standard deviation, and how much it rests on."""
+    """Scale ratio from the overlap of two cameras: ln (s₀/s₁), its standard deviation, and the amount of data."""
 
     cameras: tuple[str, str]
     log_ratio: float
@@ -100,12 +100,12 @@ class RigScale:
     reference
         The camera whose scale is 1.
     scale, sigma
-        s of every camera that overlaps with the reference, directly or through others, and its standard deviation:
-        the irradiance g(M) / (e V) of a camera divided by its s is comparable over the rig.
+        s of every camera that overlaps with the reference, directly or through others, and its standard deviation.
+        The irradiance g(M) / (e V) of a camera divided by its s is comparable across the rig.
     pairs, left_out
-        The comparisons that they follow from, and the cameras whose scale is not known, and why.
+        The pairs of cameras compared, and the cameras of unknown scale with the reason.
     misfit
-        Largest disagreement between overlaps, in their standard deviations; 0 where nothing is measured twice.
+        Largest inconsistency between overlaps, in standard deviations; 0 if no scale is measured twice.
     """
 
     reference: str
@@ -116,19 +116,24 @@ class RigScale:
     misfit: float = 0.0
 
     def as_dict(self) -> dict[str, Any]:
-        """Return everything as JSON-compatible values; the documented content of ``rig.json``."""
+        """Return all fields as JSON-compatible values, the documented content of ``rig.json``."""
         pairs = [vars(pair) | {"cameras": list(pair.cameras)} for pair in self.pairs]
         return {"schema": SCHEMA, **vars(self), "pairs": pairs}
 
     def save(self, path: str | Path) -> Path:
-        """Write it as JSON, whole or not at all, and return the path; FormatError if that fails."""
+        """Write a JSON file atomically and return its path; FormatError if that fails."""
         return write_text(path, json.dumps(self.as_dict(), indent=1, allow_nan=False) + "\n")
 
 
 def rig_scale(recordings: Mapping[str, Recording], calibrations: Mapping[str, Calibration]) -> RigScale:
-    """Return the relative irradiance scale of cameras that recorded at the same time, by their names.
+    """Return the relative irradiance scale of cameras that recorded at the same time.
 
-    The first that can be used is the reference. NotObservableError if fewer than two have both response and vignette.
+    Recordings and calibrations are given by camera name. The first usable camera is the reference.
+
+    Raises
+    ------
+    NotObservableError
+        If fewer than two cameras have both response and vignette.
     """
     left_out = {
         name: f"its {' and '.join(unknown)} could not be determined"
@@ -138,8 +143,8 @@ def rig_scale(recordings: Mapping[str, Recording], calibrations: Mapping[str, Ca
     names = [name for name in recordings if name not in left_out]
     if len(names) < 2:
         raise NotObservableError(
-            "a relative scale needs two cameras or more whose response and vignette are known; here there "
-            f"{'is one' if names else 'is none'}"
+            "a relative scale needs at least two cameras with known response and vignette, but there is "
+            f"{'only one' if names else 'none'}"
         )
     moments = _moments([recordings[name] for name in names])
     seen = {
@@ -160,10 +165,7 @@ def _unknown(calibration: Calibration | None) -> list[str]:
 
 
 def _moments(recordings: Sequence[Recording]) -> IntArray:
-    """Return frames of all cameras that were taken at the same time, evenly spread, shape (moments, cameras).
-
-    A camera that has none at a moment has −1.
-    """
+    """Return simultaneous frames of all cameras, evenly spread, shape (moments, cameras); −1 where one is missing."""
     stamps = [np.asarray(recording.stamps_s, dtype=np.float64) for recording in recordings]
     chosen = np.unique(np.linspace(0, len(stamps[0]) - 1, min(_MOMENTS, len(stamps[0]))).astype(np.int64))
     columns = [chosen]
@@ -174,7 +176,7 @@ def _moments(recordings: Sequence[Recording]) -> IntArray:
 
 
 def _all_seen(recording: Recording, calibration: Calibration, frames: IntArray) -> list[Features | None]:
-    """Return what a camera saw at each moment; None where there is no frame, or none that can be used."""
+    """Return the features of a camera at each moment; None without a usable frame."""
     found: list[Features | None] = [None] * len(frames)
     extractor = SiftExtractor(_MAX_FEATURES)
     for frame in usable_frames(frame for frame in recording if frame.index in frames):
@@ -184,7 +186,7 @@ def _all_seen(recording: Recording, calibration: Calibration, frames: IntArray) 
 
 
 def _seen(frame: Frame, calibration: Calibration, extractor: SiftExtractor) -> Features:
-    """Return the features of a frame, with the irradiance there, without the vignette, as their grey."""
+    """Return the features of a frame, with the irradiance corrected for the vignette as their grey."""
     response, vignette = calibration.response, calibration.vignette
     assert response is not None
     assert vignette is not None
@@ -206,7 +208,7 @@ def _seen(frame: Frame, calibration: Calibration, extractor: SiftExtractor) -> F
 
 
 def _alike(irradiance: Float32Array) -> npt.NDArray[np.uint8]:
-    """Return an image that looks the same from any camera and exposure: ln irradiance, stretched."""
+    """Return an image that does not depend on camera and exposure: ln irradiance, stretched."""
     log_value = np.log(np.maximum(irradiance, np.float32(1e-9)))
     low, high = np.quantile(log_value, _STRETCHED_QUANTILES)
     return np.asarray(np.clip((log_value - low) / max(high - low, 1e-6) * 255, 0, 255), dtype=np.uint8)
@@ -215,7 +217,7 @@ def _alike(irradiance: Float32Array) -> npt.NDArray[np.uint8]:
 def _compared(
     cameras: tuple[str, str], seen0: Sequence[Features | None], seen1: Sequence[Features | None]
 ) -> PairScale | None:
-    """Return what the overlap of two cameras says; None where they share too few points."""
+    """Return the scale ratio of two cameras; None if they share too few points."""
     medians, spreads, points = [], [], 0
     for one, other in zip(seen0, seen1, strict=True):
         if one is None or other is None:
@@ -231,7 +233,7 @@ def _compared(
         points += len(difference)
     if not medians:
         return None
-    # The spread between moments includes errors that the matches of one moment have in common.
+    # The spread between moments includes errors shared by all matches of a moment.
     middle = float(np.median(medians))
     between = robust_scale(np.array(medians) - middle) if len(medians) >= _FEWEST_FOR_SPREAD else 0.0
     sigma = max(float(np.median(spreads)), between) * _MEDIAN_ERROR / np.sqrt(len(medians))
@@ -257,7 +259,9 @@ def _solved(names: Sequence[str], pairs: tuple[PairScale, ...], left_out: dict[s
     part = connected_components(overlap, directed=False)[1]
     reached = {name for name, number in zip(names, part, strict=True) if number == part[0]}
     left_out = left_out | {
-        name: f"its view overlaps with none that connects it to {names[0]}" for name in names if name not in reached
+        name: f"its view overlaps with no camera that connects it to {names[0]}"
+        for name in names
+        if name not in reached
     }
     inside = [name for name in names if name in reached]
     used = [pair for pair in pairs if pair.cameras[0] in reached]

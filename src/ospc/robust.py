@@ -1,4 +1,4 @@
-"""The scale of residuals and the middle of values, whatever the outliers are."""
+"""Robust estimates of scale and location."""
 
 from __future__ import annotations
 
@@ -8,19 +8,19 @@ import numpy.typing as npt
 from ospc.arrays import Float32Array, FloatArray, IntArray
 
 SIGMA_OF_MEDIAN = 1.4826
-"""Standard deviation of a normal distribution over its median absolute value: 1 / Φ⁻¹(3/4)."""
+"""Ratio of the standard deviation of a normal distribution to its median absolute value: 1 / Φ⁻¹(3/4)."""
 
 ERROR_OF_SCALE = 1.17
-"""Relative standard deviation of :func:`robust_scale` of n normal values, times √n."""
+"""Relative standard deviation of :func:`robust_scale` of n normal values, multiplied by √n."""
 
 
 def robust_scale(residuals: FloatArray | Float32Array) -> float:
-    """Return the standard deviation of the normal distribution with the same median absolute value; 0 of none."""
+    """Return the standard deviation of the normal distribution with the same median absolute value; 0 if empty."""
     return float(np.median(np.abs(residuals)) * SIGMA_OF_MEDIAN) if residuals.size else 0.0
 
 
 def weighted_median(values: FloatArray, weights: npt.ArrayLike) -> float:
-    """Return the smallest value that, with all values below it, has half of the weight; NaN without values.
+    """Return the smallest value up to which the weights sum to at least half of the total; NaN without values.
 
     Parameters
     ----------
@@ -37,9 +37,9 @@ def weighted_median(values: FloatArray, weights: npt.ArrayLike) -> float:
 
 
 def medians(values: FloatArray, group: IntArray) -> FloatArray:
-    """Return the median of each group of values, in the order of its number.
+    """Return the median of each group of values, ordered by group number.
 
-    Values and the number of the group of each, from 0 with none left out, have shape (n,).
+    ``values`` and ``group``, whose numbers start at 0 without gaps, have shape (n,).
     """
     ordered, count = values[np.lexsort((values, group))], np.bincount(group)
     begins = np.cumsum(count) - count

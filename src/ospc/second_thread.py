@@ -1,4 +1,4 @@
-"""A second thread, for steps that do not depend on each other."""
+"""A second thread for independent steps."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _Result = TypeVar("_Result")
 
 
 class SecondThread:
-    """Runs functions that release the interpreter lock, one after the other, in a thread of its own."""
+    """Runs functions one after another in its own thread; useful if they release the interpreter lock."""
 
     def __init__(self) -> None:
         self._process = 0
@@ -22,7 +22,7 @@ class SecondThread:
         self, function: Callable[_Arguments, _Result], *args: _Arguments.args, **kwargs: _Arguments.kwargs
     ) -> Future[_Result]:
         """Call a function in the thread."""
-        # A fork copies the executor but not its thread: work given to it would wait for ever.
+        # A fork copies the executor but not its thread, so submitted work would wait forever.
         if self._executor is None or self._process != os.getpid():
             self._process, self._executor = os.getpid(), ThreadPoolExecutor(1, "ospc-second")
         return self._executor.submit(function, *args, **kwargs)

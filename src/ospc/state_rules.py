@@ -1,6 +1,6 @@
-"""What the numbers of a run's state can be: a state is checked as a whole when it is loaded, before anything uses it.
+"""Checks of the values in a run's state, made when it is loaded and before anything uses it.
 
-A checksum only says that a file is as it was written, not who wrote it.
+A checksum detects damage, but not a state that was forged.
 """
 
 from __future__ import annotations
@@ -54,28 +54,28 @@ from ospc.settings.exposures import GREY_BIN_EDGES, MAX_BRIGHTNESS_CHANGES, MAX_
 from ospc.settings.methods import CHANGE_GREY_KNOTS, MAX_BASELINE_PAIRS, MAX_FRAME_RATE, MIN_FRAME_RATE
 
 _MOST = 2**40
-"""Largest count: frames at a thousand per second for thirty years."""
+"""Largest count: a thousand frames per second for thirty years."""
 
 _LARGEST = 1e12
-"""Largest magnitude of any other number: nothing measured comes near it, and its square is still finite."""
+"""Largest magnitude of any other number: no measurement comes close, and its square is finite."""
 
 _LOG = 50.0
 """Largest magnitude of the logarithm of an exposure in milliseconds or of a ratio."""
 
 _LARGEST_GREY, _LONGEST_LAG_FRAMES, _MOST_INTERVALS, _MOST_RADIAL = 65535, 1000, 256, 32
-"""Largest grey value, of 16 bits; largest lag that a command takes; most terms of response and of vignette, eight and
-three times those of any preset."""
+"""Largest grey value, of 16 bits; largest lag that a command accepts; most terms of response and of vignette, eight
+and three times those of any preset."""
 
 _CHANGES, _BINS = len(CHANGE_GREY_KNOTS) + 3, len(GREY_BIN_EDGES) - 1
-"""Parameters of a change of the camera, and grey bins of a change of brightness."""
+"""Number of parameters of a camera change, and of grey bins of a brightness change."""
 
 
 @dataclass(frozen=True)
 class Numbers:
-    """A number, or a list or array of numbers, between two limits; NaN is one only where it may be ``unknown``.
+    """A number, or a list or array of numbers, between two limits; NaN is allowed only if ``unknown``.
 
-    ``shape`` has lengths, or names of lengths that are the same wherever they stand; it is empty for a single number.
-    ``most`` is the largest length along the first axis.
+    ``shape`` has lengths, or names of lengths that must agree within a dataclass; it is empty for a single number.
+    ``most`` is the largest length of the first axis.
     """
 
     low: float = -_LARGEST
@@ -85,7 +85,7 @@ class Numbers:
     most: int = _MOST
 
     def check(self, name: str, value: Any, lengths: dict[str, int] | None = None) -> None:
-        """Raise a FormatError where a value is something else; learn the lengths that have names."""
+        """Raise a FormatError if a value breaks the rule; add named lengths to ``lengths``."""
         known = {} if lengths is None else lengths
         try:
             array = np.asarray(value)
@@ -105,16 +105,16 @@ class Numbers:
             raise FormatError(f"{name} is not between {self.low:g} and {self.high:g}")
 
 
-ELSEWHERE = "checked by a function below, or by nothing but its declared type"
+ELSEWHERE = "checked by a function below, or only by its declared type"
 
 LAG = Numbers(-_LONGEST_LAG_FRAMES, _LONGEST_LAG_FRAMES)
-"""A lag of the exposures, or a change of it, in frames."""
+"""A lag of the exposures, or a change of the lag, in frames."""
 
 COUNT = Numbers(0, _MOST)
-"""How many, or the number of a frame."""
+"""A count or a frame number."""
 
 UNIT = Numbers(0, 1)
-"""A share, or a value whose unit is white."""
+"""A share, or a grey level relative to white."""
 
 
 def _logs(*shape: int | str, unknown: bool = False, most: int = _MOST) -> Numbers:
@@ -205,29 +205,29 @@ RULES: Mapping[type, Mapping[str, Numbers | str]] = {
         "grey_limits": _share(2),
     },
 }
-"""What values of the dataclasses in a state can be, by the names of fields, where their types say too little."""
+"""Rules for fields of the dataclasses in a state whose types do not say enough, by space-separated names."""
 
 _BY_TYPE = {int: COUNT, float: Numbers()}
-"""What single numbers without a rule can be."""
+"""Rules for single numbers that have none above."""
 
 
 def check_run(run: EngineState, method: MaximumLikelihoodState | None, settings: DefaultSettings) -> None:
-    """Check that a run and its method can go on together under these settings.
+    """Check that a run and its method can continue with these settings.
 
     Raises
     ------
     FormatError
-        If any value is out of range, or values do not fit each other.
+        If a value is out of range, or values are inconsistent.
     """
     _check_fields(run)
     frames = len(run.exposures.log_exposure)
     _check_sampler(run.sampler, frames, settings)
     _check_epochs(run, frames)
-    _require((run.max_grey == 0) == (method is None), "a run has both a first frame and a method, or neither")
+    _require((run.max_grey == 0) == (method is None), "a run must have both a first frame and a method, or neither")
     if method is None:
         return
     width, height = run.size
-    _require(min(run.size) >= 2 and width * height <= MOST_PIXELS, "it is of frames of an impossible size")
+    _require(min(run.size) >= 2 and width * height <= MOST_PIXELS, "the size of its frames is impossible")
     _check_pixels(run, frames)
     _check_history(run.exposures.history, frames)
     _check_fields(method)
@@ -235,7 +235,7 @@ def check_run(run: EngineState, method: MaximumLikelihoodState | None, settings:
 
 
 def _check_fields(value: Any, name: str = "") -> None:
-    """Check a dataclass, and those in it, by their rules and types."""
+    """Check a dataclass and all dataclasses in it by their rules and types."""
     lengths: dict[str, int] = {}
     rules = {field: rule for names, rule in RULES.get(type(value), {}).items() for field in names.split()}
     for field in (entry.name for entry in fields(value)):
@@ -255,14 +255,14 @@ def _require(holds: Any, otherwise: str) -> None:
 def _check_settings(name: str, found: object, new: object, fields: str) -> None:
     for field in fields.split():
         same = getattr(found, field) == getattr(new, field)
-        _require(same, f"{name}.{field} is not that of its settings")
+        _require(same, f"{name}.{field} differs from its settings")
 
 
 def _check_sampler(found: FrameSampler, frames: int, settings: DefaultSettings) -> None:
     fixed = "frames_per_slowdown dense_frames longest_pause_frames comparison_period_frames comparison_run_frames"
     _check_settings("sampler", found, settings.sampler(), fixed)
-    _require(found.number == frames, "the frames counted are not those with exposures")
-    _require(found.processed <= found.number, "more frames were processed than there were")
+    _require(found.number == frames, "the number of frames is not the number of exposures")
+    _require(found.processed <= found.number, "more frames were processed than pushed")
     _require(found._restarted_after <= found.processed, "the sampler restarted in the future")
 
 
@@ -290,7 +290,8 @@ def _check_pixels(run: EngineState, frames: int) -> None:
     ends = [(found._inherited.black, found._inherited.white), *((low, high) for _, low, high in found._ranges)]
     _require(all(0 <= black < white <= 1 for black, white in ends), "black is not below white")
     _require(
-        found._max_grey in (run.max_grey, pixel_statistics.PixelStatistics()._max_grey), "pixels have another white"
+        found._max_grey in (run.max_grey, pixel_statistics.PixelStatistics()._max_grey),
+        "pixels have another largest grey value",
     )
 
 
@@ -298,22 +299,20 @@ def _check_history(found: BrightnessHistory, frames: int) -> None:
     numbers = np.array([change.frame0 for change in found.changes], dtype=np.int64)
     _require(len(numbers) <= MAX_BRIGHTNESS_CHANGES, "there are too many changes of brightness")
     _require(np.all(np.diff(numbers) > 0), "changes of brightness are out of order")
-    _require(
-        all(c.frame1 == c.frame0 + 1 < frames for c in found.changes), "frames were compared that were not there"
-    )
-    _require(found.last_frame < frames and found.compared <= frames, "frames were observed that were not there")
+    _require(all(c.frame1 == c.frame0 + 1 < frames for c in found.changes), "frames were compared that do not exist")
+    _require(found.last_frame < frames and found.compared <= frames, "frames were observed that do not exist")
 
 
 def _check_method(method: MaximumLikelihoodState, run: EngineState, settings: DefaultSettings) -> None:
     frames = len(run.exposures.log_exposure)
     kept = method.keyframes.frames
     _require(len(kept) <= settings.keyframes, "there are more keyframes than its settings allow")
-    _require(np.all(kept < frames), "keyframes are of frames that were not there")
-    _require(np.all(np.diff(kept) > 0), "keyframes are not in their order")
+    _require(np.all(kept < frames), "keyframes are of frames that do not exist")
+    _require(np.all(np.diff(kept) > 0), "keyframes are out of order")
     _check_reservoir(method.reservoir, frames, settings)
     if method.series is not None:
         _check_series(method.series, run, settings)
-    _require(method.noise.max_grey == run.max_grey, "its noise is of another white")
+    _require(method.noise.max_grey == run.max_grey, "its noise has another largest grey value")
     found, waiting = (Numbers(0, 1, ("n",), most=NOISE_FRAMES), Numbers(0, 2, ("n",), most=MIN_NOISE_BLOCKS - 1))
     for ranges, rule in ((method.noise._found, found), (method.noise._waiting, waiting)):
         _require(len(ranges) == NOISE_BINS, "its noise has another number of grey levels")
@@ -321,7 +320,7 @@ def _check_method(method: MaximumLikelihoodState, run: EngineState, settings: De
             rule.check("noise", variances)
     width, height = settings.preprocessor().small_size(run.size)
     for image in (method.circle.brightest, method.circle.allowed):
-        _require(image is None or image.shape == (height, width), "its image circle is of another size")
+        _require(image is None or image.shape == (height, width), "its image circle has another size")
     if method.fit is not None:
         _check_fit(method.fit)
     _check_changes(method.changes, frames)
@@ -330,23 +329,23 @@ def _check_method(method: MaximumLikelihoodState, run: EngineState, settings: De
 def _check_changes(found: ChangeDetector, frames: int) -> None:
     if found.reference is not None:
         _check_fit(found.reference)
-    _require(found.reference or not found.pairs, "changes are judged by nothing")
+    _require(found.reference or not found.pairs, "changes are judged without a reference")
     for pair in found.pairs:
         parameters = 0 if found.reference is None else len(found.reference.parameters)
         Numbers(shape=(_CHANGES, parameters)).check("changes.pairs.fit_products", pair.fit_products)
-        _require(pair.frame0 < pair.frame1 < frames, "changes are of frames that were not there")
-    _require(found.since is None or 0 <= found.since < frames, "a suspicion begins in the future")
-    _require(found.since is None or found.neighbours.errors, "a suspicion rests on nothing")
+        _require(pair.frame0 < pair.frame1 < frames, "changes are of frames that do not exist")
+    _require(found.since is None or 0 <= found.since < frames, "a suspected change begins in the future")
+    _require(found.since is None or found.neighbours.errors, "a suspected change has no evidence")
 
 
 def _check_reservoir(found: Reservoir, frames: int, settings: DefaultSettings) -> None:
-    _require(found.capacity == settings.max_points, "its capacity is not that of its settings")
+    _require(found.capacity == settings.max_points, "its capacity differs from its settings")
     kept = found.kept
     if kept is None:
         return
     _require(kept.group[0] >= 0 and np.all(np.diff(kept.group) >= 0), "groups are mixed")
     _require(np.all(kept.group == np.repeat(kept.group[kept.starts], kept.counts)), "groups share a point")
-    _require(kept.frame.max() < frames, "observations are of frames that were not there")
+    _require(kept.frame.max() < frames, "observations are of frames that do not exist")
     Numbers(0, 1, ("n",)).check("reservoir.grey_variance", kept.grey_variance)
     Numbers(0, 10, ("n",)).check("reservoir.gradient", kept.gradient)
     Numbers(0, 1, ("n", MOMENTS)).check("reservoir.frame_moments", kept.frame_moments)
@@ -357,13 +356,13 @@ def _check_series(found: StaticSeries, run: EngineState, settings: DefaultSettin
     new = StaticSeries(points=settings.series_points)
     _check_settings("series", found, new, "pixels points frames")
     if found._places is None:
-        _require(not found._grey and not found._index, "the series has no places")
+        _require(not found._grey and not found._index, "the series has no positions")
         return
     width, height = run.size
-    _require(found._size == run.size and found._max_grey == run.max_grey, "the series is of other frames")
+    _require(found._size == run.size and found._max_grey == run.max_grey, "the series is of different frames")
     Numbers(0, width * height - 1, ("places",), most=new.pixels).check("series.places", found._places)
     one_kind = {grey.dtype for grey in found._grey} in ({np.dtype(np.uint8)}, {np.dtype(np.uint16)})
-    _require(one_kind, "the series has no images of one kind")
+    _require(one_kind, "the series mixes types of images")
     images = len(found._index)
     Numbers(0, run.max_grey, (images, len(found._places)), most=new.frames).check("series.grey", found._grey)
     Numbers(0, len(run.exposures.log_exposure) - 1, (images,)).check("series.index", found._index)

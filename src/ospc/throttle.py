@@ -1,4 +1,4 @@
-"""A limit on how often, and for how much of the time, something is done beside the work itself."""
+"""A limit on how often, and for how much of the time, a secondary task runs."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from contextlib import contextmanager
 
 
 class Throttle:
-    """Spaces repeated work: at least ``least_s`` apart, and such that it takes at most a ``share`` of the time."""
+    """Limits a repeated task: runs are at least ``least_s`` apart and take at most a ``share`` of the time."""
 
     def __init__(self, least_s: float, share: float) -> None:
         self._least_s, self._share = least_s, share
@@ -16,17 +16,17 @@ class Throttle:
 
     @property
     def due(self) -> bool:
-        """Whether the work may be done now."""
+        """Whether the task may run now."""
         return self.remaining_s == 0
 
     @property
     def remaining_s(self) -> float:
-        """How long it is until the work may be done."""
+        """Time until the task may run."""
         return max(0.0, self._next_s - time.monotonic())
 
     @contextmanager
     def timed(self) -> Iterator[None]:
-        """Measure how long the work in this context takes."""
+        """Measure how long the task in this context takes."""
         begun_s = time.monotonic()
         yield
         now_s = time.monotonic()

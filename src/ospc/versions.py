@@ -1,4 +1,4 @@
-"""The versions of everything a result depends on."""
+"""Versions of the software that a result depends on."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import ospc
 
 
 def versions() -> dict[str, str]:
-    """Return the versions of everything a result depends on."""
+    """Return the versions of the software that a result depends on, by name."""
     return {
         "ospc": ospc.__version__,
         "python": platform.python_version(),

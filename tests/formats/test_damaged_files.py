@@ -53,7 +53,7 @@ def test_what_a_message_quotes_is_on_one_line(tmp_path):
 def test_too_little_memory_is_said_as_such(error):
     from ospc.errors import one_line
 
-    assert one_line(error).startswith("there is not enough memory")
+    assert one_line(error).startswith("not enough memory")
 
 
 @pytest.mark.parametrize(

@@ -208,7 +208,7 @@ def test_a_folder_in_use_is_only_replaced_on_request_and_other_files_stay(tmp_pa
 
 
 def test_a_recording_is_never_converted_into_itself(folder: Path) -> None:
-    with pytest.raises(SettingError, match="holds the recording itself"):
+    with pytest.raises(SettingError, match="contains the recording itself"):
         convert_recording(open_recording(folder), folder, overwrite=True)
     assert_same(folder, images())
 

@@ -98,7 +98,7 @@ def test_what_is_no_image_is_refused(value: Any) -> None:
 def test_what_is_no_frame_is_refused_and_the_run_goes_on(kind: type[OnlineCalibrator | LiveCalibrator]) -> None:
     calibrator = kind()
     for pushed in (IMAGE, (IMAGE, 1.0), None):
-        with pytest.raises(FrameError, match=r"^frame 0: a Frame must be pushed, not .*Frame\.of_array"):
+        with pytest.raises(FrameError, match=r"^frame 0: expected a Frame, not .*Frame\.of_array"):
             calibrator.push(pushed)  # type: ignore[arg-type]
     calibrator.push(replace(FRAME, load=lambda: None))  # type: ignore[arg-type, return-value]
     if isinstance(calibrator, LiveCalibrator):

@@ -98,7 +98,7 @@ def test_a_state_within_a_frame_is_not_saved(recording, tmp_path, monkeypatch):
     monkeypatch.setattr(MaximumLikelihoodMethod, "_accumulate", fail)
     with pytest.raises(MemoryError):
         pushed(recording[:5], calibrator)
-    with pytest.raises(FormatError, match="frame 4 was processed in part only"):
+    with pytest.raises(FormatError, match="frame 4 was only partly processed"):
         calibrator.save_state(tmp_path / "state.ospc")
     assert (tmp_path / "state.ospc").read_bytes() == before
 

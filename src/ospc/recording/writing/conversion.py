@@ -152,7 +152,7 @@ def convert_recording(
     Raises
     ------
     SettingError
-        If the folder is not empty, holds the recording itself, or cannot be written.
+        If the folder is not empty, contains the recording itself, or cannot be written.
     RecordingError
         If no frame can be read, or time stamps coincide when written to the nanosecond.
     """
@@ -178,7 +178,7 @@ def _check(place: Path, source: Path, *, overwrite: bool) -> bool:
             raise SettingError(f"{place}: is not empty; choose another folder, or replace its content with --force")
         full, recorded = place.resolve(), source.resolve()
         if recorded == full or any(recorded.is_relative_to(full / part) for part in PARTS):
-            raise SettingError(f"{place}: holds the recording itself; choose another folder")
+            raise SettingError(f"{place}: contains the recording itself; choose another folder")
         return place.exists()
 
 
