@@ -255,7 +255,7 @@ class Observations(ByValue):
         return np.asarray(combine.reduceat(values, self.starts, axis=0))
 
     def of_points(self: AnyObservations, chosen: Any) -> AnyObservations:
-        """Return the observations of some points, given by a mask, shape (points,), or indices into :attr:`starts`."""
+        """Return the observations of some points, by a mask, shape (points,), or by indices into :attr:`starts`."""
         mask = np.zeros(len(self.starts), bool)
         mask[chosen] = True
         return self.where(np.repeat(mask, self.counts))

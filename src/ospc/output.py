@@ -186,8 +186,8 @@ def _check_content(place: Path, force: bool) -> None:
             raise SettingError(f"{place / name}: is a folder, but a file must be written there; remove the folder")
     if any(place.iterdir()) and not force and not _is_earlier_output(place):
         raise SettingError(
-            f"{place}: contains files that are not from an earlier calibration; choose another folder, or add --force "
-            "to write to it anyway"
+            f"{place}: contains files that are not from an earlier calibration; choose another folder, or add "
+            "--force to write to it anyway"
         )
 
 

@@ -211,7 +211,7 @@ def test_another_size_is_refused_before_anything_is_written(made, calibration, t
 def test_another_depth_is_said(deep, calibration, tmp_path):
     result = run(deep.path, calibration, "-o", tmp_path / "out", "--output", "grey16")
     assert result.exit_code == 0
-    assert "up to 255; its response is stretched to those of the recording, up to 4095" in result.output
+    assert "up to 255; its response is stretched to the grey values of the recording, up to 4095" in result.output
 
 
 # --- what was there before ---------------------------------------------------------------------------------------

@@ -76,7 +76,7 @@ def test_files_of_other_kinds_and_damaged_ones_are_refused(tmp_path):
     with pytest.raises(FormatError, match="not readable as a state"):
         Pool.load(tmp_path)
     place.write_bytes(place.read_bytes()[:-3])
-    with pytest.raises(FormatError, match="torn or damaged"):
+    with pytest.raises(FormatError, match="truncated or damaged"):
         Pool.load(place)
 
 

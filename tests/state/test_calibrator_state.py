@@ -252,5 +252,5 @@ def test_states_of_other_versions_are_refused_by_name(saved, tmp_path, version, 
     found = container.load(saved, KIND, VERSION)
     other = container.save(replace(found, version=version), tmp_path / "other.ospc")
     for load in (OnlineCalibrator.load_state, Pool.load):
-        with pytest.raises(FormatError, match=rf"^{other}: was written by {age} version .* make it anew"):
+        with pytest.raises(FormatError, match=rf"^{other}: was written by {age} version .* create it again"):
             load(other)

@@ -65,9 +65,9 @@ def test_a_file_cut_short_or_changed_anywhere_is_refused(data):
 
 def test_files_of_other_kinds_and_versions_are_refused_by_name(saved, tmp_path):
     assert container.load(saved, "calibrator", 3).content == {"a": [1, "ä"]}
-    with pytest.raises(FormatError, match="holds a calibrator state, but a pooled state is needed"):
+    with pytest.raises(FormatError, match="contains a calibrator state, but a pooled state is needed"):
         container.load(saved, "pooled", 3)
-    with pytest.raises(FormatError, match=r"an older version.*make it anew"):
+    with pytest.raises(FormatError, match=r"an older version.*create it again"):
         container.load(saved, "calibrator", 4)
     with pytest.raises(FormatError, match="a newer version"):
         container.load(saved, "calibrator", 2)

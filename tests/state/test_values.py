@@ -107,14 +107,14 @@ def test_numbers_that_json_has_no_word_for():
 )
 def test_what_does_not_fit_is_refused(change):
     content, arrays = pack(Part(1.0, np.arange(3), [np.zeros(4, np.uint8)]))
-    with pytest.raises(FormatError, match="does not fit"):
+    with pytest.raises(FormatError, match="is invalid"):
         unpack(Part, content | change, arrays)
 
 
 @pytest.mark.parametrize("name", [entry.name for entry in fields(Whole) if entry.name != "part"])
 def test_null_is_refused_where_a_value_is_needed(name):
     content, arrays = pack(Whole("a", True, 1, (0.0, 1.0), (), (), [], None, []))
-    with pytest.raises(FormatError, match="does not fit"):
+    with pytest.raises(FormatError, match="is invalid"):
         unpack(Whole, content | {name: None}, arrays)
 
 

@@ -1,4 +1,4 @@
-"""The folder of corrected images: a recording in the layout of the TUM monocular data set if exposures are known."""
+"""The folder of corrected images. With known exposures, it has the layout of the TUM monocular data set."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ from ospc.formats.files import json_object, read_bytes, read_text, write_bytes, 
 from ospc.formats.image_header import with_metadata
 
 NOTE = "correction.json"
-"""Describes the correction; every output folder has it, written before the first image."""
+"""Describes the correction. Every output folder has it; it is written before the first image."""
 
 SCHEMA = "ospc-correction/2"
 
 _DONE = "written.txt"
-"""The images of an unfinished folder that are whole: index and counts, a line each."""
+"""The complete images of an unfinished folder: index and counts, one line each."""
 
 _PARAMETERS = ("pcalib.txt", "pcalib_16bit.txt", "vignette.png")
 _GEOMETRY = ("camera.txt", "groundtruthSync.txt")
@@ -39,12 +39,12 @@ _ENCODING = {
     ".jpg": [cv2.IMWRITE_JPEG_QUALITY, 97],
     ".jpeg": [cv2.IMWRITE_JPEG_QUALITY, 97],
 }
-"""PNG: higher zlib levels take several times as long for files a few per cent smaller. TIFF: 1 is the tag's value
-for uncompressed. JPEG: the quantisation error is about one grey level."""
+"""PNG: higher zlib levels take several times as long for files a few per cent smaller. TIFF: 1 means uncompressed.
+JPEG: the quantisation error is about one grey level."""
 
 
 class Counts(NamedTuple):
-    """Values of an image over all channels: how many there are, are saturated, and are beyond the output's range."""
+    """Number of values of an image in all channels, and how many are saturated or exceed the range of the output."""
 
     values: int
     saturated: int
@@ -53,36 +53,41 @@ class Counts(NamedTuple):
 
 @dataclass(frozen=True)
 class CorrectedFolder:
-    """A folder for corrected images; make one with :meth:`at`.
+    """A folder for corrected images, checked by :meth:`at`.
 
-    A folder whose note says that it is unfinished has no ``times.txt``, and nothing opens it as a recording.
+    An unfinished folder, as stated in its note, has no ``times.txt``, so that it is not opened as a recording.
     """
 
     path: Path
 
     @classmethod
     def at(cls, path: str | Path, recording: Path, *, force: bool = False) -> CorrectedFolder:
-        """Check a folder before the work begins, without changing anything.
+        """Check a folder without changing anything.
 
-        SettingError unless it is new, empty, or what an interrupted correction left unfinished; with ``force``,
-        finished corrected images may be replaced, too. The folder of the recording itself is refused.
+        It may be new, empty, or left unfinished by an interrupted correction. With ``force``, finished corrected
+        images may also be replaced. The folder of the recording is always refused.
+
+        Raises
+        ------
+        SettingError
+            If the folder cannot be used.
         """
         place = Path(path)
         check_usable(place, recording, lambda place: _check_replaceable(place, force))
         return cls(place)
 
     def begin(self, note: dict[str, Any], files: Sequence[PurePosixPath]) -> dict[int, Counts]:
-        """Prepare the folder: go on with an unfinished one of the same note, otherwise replace what was written.
+        """Prepare the folder: continue an unfinished correction with the same note, or remove an earlier one.
 
-        The note holds everything that the images depend on, as JSON-compatible values; ``files`` are the images that
-        will be written. Returns those that an interrupted correction finished, by their index.
+        ``note`` has everything that the images depend on, as JSON-compatible values; ``files`` are the images to be
+        written. Returns the counts of the images that an interrupted correction has finished, by index.
         """
         planned = {"schema": SCHEMA, "finished": False, "files": [str(name) for name in files], **note}
         before = json_object(self.path / NOTE)
         with _writing(self.path, "choose another folder"):
             done = self._done() if before == json.loads(json.dumps(planned)) else {}
             if before and not done:
-                # Until everything is removed, the folder must be known as an unfinished one.
+                # The folder counts as unfinished until everything is removed.
                 self._write_note(before | {"finished": False})
                 for path in self._written(before):
                     path.unlink(missing_ok=True)
@@ -95,9 +100,9 @@ class CorrectedFolder:
     def write_image(
         self, name: PurePosixPath, image: npt.NDArray[np.generic], original: bytes, modified_ns: int | None
     ) -> None:
-        """Write an image in the format of its name, with the metadata of its original; threads may share this folder.
+        """Write an image in the format of its name, with the metadata of its original; thread-safe.
 
-        ``modified_ns`` is the file's time of modification; None for now.
+        ``modified_ns`` becomes the modification time of the file; None for the current time.
         """
         place = self._place(name)
         suffix = name.suffix.lower()
@@ -110,13 +115,13 @@ class CorrectedFolder:
                 os.utime(place, ns=(modified_ns, modified_ns))
 
     def mark_written(self, index: int, counts: Counts) -> None:
-        """Note that an image is whole, so that an interrupted correction need not write it again."""
+        """Record that an image is complete, so that it need not be written again after an interruption."""
         with _writing(self.path, "free some space"), (self.path / _DONE).open("a", encoding="ascii") as file:
-            # The line break comes first: a torn line before it stays on its own.
+            # The line break comes first, so that a truncated line before it stays separate.
             file.write(f"\n{index} {counts.values} {counts.saturated} {counts.clipped} .")
 
     def copy_geometry(self, recording: Path) -> list[str]:
-        """Copy camera.txt and groundtruthSync.txt, which stay valid, and return the names of those that exist."""
+        """Copy camera.txt and groundtruthSync.txt, which stay valid, if they exist, and return their names."""
         copied = []
         for name in _GEOMETRY:
             if (recording / name).is_file():
@@ -128,7 +133,7 @@ class CorrectedFolder:
         return copied
 
     def finish(self, note: dict[str, Any], files: Sequence[PurePosixPath]) -> None:
-        """Write the final note: the folder is complete."""
+        """Write the final note, which marks the folder as complete."""
         self._write_note({"schema": SCHEMA, "finished": True, "files": [str(name) for name in files], **note})
         (self.path / _DONE).unlink(missing_ok=True)
 
@@ -139,17 +144,17 @@ class CorrectedFolder:
         write_text(self.path / NOTE, json.dumps(content, indent=1, allow_nan=False) + "\n")
 
     def _done(self) -> dict[int, Counts]:
-        """Return the finished images; torn lines, which do not end with a full stop, do not count."""
+        """Return the finished images; truncated lines, which do not end with a full stop, are ignored."""
         if not (self.path / _DONE).is_file():
             return {}
         whole = re.findall(r"^(\d+) (\d+) (\d+) (\d+) \.$", read_text(self.path / _DONE), re.ASCII | re.MULTILINE)
         return {int(index): Counts(*map(int, counts)) for index, *counts in whole}
 
     def _written(self, note: dict[str, Any]) -> list[Path]:
-        """Return what an earlier correction wrote; all other files stay."""
+        """Return the files of an earlier correction."""
         images = [PurePosixPath(str(name)) for name in note.get("files", [])]
         inside = [self._place(name) for name in images if not name.is_absolute() and ".." not in name.parts]
-        # times.txt first: a half-removed recording must not look like a whole one.
+        # times.txt first: a partly removed recording must not look complete.
         return [self.path / name for name in ("times.txt", _DONE, *_PARAMETERS, *_GEOMETRY)] + inside
 
 
@@ -162,6 +167,6 @@ def _check_replaceable(place: Path, force: bool) -> None:
         return
     note = json_object(place / NOTE)
     if note.get("schema") != SCHEMA:
-        raise SettingError(f"{place}: holds something other than corrected images; choose another folder")
+        raise SettingError(f"{place}: contains other files than corrected images; choose another folder")
     if note.get("finished") is not False and not force:
-        raise SettingError(f"{place}: holds corrected images already; choose another folder, or add --force")
+        raise SettingError(f"{place}: already contains corrected images; choose another folder, or add --force")

@@ -1,4 +1,4 @@
-"""Correct images one by one and write them as a folder."""
+"""Correction of a recording: images are corrected one by one and written to a folder."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from ospc.recording.stream import mapped, usable_frames
 
 _DEFAULT = CorrectionSettings()
 _REASONS_KEPT = 20
-"""Reasons for unreadable frames that are kept; thousands of equal ones help nobody."""
+"""Number of reasons for unreadable frames that are kept; more are rarely useful."""
 
 _KEPT_8_BIT = frozenset({".png", ".jpg", ".jpeg", ".tif", ".tiff"})
 _KEPT_16_BIT = frozenset({".png", ".tif", ".tiff"})
@@ -46,19 +46,19 @@ class Corrected:
     Attributes
     ----------
     path, formula
-        The folder that was written, and the meaning of a pixel value, as a sentence.
+        The folder, and the meaning of a pixel value as a sentence.
     frames, exposures_ms
         Indices of the written frames, and the exposures of their images, shape (frames,); all 1 ms if unknown.
     skipped, reasons
-        Number of frames that could not be read or have no exposure, and why, for the first few of them.
+        Number of frames that could not be read or have no exposure, and the reasons for the first few of them.
     saturated, clipped
-        Shares of the pixels that were saturated, and of the others that exceed the range of the output.
+        Share of the pixels that were saturated, and of those that are not but exceed the range of the output.
     assumed
-        Names of the unknown parts of the calibration, which were taken to be the identity.
+        Names of the unknown parts of the calibration, which were replaced by the identity.
     notes
-        Further remarks for the user.
+        Other notes for the user.
     kept
-        Number of frames that an interrupted correction had written already.
+        Number of frames that an interrupted correction had already written.
     """
 
     path: Path
@@ -77,16 +77,20 @@ class Corrected:
 def corrector_for(recording: Recording, photometry: Photometry, *, assume_missing: bool = False) -> Corrector:
     """Return the corrector for the images of a recording.
 
-    SettingError if the vignette is for images of another size; NotObservableError if a part is unknown and not
-    assumed to be the identity.
+    Raises
+    ------
+    SettingError
+        If the vignette is for images of another size.
+    NotObservableError
+        If response or vignette is unknown, unless ``assume_missing``.
     """
-    for part, means in (("response", "linear"), ("vignette", "none")):
+    for part, means in (("response", "linear"), ("vignette", "flat")):
         if getattr(photometry, part) is None and not assume_missing:
             verdict = None if photometry.calibration is None else photometry.calibration.verdicts.get(part)
             reason = "" if verdict is None else f": {verdict.reason}"
             raise NotObservableError(
-                f"{photometry.name}: has no {part}{reason}; give a calibration that has one, or add --assume-missing "
-                f"to take it as {means}"
+                f"{photometry.name}: has no {part}{reason}; use a calibration that has one, or add --assume-missing "
+                f"to assume that it is {means}"
             )
     if photometry.vignette is not None and photometry.vignette.size != recording.size:
         raise SettingError(
@@ -102,30 +106,30 @@ def correct_recording(
     settings: CorrectionSettings = _DEFAULT,
     progress: Callable[[int, int], None] = lambda _done, _total: None,
 ) -> Corrected:
-    """Write images that are corrected for response and vignette, under their own names.
+    """Write images corrected for response and vignette, with the names of the originals.
 
-    Images are read one by one, and corrected and written by a few threads; only a few are in memory at a time. What
-    an interrupted correction has written to the folder is kept, if everything it depends on is the same.
+    Images are read one by one, and corrected and written by several threads; only a few are in memory at a time.
+    Images that an interrupted correction has written are kept if everything they depend on is the same.
 
-    ``progress`` is called with the number of frames done and that of all frames. ``correction.json`` in the folder
-    has what is returned and more. Integer output also gets a pcalib.txt and a vignette.png that describe the
-    corrected images.
+    ``progress`` is called with the number of finished frames and the total. ``correction.json`` in the folder has the
+    returned values and more. Integer output also gets a pcalib.txt and a vignette.png that describe the corrected
+    images.
 
     Raises
     ------
     SettingError
         If the calibration is for images of another size, or the folder cannot be written.
     NotObservableError
-        If response or vignette is unknown and not assumed to be the identity.
+        If response or vignette is unknown, unless ``settings.assume_missing``.
     ExposureError
-        If exposures are to be normalised, and are unknown.
+        If exposures are to be normalised but are unknown.
     RecordingError
         If no image can be read.
     """
     recording = source.recording
     corrector = corrector_for(recording, photometry, assume_missing=settings.assume_missing)
     if source.unexposed is not None and settings.normalise_exposure:
-        raise ExposureError(f"{source.unexposed}; or leave out --normalise-exposure, which needs them")
+        raise ExposureError(f"{source.unexposed}; or leave out --normalise-exposure, which needs exposures")
     settings = settings.for_images(recording.max_grey, recording.exposures_ms)
     notes = list(_notes_on(source, photometry, settings))
     note = {
@@ -151,7 +155,7 @@ def correct_recording(
         raise RecordingError(f"{recording.path}: no image can be read; {reasons[0]}")
     values, saturated, clipped = (sum(column) for column in zip(*counts.values(), strict=True))
     if values > len(counts) * recording.size[0] * recording.size[1]:
-        notes.append("images are in colour: response and vignette are applied to each of their channels")
+        notes.append("images are in colour: response and vignette are applied to each channel")
     frames = sorted(counts)
     exposures_ms = recording.exposures_ms[frames]
     result = Corrected(
@@ -182,14 +186,14 @@ def correct_recording(
 
 
 def _output_names(source: Source, settings: CorrectionSettings) -> list[PurePosixPath]:
-    """Return the names of the corrected images: those of the originals, with the suffix of another format."""
+    """Return the names of the corrected images: those of the originals, with another suffix if needed."""
     kept = {None: set(), 255: _KEPT_8_BIT, 65535: _KEPT_16_BIT}[settings.limit if settings.keep_response else None]
     other = ".tiff" if settings.limit is None else ".png"
     originals = source.names()
     names = [name if name.suffix.lower() in kept else name.with_suffix(other) for name in originals]
     if len(set(names)) == len(names):
         return names
-    # Such as a photograph beside its raw conversion: only the whole names differ.
+    # Some names only differ in their suffix, such as a photograph and its raw file.
     return [
         name if name == original else original.with_name(original.name + other)
         for name, original in zip(names, originals, strict=True)
@@ -197,7 +201,7 @@ def _output_names(source: Source, settings: CorrectionSettings) -> list[PurePosi
 
 
 def _sha256(photometry: Photometry) -> str:
-    """Identify a calibration by its content."""
+    """Return a hash of response and vignette."""
     response, vignette = photometry.response, photometry.vignette
     table = b"" if response is None else response.inverse_table.tobytes()
     return sha256(table + (b"" if vignette is None else vignette.image().tobytes())).hexdigest()
@@ -209,7 +213,7 @@ def _notes_on(source: Source, photometry: Photometry, settings: CorrectionSettin
     calibrated = None if photometry.calibration is None else photometry.calibration.max_grey
     if calibrated not in (None, recording.max_grey):
         yield (
-            f"the calibration was made with grey values up to {calibrated}; its response is stretched to those of "
+            f"the calibration is for grey values up to {calibrated}; its response is stretched to the grey values of "
             f"the recording, up to {recording.max_grey}"
         )
     if photometry.caveat:
@@ -217,7 +221,7 @@ def _notes_on(source: Source, photometry: Photometry, settings: CorrectionSettin
     low, high = np.nanmin(recording.exposures_ms), np.nanmax(recording.exposures_ms)
     if settings.output == "grey8" and settings.normalise_exposure and high > _WIDE * low:
         yield (
-            f"8 bits are too few for exposures from {low:.3g} to {high:.3g} ms at one scale; use grey16 or irradiance"
+            f"8 bits are too few for exposures from {low:.3g} to {high:.3g} ms on one scale; use grey16 or irradiance"
         )
     yield from (n for n in recording.notes if source.unexposed is None or not n.endswith((NO_EXPOSURES, NO_STAMPS)))
 
@@ -245,7 +249,7 @@ class _Work:
         name = self.names[frame.index]
         original = self._original(frame.index) if name.suffix.lower() in WITH_METADATA else b""
         self.folder.write_image(name, corrected, original, self.source.modified_ns(frame.index))
-        # Channels side by side, for OpenCV counts in one channel only.
+        # Channels side by side, because OpenCV only counts in single-channel images.
         before, after = image.reshape(len(image), -1), corrected.reshape(len(image), -1)
         saturated = cv2.compare(before, float(self.corrector.max_grey), cv2.CMP_GE)
         clipped = 0
@@ -255,7 +259,7 @@ class _Work:
         return frame.index, Counts(image.size, cv2.countNonZero(saturated), clipped)
 
     def describe(self, files: Sequence[PurePosixPath], result: Corrected) -> None:
-        """Write what describes the images to other programs: parameters, time stamps, exposures."""
+        """Write files that describe the images to other programs: parameters, time stamps, exposures."""
         recording, limit = self.source.recording, self.settings.limit
         if limit is not None:
             kept = self.corrector.response if self.settings.keep_response else None
@@ -266,12 +270,12 @@ class _Work:
         ids = ids_for(files)
         numbered = np.array_equal(recording.stamps_s, np.arange(len(recording)))
         if ids is None or (self.source.unexposed and numbered):
-            return  # no time stamps, or none that a list could assign to these names
+            return  # there are no time stamps, or a list could not assign them to these names
         exposures_ms = None if self.source.unexposed else result.exposures_ms
         write_times(self.folder.path / "times.txt", ids, recording.stamps_s[list(result.frames)], exposures_ms)
 
     def _original(self, index: int) -> bytes:
-        """Return the file of an image, or its EXIF: metadata that are kept."""
+        """Return the file of an image, or its EXIF, from which metadata is copied."""
         recording = self.source.recording
         if not isinstance(recording, ImageSequence):
             return b""

@@ -12,7 +12,7 @@ from ospc.errors import ExposureError, SettingError
 from ospc.photometry.correction import EXPOSURE_RANGE_MS
 
 Output: TypeAlias = Literal["irradiance", "grey8", "grey16"]
-"""32-bit float TIFF, or PNG of 8 or 16 bit; all are linear in the irradiance."""
+"""32-bit float TIFF, or PNG with 8 or 16 bits; all are linear in the irradiance."""
 
 DTYPES: dict[Output, type[np.generic]] = {"irradiance": np.float32, "grey8": np.uint8, "grey16": np.uint16}
 
@@ -24,20 +24,21 @@ class CorrectionSettings:
     Attributes
     ----------
     output
-        Kind of output images. If None: ``irradiance``, or with ``keep_response`` the depth of the originals.
+        Kind of output images. If None: ``irradiance``, or with ``keep_response`` the bit depth of the originals.
     keep_response
-        Whether only the vignette is removed: integer grey levels that the camera would have recorded without it,
-        instead of values linear in the irradiance.
+        Whether to remove only the vignette. The output then has the integer grey levels that the camera would have
+        recorded without it, instead of values linear in the irradiance.
     normalise_exposure, reference_ms
-        Whether to bring all images to one exposure, e·L · reference/e, instead of keeping their own, e·L, and that
-        exposure. If None: 1 ms for ``irradiance``, so that its values are radiance per millisecond; the shortest of
-        the recording for ``grey16``, so that nothing is clipped; the median for ``grey8``, which has too few bits.
+        Whether to bring all images to the same exposure, e·L · reference/e, instead of keeping their own, e·L; and
+        that exposure. If None: 1 ms for ``irradiance``, so that values are radiance per millisecond; the shortest of
+        the recording for ``grey16``, so that nothing is clipped; the median for ``grey8``, which has too few bits for
+        the shortest.
     white
-        For integers: the irradiance that becomes the largest grey value. 1 saturates the camera where
-        V = 1; only brighter places away from the centre are clipped.
+        For integers: the irradiance that becomes the largest grey value. 1 saturates the camera where V = 1; only
+        brighter values away from the centre are then clipped.
     mask_saturated, assume_missing
         Whether saturated pixels become NaN (``irradiance``) or the largest grey value, and whether an unknown
-        response or vignette is taken to be the identity.
+        response or vignette is replaced by the identity.
     """
 
     output: Output | None = None
@@ -54,20 +55,20 @@ class CorrectionSettings:
             raise SettingError(f"output is {self.output!r}; choose one of {', '.join(DTYPES)}")
         if self.keep_response and self.output == "irradiance":
             raise SettingError(
-                "irradiance has no response to keep; choose grey8 or grey16, or leave one of the two out"
+                "irradiance output cannot keep the response; choose grey8 or grey16, or do not keep the response"
             )
         if self.reference_ms is not None and not self.normalise_exposure:
-            raise SettingError("a reference exposure needs normalised exposures; add --normalise-exposure")
+            raise SettingError("a reference exposure requires normalised exposures; add --normalise-exposure")
         if not (np.isfinite(self.white) and self.white > 0):
-            raise SettingError(f"white is {self.white}; give the irradiance that becomes white, a positive number")
+            raise SettingError(f"white is {self.white}; give a positive number, the irradiance that becomes white")
         low, high = EXPOSURE_RANGE_MS
         if self.reference_ms is not None and not low <= self.reference_ms <= high:
             raise ExposureError(f"the reference exposure {self.reference_ms} ms is not a positive number below 1e9")
 
     def for_images(self, max_grey: int, exposures_ms: FloatArray) -> CorrectionSettings:
-        """Return the same settings with what is None stated, except for an exposure that no image is brought to."""
-        as_they_are: Output = "grey8" if max_grey <= 255 else "grey16"
-        output = self.output or (as_they_are if self.keep_response else "irradiance")
+        """Return the settings with defaults for ``output`` and, if exposures are normalised, ``reference_ms``."""
+        same_depth: Output = "grey8" if max_grey <= 255 else "grey16"
+        output = self.output or (same_depth if self.keep_response else "irradiance")
         reference_ms = self.reference_ms
         if self.normalise_exposure and reference_ms is None:
             choices = {"irradiance": 1.0, "grey16": np.nanmin(exposures_ms), "grey8": np.nanmedian(exposures_ms)}
@@ -81,12 +82,12 @@ class CorrectionSettings:
 
     @property
     def limit(self) -> int | None:
-        """Largest grey value of the output; None for floats, which have none."""
+        """Largest grey value of the output; None for floats."""
         return {"grey8": 255, "grey16": 65535}.get(self.output or "")
 
     @property
     def formula(self) -> str:
-        """The meaning of a pixel value, as a sentence, once the settings are stated for images."""
+        """The meaning of a pixel value as a sentence, for settings from :meth:`for_images`."""
         reference_ms = self.reference_ms
         if self.keep_response:
             exposure = "" if reference_ms is None else f" at an exposure of {reference_ms:g} ms"

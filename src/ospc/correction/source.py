@@ -1,4 +1,4 @@
-"""The images to correct: a recording, a folder, a video, or image files; none of them needs exposures."""
+"""The images to correct: a recording, a folder, a video, or image files, with or without exposures."""
 
 from __future__ import annotations
 
@@ -21,25 +21,25 @@ from ospc.recording.writing.images import numbered
 
 @dataclass(frozen=True)
 class Source:
-    """Images to correct; each has 1 ms if their exposures are unknown.
+    """Images to correct.
 
-    ``unexposed`` says why they are unknown; it is None if they are known.
+    ``unexposed`` is the reason why exposures are unknown, or None; unknown exposures are set to 1 ms.
     """
 
     recording: Recording
     unexposed: OspcError | None = None
 
     def modified_ns(self, index: int) -> int | None:
-        """Return when the file of an image was modified, in ns; None if it is not a file of its own."""
+        """Return the modification time of the file of an image in ns; None if the image has no file of its own."""
         recording = self.recording
         if isinstance(recording, ImageSequence) and isinstance(recording.source, FolderImages):
             return (recording.source.place / recording.names[index]).stat().st_mtime_ns
         return None
 
     def names(self) -> list[PurePosixPath]:
-        """Return the file name of every image: its own, otherwise its number.
+        """Return the file name of every image: the original name, or its number if it has none.
 
-        Folders are part of the names only where files of several folders would have the same name.
+        Names only include folders if files in several folders have the same name.
         """
         recording = self.recording
         if not isinstance(recording, ImageSequence):
@@ -50,9 +50,9 @@ class Source:
 
 
 def ids_for(names: Sequence[PurePosixPath]) -> list[int] | None:
-    """Return the ids by which ``times.txt`` names images: their own numbers, or their order.
+    """Return the ids of images in ``times.txt``: the numbers in their names, or their order.
 
-    None if readers that go by either would assign them wrongly.
+    None if readers would assign either of them to wrong images.
     """
     stems = [name.stem for name in names]
     numbers = [int(stem) for stem in stems if stem.isascii() and stem.isdigit() and len(stem) <= 10]
@@ -66,8 +66,12 @@ def ids_for(names: Sequence[PurePosixPath]) -> list[int] | None:
 def open_source(paths: Sequence[str | Path], kind: str | None = None, options: ReadingOptions = DEFAULT) -> Source:
     """Open images to correct: one recording of any kind, with exposures or without, or image files and patterns.
 
-    ``kind`` and ``options`` are as for :func:`~ospc.recording.kinds.open_recording`. RecordingError if there are no
-    images, or their list of exposures is damaged.
+    ``kind`` and ``options`` are as for :func:`~ospc.recording.kinds.open_recording`.
+
+    Raises
+    ------
+    RecordingError
+        If there are no images, or their list of exposures is damaged.
     """
     places = [place for path in paths for place in _expanded(Path(path))]
     if len(places) > 1 or (places[0].is_file() and is_image_name(places[0].name)):
@@ -75,37 +79,37 @@ def open_source(paths: Sequence[str | Path], kind: str | None = None, options: R
     try:
         return Source(open_recording(places[0], kind, options))
     except (RecordingError, MissingExtraError) as error:
-        # What keeps it from being opened without exposures, too, is to be mended first.
+        # If it cannot be opened without exposures either, that error is raised.
         return Source(open_recording(places[0], kind, replace(options, unknown_exposures=True)), error)
 
 
 def _expanded(path: Path) -> list[Path]:
-    """Return the files that match a pattern; a path that exists, or is none, as it is."""
+    """Return the files that match a pattern; other paths, and those that exist, are returned unchanged."""
     if path.exists() or not glob.has_magic(str(path)):
         return [path]
     found = list(Path(path.anchor).glob(str(path.relative_to(path.anchor))))
     images = sorted((p for p in found if is_image_name(p.name)), key=lambda p: by_name(str(p)))
     if not images:
-        why = next((why for p in found if (why := why_unread(p))), "check it, or name a folder")
+        why = next((why for p in found if (why := why_unread(p))), "check it, or give a folder")
         raise RecordingError(f"{path}: no image matches this pattern; {why}")
     return images
 
 
 def _image_files(places: Sequence[Path], options: ReadingOptions) -> Source:
-    """Open image files as they are named; which list of exposures would be theirs is unknown."""
+    """Open image files without exposures: it is unknown which list would belong to them."""
     for place in places:
         if not place.is_file():
-            what = "is a folder; name it alone, or only files" if place.is_dir() else "there is no such file"
+            what = "is a folder; give only the folder, or only files" if place.is_dir() else "there is no such file"
             raise RecordingError(f"{place}: {what}")
         if not is_image_name(place.name):
             raise RecordingError(
-                f"{place}: {why_unread(place) or 'is not an image; of several files, each has to be one'}"
+                f"{place}: {why_unread(place) or 'is not an image; several files must all be images'}"
             )
     full = [place.absolute() for place in places]
     folder = Path(os.path.commonpath([place.parent for place in full]))
     names = tuple(dict.fromkeys(place.relative_to(folder).as_posix() for place in full))
     missing = ExposureError(
-        f"{places[0]}: exposures of single files are unknown; give the folder that has their list"
+        f"{places[0]}: exposures of single files are unknown; give a folder with a list of exposures"
     )
 
     def no_list() -> FrameTable:

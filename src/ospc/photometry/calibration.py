@@ -1,4 +1,4 @@
-"""A photometric calibration as a value: what is known, how well, and what is still missing."""
+"""A photometric calibration with its uncertainties and verdicts."""
 
 from __future__ import annotations
 
@@ -31,41 +31,41 @@ __all__ = ["PROFILE_RADII", "SCHEMA", "Calibration", "ExposureRatios", "State", 
 
 SCHEMA = "ospc-calibration/1"
 PROFILE_RADII = np.linspace(0.0, 1.0, 51)
-"""Radii, in half diagonals, at which the vignette's uncertainty is given: 0, 0.02, … 1, finer than it changes."""
+"""Radii in half diagonals at which the uncertainty of the vignette is given: 0, 0.02, … 1, finer than it varies."""
 
 PROFILE_RADII.setflags(write=False)
 _MAX_BYTES = 100_000_000
-"""Largest calibration file that is read: one with a covariance of 100 parameters has less than a megabyte."""
+"""Largest calibration file that is read; one with a covariance of 100 parameters is smaller than a megabyte."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Calibration(ByValue):
-    """Response and vignette of a camera with their uncertainties. Unknown parts are None, never invented.
+    """Response and vignette of a camera with their uncertainties. Unknown parts are None.
 
     Attributes
     ----------
     size
-        Width and height in pixels of the images it is for.
+        Width and height of the images in pixels.
     response
         The camera response; None if it is not identifiable.
     vignette
         The vignette; None if it is not identifiable.
     verdicts
-        For ``"response"``, ``"vignette"`` and ``"exposures"``: identifiable, marginal or not, why, and what to
-        record instead.
+        For ``"response"``, ``"vignette"`` and ``"exposures"``: whether each is identifiable, marginal or not
+        identifiable, why, and what to record instead.
     vignette_sigma
         Standard deviation of the radial profile at the 51 radii 0, 0.02, … 1, shape (51,).
     noise
         Noise of a grey value, estimated from the recording.
     exposure_ratios
-        Re-estimated exposure ratios against the metadata.
+        Re-estimated exposure ratios compared with the metadata.
     covariance
         For each estimated part, its parameter names and covariance matrix.
     max_grey
         Largest grey value of the images: 255 for 8 bit.
     converged
-        Whether response and vignette are identifiable and nothing warns about the exposures; with preset "paper",
-        whether two estimates of each were accepted.
+        Whether response and vignette are identifiable and there are no warnings about the exposures; with preset
+        "paper", whether two estimates of each were accepted.
     partial
         Whether the run was interrupted before the end of the recording.
     counts
@@ -73,25 +73,25 @@ class Calibration(ByValue):
     settings
         All settings of the method.
     source
-        Identification of the input.
+        Identification of the recording.
     versions
         Versions of the software used.
     advice
-        What would reduce the uncertainty, most helpful first.
+        How to reduce the uncertainty, most helpful first.
     notes
-        What was found and corrected: of the exposures, of the optics, of the sensor.
+        Findings about exposures, optics and sensor that were corrected.
     warnings
-        Why the result cannot be relied on: what contradicts the exposures or the model; empty if nothing does.
+        Reasons not to rely on the result: contradictions to the exposures or the model.
     effects
-        What was found about effects beside response and vignette, such as veiling glare.
+        Estimates of effects other than response and vignette, such as veiling glare.
     coverage
-        What the observations cover, and their residuals; None if the method keeps no tables.
+        Coverage of the observations and their residuals; None if the method keeps no tables.
     exponent_sigma
-        Standard deviation of ln γ, if response, vignette and exposures are known only up to a common exponent γ
-        because no exposures were given; included in the other standard deviations, but not in the covariance. 0
-        otherwise.
+        Standard deviation of ln γ if no exposures were given, because response, vignette and exposures are then only
+        known up to a common exponent γ; otherwise 0. It is included in the other standard deviations, but not in the
+        covariance.
     rests_on
-        What it rests on in place of measurements, if it is a guess from single images; empty otherwise.
+        The assumptions behind a guess from single images; empty for a calibration from measurements.
     """
 
     size: ImageSize
@@ -119,14 +119,14 @@ class Calibration(ByValue):
 
     @property
     def complete(self) -> bool:
-        """Whether response and vignette are identifiable, the exposures agree with the images, and nothing warns."""
+        """Whether response, vignette and exposures are identifiable and there are no warnings."""
         known = self.response is not None and self.vignette is not None
         sure = all(verdict.state == "identifiable" for verdict in self.verdicts.values())
         return known and sure and not self.warnings
 
     @property
     def caveat(self) -> str:
-        """What everything made from it has to say if the exposures were unknown; empty if they were known."""
+        """Caveat to include in all output if the exposures were unknown or the calibration is a guess; or ""."""
         if not self.exponent_sigma:
             return self.rests_on
         return (
@@ -135,12 +135,12 @@ class Calibration(ByValue):
         )
 
     def __repr__(self) -> str:
-        """Return on one line what it is of, and how well it is known."""
+        """Return the source and the verdicts on one line."""
         states = [f"{name} {verdict.state}" for name, verdict in self.verdicts.items()]
         return f"<Calibration of {', '.join([self._basis, *states])}>"
 
     def _repr_html_(self) -> str:
-        """Return what notebooks show: what it is of, the verdicts with their reasons, and the curves."""
+        """Return the HTML that notebooks show: the source, the verdicts with their reasons, and the curves."""
         rows = "".join(
             f"<tr><th>{escape(name)}</th><td>{escape(verdict.state)}</td><td>{escape(verdict.reason)}</td></tr>"
             for name, verdict in self.verdicts.items()
@@ -148,7 +148,7 @@ class Calibration(ByValue):
         return f"<table><caption>Calibration of {escape(self._basis)}</caption>{rows}</table>{self.curves_as_svg()}"
 
     def curves_as_svg(self) -> str:
-        """Return small pictures of the known curves with their bands, for notebooks and pages."""
+        """Return small SVG plots of the known curves with their confidence bands."""
         shown = ""
         if self.response is not None:
             grey = np.linspace(0, 1, len(PROFILE_RADII))
@@ -178,29 +178,30 @@ class Calibration(ByValue):
         max_grey: int | None = None,
         assume_missing: bool = False,
     ) -> npt.NDArray[Any]:
-        """Return the irradiance e·L = g(M)/V(x) of an image, or the radiance L where its exposure is given.
+        """Return the irradiance e·L = g(M)/V(x) of an image, or the radiance L if its exposure is given.
 
         Apply it before any undistortion or scaling. Parameters and errors are those of
         :meth:`Corrector.correct <ospc.photometry.correction.Corrector.correct>`. ``max_grey`` is the largest grey
-        value of the image, if it differs from that of the calibration; ``assume_missing`` takes an unknown response
-        or vignette to be the identity instead of refusing.
+        value of the image, if it differs from the calibration. With ``assume_missing``, an unknown response or
+        vignette is replaced by the identity instead of raising an error.
         """
         corrector = self._corrector(max_grey, assume_missing)
         return corrector.correct(image, exposure_ms, dtype=dtype, white=white, mark_saturated=mark_saturated)
 
     def saturated(self, image: Image, *, max_grey: int | None = None) -> BoolArray:
-        """Return which pixels have the largest grey value: only a lower bound of their irradiance is known."""
+        """Return which pixels have the largest grey value, which is only a lower bound of their irradiance."""
         return self._corrector(max_grey, assume_missing=True).saturated(image)
 
     def warp_exposure(self, image: Image, from_ms: float, to_ms: float, *, max_grey: int | None = None) -> Image:
-        """Return what the camera would have recorded of the same scene at another exposure.
+        """Return the image the camera would have recorded of the same scene at another exposure.
 
-        As :meth:`Corrector.warp_exposure <ospc.photometry.correction.Corrector.warp_exposure>`, with its errors.
+        See :meth:`Corrector.warp_exposure <ospc.photometry.correction.Corrector.warp_exposure>` for details and
+        errors.
         """
         return self._corrector(max_grey, assume_missing=False).warp_exposure(image, from_ms, to_ms)
 
     def _corrector(self, max_grey: int | None, assume_missing: bool) -> Corrector:
-        from ospc.photometry.correction import Corrector  # loads OpenCV, which a calibration does not need otherwise
+        from ospc.photometry.correction import Corrector  # loads OpenCV, which is not needed otherwise
 
         key = (self.max_grey if max_grey is None else max_grey, assume_missing)
         if key not in self._correctors:
@@ -212,30 +213,30 @@ class Calibration(ByValue):
         return {}
 
     def save(self, path: str | Path) -> Path:
-        """Write the calibration as JSON, completely or not at all, and return the path.
+        """Write the calibration to a JSON file atomically and return its path.
 
-        A raster vignette is written beside it as ``.vignette.npz``.
+        A raster vignette is written next to it as ``.vignette.npz``.
 
         Raises
         ------
         FormatError
-            If it cannot be written; an earlier file is unchanged then.
+            If the file cannot be written; an earlier file is then unchanged.
         """
         place = Path(path)
         content = json.dumps(self.as_dict(), indent=1, allow_nan=False) + "\n"
-        with os_error_as(FormatError, f"{place}: cannot be written", "check that the folder exists and allows it"):
+        with os_error_as(FormatError, f"{place}: cannot be written", "check that the folder exists and is writable"):
             if isinstance(self.vignette, RasterVignette):
                 self.vignette.write_map(place.with_suffix(".vignette.npz"))
             return write_atomically(place, content.encode("utf-8"))
 
     @classmethod
     def load(cls, path: str | Path) -> Calibration:
-        """Read a calibration that :meth:`save` wrote: a JSON file, or a folder that holds ``calibration.json``.
+        """Read a calibration written by :meth:`save`: a JSON file, or a folder with ``calibration.json``.
 
         Raises
         ------
         FormatError
-            If the file is not a calibration, or one of an unknown version.
+            If the file is not a calibration, or its version is unknown.
         """
         from ospc.photometry.calibration_content import from_dict
 
@@ -254,7 +255,7 @@ class Calibration(ByValue):
         found = content.get("schema") if isinstance(content, dict) else None
         if found != SCHEMA:
             raise FormatError(
-                f"{place}: not a calibration this version reads (schema {found!r}, expected {SCHEMA!r})"
+                f"{place}: not a calibration that this version can read (schema {found!r}, expected {SCHEMA!r})"
             )
         try:
             return from_dict(content, place)
@@ -265,13 +266,13 @@ class Calibration(ByValue):
 
     @classmethod
     def from_dict(cls, content: dict[str, Any]) -> Calibration:
-        """Return the calibration whose content :meth:`as_dict` returned."""
+        """Return a calibration from the values of :meth:`as_dict`."""
         from ospc.photometry.calibration_content import from_dict
 
         return from_dict(content, Path())
 
     def as_dict(self) -> dict[str, Any]:
-        """Return everything as JSON-compatible values; the documented content of ``calibration.json``."""
+        """Return all fields as JSON-compatible values, the documented content of ``calibration.json``."""
         from ospc.photometry.calibration_content import to_dict
 
         return to_dict(self)
@@ -280,5 +281,5 @@ class Calibration(ByValue):
 def _finite(text: str) -> float:
     value = float(text)
     if not math.isfinite(value):
-        raise ValueError(f"{text} is no finite number")
+        raise ValueError(f"{text} is not a finite number")
     return value

@@ -31,17 +31,16 @@ LARGEST_GREY = 65535
 """Largest grey value of any image: 16 bits."""
 
 _LARGEST = 1e12
-"""Largest number that is read: no calibration comes near it, and larger ones would overflow where they are used."""
+"""Largest number that is read: no calibration comes close, and larger ones would overflow in use."""
 
 _SMALLEST_RATIO = 1e-12
-"""Smallest exposure ratio that is read: smaller ones, and zero, mean a damaged file."""
+"""Smallest exposure ratio that is read; smaller ones and zero indicate a damaged file."""
 
 _MOST_COEFFICIENTS = 32
-"""Most coefficients of a vignette that are read: no model has nearly as many."""
+"""Maximum number of vignette coefficients that are read, far more than any model has."""
 
 _PROBES_PER_SIDE = 33
-"""Places per side of the image at which a vignette model is evaluated to check it: a polynomial cannot hide
-between."""
+"""Grid points per side of the image at which a vignette model is checked; a polynomial has no peaks between them."""
 
 
 _WRITTEN = (
@@ -49,7 +48,7 @@ _WRITTEN = (
     *("noise", "exposure_ratios", "covariance", "coverage", "counts", "effects", "advice", "notes", "warnings"),
     *("settings", "source", "versions"),
 )
-"""Names of what is written, in this order."""
+"""Names of the fields in the order in which they are written."""
 
 
 def to_dict(calibration: Calibration) -> dict[str, Any]:
@@ -63,7 +62,7 @@ def to_dict(calibration: Calibration) -> dict[str, Any]:
 
 
 def _vignette(calibration: Calibration) -> dict[str, Any] | None:
-    # Not by its fields: a map is written beside the file, and anyone's vignette has an as_dict.
+    # Not by its fields: a map goes to its own file, and users' own vignettes need only have an as_dict.
     if calibration.vignette is None:
         return None
     return {
@@ -75,7 +74,7 @@ def _vignette(calibration: Calibration) -> dict[str, Any] | None:
 
 
 def _plain(value: Any) -> Any:
-    """Return a value of a calibration in lists and dictionaries."""
+    """Return a value as lists and dictionaries."""
     if isinstance(value, Coverage):
         return value.as_dict()
     if isinstance(value, np.ndarray):
@@ -88,12 +87,17 @@ def _plain(value: Any) -> Any:
 
 
 def from_dict(content: dict[str, Any], place: Path) -> Calibration:
-    """Return the calibration whose content :func:`to_dict` returned.
+    """Return the calibration from the values of :func:`to_dict`.
 
-    Everything is checked here, so that a damaged or hostile file fails when it is loaded and not when it is used. The
-    map of a raster vignette is beside ``place``, the file that the content was read from. A map that cannot be read,
-    and impossible values, are a FormatError; what is not such content at all, a LookupError, TypeError, ValueError,
-    AttributeError or ArithmeticError.
+    All values are checked, so that a damaged or hostile file fails when it is loaded, not when it is used. ``place``
+    is the file that the content comes from; the map of a raster vignette is next to it.
+
+    Raises
+    ------
+    FormatError
+        If values are impossible or the map cannot be read.
+    LookupError, TypeError, ValueError, AttributeError, ArithmeticError
+        If the content has another structure.
     """
     size = _size(content["size"])
     response, vignette, noise = content["response"], content["vignette"], content["noise"]
@@ -128,12 +132,12 @@ def from_dict(content: dict[str, Any], place: Path) -> Calibration:
 def _response_from_dict(content: dict[str, Any]) -> Response:
     table = _array(content["inverse_table"], "inverse_table", (None,))
     if table.size > LARGEST_GREY + 1:
-        raise FormatError(f"inverse_table has {table.size} values, more than there are grey levels")
+        raise FormatError(f"inverse_table has {table.size} values, more than the number of grey levels")
     log_sigma = None if content["log_sigma"] is None else _array(content["log_sigma"], "log_sigma", table.shape)
     scale_sigma = None if content["scale_sigma"] is None else _number(content, "scale_sigma")
     low, high = _array(content["support"], "support", (2,), high=1.0).tolist()
     if low > high:
-        raise FormatError(f"support ends at {high}, before it begins at {low}")
+        raise FormatError(f"support ends at {high}, which is below its start at {low}")
     return Response(table, log_sigma, scale_sigma, (low, high), dict(content["model"].items()))
 
 
@@ -145,7 +149,7 @@ def _vignette_from_dict(model: dict[str, Any], size: ImageSize, place: Path) -> 
         return RasterVignette.read_map(place.with_suffix(".vignette.npz"), size, source)
     coefficients = tuple(_signed(model["coefficients"], "coefficients", (None,)).tolist())
     if len(coefficients) > _MOST_COEFFICIENTS:
-        raise FormatError(f"the vignette has {len(coefficients)} coefficients; at most {_MOST_COEFFICIENTS} are read")
+        raise FormatError(f"the vignette has {len(coefficients)} coefficients, more than {_MOST_COEFFICIENTS}")
     vignette: Vignette
     if model["name"] == "polynomial":
         vignette = PolynomialVignette(size, coefficients)
@@ -164,7 +168,7 @@ def _vignette_from_dict(model: dict[str, Any], size: ImageSize, place: Path) -> 
     with np.errstate(over="ignore", invalid="ignore"):
         values = vignette.at(np.stack(np.meshgrid(x_px, y_px), axis=-1))
     if not (values.max() > 0 and np.abs(values).max() <= LARGEST_ATTENUATION):
-        raise FormatError("the vignette is not finite, or not plausible, in parts of the image")
+        raise FormatError("the vignette is not finite or not plausible in parts of the image")
     return vignette
 
 
@@ -186,7 +190,7 @@ def _noise(content: dict[str, Any]) -> NoiseModel:
     """Return the noise model; its variances are in units of full scale squared."""
     table = _array(content["table"], "noise table", (None,), high=1.0)
     if table.size > LARGEST_GREY + 1:
-        raise FormatError(f"the noise table has {table.size} values, more than there are grey levels")
+        raise FormatError(f"the noise table has {table.size} values, more than the number of grey levels")
     read, shot = (_number(content, name, high=1.0) for name in ("read_variance", "shot_variance"))
     return NoiseModel(read, shot, tuple(table.tolist()))
 
@@ -216,7 +220,7 @@ def _size(content: list[Any]) -> ImageSize:
 def _array(
     values: Any, name: str, shape: tuple[int | None, ...], low: float = 0.0, high: float = _LARGEST
 ) -> FloatArray:
-    """Return finite numbers between two limits in an array of a shape, in which None stands for any length."""
+    """Return an array of finite numbers between two limits; None in ``shape`` allows any length."""
     array = np.array(values, dtype=np.float64)
     if array.ndim != len(shape) or any(n not in (None, m) for n, m in zip(shape, array.shape, strict=True)):
         expected = "x".join("n" if n is None else str(n) for n in shape) or "a single number"
@@ -248,5 +252,5 @@ def _sentences(values: Any, name: str) -> tuple[str, ...]:
 
 def _text(value: Any) -> str:
     if not isinstance(value, str):
-        raise FormatError(f"{str(value)[:30]!r} found where a text is expected")
+        raise FormatError(f"expected a text instead of {str(value)[:30]!r}")
     return value

@@ -1,8 +1,8 @@
-"""Applies a calibration: from grey values to the light that reached the lens.
+"""Photometric correction of images: from grey values to irradiance or radiance.
 
-**Correct first; undistort, rectify, scale or crop afterwards.** Response and vignette hold for single pixels of the
-sensor. An interpolated pixel is a mean of grey values, which the inverse response does not invert, at another place,
-where the vignette is different.
+**Correct images first; undistort, rectify, scale or crop them afterwards.** Response and vignette apply to original
+sensor pixels. The inverse response of an interpolated grey value is not the interpolated irradiance, and the vignette
+at the new position is different.
 """
 
 from __future__ import annotations
@@ -21,22 +21,22 @@ from ospc.photometry.response import Response
 from ospc.photometry.vignette import Vignette
 
 LEAST_ATTENUATION = 1e-3
-"""Attenuation below which there is no image, as outside a fisheye's image circle: dividing by less shows noise
-only."""
+"""Attenuation below which there is no image, as outside the image circle of a fisheye: dividing by it would only
+amplify noise."""
 
 EXPOSURE_RANGE_MS = (1e-9, 1e9)
-"""Exposures accepted, from a picosecond to eleven days: no camera is near either limit, and results stay finite in
+"""Accepted exposures, from a picosecond to eleven days: no camera comes close to a limit, and results stay finite in
 float32."""
 
 _WHITE_RANGE = (1e-12, 1e12)
 """Irradiances or radiances accepted as white, for the same reason."""
 
 _BEYOND = float(2**20)
-"""Stands for saturation in integer output: so far above 65535 that division by V ≤ 1 keeps it there, and far below
-what overflows on conversion to an integer."""
+"""Stands for saturation in integer output: far above 65535, also after division by V ≤ 1, and far below the overflow
+of a conversion to integers."""
 
 _ROWS_AT_ONCE = 16
-"""Rows looked up in one go: 16 rows of 64-bit indices stay in the cache of a processor core."""
+"""Rows looked up at a time: the 64-bit indices of 16 rows stay in the processor cache."""
 
 _OUTPUT_TYPES = (np.dtype(np.float32), np.dtype(np.uint8), np.dtype(np.uint16))
 
@@ -45,8 +45,7 @@ _OUTPUT_TYPES = (np.dtype(np.float32), np.dtype(np.uint8), np.dtype(np.uint16))
 class Corrector:
     """Removes response and vignette from images: e·L = g(M) / V(x) (paper, image formation M = f(e V L)).
 
-    Make one for each camera. An image then costs one table look-up and one multiplication per pixel. Several threads
-    may share one.
+    Create one per camera: an image then takes one table look-up and one multiplication per pixel. It is thread-safe.
     """
 
     response: Response | Sequence[Response] | None
@@ -56,8 +55,8 @@ class Corrector:
     max_grey: int = 255
     """Largest grey value of the images; pixels that reach it are saturated."""
     assume_missing: bool = False
-    """Whether an unknown part is taken to be the identity (g(M) = M, V = 1) instead of refused. :attr:`assumed` then
-    names it; say so wherever the result is used."""
+    """Whether to replace an unknown part by the identity (g(M) = M, V = 1) instead of raising an error.
+    :attr:`assumed` lists these parts; state them with the result."""
 
     def __post_init__(self) -> None:
         """Check the bit depth and the number of responses."""
@@ -70,7 +69,7 @@ class Corrector:
 
     @property
     def assumed(self) -> tuple[str, ...]:
-        """Names of the unknown parts that are taken to be the identity."""
+        """Names of the unknown parts that are replaced by the identity."""
         return tuple(part for part in ("response", "vignette") if self.assume_missing and getattr(self, part) is None)
 
     def correct(
@@ -82,9 +81,9 @@ class Corrector:
         white: float = 1.0,
         mark_saturated: bool = True,
     ) -> npt.NDArray[np.generic]:
-        """Return the irradiance of every pixel without the vignette, or the radiance if the exposure is given.
+        """Return the irradiance of every pixel corrected for the vignette, or the radiance if the exposure is given.
 
-        Apply it to images as they come from the sensor, before any undistortion, scaling or filtering.
+        Apply it to the original images of the sensor, before any undistortion, scaling or filtering.
 
         Parameters
         ----------
@@ -94,27 +93,31 @@ class Corrector:
             Exposure time times linear gain. If given, the result is divided by it, which makes images of different
             exposures comparable.
         dtype
-            float32, or uint8 or uint16 for viewers and programs that read nothing else. The scale stays linear, so
-            8 bits lose the darkest grey levels of a camera with a gamma curve.
+            float32, or uint8 or uint16 for programs that only read these. The scale stays linear, so 8 bits lose the
+            darkest grey levels of a camera with a gamma curve.
         white
             For uint8 and uint16: the irradiance (or radiance) that becomes the largest value. Brighter pixels are
-            clipped to it.
+            clipped.
         mark_saturated
-            Whether saturated pixels, of which only a lower bound is known, become NaN (float32) or the largest value
-            (integers). Otherwise they hold the lower bound g(1)/V(x).
+            Whether saturated pixels become NaN (float32) or the largest value (integers). Otherwise they have the
+            lower bound of their irradiance, g(1)/V(x).
 
         Returns
         -------
         numpy.ndarray
             e·L, or L per millisecond, with the shape of the image. The unit is the irradiance that saturates the
-            camera where V = 1. Where V is below :data:`LEAST_ATTENUATION` the result is NaN, or 0.
+            camera where V = 1. Where V is below :data:`LEAST_ATTENUATION`, the result is NaN, or 0 for integers.
 
         Raises
         ------
         NotObservableError
             If response or vignette is unknown.
-        SettingError, FrameError, ExposureError
-            If an option, or the size of the image, is wrong; the type or bit depth of the image; or the exposure.
+        SettingError
+            If an option or the size of the image is wrong.
+        FrameError
+            If the type or the bit depth of the image is wrong.
+        ExposureError
+            If the exposure is wrong.
         """
         pixels = self._checked(image)
         self._require("response", "vignette")
@@ -147,9 +150,9 @@ class Corrector:
     ) -> Image:
         """Return the grey levels that the camera would have recorded without its vignette: f(g(M)/V).
 
-        Parameters and errors are those of :meth:`correct`, but ``dtype`` is uint8 or uint16: the largest grey level
-        of the camera becomes the largest value. Where V = 1, the image is as it was. Where V is below
-        :data:`LEAST_ATTENUATION` it is 0.
+        Parameters and errors are those of :meth:`correct`, but ``dtype`` must be uint8 or uint16. The largest grey
+        level of the camera becomes the largest value of this type. The image is unchanged where V = 1, and 0 where V
+        is below :data:`LEAST_ATTENUATION`.
         """
         kind = np.dtype(dtype)
         if kind not in _OUTPUT_TYPES[1:]:
@@ -157,7 +160,7 @@ class Corrector:
         pixels = self._checked(image)
         self._require("response", "vignette")
         scale = (1.0 if exposure_ms is None else 1.0 / _checked_exposure(exposure_ms)) / _checked_white(white)
-        # In 16 bits, the square root of the irradiance keeps apart the darkest grey levels of a gamma curve.
+        # In 16 bits, the square root of the irradiance still resolves the darkest grey levels of a gamma curve.
         saturated = _BEYOND if mark_saturated else scale
         table = 65535 * np.sqrt(self._filled(self._inverse_columns * scale, saturated, pixels))
         root = look_up(pixels, table.astype(np.float32))
@@ -169,18 +172,21 @@ class Corrector:
         return look_up(roots, np.rint(np.stack(greys, axis=-1) * np.iinfo(kind).max).astype(kind))
 
     def saturated(self, image: Image) -> BoolArray:
-        """Return which pixels have the largest grey value: only a lower bound of their irradiance is known.
+        """Return which pixels have the largest grey value, which is only a lower bound of their irradiance.
 
-        FrameError as for :meth:`correct`.
+        Raises
+        ------
+        FrameError
+            If the type or the bit depth of the image is wrong.
         """
         return np.asarray(self._checked(image) >= self.max_grey)
 
     def warp_exposure(self, image: Image, from_ms: float, to_ms: float) -> Image:
-        """Return what the camera would have recorded of the same scene at another exposure: f(g(M) · to / from).
+        """Return the image the camera would have recorded of the same scene at another exposure: f(g(M) · to / from).
 
-        The vignette cancels and need not be known; otherwise errors are those of :meth:`correct`. Exposures are in
-        milliseconds times linear gain. Pixels that saturate at the new exposure have the largest grey value. Those
-        that were saturated before keep it, since their irradiance is unknown. :meth:`saturated` finds both.
+        Exposures are in milliseconds times linear gain. The vignette cancels and may be unknown; otherwise errors are
+        those of :meth:`correct`. Pixels that saturate at the new exposure get the largest grey value. Pixels that are
+        already saturated keep it, because their irradiance is unknown. :meth:`saturated` finds both.
         """
         pixels = self._checked(image)
         self._require("response")
@@ -201,7 +207,7 @@ class Corrector:
         return np.stack([levels if r is None else r.inverse(levels) for r in self._responses], axis=-1)
 
     def _filled(self, columns: FloatArray, saturated: float, pixels: Image) -> FloatArray:
-        """Return tables with an entry for every value of the pixels' type, so that no index is out of bounds."""
+        """Return tables with an entry for every value of the pixel type, so that no index is out of bounds."""
         greys = np.iinfo(pixels.dtype).max + 1
         filled = np.full((greys, columns.shape[1]), saturated)
         filled[: self.max_grey] = columns[: self.max_grey]
@@ -232,35 +238,35 @@ class Corrector:
             if getattr(self, part) is None and not self.assume_missing:
                 raise NotObservableError(
                     f"the calibration has no {part}; calibrate from a recording that determines it, or allow it to "
-                    f"be taken for the identity"
+                    f"be replaced by the identity"
                 )
 
     def _checked(self, image: Image) -> Image:
         pixels = np.asarray(image)
         if pixels.dtype not in (np.uint8, np.uint16) or pixels.size == 0:
             raise FrameError(
-                f"an image to correct is of type uint8 or uint16, not {pixels.dtype}, shape {pixels.shape}"
+                f"an image to correct must be of type uint8 or uint16, not {pixels.dtype}, shape {pixels.shape}"
             )
         if pixels.ndim != 2 and not (pixels.ndim == 3 and pixels.shape[2] == 3):
-            raise FrameError(f"an image to correct is grey or has three channels, not shape {pixels.shape}")
+            raise FrameError(f"an image to correct must be grey or have three channels, not shape {pixels.shape}")
         if len(self._responses) > 1 and pixels.ndim == 2:
-            raise FrameError("three responses need an image of three channels; this one is grey")
-        # Some recorders store 8-bit grey values in 16-bit words; that is fine as long as they fit.
+            raise FrameError("three responses need an image with three channels, but this one is grey")
+        # Some recorders store 8-bit grey values in 16-bit words.
         deeper = pixels.dtype == np.uint16 and self.max_grey < 256 and int(pixels.max()) > self.max_grey
         if deeper or (pixels.dtype == np.uint8 and self.max_grey > 255):
             raise FrameError(
-                f"the calibration is for grey values up to {self.max_grey}, which does not fit this {pixels.dtype} "
-                f"image; state max_grey if the response also holds for its bit depth"
+                f"the calibration is for grey values up to {self.max_grey}, which does not match this {pixels.dtype} "
+                f"image; pass max_grey if the response is also valid for its bit depth"
             )
         return pixels
 
 
 def wrong_size(what: str, found: ImageSize, calibration: str, expected: ImageSize) -> str:
-    """Return the error message for images whose size is not that of the calibration."""
+    """Return the error message for images whose size differs from the calibration."""
     size = f"{found[0]}x{found[1]}"
     return (
         f"{what} has {size} pixels, {calibration} is for {expected[0]}x{expected[1]}; "
-        f"adapt it with 'ospc export --to json --size {size}' (and --crop, if part of the view was cut off)"
+        f"adapt it with 'ospc export --to json --size {size}' (and --crop if the images are cropped)"
     )
 
 
@@ -275,7 +281,7 @@ def _checked_exposure(exposure_ms: float) -> float:
 
 def _checked_white(white: float) -> float:
     if not (np.isfinite(white) and _WHITE_RANGE[0] < white < _WHITE_RANGE[1]):
-        raise SettingError(f"white is {white}; give the irradiance, a positive number, that becomes white")
+        raise SettingError(f"white is {white}; give a positive number, the irradiance that becomes white")
     return float(white)
 
 
@@ -287,7 +293,7 @@ def look_up(pixels: Image, tables: npt.NDArray[np.generic]) -> npt.NDArray[np.ge
 
 @cache
 def _opencv_reads_16_bit_tables() -> bool:
-    """Tell whether this OpenCV supports tables for 16-bit pixels, as releases from 5.0 on do."""
+    """Return whether this OpenCV supports tables for 16-bit pixels, as releases from 5.0 do."""
     try:
         cv2.LUT(np.zeros((1, 1), np.uint16), np.zeros((1, 65536), np.float32))
     except cv2.error:
@@ -300,7 +306,7 @@ def _look_up_16_bit(pixels: Image, tables: npt.NDArray[np.generic]) -> npt.NDArr
     for channel in np.ndindex(pixels.shape[2:]):
         column = np.ascontiguousarray(tables[0, :, channel[0] if channel and tables.shape[2] > 1 else 0])
         source, target = pixels[(..., *channel)], found[(..., *channel)]
-        # NumPy widens the indices to 64 bits; a few rows at a time, they stay in the cache.
+        # NumPy converts the indices to 64 bits; those of a few rows stay in the cache.
         for row in range(0, pixels.shape[0], _ROWS_AT_ONCE):
             part = slice(row, row + _ROWS_AT_ONCE)
             target[part] = np.take(column, source[part], mode="clip")

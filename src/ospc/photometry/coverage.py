@@ -1,4 +1,4 @@
-"""What a calibration rests on: exposure ratios of pairs, and tables of what observations cover, and residuals."""
+"""The data behind a calibration: exposure ratios of pairs, and tables of the observations and their residuals."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class ExposureRatios(ByValue):
     samples: IntArray
     """Number of correspondences behind each estimate, shape (pairs,)."""
     log_sigma: FloatArray | None = None
-    """Standard deviation of ln of each estimate, shape (pairs,); None where the method does not tell."""
+    """Standard deviation of ln of each estimate, shape (pairs,); None if the method does not provide it."""
 
     @classmethod
     def none(cls) -> ExposureRatios:
@@ -42,28 +42,28 @@ class ExposureRatios(ByValue):
 
     @property
     def misfit(self) -> float:
-        """Median of the absolute log residual, each pair weighted by its samples; NaN without pairs."""
+        """Median of the absolute log residual, weighted by the number of samples; NaN without pairs."""
         return weighted_median(np.abs(self.log_residual), self.samples)
 
     @property
     def bias(self) -> float:
-        """Median of the log residual signed by ln k, weighted as above; NaN without pairs.
+        """Median of the log residual times the sign of ln k, weighted by the number of samples; NaN without pairs.
 
-        Positive where changes of exposure look larger than the metadata say.
+        It is positive if exposure changes are larger than in the metadata.
         """
         return weighted_median(self.log_residual * np.sign(np.log(self.metadata)), self.samples)
 
 
 QUANTILES = (0.16, 0.5, 0.84)
-"""Quantiles of the residuals: the median and the ends of the middle 68 per cent, ±1σ of a normal distribution."""
+"""Quantiles of the residuals: the median and the limits of the central 68 per cent, ±1σ of a normal distribution."""
 
 _FEW_OBSERVATIONS = 30
-"""A class of grey levels or radii with fewer observations counts as not covered: one per cent of a usual class."""
+"""A class of grey levels or radii with fewer observations counts as not covered: 1 % of a typical class."""
 
 _RESIDUALS = ("residual_by_grey", "residual_by_radius", "residual_by_place")
 
 _MAX_CLASSES = 128
-"""Most classes along any axis of a table that is read: bounds the memory a damaged file can ask for."""
+"""Maximum number of classes along an axis of a table, which limits the memory that a damaged file can require."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,13 +71,13 @@ class Coverage(ByValue):
     """Counts and residuals of observations; an observation is one scene point in one frame.
 
     A residual is ln(g(M) / (e·V)) of an observation minus its mean over the point: 0.01 is one per cent of the
-    radiance. Residuals are NaN where there are too few, and None without a calibration to compute them with.
+    radiance. Residuals are NaN in classes with too few observations, and None without a calibration.
     """
 
     exposure_edges_ms: FloatArray
     """Limits of the classes of exposure, shape (exposures + 1,)."""
     grey_exposure: IntArray
-    """Number of observations by class of exposure and by grey level, the latter in equal classes from 0 to 1, shape
+    """Number of observations by class of exposure and by grey level, in equal classes from 0 to 1, shape
     (exposures, greys)."""
     radius_radius: IntArray
     """Number of observations by the radius of the point in the first and in the second frame, in equal classes from
@@ -100,13 +100,13 @@ class Coverage(ByValue):
         return np.asarray(self.radius_radius.sum(axis=0))
 
     def gaps(self, max_grey: int) -> tuple[str, ...]:
-        """Return what the observations do not cover and how to record it, a phrase each."""
+        """Return one phrase for each gap in the coverage, which also says how to fill it."""
         greys = ", ".join(f"{a * max_grey:.0f}–{b * max_grey:.0f}" for a, b in _uncovered(self.by_grey))
         radii = ", ".join(f"{a:.2f}–{b:.2f}" for a, b in _uncovered(self.by_radius))
         film_greys = (
-            f"few observations have grey levels {greys}: film even surfaces that bright, at several exposures"
+            f"few observations have grey levels {greys}: record even surfaces of this brightness at several exposures"
         )
-        film_radii = f"few observations lie at radii {radii} (1 = corner): let even surfaces pass there"
+        film_radii = f"few observations are at radii {radii} (1 = corner): move even surfaces through them"
         return tuple(advice for advice, ranges in ((film_greys, greys), (film_radii, radii)) if ranges)
 
     def as_dict(self) -> dict[str, Any]:
@@ -120,7 +120,7 @@ class Coverage(ByValue):
 
     @classmethod
     def from_dict(cls, content: dict[str, Any]) -> Coverage:
-        """Return the tables from the output of :meth:`as_dict`; raise a FormatError if they do not fit together."""
+        """Return the tables from the output of :meth:`as_dict`; FormatError if they are inconsistent."""
         edges = np.array(content["exposure_edges_ms"], dtype=np.float64)
         grey_exposure = np.array(content["grey_exposure"], dtype=np.int64)
         radius_radius = np.array(content["radius_radius"], dtype=np.int64)
@@ -128,7 +128,7 @@ class Coverage(ByValue):
             None if content[name] is None else np.array(content[name], dtype=np.float64) for name in _RESIDUALS
         )
         if grey_exposure.ndim != 2 or radius_radius.ndim != 2 or edges.shape != (len(grey_exposure) + 1,):
-            raise FormatError("the tables of the coverage do not fit together")
+            raise FormatError("the tables of the coverage have inconsistent shapes")
         greys, radii = grey_exposure.shape[1], len(radius_radius)
         quantiles = len(QUANTILES)
         shapes = ((radii, radii), (greys, quantiles), (radii, quantiles))
@@ -136,14 +136,14 @@ class Coverage(ByValue):
             if table is not None and table.shape != shape:
                 raise FormatError(f"a table of the coverage has shape {table.shape} instead of {shape}")
         if not np.all(np.isfinite(edges)) or grey_exposure.min(initial=0) < 0 or radius_radius.min(initial=0) < 0:
-            raise FormatError("the tables of the coverage hold negative counts or infinite exposures")
+            raise FormatError("the tables of the coverage contain negative counts or infinite exposures")
         if max(*grey_exposure.shape, radii) > _MAX_CLASSES or (by_place is not None and by_place.ndim != 2):
             raise FormatError("the tables of the coverage are too large")
         return cls(edges, grey_exposure, radius_radius, by_grey, by_radius, by_place)
 
 
 def _uncovered(counts: IntArray) -> list[tuple[float, float]]:
-    """Return the ranges with few observations, in shares of the whole range."""
+    """Return the ranges with few observations, as fractions of the whole range."""
     edges = np.flatnonzero(np.diff(counts < _FEW_OBSERVATIONS, prepend=False, append=False)) / len(counts)
     return [(float(low), float(high)) for low, high in edges.reshape(-1, 2)]
 

@@ -10,14 +10,14 @@ from ospc.arrays import Float32Array, FloatArray, ImageSize
 from ospc.errors import FormatError
 
 _BAND_PIXELS = 2**15
-"""Pixels that are evaluated at once: few enough to stay in the cache, and to need little memory."""
+"""Pixels evaluated at a time: few enough to stay in the cache and need little memory."""
 
 MOST_PIXELS = 2**27
-"""Images with more pixels are refused: twice the largest sensor in ordinary use."""
+"""Images with more pixels are rejected: twice the largest common sensor."""
 
 
 def image_size(width: float, height: float) -> ImageSize:
-    """Return the width and height that a file states, in whole pixels.
+    """Return a size read from a file after checking it, in whole pixels.
 
     Raises
     ------
@@ -25,7 +25,7 @@ def image_size(width: float, height: float) -> ImageSize:
         If an image cannot have this size.
     """
     if not (min(width, height) >= 2 and width * height <= MOST_PIXELS):
-        raise FormatError(f"{width:g}x{height:g} is no image size; images have at most {MOST_PIXELS} pixels")
+        raise FormatError(f"{width:g}x{height:g} is not an image size; images have at most {MOST_PIXELS} pixels")
     return int(width), int(height)
 
 
@@ -35,9 +35,9 @@ def half_diagonal(size: ImageSize) -> float:
 
 
 def normalised(points: FloatArray, size: ImageSize) -> FloatArray:
-    """Return pixel coordinates (x, y) relative to the image centre in units of the half diagonal, shapes (..., 2).
+    """Return pixel coordinates (x, y) relative to the image centre in half diagonals, shape (..., 2) -> (..., 2).
 
-    The first pixel's centre is (0, 0). The norm of what is returned is the paper's radius R, 1 at the corner.
+    The centre of the first pixel is (0, 0). The norm of the result is the radius R of the paper, 1 at the corner.
     """
     centre = np.array([(size[0] - 1) / 2, (size[1] - 1) / 2])
     return np.asarray((np.asarray(points, dtype=np.float64) - centre) / half_diagonal(size), dtype=np.float64)
@@ -46,11 +46,10 @@ def normalised(points: FloatArray, size: ImageSize) -> FloatArray:
 def image_of(function: Callable[[FloatArray, FloatArray], FloatArray], size: ImageSize) -> Float32Array:
     """Return the value of a function at every pixel, shape (height, width).
 
-    It takes places relative to the image centre, in half diagonals: x of shape (width,) and y of shape (rows, 1) for
-    some rows at a time; its values have shape (rows, width).
+    It is called for a few rows at a time with positions relative to the image centre in half diagonals, x of shape
+    (width,) and y of shape (rows, 1), and returns values of shape (rows, width).
     """
     width, height = size
-    # x is the same in every column and y in every row: a row and a column broadcast to all pixels.
     diagonal = normalised(np.stack([np.arange(max(size))] * 2, axis=1).astype(np.float64), size)
     x, y = diagonal[:width, 0], diagonal[:height, 1, None]
     image = np.empty((height, width), np.float32)

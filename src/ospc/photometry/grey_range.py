@@ -1,4 +1,4 @@
-"""The grey values between black and white, where they are not the whole scale: video of limited range, for one."""
+"""The range of grey values from black to white if it is not the full scale, as in limited-range video."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from ospc.arrays import FloatArray
 from ospc.photometry.noise import NoiseModel
 
 _NOISE_LEVELS = 256
-"""Grey levels at which noise is tabulated when it is stretched: those of 8 bits."""
+"""Grey levels at which the noise of stretched images is tabulated: those of 8 bits."""
 
 
 @dataclass(frozen=True)
 class GreyRange:
-    """Grey levels in [0, 1] at which values pile up; 0 and 1 where they are the ends of the scale."""
+    """Black and white, the grey levels in [0, 1] at which values are clipped; 0 and 1 for the full scale."""
 
     black: float = 0.0
     white: float = 1.0
@@ -28,10 +28,10 @@ class GreyRange:
 
     @property
     def note(self) -> str:
-        """What was found, in a sentence; empty where the range is full."""
+        """A sentence about the range; empty if it is full."""
         ends = (("black", self.black, 0.0), ("white", self.white, 1.0))
         found = [f"{round(255 * level)} of 255 for {name}" for name, level, usual in ends if level != usual]
-        return f"grey values pile up: {' and '.join(found)} is assumed" if found else ""
+        return f"the range of grey values is limited: assuming {' and '.join(found)}" if found else ""
 
     def stretched_noise(self, noise: NoiseModel) -> NoiseModel:
         """Return the noise of stretched grey levels."""
@@ -41,11 +41,11 @@ class GreyRange:
         return replace(noise, table=tuple(variance.tolist()))
 
     def level(self, grey: npt.ArrayLike) -> FloatArray:
-        """Return grey levels, stretched, and clipped to [0, 1]."""
+        """Return grey levels stretched to the full scale and clipped to [0, 1]."""
         return np.clip((np.asarray(grey, dtype=np.float64) - self.black) / self.span, 0.0, 1.0)
 
     def grey(self, level: npt.ArrayLike) -> FloatArray:
-        """Return the grey levels that were stretched to levels."""
+        """Return the original grey levels of stretched ones."""
         return np.asarray(self.black + self.span * np.asarray(level, dtype=np.float64))
 
     @property

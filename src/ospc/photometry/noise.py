@@ -11,16 +11,16 @@ from ospc.arrays import FloatArray
 
 DARKEST_EXPOSED = 1.5 / 255
 BRIGHTEST_EXPOSED = 253.5 / 255
-"""Grey levels between which a single pixel counts as exposed: of 8-bit values, the two at either end are left out, to
-which cameras clip and which lossy compression mixes."""
+"""Grey levels between which a single pixel counts as exposed. They exclude the two 8-bit values at each end, because
+cameras clip to these values and lossy compression mixes them."""
 
 
 @dataclass(frozen=True)
 class NoiseModel:
     """Variance of a grey level in [0, 1]: read noise, shot noise and quantisation.
 
-    Without a table it is affine in the grey level, ``var(M) = read_variance + shot_variance · M``. With a response
-    that is not linear the noise is not affine either; ``table`` then holds the measured variances.
+    Without a table, it is affine in the grey level: ``var(M) = read_variance + shot_variance · M``. A nonlinear
+    response makes it nonlinear; ``table`` then has the measured variances.
     """
 
     read_variance: float
@@ -28,7 +28,7 @@ class NoiseModel:
     shot_variance: float
     """Growth of the variance from black to white, in the same units."""
     table: tuple[float, ...] = ()
-    """Variances at equidistant grey levels from 0 to 1, which replace the affine law; empty if there are none."""
+    """Variances at equidistant grey levels from 0 to 1, used instead of the affine law; empty if not measured."""
 
     def __post_init__(self) -> None:
         """Freeze the table."""
@@ -36,7 +36,7 @@ class NoiseModel:
 
     @property
     def measured(self) -> tuple[float, float]:
-        """Lowest and highest grey level measured; beyond, the table repeats the nearest measurement."""
+        """Lowest and highest measured grey level; outside, the table repeats the nearest measurement."""
         table = np.array(self.table)
         different_low, different_high = (np.flatnonzero(table != end) for end in (table[:1], table[-1:]))
         if not len(different_low):

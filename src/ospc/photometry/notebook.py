@@ -1,4 +1,4 @@
-"""What notebooks show of a calibration: its curves as small SVG pictures."""
+"""Small SVG plots of the curves of a calibration, for notebooks."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ import numpy as np
 from ospc.arrays import FloatArray
 
 _WIDTH, _HEIGHT, _MARGIN = 220, 150, 24
-"""Size of a picture and the margin around its axes, in pixels."""
+"""Size of a plot and the margin around its axes, in pixels."""
 
 _SIGMAS = 2.0
-"""Standard deviations that a band extends to either side, as in the report."""
+"""Half width of a confidence band in standard deviations, as in the report."""
 
 
 def curve_as_svg(title: str, x_label: str, x: FloatArray, y: FloatArray, sigma: FloatArray | None) -> str:
-    """Return a curve over [0, 1] × [0, 1], with the band of two standard deviations if they are known."""
+    """Return a curve over [0, 1] × [0, 1], with its confidence band if ``sigma`` is known."""
     band = ""
     if sigma is not None:
         around = _points(x, y + _SIGMAS * sigma) + _points(x, y - _SIGMAS * sigma)[::-1]

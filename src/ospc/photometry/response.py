@@ -13,7 +13,7 @@ from ospc.by_value import ByValue
 from ospc.errors import FormatError
 
 _END_TOLERANCE = 1e-9
-"""Largest distance of g(0) from 0 and of g(1) from 1: rounding in files that keep ten digits."""
+"""Largest deviation of g(0) from 0 and of g(1) from 1: the rounding in files with ten digits."""
 
 
 def _read_only(values: npt.ArrayLike) -> FloatArray:
@@ -26,12 +26,12 @@ def _read_only(values: npt.ArrayLike) -> FloatArray:
 class Response(ByValue):
     """Camera response with a strictly increasing inverse, g(0) = 0 and g(1) = 1.
 
-    ``M = f(e V L)`` maps irradiance to grey level. ``g = f⁻¹`` is what is estimated, and what the figures of the
-    literature call "CRF". Both map [0, 1] to [0, 1].
+    ``M = f(e V L)`` maps irradiance to grey level, and ``g = f⁻¹`` is estimated; figures in the literature call it
+    "CRF". Both map [0, 1] to [0, 1].
 
-    The scale of g cannot be observed: g(1) = 1 is a convention, and few recordings show what happens next to white.
-    So two uncertainties are kept apart: that of the shape, relative to a grey level in the middle of what was
-    observed, and that of the scale which the convention gives to the curve as a whole.
+    The scale of g is not observable: g(1) = 1 is a convention, and few recordings have data close to white. Therefore
+    two uncertainties are distinguished: that of the shape, relative to a grey level in the middle of the measured
+    range, and that of the scale of the entire curve under this convention.
 
     Attributes
     ----------
@@ -42,7 +42,7 @@ class Response(ByValue):
     scale_sigma
         Standard deviation of ln g(reference_grey), given g(1) = 1; None if unknown.
     support
-        Lowest and highest grey level, in [0, 1], that were measured. Outside, the curve follows the prior.
+        Lowest and highest measured grey level in [0, 1]. Outside, the curve follows the prior.
     model
         Name and parameters of the model behind the table, as JSON-compatible values.
     """
@@ -57,15 +57,17 @@ class Response(ByValue):
         """Check and freeze the table."""
         table = _read_only(self.inverse_table)
         if table.ndim != 1 or table.size < 2:
-            raise FormatError(f"an inverse response needs at least 2 values in one row, not shape {table.shape}")
+            raise FormatError(
+                f"an inverse response needs at least 2 values in one dimension, not shape {table.shape}"
+            )
         if not np.all(np.isfinite(table)):
             raise FormatError("an inverse response must be finite everywhere")
         if not np.all(np.diff(table) > 0):
             worst = int(np.argmin(np.diff(table)))
-            raise FormatError(f"an inverse response must increase strictly; it does not after grey level {worst}")
+            raise FormatError(f"an inverse response must strictly increase; it does not after grey level {worst}")
         if abs(table[0]) > _END_TOLERANCE or abs(table[-1] - 1) > _END_TOLERANCE:
             raise FormatError(
-                "an inverse response must begin at 0 and end at 1; use Response.from_values to normalise"
+                "an inverse response must begin at 0 and end at 1; use Response.from_values to normalise it"
             )
         object.__setattr__(self, "inverse_table", table)
         if self.log_sigma is not None:
@@ -76,14 +78,14 @@ class Response(ByValue):
 
     @classmethod
     def from_values(cls, values: npt.ArrayLike, **attributes: Any) -> Response:
-        """Make a response from values of g at equidistant grey levels in any scale, shape (n,).
+        """Return the response with these values of g at equidistant grey levels, in any scale, shape (n,).
 
-        They are shifted and scaled to run from 0 to 1. Further attributes are those of the class.
+        The values are shifted and scaled to the range from 0 to 1. ``attributes`` are other attributes of the class.
 
         Raises
         ------
         FormatError
-            If the values do not increase strictly or are not finite.
+            If the values are not finite or do not strictly increase.
         """
         array = np.asarray(values, dtype=np.float64)
         if array.ndim == 1 and array.size >= 2 and array[-1] > array[0]:
@@ -98,31 +100,31 @@ class Response(ByValue):
 
     @property
     def reference_grey(self) -> float:
-        """Grey level in [0, 1] that the uncertainty is relative to: the middle of what was measured."""
+        """Grey level in [0, 1] that the uncertainty is relative to: the middle of the measured range."""
         return sum(self.support) / 2
 
     @property
     def inverse_sigma(self) -> FloatArray | None:
-        """Standard deviation of g at the levels of the table, its scale held, shape (n,); None if unknown."""
+        """Standard deviation of g at the levels of the table for a fixed scale, shape (n,); None if unknown."""
         return None if self.log_sigma is None else self.inverse_table * self.log_sigma
 
     @property
     def levels(self) -> FloatArray:
-        """Grey levels in [0, 1] at which the table is given, shape (n,)."""
+        """Grey levels of the table in [0, 1], shape (n,)."""
         return np.linspace(0.0, 1.0, self.inverse_table.size)
 
     def __call__(self, irradiance: npt.ArrayLike) -> FloatArray:
-        """Return the grey level in [0, 1] that f gives for an irradiance; clipped outside [0, 1]."""
+        """Return f, the grey level in [0, 1] of an irradiance, clipped outside [0, 1]."""
         return np.interp(np.asarray(irradiance, dtype=np.float64), self.inverse_table, self.levels)
 
     def inverse(self, grey: npt.ArrayLike) -> FloatArray:
-        """Return g, the irradiance in [0, 1] that gives a grey level in [0, 1]."""
+        """Return g, the irradiance in [0, 1] of a grey level in [0, 1]."""
         return np.interp(np.asarray(grey, dtype=np.float64), self.levels, self.inverse_table)
 
     def matched(self, other: Response) -> FloatArray:
-        """Return another response's g at the levels of this table, scaled to agree with this one at the reference.
+        """Return g of another response at the levels of this table, scaled to agree at the reference grey.
 
-        What remains of a difference is one of shape, which is what can be observed; shape (n,).
+        The remaining difference is one of shape, which is observable. The result has shape (n,).
         """
         factor = float(self.inverse(self.reference_grey) / other.inverse(self.reference_grey))
         return np.asarray(other.inverse(self.levels) * factor)

@@ -1,4 +1,4 @@
-"""What a recording says of a camera: how well each quantity is determined, and effects such as veiling glare."""
+"""Verdicts on how well a recording determines each quantity, and estimates of effects such as veiling glare."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ class Verdict:
     reason: str
     """Why, in one sentence with the numbers behind it."""
     remedy: str = ""
-    """What to record instead or in addition; empty if nothing is missing."""
+    """What to record instead or in addition; empty if not needed."""
 
     @property
     def known(self) -> bool:
-        """Whether the quantity is estimated at all."""
+        """Whether the quantity is estimated."""
         return self.state != "not identifiable"
 
 
 LATE_EXPOSURES = "late exposures"
-"""Name of the effect of exposures that are a part of a frame late."""
+"""Name of the effect of exposures that lag by a fraction of a frame."""
 
 
 @dataclass(frozen=True)
@@ -35,11 +35,11 @@ class EffectEstimate:
 
     name: str
     value: float
-    """Its size, in the unit that :doc:`/theory/effects` gives."""
+    """Its size, in the unit given in :doc:`/theory/effects`."""
     sigma: float
     """Standard deviation of its size."""
     corrected: bool = False
-    """Whether response and vignette are those without it. Otherwise it cannot be distinguished from zero, and its
-    standard deviation is part of theirs."""
+    """Whether response and vignette are corrected for it. Otherwise it cannot be distinguished from zero, and its
+    standard deviation is included in theirs."""
     contradicts: bool = False
-    """Whether it is something that no camera with one response and one vignette does."""
+    """Whether it contradicts the model of one response and one vignette."""

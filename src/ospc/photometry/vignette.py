@@ -1,4 +1,4 @@
-"""The vignette: the attenuation of light at each place of the image relative to the centre."""
+"""The vignette: the attenuation of light over the image, relative to the centre."""
 
 from __future__ import annotations
 
@@ -19,22 +19,22 @@ from ospc.errors import UNREADABLE, FormatError
 from ospc.photometry.geometry import image_of, normalised, pixel_grid
 
 LARGEST_ATTENUATION = 1e3
-"""Models that exceed this anywhere in the image are refused: at the centre, or at most, V is 1."""
+"""Models that exceed this anywhere in the image are rejected: V is normalised to 1."""
 
 _CENTRE_BINS = 3
-"""Bins around the centre whose mean is 1 in a profile: the first one alone holds few pixels."""
+"""Number of bins around the centre that normalise a profile: the first one alone has few pixels."""
 
 _MAP_NAME = "vignette.npy"
 _MAP_HEADER_BYTES = 4096
-"""Most bytes of a ``.npy`` header; what is read is bounded by this and the size of the map."""
+"""Largest ``.npy`` header; this and the size of the map limit how much is read."""
 
 
 class Vignette(Protocol):
-    """Attenuation as a function of place, 1 at the centre of the vignette (measured maps: at their maximum)."""
+    """Attenuation as a function of position, 1 at the centre of the vignette (measured maps: at their maximum)."""
 
     @property
     def size(self) -> ImageSize:
-        """Width and height in pixels of the images it is for."""
+        """Width and height of the images in pixels."""
         ...
 
     def at(self, points: npt.ArrayLike) -> FloatArray:
@@ -51,7 +51,7 @@ class Vignette(Protocol):
 
 
 class VignetteModel:
-    """A vignette that is a function of the place relative to the image centre, in half diagonals."""
+    """A vignette that is a function of the position relative to the image centre in half diagonals."""
 
     size: ImageSize
 
@@ -67,7 +67,7 @@ class VignetteModel:
         return self._values(position[..., 0], position[..., 1])
 
     def profile(self, radius: npt.ArrayLike) -> FloatArray:
-        """Return the attenuation at distances to the right of the image centre, in half diagonals."""
+        """Return the attenuation at distances to the right of the image centre in half diagonals."""
         x = np.asarray(radius, dtype=np.float64)
         return self._values(x, np.zeros_like(x))
 
@@ -93,16 +93,15 @@ class PolynomialVignette(VignetteModel):
 
 
 _LARGEST_LOG = 50.0
-"""Largest |ln V| that is evaluated, so that the exponential stays finite: a fit to wrong exposures may reach any
-value."""
+"""Limit of |ln V| that keeps the exponential finite: a fit to wrong exposures may reach any value."""
 
 
 NON_RADIAL = ("x", "y", "xy", "x2-y2", "xR2", "yR2")
-"""Names of the terms of ln V that differ between directions: a tilt, a saddle, an ellipse, and a slope that grows."""
+"""Names of the terms of ln V that depend on the direction: a tilt, a saddle, an ellipse, and a growing slope."""
 
 
 def non_radial_terms(x: FloatArray, y: FloatArray) -> tuple[FloatArray, ...]:
-    """Return the terms :data:`NON_RADIAL` at places relative to the vignette's centre, of shapes that go together."""
+    """Return the terms :data:`NON_RADIAL` at positions relative to the centre of the vignette; x and y broadcast."""
     squared = x**2 + y**2
     return x, y, x * y, x**2 - y**2, x * squared, y * squared
 
@@ -114,14 +113,14 @@ class LogVignette(VignetteModel):
     size: ImageSize
     """Width and height in pixels."""
     coefficients: tuple[float, ...]
-    """(a₁, a₂, …), radius in units of the half diagonal, measured from ``centre``."""
+    """(a₁, a₂, …) for the radius in half diagonals, measured from ``centre``."""
     centre: tuple[float, float] = (0.0, 0.0)
-    """Centre of the fall-off relative to the image centre, in half diagonals."""
+    """Centre of the vignette relative to the image centre, in half diagonals."""
     non_radial: tuple[float, ...] = ()
     """Coefficients of the terms :data:`NON_RADIAL`, in this order; empty for none."""
     limit: float = math.inf
-    """Distance from ``centre``, in half diagonals, beyond which V is unknown, as outside a fisheye's image circle: it
-    keeps its value at this distance."""
+    """Distance from ``centre`` in half diagonals beyond which V is unknown, as outside the image circle of a fisheye.
+    Beyond, V keeps its value at this distance."""
 
     def log_at_normalised(self, position: FloatArray) -> FloatArray:
         """Return ln V at positions relative to the image centre in half diagonals, (..., 2) -> (...)."""
@@ -155,22 +154,22 @@ class LogVignette(VignetteModel):
 
 @dataclass(frozen=True, eq=False)
 class RasterVignette(ByValue):
-    """A measured vignette with one value for each pixel."""
+    """A measured vignette with one value per pixel."""
 
     values: Float32Array
     """Attenuation, shape (height, width), in (0, 1]; divided by its maximum on construction."""
     source: dict[str, Any] = field(default_factory=dict)
-    """Where it came from, as JSON-compatible values."""
+    """Origin of the map, as JSON-compatible values."""
 
     def __post_init__(self) -> None:
         """Normalise and freeze the values."""
         values = np.array(self.values, dtype=np.float32)
         if values.ndim != 2 or values.size == 0:
             raise FormatError(
-                f"a vignette map has one value for each pixel in two dimensions, not shape {values.shape}"
+                f"a vignette map must have one value per pixel in two dimensions, not shape {values.shape}"
             )
         if not np.all(np.isfinite(values)) or values.min() < 0 or values.max() <= 0:
-            raise FormatError("a vignette map must be finite, not negative, and not all zero")
+            raise FormatError("the values of a vignette map must be finite, not negative, and not all zero")
         values /= values.max()
         values.setflags(write=False)
         object.__setattr__(self, "values", values)
@@ -181,7 +180,7 @@ class RasterVignette(ByValue):
         return self.values.shape[1], self.values.shape[0]
 
     def at(self, points: npt.ArrayLike) -> FloatArray:
-        """Return the attenuation at pixel coordinates, bilinear, shape (..., 2) -> (...)."""
+        """Return the attenuation at pixel coordinates, interpolated bilinearly, shape (..., 2) -> (...)."""
         from scipy.ndimage import map_coordinates  # slow to import and rarely needed
 
         xy = np.asarray(points, dtype=np.float64)
@@ -194,23 +193,23 @@ class RasterVignette(ByValue):
         return self.values
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the size and the source; :meth:`write_map` stores the values."""
+        """Return the size and the source; :meth:`write_map` writes the values."""
         return {"name": "raster", "size": list(self.size), "source": self.source}
 
     def write_map(self, path: str | Path) -> None:
-        """Write the values as ``.npz``, completely or not at all."""
+        """Write the values to an ``.npz`` file atomically."""
         packed = io.BytesIO()
         np.savez_compressed(packed, vignette=self.values)
         write_atomically(path, packed.getvalue())
 
     @classmethod
     def read_map(cls, path: str | Path, size: ImageSize, source: dict[str, Any]) -> RasterVignette:
-        """Read a map that :meth:`write_map` wrote; raise a FormatError if it is none of that size."""
+        """Read a map written by :meth:`write_map`; FormatError if it cannot be read or has another size."""
         try:
             with zipfile.ZipFile(path) as archive:
                 stored = archive.getinfo(_MAP_NAME)
                 if stored.file_size > _MAP_HEADER_BYTES + 8 * size[0] * size[1]:
-                    raise FormatError(f"{path}: holds more than a vignette map of {size[0]}×{size[1]} pixels")
+                    raise FormatError(f"{path}: larger than a vignette map of {size[0]}×{size[1]} pixels")
                 with archive.open(stored) as file:
                     values = np.lib.format.read_array(file, allow_pickle=False)
         except (OSError, *UNREADABLE) as error:
@@ -221,7 +220,7 @@ class RasterVignette(ByValue):
 
 
 def diagonal_profile(vignette: Vignette, radii: FloatArray) -> FloatArray:
-    """Return V along the half diagonals, as the mean of the four and relative to V at the image centre.
+    """Return the mean of V along the four half diagonals, relative to V at the image centre.
 
     ``radii`` are distances from the image centre in half diagonals, shape (radii,) -> (radii,).
     """
@@ -235,7 +234,7 @@ def diagonal_profile(vignette: Vignette, radii: FloatArray) -> FloatArray:
 def radial_profile(vignette: Vignette, bins: int = 50) -> FloatArray:
     """Return the mean of V in equal bins of R in [0, 1], divided by the mean of the first three, shape (bins,).
 
-    Bins without a pixel hold NaN.
+    Bins without pixels are NaN.
     """
     size = vignette.size
     radius = np.linalg.norm(normalised(pixel_grid(size), size), axis=-1).ravel()

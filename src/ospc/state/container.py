@@ -1,8 +1,8 @@
-"""One file of JSON and named arrays: a NumPy ``.npz`` archive that says what it holds and ends in a checksum.
+"""State files: a NumPy ``.npz`` archive with JSON, named arrays and a checksum.
 
-The archive's first entry is ``<kind>.json`` with ``{"version": …, "content": …}``; the others are arrays,
-``<name>.npy``. All are deflated and bear the same date, so that equal content gives equal bytes. The archive's
-comment is the SHA-256 of everything before it, as 64 hexadecimal digits. ``numpy.load`` reads the arrays.
+The first entry of the archive is ``<kind>.json`` with ``{"version": …, "content": …}``; the others are arrays,
+``<name>.npy``. All are deflated and have the same date, so that equal content gives equal bytes. The comment of the
+archive is the SHA-256 of everything before it, as 64 hexadecimal digits. ``numpy.load`` can read the arrays.
 """
 
 from __future__ import annotations
@@ -31,29 +31,29 @@ STATE_NAME = "state.ospc"
 
 _MAX_FILE_BYTES = 256 * 2**20
 _MAX_UNPACKED_BYTES = 2**30
-"""Far more than any state takes, and little enough to unpack in memory."""
+"""Far more than any state needs, and small enough to unpack in memory."""
 
 _DTYPES = ("<f8", "<f4", "<i8", "<i4", "<i2", "|i1", "|u1", "<u2", "|b1")
-"""Types of arrays that files may hold."""
+"""Types of arrays allowed in files."""
 
 _COMPRESSION = 1
-"""zlib's fastest level: higher ones save little of noisy numbers, and checkpoints must not slow a run down."""
+"""The fastest level of zlib: higher ones hardly compress noisy numbers better, and checkpoints must be fast."""
 
 _CHECKSUM_BYTES = 64
 _BEGINNING = re.compile(rb"PK\x03\x04.{26}(?P<kind>[a-z-]{1,40})\.json", re.DOTALL)
-"""A zip archive's first local header, whose 30 bytes end where the entry's name begins."""
+"""First local header of a zip archive, 30 bytes, and the name of the entry, which follows it."""
 
 _BEGINNING_BYTES = 30 + 40 + len(".json")
-"""Most bytes that it takes: the header, the longest kind, and the ending."""
+"""Its largest length in bytes: the header, the longest kind, and the suffix."""
 
 _ARRAY_NAME = re.compile(r"[\w.-]{1,200}", re.ASCII)
 
 
 @dataclass(frozen=True)
 class Container:
-    """What a file holds: JSON-compatible values and arrays by name.
+    """The content of a state file: JSON-compatible values, and arrays by name.
 
-    ``kind`` says what they mean, in lower-case letters and hyphens, and ``version`` is the version of that meaning.
+    ``kind`` names the type of state, in lower-case letters and hyphens, and ``version`` is the version of its layout.
     """
 
     kind: str
@@ -63,14 +63,14 @@ class Container:
 
 
 def to_bytes(container: Container) -> bytes:
-    """Return the file of a container; equal containers give equal bytes."""
+    """Return the bytes of the file; equal containers give equal bytes."""
     head = {"version": container.version, "content": container.content}
     packed = io.BytesIO()
     with ZipFile(packed, "w", ZIP_DEFLATED, compresslevel=_COMPRESSION) as archive:
-        # Opened by name, entries bear the date 1980-01-01 and not that of today.
+        # Entries opened by name get the date 1980-01-01 instead of today's.
         with archive.open(f"{container.kind}.json", "w") as entry:
             text = json.dumps(head, separators=(",", ":"), allow_nan=False, ensure_ascii=False)
-            # Half a surrogate pair, as in names that were never UTF-8, becomes the escape that JSON has for it.
+            # A lone surrogate, from a file name that is not UTF-8, becomes its JSON escape.
             entry.write(text.encode("utf-8", "backslashreplace"))
         for name, array in container.arrays.items():
             with archive.open(f"{name}.npy", "w") as entry:
@@ -82,7 +82,7 @@ def to_bytes(container: Container) -> bytes:
 
 
 def save(container: Container, path: str | Path) -> Path:
-    """Write a container and return its path; FormatError if that fails, which leaves an earlier file unchanged."""
+    """Write a container atomically and return its path; FormatError if that fails."""
     place = Path(path)
     with os_error_as(FormatError, f"{place}: cannot be written", "check that the folder exists and is writable"):
         return write_atomically(place, to_bytes(container))
@@ -91,7 +91,10 @@ def save(container: Container, path: str | Path) -> Path:
 def load(path: str | Path, kind: str, version: int) -> Container:
     """Read a container.
 
-    FormatError if there is no such file, or it is no container, torn, damaged, or of another kind or version.
+    Raises
+    ------
+    FormatError
+        If the file does not exist, is not a container, is truncated or damaged, or has another kind or version.
     """
     place = Path(path)
     with os_error_as(FormatError, f"{place}: cannot be read", "check the path and its permissions"):
@@ -104,23 +107,23 @@ def load(path: str | Path, kind: str, version: int) -> Container:
         raise FormatError(f"{place}: no state is larger than {_MAX_FILE_BYTES // 2**20} MB; give another file")
     found = from_bytes(data, str(place))
     if found.kind != kind:
-        raise FormatError(f"{place}: holds a {found.kind} state, but a {kind} state is needed here")
+        raise FormatError(f"{place}: contains a {found.kind} state, but a {kind} state is needed")
     if found.version != version:
         age = "an older" if found.version < version else "a newer"
         raise FormatError(
             f"{place}: was written by {age} version of this program (state version {found.version}, expected "
-            f"{version}); make it anew from the recording"
+            f"{version}); create it again from the recording"
         )
     return found
 
 
 def from_bytes(data: bytes, name: str) -> Container:
-    """Return what the bytes of a file hold; FormatError, which calls it ``name``, if they are no whole container."""
+    """Return the container in the bytes of a file; FormatError with ``name`` if it is not a complete container."""
     kind = _kind(data)
     if not kind:
-        raise FormatError(f"{name}: is not a state file of this program; give one that 'ospc calibrate' wrote")
+        raise FormatError(f"{name}: is not a state file of this program; give one written by 'ospc calibrate'")
     if sha256(data[:-_CHECKSUM_BYTES]).hexdigest().encode() != data[-_CHECKSUM_BYTES:]:
-        raise FormatError(f"{name}: torn or damaged, its checksum is wrong; make it anew from the recording")
+        raise FormatError(f"{name}: truncated or damaged (its checksum is wrong); create it again from the recording")
     try:
         with ZipFile(io.BytesIO(data)) as archive:
             first, *others = archive.infolist()
@@ -137,7 +140,7 @@ def from_bytes(data: bytes, name: str) -> Container:
 
 
 def kind_of(path: str | Path) -> str:
-    """Return what kind a file claims to be, empty where it claims nothing; only :func:`load` checks the rest."""
+    """Return the kind in the header of a file, or "" if there is none; only :func:`load` checks the rest."""
     try:
         with Path(path).open("rb") as stream:
             return _kind(stream.read(_BEGINNING_BYTES))
@@ -158,8 +161,8 @@ def _storable(name: str, array: Array) -> Array:
 
 
 def _unpacked(archive: ZipFile, entry: ZipInfo) -> bytes:
-    """Return an entry's bytes, never more than it declares."""
-    # Only of deflated data can a part be unpacked; the other methods would first unpack everything.
+    """Return the bytes of an entry, never more than its declared size."""
+    # Other compression methods would unpack everything before the size can be checked.
     if entry.compress_type != ZIP_DEFLATED:
         raise ValueError(f"{entry.filename!r} is not deflated")
     with archive.open(entry) as stream:
@@ -177,7 +180,7 @@ def _array(archive: ZipFile, entry: ZipInfo) -> Array:
     shape, by_columns, dtype = np.lib.format.read_array_header_1_0(stream)
     if dtype.str not in _DTYPES or by_columns:
         raise ValueError(f"{entry.filename!r} is an array of an unknown type")
-    # Checked before numpy allocates what the header asks for.
+    # Checked before numpy allocates the size given in the header.
     if math.prod(shape) * dtype.itemsize != len(data) - stream.tell():
-        raise ValueError(f"{entry.filename!r} does not have as many values as it should")
+        raise ValueError(f"{entry.filename!r} has a wrong number of values")
     return np.ndarray(shape, dtype, data, stream.tell()).copy()

@@ -1,4 +1,4 @@
-"""The state of a run over a recording: one file from which it goes on, and from which it can be merged."""
+"""The state of a run over a recording: a file to continue the run from, and to merge it with others."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from ospc.state.container import Array, Container
 from ospc.state.values import layout, pack, unpack
 
 KIND, VERSION = "calibrator", 12
-"""What the files claim to hold."""
+"""Kind and version of the files."""
 
 T = TypeVar("T")
 Run = TypeVar("Run")
 
 
 def save_run(path: str | Path, run: object, method: object | None, summary: object | None = None) -> Path:
-    """Write a state and return its path; FormatError if that fails, which leaves an earlier file unchanged."""
+    """Write a state atomically and return its path; FormatError if that fails."""
     content: dict[str, Any] = {"method": None, "layout": "", "summary": None}
     arrays: dict[str, Array] = {}
     for part, value in (("run", run), ("method", method), ("summary", summary)):
@@ -32,9 +32,12 @@ def save_run(path: str | Path, run: object, method: object | None, summary: obje
 
 
 def load_run(path: str | Path, run: type[Run], method: type[T]) -> tuple[Run, T | None]:
-    """Read what :func:`save_run` wrote: what the run knows, and the state of its method, None where there is none.
+    """Read the file of :func:`save_run`: the state of the run, and of its method, None if it has none.
 
-    FormatError as :func:`~ospc.state.container.load`, and for a state of another version of the method.
+    Raises
+    ------
+    FormatError
+        As for :func:`~ospc.state.container.load`, or if the state is from another version of the method.
     """
     found = container.load(path, KIND, VERSION)
     known = _part(str(path), found.content.get("run"), run, found.arrays)
@@ -43,16 +46,19 @@ def load_run(path: str | Path, run: type[Run], method: type[T]) -> tuple[Run, T 
     if found.content.get("layout") != layout(method):
         version = getattr(known, "versions", {}).get("ospc", "unknown")
         raise FormatError(
-            f"{path}: was made by another version of the method (ospc {version}) and cannot be continued; start anew "
-            "from the recording"
+            f"{path}: was written by another version of the method (ospc {version}) and cannot be continued; start "
+            "again from the recording"
         )
     return known, _part(str(path), found.content["method"], method, found.arrays)
 
 
 def load_summary(path: str | Path, kind: type[T]) -> T | None:
-    """Read what a run can be merged by; None where there is none, as in a checkpoint of a run that did not end.
+    """Read the summary for merging; None if there is none, as in a checkpoint of an unfinished run.
 
-    FormatError as :func:`~ospc.state.container.load`.
+    Raises
+    ------
+    FormatError
+        As for :func:`~ospc.state.container.load`.
     """
     found = container.load(path, KIND, VERSION)
     content = found.content.get("summary")

@@ -1,7 +1,7 @@
-"""Dataclasses as JSON and arrays, and back, by the declared types of their fields.
+"""Conversion of dataclasses to JSON and arrays, and back, by the declared types of their fields.
 
-The type annotations alone decide what is read: booleans, numbers, strings, arrays, tuples, lists, None, and
-dataclasses of these. No name of a class or function is ever taken from a file.
+Only the type annotations determine what is read: booleans, numbers, strings, arrays, tuples, lists, None, and
+dataclasses of these. Names of classes or functions are never read from a file.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from ospc.state.container import Array
 T = TypeVar("T")
 
 _LARGEST_INTEGER = 2**63 - 1
-"""Largest integer that is read, of 64 bits: arrays hold no larger ones."""
+"""Largest integer that is read: arrays have 64 bits."""
 
 
 def pack(value: object, name: str = "") -> tuple[Any, dict[str, Array]]:
@@ -35,14 +35,14 @@ def pack(value: object, name: str = "") -> tuple[Any, dict[str, Array]]:
 
 
 def unpack(kind: type[T], content: Any, arrays: typing.Mapping[str, Array]) -> T:
-    """Return the dataclass whose content and arrays :func:`pack` returned; FormatError if they do not fit its fields.
+    """Return the dataclass from the content and arrays of :func:`pack`; FormatError if they do not match its fields.
 
-    Dataclasses in it that have a method ``check`` are asked to check themselves.
+    The method ``check`` is called on all dataclasses in it that have one.
     """
     try:
         found: T = _unpacked(content, kind, arrays)
     except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError, OspcError) as error:
-        raise FormatError(f"its content does not fit ({error})") from None
+        raise FormatError(f"its content is invalid ({error})") from None
     return found
 
 
@@ -63,14 +63,14 @@ def _hints(kind: Any) -> dict[str, Any]:
 
 @cache
 def _is_array(hint: Any) -> bool:
-    """Tell whether a type is that of arrays, by itself or, from NumPy 2.5 on, by the name ``NDArray`` of it."""
+    """Return whether a type is an array type, directly or, from NumPy 2.5, through the alias ``NDArray``."""
     origin = get_origin(hint)
     return (get_origin(getattr(origin, "__value__", None)) or origin) is np.ndarray
 
 
 @cache
 def _dtype(hint: Any) -> np.dtype[Any] | None:
-    """Return the declared type of an array's values, None where any will do."""
+    """Return the declared type of the values of an array; None if any is allowed."""
     declared = get_args(get_args(hint)[-1]) or get_args(hint)[-1:]
     return None if isinstance(declared[0], typing.TypeVar) or declared[0] is Any else np.dtype(declared[0])
 
@@ -89,7 +89,7 @@ def _described(hint: Any) -> str:
 
 @cache
 def _is_column_wise(kind: Any) -> bool:
-    """Tell whether a list of these is packed as one column per field; thousands of small arrays would be slow."""
+    """Return whether a list of these is packed as one column per field; thousands of small arrays would be slow."""
     return _is_dataclass(kind) and all(
         _is_array(hint) or hint in (bool, int, float) or _is_column_wise(hint) for hint in _hints(kind).values()
     )
@@ -181,7 +181,7 @@ def _check_names(content: Any, hints: dict[str, Any]) -> None:
 
 
 def _made(kind: Any, values: dict[str, Any]) -> Any:
-    """Return a dataclass; one with a method ``check`` first checks itself."""
+    """Return a dataclass after calling its method ``check`` if it has one."""
     value = kind(**values)
     if hasattr(value, "check"):
         value.check()
@@ -199,10 +199,10 @@ def _split(content: dict[str, Any], arrays: typing.Mapping[str, Array]) -> list[
 
 
 def _array(array: Array, hint: Any) -> Array:
-    """Return the array if it is of the declared type; any type that images have where none is declared."""
+    """Return the array after checking its type."""
     wanted = _dtype(hint)
     if wanted is not None and array.dtype != wanted:
-        raise ValueError(f"an array is of type {array.dtype} instead of {wanted}")
+        raise ValueError(f"an array has type {array.dtype} instead of {wanted}")
     return array
 
 
