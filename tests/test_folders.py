@@ -73,7 +73,7 @@ def test_every_command_that_writes_a_folder_reserves_it(words, tmp_path, another
     another_process_in(tmp_path / "out")
     result = ospc(*words, tmp_path / "out")
     assert result.exit_code == 1
-    assert "another process is writing into it" in str(result.exception)
+    assert "another process is writing to it" in str(result.exception)
     dangling = tmp_path / "dangling"
     dangling.symlink_to(tmp_path / "nowhere")
     result = ospc(*words, dangling)

@@ -96,7 +96,7 @@ def test_folders_without_a_recording_are_named_with_the_reason(folder, tmp_path)
     said = [line for line in result.stderr.splitlines() if line.startswith("left out: ")]
     assert said == [
         f"left out: {tmp_path / 'data' / 'empty'}: the folder is empty",
-        f"left out: {tmp_path / 'data' / 'notes'}: holds no images",
+        f"left out: {tmp_path / 'data' / 'notes'}: has no images",
     ]
     assert (
         len(json.loads(run(tmp_path / "data", "-o", tmp_path / "out", *SETTINGS, "--json").stdout)["left_out"]) == 2

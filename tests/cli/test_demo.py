@@ -28,7 +28,7 @@ def test_it_leaves_other_files_alone(tmp_path):
     (tmp_path / "calibration").mkdir()
     (tmp_path / "calibration" / "thesis.txt").write_text("mine")
     result = run("-o", tmp_path, "--frames", 8)
-    assert "not an earlier calibration" in str(result.exception)
+    assert "not from an earlier calibration" in str(result.exception)
     assert not (tmp_path / "recording").exists()
 
 

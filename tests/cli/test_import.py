@@ -95,8 +95,8 @@ def test_what_does_not_make_a_calibration_is_refused(files, tmp_path):
     out = tmp_path / "c.json"
     cases = [
         ((pcalib,), SettingError, "image size"),
-        ((pcalib, pcalib), FormatError, "one has to hold"),
-        ((tmp_path, vignette), FormatError, "one has to hold"),
+        ((pcalib, pcalib), FormatError, "must have only a response"),
+        ((tmp_path, vignette), FormatError, "must have only a response"),
         ((pcalib, vignette, "--size", "32x24"), SettingError, "64x48"),
         ((tmp_path / "no.txt",), FormatError, "no such file"),
     ]

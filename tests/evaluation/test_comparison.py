@@ -98,7 +98,7 @@ def test_sources_that_hold_nothing_are_refused(folder, tmp_path):
     for source, reason in (
         (tmp_path / "empty", "holds no"),
         (tmp_path / "nowhere.txt", "no such file"),
-        (f"{folder / 'pcalib.txt'},{folder / 'pcalib.txt'}", "one has to hold"),
+        (f"{folder / 'pcalib.txt'},{folder / 'pcalib.txt'}", "must have only a response"),
     ):
         with pytest.raises(FormatError, match=reason):
             open_photometry(source)

@@ -51,7 +51,7 @@ def test_json_of_a_map_names_both_files(tmp_path):
 
 
 def test_unknown_parts_are_not_invented_and_the_verdict_is_told(tmp_path):
-    told = "the vignette is not known and was not written"
+    told = "the vignette is unknown and was not written"
     for remedy, ending in (("turn the camera", "; turn the camera"), ("", "")):
         verdict = Verdict("not identifiable", "radial motion is at most 0.07", remedy)
         calibration = Calibration(SIZE, RESPONSE, None, verdicts={"vignette": verdict})
@@ -113,7 +113,7 @@ def test_files_that_cannot_be_written_are_one_clear_error(tmp_path):
 def test_what_is_no_pcalib_is_said_to_be_none(tmp_path, text):
     place = tmp_path / "times.txt"
     place.write_text(text)
-    with pytest.raises(FormatError, match=r"times\.txt: is no pcalib\.txt, .* on one line; .* by their suffix"):
+    with pytest.raises(FormatError, match=r"times\.txt: is not a pcalib\.txt, .* on one line; .* by their suffix"):
         open_photometry(place)
 
 

@@ -43,7 +43,7 @@ def test_plain_response_of_opencv_is_read_by_channel(tmp_path):
     levels = np.linspace(0.1, 1, 256, dtype=np.float32)
     storage.write("response", np.stack([levels, levels**2, levels**3], axis=-1)[:, None])
     storage.release()
-    with pytest.raises(FormatError, match="differs between the channels"):
+    with pytest.raises(FormatError, match="differs between channels"):
         read_opencv(tmp_path / "debevec.yml")
     with pytest.raises(FormatError, match="none with number 3"):
         read_opencv(tmp_path / "debevec.yml", 3)

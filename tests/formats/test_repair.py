@@ -38,10 +38,10 @@ def mended(path: Path, program="mono", size=None) -> Repair:
         (COUNTING + "\n", None),
         (COUNTING + " scale: 1.0 2.0\n", "text after value 256"),
         (COUNTING + "\nscale: 1.0\n", "after the first line"),
-        (COUNTING.replace(" ", "\n"), "256 lines put on one line"),
+        (COUNTING.replace(" ", "\n"), "values of 256 lines on one line"),
         (COUNTING.replace(" ", ", "), "commas"),
         (COUNTING.replace(" 100 ", " nan "), "1 value not finite, interpolated"),
-        (" ".join(str(i / 64) for i in range(65536 // 4)), "16384 values resampled to 256"),
+        (" ".join(str(i / 64) for i in range(65536 // 4)), "resampled 16384 values to 256"),
     ],
 )
 def test_damage_without_loss_is_mended_exactly(tmp_path, text, change):
@@ -75,7 +75,7 @@ def test_any_noisy_curve_becomes_valid_and_moves_no_further_than_the_noise(tmp_p
     [
         (" ".join(map(str, range(255))), "there are 255"),
         (" ".join(map(str, range(256, 0, -1))), "falls from 256 to 1"),
-        ("nan " + COUNTING, "an end"),
+        ("nan " + COUNTING, "first value"),
         ("", "there are 0"),
     ],
 )
@@ -147,7 +147,7 @@ def test_names_and_commas_are_made_numbers_and_spaces(tmp_path):
 @pytest.mark.parametrize(
     ("text", "reason"),
     [
-        ("0 0.1 1\n", "nothing says which line"),
+        ("0 0.1 1\n", "cannot be matched with images"),
         ("0 0.1 0\n1 0.2 1\n", "1 of 2 exposures are missing"),
         ("0.5 33.3\n0.6 33.3\n", "2 of 2 exposures are missing"),
         ("hello\n", "there is none"),

@@ -91,7 +91,7 @@ def test_shapes_are_kept():
         ([0.1, 0.5, 1.0], "begin at 0"),
         ([0.0, 0.5, 0.9], "end at 1"),
         ([0.0], "at least 2"),
-        ([[0.0, 0.5], [0.6, 1.0]], "one row"),
+        ([[0.0, 0.5], [0.6, 1.0]], "one dimension"),
     ],
 )
 def test_what_is_no_inverse_response_is_refused(table, complaint):

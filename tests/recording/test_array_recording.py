@@ -47,7 +47,7 @@ def test_left_aligned_values_stay_where_they_are() -> None:
 def test_an_odd_image_is_an_unreadable_frame() -> None:
     odd: list[np.ndarray] = [IMAGES[0], IMAGES[1][:5], IMAGES[2].astype(np.float32)]
     frames = list(ArrayRecording(odd, [1, 2, 4], name="mine"))
-    with pytest.raises(FrameError, match=r"mine\[1\]: is 24x5 pixels where the recording has 24x16"):
+    with pytest.raises(FrameError, match=r"mine\[1\]: is 24x5 pixels, but the recording has 24x16"):
         _ = frames[1].image
     with pytest.raises(FrameError, match=r"mine\[2\]: grey values must be uint8 or uint16"):
         _ = frames[2].image
@@ -56,7 +56,7 @@ def test_an_odd_image_is_an_unreadable_frame() -> None:
 @pytest.mark.parametrize(
     ("images", "exposures", "stamps", "error", "message"),
     [
-        ([], [], None, RecordingError, "holds no images"),
+        ([], [], None, RecordingError, "has no images"),
         (IMAGES.astype(float), [1, 1, 1], None, RecordingError, "must be uint8 or uint16, not float64; convert"),
         (np.zeros((2, 4, 4, 3), np.uint8), [1, 1], None, RecordingError, "convert the images to grey"),
         (IMAGES, [1, 2], None, ExposureError, "one per frame, 3 in all"),

@@ -59,7 +59,7 @@ def test_a_frame_beyond_the_bits_found_is_an_error(tum_folder: Make, shift: int,
     images = {f"{i}.png": encoded(grey(i, dtype=np.uint16, top=4096) << shift) for i in range(5)}
     images["4.png"] = encoded(np.full((16, 24), odd, np.uint16))
     recording = open_recording(tum_folder("".join(f"{i} {i} {5 - i}\n" for i in range(5)), images))
-    with pytest.raises(FrameError, match=r"4\.png: has grey values beyond the 12 bits"):
+    with pytest.raises(FrameError, match=r"4\.png: has grey values outside the 12 bits"):
         _ = list(recording)[4].image
 
 

@@ -69,7 +69,7 @@ def test_another_camera_is_opened_by_its_folder(euroc: Callable[..., Path]) -> N
     assert open_recording(place / "mav0" / "cam1").exposures_ms[0] == 9
     recording = open_recording(place)
     assert recording.exposures_ms[0] == 1
-    assert "cam0 is read; open" in recording.notes[0]
+    assert "reading cam0; to read the other camera, open" in recording.notes[0]
 
 
 BROKEN: dict[str, tuple[dict[str, str], type[Exception], tuple[str, ...]]] = {
@@ -103,5 +103,5 @@ def test_what_does_not_belong_together_is_one_error(euroc: Callable[..., Path], 
 def test_a_camera_without_images_is_an_error(tmp_path: Path) -> None:
     (tmp_path / "data").mkdir()
     (tmp_path / "data.csv").touch()
-    with pytest.raises(RecordingError, match="data: holds no images"):
+    with pytest.raises(RecordingError, match="data: has no images"):
         open_recording(tmp_path)

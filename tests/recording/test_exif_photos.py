@@ -79,7 +79,7 @@ def test_the_order_is_that_in_which_they_were_taken(photos: Folder) -> None:
 def test_bursts_and_missing_times_are_ordered_by_name(photos: Folder, taken: str | None) -> None:
     recording = open_recording(photos(exif(taken=taken), exif(taken=taken)))
     assert [frame.name for frame in recording] == ["IMG_0.JPG", "IMG_1.JPG"]
-    assert any("order of their names" in note for note in recording.notes)
+    assert any("ordered by name" in note for note in recording.notes)
 
 
 @pytest.mark.parametrize(("what", "segment"), [("ISO", exif(iso=None)), ("f-number", exif(f_number=(0, 1)))])
@@ -98,16 +98,16 @@ def test_a_list_of_exposures_wins_over_exif(photos: Folder) -> None:
 
 
 BROKEN = {
-    "no time": ([exif(), exif(time=None)], ExposureError, "IMG_1.JPG: its EXIF holds no exposure time"),
-    "time is no number": ([exif(), exif(time=(1, 0))], ExposureError, "IMG_1.JPG: its EXIF holds no exposure time"),
-    "time is zero": ([exif(), exif(time=(0, 1))], ExposureError, "IMG_1.JPG: its EXIF holds no exposure time"),
+    "no time": ([exif(), exif(time=None)], ExposureError, "IMG_1.JPG: its EXIF has no exposure time"),
+    "time is no number": ([exif(), exif(time=(1, 0))], ExposureError, "IMG_1.JPG: its EXIF has no exposure time"),
+    "time is zero": ([exif(), exif(time=(0, 1))], ExposureError, "IMG_1.JPG: its EXIF has no exposure time"),
     "time is absurd": (
         [exif(time=(2**32 - 1, 1))],
         ExposureError,
         "IMG_0.JPG: its EXIF gives an impossible exposure",
     ),
-    "no EXIF": ([exif(), b""], ExposureError, "IMG_1.JPG: its EXIF holds no exposure time"),
-    "damaged EXIF": ([exif(), exif()[:40]], ExposureError, "IMG_1.JPG: its EXIF holds no exposure time"),
+    "no EXIF": ([exif(), b""], ExposureError, "IMG_1.JPG: its EXIF has no exposure time"),
+    "damaged EXIF": ([exif(), exif()[:40]], ExposureError, "IMG_1.JPG: its EXIF has no exposure time"),
     "some ISO": ([exif(), exif(iso=None)], ExposureError, "EXIF states the ISO of some .* not of IMG_1.JPG"),
     "two cameras": ([exif(), exif(model="M2")], RecordingError, r"several cameras \(M1, M2\)"),
 }

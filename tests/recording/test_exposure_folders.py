@@ -39,21 +39,21 @@ def test_frames_come_in_the_order_of_their_stamps(folders: Callable[..., Path]) 
     assert recording.stamps_s - NS / 1e9 == pytest.approx([0, 0.1, 0.2, 0.3], abs=1e-5)
     assert [frame.name.split("/")[0] for frame in recording] == ["1.0", "16.0", "2.0", "1.0"]
     np.testing.assert_array_equal([frame.image for frame in recording], [grey(i) for i in (0, 2, 3, 1)])
-    assert any("taken as exposures in ms" in note for note in recording.notes)
+    assert any("assumed to be exposures in ms" in note for note in recording.notes)
 
 
 def test_units_may_be_part_of_the_names(folders: Callable[..., Path]) -> None:
     recording = open_recording(folders("500us/1.0.png", "2ms/2.0.png", "0.5 s/3.0.png"))
     assert recording.exposures_ms == pytest.approx([0.5, 2, 500])
-    assert not any("taken as exposures" in note for note in recording.notes)
+    assert not any("assumed to be exposures" in note for note in recording.notes)
 
 
 BROKEN = {
     "named by number in both": (["1.0/1.png", "2.0/1.png"], r"2\.0/1\.png: has the time stamp of 1\.0/1\.png"),
-    "named otherwise": (["1.0/1.png", "2.0/left.png"], r"2\.0/left\.png: images must be named by their time stamp"),
-    "no number": (["1.0/nan.png", "2.0/1.png"], r"1\.0/nan\.png: images must be named by their time stamp"),
-    "no exposures": (["left/1.png", "right/1.png"], "holds no images"),
-    "exposure zero": (["0/1.png", "0.0/2.png"], "holds no images"),
+    "named otherwise": (["1.0/1.png", "2.0/left.png"], r"2\.0/left\.png: is not named by its time stamp"),
+    "no number": (["1.0/nan.png", "2.0/1.png"], r"1\.0/nan\.png: is not named by its time stamp"),
+    "no exposures": (["left/1.png", "right/1.png"], "has no images"),
+    "exposure zero": (["0/1.png", "0.0/2.png"], "has no images"),
 }
 
 
@@ -75,7 +75,7 @@ def test_one_unreadable_frame_stops_nothing(folders: Callable[..., Path]) -> Non
 
 def test_the_kind_given_by_name_takes_a_single_folder(folders: Callable[..., Path]) -> None:
     place = folders("1.0/1.png")
-    with pytest.raises(RecordingError, match="holds no images"):
+    with pytest.raises(RecordingError, match="has no images"):
         open_recording(place)
     assert len(open_recording(place, "exposure_folders")) == 1
 

@@ -41,7 +41,7 @@ def test_what_is_no_largest_grey_value_is_refused(value: Any) -> None:
 
 @pytest.mark.parametrize("value", [1, 199, 4095])
 def test_a_largest_grey_value_that_does_not_fit_8_bits_is_refused(value: int) -> None:
-    with pytest.raises(FrameError, match=f"max_grey is {value}, which does not fit 8-bit grey values up to 200"):
+    with pytest.raises(FrameError, match=f"max_grey is {value}, which does not match 8-bit grey values up to 200"):
         Frame.of_array(IMAGE, 1.0, max_grey=value)
 
 
@@ -58,7 +58,7 @@ def test_a_mask_may_be_an_image() -> None:
 
 @pytest.mark.parametrize("mask", [np.ones(IMAGE.shape), np.ones((*IMAGE.shape, 1), bool), np.ones(4, bool), "mask"])
 def test_what_is_no_mask_is_refused(mask: Any) -> None:
-    with pytest.raises(FrameError, match="frame 0: a mask is an array of bool or uint8 with two dimensions"):
+    with pytest.raises(FrameError, match="frame 0: a mask must be a two-dimensional array of bool or uint8"):
         replace(FRAME, mask=mask)
 
 

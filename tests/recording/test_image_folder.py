@@ -58,14 +58,14 @@ def test_units_come_from_the_header(opened: Open, header: str, exposure_ms: floa
 def test_a_missing_unit_is_stated_as_assumed(opened: Open) -> None:
     recording = opened({"anything.csv": "file;exposure\na.png;2\nb.png;4\nc.png;8\n"})
     assert recording.exposures_ms.tolist() == [2, 4, 8]
-    assert any("exposures are taken as ms: no other unit is stated" in note for note in recording.notes)
+    assert any("exposures are assumed to be in ms: no other unit is stated" in note for note in recording.notes)
 
 
 def test_times_as_in_the_tum_datasets(opened: Open) -> None:
     recording = opened({"times.txt": "# made by hand\na 0.5 2\nb 1.5 4\nc 2.5 8\n"})
     assert recording.exposures_ms.tolist() == [2, 4, 8]
     assert recording.stamps_s.tolist() == [0.5, 1.5, 2.5]
-    assert any("taken as id, stamp[s], exposure" in note for note in recording.notes)
+    assert any("read as id, stamp[s], exposure" in note for note in recording.notes)
 
 
 def test_a_commented_header_counts(opened: Open) -> None:
@@ -155,15 +155,15 @@ BROKEN: dict[str, tuple[dict[str, str], type[Exception], tuple[str, ...]]] = {
     "two columns of numbers": (
         {"times.txt": "1 1\n2 2\n3 3\n"},
         ExposureError,
-        ("times.txt", "which of its 2 columns", "name the columns"),
+        ("times.txt", "which of the 2 columns", "name the columns"),
     ),
-    "no such column": ({"times.txt": "file,stamp\na,1\n"}, ExposureError, ("times.txt", "which of its 2 columns")),
+    "no such column": ({"times.txt": "file,stamp\na,1\n"}, ExposureError, ("times.txt", "which of the 2 columns")),
     "empty cell": (
         {"e.csv": "file,exposure_ms\na,1\nb,\n"},
         RecordingError,
         ("line 3: the exposure is missing", "nan"),
     ),
-    "ragged": ({"e.csv": "file,exposure_ms\na,1\nb\n"}, RecordingError, ("e.csv, line 3", "has 1 column where")),
+    "ragged": ({"e.csv": "file,exposure_ms\na,1\nb\n"}, RecordingError, ("e.csv, line 3", "has 1 column, but")),
     "text": ({"e.csv": "file,exposure_ms\na,1\nb,soon\n"}, RecordingError, ("e.csv, line 3", "'soon'")),
     "gain is text": (
         {"e.csv": "file,exposure_ms,gain\na,1,auto\n"},
@@ -179,8 +179,8 @@ BROKEN: dict[str, tuple[dict[str, str], type[Exception], tuple[str, ...]]] = {
         ("e.csv, line 2", "does not name its image"),
     ),
     "quotes": ({"exposures.csv": 'file,exposure_ms\n"a"b,1\n'}, RecordingError, ("exposures.csv, line 2", "quotes")),
-    "empty": ({"exposures.txt": ""}, RecordingError, ("exposures.txt", "holds no frames")),
-    "header only": ({"exposures.csv": "file,exposure_ms\n"}, RecordingError, ("exposures.csv", "holds no frames")),
+    "empty": ({"exposures.txt": ""}, RecordingError, ("exposures.txt", "has no frames")),
+    "header only": ({"exposures.csv": "file,exposure_ms\n"}, RecordingError, ("exposures.csv", "has no frames")),
     "too few": ({"exposures.txt": "1\n2\n"}, RecordingError, ("exposures.txt", "2 frames", "3 images")),
 }
 
@@ -207,7 +207,7 @@ def test_the_kind_given_by_name_says_what_it_needs(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     with pytest.raises(RecordingError, match="is a folder with images and a list"):
         open_recording(tmp_path / "file", "image_folder")
-    with pytest.raises(RecordingError, match="holds no images"):
+    with pytest.raises(RecordingError, match="has no images"):
         open_recording(tmp_path, "image_folder")
 
 
@@ -284,6 +284,6 @@ def test_a_folder_that_was_removed_after_opening_ends_the_run(tmp_path):
     simulate(tmp_path / "made", SimulationSettings(size=(96, 72), frames=8))
     recording = open_recording(tmp_path / "made")
     (tmp_path / "made" / "images").rename(tmp_path / "away")
-    with pytest.raises(RecordingError, match=r"was removed meanwhile; put it back") as caught:
+    with pytest.raises(RecordingError, match=r"was removed while it was read; restore it") as caught:
         calibrate(recording)
     assert not isinstance(caught.value, FrameError)

@@ -41,20 +41,23 @@ def test_the_kind_may_be_given(tum_folder: Make) -> None:
     [
         (lambda p: p / "missing", "there is no such file or folder"),
         (lambda p: p, "the folder is empty; expected a folder with images/"),
-        (lambda p: _written(p / "notes.txt", b"hello").parent, "holds no images; expected a folder"),
+        (lambda p: _written(p / "notes.txt", b"hello").parent, "has no images; expected a folder"),
         (lambda p: _written(p / "notes.txt", b"hello"), "a file of this kind is not a recording; expected"),
         (lambda p: _written(p / "blob.bin", bytes(100)), "a file of this kind is not a recording; expected"),
         (lambda p: p / ("x" * 300), "cannot be read"),
-        (lambda p: _written(p / "a.png", PNG), "is a single image, and a recording is many"),
+        (lambda p: _written(p / "a.png", PNG), "is a single image, but a recording has many"),
         (lambda p: _written(p / "a.jpg", b"a text"), "its content is not PNG, JPEG"),
         (lambda p: _written(p / "a.png", PNG[:40]), "is truncated"),
         (
             lambda p: _written(p / "a.webp", b"photo").parent,
-            "images such as a.webp are not read .*; convert them to PNG",
+            "images such as a.webp are not supported .*; convert them to PNG",
         ),
-        (lambda p: _written(p / "a.cr2", b"photo"), "is damaged, or of an unknown camera"),
-        (lambda p: _written(p / "seq" / "image_00" / "data" / "0.png", b"image").parents[3], "do: seq/image_00/data"),
-        (lambda p: _written(p / "images" / "dslr" / "0.JPG", b"image").parents[2], "folders in it that do: dslr"),
+        (lambda p: _written(p / "a.cr2", b"photo"), "is damaged, or from an unknown camera"),
+        (
+            lambda p: _written(p / "seq" / "image_00" / "data" / "0.png", b"image").parents[3],
+            "subfolders; .*: seq/image_00/data",
+        ),
+        (lambda p: _written(p / "images" / "dslr" / "0.JPG", b"image").parents[2], "subfolders; .*: dslr"),
     ],
 )
 def test_what_is_no_recording_is_one_error_that_says_what_is(
@@ -69,7 +72,7 @@ def test_what_is_no_recording_is_one_error_that_says_what_is(
 def test_the_output_of_a_calibration_is_known_for_what_it_is(tmp_path: Path) -> None:
     for name, data in (("calibration.json", b"{}"), ("times.txt", b"0 0.0 1\n"), ("figure.png", PNG), ("a.png", PNG)):
         _written(tmp_path / name, data)
-    with pytest.raises(RecordingError, match="is a calibration; name a recording in its place"):
+    with pytest.raises(RecordingError, match="is a calibration; give a recording instead"):
         open_recording(tmp_path)
 
 

@@ -117,7 +117,7 @@ def test_something_must_be_left() -> None:
 
 @pytest.mark.parametrize("region", [Region(5, 5, 5000, 20), Region(0, 1, 160, 120), Region(500, 500, 10, 10)])
 def test_a_region_beyond_the_image_is_refused(region: Region) -> None:
-    with pytest.raises(SettingError, match="are not inside the 160x120 of array; give a region of interest that is"):
+    with pytest.raises(SettingError, match="are not inside the 160x120 of array; give a region of interest inside"):
         masked(recorded(), None, region)
 
 

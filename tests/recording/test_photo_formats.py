@@ -159,7 +159,7 @@ class TestRaw:
 
     @pytest.mark.parametrize("length", [0, 100, -1000])
     def test_truncated_images_are_refused(self, length: int) -> None:
-        with pytest.raises(FrameError, match=r"a\.dng: is damaged, or of an unknown camera"):
+        with pytest.raises(FrameError, match=r"a\.dng: is damaged, or from an unknown camera"):
             decode_stored(dng(grey(0, SIZE, np.uint16))[:length], "a.dng")
 
     def test_a_white_level_below_black_is_refused(self) -> None:

@@ -109,7 +109,7 @@ def test_what_is_not_known_has_to_be_stated(kind: str, message: str) -> None:
 
 def test_missing_exposures_and_unreadable_images_are_errors() -> None:
     pairs = RosFrames(FLIR)
-    with pytest.raises(ExposureError, match="exposure of 0 ms; switch on the driver's metadata"):
+    with pytest.raises(ExposureError, match="exposure of 0 ms; enable the metadata"):
         pairs.exposure(exposure(0, 0))
     with pytest.raises(FrameError, match="encoding"):
         pairs.image(image(0, "32FC1"))

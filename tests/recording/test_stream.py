@@ -131,7 +131,7 @@ class TestOpenCv:
 
     def test_what_the_driver_does_not_say_has_to_be_stated(self) -> None:
         capture = Capture("GSTREAMER", [(2.0, 6.0205999)])
-        with pytest.raises(SettingError, match="GSTREAMER does not say in which unit"):
+        with pytest.raises(SettingError, match="unknown for the driver GSTREAMER"):
             opencv_camera(capture)
         assert capture.released
         camera = opencv_camera(capture, exposure_unit="ms", gain_unit="db")
@@ -145,7 +145,7 @@ class TestOpenCv:
 
     @pytest.mark.parametrize("exposure", [0.0, float("nan"), -1.0])
     def test_a_driver_without_exposures_is_said(self, exposure: float) -> None:
-        with pytest.raises(ExposureError, match="gives no exposure"):
+        with pytest.raises(ExposureError, match="delivers no"):
             next(iter(opencv_camera(Capture("V4L2", [(exposure, 0.0)]))))
 
     def test_opencvs_own_capture_fits(self, tmp_path: Path) -> None:
@@ -154,7 +154,7 @@ class TestOpenCv:
         writer.write(np.full((*SIZE[::-1], 3), 90, np.uint8))
         writer.release()
         camera = opencv_camera(cv2.VideoCapture(path), exposure_unit="ms")
-        with pytest.raises(ExposureError, match="gives no exposure"):
+        with pytest.raises(ExposureError, match="delivers no"):
             next(iter(camera))
         camera.close()
 
@@ -241,7 +241,7 @@ class TestRealSense:
         with RealSenseCamera(lambda: queue.wait_for_frame(200), "software", stop=sensor.stop) as camera:
             coming = iter(camera)
             found = list(islice(coming, 3))
-            with pytest.raises(RecordingError, match="stopped giving frames"):
+            with pytest.raises(RecordingError, match="stopped delivering frames"):
                 next(coming)
         assert [frame.exposure_ms for frame in found] == pytest.approx([3, 6, 12])
         assert [frame.stamp_s for frame in found] == pytest.approx([1, 1.05, 1.1])
@@ -266,7 +266,7 @@ class TestRealSense:
         assert (first.exposure_ms, first.stamp_s) == (8.0, 2.5)
         np.testing.assert_array_equal(first.image, grey(0, SIZE))
         assert next(found).exposure_ms == pytest.approx(8 * 248 / 16)
-        with pytest.raises(ExposureError, match="gives no exposures with its frames"):
+        with pytest.raises(ExposureError, match="delivers no exposures with its frames"):
             next(found)
         assert list(RealSenseCamera(lambda: None, "ended")) == []
 
@@ -342,14 +342,14 @@ class TestDepthAi:
         def fail() -> Any:
             raise RuntimeError("X_LINK_ERROR\nlost")
 
-        with pytest.raises(RecordingError, match=r"stopped giving frames \(X_LINK_ERROR lost\)"):
+        with pytest.raises(RecordingError, match=r"stopped delivering frames \(X_LINK_ERROR lost\)"):
             next(iter(DepthAiCamera(fail, "lost")))
         monkeypatch.setitem(
             sys.modules, "depthai", SimpleNamespace(**vars(Oak([], 100).module()) | {"Pipeline": fail})
         )
         with pytest.raises(RecordingError, match="cannot be opened"):
             open_camera("depthai")
-        with pytest.raises(RecordingError, match="no sensor is called 'up'"):
+        with pytest.raises(RecordingError, match="'up' is not a sensor"):
             open_camera("depthai:up")
 
 

@@ -46,7 +46,7 @@ def test_stamps_since_1970_in_finer_units_become_seconds_with_a_note(unit: float
     seconds = 1_520_531_829.25
     table = parse_times(f"1 {seconds / unit:.0f} 2\n2 {(seconds + 1) / unit:.0f} 2\n", "times.txt")
     np.testing.assert_allclose(table.stamps_s, [seconds, seconds + 1], atol=1e-3)
-    assert "by their size" in table.notes[0]
+    assert "inferred from their size" in table.notes[0]
 
 
 BROKEN = {
@@ -77,8 +77,8 @@ BROKEN = {
     "stamp twice": ("1 0.1 1\n# x\n2 0.1 1\n", RecordingError, "lines 1, 3: the same time stamp"),
     "time goes back": ("1 0.2 1\n2 0.1 1\n", RecordingError, "lines 1, 2: time goes back"),
     "id twice": ("7 0.1 1\n7 0.2 1\n", RecordingError, "lines 1, 2: both name the image '7'"),
-    "nothing": ("", RecordingError, "holds no frames"),
-    "comments only": ("# 1 2 3\n\n", RecordingError, "holds no frames"),
+    "nothing": ("", RecordingError, "has no frames"),
+    "comments only": ("# 1 2 3\n\n", RecordingError, "has no frames"),
     "endless line": ("1 " * MAX_LINE_CHARACTERS, RecordingError, "line 1: longer than"),
 }
 

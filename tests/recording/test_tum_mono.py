@@ -142,8 +142,8 @@ BROKEN: dict[str, tuple[str, dict[str, bytes], type[Exception], tuple[str, ...]]
         RecordingError,
         ("0.png", "0.jpg"),
     ),
-    "no images": ("0 1 1\n", {}, RecordingError, ("images", "holds no images")),
-    "only other files": ("0 1 1\n", {"0.csv": b"no image", ".0.png": b""}, RecordingError, ("holds no images",)),
+    "no images": ("0 1 1\n", {}, RecordingError, ("images", "has no images")),
+    "only other files": ("0 1 1\n", {"0.csv": b"no image", ".0.png": b""}, RecordingError, ("has no images",)),
     "no readable image": (
         "0 1 1\n1 2 1\n",
         {"0.png": b"", "1.png": b"no image"},
@@ -190,9 +190,9 @@ UNREADABLE = {
     "PNG of size zero": (png_of_size(0, 16), "0x16 pixels"),
     "JPEG of absurd size": (jpeg_of_size(65535, 65535), "bytes allowed"),
     "PNG that lies about its size": (png_of_size(4000, 3000), "damaged and cannot be decoded"),
-    "another size": (encoded(grey(1, (20, 10))), "is 20x10 pixels where the recording has 24x16"),
+    "another size": (encoded(grey(1, (20, 10))), "is 20x10 pixels, but the recording has 24x16"),
     "another depth": (encoded(grey(1, dtype=np.uint16)), "does not have 8 bits"),
-    "floats": (encoded(np.zeros((16, 24), np.float32), ".tif"), "32 bits a channel"),
+    "floats": (encoded(np.zeros((16, 24), np.float32), ".tif"), "32 bits per channel"),
 }
 
 

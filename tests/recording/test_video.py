@@ -89,7 +89,7 @@ def test_without_time_stamps_the_frame_rate_gives_them(video: Callable[..., Path
 
 BROKEN: dict[str, tuple[dict[str, str], type[OspcError], tuple[str, ...]]] = {
     "no list": ({}, ExposureError, ("walk.mkv", "walk.csv", "has no list of exposures")),
-    "two lists": ({"walk.csv": LIST, "walk.txt": LIST}, ExposureError, ("walk.csv, walk.txt", "keep the one to use")),
+    "two lists": ({"walk.csv": LIST, "walk.txt": LIST}, ExposureError, ("walk.csv, walk.txt", "keep only the")),
     "too few": ({"walk.csv": LIST.rsplit("\n", 2)[0]}, RecordingError, ("walk.csv", "5 frames", "walk.mkv has 6")),
     "too many": ({"walk.csv": LIST + "9,9\n"}, RecordingError, ("walk.csv", "7 frames", "walk.mkv has 6")),
     "zero": ({"walk.csv": LIST.replace(",3", ",0")}, ExposureError, ("walk.csv, line 4",)),
@@ -140,7 +140,7 @@ def test_frames_missing_at_the_end_are_unreadable(
 
 def test_for_a_folder_with_videos_the_message_names_them(video: Callable[..., Path]) -> None:
     folder = video().parent
-    with pytest.raises(RecordingError, match=r"name one of the files in it that are: walk\.mkv"):
+    with pytest.raises(RecordingError, match=r"give one of them: walk\.mkv"):
         open_recording(folder)
 
 

@@ -42,8 +42,8 @@ HOSTILE: dict[str, tuple[dict[str | zipfile.ZipInfo, bytes], str]] = {
     "link": ({link("00000.png"): b"/etc/passwd"}, "is a link"),
     "unusual compression": ({lzma_member("00000.png"): PNG}, "unsupported compression"),
     "several folders": ({"left/0.png": PNG, "right/0.png": PNG}, "folders 'left' and 'right'"),
-    "no images": ({"readme.txt": b"hello"}, "holds no images"),
-    "hidden twins only": ({"__MACOSX/._0.png": PNG, ".0.png": PNG}, "holds no images"),
+    "no images": ({"readme.txt": b"hello"}, "has no images"),
+    "hidden twins only": ({"__MACOSX/._0.png": PNG, ".0.png": PNG}, "has no images"),
 }
 
 

@@ -1,7 +1,7 @@
 """The parameter files of the TUM monocular data set and of DSO: pcalib.txt, vignette.png, times.txt.
 
-Both programs have strict rules for them and often fail silently. Files written here keep the rules, and files
-read here mean what the programs take them to mean.
+Both programs have strict rules for these files and often fail silently. This module writes files that follow the
+rules, and reads files as the programs do.
 """
 
 from __future__ import annotations
@@ -21,18 +21,24 @@ from ospc.photometry.response import Response
 from ospc.photometry.vignette import RasterVignette, Vignette
 
 CAVEAT = "EXPOSURES_UNKNOWN.txt"
-"""Stands beside a pcalib.txt that was made without exposures; that format holds nothing but numbers."""
+"""File written next to a pcalib.txt that was estimated without exposures, because that format only has numbers."""
 
 LARGEST_ID = 2**31 - 1
-"""Largest frame id that a 32-bit ``%d`` holds."""
+"""Largest frame id that a 32-bit ``%d`` can read."""
 
 
 def write_pcalib(response: Response, path: str | Path, values: int = FEWEST_VALUES) -> Path:
     """Write an inverse response as pcalib.txt, atomically, and return its path.
 
-    One line of values from 0 to 255 with nine significant digits, strictly increasing as 32-bit floats. ``values`` is
-    the number of grey levels: 256 for 8 bit; DSO's descendants for deeper images take up to 65536. SettingError if no
-    program reads that many; FormatError if the file cannot be written.
+    The file has one line of values from 0 to 255 with nine significant digits, strictly increasing as 32-bit floats.
+    ``values`` is the number of grey levels: 256 for 8 bits; descendants of DSO for deeper images accept up to 65536.
+
+    Raises
+    ------
+    SettingError
+        If no program accepts this number of values.
+    FormatError
+        If the file cannot be written.
     """
     if not FEWEST_VALUES <= values <= MOST_VALUES:
         raise SettingError(f"a pcalib.txt has {FEWEST_VALUES} to {MOST_VALUES} values, not {values}")
@@ -40,11 +46,15 @@ def write_pcalib(response: Response, path: str | Path, values: int = FEWEST_VALU
 
 
 def read_pcalib(path: str | Path) -> Response:
-    """Read the inverse response in a pcalib.txt as DSO does: only the first line counts.
+    """Read the inverse response in a pcalib.txt as DSO does, from the first line only.
 
-    The response has one table entry per value, shifted and scaled to run from 0 to 1; like DSO, this loses a black
-    level. A byte order mark is skipped. FormatError if DSO would refuse the rest of the file: ``validate`` finds an
-    error in it.
+    The response has one table entry per value, shifted and scaled to the range from 0 to 1. This loses a black level,
+    as in DSO. A byte order mark is skipped.
+
+    Raises
+    ------
+    FormatError
+        If DSO would reject the rest of the file; ``validate`` then finds an error.
     """
     place = Path(path)
     table = PcalibText(read_text(place))
@@ -57,29 +67,38 @@ def read_pcalib(path: str | Path) -> Response:
 def write_vignette(vignette: Vignette, path: str | Path, description: str = "") -> Path:
     """Write a vignette as a grey 16-bit PNG of its own size, atomically, and return the path.
 
-    The largest value becomes 65535. A value that would round to 0 becomes 1, because the programs divide by it. A
-    ``description`` is stored in the PNG as text. FormatError if the vignette is negative or not finite somewhere,
-    or the file cannot be written.
+    The largest value becomes 65535. A value that would round to 0 becomes 1, because the programs divide by it.
+    ``description`` is stored in the PNG as text.
+
+    Raises
+    ------
+    FormatError
+        If the vignette has negative or non-finite values, or the file cannot be written.
     """
     image = vignette.image().astype(np.float64)
     if not np.all(np.isfinite(image)) or image.min() < 0 or image.max() <= 0:
-        raise FormatError(f"{path}: the vignette is negative or not finite in places")
+        raise FormatError(f"{path}: the vignette is negative or not finite in some places")
     scaled = np.round(image / image.max() * 65535)
     return write_png(path, np.clip(scaled, 1, 65535).astype(np.uint16), description)
 
 
 def read_vignette(path: str | Path) -> RasterVignette:
-    """Read a vignette.png, divided by its maximum; FormatError if it is not a PNG, damaged, not grey, or black.
+    """Read a vignette.png and divide it by its maximum.
 
-    Pixels that are 0, as around a fisheye's image circle, stay 0.
+    Pixels that are 0, as outside the image circle of a fisheye, stay 0.
+
+    Raises
+    ------
+    FormatError
+        If the file is not a PNG, or the image is damaged, not grey, or black.
     """
     image = read_png(path)
     if image.ndim != 2:
         raise FormatError(
-            f"{path}: has {image.shape[2]} channels, a vignette has one; 'ospc validate --repair' writes a grey copy"
+            f"{path}: has {image.shape[2]} channels instead of one; 'ospc validate --repair' writes a grey copy"
         )
     if image.max() == 0:
-        raise FormatError(f"{path}: is black all over, so it is no vignette; calibrate again")
+        raise FormatError(f"{path}: is entirely black, so it is not a vignette; calibrate again")
     return RasterVignette(image.astype(np.float32), {"file": Path(path).name, "bits": image.dtype.itemsize * 8})
 
 
@@ -90,12 +109,12 @@ def parameter_files(
     caveat: str = "",
     values: int = FEWEST_VALUES,
 ) -> Iterator[tuple[str, Callable[[Path], Path]]]:
-    """Yield the names of the files for what is known, with pcalib_16bit.txt for deep images, and what writes them.
+    """Yield name and writer of the files for the known parts, including pcalib_16bit.txt for deep images.
 
-    ``caveat`` is a sentence to know of them, and ``values`` the number of grey levels in pcalib.txt.
+    ``caveat`` is a sentence to include with the files, and ``values`` the number of grey levels in pcalib.txt.
     """
     if caveat:
-        about = f"{caveat}.\nThis holds for pcalib.txt, vignette.png and times.txt in this folder.\n"
+        about = f"{caveat}.\nThis applies to pcalib.txt, vignette.png and times.txt in this folder.\n"
         yield CAVEAT, lambda place: write_text(place, about)
     if response is not None:
         yield "pcalib.txt", lambda place: write_pcalib(response, place, values)
@@ -108,17 +127,17 @@ def parameter_files(
 def write_times(
     path: str | Path, ids: Sequence[int], stamps_s: npt.ArrayLike, exposures_ms: npt.ArrayLike | None
 ) -> Path:
-    """Write times.txt, one line ``id stamp exposure`` per image, atomically, and return its path.
+    """Write times.txt with a line ``id stamp exposure`` per image, atomically, and return its path.
 
-    Ids are integers below 2³¹; time stamps are written to the nanosecond. Unknown exposures, None, have no column.
+    Ids are integers below 2³¹; time stamps are rounded to nanoseconds. If exposures are None, there is no column for
+    them.
 
     Raises
     ------
     FormatError
-        If the three differ in length, an id is not such an integer, a stamp is not finite, or the file cannot be
-        written.
+        If the lengths differ, an id is not such an integer, a stamp is not finite, or the file cannot be written.
     ExposureError
-        If an exposure is not a positive number: zero means unknown to DSO.
+        If an exposure is not a positive number: DSO treats zero as unknown.
     """
     stamps = np.asarray(stamps_s, dtype=np.float64)
     exposures = np.ones(stamps.shape) if exposures_ms is None else np.asarray(exposures_ms, dtype=np.float64)

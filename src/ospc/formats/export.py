@@ -1,4 +1,4 @@
-"""Write a calibration for another program."""
+"""Export of calibrations to other programs."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ from ospc.photometry.calibration import Calibration, Verdict
 from ospc.photometry.vignette import RasterVignette
 
 Program: TypeAlias = Literal["dso", "lensfun", "hugin", "opencv", "adobe", "json"]
-"""Programs that a calibration can be written for."""
+"""Programs that calibrations can be exported to."""
 
 _VALUES_OF_DEEP_IMAGES = (1024, 4096, 16384, 65536)
-"""A pcalib.txt for images of 10, 12, 14 or 16 bits has one value per grey level."""
+"""Numbers of values in a pcalib.txt for images with 10, 12, 14 or 16 bits: one per grey level."""
 
 
 @dataclass(frozen=True)
 class ExportSettings:
-    """What some programs need besides the calibration.
+    """Additional information that some programs need.
 
-    That is the optics for lensfun and Adobe; lensfun's model, ``pa`` for radii in half diagonals, ``acm`` for focal
-    lengths; the base curves for hugin's response; and the number of grey levels in pcalib.txt.
+    This is the optics for lensfun and Adobe; the model of lensfun, ``pa`` for radii in half diagonals or ``acm`` for
+    focal lengths; the base curves for the response of hugin; and the number of grey levels in pcalib.txt.
     """
 
     optics: Optics = field(default_factory=Optics)
@@ -42,7 +42,7 @@ class ExportSettings:
 
 @dataclass(frozen=True)
 class Exported:
-    """Paths of the written files; notes on residuals, and on parts that are unknown or do not fit the format."""
+    """Paths of the written files, and notes on residuals and on parts that were not written."""
 
     files: tuple[Path, ...]
     notes: tuple[str, ...]
@@ -54,11 +54,16 @@ def adapted(
     size: ImageSize | None = None,
     binning: int = 1,
 ) -> Photometry:
-    """Return the photometry for images that were first cropped, then binned, then scaled to a size.
+    """Return the photometry for images that are first cropped, then binned, then scaled to a size.
 
-    ``crop`` is column, row, width and height of the part that is kept, and ``binning`` the side, in pixels, of the
-    blocks whose pixels are averaged. SettingError if the part is not inside the image, nothing is left of it, scaling
-    changes the aspect ratio, or the size of the images is unknown.
+    ``crop`` is column, row, width and height of the part that is kept, and ``binning`` the side in pixels of the
+    blocks that are averaged.
+
+    Raises
+    ------
+    SettingError
+        If the part is not inside the image, no pixels are left, scaling would change the aspect ratio, or the size of
+        the images is unknown.
     """
     if crop is None and size is None and binning == 1:
         return photometry
@@ -74,10 +79,17 @@ def adapted(
 
 
 def as_calibration(photometry: Photometry, size: ImageSize | None = None, max_grey: int | None = None) -> Calibration:
-    """Return the photometry as a calibration that states where it comes from.
+    """Return the photometry as a calibration that states its source.
 
-    ``size`` is needed if the photometry does not state it, and must not contradict it (SettingError); ``max_grey`` is
-    by default that of the calibration or of the table. FormatError if there is neither response nor vignette.
+    ``size`` is required if the photometry does not state it; ``max_grey`` defaults to that of the calibration or the
+    table.
+
+    Raises
+    ------
+    SettingError
+        If ``size`` is missing or contradicts the photometry.
+    FormatError
+        If there is neither response nor vignette.
     """
     response, known = photometry.response, photometry.size or size
     if known is None:
@@ -90,7 +102,7 @@ def as_calibration(photometry: Photometry, size: ImageSize | None = None, max_gr
     if photometry.calibration is not None:
         return replace(photometry.calibration, max_grey=max_grey or photometry.calibration.max_grey)
     if response is None and photometry.vignette is None:
-        raise FormatError(f"{photometry.name}: holds neither response nor vignette")
+        raise FormatError(f"{photometry.name}: has neither a response nor a vignette")
     deep = response is not None and response.inverse_table.size in _VALUES_OF_DEEP_IMAGES
     return Calibration(
         known,
@@ -104,23 +116,23 @@ def as_calibration(photometry: Photometry, size: ImageSize | None = None, max_gr
 
 def _verdict(part: str, photometry: Photometry) -> Verdict:
     if getattr(photometry, part) is None:
-        return Verdict("not identifiable", f"{photometry.name} does not hold it", "calibrate from a recording")
+        return Verdict("not identifiable", f"{photometry.name} does not have it", "calibrate from a recording")
     return Verdict("identifiable", f"imported from {photometry.name}, which states no uncertainty")
 
 
 def export(
     photometry: Photometry, program: Program, out: str | Path, settings: ExportSettings | None = None
 ) -> Exported:
-    """Write a calibration for another program, in a folder for ``dso``, in a file for all others.
+    """Write a calibration for another program, to a folder for ``dso``, and to a file for all others.
 
     Raises
     ------
     NotObservableError
-        If no part that the program can take is known.
+        If no part that the program can use is known.
     SettingError
-        If ``settings`` lack something that the program needs, or there is no such program.
+        If ``settings`` lack something that the program needs, or the program is unknown.
     FormatError
-        If the format cannot hold it, or a file cannot be written.
+        If the format cannot represent the calibration, or a file cannot be written.
     """
     if program not in get_args(Program):
         raise SettingError(f"{program!r} is not a program; known: {', '.join(get_args(Program))}")
@@ -144,7 +156,7 @@ def export(
 
 
 def _to_dso(photometry: Photometry, folder: Path, values: int) -> list[Path]:
-    with os_error_as(FormatError, f"{folder}: the folder cannot be made"):
+    with os_error_as(FormatError, f"{folder}: the folder cannot be created"):
         folder.mkdir(parents=True, exist_ok=True)
     files = parameter_files(photometry.response, photometry.vignette, 255, photometry.caveat, values)
     return [write(folder / name) for name, write in files]
@@ -152,12 +164,12 @@ def _to_dso(photometry: Photometry, folder: Path, values: int) -> list[Path]:
 
 def _to_lens_profile(photometry: Photometry, program: str, place: Path, settings: ExportSettings) -> Exported:
     if photometry.vignette is None:
-        raise NotObservableError(f"{photometry.name}: has no vignette, and {program} takes nothing else")
+        raise NotObservableError(f"{photometry.name}: has no vignette, which is all that {program} can use")
     if program == "lensfun":
         fit = write_lensfun(photometry.vignette, place, settings.optics, settings.lensfun_model)
     else:
         fit = write_lcp(photometry.vignette, place, settings.optics)
-    left_out = "" if photometry.response is None else f"{program} has no response; only the vignette was written"
+    left_out = "" if photometry.response is None else f"{program} uses no response; only the vignette was written"
     return Exported((place,), tuple(filter(None, (fit.note, left_out, photometry.caveat))))
 
 
@@ -172,19 +184,19 @@ def _to_hugin(photometry: Photometry, place: Path, settings: ExportSettings) -> 
     fit, residual = write_pto(place, photometry.vignette, response, emor, size)
     about_response = ""
     if residual is not None:
-        about_response = f"response fitted by five EMoR coefficients: residual {residual:.2g} in the root mean square"
+        about_response = f"response fitted by five EMoR coefficients: root mean square residual {residual:.2g}"
     elif response is not None:
-        about_response = "the response was not written: hugin's model needs the base curves emor.txt"
+        about_response = "the response was not written: the model of hugin needs the base curves emor.txt"
     notes = ("" if fit is None else fit.note, about_response, *_unknown(photometry))
     return Exported((place,), tuple(filter(None, notes)))
 
 
 def _unknown(photometry: Photometry) -> tuple[str, ...]:
-    """Return sentences about unknown parts, with the remedy if the calibration has one."""
+    """Return a note for each unknown part, with the remedy if the calibration has one."""
     notes: list[str] = []
     for name in ("response", "vignette"):
         if getattr(photometry, name) is None:
             verdict = None if photometry.calibration is None else photometry.calibration.verdicts.get(name)
             why = "" if verdict is None else "; ".join(filter(None, (verdict.reason, verdict.remedy)))
-            notes.append(f"the {name} is not known and was not written" + (f": {why}" if why else ""))
+            notes.append(f"the {name} is unknown and was not written" + (f": {why}" if why else ""))
     return tuple(filter(None, (*notes, photometry.caveat)))

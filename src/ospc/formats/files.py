@@ -1,4 +1,4 @@
-"""Reads and writes whole files safely: bounded when reading, all or nothing when writing."""
+"""Safe reading of files, with limits on their size, and atomic writing."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from ospc.atomic import write_atomically
 from ospc.errors import FormatError, OspcError, escaped, os_error_as
 
 LARGEST_TEXT = 64 * 2**20
-"""Bytes; larger text files are refused. A table of 65536 values has half a megabyte, a list of 10⁶ frames 50."""
+"""Maximum size of a text file in bytes. A table of 65536 values has half a megabyte, a list of 10⁶ frames 50."""
 
 _PIECE_BYTES = 2**20
-"""What is read at once of a file that does not state its size."""
+"""Number of bytes read at a time from a file that does not state its size."""
 
 BYTE_ORDER_MARK = "\ufeff"
 """What some editors write in front of UTF-8 text, and C programs take for text."""
 
 _BEGINS_FORMULA = ("=", "+", "-", "@", "\t", "\r")
-"""First characters of a cell that spreadsheets take for a formula."""
+"""First characters of cells that spreadsheets treat as formulas."""
 
 
 def by_name(name: str) -> tuple[tuple[object, ...], str]:
@@ -38,7 +38,7 @@ def by_name(name: str) -> tuple[tuple[object, ...], str]:
 
 
 def read_bytes(path: str | Path, limit: int = LARGEST_TEXT, error: type[OspcError] = FormatError) -> bytes:
-    """Return the content of a file; ``error`` if there is none, it cannot be read, or is larger than the limit."""
+    """Return the content of a file; raise ``error`` if it does not exist, cannot be read, or exceeds the limit."""
     place = escaped(str(path))
     try:
         with Path(path).open("rb") as stream:
@@ -48,7 +48,7 @@ def read_bytes(path: str | Path, limit: int = LARGEST_TEXT, error: type[OspcErro
             while len(content) <= limit and (more := stream.read(min(_PIECE_BYTES, limit + 1 - len(content)))):
                 content += more
     except FileNotFoundError:
-        raise error(f"{place}: cannot be read, there is no such file; check the path") from None
+        raise error(f"{place}: cannot be read because it does not exist; check the path") from None
     except OSError as problem:
         raise error(f"{place}: cannot be read ({problem.strerror}); check the file and its permissions") from None
     if len(content) > limit:
@@ -57,16 +57,16 @@ def read_bytes(path: str | Path, limit: int = LARGEST_TEXT, error: type[OspcErro
 
 
 def read_text(path: str | Path, limit: int = LARGEST_TEXT, *, keep_mark: bool = False) -> str:
-    """Return the content of a text file, as :func:`read_bytes`; bytes that are not UTF-8 are replaced.
+    """Return the content of a text file with the errors of :func:`read_bytes`; invalid UTF-8 is replaced.
 
-    A byte order mark in front is removed unless ``keep_mark``.
+    A byte order mark at the beginning is removed unless ``keep_mark``.
     """
     text = read_bytes(path, limit).decode("utf-8", errors="replace")
     return text if keep_mark else text.removeprefix(BYTE_ORDER_MARK)
 
 
 def json_object(path: str | Path) -> dict[str, Any]:
-    """Return the object in a JSON file; an empty one where none can be read."""
+    """Return the object in a JSON file; an empty one if it cannot be read."""
     try:
         content = json.loads(read_text(path))
     except (FormatError, ValueError, RecursionError):
@@ -75,26 +75,26 @@ def json_object(path: str | Path) -> dict[str, Any]:
 
 
 def write_bytes(path: str | Path, content: bytes) -> Path:
-    """Write a file and return its path, FormatError if that fails; readers see the old content or the new, whole."""
+    """Write a file atomically and return its path; FormatError if that fails."""
     with os_error_as(FormatError, f"{path}: cannot be written", "check that the folder exists and is writable"):
         return write_atomically(path, content)
 
 
 def write_text(path: str | Path, content: str) -> Path:
-    """Write a UTF-8 text file as :func:`write_bytes`, line ends as given.
+    """Write a UTF-8 text file atomically with unchanged line ends, and return its path; FormatError if that fails.
 
-    What UTF-8 cannot express, as in names of files that were never UTF-8, is escaped.
+    Characters that UTF-8 cannot encode, from file names that are not UTF-8, are escaped.
     """
     return write_bytes(path, content.encode("utf-8", "backslashreplace"))
 
 
 def csv_text(rows: Iterable[Iterable[object]]) -> str:
-    """Return rows of numbers and texts as CSV in which no cell is a formula; None becomes an empty cell.
+    """Return rows of numbers and texts as CSV without formulas; None becomes an empty cell.
 
-    Texts that a spreadsheet would take for a formula, and execute, get an apostrophe in front.
+    Texts that a spreadsheet would execute as a formula get an apostrophe in front.
     """
     text = io.StringIO()
-    # Text is always quoted: the csv module would leave a carriage return in a name bare, which ends a row.
+    # Text is always quoted, because the csv module does not quote carriage returns, which end a row.
     writer = csv.writer(text, lineterminator="\n", quoting=csv.QUOTE_NONNUMERIC)
     for row in rows:
         writer.writerow(

@@ -1,8 +1,8 @@
-"""Responses and vignettes in hugin's project files (.pto).
+"""Responses and vignettes in project files of hugin (.pto).
 
-An image line holds the vignette as Vb, Vc, Vd for radii in half diagonals, with a shift Vx, Vy of its centre in
-pixels, and the response as five coefficients Ra to Re of the empirical model of response (EMoR, Grossberg and Nayar
-2004). The base curves of that model are not distributed here; they are read from the authors' file ``emor.txt``.
+An image line has the vignette as Vb, Vc, Vd for radii in half diagonals, with a shift Vx, Vy of its centre in pixels,
+and the response as five coefficients Ra to Re of the empirical model of response (EMoR, Grossberg and Nayar 2004).
+The base curves of this model are not distributed with this package; they are read from ``emor.txt`` of the authors.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ from ospc.photometry.response import Response
 from ospc.photometry.vignette import Vignette
 
 COMPONENTS = 5
-"""Coefficients of EMoR that hugin uses."""
+"""Number of EMoR coefficients that hugin uses."""
 
 EMOR_SAMPLES = 1024
-"""Values of each curve in ``emor.txt``."""
+"""Number of values of each curve in ``emor.txt``."""
 
 _LEAST_STEP = 1e-7
-"""Smallest step of a fitted response between two samples; a linear response has steps of 1e-3."""
+"""Smallest step of a fitted response between samples; a linear response has steps of 1e-3."""
 
 _FIELD = re.compile(r'([A-Za-z]+)(=?-?[0-9.][0-9.eE+-]*|"[^"]*")')
 _LINK = re.compile(r"=(\d{1,6})", re.ASCII)
@@ -37,14 +37,14 @@ _LINK = re.compile(r"=(\d{1,6})", re.ASCII)
 
 @dataclass(frozen=True)
 class EmorBasis:
-    """Irradiances from 0 to 1, the mean response f₀, each of shape (1024,), and h₁, h₂, …, shape (n, 1024)."""
+    """Irradiances from 0 to 1 and the mean response f₀, shape (1024,), and h₁, h₂, …, shape (n, 1024)."""
 
     irradiance: FloatArray
     mean: FloatArray
     components: FloatArray
 
     def response(self, coefficients: tuple[float, ...]) -> Response:
-        """Return the response with f = f₀ + Σ cᵢhᵢ; FormatError if that does not increase."""
+        """Return the response f = f₀ + Σ cᵢhᵢ; FormatError if it does not increase."""
         forward = self.mean + np.asarray(coefficients) @ self.components
         if np.any(np.diff(forward) <= 0):
             raise FormatError("the response of these EMoR coefficients does not increase everywhere")
@@ -53,7 +53,7 @@ class EmorBasis:
         return Response.from_values(inverse, model={"name": "emor", "coefficients": list(coefficients)})
 
     def fit(self, response: Response) -> tuple[tuple[float, ...], float]:
-        """Return the nearest coefficients for which f increases, and the root mean square residual."""
+        """Return the best coefficients for which f increases, and the root mean square residual."""
         target = response(self.irradiance) - self.mean
         coefficients = np.linalg.lstsq(self.components.T, target, rcond=None)[0]
         mean_steps, steps = np.diff(self.mean), np.diff(self.components, axis=1)
@@ -77,7 +77,7 @@ class EmorBasis:
 
 
 def read_emor(path: str | Path, components: int = COMPONENTS) -> EmorBasis:
-    """Read the first base curves from the file ``emor.txt`` of their authors; FormatError if it is another."""
+    """Read the first base curves from ``emor.txt`` of the authors; FormatError if it is another file."""
     blocks: dict[str, list[float]] = {}
     current: list[float] = []
     try:
@@ -92,7 +92,7 @@ def read_emor(path: str | Path, components: int = COMPONENTS) -> EmorBasis:
     except (ValueError, KeyError):
         raise FormatError(f"{path}: not the file emor.txt of the empirical model of response") from None
     if table.shape != (components + 2, EMOR_SAMPLES) or not np.all(np.isfinite(table)):
-        raise FormatError(f"{path}: not the file emor.txt, which has {EMOR_SAMPLES} values a curve")
+        raise FormatError(f"{path}: not the file emor.txt, which has {EMOR_SAMPLES} values per curve")
     return EmorBasis(table[0], table[1], table[2:])
 
 
@@ -105,23 +105,27 @@ def write_pto(
 ) -> tuple[RadialFit | None, float | None]:
     """Write a project file with one image line, to be used as a template.
 
-    The response is written only with its base curves; otherwise the file has the mean response of EMoR. ``size`` is
-    that of the images if there is no vignette. FormatError if what is fitted is no vignette or no response, or the
-    file cannot be written.
+    The response is only written if base curves are given; otherwise the file has the mean response of EMoR. ``size``
+    is the size of the images if there is no vignette.
 
     Returns
     -------
     fit
-        The polynomial that stands for the vignette, about its own centre; None without one.
+        The polynomial fitted to the vignette, about its own centre; None without a vignette.
     residual
         Root mean square residual of the response f; None if it was not written.
+
+    Raises
+    ------
+    FormatError
+        If a fit is not a valid vignette or response, or the file cannot be written.
     """
     fit = None if vignette is None else fit_radial(vignette, about_its_centre=True)
     coefficients: tuple[float, ...] = (0.0,) * COMPONENTS
     residual = None
     if response is not None and emor is not None:
         coefficients, residual = emor.fit(response)
-        emor.response(coefficients)  # refuses a curve that cannot be inverted
+        emor.response(coefficients)  # raises an error if the curve cannot be inverted
     width, height = size if fit is None else fit.size
     v = (0.0, 0.0, 0.0) if fit is None else fit.coefficients
     shift = (0.0, 0.0) if fit is None else tuple(c * half_diagonal(fit.size) for c in fit.centre)
@@ -142,10 +146,10 @@ def write_pto(
 
 
 def read_pto(path: str | Path) -> tuple[RadialFit, ...]:
-    """Read the vignette of every image line; FormatError if there is none, or one is damaged or holds no vignette."""
+    """Read the vignette of every image line; FormatError if there is none, or a line is damaged or invalid."""
     lines = [line for line in read_text(path).splitlines() if line.startswith("i ")]
     if not lines:
-        raise FormatError(f"{path}: holds no image line, which begins with 'i'")
+        raise FormatError(f"{path}: has no image lines, which begin with 'i'")
     images = [dict(_FIELD.findall(line[2:])) for line in lines]
     try:
         return tuple(_fit(images, index) for index in range(len(images)))
@@ -156,7 +160,7 @@ def read_pto(path: str | Path) -> tuple[RadialFit, ...]:
 def _fit(images: list[dict[str, str]], index: int) -> RadialFit:
     def value(key: str) -> float:
         text = images[index].get(key, "0")
-        # "Vb=0" means: as in image 0.
+        # "Vb=0" means the value of image 0.
         link = _LINK.fullmatch(text)
         if link is not None and int(link[1]) < len(images):
             text = images[int(link[1])].get(key, "0")

@@ -1,8 +1,8 @@
-"""Headers of encoded images, read and checked before decoding, and the metadata of photographs.
+"""Headers of encoded images, checked before decoding, and the copying of EXIF, XMP and colour profiles.
 
-A decoder allocates what the header asks for, and returns half a picture if the file ends early. Checking the bytes
-first bounds the memory and refuses incomplete files.
-Metadata are EXIF, XMP and the colour profile. They are copied from one file to another.
+A decoder allocates the size in the header, and returns part of the image if the file is truncated. Checking the bytes
+first limits memory and rejects incomplete files.
+
 Sources: PNG specification (W3C, third edition; eXIf), ITU-T T.81 (JPEG segments), Netpbm's pgm(5) and ppm(5), the
 Windows bitmap header, TIFF 6.0, Exif 3.0, XMP part 3, ICC.1 annex B.
 """
@@ -22,7 +22,7 @@ from ospc.errors import FrameError
 
 @dataclass(frozen=True)
 class ImageHeader:
-    """Size in pixels, number of channels, where a palette counts as colour, and bits per channel, all as stored."""
+    """Stored size in pixels, number of channels (a palette counts as colour), and bits per channel."""
 
     width: int
     height: int
@@ -31,9 +31,12 @@ class ImageHeader:
 
 
 def read_header(data: bytes, name: str) -> ImageHeader:
-    """Read the header of an encoded image, given whole, and check that the file is complete.
+    """Read the header of an encoded image, and check that its ``data`` are complete.
 
-    FrameError, which calls the image ``name``, if its format is unknown, or it is truncated or damaged.
+    Raises
+    ------
+    FrameError
+        If the format is unknown, or the image, called ``name`` in the message, is truncated or damaged.
     """
     for magic, parse in _FORMATS:
         if data.startswith(magic):
@@ -52,16 +55,16 @@ def read_header(data: bytes, name: str) -> ImageHeader:
 
 
 class _DamagedError(Exception):
-    """The bytes break the rules of the format."""
+    """The bytes do not follow the format."""
 
 
 PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 PNG_HEADER_END = 33
-"""The signature and the first chunk of a PNG, IHDR, always take this many bytes."""
+"""Size of the signature and the first chunk of a PNG, IHDR, which is constant."""
 
 _PNG_CHANNELS = {0: 1, 2: 3, 3: 3, 4: 2, 6: 4}
 _PNG_BITS = {0: (1, 2, 4, 8, 16), 2: (8, 16), 3: (1, 2, 4, 8), 4: (8, 16), 6: (8, 16)}
-"""Channels, and bits allowed, of each colour type of the PNG specification; a palette (3) is decoded to colour."""
+"""Channels and allowed bits for each colour type of the PNG specification; a palette (3) is decoded to colour."""
 
 
 def _png(data: bytes) -> ImageHeader:
@@ -69,12 +72,12 @@ def _png(data: bytes) -> ImageHeader:
     if data[12:16] != b"IHDR" or bits not in _PNG_BITS.get(colour, ()):
         raise _DamagedError("its PNG header is damaged")
     for _chunk in _png_chunks(data):
-        pass  # to the last one, each with its checksum
+        pass  # checks all checksums up to the last chunk
     return ImageHeader(width, height, _PNG_CHANNELS[colour], bits)
 
 
 def _png_chunks(data: bytes) -> Iterator[tuple[bytes, memoryview]]:
-    """Yield kind and content of every chunk of a PNG file; struct.error or _DamagedError where it ends early."""
+    """Yield kind and content of every chunk of a PNG file; struct.error or _DamagedError if it is truncated."""
     place = 8
     kind = b""
     while kind != b"IEND":
@@ -82,7 +85,7 @@ def _png_chunks(data: bytes) -> Iterator[tuple[bytes, memoryview]]:
         end = place + 8 + length
         (checksum,) = struct.unpack_from(">I", data, end)
         if zlib.crc32(memoryview(data)[place + 4 : end]) != checksum:
-            raise _DamagedError(f"a checksum of its PNG data is wrong at byte {place}")
+            raise _DamagedError(f"a checksum of its PNG data at byte {place} is wrong")
         yield kind, memoryview(data)[place + 8 : end]
         place = end + 4
 
@@ -97,7 +100,7 @@ JPEG_START = b"\xff\xd8"
 _JPEG_MARKER = re.compile(rb"\xff[^\x00\xd0-\xd7\xff]")
 _JPEG_SIZES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
 _JPEG_END = 0xD9
-"""Markers of the segments that state the size (SOF0 to SOF15, without tables), and of the end of the image."""
+"""Markers of the segments with the size (SOF0 to SOF15, without tables), and of the end of the image."""
 
 
 def _jpeg(data: bytes) -> ImageHeader:
@@ -112,9 +115,9 @@ def _jpeg(data: bytes) -> ImageHeader:
 
 
 def _jpeg_segments(data: bytes) -> Iterator[tuple[int, memoryview]]:
-    """Yield marker and content of every segment of a JPEG file; struct.error or _DamagedError where it ends early.
+    """Yield marker and content of every segment of a JPEG file; struct.error or _DamagedError if it is truncated.
 
-    The lengths of the segments are followed: the end marker of a thumbnail inside one does not end the picture.
+    Segments are skipped by length, so that the end marker of a thumbnail inside one does not count.
     """
     place = 2
     while marker := _JPEG_MARKER.search(data, place):
@@ -132,7 +135,7 @@ def _jpeg_segments(data: bytes) -> Iterator[tuple[int, memoryview]]:
 _PNM_GAP = rb"(?:\s|#[^\r\n]*[\r\n])+"
 _PNM_HEADER = re.compile(rb"P[56]" + _PNM_GAP + (rb"(\d{1,9})" + _PNM_GAP) * 2 + rb"(\d{1,5})\s")
 _PNM_HEADER_BYTES = 4096
-"""Searched for the header, which may contain comments."""
+"""Bytes searched for the header, which may contain comments."""
 
 
 def _pnm(data: bytes) -> ImageHeader:
@@ -160,7 +163,7 @@ def _bmp(data: bytes) -> ImageHeader:
 
 
 _TIFF_FORMATS = {1: "B", 3: "H", 4: "I"}
-"""Format of the numbers of each field type that is read, for :mod:`struct`."""
+"""Format for :mod:`struct` of each supported field type."""
 
 _TIFF_TAGS = {
     256: "width",
@@ -174,10 +177,10 @@ _TIFF_TAGS = {
     324: "tiles",
     325: "tile bytes",
 }
-"""Tags of the TIFF specification, of images in strips and in tiles; other tags are skipped."""
+"""Tags of the TIFF specification for images in strips and tiles; other tags are skipped."""
 
 _TIFF_MAX_VALUES = 2**20
-"""Values of one tag; a strip for each row of the largest image takes fewer."""
+"""Maximum number of values in a tag; one strip per row of the largest image takes fewer."""
 
 
 def _tiff(data: bytes) -> ImageHeader:
@@ -219,27 +222,27 @@ _FORMATS: tuple[tuple[bytes, Callable[[bytes], ImageHeader]], ...] = (
 
 
 WITH_METADATA = frozenset({".png", ".jpg", ".jpeg"})
-"""Suffixes of files that get metadata."""
+"""Suffixes of files to which metadata can be copied."""
 
 EXIF = b"Exif\0\0"
-"""What a block of EXIF begins with."""
+"""Beginning of an EXIF block."""
 
 _COPIED = (EXIF, b"http://ns.adobe.com/xap/1.0/\0", b"ICC_PROFILE\0")
-"""Beginnings of the JPEG segments that stay valid; an index of further pictures in the file would not."""
+"""Beginnings of JPEG segments that stay valid in a copy, unlike an index of more pictures in the file."""
 
 _APP1, _APP2, _START_OF_SCAN = 0xE1, 0xE2, 0xDA
-"""Markers of JPEG segments: EXIF and XMP, colour profile, and the picture itself."""
+"""Markers of JPEG segments: EXIF and XMP, colour profile, and the image itself."""
 
 _LARGEST_SEGMENT = 65533
-"""Bytes that a segment holds besides the two of its length."""
+"""Maximum content of a segment, without the two bytes of its length."""
 
 
 def with_metadata(image: bytes, original: bytes) -> bytes:
-    """Return an encoded image with the metadata of the file it was made from.
+    """Return an encoded image, which has no metadata, with the metadata of its original.
 
-    JPEG to JPEG keeps EXIF, XMP and colour profile; from or to PNG only EXIF is kept. Other formats are returned as
-    they are. The original is a JPEG or PNG file, or an EXIF block that begins with 'Exif'; damaged metadata count as
-    none, and the image has none of its own.
+    From JPEG to JPEG, EXIF, XMP and the colour profile are copied; from or to PNG, only EXIF is. Images in other
+    formats are returned unchanged. The original is a JPEG or PNG file, or an EXIF block that begins with 'Exif';
+    damaged metadata are ignored.
     """
     if image.startswith(JPEG_START) and original.startswith(JPEG_START):
         kept = (_segment(kind, content) for kind, content in _segments(original) if content.startswith(_COPIED))
@@ -256,7 +259,7 @@ def with_metadata(image: bytes, original: bytes) -> bytes:
 
 
 def _segments(data: bytes) -> Iterator[tuple[int, bytes]]:
-    """Yield marker and content of application segments before the picture; a PNG has EXIF as a JPEG would."""
+    """Yield marker and content of the application segments before the image; the EXIF of a PNG as in a JPEG."""
     with suppress(struct.error, _DamagedError):
         if data.startswith(JPEG_START):
             before = takewhile(lambda segment: segment[0] != _START_OF_SCAN, _jpeg_segments(data))

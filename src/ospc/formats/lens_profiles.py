@@ -1,10 +1,10 @@
-"""Vignettes in lens profiles, which are XML: those of Adobe (LCP) and of lensfun's database.
+"""Vignettes in XML lens profiles of Adobe (LCP) and of the lensfun database.
 
-Adobe's radius is in focal lengths, which are given in units of the longer side of the image (Adobe camera model,
-2010). lensfun's models ``pa`` and ``acm`` are the same polynomial of the attenuation, with the radius in half
-diagonals and in focal lengths; lensfun corrects by division.
+The radius in Adobe profiles is in focal lengths, which are given in units of the longer side of the image (Adobe
+camera model, 2010). The lensfun models ``pa`` and ``acm`` are the same polynomial of the attenuation, with the radius
+in half diagonals and in focal lengths; lensfun corrects by division.
 
-The XML of others is not trusted: no entities, bounded size and depth, nothing fetched.
+XML files are not trusted: entities are rejected, size and depth are limited, and nothing is fetched.
 """
 
 from __future__ import annotations
@@ -33,10 +33,14 @@ _NAMESPACES = {
 
 
 def write_lcp(vignette: Vignette, path: str | Path, optics: Optics) -> RadialFit:
-    """Write a profile with one entry and return the polynomial that stands for the vignette, about its own centre.
+    """Write a profile with one entry and return the polynomial fitted to the vignette, about its own centre.
 
-    SettingError if ``optics`` has no focal length, in pixels, or in millimetres with the crop factor; FormatError if
-    the polynomial is no vignette, or the file cannot be written.
+    Raises
+    ------
+    SettingError
+        If ``optics`` has no focal length in pixels, or in millimetres with the crop factor.
+    FormatError
+        If the polynomial is not a valid vignette, or the file cannot be written.
     """
     fit = fit_radial(vignette, about_its_centre=True)
     width, height = fit.size
@@ -81,10 +85,14 @@ def write_lcp(vignette: Vignette, path: str | Path, optics: Optics) -> RadialFit
 
 
 def read_lcp(path: str | Path, size: ImageSize | None = None) -> tuple[RadialFit, ...]:
-    """Read the vignette models of all entries of a profile that have one.
+    """Read the vignette models of all entries in a profile that have one.
 
-    SettingError if neither the caller nor the profile states the size of the images; FormatError if it is not such a
-    profile, or an entry is incomplete or no vignette.
+    Raises
+    ------
+    SettingError
+        If neither ``size`` nor the profile states the size of the images.
+    FormatError
+        If the file is not such a profile, or an entry is incomplete or invalid.
     """
     entries = read_xml(path).iter("li")
     try:
@@ -92,7 +100,7 @@ def read_lcp(path: str | Path, size: ImageSize | None = None) -> tuple[RadialFit
     except (FormatError, SettingError) as error:
         raise type(error)(f"{path}: {error}") from None
     if not found:
-        raise FormatError(f"{path}: holds no vignette model of an Adobe lens profile")
+        raise FormatError(f"{path}: has no vignette model of an Adobe lens profile")
     return found
 
 
@@ -120,7 +128,7 @@ def _adobe_fit(entry: Element, wanted: ImageSize | None) -> RadialFit | None:
         except SettingError:
             ratio = 0.0
     if ratio <= 0:
-        raise FormatError("an entry does not state its focal length, the unit of its radius")
+        raise FormatError("an entry does not state the focal length, which is the unit of its radius")
     centre = (number("ImageXCenter", "0.5"), number("ImageYCenter", "0.5"))
     first, second, third = (number(f"VignetteModelParam{n}", "0") for n in (1, 2, 3))
     shift = ((centre[0] - 0.5) * size[0] / half, (centre[1] - 0.5) * size[1] / half)
@@ -128,7 +136,7 @@ def _adobe_fit(entry: Element, wanted: ImageSize | None) -> RadialFit | None:
 
 
 def _values(element: Element) -> dict[str, str]:
-    """Return the properties of a node, written as attributes, as elements, or inside an rdf:Description."""
+    """Return the properties of a node, which are attributes, elements, or inside an rdf:Description."""
     values = dict(element.attrib)
     for child in element:
         if child.tag == "Description":
@@ -143,7 +151,7 @@ def _tag(prefix: str, name: str) -> str:
 
 
 def _resource(parent: Element, tag: str, **properties: str | float | None) -> Element:
-    """Add a node with those of the properties that are known."""
+    """Add a node with the properties that are not None."""
     node = SubElement(parent, tag, {_tag("rdf", "parseType"): "Resource"})
     for name, value in properties.items():
         if value is not None:
@@ -158,10 +166,14 @@ _TERMS = {"pa": ("k1", "k2", "k3"), "acm": ("alpha1", "alpha2", "alpha3")}
 def write_lensfun(
     vignette: Vignette, path: str | Path, optics: Optics, model: Literal["pa", "acm"] = "pa"
 ) -> RadialFit:
-    """Write a database file with one lens and return the polynomial, about the image centre, of its vignette.
+    """Write a database file with one lens and return the polynomial fitted to the vignette, about the image centre.
 
-    SettingError if ``optics`` lacks crop factor, aperture or focal length; FormatError if the polynomial
-    is no vignette, or the file cannot be written.
+    Raises
+    ------
+    SettingError
+        If ``optics`` lacks crop factor, aperture or focal length.
+    FormatError
+        If the polynomial is not a valid vignette, or the file cannot be written.
     """
     if optics.crop_factor is None or optics.aperture is None:
         raise SettingError("lensfun needs optics; add --crop-factor, --aperture and --focal-mm (or --focal-px)")
@@ -195,10 +207,14 @@ def write_lensfun(
 
 
 def read_lensfun(path: str | Path, size: ImageSize | None) -> tuple[RadialFit, ...]:
-    """Read the vignetting entries of all lenses of a database file, for cameras of the crop factor that it states.
+    """Read the vignetting entries of all lenses in a database file, for cameras with the crop factor in the file.
 
-    The file does not state the size of the images: SettingError if it is None. FormatError if it is not such a file,
-    or an entry is incomplete or no vignette.
+    Raises
+    ------
+    SettingError
+        If ``size`` is None, because the file does not state the size of the images.
+    FormatError
+        If it is not such a file, or an entry is incomplete or invalid.
     """
     root = read_xml(path)
     if root.tag != "lensdatabase":
@@ -218,7 +234,7 @@ def read_lensfun(path: str | Path, size: ImageSize | None) -> tuple[RadialFit, .
 
 
 def _lensfun_fit(lens: Element, element: Element, size: ImageSize) -> RadialFit:
-    # lensfun accepts the names of either model's terms in both
+    # lensfun accepts the names of the terms of either model in both.
     terms = (element.get(f"k{n}", element.get(f"alpha{n}", "0")) for n in (1, 2, 3))
     k1, k2, k3 = (finite_number(term, f"k{n}") for n, term in enumerate(terms, start=1))
     if element.get("model") == "pa":
@@ -231,17 +247,22 @@ def _lensfun_fit(lens: Element, element: Element, size: ImageSize) -> RadialFit:
 
 
 _DEEPEST = 64
-"""Levels of nesting; lens profiles have about ten."""
+"""Maximum nesting; lens profiles have about ten levels."""
 
 _LARGEST = 2**24
-"""Bytes; the largest lens profiles have a few megabytes."""
+"""Maximum size in bytes; the largest lens profiles have a few megabytes."""
 
 
 def read_xml(path: str | Path) -> ElementTree.Element:
-    """Return the root of an XML file; FormatError if it cannot be read, is not XML, or is nested too deeply.
+    """Return the root of an XML file, with names without name spaces.
 
-    A document type that only names an external definition, as in lensfun's files, is ignored and not fetched. One
-    with its own definitions is refused, because entities can expand without bound. Names have no name space.
+    A document type that only refers to an external definition, as in lensfun files, is ignored and not fetched. One
+    with its own definitions is rejected, because entities can expand without limit.
+
+    Raises
+    ------
+    FormatError
+        If the file cannot be read, is not XML, is nested too deeply, or has definitions or entities.
     """
     content = read_bytes(path, _LARGEST)
     tree = ElementTree.TreeBuilder()
@@ -251,7 +272,7 @@ def read_xml(path: str | Path) -> ElementTree.Element:
         nonlocal depth
         depth += 1
         if depth > _DEEPEST:
-            raise FormatError(f"{path}: elements are nested more than {_DEEPEST} deep")
+            raise FormatError(f"{path}: elements are nested more than {_DEEPEST} levels deep")
         tree.start(_local_name(name), {_local_name(key): text for key, text in attributes.items()})
 
     def end(name: str) -> None:
@@ -261,10 +282,10 @@ def read_xml(path: str | Path) -> ElementTree.Element:
 
     def doctype(_name: str, _system: str | None, _public: str | None, internal: int) -> None:
         if internal:
-            raise FormatError(f"{path}: defines its own document type, which is not accepted; remove <!DOCTYPE>")
+            raise FormatError(f"{path}: defines its own document type, which is not allowed; remove <!DOCTYPE>")
 
     def entity(*_arguments: Any) -> None:
-        raise FormatError(f"{path}: defines or uses entities, which is not accepted")
+        raise FormatError(f"{path}: defines or uses entities, which are not allowed; remove them")
 
     parser = expat.ParserCreate(namespace_separator="}")
     parser.buffer_text = True
@@ -282,6 +303,6 @@ def _local_name(tag: str) -> str:
 
 
 def write_xml(root: ElementTree.Element) -> str:
-    """Return an element as the text of an XML file, indented."""
+    """Return an element as the text of an indented XML file."""
     ElementTree.indent(root, " ")
     return ElementTree.tostring(root, encoding="unicode", xml_declaration=False) + "\n"

@@ -1,7 +1,8 @@
-"""Responses and vignettes in OpenCV's file storage, for its functions that merge exposures.
+"""Responses and vignettes in OpenCV file storage, for its functions that merge exposures.
 
-``cv2.createMergeDebevec().process(images, times, response)`` takes the matrix ``response``: 256 rows, one column of
-three 32-bit channels with irradiances. It takes logarithms, so the first is that of half a grey level, not zero.
+``cv2.createMergeDebevec().process(images, times, response)`` takes the matrix ``response`` of irradiances: 256 rows
+and one column with three 32-bit channels. It takes logarithms, so the first irradiance is that of half a grey level
+instead of zero.
 """
 
 from __future__ import annotations
@@ -22,13 +23,13 @@ from ospc.photometry.response import Response
 from ospc.photometry.vignette import RasterVignette, Vignette
 
 _LEVELS = 256
-"""Grey values of a response: OpenCV merges 8-bit images only."""
+"""Number of grey values of a response: OpenCV only merges 8-bit images."""
 
 _LARGEST_VALUE = 1e30
-"""Larger values would overflow the 32-bit floats in which a vignette is kept."""
+"""Larger values would overflow the 32-bit floats of a vignette."""
 
 _BASE64_HEADER = 24
-"""Bytes before the values, which repeat the element type."""
+"""Number of bytes before the values, which repeat the element type."""
 
 _MATRIX = re.compile(
     r"^(inverse_response|response|vignette): !!opencv-matrix\s+rows: (\d{1,6})\s+cols: (\d{1,6})\s+"
@@ -36,20 +37,24 @@ _MATRIX = re.compile(
     re.MULTILINE | re.ASCII,
 )
 _LARGEST_FILE = 2**30
-"""Bytes; a vignette of the most pixels has 0.7 GB in base64."""
+"""Maximum size in bytes; a vignette with the most pixels has 0.7 GB in base64."""
 _SUFFIXES = (".yml", ".yaml")
 
 
 def write_opencv(path: str | Path, response: Response | None = None, vignette: Vignette | None = None) -> Path:
-    """Write a response, a vignette or both into a YAML file of OpenCV, atomically, and return its path.
+    """Write a response, a vignette or both to an OpenCV YAML file, atomically, and return its path.
 
-    The matrix ``response`` is for OpenCV's functions, ``inverse_response`` is the exact table, and ``vignette`` the
-    attenuation of every pixel as 32-bit floats. FormatError if the suffix is not .yml or .yaml, or
-    the file cannot be written.
+    The matrix ``response`` is for OpenCV functions, ``inverse_response`` is the exact table, and ``vignette`` has the
+    attenuation of every pixel as 32-bit floats.
+
+    Raises
+    ------
+    FormatError
+        If the suffix is not .yml or .yaml, or the file cannot be written.
     """
     place = Path(path)
     if place.suffix.lower() not in _SUFFIXES:
-        raise FormatError(f"{place}: OpenCV's files are named .yml or .yaml; choose such a name")
+        raise FormatError(f"{place}: OpenCV files must have the suffix .yml or .yaml; choose another name")
     mode = cv2.FILE_STORAGE_WRITE | cv2.FILE_STORAGE_MEMORY | cv2.FILE_STORAGE_WRITE_BASE64
     storage = cv2.FileStorage("memory.yml", mode | cv2.FILE_STORAGE_FORMAT_YAML)
     if response is not None:
@@ -63,14 +68,18 @@ def write_opencv(path: str | Path, response: Response | None = None, vignette: V
 
 
 def read_opencv(path: str | Path, channel: int | None = None) -> tuple[Response | None, Vignette | None]:
-    """Read ``inverse_response`` or ``response``, and ``vignette``, from a YAML file of OpenCV.
+    """Read ``inverse_response`` or ``response``, and ``vignette``, from an OpenCV YAML file.
 
-    ``channel`` (0, 1 or 2 for blue, green, red) says which to use if those of ``response`` differ. FormatError if it
-    holds neither, or they are not a valid response or vignette.
+    ``channel`` (0, 1 or 2 for blue, green, red) selects a channel if those of ``response`` differ.
+
+    Raises
+    ------
+    FormatError
+        If the file has no such matrix, or a response or vignette is invalid.
     """
     matrices = _matrices(path)
     if not matrices:
-        raise FormatError(f"{path}: holds no matrix 'response', 'inverse_response' or 'vignette'")
+        raise FormatError(f"{path}: has no matrix 'response', 'inverse_response' or 'vignette'")
     response = None
     if "inverse_response" in matrices:
         response = _table(path, matrices["inverse_response"].ravel())
@@ -80,14 +89,14 @@ def read_opencv(path: str | Path, channel: int | None = None) -> tuple[Response 
         return response, None
     picture = matrices["vignette"]
     if picture.shape[2] != 1:
-        raise FormatError(f"{path}: the vignette in it has {picture.shape[2]} channels instead of one")
+        raise FormatError(f"{path}: its vignette has {picture.shape[2]} channels instead of one")
     return response, RasterVignette(picture[..., 0].astype(np.float32), {"file": Path(path).name})
 
 
 def _matrices(path: str | Path) -> dict[str, FloatArray]:
-    """Return the matrices of known names, shape (rows, cols, channels) each.
+    """Return the matrices with known names, shape (rows, cols, channels) each.
 
-    OpenCV's own parser is made for trusted files and hangs on some damaged ones.
+    The parser of OpenCV is not used because it hangs on some damaged files.
     """
     found: dict[str, FloatArray] = {}
     for name, rows, columns, channels, letter, data in _MATRIX.findall(read_text(path, _LARGEST_FILE)):
@@ -105,7 +114,7 @@ def _matrices(path: str | Path) -> dict[str, FloatArray]:
 
 def _decoded(data: str, letter: str) -> FloatArray:
     binary = base64.b64decode("".join(data.split()[2:]), validate=True)[_BASE64_HEADER:]
-    with np.errstate(invalid="ignore"):  # NaN is refused later
+    with np.errstate(invalid="ignore"):  # NaN is rejected later
         return np.frombuffer(binary, np.dtype("<f4" if letter == "f" else "<f8")).astype(np.float64)
 
 
@@ -116,13 +125,13 @@ def _listed(data: str) -> FloatArray:
 def _one_channel(path: str | Path, response: FloatArray, channel: int | None) -> FloatArray:
     channels = response.reshape(response.shape[0], -1)
     if channel is not None and not 0 <= channel < channels.shape[1]:
-        raise FormatError(f"{path}: has {channels.shape[1]} channels, and none with number {channel}")
+        raise FormatError(f"{path}: has {channels.shape[1]} channels, but no channel {channel}")
     if channel is None and np.any(channels != channels[:, :1]):
-        raise FormatError(f"{path}: the response differs between the channels; choose one of them")
+        raise FormatError(f"{path}: the response differs between channels; choose one of them")
     return channels[:, channel or 0]
 
 
 def _table(path: str | Path, values: FloatArray) -> Response:
     if values.size < 2 or not np.all(np.diff(values) > 0):
-        raise FormatError(f"{path}: the response in it does not increase strictly; calibrate again")
+        raise FormatError(f"{path}: its response does not strictly increase; calibrate again")
     return Response.from_values(values, model={"name": "table", "source": Path(path).name})

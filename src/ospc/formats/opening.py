@@ -1,4 +1,4 @@
-"""Open a response and a vignette from any of the files that can hold them."""
+"""Opening of responses and vignettes from any supported file."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ from ospc.photometry.vignette import Vignette
 
 @dataclass(frozen=True)
 class Photometry:
-    """Response and vignette of a camera from a file of any kind, which ``name`` says; None for what is not in it.
+    """Response and vignette of a camera from the file ``name``; None for a part that is not in it.
 
-    ``calibration`` is the whole calibration, if the source is a calibration.json.
+    ``calibration`` is the entire calibration if the file is a calibration.json.
     """
 
     name: str
@@ -34,7 +34,7 @@ class Photometry:
 
     @property
     def caveat(self) -> str:
-        """What everything made from it has to say; empty if there is nothing."""
+        """Caveat to include in all output; empty if there is none."""
         return "" if self.calibration is None else self.calibration.caveat
 
     @property
@@ -55,12 +55,14 @@ def open_photometry(path: str | Path, size: ImageSize | None = None) -> Photomet
         in which calibration.json takes precedence; or hugin's .pto, Adobe's .lcp, lensfun's .xml or OpenCV's .yml
         with one calibration.
     size
-        Width and height of the images, for files that do not state it: SettingError if it is None then.
+        Width and height of the images, for files that do not state it.
 
     Raises
     ------
     FormatError
-        If there is no calibration, it cannot be read, or one file holds several.
+        If there is no calibration, it cannot be read, or a file has several.
+    SettingError
+        If ``size`` is None and the file does not state it.
     """
     place = Path(path)
     parts = str(path).split(",")
@@ -94,7 +96,7 @@ def open_photometry(path: str | Path, size: ImageSize | None = None) -> Photomet
 
 
 def open_both(a: str | Path, b: str | Path) -> tuple[Photometry, Photometry]:
-    """Open two calibrations; a file that does not state the image size takes it from the other one."""
+    """Open two calibrations; the image size of one is used if the other does not state it."""
     try:
         first = open_photometry(a)
     except SettingError:
@@ -104,12 +106,12 @@ def open_both(a: str | Path, b: str | Path) -> tuple[Photometry, Photometry]:
 
 
 def together(first: Photometry, second: Photometry) -> Photometry:
-    """Return a response and a vignette, each from a file with nothing else (FormatError otherwise), as one."""
+    """Combine a file with only a response and a file with only a vignette; FormatError for other files."""
     name = f"{first.name},{second.name}"
     one_response = (first.response is None) != (second.response is None)
     one_vignette = (first.vignette is None) != (second.vignette is None)
     if not (one_response and one_vignette):
-        raise FormatError(f"{name}: of two files, one has to hold a response and the other a vignette")
+        raise FormatError(f"{name}: one of the two files must have only a response, and the other only a vignette")
     return Photometry(name, first.response or second.response, first.vignette or second.vignette)
 
 
@@ -117,19 +119,19 @@ def _only(place: Path, fits: tuple[RadialFit, ...]) -> Vignette:
     different = set(fits)
     if len(different) != 1:
         count = f"{len(different)} different vignettes; remove all but one" if different else "no vignette"
-        raise FormatError(f"{place}: holds {count}")
+        raise FormatError(f"{place}: has {count}")
     return fits[0].vignette()
 
 
 def _check_numeric(place: Path) -> None:
-    """Refuse a file that does not begin like a pcalib.txt, of which any other advice would mislead."""
+    """Raise a FormatError if a file does not begin like a pcalib.txt; later checks would give misleading advice."""
     first, *others = read_text(place).strip().split("\n")
     values = words_of(first)
     text = bool(values) and not values[0][0].isdigit() and values[0][0] not in "+-."
     columns = bool(others) and 1 < len(values) <= MOST_COLUMNS
     if text or columns:
         raise FormatError(
-            f"{place}: is no pcalib.txt, which holds a response as numbers on one line; other files are recognised "
+            f"{place}: is not a pcalib.txt, which has a response as numbers on one line; other files are recognised "
             f"by their suffix: .pto (hugin), .lcp (Adobe), .xml (lensfun), .yml (OpenCV), .json"
         )
 
@@ -137,7 +139,7 @@ def _check_numeric(place: Path) -> None:
 def _folder(place: Path) -> Photometry:
     table, picture = place / "pcalib.txt", place / "vignette.png"
     if not table.exists() and not picture.exists():
-        raise FormatError(f"{place}: holds no calibration.json, pcalib.txt or vignette.png")
+        raise FormatError(f"{place}: has no calibration.json, pcalib.txt or vignette.png")
     return Photometry(
         str(place),
         read_pcalib(table) if table.exists() else None,

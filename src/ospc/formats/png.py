@@ -1,4 +1,4 @@
-"""Pictures as PNG, checked before they are decoded."""
+"""PNG images, checked before they are decoded."""
 
 from __future__ import annotations
 
@@ -14,47 +14,50 @@ from ospc.formats.image_header import PNG_HEADER_END, PNG_SIGNATURE, png_chunk, 
 from ospc.photometry.geometry import MOST_PIXELS
 
 _LARGEST_FILE = 2**30
-"""Bytes; a 16-bit picture of the most pixels, uncompressed, has a quarter of this."""
+"""Maximum size in bytes; an uncompressed 16-bit image with the most pixels has a quarter of this."""
 
 
 def read_png(path: str | Path) -> Image:
-    """Read a PNG as it is stored: shape (height, width) or (height, width, channels), uint8 or uint16.
+    """Read a PNG as stored, shape (height, width) or (height, width, channels), uint8 or uint16.
 
-    FormatError if it is not a PNG, is damaged, or has more than :data:`~ospc.photometry.geometry.MOST_PIXELS` pixels.
+    Raises
+    ------
+    FormatError
+        If it is not a PNG, is damaged, or has more than :data:`~ospc.photometry.geometry.MOST_PIXELS` pixels.
     """
     content = read_bytes(path, _LARGEST_FILE)
     if not content.startswith(PNG_SIGNATURE):
-        raise FormatError(f"{path}: not a PNG; convert it to a grey PNG of 8 or 16 bit")
+        raise FormatError(f"{path}: not a PNG; convert it to a grey PNG with 8 or 16 bits")
     try:
         header = read_header(content, str(path))
     except FrameError as error:
         raise FormatError(f"{error} (damaged PNG)") from None
     if header.width * header.height > MOST_PIXELS:
-        raise FormatError(f"{path}: {header.width}x{header.height} pixels; at most {MOST_PIXELS} pixels are read")
+        raise FormatError(f"{path}: has {header.width}x{header.height} pixels; at most {MOST_PIXELS} are allowed")
     try:
         image = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_UNCHANGED)
     except cv2.error:
         image = None
     if image is None or image.shape[:2] != (header.height, header.width):
-        raise FormatError(f"{path}: the picture cannot be decoded; write it again as a grey PNG of 8 or 16 bit")
+        raise FormatError(f"{path}: the image cannot be decoded; write it again as a grey PNG with 8 or 16 bits")
     return np.asarray(image)
 
 
 def write_png(path: str | Path, image: Image, description: str = "") -> Path:
-    """Write an image of 8 or 16 bit as PNG, atomically, and return its path; FormatError if that fails.
+    """Write an 8- or 16-bit image as PNG, atomically, and return its path; FormatError if that fails.
 
-    A ``description`` is stored as text that image programs show.
+    ``description`` is stored as text that image programs display.
     """
     data = as_png(image, str(path))
     if description:
-        # Keyword, no compression, and neither language nor translated keyword: an iTXt chunk of the specification.
+        # An iTXt chunk: keyword, no compression, no language, no translated keyword.
         content = b"Description\0\0\0\0\0" + description.encode("utf-8")
         data = data[:PNG_HEADER_END] + png_chunk(b"iTXt", content) + data[PNG_HEADER_END:]
     return write_bytes(path, data)
 
 
 def as_png(image: Image, name: str) -> bytes:
-    """Return an image of 8 or 16 bit as the content of a PNG; a FormatError, of any other, begins with the name."""
+    """Return an 8- or 16-bit image as the content of a PNG; FormatError with ``name`` for other types."""
     done, encoded = cv2.imencode(".png", image)
     if not done:
         raise FormatError(f"{name}: an image of shape {image.shape} and type {image.dtype} cannot be stored as PNG")

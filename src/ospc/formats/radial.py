@@ -1,4 +1,4 @@
-"""The polynomial 1 + v₁R² + v₂R⁴ + v₃R⁶ that photographic programs share, and its units of radius."""
+"""The polynomial 1 + v₁R² + v₂R⁴ + v₃R⁶ of photographic programs, and its units of radius."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ from ospc.photometry.geometry import half_diagonal, image_of, image_size, normal
 from ospc.photometry.vignette import LARGEST_ATTENUATION, LogVignette, PolynomialVignette, RasterVignette, Vignette
 
 Terms: TypeAlias = tuple[float, float, float]
-"""Coefficients of the polynomial in some unit of radius."""
+"""Coefficients of the polynomial for some unit of radius."""
 
 FULL_FRAME_HALF_DIAGONAL_MM = math.hypot(36.0, 24.0) / 2
-"""Half the diagonal of a sensor with crop factor 1, in millimetres."""
+"""Half diagonal of a sensor with crop factor 1, in millimetres."""
 
 _FITTED_PIXELS = 1_000_000
-"""Larger images are fitted on a regular grid of about this many pixels; four parameters need no more."""
+"""Approximate number of pixels on a regular grid for fits to larger images; four parameters need no more."""
 
 
 @dataclass(frozen=True)
 class RadialFit:
     """A vignette as 1 + v₁R² + v₂R⁴ + v₃R⁶, for R in half diagonals from a centre.
 
-    ``centre`` is relative to the image centre, in half diagonals, too. ``rms`` and ``worst`` are the root mean square
-    and the largest residual over the pixels, relative to the value at the centre; 0 if nothing had to be fitted.
+    ``centre`` is relative to the image centre, also in half diagonals. ``rms`` and ``worst`` are the root mean square
+    and the largest residual over all pixels, relative to the value at the centre; 0 if the polynomial is exact.
     """
 
     size: ImageSize
@@ -38,7 +38,7 @@ class RadialFit:
     worst: float = 0.0
 
     def __post_init__(self) -> None:
-        """Refuse, with a FormatError, an impossible size, or a polynomial that is not positive all over the image."""
+        """Raise a FormatError if the size is impossible, or the polynomial is not a valid vignette."""
         image_size(*self.size)
         half = half_diagonal(self.size)
         ends = [abs(c) + (side - 1) / 2 / half for c, side in zip(self.centre, self.size, strict=True)]
@@ -47,22 +47,22 @@ class RadialFit:
         if not (values.min() > 0 and values.max() <= LARGEST_ATTENUATION):
             v1, v2, v3 = self.coefficients
             raise FormatError(
-                f"the polynomial 1 {v1:+.3g} R^2 {v2:+.3g} R^4 {v3:+.3g} R^6 is not positive all over the image, or "
-                f"above {LARGEST_ATTENUATION:g}, so it is no vignette; use a map of pixels instead"
+                f"the polynomial 1 {v1:+.3g} R^2 {v2:+.3g} R^4 {v3:+.3g} R^6 is not a vignette, because it is not "
+                f"between 0 and {LARGEST_ATTENUATION:g} everywhere in the image; use a map of pixels instead"
             )
 
     @property
     def note(self) -> str:
-        """The residual in a sentence; empty if nothing had to be fitted."""
+        """A sentence about the residual; empty if the polynomial is exact."""
         if self.worst == 0:
             return ""
         return (
-            f"vignette fitted by 1 + v1 R^2 + v2 R^4 + v3 R^6: residual {self.rms:.2g} in the root mean square, "
-            f"{self.worst:.2g} at most"
+            f"vignette fitted by 1 + v1 R^2 + v2 R^4 + v3 R^6: root mean square residual {self.rms:.2g}, "
+            f"at most {self.worst:.2g}"
         )
 
     def vignette(self) -> Vignette:
-        """Return the vignette: a map of pixels if its centre is not that of the image."""
+        """Return the vignette; a map of pixels if its centre is not the image centre."""
         if self.centre == (0.0, 0.0):
             return PolynomialVignette(self.size, self.coefficients)
         centre_x, centre_y = self.centre
@@ -75,10 +75,10 @@ class RadialFit:
 
 @dataclass(frozen=True)
 class Optics:
-    """What photographic programs need to know about camera and lens besides the vignette.
+    """Properties of camera and lens that photographic programs need in addition to the vignette.
 
-    The crop factor is the diagonal of 36x24 mm over that of the sensor, the aperture the f-number, and a focus
-    distance of a kilometre stands for infinity.
+    The crop factor is the ratio of the diagonal of 36x24 mm to that of the sensor, the aperture is the f-number, and
+    a focus distance of one kilometre stands for infinity.
     """
 
     focal_mm: float | None = None
@@ -91,7 +91,7 @@ class Optics:
     camera: str = "unknown"
 
     def __post_init__(self) -> None:
-        """Check the numbers, and escape what the names must not hold."""
+        """Check the numbers, and escape the names."""
         for name in ("maker", "lens", "camera"):
             object.__setattr__(self, name, escaped(getattr(self, name)))
         for name in ("focal_mm", "focal_px", "crop_factor", "aperture", "distance_m"):
@@ -100,7 +100,7 @@ class Optics:
                 raise SettingError(f"{name} must be positive, not {value}")
 
     def focal_ratio(self, size: ImageSize) -> float:
-        """Return the focal length in half diagonals; SettingError if it is not known in a unit that allows it."""
+        """Return the focal length in half diagonals; SettingError if it cannot be computed."""
         if self.focal_px is not None:
             return self.focal_px / half_diagonal(size)
         if self.focal_mm is not None and self.crop_factor is not None:
@@ -111,7 +111,7 @@ class Optics:
         )
 
     def focal_in_mm(self, size: ImageSize) -> float:
-        """Return the focal length in millimetres; SettingError if it is not known."""
+        """Return the focal length in millimetres; SettingError if it is unknown."""
         if self.focal_mm is not None:
             return self.focal_mm
         if self.focal_px is not None and self.crop_factor is not None:
@@ -120,16 +120,21 @@ class Optics:
 
 
 def fit_radial(vignette: Vignette, *, about_its_centre: bool = False) -> RadialFit:
-    """Return the polynomial nearest to a vignette: least squares over its pixels, without dark surrounds.
+    """Return the polynomial fitted to a vignette by least squares over its pixels, without dark surrounds.
 
-    It is about the image centre, or about that of the vignette. One that is such a polynomial is returned unchanged.
-    FormatError if the polynomial is not positive all over the image, so that it is no vignette.
+    It is centred on the image, or on the vignette if ``about_its_centre``. A vignette that is such a polynomial is
+    not changed.
+
+    Raises
+    ------
+    FormatError
+        If the polynomial is not positive everywhere in the image.
     """
     if isinstance(vignette, PolynomialVignette) and len(vignette.coefficients) <= 3:
         v1, v2, v3 = (*vignette.coefficients, 0.0, 0.0, 0.0)[:3]
         return RadialFit(vignette.size, (v1, v2, v3))
     centre = vignette.centre if about_its_centre and isinstance(vignette, LogVignette) else (0.0, 0.0)
-    # Of a large image, a regular grid of its pixels.
+    # Large images are sampled on a regular grid.
     step = max(1, math.ceil(math.sqrt(vignette.size[0] * vignette.size[1] / _FITTED_PIXELS)))
     x, y = np.meshgrid(*(np.arange(0.0, side, step) for side in vignette.size))
     points = np.stack([x.ravel(), y.ravel()], axis=-1)
@@ -146,9 +151,12 @@ def fit_radial(vignette: Vignette, *, about_its_centre: bool = False) -> RadialF
 
 
 def rescaled(coefficients: Terms, unit: float) -> Terms:
-    """Return vₙ·unit²ⁿ: the coefficients for R in units ``unit`` times as long; FormatError if they overflow."""
+    """Return vₙ·unit²ⁿ, the coefficients for a unit of R that is ``unit`` times as long.
+
+    FormatError if they overflow.
+    """
     with np.errstate(over="ignore", invalid="ignore"):
         v1, v2, v3 = (float(v * np.float64(unit) ** (2 * n)) for n, v in enumerate(coefficients, start=1))
     if not all(map(math.isfinite, (v1, v2, v3))):
-        raise FormatError(f"the focal length is {unit:.3g} or {1 / unit:.3g} half diagonals of the image; correct it")
+        raise FormatError(f"a focal length of {unit:.3g} or {1 / unit:.3g} half diagonals is impossible; correct it")
     return v1, v2, v3

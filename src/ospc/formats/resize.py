@@ -1,6 +1,6 @@
-"""Calibrations for images that were cropped, scaled or binned after the calibration.
+"""Calibrations for images that are cropped, scaled or binned after the calibration.
 
-The response stays; the vignette moves with the pixels. What would no longer be valid is left out of the result: the
+The response does not change, and the vignette moves with the pixels. Parts that are no longer valid are left out: the
 noise of averaged pixels, and the uncertainty of a profile about another centre.
 """
 
@@ -19,36 +19,39 @@ from ospc.photometry.geometry import half_diagonal, pixel_grid
 from ospc.photometry.vignette import LogVignette, PolynomialVignette, RasterVignette, Vignette
 
 _ASPECT_TOLERANCE = 0.01
-"""Aspect ratios whose logarithms differ by more belong to different fields of view; less is rounding to pixels."""
+"""Largest difference between logarithms of aspect ratios for the same field of view; it allows for rounding."""
 
 _CENTRED_PX = 1.0
-"""Parts whose margins differ by at most this are centred: with an odd number of pixels they cannot be equal."""
+"""Largest difference between the margins of a centred part: they cannot be equal for an odd number of pixels."""
 
 _DEGREES = (1, 1, 2, 2, 3, 3)
-"""Degrees in x and y of the terms :data:`~ospc.photometry.vignette.NON_RADIAL`."""
+"""Degrees of the terms :data:`~ospc.photometry.vignette.NON_RADIAL` in x and y."""
 
 
 def same_aspect(first: ImageSize, second: ImageSize) -> bool:
-    """Tell whether two sizes can show the same field of view."""
+    """Return whether images of two sizes can have the same field of view."""
     return abs(math.log(first[0] * second[1] / (first[1] * second[0]))) <= _ASPECT_TOLERANCE
 
 
 def resampled(image: Image, size: ImageSize) -> Image:
-    """Return an image of the same view with another number of pixels, of the same type."""
+    """Return an image scaled to another size, of the same type."""
     how = cv2.INTER_AREA if size[0] < image.shape[1] else cv2.INTER_LINEAR
     return np.asarray(cv2.resize(image, size, interpolation=how))
 
 
 def resize_vignette(vignette: Vignette, size: ImageSize) -> Vignette:
-    """Return the vignette of the same view at another resolution.
+    """Return the vignette for the same field of view at another resolution.
 
-    SettingError if the aspect ratio differs by more than 1 %: part of the view was cut off, so crop first.
+    Raises
+    ------
+    SettingError
+        If the aspect ratio differs by more than 1 %, because the images are also cropped.
     """
     width, height = vignette.size
     _check_size(size)
     if not same_aspect(size, vignette.size):
         raise SettingError(
-            f"{width}x{height} cannot be scaled to {size[0]}x{size[1]}, which has another aspect ratio; crop first"
+            f"{width}x{height} cannot be scaled to {size[0]}x{size[1]}, which has another aspect ratio; crop it first"
         )
     if isinstance(vignette, RasterVignette):
         return RasterVignette(resampled(vignette.values, size), vignette.source)
@@ -64,10 +67,15 @@ def resize_vignette(vignette: Vignette, size: ImageSize) -> Vignette:
 
 
 def crop_vignette(vignette: Vignette, offset: tuple[int, int], size: ImageSize) -> Vignette:
-    """Return the vignette of a part of the image, of which ``offset`` is the column and row of the first pixel.
+    """Return the vignette of a part of the image; ``offset`` is the column and row of its first pixel.
 
     Each pixel keeps its attenuation, so the centre moves in the image. A polynomial about the image centre becomes a
-    map of pixels unless the part is centred. SettingError if the part is not inside the image.
+    map of pixels unless the part is centred.
+
+    Raises
+    ------
+    SettingError
+        If the part is not inside the image.
     """
     _check_size(size)
     inside = all(o >= 0 and o + s <= w for o, s, w in zip(offset, size, vignette.size, strict=True))
@@ -88,16 +96,16 @@ def crop_vignette(vignette: Vignette, offset: tuple[int, int], size: ImageSize) 
 
 
 def resize_calibration(calibration: Calibration, size: ImageSize) -> Calibration:
-    """Return the calibration for scaled images, as :func:`resize_vignette`; their noise is not known."""
+    """Return the calibration for scaled images, without noise; see :func:`resize_vignette`."""
     _check_size(size)
     vignette = None if calibration.vignette is None else resize_vignette(calibration.vignette, size)
     return _changed(calibration, size, vignette, {"resized_to": list(size)})
 
 
 def crop_calibration(calibration: Calibration, offset: tuple[int, int], size: ImageSize) -> Calibration:
-    """Return the calibration for a part of the images, as :func:`crop_vignette`.
+    """Return the calibration for a part of the images; see :func:`crop_vignette`.
 
-    The profile's uncertainty is kept where the part is centred, for the radii that remain.
+    If the part is centred, the uncertainty of the profile is kept for the remaining radii.
     """
     vignette = None if calibration.vignette is None else crop_vignette(calibration.vignette, offset, size)
     margins = [w - o - s - o for w, o, s in zip(calibration.size, offset, size, strict=True)]
@@ -114,9 +122,13 @@ def crop_calibration(calibration: Calibration, offset: tuple[int, int], size: Im
 def bin_calibration(calibration: Calibration, factor: int) -> Calibration:
     """Return the calibration for images in which blocks of ``factor`` × ``factor`` pixels are averaged.
 
-    Columns and rows at the right and the bottom that fill no block are cut off. If the camera averages grey values
-    instead of irradiances, the response is right only where they are nearly equal. SettingError if the factor is less
-    than 1 or leaves no pixel.
+    Incomplete blocks at the right and bottom edges are cropped. If the camera averages grey values instead of
+    irradiances, the response is only correct for blocks of nearly equal values.
+
+    Raises
+    ------
+    SettingError
+        If the factor is less than 1 or leaves no pixels.
     """
     width, height = calibration.size
     if factor < 1 or min(width, height) // max(factor, 1) < 2:
@@ -128,7 +140,7 @@ def bin_calibration(calibration: Calibration, factor: int) -> Calibration:
 
 
 def _in_unit(vignette: LogVignette, size: ImageSize, unit: float, centre: tuple[float, float]) -> LogVignette:
-    """Return a log-polynomial for a radius in units ``unit`` times as long."""
+    """Return a log-polynomial for a unit of radius that is ``unit`` times as long."""
     return LogVignette(
         size,
         _powers(vignette.coefficients, unit),

@@ -1,4 +1,4 @@
-"""Rules of parameter files: each is stated once, and ``validate`` and ``repair`` both follow it."""
+"""Rules of parameter files, which ``validate`` and ``repair`` share."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ Kind: TypeAlias = Literal["pcalib", "vignette", "times", "camera"]
 """The kinds of parameter files."""
 
 Severity: TypeAlias = Literal["error", "warning", "note"]
-"""``error``: the program refuses the file or computes nonsense with it; ``warning``: it accepts the file but hardly
-uses it as intended; ``note``: worth knowing."""
+"""``error``: the program rejects the file or computes nonsense with it; ``warning``: it accepts the file but probably
+does not use it as intended; ``note``: worth knowing."""
 
 Document = TypeVar("Document")
-"""What a file of one kind is read into before its rules are checked."""
+"""Type of the content of a file whose rules are checked."""
 
 UNCORRECTED = {
-    "dso": "prints one line and runs on uncorrected images, although mode 0 assumes that they are corrected",
+    "dso": "prints one line and continues with uncorrected images, although mode 0 assumes that they are corrected",
     "mono": "prints one line and corrects neither response nor vignette",
 }
-"""What each program does when it rejects a response or vignette."""
+"""Effect of a rejected response or vignette in each program."""
 
 MOST_INTERPOLATED = 0.1
-"""Largest share of the values of a file that a repair interpolates."""
+"""Largest share of the values in a file that a repair interpolates."""
 
 _WITHOUT_MARK = "save it as UTF-8 without byte order mark (BOM)"
 _REPAIR = "run with --repair for a repaired copy"
@@ -42,8 +42,8 @@ _REPAIR = "run with --repair for a repaired copy"
 class Finding:
     """A rule that a parameter file breaks.
 
-    ``rule`` says what it is and what breaks it, with figures, ``effect`` what the program does with the file, as the
-    rest of a sentence that begins with "it", and ``remedy`` what to do; it is empty if nothing needs to be done.
+    ``rule`` states the rule and how the file breaks it. ``effect`` states what the program does with the file,
+    continuing a sentence that begins with "it". ``remedy`` states what to do; it is empty if nothing is needed.
     """
 
     severity: Severity
@@ -55,7 +55,7 @@ class Finding:
 
 @dataclass(frozen=True)
 class Context:
-    """What a rule knows besides the file: size and sorted file names of the recording's images, None if unknown."""
+    """The context of a file: the program, and size and sorted file names of the images, None if unknown."""
 
     program: Program
     size: ImageSize | None = None
@@ -64,10 +64,10 @@ class Context:
 
 @dataclass(frozen=True)
 class Broken:
-    """A rule that a document breaks: a :class:`Finding` without its file, and how to repair the document.
+    """A rule that a document breaks: a :class:`Finding` without its file, and a repair.
 
-    ``repair``, None if there is none, returns a document that keeps the rule, and a sentence about what was changed.
-    It raises FormatError, without the file's name, if content would have to be invented.
+    ``repair``, or None, returns a document that follows the rule, and a sentence about the change. It raises
+    FormatError, without the name of the file, if content would have to be invented.
     """
 
     severity: Severity
@@ -86,9 +86,9 @@ def mark_before(text: str, effect: str, repair: Callable[[Any, Context], tuple[A
 
 @dataclass(frozen=True)
 class Format(Generic[Document]):
-    """One kind of parameter file: how to read and write it, and the rules it must keep.
+    """A kind of parameter file: how to read and write it, and its rules.
 
-    ``read`` raises FormatError if a file is unreadable; ``checks`` yield the rules that a document breaks, in the
+    ``read`` raises FormatError if a file is unreadable. ``checks`` yield the rules that a document breaks, in the
     order in which they must be repaired.
     """
 
@@ -97,7 +97,7 @@ class Format(Generic[Document]):
     checks: tuple[Callable[[Document, Context], Iterator[Broken]], ...]
 
     def findings(self, path: Path, context: Context) -> tuple[Finding, ...]:
-        """Return the findings about a file; they propose a repair only if the file as a whole can be repaired."""
+        """Return the findings about a file; they only suggest a repair if the entire file can be repaired."""
         try:
             document = self.read(path)
         except FormatError as error:
@@ -119,10 +119,14 @@ class Format(Generic[Document]):
         return tuple(found)
 
     def repaired(self, path: Path, context: Context) -> tuple[Document, tuple[str, ...]]:
-        """Return a document that breaks no rule with an error, and what was changed, one sentence each.
+        """Return a document without errors, and a sentence about each change.
 
-        Notes alone do not call for a repair: they are repaired only along with something more serious. FormatError if
-        the file is unreadable, or a repair would have to invent its content.
+        Notes are only repaired together with something more serious.
+
+        Raises
+        ------
+        FormatError
+            If the file is unreadable, or a repair would have to invent content.
         """
         document = self.read(path)
         try:

@@ -1,4 +1,4 @@
-"""The rules for camera.txt: the intrinsics, and how the images are rectified."""
+"""The rules for camera.txt: intrinsics and rectification."""
 
 from __future__ import annotations
 
@@ -11,40 +11,40 @@ from ospc.formats.rules import Broken, Context, Format, Program, mark_before
 from ospc.formats.scanning import scanned
 
 MODELS = {"KannalaBrandt": 8, "RadTan": 8, "EquiDistant": 8, "FOV": 5, "Pinhole": 5}
-"""Names that DSO and its descendants know, and how many parameters follow each."""
+"""Names that DSO and its descendants support, and the number of parameters that follow."""
 
 _BAD_LINE = {
-    "dso": "prints one line, gives up the camera and crashes",
+    "dso": "prints one line, drops the camera and crashes",
     "mono": "prints one line and does not rectify",
 }
 _RECTIFICATIONS = ("crop", "full", "none")
 
 _FEWEST_LEVELS = 3
-"""Pyramid levels with fewer than which DSO says that it will probably crash."""
+"""Number of pyramid levels below which DSO prints that it will probably crash."""
 
 _MOST_LEVELS = 6
-"""Pyramid levels that DSO builds at most."""
+"""Maximum number of pyramid levels in DSO."""
 
 _SMALLEST_PIXELS = 5000
-"""DSO halves no image of fewer pixels than this."""
+"""DSO does not halve images with fewer pixels."""
 
 _SMALL_SIDE = 100
-"""DSO warns of too few pyramid levels if both sides of the smallest one are longer than this."""
+"""DSO warns about too few pyramid levels if both sides of the smallest level are longer."""
 
 _LONGEST_RELATIVE_FOCAL = 20
-"""Focal lengths above this many image widths are taken to be in pixels."""
+"""Larger focal lengths relative to the image size are probably in pixels."""
 
 _SHORTEST_FOCAL_PX = 5
-"""Focal lengths in pixels below this are taken to be relative to the image size."""
+"""Smaller focal lengths in pixels are probably relative to the image size."""
 
 _LARGEST_OMEGA = 3.2
-"""The angle omega of the FOV model lies between 0 and π."""
+"""The angle omega of the FOV model is between 0 and π."""
 
 
 def intrinsics(line: str, program: Program) -> tuple[str, list[float]]:
-    """Return the camera model that a first line names or implies, and its parameters; an empty name if there is none.
+    """Return the camera model and the parameters in the first line; the name is empty if there is no model.
 
-    The monocular data set's tools know only the FOV model, without a name.
+    The tools of the monocular data set only support the FOV model, without a name.
     """
     if program == "mono":
         values = scanned(line, "f" * 5)
@@ -62,7 +62,7 @@ def intrinsics(line: str, program: Program) -> tuple[str, list[float]]:
 
 
 def input_size(text: str) -> ImageSize | None:
-    """Return width and height on the second line of a camera.txt, or None."""
+    """Return width and height in the second line of a camera.txt, or None."""
     return _size(_lines(text)[1])
 
 
@@ -74,7 +74,7 @@ def _about_the_intrinsics(text: str, context: Context) -> Iterator[Broken]:
     line, program = _lines(text)[0], context.program
     model, values = intrinsics(line, program)
     if not model:
-        effect = "does not rectify and knows no image size"
+        effect = "does not rectify and does not know the image size"
         if program == "mono" and any(line.startswith(name) for name in MODELS):
             rule = f"line 1 is 'fx fy cx cy omega' without a name; it is {line[:30]!r}"
             yield Broken("error", rule, effect, "remove the name of the model")
@@ -89,10 +89,10 @@ def _about_the_intrinsics(text: str, context: Context) -> Iterator[Broken]:
     too_short = not relative and min(fx, fy) < _SHORTEST_FOCAL_PX
     if program == "mono" and not relative:
         rule = f"focal length and centre are relative to the image size; the centre is ({cx:g}, {cy:g})"
-        yield Broken("error", rule, "multiplies them by the size once more", "divide by width and height")
+        yield Broken("error", rule, "multiplies them by the size again", "divide by width and height")
     elif (cx < 1) != (cy < 1) or too_long or too_short:
         rule = f"focal length and centre have the same unit; they are {fx:g} {fy:g} {cx:g} {cy:g}"
-        effect = "takes all four as relative to the image size if both centre coordinates are below 1, else as pixels"
+        effect = "treats all four as relative to the image size if both centre coordinates are below 1, or as pixels"
         yield Broken("error", rule, effect, "give all four relative to the image size, or all four in pixels")
     if model in ("FOV", "Pinhole") and not 0 <= values[4] < _LARGEST_OMEGA:
         rule = f"omega is an angle in radians; it is {values[4]:g}"
@@ -114,12 +114,12 @@ def _about_the_rectification(text: str, context: Context) -> Iterator[Broken]:
     how = line.strip()
     if how in _RECTIFICATIONS and line != how:
         rule = f"line 3 is exactly 'crop', 'full' or 'none'; it is {line!r}, with white space around it"
-        yield Broken("error", rule, _BAD_LINE[program], "store the file with Unix line ends", _strip_lines)
+        yield Broken("error", rule, _BAD_LINE[program], "save the file with Unix line ends", _strip_lines)
     if not _is_rectification(line):
         rule = f"line 3 is 'crop', 'full', 'none' or five numbers; it is {line[:30]!r}"
         yield Broken("error", rule, _BAD_LINE[program], "add a line 'crop'")
     if how == "full" and program == "dso":
-        effect = "stops at an assertion: this is not implemented"
+        effect = "stops at an assertion because this is not implemented"
         yield Broken("error", "line 3 is not 'full'", effect, "use 'crop', 'none' or five numbers")
     if how == "none" and program == "mono":
         yield Broken("note", "line 3 is 'none'", "delivers images that are not rectified")
@@ -145,9 +145,9 @@ def _about_the_output_size(text: str, context: Context) -> Iterator[Broken]:
     rule = f"the rectified size can be halved several times; {end}"
     remedy = "choose a size on line 4 whose sides are multiples of 16 or 32"
     if levels < _FEWEST_LEVELS:
-        yield Broken("error", rule, "says it will probably crash", remedy)
+        yield Broken("error", rule, "prints that it will probably crash", remedy)
     elif width > _SMALL_SIDE and height > _SMALL_SIDE:
-        yield Broken("warning", rule, "warns of too few pyramid levels and loses track sooner", remedy)
+        yield Broken("warning", rule, "warns about too few pyramid levels and loses track sooner", remedy)
 
 
 def _remove_mark(text: str, _context: Context) -> tuple[str, str]:
@@ -156,11 +156,11 @@ def _remove_mark(text: str, _context: Context) -> tuple[str, str]:
 
 def _strip_lines(text: str, _context: Context) -> tuple[str, str]:
     stripped = "".join(f"{line.strip()}\n" for line in text.rstrip().split("\n"))
-    return stripped, "line ends changed to those of Unix, and white space around lines dropped"
+    return stripped, "changed to Unix line ends, and removed white space around lines"
 
 
 def _lines(text: str) -> list[str]:
-    """Return the four lines that the programs read, empty ones for those that are missing."""
+    """Return the four lines that the programs read; missing lines are empty."""
     return [*text.removeprefix(BYTE_ORDER_MARK).split("\n", 4), "", "", "", ""][:4]
 
 

@@ -17,16 +17,16 @@ from ospc.formats.rules import MOST_INTERPOLATED, UNCORRECTED, Broken, Context, 
 from ospc.formats.scanning import NUMBER, leading_numbers, words_of
 
 FEWEST_VALUES = 256
-"""DSO needs at least this many values, the monocular data set's tools exactly this many."""
+"""DSO needs at least this many values, and the tools of the monocular data set exactly this many."""
 
 MOST_VALUES = 65536
 """DSO has memory for this many values."""
 
 MOST_COLUMNS = 16
-"""No line of a camera.txt or times.txt has more values: a longer one is the table of a response."""
+"""Maximum number of values in a line of a camera.txt or times.txt; a longer line is the table of a response."""
 
 _SMALLEST_POSITIVE = np.float32(1e-30)
-"""Positive values stay above this; some parsers refuse subnormal numbers, which begin at 1.2e-38."""
+"""Lower limit of positive values: some parsers reject subnormal numbers, which are smaller than 1.2e-38."""
 
 
 @dataclass(frozen=True)
@@ -47,11 +47,11 @@ class PcalibText:
 
     @cached_property
     def scanned(self) -> tuple[FloatArray, str]:
-        """The numbers a program takes from the first line, shape (values,), and the text that stops it."""
+        """The numbers that a program reads from the first line, shape (values,), and the text that stops it."""
         numbers, rest = leading_numbers(self.first_line)
         with np.errstate(over="ignore"):
             too_large = np.flatnonzero(~np.isfinite(numbers.astype(np.float32)))
-        if too_large.size:  # a stream also stops at a number that its type cannot hold
+        if too_large.size:  # a stream also stops at a number that overflows its type
             return numbers[: too_large[0]], f"{numbers[too_large[0]]:g}"
         return numbers, rest
 
@@ -62,14 +62,13 @@ class PcalibText:
 
 
 def strictly_increasing_float32(values: npt.ArrayLike) -> Float32Array:
-    """Return the curve nearest to one from 0 to 255 that increases strictly as 32-bit floats.
+    """Return the closest strictly increasing curve in 32-bit floats to a non-decreasing one from 0 to 255.
 
-    Neighbours that 32 bits cannot tell apart move by as few representable steps as possible, in the least-squares
-    sense; all other values, non-decreasing from 0 to 255, stay. Subnormal numbers are avoided: some parsers refuse
-    them.
+    Neighbours that are equal in 32 bits are moved by as few representable steps as possible, in the least squares
+    sense; all other values stay. Subnormal numbers are avoided because some parsers reject them.
     """
     rounded = np.clip(np.asarray(values, dtype=np.float64), 0.0, 255.0).astype(np.float32)
-    # Non-negative floats sort like the integers with the same bits, and neighbours stay neighbours.
+    # Non-negative floats sort like integers with the same bits, and adjacent floats are adjacent integers.
     index = np.arange(rounded.size)
     slack = rounded.view(np.int32) - index
     if np.any(np.diff(slack) < 0):
@@ -83,23 +82,23 @@ def strictly_increasing_float32(values: npt.ArrayLike) -> Float32Array:
 
 
 def table_text(values: npt.ArrayLike) -> str:
-    """Return a non-decreasing curve as the text of a pcalib.txt: scaled to 0..255, with nine significant digits."""
+    """Return a non-decreasing curve as the text of a pcalib.txt, scaled to 0..255, with nine significant digits."""
     curve = np.asarray(values, dtype=np.float64)
     table = strictly_increasing_float32(255 * ((curve - curve[0]) / (curve[-1] - curve[0])))
     return " ".join(f"{value:.9g}" for value in table) + "\n"
 
 
 _LARGEST_VALUE = 1e30
-"""Larger values count as missing; 32-bit floats end at 3.4e38, and differences must fit too."""
+"""Larger values count as missing: values and their differences must not exceed 3.4e38, the largest 32-bit float."""
 
 _STRAIGHT = 1e-5
-"""Steps between values count as equal if they differ by less than this share of the whole range."""
+"""Steps count as equal if they differ by less than this fraction of the entire range."""
 
 _LIMITED_RANGE = (16, 20)
-"""Grey levels below 16 and above 235 are unused in limited-range video (ITU-R BT.601): 16 and 20 of them."""
+"""Number of grey levels below 16 and above 235, which limited-range video does not use (ITU-R BT.601)."""
 
 _LIMITED_TOLERANCE = 2
-"""Grey levels by which straight ends may differ from that: extrapolation extends them by one or two."""
+"""Tolerance for the lengths of straight ends: extrapolation extends them by one or two grey levels."""
 
 
 _DECIMAL_COMMA = re.compile(r"(?:^|\s)[+-]?\d+,\d+(?:\s|$)", re.ASCII)
@@ -120,11 +119,11 @@ def _about_the_line(table: PcalibText, context: Context) -> Iterator[Broken]:
     severity: Severity = "warning" if complete else "error"
     if extra:
         rule = f"all values must be on one line; {counted(len(extra), 'line')} too many, the first {extra[0][:30]!r}"
-        effect = "ignores all but the first line; programs that read the whole file fail or read too many values"
+        effect = "only reads the first line; programs that read the entire file fail or read too many values"
         yield Broken(severity, rule, effect, "put all values on the first line", _put_on_one_line)
     if rest:
-        rule = f"only numbers, separated by spaces; {rest.split()[0][:20]!r} stands in place {values.size + 1}"
-        effect = f"stops reading there, with {counted(values.size, 'value')}"
+        rule = f"only numbers, separated by spaces; value {values.size + 1} is {rest.split()[0][:20]!r}"
+        effect = f"stops reading there, after {counted(values.size, 'value')}"
         remedy = "write only the values on the first line, separated by spaces"
         if _has_decimal_commas(table.first_line):
             remedy = _DECIMAL_POINTS
@@ -142,7 +141,7 @@ def _about_the_order(table: PcalibText, context: Context) -> Iterator[Broken]:
     bad = np.flatnonzero(steps <= 0)
     if bad.size:
         falls = int(np.count_nonzero(steps < 0))
-        found = f"{counted(falls, 'value')} falling, {bad.size - falls} equal to the one before"
+        found = f"{counted(falls, 'value')} decreasing, {bad.size - falls} equal to the previous one"
         rule = f"strictly increasing as 32-bit floats; after grey level {bad[0]} it is not ({found})"
         remedy = "calibrate again" if falls else "write 9 significant digits"
         yield Broken("error", rule, UNCORRECTED[context.program], remedy, _make_increasing)
@@ -151,7 +150,7 @@ def _about_the_order(table: PcalibText, context: Context) -> Iterator[Broken]:
         steps = np.diff((255.0 * (values - values[0]).astype(np.float64) / span).astype(np.float32))
         if not np.all(steps > 0):
             rule = f"strictly increasing after scaling to 0..255; after grey level {int(np.argmin(steps))} it is not"
-            effect = "loads it, and divides by zero where it inverts the curve there"
+            effect = "loads it, and divides by zero when it inverts the curve there"
             yield Broken(
                 "warning", rule, effect, "write values from 0 to 255 with 9 significant digits", _scale_to_255
             )
@@ -166,13 +165,13 @@ def _about_the_count(table: PcalibText, context: Context) -> Iterator[Broken]:
         rule = f"exactly {FEWEST_VALUES} values on the first line; there are {count}"
         yield Broken("error", rule, UNCORRECTED["mono"], remedy, _resample_to_8_bit)
     elif count > MOST_VALUES:
-        rule = f"at most {MOST_VALUES} values, for which there is memory; there are {count}"
+        rule = f"at most {MOST_VALUES} values, the limit of its memory; there are {count}"
         yield Broken("error", rule, UNCORRECTED["dso"], remedy, _resample_to_8_bit)
     else:
-        rule = f"{count} values, for images with as many grey levels"
+        rule = f"{count} values, for images with this many grey levels"
         effect = (
-            f"accepts them, but its image reader delivers 8 bits and so uses only the first {FEWEST_VALUES}, which "
-            f"are almost black; this works only in builds that read deeper images"
+            f"accepts them, but its image reader delivers 8 bits and only uses the first {FEWEST_VALUES}, which "
+            f"are almost black; this only works in builds that read deeper images"
         )
         yield Broken("warning", rule, effect, remedy, _resample_to_8_bit)
 
@@ -184,13 +183,13 @@ def _about_the_range(table: PcalibText, _context: Context) -> Iterator[Broken]:
     if _is_of_limited_range(values):
         rule = (
             "the curve is measured at all grey levels; it is exactly straight below 16 and above 235, the grey "
-            "levels that limited-range video leaves out"
+            "levels that limited-range video does not use"
         )
-        effect = "applies it to images with all 256 grey levels, where it is wrong"
+        effect = "applies it to images with all 256 grey levels, for which it is wrong"
         yield Broken("warning", rule, effect, "record or decode full-range video and calibrate again")
     if values[0] != 0 or values[-1] != 255:
         rule = f"values run from {values[0]:g} to {values[-1]:g}"
-        effect = "shifts and scales them to 0..255, so that a black level in them is lost"
+        effect = "shifts and scales them to 0..255, which loses a black level"
         yield Broken("note", rule, effect, repair=_scale_to_255)
 
 
@@ -202,8 +201,8 @@ def _put_on_one_line(table: PcalibText, _context: Context) -> tuple[PcalibText, 
     extra = table.other_lines
     if len(words_of(table.first_line)) <= 1 and len(extra) + 1 >= FEWEST_VALUES:
         joined = " ".join([table.first_line.strip(), *extra])
-        return PcalibText(joined), f"the values of {len(extra) + 1} lines put on one line"
-    return PcalibText(table.first_line), f"all after the first line dropped, beginning with {extra[0][:30]!r}"
+        return PcalibText(joined), f"put the values of {len(extra) + 1} lines on one line"
+    return PcalibText(table.first_line), f"dropped everything after the first line, beginning with {extra[0][:30]!r}"
 
 
 def _keep_numbers_only(table: PcalibText, _context: Context) -> tuple[PcalibText, str]:
@@ -212,33 +211,32 @@ def _keep_numbers_only(table: PcalibText, _context: Context) -> tuple[PcalibText
         raise FormatError(_DECIMAL_POINTS)
     words = words_of(table.first_line)
     numbers = [float(word) if NUMBER.fullmatch(word) else None for word in words]
-    changes = ["commas or semicolons replaced by spaces"] if re.search("[,;]", table.first_line) else []
+    changes = ["replaced commas or semicolons by spaces"] if re.search("[,;]", table.first_line) else []
     end = next((i for i, number in enumerate(numbers) if number is None), len(words))
     if FEWEST_VALUES <= end < len(words):  # a remark, including any numbers in it
-        changes.append(f"text after value {end} dropped: {' '.join(words[end:])[:30]!r}")
+        changes.append(f"dropped the text after value {end}: {' '.join(words[end:])[:30]!r}")
         words, numbers = words[:end], numbers[:end]
     texts = [word for word, number in zip(words, numbers, strict=True) if number is None]
     if texts:
-        changes.append(f"words that are not numbers dropped: {' '.join(texts)[:30]!r}")
+        changes.append(f"dropped words that are not numbers: {' '.join(texts)[:30]!r}")
     values = np.array([number for number in numbers if number is not None], dtype=np.float64)
     known = np.abs(values) < _LARGEST_VALUE
     if not known.all():
         if not (known[0] and known[-1]) or np.mean(~known) > MOST_INTERPOLATED:
-            raise FormatError("an end, or too many values, are not finite numbers; calibrate again")
+            raise FormatError("the first value, the last value, or too many values are not finite; calibrate again")
         values[~known] = np.interp(np.flatnonzero(~known), np.flatnonzero(known), values[known])
-        missing = counted(np.count_nonzero(~known), "value")
-        changes.append(f"{missing} not finite, interpolated between their neighbours")
+        changes.append(f"interpolated {counted(np.count_nonzero(~known), 'non-finite value')}")
     return PcalibText(" ".join(f"{value:.17g}" for value in values)), "; ".join(changes)
 
 
 def _make_increasing(table: PcalibText, _context: Context) -> tuple[PcalibText, str]:
-    """Replace the table by the increasing one nearest to it in the least-squares sense."""
+    """Replace the table by the closest increasing one in the least squares sense."""
     from scipy.optimize import isotonic_regression  # slow to import and rarely needed
 
     values = table.scanned[0]
     if values[-1] <= values[0]:
         raise FormatError(
-            f"falls from {values[0]:g} to {values[-1]:g}, so it is no inverse response; calibrate again"
+            f"decreases from {values[0]:g} to {values[-1]:g}, so it is not an inverse response; calibrate again"
         )
     monotone = np.asarray(isotonic_regression(values).x)
     span = float(monotone[-1] - monotone[0])
@@ -247,23 +245,23 @@ def _make_increasing(table: PcalibText, _context: Context) -> tuple[PcalibText, 
     changes = []
     if falls:
         changes.append(
-            f"{counted(falls, 'falling value')} levelled by isotonic regression, which moves "
+            f"removed {counted(falls, 'decreasing step')} by isotonic regression, which moves "
             f"{counted(np.count_nonzero(moved > 1e-9 * span), 'value')} by up to "
             f"{100 * float(moved.max()) / span:.3g} % of the range"
         )
-    changes.append("values that are equal as 32-bit floats moved apart by the smallest representable steps")
+    changes.append("separated values that are equal as 32-bit floats by the smallest representable steps")
     return PcalibText(table_text(monotone)), "; ".join(changes)
 
 
 def _resample_to_8_bit(table: PcalibText, _context: Context) -> tuple[PcalibText, str]:
     values = table.scanned[0]
     resampled = np.interp(np.linspace(0, 1, FEWEST_VALUES), np.linspace(0, 1, values.size), values)
-    change = f"{values.size} values resampled to {FEWEST_VALUES}, the table for 8-bit images"
+    change = f"resampled {values.size} values to {FEWEST_VALUES}, the table for 8-bit images"
     return PcalibText(table_text(resampled)), change
 
 
 def _scale_to_255(table: PcalibText, _context: Context) -> tuple[PcalibText, str]:
-    return PcalibText(table_text(table.scanned[0])), "values shifted and scaled to 0..255"
+    return PcalibText(table_text(table.scanned[0])), "shifted and scaled values to 0..255"
 
 
 def _increases(values: Float32Array) -> bool:
@@ -271,7 +269,7 @@ def _increases(values: Float32Array) -> bool:
 
 
 def _is_of_limited_range(table: Float32Array) -> bool:
-    """Tell whether the ends are exactly straight below grey level 16 and above 235, and only there."""
+    """Return whether the curve is exactly straight below grey level 16 and above 235, and only there."""
     values = table.astype(np.float64)
     bends = np.flatnonzero(np.abs(np.diff(values, 2)) > _STRAIGHT * (values[-1] - values[0]))
     if values.size != FEWEST_VALUES or not bends.size:

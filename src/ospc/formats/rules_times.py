@@ -1,4 +1,4 @@
-"""The rules for times.txt: time stamp and exposure of every image."""
+"""The rules for times.txt: time stamps and exposures of all images."""
 
 from __future__ import annotations
 
@@ -20,29 +20,29 @@ from ospc.formats.rules import MOST_INTERPOLATED, Broken, Context, Format, mark_
 from ospc.formats.scanning import scanned, words_of
 
 _LONGEST_LINE = 999
-"""Characters that fit the line buffers of the programs."""
+"""Largest line length, in characters, for the line buffers of the programs."""
 
 _WORD = re.compile(r"\S+", re.ASCII)
 _WHOLE_NUMBER = re.compile(r"[+-]?\d+", re.ASCII)
 
 _PLAUSIBLE_MS = (0.05, 2000.0)
-"""Median exposures outside this range are probably in seconds or microseconds."""
+"""Range of plausible median exposures; others are probably in seconds or microseconds."""
 
 _LONGEST_INTERVAL_S = 60.0
-"""Median intervals between images above this are probably in milliseconds or nanoseconds."""
+"""Longest plausible median interval between images; longer ones are probably in milliseconds or nanoseconds."""
 
 _LOST = {
-    "dso": "drops all time stamps and all exposures without a word and runs with exposure 1",
+    "dso": "silently drops all time stamps and all exposures and runs with exposure 1",
     "mono": "sets all time stamps and exposures to zero",
 }
-_PASSED_OVER = f"passes over these lines without a word; then the counts differ and it {_LOST['dso']}"
+_SKIPPED = f"silently skips these lines; then the counts differ and it {_LOST['dso']}"
 _LAYOUT = "every line is 'id stamp[s] exposure[ms]'"
 _IS, _HAS = ("is", "are"), ("has", "have")
-_WRITE_ANEW = "write times.txt again from the recording's source"
+_WRITE_AGAIN = "write times.txt again from the source of the recording"
 
 
 class _Row(NamedTuple):
-    """The words of one line, and the number of the line, from 1."""
+    """The number of a line, from 1, and its words."""
 
     number: int
     words: list[str]
@@ -61,13 +61,13 @@ class TimesText:
 
     @cached_property
     def rows(self) -> tuple[_Row, ...]:
-        """The words of every line, without comments and blank lines."""
+        """The lines that are not comments and not blank."""
         split = (_Row(number, _WORD.findall(line)) for number, line in enumerate(self.lines, start=1))
         return tuple(row for row in split if row.words and not row.words[0].startswith("#"))
 
     @cached_property
     def scanned(self) -> FloatArray:
-        """Ids, stamps in s and exposures in ms as DSO takes them, shape (lines, 3); a missing exposure is 0."""
+        """Ids, stamps in s and exposures in ms as read by DSO, shape (lines, 3); missing exposures are 0."""
         values: list[list[float]] = []
         for line in self.lines:
             if len(line) > _LONGEST_LINE:
@@ -79,7 +79,7 @@ class TimesText:
 
     @property
     def exposures_ms(self) -> FloatArray:
-        """Exposures as DSO stores them, in 32 bits, shape (lines,)."""
+        """Exposures as stored by DSO, in 32 bits, shape (lines,)."""
         with np.errstate(over="ignore", under="ignore"):
             return self.scanned[:, 2].astype(np.float32).astype(np.float64)
 
@@ -89,7 +89,7 @@ class TimesText:
 
 
 def _neighbour_filled(exposures_ms: FloatArray) -> FloatArray:
-    """Return the exposures after DSO has replaced each zero by the mean of its positive neighbours, in order."""
+    """Return exposures in which each zero is replaced in order by the mean of its positive neighbours, as in DSO."""
     filled = exposures_ms.copy()
     for i in np.flatnonzero(filled == 0):
         neighbours = [filled[j] for j in (i - 1, i + 1) if 0 <= j < filled.size and filled[j] > 0]
@@ -110,19 +110,19 @@ def _about_the_lines(times: TimesText, _context: Context) -> Iterator[Broken]:
         yield Broken("error", rule, "stops reading there", "shorten the line")
     if bad := [row for row in times.rows if _has_commas(row)]:
         rule = f"values are separated by spaces; {_first_of(bad)}"
-        effect = "stops at the first of them, and so drops the line or takes part of a number for the whole"
+        effect = "stops at the first other character, so it drops the line or reads only part of a number"
         yield Broken("error", rule, effect, "write decimal points, and spaces between values", _separate_by_spaces)
     if bad := [row for row in times.rows if not _has_stamp(row) and not _has_commas(row)]:
-        yield Broken("error", f"{_LAYOUT}; {_first_of(bad)}", _PASSED_OVER, _WRITE_ANEW, _drop_lines_without_stamp)
+        yield Broken("error", f"{_LAYOUT}; {_first_of(bad)}", _SKIPPED, _WRITE_AGAIN, _drop_lines_without_stamp)
 
 
 def _about_the_count(times: TimesText, context: Context) -> Iterator[Broken]:
     if not times.rows:
-        yield Broken("error", "one line per image; there is none", _LOST[context.program], _WRITE_ANEW)
+        yield Broken("error", "one line per image; there are no lines", _LOST[context.program], _WRITE_AGAIN)
     elif context.images is not None and len(times.rows) != len(context.images):
         found = f"{counted(len(times.rows), 'line')} for {counted(len(context.images), 'file')} in images"
         rule = f"one line per image; {found}"
-        yield Broken("error", rule, _LOST[context.program], "remove the surplus", _drop_lines_without_image)
+        yield Broken("error", rule, _LOST[context.program], "remove the extra ones", _drop_lines_without_image)
 
 
 def _about_the_image_order(_times: TimesText, context: Context) -> Iterator[Broken]:
@@ -140,21 +140,19 @@ def _about_the_ids_and_images(times: TimesText, context: Context) -> Iterator[Br
     if bad := [
         r for r in times.rows if _has_stamp(r) and not _has_commas(r) and not _WHOLE_NUMBER.fullmatch(r.words[0])
     ]:
-        torn = len(scanned(" ".join(bad[0].words), "dff")) > 1
-        effect = "takes the digits before the point as id, those after it as time stamp and the stamp as exposure"
+        is_split = len(scanned(" ".join(bad[0].words), "dff")) > 1
+        effect = "reads the digits before the point as id, those after it as time stamp, and the stamp as exposure"
         rule = f"{_LAYOUT} with an integer id; {_first_of(bad)}"
-        yield Broken("error", rule, effect if torn else _PASSED_OVER, "number the images", _number_lines)
+        yield Broken("error", rule, effect if is_split else _SKIPPED, "number the images", _number_lines)
     ids = times.scanned[:, 0]
     if np.any((ids < 0) | (ids > LARGEST_ID)):
-        rule = (
-            "ids fit 32 bits and are not negative; these are not such numbers, and may be time stamps in nanoseconds"
-        )
-        effect = "reads garbage ids, which it does not use; other C libraries may drop the lines"
+        rule = "ids are non-negative 32-bit integers; some are not, and may be time stamps in nanoseconds"
+        effect = "reads wrong ids, which it does not use; other C libraries may drop the lines"
         yield Broken("warning", rule, effect, "number the images from 0", _number_lines)
     if context.images is None and times.rows:
         rule = f"one line per image; the file has {counted(len(times.rows), 'line')}"
         effect = f"was not compared, because the images were not found; if they differ, it {_LOST[context.program]}"
-        yield Broken("note", rule, effect, "check the whole folder")
+        yield Broken("note", rule, effect, "check the entire folder")
 
 
 def _about_the_exposures(times: TimesText, context: Context) -> Iterator[Broken]:
@@ -163,12 +161,12 @@ def _about_the_exposures(times: TimesText, context: Context) -> Iterator[Broken]
     invalid = ~zero & ~valid
     if invalid.any():
         rule = f"exposures are positive; {_count_of(invalid, _IS, 'negative or not a number')}"
-        effect = "leaves those images uncorrected, or carries NaN into its brightness transfer"
+        effect = "does not correct these images, or its brightness transfer becomes NaN"
         yield Broken("error", rule, effect, "correct them", _fill_exposures)
     left = _neighbour_filled(exposures_ms) == 0
     if context.program == "dso" and left.any():
         rule = f"every zero exposure has a positive neighbour; {_count_of(left, _HAS, 'none')}"
-        remedy = "record exposures; if there are none, leave the third column out of all lines"
+        remedy = "record exposures, or leave out the third column of all lines"
         yield Broken("error", rule, "drops the exposures of all images", remedy, _fill_exposures)
     if zero.any() and not (context.program == "dso" and zero.all()):
         rule, remedy = (
@@ -184,9 +182,9 @@ def _about_the_exposures(times: TimesText, context: Context) -> Iterator[Broken]
     if known.size and not _PLAUSIBLE_MS[0] <= (median := float(np.median(known))) <= _PLAUSIBLE_MS[1]:
         unit = "seconds" if median < _PLAUSIBLE_MS[0] else "microseconds"
         rule = f"exposures are in milliseconds; their median is {median:g}, as if they were in {unit}"
-        yield Broken("warning", rule, "uses only their ratios and does not notice", "convert them")
+        yield Broken("warning", rule, "only uses their ratios and does not notice", "convert them")
     if known.size > 2 and known.min() == known.max():
-        effect = "gains nothing from them, and no response can be calibrated"
+        effect = "does not benefit from them, and no response can be calibrated"
         yield Broken("note", f"exposures vary; all are {known[0]:g} ms", effect)
 
 
@@ -197,8 +195,8 @@ def _about_the_stamps(times: TimesText, _context: Context) -> Iterator[Broken]:
         rule = f"time stamps increase; after line {int(np.argmin(steps > 0)) + 1} they do not"
         yield Broken("warning", rule, "plays the images in order and writes stamps that do not increase")
     elif steps.size and (median := float(np.median(steps))) > _LONGEST_INTERVAL_S:
-        rule = f"time stamps are in seconds; they advance by {median:g}, as if in milli- or nanoseconds"
-        effect = "cannot play them in real time, nor can they be matched with a ground truth"
+        rule = f"time stamps are in seconds; they advance by {median:g}, as if they were in milli- or nanoseconds"
+        effect = "cannot play images in real time, and its trajectory cannot be matched with a ground truth"
         yield Broken("warning", rule, effect, "convert them")
 
 
@@ -210,12 +208,12 @@ def _separate_by_spaces(times: TimesText, _context: Context) -> tuple[TimesText,
     rows = [words_of(" ".join(row.words)) for row in times.rows]
     if any(len(found) > 3 and _has_commas(row) for found, row in zip(rows, times.rows, strict=True)):
         raise FormatError("some commas look like decimal points; write decimal points, and spaces between values")
-    return times.with_rows(rows), "commas or semicolons replaced by spaces"
+    return times.with_rows(rows), "replaced commas or semicolons by spaces"
 
 
 def _drop_lines_without_stamp(times: TimesText, _context: Context) -> tuple[TimesText, str]:
     kept = [row.words for row in times.rows if _has_stamp(row)]
-    return times.with_rows(kept), f"{counted(len(times.rows) - len(kept), 'line')} without stamp dropped"
+    return times.with_rows(kept), f"dropped {counted(len(times.rows) - len(kept), 'line')} without stamp"
 
 
 def _drop_lines_without_image(times: TimesText, context: Context) -> tuple[TimesText, str]:
@@ -225,17 +223,16 @@ def _drop_lines_without_image(times: TimesText, context: Context) -> tuple[Times
     missing = next((image for image in images if Path(image).stem not in line_of), None)
     if missing is not None or not images:
         raise FormatError(
-            f"{counted(len(times.rows), 'line')} for {counted(len(images), 'image')}, and no line is called like "
-            f"the image {missing or '(there is none)'}, so nothing says which line belongs to which "
-            f"image; {_WRITE_ANEW}"
+            f"{counted(len(times.rows), 'line')} for {counted(len(images), 'image')}, and no line has the name of "
+            f"the image {missing or '(there is none)'}, so lines cannot be matched with images; {_WRITE_AGAIN}"
         )
     kept = [line_of[Path(image).stem] for image in images]
-    return times.with_rows(kept), f"{counted(len(times.rows) - len(kept), 'line')} without an image dropped"
+    return times.with_rows(kept), f"dropped {counted(len(times.rows) - len(kept), 'line')} without an image"
 
 
 def _number_lines(times: TimesText, _context: Context) -> tuple[TimesText, str]:
     rows = [[str(i), *row.words[1:]] for i, row in enumerate(times.rows)]
-    return times.with_rows(rows), "ids that are no 32-bit integers replaced by the numbers 0, 1, 2, …"
+    return times.with_rows(rows), "replaced ids that are not 32-bit integers by the numbers 0, 1, 2, …"
 
 
 def _fill_exposures(times: TimesText, _context: Context) -> tuple[TimesText, str]:
@@ -246,12 +243,12 @@ def _fill_exposures(times: TimesText, _context: Context) -> tuple[TimesText, str
     if missing > MOST_INTERPOLATED * exposures.size:
         raise FormatError(
             f"{missing} of {exposures.size} exposures are missing, too many to interpolate; record them, or leave "
-            f"the third column out"
+            f"out the third column"
         )
     places = np.arange(exposures.size)
     exposures[~known] = np.exp(np.interp(places[~known], places[known], np.log(exposures[known])))
     rows = [[*row.words[:2], f"{exposure:.9g}"] for row, exposure in zip(times.rows, exposures, strict=True)]
-    change = f"{counted(missing, 'missing or invalid exposure')} interpolated between their neighbours"
+    change = f"interpolated {counted(missing, 'missing or invalid exposure')} between neighbours"
     return times.with_rows(rows), change
 
 

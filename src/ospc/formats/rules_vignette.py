@@ -14,7 +14,7 @@ from ospc.formats.resize import resampled, same_aspect
 from ospc.formats.rules import UNCORRECTED, Broken, Context, Format
 
 _STEEPEST_GAIN = 20
-"""Corrections that multiply a pixel, and its noise, by more than this deserve a warning."""
+"""Factor above which the correction of a pixel, which also amplifies its noise, causes a warning."""
 
 _8_TO_16_BITS = 257
 """65535 / 255."""
@@ -23,52 +23,52 @@ _8_TO_16_BITS = 257
 def _about_the_size(image: Image, context: Context) -> Iterator[Broken]:
     size, wanted = _size_of(image), context.size
     if wanted is None:
-        rule = f"exactly the size of the input image, before rectification; this one has {size[0]}x{size[1]}"
+        rule = f"exactly the size of the input image, before rectification; this one is {size[0]}x{size[1]}"
         effect = "was not compared, because the size of the images is unknown"
         yield Broken("note", rule, effect, "give --size, or check camera.txt with it")
     elif wanted != size:
-        both = f"{wanted[0]}x{wanted[1]}, before rectification; this one has {size[0]}x{size[1]}"
+        both = f"{wanted[0]}x{wanted[1]}, before rectification; this one is {size[0]}x{size[1]}"
         effect = UNCORRECTED["dso"] if context.program == "dso" else "prints one line and corrects no vignette"
-        cut = "cut it to the part of the image that is used: the aspect ratios differ"
+        cut = "crop it to the part of the image that is used, because the aspect ratios differ"
         remedy = "calibrate at this size" if same_aspect(size, wanted) else cut
         yield Broken("error", f"exactly the size of the input image, {both}", effect, remedy, _resize)
 
 
 def _about_the_type(image: Image, context: Context) -> Iterator[Broken]:
     if image.ndim > 2:
-        rule, remedy = f"one channel; there are {image.shape[2]}", "store it as 16-bit grey"
+        rule, remedy = f"one channel; there are {image.shape[2]}", "save it as 16-bit grey"
         if context.program == "dso":
-            effect = "reads it again as 8-bit grey and uses that: 256 steps only"
+            effect = "reads it again as 8-bit grey, with only 256 steps"
             yield Broken("warning", rule, effect, remedy, _turn_grey)
         else:
-            effect = "stops at an assertion, or reads memory it never wrote if assertions are compiled out"
+            effect = "stops at an assertion, or reads uninitialised memory if assertions are compiled out"
             yield Broken("error", rule, effect, remedy, _turn_grey)
     if image.dtype == np.uint8:
-        effect = "accepts it; 256 steps show as rings in dark corners"
-        yield Broken("note", "16 bits are better than 8", effect, "write it with 16 bits if you can", _widen)
+        effect = "accepts it; its 256 steps are visible as rings in dark corners"
+        yield Broken("note", "16 bits are better than 8", effect, "save it with 16 bits if possible", _widen)
 
 
 def _about_the_values(image: Image, context: Context) -> Iterator[Broken]:
     values = image if image.ndim == 2 else image[..., :3].max(axis=2)
     if image.max() == 0:
-        effect = "divides zero by zero: every pixel becomes NaN"
-        yield Broken("error", "not black all over", effect, "calibrate the vignette again")
+        effect = "divides zero by zero, so that every pixel becomes NaN"
+        yield Broken("error", "not entirely black", effect, "calibrate the vignette again")
         return
     zeros = values == 0
     at_border = _connected_to_border(zeros)
     if inside := np.count_nonzero(zeros & ~at_border):
         rule = f"no pixel is 0; {counted(inside, 'pixel')} of 0 inside the image"
-        effect = "divides by them: infinite brightness"
+        effect = "divides by them, which gives infinite brightness"
         yield Broken("error", rule, effect, "calibrate the vignette again", _raise_zeros)
     if surround := np.count_nonzero(at_border):
         rule = f"no pixel is 0; {counted(surround, 'pixel')} of 0 in a surround at the border"
-        effect = "divides by them: infinite brightness there, harmless only if the rectification crops all of it"
+        effect = "divides by them, which gives infinite brightness there, harmless only if rectification crops it"
         yield Broken("warning", rule, effect, "crop the images", _raise_zeros)
     if dim := np.count_nonzero((values < values.max() / _STEEPEST_GAIN) & (values > 0)):
         rule = f"{counted(dim, 'pixel')} below 1/{_STEEPEST_GAIN} of the largest"
         rectified = " (it corrects before it rectifies)" if context.program == "dso" else ""
-        effect = f"multiplies them, and their noise, by more than that{rectified}"
-        yield Broken("warning", rule, effect, "mask or crop that part of the image")
+        effect = f"multiplies them, and their noise, by more than {_STEEPEST_GAIN}{rectified}"
+        yield Broken("warning", rule, effect, "mask or crop this part of the image")
 
 
 def _resize(image: Image, context: Context) -> tuple[Image, str]:
@@ -77,23 +77,23 @@ def _resize(image: Image, context: Context) -> tuple[Image, str]:
     before, after = f"{size[0]}x{size[1]}", f"{wanted[0]}x{wanted[1]}"
     if not same_aspect(size, wanted):
         raise FormatError(
-            f"{before} and {after} differ in aspect ratio, so one is a crop of the other; cut the vignette to the "
+            f"{before} and {after} differ in aspect ratio, so one is a crop of the other; crop the vignette to the "
             f"part of the image that is used"
         )
-    return resampled(image, wanted), f"resized from {before} to {after}, which keeps the field of view"
+    return resampled(image, wanted), f"resized from {before} to {after}, with the same field of view"
 
 
 def _turn_grey(image: Image, _context: Context) -> tuple[Image, str]:
     grey = cv2.cvtColor(np.ascontiguousarray(image[..., :3]), cv2.COLOR_BGR2GRAY)
-    return np.asarray(grey), f"{image.shape[2]} channels turned to grey"
+    return np.asarray(grey), f"converted {image.shape[2]} channels to grey"
 
 
 def _widen(image: Image, _context: Context) -> tuple[Image, str]:
-    return image.astype(np.uint16) * _8_TO_16_BITS, "8 bits widened to 16"
+    return image.astype(np.uint16) * _8_TO_16_BITS, "converted 8 bits to 16"
 
 
 def _raise_zeros(image: Image, _context: Context) -> tuple[Image, str]:
-    return np.maximum(image, 1), f"{counted(np.count_nonzero(image == 0), 'pixel')} of 0 set to 1"
+    return np.maximum(image, 1), f"set {counted(np.count_nonzero(image == 0), 'pixel')} of 0 to 1"
 
 
 def _size_of(image: Image) -> ImageSize:
@@ -101,7 +101,7 @@ def _size_of(image: Image) -> ImageSize:
 
 
 def _connected_to_border(zeros: BoolArray) -> BoolArray:
-    """Return the zero pixels in patches that touch the border, shape (height, width)."""
+    """Return the zero pixels in regions that touch the border, shape (height, width)."""
     count, labels = cv2.connectedComponents(zeros.astype(np.uint8), connectivity=4)
     at_border = np.zeros(count, dtype=bool)
     for edge in (labels[0], labels[-1], labels[:, 0], labels[:, -1]):

@@ -1,4 +1,4 @@
-"""Reads numbers from a line of text as C and C++ programs do."""
+"""Parsing of numbers in a line of text as in C and C++."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _STREAM_NUMBER = re.compile(rf"[+-]?{_DECIMAL}", re.ASCII)
 _STREAM_NUMBERS = re.compile(rf"(?:\s*{_STREAM_NUMBER.pattern})*+", re.ASCII)
 
 NUMBER = re.compile(rf"[+-]?(?:{_DECIMAL}|inf(?:inity)?|nan)", re.ASCII | re.IGNORECASE)
-"""A number as C's functions read it, NaN and infinity included."""
+"""A number as read by C functions, including NaN and infinity."""
 
 _SCANF_ITEM = {
     "d": re.compile(r"\s*([+-]?\d+)", re.ASCII),
@@ -29,9 +29,9 @@ def words_of(line: str) -> list[str]:
 
 
 def leading_numbers(line: str) -> tuple[FloatArray, str]:
-    """Return the numbers a line begins with, as C++ streams extract them, and the text that stops them.
+    """Return the numbers at the beginning of a line, as extracted by C++ streams, and the remaining text.
 
-    ``nan``, ``inf`` and anything else that is not a decimal number end the numbers; so does a comma.
+    Extraction stops at a comma, ``nan``, ``inf``, and anything else that is not a decimal number.
     """
     found = _STREAM_NUMBERS.match(line)
     numbers = found.group() if found else ""
@@ -39,9 +39,9 @@ def leading_numbers(line: str) -> tuple[FloatArray, str]:
 
 
 def scanned(line: str, conversions: str) -> list[float]:
-    """Return the values that ``sscanf`` would convert, up to the first failure; ``"dff"`` stands for ``"%d %lf %f"``.
+    """Return the values that ``sscanf`` would convert up to the first failure; ``"dff"`` stands for ``"%d %lf %f"``.
 
-    As in C, ``nan`` and ``inf`` are numbers, and a ``d`` takes the leading integer of a number and leaves the rest to
+    As in C, ``nan`` and ``inf`` are numbers, and ``d`` reads the leading integer of a number and leaves the rest for
     the next conversion.
     """
     values: list[float] = []

@@ -1,4 +1,4 @@
-"""Check and repair parameter files by the rules of the programs that read them."""
+"""Validation and repair of parameter files according to the rules of the programs that read them."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ _WORDS: dict[str, Kind] = {
     "times": "times",
     "calib": "camera",
 }
-"""What the name of a file says of its kind; the first of these words that is in it counts."""
-_WITHOUT_PCALIB = UNCORRECTED | {"mono": "corrects neither: no vignette without a response"}
+"""Words in the name of a file that determine its kind; the first match counts."""
+_WITHOUT_PCALIB = UNCORRECTED | {"mono": "corrects neither, because it needs a response to correct a vignette"}
 _PNG = b"\x89PNG"
 _LARGEST_FILE = 2**30
-"""Most bytes of a file that is validated: bounds memory, and exceeds any table or map of a vignette."""
+"""Maximum size of a file in bytes, which limits memory and is larger than any table or vignette."""
 
 
 @dataclass(frozen=True)
@@ -46,9 +46,9 @@ class ParameterFile:
 
 @dataclass(frozen=True)
 class Validation:
-    """The rules of a program that parameter files break, file by file.
+    """The rules of a program that parameter files break, by file.
 
-    ``size`` is that of the images, as given or from camera.txt; None if unknown.
+    ``size`` is the size of the images, as given or from camera.txt; None if unknown.
     """
 
     program: Program
@@ -58,13 +58,13 @@ class Validation:
 
     @property
     def valid(self) -> bool:
-        """Whether no rule is broken with an error."""
+        """Whether there are no errors."""
         return not any(finding.severity == "error" for finding in self.findings)
 
 
 @dataclass(frozen=True)
 class Repair:
-    """A repaired copy of a parameter file, and what was changed, one sentence each; without changes there is none."""
+    """A repaired copy of a parameter file, and a sentence about each change; without changes there is no copy."""
 
     source: Path
     path: Path
@@ -72,7 +72,7 @@ class Repair:
 
 
 def kind_of(path: str | Path) -> Kind:
-    """Return the kind of a parameter file by its name and content; FormatError if it is unknown or not readable."""
+    """Return the kind of a parameter file by name and content; FormatError if it is unknown or unreadable."""
     place = Path(path)
     if place.suffix.lower() == ".png" or read_bytes(place, _LARGEST_FILE).startswith(_PNG):
         return "vignette"
@@ -91,16 +91,20 @@ def kind_of(path: str | Path) -> Kind:
     if len(scanned(second if first.startswith("#") else first, "dff")) == 3:
         return "times"
     raise FormatError(
-        f"{place}: neither name nor content is that of a pcalib.txt, vignette.png, times.txt or camera.txt; "
-        f"rename it if it is one of these"
+        f"{place}: not recognised as a pcalib.txt, vignette.png, times.txt or camera.txt by name or content; rename "
+        f"it if it is one of these"
     )
 
 
 def validate(paths: Iterable[str | Path], program: Program, size: ImageSize | None = None) -> Validation:
-    """Check parameter files, or those of the usual names in folders, by the rules of the program that reads them.
+    """Check parameter files, or those with the usual names in folders, by the rules of the program that reads them.
 
-    ``size`` is the width and height of the images; taken from a camera.txt among the files if None. FormatError if
-    the kind of a file is unknown, or a folder holds no parameter file.
+    ``size`` is the width and height of the images; if None, it is read from a camera.txt among the files.
+
+    Raises
+    ------
+    FormatError
+        If the kind of a file is unknown, or a folder has no parameter files.
     """
     files = tuple(found for path in paths for found in _parameter_files(Path(path)))
     in_files = (input_size(read_text(file.path)) for file in files if file.kind == "camera")
@@ -110,18 +114,22 @@ def validate(paths: Iterable[str | Path], program: Program, size: ImageSize | No
         findings += _FORMATS[file.kind].findings(file.path, _context(file, program, known_size))
     vignettes = [str(file.path) for file in files if file.kind == "vignette"]
     if vignettes and not any(file.kind == "pcalib" for file in files):
-        rule = "a vignette comes with a pcalib.txt; none was given"
+        rule = "a vignette is used with a pcalib.txt; none was given"
         remedy = "give both; a linear camera needs a pcalib.txt with the numbers 0 to 255"
         findings.append(Finding("note", rule, f"without one it {_WITHOUT_PCALIB[program]}", remedy, vignettes[0]))
     return Validation(program, known_size, files, tuple(findings))
 
 
 def repair(file: ParameterFile, program: Program = "dso", size: ImageSize | None = None) -> Repair:
-    """Write ``<name>.repaired.<ext>`` beside a parameter file, unless nothing needs a repair.
+    """Write ``<name>.repaired.<ext>`` next to a parameter file if it needs a repair.
 
-    The copy keeps the rules of the program; ``size`` is what a vignette needs, its own size if None. FormatError if a
-    repair would have to invent content: too few values, a curve that falls as a whole, a vignette of another aspect
-    ratio, lines that cannot be matched with images.
+    The copy follows the rules of the program. ``size`` is the required size of a vignette; None to keep its size.
+
+    Raises
+    ------
+    FormatError
+        If a repair would have to invent content: too few values, a decreasing curve, a vignette with another aspect
+        ratio, or lines that cannot be matched with images.
     """
     target = file.path.with_name(f"{file.path.stem}.repaired{file.path.suffix}")
     kind = _FORMATS[file.kind]
@@ -136,9 +144,9 @@ def _context(file: ParameterFile, program: Program, size: ImageSize | None) -> C
 
 
 def _image_names(folder: Path) -> tuple[str, ...] | None:
-    """Return the names of all entries in a folder's images or images.zip, sorted; None if it has neither.
+    """Return the sorted names of all entries in images or images.zip of a folder; None if it has neither.
 
-    DSO takes every entry of the folder for an image.
+    DSO treats every entry as an image.
     """
     if (folder / "images").is_dir():
         return tuple(sorted(entry.name for entry in (folder / "images").iterdir()))
@@ -156,5 +164,5 @@ def _parameter_files(path: Path) -> list[ParameterFile]:
         return [ParameterFile(path, kind_of(path))]
     found = [ParameterFile(path / name, kind_of(path / name)) for name in FOLDER_FILES if (path / name).is_file()]
     if not found:
-        raise FormatError(f"{path}: holds none of {', '.join(FOLDER_FILES)}; name the files")
+        raise FormatError(f"{path}: has none of {', '.join(FOLDER_FILES)}; give the files")
     return found

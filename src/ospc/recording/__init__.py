@@ -1,7 +1,7 @@
-"""Recordings: frames one by one, each with its exposure and time stamp.
+"""Recordings: sequences of frames with exposures and time stamps.
 
-:func:`open_recording` recognises the kind of recording from its content; :mod:`ospc.recording.kinds` says how to add
-a kind.
+:func:`open_recording` recognises the kind of a recording from its content; :mod:`ospc.recording.kinds` describes how
+to add a kind.
 """
 
 from ospc.recording.frame import Frame

@@ -1,4 +1,4 @@
-"""Which channel of colour images is used, and how one is taken from a Bayer mosaic."""
+"""Channels of colour images and of Bayer mosaics."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from ospc.errors import SettingError
 class Channel(Enum):
     """A channel of colour images.
 
-    Response and vignette may differ between the channels of a camera, and luma mixes the three. ``ALL`` keeps the
-    images in colour: that is for correcting them, and cannot be calibrated.
+    Response and vignette may differ between channels, and luma mixes the three. ``ALL`` keeps images in colour; they
+    can be corrected, but not calibrated.
     """
 
     LUMINANCE = "luminance"
@@ -27,7 +27,7 @@ class Channel(Enum):
     ALL = "all"
 
     def of(self, image: Image) -> Image:
-        """Return the channel of an image of shape (height, width, 3) in the order blue, green, red."""
+        """Return the channel of an image with shape (height, width, 3) in the order blue, green, red."""
         if self is Channel.ALL:
             return image
         if self is Channel.LUMINANCE:
@@ -36,10 +36,10 @@ class Channel(Enum):
 
 
 _MOSAIC_RATIO = 0.7
-"""Threshold of the diagonal over the adjacent difference; measured 0.31–0.45 on mosaics and 1.15 on grey images."""
+"""Threshold for the ratio of diagonal to adjacent differences: 0.31–0.45 in mosaics and 1.15 in grey images."""
 
 _TESTED_PX = 1024
-"""Width and height of the central part that is tested; even, so that it holds whole 2×2 blocks."""
+"""Width and height of the tested central part; even, so that it consists of whole 2×2 blocks."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ class Mosaic:
 
     @property
     def complete(self) -> bool:
-        """Whether red and blue can be told apart."""
+        """Whether the positions of red and blue are known."""
         return self.pattern in self.PATTERNS
 
     def of(self, image: Image, channel: Channel) -> Image:
@@ -81,15 +81,15 @@ class Mosaic:
         return np.ascontiguousarray(pixels[0])
 
     def places(self, channel: Channel) -> list[tuple[int, int]]:
-        """Return row and column, in a block, of the pixels of a colour."""
+        """Return row and column of the pixels of a colour within a block."""
         return [divmod(index, 2) for index, letter in enumerate(self.pattern) if letter == channel.value[0]]
 
 
 def find_mosaic(image: Image) -> Mosaic | None:
-    """Return a mosaic with its green pixels if an image of shape (height, width) is one.
+    """Return a mosaic with known green pixels if an image of shape (height, width) looks like one, otherwise None.
 
-    In a grey image, horizontal and vertical neighbours are more alike than diagonal ones, which are further apart.
-    In a mosaic, the two green pixels on the diagonal of a block are the most alike.
+    In a grey image, horizontal and vertical neighbours are more similar than diagonal ones, which are further apart.
+    In a mosaic, the two green pixels on the diagonal of a block are the most similar.
     """
     if image.shape[0] % 2 or image.shape[1] % 2:
         return None

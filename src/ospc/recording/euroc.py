@@ -1,7 +1,7 @@
 """Folders in the layout of the EuRoC and TUM visual-inertial datasets: ``mav0/cam0`` with ``data.csv`` and ``data/``.
 
-The layout does not include exposures. They are read from ``dso/cam0/times.txt`` beside ``mav0``, as in the TUM
-dataset, or from a list of exposures beside ``data.csv``.
+The layout does not include exposures. They are read from ``dso/cam0/times.txt`` next to ``mav0``, as in the TUM
+dataset, or from a list of exposures next to ``data.csv``.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from ospc.recording.options import DEFAULT, ReadingOptions
 
 _IMAGES, _INDEX = "data", "data.csv"
 FIRST_CAMERA = ("mav0/cam0", "cam0", ".")
-"""Where the first camera is if the path is the recording, its ``mav0``, or the camera itself."""
+"""Folder of the first camera if the path is the recording, its ``mav0``, or the camera itself."""
 
 
 class _Euroc:
@@ -30,12 +30,14 @@ class _Euroc:
         camera = _camera(path)
         if camera is None:
             raise RecordingError(f"{path}: a {self.name} recording has mav0/cam0 with {_INDEX} and {_IMAGES}/")
-        others = [other for other in _cameras_beside(camera) if other.name != camera.name]
-        notes = [f"{camera.name} is read; open {others[0]} for that camera"] if others and camera != path else []
-        # The path may be '.' or 'cam0': only the full path shows what is beside it.
+        others = [other for other in _cameras_next_to(camera) if other.name != camera.name]
+        notes = []
+        if others and camera != path:
+            notes.append(f"reading {camera.name}; to read the other camera, open {others[0]}")
+        # The path may be '.' or 'cam0', so its parents are only known after it is resolved.
         full = camera.resolve()
-        beside = full.parent.parent / "dso" / full.name / "times.txt"
-        lists = lists_in(camera) + ([beside] if beside.is_file() else [])
+        dso_list = full.parent.parent / "dso" / full.name / "times.txt"
+        lists = lists_in(camera) + ([dso_list] if dso_list.is_file() else [])
         advice = "put exposures.csv with a header 'timestamp_ns,exposure_ms' there"
         return open_sequence(
             path,
@@ -50,7 +52,7 @@ class _Euroc:
         camera = _camera(path)
         if camera is None or camera == path:
             return {path.resolve().name: (path, options)}
-        return {p.name: (p, options) for p in _cameras_beside(camera)}
+        return {p.name: (p, options) for p in _cameras_next_to(camera)}
 
 
 def _camera(path: Path) -> Path | None:
@@ -62,7 +64,7 @@ def _camera(path: Path) -> Path | None:
     return None
 
 
-def _cameras_beside(camera: Path) -> list[Path]:
+def _cameras_next_to(camera: Path) -> list[Path]:
     return sorted((p.parent for p in camera.parent.glob(f"cam*/{_INDEX}")), key=lambda p: by_name(p.name))
 
 

@@ -1,7 +1,7 @@
-"""A folder of photographs whose exposures are in the files themselves, as EXIF.
+"""A folder of photographs with exposures in their EXIF.
 
-Exposure is time × ISO/100 / N², N the f-number: what the sensor gets from the same scene, times the gain it is read
-with. EXIF rounds all three, times to the nominal 1/60 of a 1/64, so ratios are good to some per cent.
+The exposure is time × ISO/100 / N², where N is the f-number. EXIF rounds all three values, for example a time of 1/64
+to the nominal 1/60, so that ratios have errors of some per cent.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from ospc.recording.image_source import MAX_FILE_BYTES, FolderImages
 from ospc.recording.options import DEFAULT, ReadingOptions
 
 _HEAD_BYTES = 256 * 1024
-"""Read of each photograph: EXIF is a segment of at most 64 KiB near its beginning."""
+"""Bytes read from each photograph: EXIF is a segment of at most 64 KiB near the beginning."""
 
 _FORMULA = "exposure is time × ISO/100 / f-number², from EXIF, in ms; EXIF rounds these values"
 _LIST_INSTEAD = "add exposures.csv with a header 'file,exposure_s'"
@@ -45,7 +45,7 @@ class _ExifPhotos:
 
 
 def _photo(path: Path) -> tuple[float, Shot]:
-    """Return the exposure of a photograph in ms, and how it was taken."""
+    """Return the exposure of a photograph in ms, and its EXIF data."""
     optional = format_of(path)
     if optional is None:
         shot = shot_of_exif(_head(path))
@@ -55,7 +55,7 @@ def _photo(path: Path) -> tuple[float, Shot]:
         except FrameError as error:
             raise ExposureError(f"{error}, or remove the photograph") from None
     if shot.time_s is None:
-        raise ExposureError(f"{path}: its EXIF holds no exposure time; remove the photograph, or {_LIST_INSTEAD}")
+        raise ExposureError(f"{path}: its EXIF has no exposure time; remove the photograph, or {_LIST_INSTEAD}")
     exposure_ms = 1000 * shot.time_s * (shot.iso or 100) / 100 / (shot.f_number or 1) ** 2
     if not EXPOSURE_RANGE_MS[0] <= exposure_ms <= EXPOSURE_RANGE_MS[1]:
         raise ExposureError(
@@ -66,31 +66,31 @@ def _photo(path: Path) -> tuple[float, Shot]:
 
 
 def _head(path: Path) -> bytes:
-    unread = os_error_as(RecordingError, f"{path}: cannot be read", "check the file and its rights")
+    unread = os_error_as(RecordingError, f"{path}: cannot be read", "check the file and its permissions")
     with unread, path.open("rb") as file:
         return file.read(_HEAD_BYTES)
 
 
 def _table(path: Path, names: tuple[str, ...]) -> FrameTable:
-    """Order the photographs by the time they were taken, or by name if several share a second."""
+    """Order the photographs by the time at which they were taken, or by name if these times are not unique."""
     photos = [_photo(path / name) for name in names]
     shots = [shot for _, shot in photos]
     notes = _notes(path, names, shots)
     stamps = [shot.taken for shot in shots if shot.taken is not None]
     if len(set(stamps)) < len(shots):
         seconds = [float(index) for index in range(len(shots))]
-        notes.append(f"{path}: frames are in the order of their names, one per second")
+        notes.append(f"{path}: frames are ordered by name, one per second")
     else:
         first = min(stamps)
         seconds = [(taken - first).total_seconds() for taken in stamps]
-        notes.append(f"{path}: time stamps count from the first photograph")
+        notes.append(f"{path}: time stamps are relative to the first photograph")
     rows = sorted(zip(seconds, names, (exposure_ms for exposure_ms, _ in photos), strict=True))
     stamps_s, ordered, exposures_ms = zip(*rows, strict=True)
     return make_table(str(path), ordered, stamps_s, exposures_ms, notes)
 
 
 def _notes(path: Path, photos: tuple[str, ...], shots: list[Shot]) -> list[str]:
-    """Return notes on the formula and on values that are missing or change; refuse inconsistent ones."""
+    """Return notes on the formula and on values that are missing or change; raise an error if inconsistent."""
     notes = [f"{path}: {_FORMULA}"]
     values = {"ISO": [shot.iso for shot in shots], "f-number": [shot.f_number for shot in shots]}
     for what, stated in values.items():
@@ -101,9 +101,9 @@ def _notes(path: Path, photos: tuple[str, ...], shots: list[Shot]) -> list[str]:
                 f"remove these, or {_LIST_INSTEAD}"
             )
         if names:
-            notes.append(f"{path}: EXIF states no {what}; it is taken as the same in all photographs")
+            notes.append(f"{path}: EXIF states no {what}; it is assumed to be the same in all photographs")
     if len(set(values["f-number"])) > 1:
-        notes.append(f"{path}: the f-number changes, and the vignette with it; keep it fixed")
+        notes.append(f"{path}: the f-number changes, which also changes the vignette; keep it fixed")
     models = sorted({shot.model for shot in shots})
     if len(models) > 1:
         raise RecordingError(f"{path}: photographs of several cameras ({listed(models)}); keep those of one")

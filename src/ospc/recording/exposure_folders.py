@@ -1,7 +1,7 @@
-"""Folders named by exposure with images named by time stamp, as exposure brackets are recorded.
+"""Folders named by exposure with images named by time stamp, as in recordings of exposure brackets.
 
-``2.0/1695668703271420672.png`` was exposed for 2 ms. Images are often the raw mosaic of a colour sensor: of a mosaic
-the green pixels are taken, at half the width and height.
+``2.0/1695668703271420672.png`` was exposed for 2 ms. If the images are the raw mosaic of a colour sensor, as they
+often are, the green pixels are used, at half the width and height.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from ospc.recording.options import DEFAULT, ReadingOptions
 
 _NAME = re.compile(r"(\d{1,9}(?:\.\d{1,9})?)[ _]?(ns|us|ms|s)?", re.ASCII)
 _LEAST_FOLDERS = 2
-"""A single folder with a number for a name is probably not named by exposure."""
+"""A single folder whose name is a number is probably not named by exposure."""
 
 
 class _ExposureFolders:
@@ -37,7 +37,7 @@ class _ExposureFolders:
         exposures_ms = {f"{inner.place.name}/{name}": ms for inner, ms in folders for name in inner.names}
         notes = []
         if any(inner.place.name[-1] != "s" for inner, _ in folders):
-            notes.append(f"{path}: names of folders without a unit are taken as exposures in ms")
+            notes.append(f"{path}: folder names without a unit are assumed to be exposures in ms")
         source = FolderImages(path, tuple(exposures_ms))
         return open_sequence(
             path, self.name, source, lambda: _table(path, exposures_ms), notes, options=options, take_green=True
@@ -45,7 +45,7 @@ class _ExposureFolders:
 
 
 def _folders(path: Path) -> list[tuple[FolderImages, float]]:
-    """Return the folders of images named by exposure, with the exposure in ms."""
+    """Return the folders of images named by exposure, with their exposures in ms."""
     found = []
     for inner in sorted(path.iterdir()) if path.is_dir() else ():
         match = _NAME.fullmatch(inner.name)
@@ -61,7 +61,7 @@ def _table(path: Path, exposures_ms: dict[str, float]) -> FrameTable:
     for name in exposures_ms:
         stem = PurePosixPath(name).stem
         if not is_number(stem) or not math.isfinite(float(stem)):
-            raise RecordingError(f"{path / name}: images must be named by their time stamp; rename or remove it")
+            raise RecordingError(f"{path / name}: is not named by its time stamp; rename or remove it")
         other = named.setdefault(float(stem), name)
         if other != name:
             raise RecordingError(

@@ -20,13 +20,13 @@ from ospc.recording.options import DEFAULT, ReadingOptions
 _IMAGE_LIST = "image_list.txt"
 _NAMES = ("times.txt", "exposures.txt", "exposures.csv", _IMAGE_LIST)
 _MAX_CSV_FILES = 32
-"""CSV files of a folder that are searched for exposures; more belong to something else."""
+"""Maximum number of CSV files in a folder that are searched for exposures."""
 
 _LARGEST_STAMP_S = 1e11
-"""Larger time stamps are not in seconds, so they do not yet give the frame rate."""
+"""Larger time stamps are not in seconds, so the frame rate cannot be computed from them."""
 
 _LONG_EXPOSURE = 1.5
-"""Ratio of exposure to frame interval beyond which the unit of ``times.txt`` is doubtful; time stamps jitter."""
+"""Ratio of exposure to frame interval above which the unit of ``times.txt`` is doubtful; it allows for jitter."""
 
 _INVERSE_TOLERANCE = 0.01
 """Relative rounding error allowed between an exposure time and its inverse in ``image_list.txt``."""
@@ -36,18 +36,18 @@ _IMAGE_LIST_LINE = "a line is 'file exposure[s] 1/exposure'"
 
 
 _Rows = list[tuple[int, list[str]]]
-"""The fields of every line, with its number."""
+"""Line number and fields of every line."""
 
 
 def lists_in(folder: Path) -> list[Path]:
-    """Return the lists of exposures in a folder, recognised by their names or headers."""
+    """Return the lists of exposures in a folder, recognised by name or header."""
     named = [folder / name for name in _NAMES if (folder / name).is_file()]
     csv_files = [p for p in sorted(folder.glob("*.csv")) if p.is_file() and p not in named][:_MAX_CSV_FILES]
     return named + [p for p in csv_files if _names_exposures(p)]
 
 
 def _names_exposures(path: Path) -> bool:
-    """Tell whether the header of a file, commented out or not, names a column of exposures."""
+    """Return whether the header of a file, which may be a comment, names a column of exposures."""
     try:
         columns, _ = _split(read_text(path), str(path))
     except ExposureError:
@@ -58,17 +58,17 @@ def _names_exposures(path: Path) -> bool:
 
 
 def only_list(found: Sequence[Path], place: Path, advice: str) -> Path:
-    """Return the only list of exposures that was found; ExposureError, with advice if there is none."""
+    """Return the only list of exposures; ExposureError if there are several or, with ``advice``, if there is none."""
     if len(found) > 1:
         named = [path.name if path.parent in (place, place.parent) else path for path in found]
-        raise ExposureError(f"{place}: has several lists of exposures ({listed(named)}); keep the one to use")
+        raise ExposureError(f"{place}: has several lists of exposures ({listed(named)}); keep only the right one")
     if not found:
         raise ExposureError(f"{place}: has no list of exposures; {advice}")
     return found[0]
 
 
 def read_list(path: Path, options: ReadingOptions = DEFAULT) -> FrameTable:
-    """Read an ``image_list.txt`` or a list with columns, as the name says; errors as :func:`parse_columns`."""
+    """Read an ``image_list.txt``, or a list with columns if it has another name; errors as :func:`parse_columns`."""
     text = read_text(path)
     return parse_image_list(text, str(path)) if path.name == _IMAGE_LIST else parse_columns(text, str(path), options)
 
@@ -76,8 +76,12 @@ def read_list(path: Path, options: ReadingOptions = DEFAULT) -> FrameTable:
 def read_times(path: Path, options: ReadingOptions = DEFAULT) -> FrameTable:
     """Read the ``times.txt`` of a TUM dataset: ``id stamp[s] exposure[ms]`` per line.
 
-    RecordingError if it cannot be read or a line breaks the format; ExposureError if exposures are missing or not
-    positive.
+    Raises
+    ------
+    RecordingError
+        If the file cannot be read or a line is malformed.
+    ExposureError
+        If exposures are missing or not positive.
     """
     return parse_times(read_text(path), str(path), options)
 
@@ -105,7 +109,7 @@ def parse_times(text: str, source: str, options: ReadingOptions = DEFAULT) -> Fr
         return table
     remark = (
         f"{source}: exposures of {middle_ms:.4g} ms are longer than the {interval_ms:.4g} ms between frames; "
-        f"if they are in µs, state --exposure-unit us"
+        f"if they are in µs, add --exposure-unit us"
     )
     return replace(table, notes=(*table.notes, remark))
 
@@ -114,8 +118,13 @@ def parse_image_list(text: str, source: str) -> FrameTable:
     """Parse the ``image_list.txt`` of a static exposure series.
 
     Columns are ``file exposure[s] 1/exposure[1/s]``, optionally followed by f-stop, gain and neutral density.
-    RecordingError if a line breaks the format; ExposureError if exposures are missing or invalid, or other settings
-    than the exposure time vary.
+
+    Raises
+    ------
+    RecordingError
+        If a line is malformed.
+    ExposureError
+        If exposures are missing or invalid, or settings other than the exposure time vary.
     """
     rows = _uncommented(text, source)
     settings: list[float] | None = None
@@ -133,8 +142,8 @@ def parse_image_list(text: str, source: str) -> FrameTable:
         settings = others[1:] if settings is None else settings
         if others[1:] != settings:
             raise ExposureError(
-                f"{place}: f-stop, gain or filter differ from those of the first image; keep images that differ in "
-                f"exposure time only, or list their exposures in a CSV file 'file,exposure_s'"
+                f"{place}: f-stop, gain or filter differ from the first image; keep only images that differ in "
+                f"exposure time, or list exposures in a CSV file 'file,exposure_s'"
             )
     columns = Columns(2, image=0, exposure=1, unit=ExposureUnit.S, notes=("exposures are in seconds",))
     return _table(columns, [(line, fields[:2]) for line, fields in rows], source, DEFAULT)
@@ -144,9 +153,15 @@ def parse_columns(text: str, source: str, options: ReadingOptions = DEFAULT) -> 
     """Parse a list of exposures with columns.
 
     Fields are separated by commas, semicolons, tabs or spaces. The header is the first line, or the last comment
-    line before the data; without a header, lines are ``id stamp[s] exposure[ms]``, ``file exposure[ms]`` or
-    ``exposure[ms]``. RecordingError if a line breaks the format; ExposureError if exposures are missing, ambiguous or
-    not positive.
+    line before the data. Without a header, lines are ``id stamp[s] exposure[ms]``, ``file exposure[ms]`` or
+    ``exposure[ms]``.
+
+    Raises
+    ------
+    RecordingError
+        If a line is malformed.
+    ExposureError
+        If exposures are missing, ambiguous or not positive.
     """
     return _table(*_split(text, source), source, options)
 
@@ -160,7 +175,7 @@ def _split(text: str, source: str) -> tuple[Columns, _Rows]:
     lines = lines_of(text, source)
     start = next((i for i, (_, line) in enumerate(lines) if not line.startswith("#")), None)
     if start is None:
-        raise RecordingError(f"{source}: holds no frames; it needs one line per image")
+        raise RecordingError(f"{source}: has no frames; it needs one line per image")
     separator = next((s for s in (";", ",", "\t") if s in lines[start][1]), None)
     rows = [(n, _fields(line, separator, f"{source}, line {n}")) for n, line in lines[start:] if line[0] != "#"]
     if not any(is_number(field) for field in rows[0][1]):
@@ -176,15 +191,15 @@ def _split(text: str, source: str) -> tuple[Columns, _Rows]:
 
 
 def _unnamed(fields: list[str]) -> Columns:
-    """Infer the columns of a file without header from their number and the first row."""
+    """Infer the columns of a file without a header from their number and the first row."""
     count = len(fields)
     unnamed = Columns(count, named=False)
     if count == 3:
-        return replace(unnamed, image=0, stamp=1, exposure=2, notes=("columns are taken as id, stamp[s], exposure",))
+        return replace(unnamed, image=0, stamp=1, exposure=2, notes=("columns are read as id, stamp[s], exposure",))
     if count == 2 and not is_number(fields[0]):
-        return replace(unnamed, image=0, exposure=1, notes=("columns are taken as file, exposure",))
+        return replace(unnamed, image=0, exposure=1, notes=("columns are read as file, exposure",))
     if count == 1:
-        return replace(unnamed, exposure=0, notes=("its numbers are taken as exposures",))
+        return replace(unnamed, exposure=0, notes=("its numbers are read as exposures",))
     return unnamed
 
 
@@ -195,20 +210,20 @@ def _fields(line: str, separator: str | None, place: str) -> list[str]:
     try:
         return [field.strip() for field in next(csv.reader([line], delimiter=separator, strict=True))]
     except csv.Error as error:
-        raise RecordingError(f"{place}: its quotes are wrong ({error}); correct the line") from None
+        raise RecordingError(f"{place}: has invalid quotes ({error}); correct the line") from None
 
 
 def _table(columns: Columns, rows: _Rows, source: str, options: ReadingOptions) -> FrameTable:
     """Turn fields into frames."""
     if columns.exposure is None:
         raise ExposureError(
-            f"{source}: it is unclear which of its {columns.count} columns holds exposures; name the columns in its "
-            f"first line, such as 'file,timestamp_s,exposure_ms'"
+            f"{source}: it is unclear which of the {columns.count} columns has the exposures; name the columns in "
+            f"the first line, such as 'file,timestamp_s,exposure_ms'"
         )
     for line, fields in rows:
         if len(fields) != columns.count:
             raise RecordingError(
-                f"{source}, line {line}: has {counted(len(fields), 'column')} where the others have "
+                f"{source}, line {line}: has {counted(len(fields), 'column')}, but the others have "
                 f"{columns.count}; correct it"
             )
 
@@ -238,7 +253,7 @@ def _table(columns: Columns, rows: _Rows, source: str, options: ReadingOptions) 
 
 
 def _image_names(columns: Columns, rows: _Rows, source: str) -> list[str]:
-    """Return the name of the image of every row, or its time stamp, which may be the name."""
+    """Return the image name of every row, or its time stamp, which may be the name."""
     if columns.image is None:
         return [] if columns.stamp is None else [fields[columns.stamp] for _, fields in rows]
     names = [PurePosixPath(fields[columns.image].replace("\\", "/")).name for _, fields in rows]
@@ -251,9 +266,9 @@ def _image_names(columns: Columns, rows: _Rows, source: str) -> list[str]:
 def _unit(
     columns: Columns, values: FloatArray, stamps_s: FloatArray, source: str, options: ReadingOptions
 ) -> tuple[ExposureUnit, list[str]]:
-    """Return the unit that is stated, that is in the header, or that fits the numbers, in this order."""
+    """Return the unit from the options, from the header, or inferred from the numbers, in this order."""
     if options.exposure_unit is not None:
-        return options.exposure_unit, [f"exposures are in {options.exposure_unit.value}, as stated"]
+        return options.exposure_unit, [f"exposures are in {options.exposure_unit.value}, as stated by the user"]
     if columns.unit is not None:
         return columns.unit, []
     steps = np.diff(stamps_s) if columns.stamp is not None else np.empty(0)
@@ -263,5 +278,5 @@ def _unit(
         unit = infer_unit(values, interval_ms if interval_ms and interval_ms > 0 else None, source)
     except ExposureError:
         unit = ExposureUnit.MS
-    how = "no other unit is stated" if unit is ExposureUnit.MS else "by their size"
-    return unit, [f"exposures are taken as {unit.value}: {how}"]
+    how = "no other unit is stated" if unit is ExposureUnit.MS else "inferred from their size"
+    return unit, [f"exposures are assumed to be in {unit.value}: {how}"]

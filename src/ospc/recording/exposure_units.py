@@ -1,7 +1,7 @@
-"""Units of exposures and gains: in the header of a list, or inferred from the numbers alone.
+"""Units of exposures and gains, read from the header of a list or inferred from the numbers.
 
-Sources: V4L2 counts ``exposure_time_absolute`` in 100 µs, DirectShow uses log2 of seconds, GenICam, libcamera and
-RealSense microseconds. A gain in decibels is an amplitude, 20 dB are a factor of ten; ISO 100 is a gain of one.
+V4L2 counts ``exposure_time_absolute`` in units of 100 µs; DirectShow uses log2 of seconds; GenICam, libcamera and
+RealSense use microseconds. Gains in decibels are amplitudes, so 20 dB is a factor of ten; ISO 100 is a gain of one.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from ospc.arrays import FloatArray
 from ospc.errors import ExposureError, listed, quoted
 
 REALSENSE_UNIT_GAIN = 16
-"""``gain_level`` of RealSense's stereo cameras at a gain of one; in other models the unit is linear too."""
+"""``gain_level`` of RealSense stereo cameras at a gain of one; the unit is also linear for other models."""
 
 
 class ExposureUnit(Enum):
@@ -32,7 +32,7 @@ class ExposureUnit(Enum):
     LOG2_S = "log2s"
 
     def to_ms(self, exposures: npt.ArrayLike) -> FloatArray:
-        """Convert exposures in this unit to milliseconds; infinite if the result exceeds all floats."""
+        """Convert exposures in this unit to milliseconds; infinite in case of overflow."""
         values = np.asarray(exposures, dtype=np.float64)
         with np.errstate(over="ignore"):
             return np.asarray(np.exp2(values) * 1e3 if self is ExposureUnit.LOG2_S else values * _IN_MS[self])
@@ -45,7 +45,7 @@ _IN_MS = {
     ExposureUnit.US100: 0.1,
     ExposureUnit.NS: 1e-6,
 }
-"""Linear units, in order of preference if several are plausible."""
+"""Linear units in milliseconds, in order of preference if several are plausible."""
 
 
 class GainUnit(Enum):
@@ -57,7 +57,7 @@ class GainUnit(Enum):
     NONE = "none"
 
     def linear(self, gains: npt.ArrayLike) -> FloatArray:
-        """Return the factors by which exposures are multiplied; ones for ``none``, which ignores gains."""
+        """Return gains as linear factors; ones for ``none``, which ignores gains."""
         values = np.asarray(gains, dtype=np.float64)
         if self is GainUnit.NONE:
             return np.ones_like(values)
@@ -68,23 +68,25 @@ class GainUnit(Enum):
 
 
 _SHORTEST_MS, _LONGEST_MS = 0.02, 1000.0
-"""Plausible median exposures of a recording; the longest applies if the frame rate is unknown."""
+"""Plausible median exposures of a recording; the upper limit is used if the frame rate is unknown."""
 
 _SHORTEST_LOG2_S, _LONGEST_LOG2_S = -20.0, 1.0
 """Plausible exposures in log2 s: from a microsecond to two seconds."""
 
 _INTERVAL_MARGIN = 1.1
-"""An exposure may exceed the frame interval by this factor, as time stamps jitter."""
+"""Factor by which exposures may exceed the frame interval because of jitter in the time stamps."""
 
 
 def infer_unit(exposures: npt.ArrayLike, interval_ms: float | None, source: str) -> ExposureUnit:
     """Infer the unit in which exposures are plausible: no longer than the frame interval, and not too short.
 
-    Ratios of exposures, and so response and vignette, are the same in all units but log2 s, which is recognised by
-    its negative values.
+    Exposure ratios, and therefore response and vignette, are the same in all units except log2 s, which is recognised
+    by negative values. ``interval_ms`` is the median time between frames, None if unknown.
 
-    ``interval_ms`` is the median time between frames, None if it is unknown. ExposureError, which begins with
-    ``source``, if they are plausible in no unit.
+    Raises
+    ------
+    ExposureError
+        If the exposures are not plausible in any unit. The message begins with ``source``.
     """
     numbers = np.asarray(exposures, dtype=np.float64)
     finite = numbers[np.isfinite(numbers)]
@@ -92,18 +94,18 @@ def infer_unit(exposures: npt.ArrayLike, interval_ms: float | None, source: str)
         if np.all((finite >= _SHORTEST_LOG2_S) & (finite <= _LONGEST_LOG2_S)):
             return ExposureUnit.LOG2_S
         raise ExposureError(
-            f"{source}: an exposure of {finite.min():g} is possible in no unit; state the unit or correct the value"
+            f"{source}: an exposure of {finite.min():g} is not possible in any unit; state the unit or correct it"
         )
     positive = finite[finite > 0]
     if not positive.size:
-        raise ExposureError(f"{source}: holds no positive exposure; check whether it is the right field")
+        raise ExposureError(f"{source}: has no positive exposures; check that it is the right field")
     middle = float(np.median(positive))
     longest = _INTERVAL_MARGIN * interval_ms if interval_ms is not None else _LONGEST_MS
     for unit, factor in _IN_MS.items():
         if _SHORTEST_MS <= middle * factor <= longest:
             return unit
     raise ExposureError(
-        f"{source}: exposures around {middle:g} fit no unit at the given frame rate; state the unit of exposures "
+        f"{source}: exposures around {middle:g} are not plausible in any unit at this frame rate; state their unit "
         f"(s, ms, us, 100us, log2s)"
     )
 
@@ -126,7 +128,7 @@ _LONG_UNITS = {
     "nanosecond": "ns",
 }
 
-# Words for each meaning, in order of preference: columns of an earlier group hide those of later groups.
+# Words for each meaning; columns that match an earlier group take precedence over later groups.
 _EXPOSURE_WORDS = (("exposure", "exposuretime"), ("shutter", "shuttertime", "exptime", "integrationtime"))
 _STAMP_WORDS = (("timestamp", "stamp"), ("time",))
 _IMAGE_WORDS = (("file", "filename"), ("image", "imagename", "imagefile", "path", "name"), ("id", "frameid"))
@@ -135,11 +137,11 @@ _GAIN_WORDS = ("gain", "analoggain", "analoguegain", "digitalgain", "iso")
 
 @dataclass(frozen=True)
 class Columns:
-    """Number of columns, and the index of each by its meaning, None if there is none.
+    """The number of columns, and the index of the column with each meaning, or None.
 
-    ``gains`` are index, header and unit of the columns by which the exposure is multiplied. ``unit`` is that of the
-    exposure, None if the header does not state it; ``to_s`` are the seconds per unit of the time stamp; ``notes`` say
-    what was assumed; ``named`` tells whether there is a header.
+    ``gains`` has index, header and unit of the columns by which the exposure is multiplied. ``unit`` is the unit of
+    the exposure, None if the header does not state it. ``to_s`` converts time stamps to seconds. ``notes`` state
+    assumptions, and ``named`` whether there is a header.
     """
 
     count: int
@@ -156,8 +158,11 @@ class Columns:
 def name_columns(header: Sequence[str], place: str) -> Columns:
     """Infer the meaning of columns from their names.
 
-    ExposureError, which begins with ``place``, if several could hold the exposures, their time stamps, or the names
-    of the images.
+    Raises
+    ------
+    ExposureError
+        If several columns could be the exposures, the time stamps, or the image names. The message begins with
+        ``place``.
     """
     parsed = [_word_and_unit(name) for name in header]
     exposure = _only(header, parsed, _EXPOSURE_WORDS, place)
@@ -194,7 +199,7 @@ def _among(parsed: Sequence[tuple[str, str]], words: Sequence[str]) -> list[int]
 def _only(
     header: Sequence[str], parsed: Sequence[tuple[str, str]], groups: Sequence[Sequence[str]], place: str
 ) -> int | None:
-    """Return the only column with a meaning, None if there is none."""
+    """Return the only column with a meaning; None if there is none, ExposureError if there are several."""
     found = next((columns for words in groups if (columns := _among(parsed, words))), [])
     if len(found) > 1:
         names = listed([quoted(header[i]) for i in found])

@@ -14,28 +14,27 @@ from ospc.arrays import BoolArray, Image, ImageSize
 from ospc.errors import ExposureError, FrameError
 
 MAX_DECODED_BYTES = 512 * 2**20
-"""Images that would need more, counting all stored channels, are refused before decoding."""
+"""Images that need more, including all stored channels, are rejected before decoding."""
 
 _MOST_GREY = 65535
-"""Largest grey value of 16 bits."""
+"""Largest 16-bit grey value."""
 
 
 @dataclass(frozen=True)
 class Frame:
-    """An image and its exposure; decoded only when :attr:`image` is first read.
+    """An image and its exposure. The image is decoded when :attr:`image` is first read.
 
-    The exposure is known before the image is decoded, so a calibrator can choose from exposures alone which frames
-    to decode.
+    Because the exposure is known before decoding, a calibrator can select the frames to decode by their exposures.
 
     Attributes
     ----------
     index
-        Position in the recording, from 0, counting unreadable frames too.
+        Position in the recording, from 0, including unreadable frames.
     stamp_s
         Time stamp in seconds.
     exposure_ms
-        Exposure time in milliseconds times linear gain; finite and positive. NaN, or None, where it is unknown: a
-        calibrator skips the frame.
+        Exposure time in milliseconds times linear gain; finite and positive. NaN or None if unknown; a calibrator
+        then skips the frame.
     name
         Name of the frame in messages, usually its file name.
     load
@@ -44,10 +43,10 @@ class Frame:
         Largest grey value the sensor delivers: 255 for 8 bits, 4095 for 12 bits; at most 65535.
     verify
         Checks that the image file is present and complete, without decoding it, and raises
-        :class:`~ospc.errors.FrameError` if it is not. None if only decoding can tell.
+        :class:`~ospc.errors.FrameError` if it is not. None if this requires decoding.
     mask
-        True where pixels may be used, shape (height, width); None for all pixels. One of uint8 is taken as the image
-        of a mask: black is not used.
+        True where pixels may be used, shape (height, width); None for all pixels. In a uint8 mask, black pixels are
+        not used.
     threads
         Whether :attr:`load` and :attr:`verify` may be called from any thread.
     colour
@@ -56,9 +55,9 @@ class Frame:
     Raises
     ------
     FrameError
-        If ``load`` cannot be called, ``max_grey`` is no grey value of 16 bits, or ``mask`` is no mask.
+        If ``load`` is not callable, ``max_grey`` is not a 16-bit grey value, or ``mask`` is not a mask.
     ExposureError
-        If the exposure or the time stamp is no number.
+        If the exposure or the time stamp is not a number.
     """
 
     index: int
@@ -73,7 +72,7 @@ class Frame:
     colour: bool = field(default=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        """Take None as an unknown exposure, other numbers as those of Python, and the image of a mask as a mask."""
+        """Check and convert the fields."""
         if not callable(self.load):
             raise FrameError(f"{self.name}: load must be a function; for an image in memory use Frame.of_array")
         unknown = self.exposure_ms is None
@@ -94,11 +93,17 @@ class Frame:
         stamp_s: float = 0.0,
         max_grey: int | None = None,
     ) -> Frame:
-        """Make a frame from an image in memory, shape (height, width), uint8 or uint16.
+        """Return a frame with an image in memory, shape (height, width), uint8 or uint16.
 
-        The other parameters are the attributes of a frame; ``max_grey`` is by default that of the data type. Larger
-        values of 16 bits count as saturated. FrameError if the array is not a grey image of 8 or 16 bits, or
-        ``max_grey`` does not fit it; ExposureError if exposure or time stamp is no number.
+        The other parameters are the attributes of a frame. ``max_grey`` defaults to the maximum of the data type;
+        larger 16-bit values count as saturated.
+
+        Raises
+        ------
+        FrameError
+            If the array is not a grey image with 8 or 16 bits, or ``max_grey`` does not match it.
+        ExposureError
+            If the exposure or the time stamp is not a number.
         """
         name = f"frame {index}"
         checked = check_image(image, name)
@@ -106,19 +111,22 @@ class Frame:
         limit = most if max_grey is None else checked_max_grey(max_grey, name)
         if most == 255 and (limit > most or (limit < most and checked.max() > limit)):
             raise FrameError(
-                f"{name}: max_grey is {limit}, which does not fit 8-bit grey values up to {checked.max()}; give the "
-                "largest value of the sensor"
+                f"{name}: max_grey is {limit}, which does not match 8-bit grey values up to {checked.max()}; give "
+                "the largest grey value of the sensor"
             )
         known_ms = math.nan if exposure_ms is None else exposure_ms
         return cls(index, stamp_s, known_ms, name, lambda: checked, limit)
 
     @property
     def image(self) -> Image:
-        """Grey image, shape (height, width), uint8 or uint16; (height, width, 3) if :attr:`colour` allows it.
+        """Grey image, shape (height, width), uint8 or uint16, or with :attr:`colour` also (height, width, 3).
 
-        FrameError if it cannot be read.
+        Raises
+        ------
+        FrameError
+            If the image cannot be read.
         """
-        # Not functools.cached_property: in Python 3.11, its lock is shared by all frames, and threads would deadlock.
+        # Not functools.cached_property: in Python 3.11, all frames share its lock, so that threads would deadlock.
         if "_decoded" not in self.__dict__:
             self.__dict__["_decoded"] = check_image(self.load(), self.name, colour=self.colour)
         decoded: Image = self.__dict__["_decoded"]
@@ -133,20 +141,20 @@ class Frame:
 
 
 def check_image(pixels: npt.ArrayLike, name: str, *, colour: bool = False) -> Image:
-    """Return an image if it is grey, or in colour if allowed, with 8 or 16 bits; FrameError if it is not."""
+    """Return the image if it is grey, or in colour if allowed, with 8 or 16 bits; otherwise raise a FrameError."""
     image = np.asarray(pixels)
     if image.ndim == 0:
         raise FrameError(f"{name}: its image is {image}; give an array of shape (height, width)")
     three = colour and image.ndim == 3 and image.shape[2] == 3
     if not (image.ndim == 2 or three) or image.size == 0:
-        raise FrameError(f"{name}: a grey image has two dimensions, but this array has shape {image.shape}")
+        raise FrameError(f"{name}: a grey image must have two dimensions, but this array has shape {image.shape}")
     if image.dtype not in (np.uint8, np.uint16):
         raise FrameError(f"{name}: grey values must be uint8 or uint16, not {image.dtype}")
     return image
 
 
 def checked_number(value: Any, what: str, name: str) -> float:
-    """Return a number as float; ExposureError if it is none. A text is none: nobody knows its unit or its comma."""
+    """Return a number as float; ExposureError if it is not a number. Texts are rejected as ambiguous."""
     try:
         if not isinstance(value, str | bytes):
             return float(value)
@@ -164,7 +172,7 @@ def check_exposure(exposure_ms: float, name: str) -> None:
 
 
 def checked_max_grey(max_grey: int, name: str) -> int:
-    """Return the largest grey value as int; FrameError if it is no whole number, or none that 16 bits hold."""
+    """Return the largest grey value as int; FrameError if it is not an integer or exceeds 16 bits."""
     whole = isinstance(max_grey, int | np.integer) and not isinstance(max_grey, bool)
     if not whole or not 1 <= max_grey <= _MOST_GREY:
         raise FrameError(f"{name}: max_grey is {max_grey!r}; give a whole number from 1 to {_MOST_GREY}")
@@ -172,11 +180,11 @@ def checked_max_grey(max_grey: int, name: str) -> int:
 
 
 def checked_mask(mask: BoolArray, name: str) -> BoolArray:
-    """Return a mask as truth values, of uint8 with black as False; FrameError if it is no mask."""
+    """Return a mask as bool, with black pixels of uint8 masks as False; FrameError if it is not a mask."""
     values = np.asarray(mask)
     if values.ndim != 2 or values.dtype not in (np.bool_, np.uint8):
         raise FrameError(
-            f"{name}: a mask is an array of bool or uint8 with two dimensions, not of {values.dtype} with shape "
+            f"{name}: a mask must be a two-dimensional array of bool or uint8, not of {values.dtype} with shape "
             f"{values.shape}"
         )
     return values.astype(bool, copy=False)
@@ -188,16 +196,16 @@ def size_of(image: Image) -> ImageSize:
 
 
 def check_size(size: ImageSize, wanted: ImageSize, name: str) -> None:
-    """Check that an image has the size of its recording; FrameError if it has not."""
+    """Raise a FrameError unless an image has the size of its recording."""
     if size != wanted:
         raise FrameError(
-            f"{name}: is {size[0]}x{size[1]} pixels where the recording has {wanted[0]}x{wanted[1]}; remove it or "
-            f"bring all images to one size"
+            f"{name}: is {size[0]}x{size[1]} pixels, but the recording has {wanted[0]}x{wanted[1]}; remove it or "
+            f"convert all images to one size"
         )
 
 
 def check_decoded_size(size: ImageSize, channels: int, bits: int, name: str) -> None:
-    """Check that a file would not need too much memory if it were decoded; FrameError if it would."""
+    """Raise a FrameError if decoding a file would take too much memory."""
     if size[0] * size[1] * channels * max(bits, 8) > 8 * MAX_DECODED_BYTES:
         raise FrameError(
             f"{name}: its header states {size[0]}x{size[1]} pixels, which need more than the {MAX_DECODED_BYTES} "

@@ -1,4 +1,4 @@
-"""Lists of frames: which exposure and time stamp belong to which image; and the small text files they are in."""
+"""Tables of frames with their exposures, time stamps and images, and the text files that they are read from."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from ospc.photometry.correction import EXPOSURE_RANGE_MS
 from ospc.recording.image_source import is_image_name
 
 MAX_LINES = 1_000_000
-"""Text files with more lines are refused: that is nine hours at 30 frames per second."""
+"""Maximum number of lines of a text file: nine hours at 30 frames per second."""
 
 MAX_LINE_CHARACTERS = 4096
-"""Text files with longer lines are refused; a frame takes about fifty characters."""
+"""Maximum length of a line in a text file; a frame takes about fifty characters."""
 
 _LINE_END = re.compile(r"\r\n|\n|\r")
 
@@ -39,10 +39,7 @@ def read_text(path: Path) -> str:
 
 
 def lines_of(text: str, source: str) -> list[tuple[int, str]]:
-    """Return the lines that are not blank, with their numbers as an editor counts them.
-
-    RecordingError if there are too many lines or one is too long.
-    """
+    """Return the non-blank lines with their numbers, from 1; RecordingError if a limit is exceeded."""
     if text.count("\n") + text.count("\r") > 2 * MAX_LINES:
         raise RecordingError(f"{source}: has more than the {MAX_LINES} lines allowed; check the file")
     lines = [(number, line.strip()) for number, line in enumerate(_LINE_END.split(text), start=1) if line.strip()]
@@ -55,14 +52,19 @@ def lines_of(text: str, source: str) -> list[tuple[int, str]]:
 
 
 def is_number(text: str) -> bool:
-    """Tell whether a field is a number, NaN and infinities included."""
+    """Return whether a field is a number, including NaN and infinities."""
     return NUMBER.fullmatch(text) is not None
 
 
 def parse_number(text: str, what: str, place: str) -> float:
-    """Return the number in a field; NaN and infinities count as numbers, for the caller to judge.
+    """Return the number in a field, which may be NaN or infinite.
 
-    RecordingError if it is not a number; the message names the place, file and line, and what the field holds.
+    ``what`` and ``place`` name the field, and the file and line, in the message.
+
+    Raises
+    ------
+    RecordingError
+        If it is not a number.
     """
     if is_number(text):
         return float(text)
@@ -74,7 +76,7 @@ def parse_number(text: str, what: str, place: str) -> float:
 
 
 def exposures_in(path: str | Path) -> list[float]:
-    """Return the last number of each line of a file, such as times.txt; ``#`` begins a comment.
+    """Return the last number of each line of a file, such as times.txt; lines that begin with ``#`` are comments.
 
     Errors are those of :func:`read_text` and :func:`parse_number`.
     """
@@ -86,25 +88,25 @@ def exposures_in(path: str | Path) -> list[float]:
 
 
 _LARGEST_STAMP = 1e20
-"""Larger numbers are not time stamps in any unit."""
+"""Largest time stamp in any unit."""
 
 _EPOCH_UNITS = ((1e17, 1e-9, "nanoseconds"), (1e14, 1e-6, "microseconds"), (1e11, 1e-3, "milliseconds"))
-"""Least value, scale and name of units of time stamps since 1970: 1e11 s would be the year 5138."""
+"""Smallest value, scale and name of units of time stamps since 1970: 1e11 s would be the year 5138."""
 
 _INTEGER = re.compile(r"\d{1,30}", re.ASCII)
-"""Numbers of images; Python refuses to convert numbers that are much longer."""
+"""Image numbers; Python does not convert much longer ones."""
 
 Where = Callable[[Sequence[int]], str]
-"""Names some frames, given by their indices, in messages."""
+"""Names frames in messages, given their indices."""
 
 
 @dataclass(frozen=True, eq=False)
 class FrameTable:
-    """A checked list of frames from the file ``source``; stamps increase, and exposures are finite and positive.
+    """A checked table of frames from the file ``source``; stamps increase, and exposures are finite and positive.
 
-    Both have shape (frames,); an unknown exposure is NaN. ``ids`` are the names of the images in the list, empty if
-    they are not named; ``notes`` say what was inferred; ``stamped`` tells whether the list has time stamps: otherwise
-    the frames are numbered, one per second.
+    Both have shape (frames,); unknown exposures are NaN. ``ids`` are the image names in the file, empty if it has
+    none. ``notes`` state what was inferred. ``stamped`` is whether the file has time stamps; otherwise the frames are
+    numbered, one per second.
     """
 
     source: str
@@ -128,15 +130,21 @@ def make_table(
     lines: Sequence[int] = (),
     stamped: bool = True,
 ) -> FrameTable:
-    """Check a list of frames in temporal order; stamps too large for seconds are converted from the unit that fits.
+    """Return a checked table of frames in temporal order.
 
-    ``lines`` are those of the frames in the file, for messages; by default they are counted from 1. ExposureError as
-    by :func:`checked_exposures`; RecordingError if there are no frames, stamps do not increase, or an image
-    is named twice.
+    Time stamps that are too large for seconds are converted from the unit that fits. ``lines`` are the line numbers
+    of the frames, for messages; by default they count from 1.
+
+    Raises
+    ------
+    ExposureError
+        As for :func:`checked_exposures`.
+    RecordingError
+        If there are no frames, stamps do not increase, or an image is named twice.
     """
     numbers = lines or range(1, len(np.atleast_1d(exposures_ms)) + 1)
     if not numbers:
-        raise RecordingError(f"{source}: holds no frames; it needs one line per image")
+        raise RecordingError(f"{source}: has no frames; it needs one line per image")
 
     def where(frames: Sequence[int]) -> str:
         return f"{source}, {'lines' if len(frames) > 1 else 'line'} {listed([numbers[i] for i in frames])}"
@@ -151,7 +159,7 @@ def make_table(
     for least, scale, unit in _EPOCH_UNITS:
         if stamps[0] >= least:
             stamps = _read_only(stamps * scale)
-            said.append(f"{source}: time stamps are taken as {unit}, by their size")
+            said.append(f"{source}: time stamps are assumed to be in {unit}, inferred from their size")
             break
     return FrameTable(source, tuple(ids), stamps, exposures, tuple(said), stamped)
 
@@ -159,9 +167,12 @@ def make_table(
 def checked_exposures(
     exposures_ms: npt.ArrayLike, where: Where, remedy: str = "remove the frame or give its exposure"
 ) -> FloatArray:
-    """Return a read-only copy of exposures, NaN where one is unknown.
+    """Return a read-only copy of exposures; unknown ones are NaN.
 
-    ExposureError if one is not finite and positive, or all are unknown.
+    Raises
+    ------
+    ExposureError
+        If an exposure is not finite and positive, or all are unknown.
     """
     exposures = np.array(exposures_ms, dtype=np.float64)
     low, high = EXPOSURE_RANGE_MS
@@ -199,7 +210,7 @@ def _read_only(values: FloatArray) -> FloatArray:
 def table_or_unlisted(
     read: Callable[[], FrameTable], source: str, count: Callable[[], int], *, allowed: bool
 ) -> FrameTable:
-    """Return the listed frames, or, if that is allowed, :func:`unlisted` ones if no exposures can be read."""
+    """Return the table from ``read``, or if ``allowed``, an :func:`unlisted` one if no exposures can be read."""
     try:
         return read()
     except (ExposureError, MissingExtraError):
@@ -210,7 +221,7 @@ def table_or_unlisted(
 
 NO_EXPOSURES = "holds no usable exposures"
 NO_STAMPS = "has no time stamps; frames are numbered, one per second"
-"""Notes on frames whose exposures or times are unknown."""
+"""Endings of notes on unknown exposures or times."""
 
 
 def unlisted(source: str, stamps_s: FloatArray, *, stamped: bool) -> FrameTable:
@@ -220,15 +231,20 @@ def unlisted(source: str, stamps_s: FloatArray, *, stamped: bool) -> FrameTable:
 
 
 def match_images(table: FrameTable, names: Sequence[str], place: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Return the name of the image of every row of a table, and notes; RecordingError if they do not correspond.
+    """Return the image name of every row of a table, and notes.
 
     An image belongs to the row with its name, its name without suffix, or its number. If rows and images are both
-    numbered without gaps, but from different numbers, they correspond by order. ``names`` are the sorted names of the
-    files in ``place``.
+    numbered without gaps, but from different numbers, they are matched by order. ``names`` are the sorted file names
+    in ``place``.
+
+    Raises
+    ------
+    RecordingError
+        If rows and images do not correspond.
     """
     as_many = len(table) == len(names)
     if not table.ids and as_many:
-        return tuple(names), (f"{table.source}: names no images; they are matched in the order of their names",)
+        return tuple(names), (f"{table.source}: has no image names; images are matched in the order of their names",)
     detail = ""
     if table.ids:
         by_key, stems = _by_key(names, place), [PurePosixPath(name).stem for name in names]
@@ -239,7 +255,7 @@ def match_images(table: FrameTable, names: Sequence[str], place: str) -> tuple[t
             return tuple(name for name in found if name is not None), ()
         none_match = len(missing) == len(table) and not any(is_image_name(image) for image in table.ids)
         if as_many and (none_match or all(_consecutive(texts) for texts in (table.ids, stems))):
-            return tuple(names), (f"{table.source}: its ids are not names of images; they are matched by order",)
+            return tuple(names), (f"{table.source}: its ids are not image names; images are matched by order",)
         detail = f"; no image for {listed(missing)}" if missing else ""
         detail += f"; no line for {listed(unused)}" if unused else ""
     same = "other images than the" if as_many else f"{counted(len(table), 'frame')} but there are"
@@ -255,21 +271,21 @@ def _number(text: str) -> str:
 
 
 def _by_key(names: Sequence[str], place: str) -> dict[str, str]:
-    """Return the images by all the keys that may name them; refuse keys of two images."""
+    """Return the images by all keys that may name them; RecordingError if two images share a key."""
     keys: dict[str, str] = {}
     for name in names:
         path = PurePosixPath(name)
         for key in {name, path.name, path.stem, _number(path.stem)} - {""}:
             if keys.setdefault(key, name) != name:
                 raise RecordingError(
-                    f"{place}: {quoted(keys[key])} and {quoted(name)} cannot be told apart by their names; "
+                    f"{place}: {quoted(keys[key])} and {quoted(name)} cannot be distinguished by their names; "
                     f"rename one of them"
                 )
     return keys
 
 
 def _consecutive(texts: Sequence[str]) -> bool:
-    """Tell whether texts are numbers without gaps."""
+    """Return whether texts are consecutive numbers."""
     if not all(_INTEGER.fullmatch(text) for text in texts):
         return False
     numbers = [int(text) for text in texts]

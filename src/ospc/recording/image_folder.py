@@ -28,7 +28,7 @@ class _ImageFolder:
         if full.name == "images" and (full.parent / "times.txt").is_file():
             advice += f", or open {path.parent} if its times.txt belongs to these images"
         else:
-            advice += "".join(f", or copy {p} there if it is theirs" for p in _times_above(full))
+            advice += "".join(f", or copy {p} there if it belongs to these images" for p in _times_above(full))
         return open_sequence(
             path,
             self.name,
@@ -39,7 +39,7 @@ class _ImageFolder:
 
 
 def _times_above(folder: Path) -> list[Path]:
-    """Return the files times.txt with exposures in the two folders above; data sets of rigs have them there."""
+    """Return files times.txt with exposures in the two parent folders, as in data sets of rigs."""
     found = []
     for above in folder.parents[:2]:
         try:

@@ -1,4 +1,4 @@
-"""Image formats that optional libraries decode, HEIC and raw, and how a photograph was taken, from its EXIF."""
+"""Image formats decoded by optional libraries, HEIC and raw, and the EXIF of photographs."""
 
 from __future__ import annotations
 
@@ -27,16 +27,16 @@ _TIME, _NUMBER, _ISO = "EXIF ExposureTime", "EXIF FNumber", "EXIF ISOSpeedRating
 _TAKEN, _FRACTION, _MODEL = "EXIF DateTimeOriginal", "EXIF SubSecTimeOriginal", "Image Model"
 
 _MOST_BYTES = 8 * 2**20
-"""Read of the EXIF of one photograph, some bytes again and again: far more than cameras write."""
+"""Maximum number of EXIF bytes read from a photograph, counting repeated reads: far more than cameras write."""
 
 _READ_COST_BYTES, _MISSED_COST_BYTES = 512, 65536
-"""Bytes that a read counts at least, so that the number of reads is limited too, and a read beyond the end: damaged
-directories claim thousands of entries there, files that are cut off a few."""
+"""Minimum cost of a read, which also limits the number of reads, and cost of a read beyond the end: damaged
+directories have thousands of entries there, truncated files a few."""
 
 
 @dataclass(frozen=True)
 class Shot:
-    """How a photograph was taken: None where its file does not say, or an empty text where it names no camera."""
+    """How a photograph was taken. Values missing in the file are None, or "" for the camera model."""
 
     time_s: float | None = None
     iso: float | None = None
@@ -46,12 +46,12 @@ class Shot:
 
 
 def shot_of_exif(data: bytes) -> Shot:
-    """Read the EXIF of a file, or of its beginning; damaged EXIF states nothing."""
+    """Read the EXIF of a file, or of its beginning; damaged EXIF gives an empty result."""
     with needs_extra("reading exposures from photographs", "exif"):
         import exifread
     logger = logging.getLogger("exifread")
     if not logger.handlers:
-        # Without a handler, its remarks on odd files would be printed.
+        # Without a handler, its messages about unusual files would be printed.
         logger.addHandler(logging.NullHandler())
     try:
         tags: Mapping[str, Any] = exifread.process_file(_BoundedReads(data), details=False)
@@ -63,7 +63,7 @@ def shot_of_exif(data: bytes) -> Shot:
 
 
 class _BoundedReads(BytesIO):
-    """Ends reading by an error where the directories of hostile EXIF overlap, which would take hours."""
+    """Raises an error after too many reads: overlapping directories in hostile EXIF would take hours."""
 
     _left = _MOST_BYTES
 
@@ -76,7 +76,7 @@ class _BoundedReads(BytesIO):
 
 
 def _positive(tags: Mapping[str, Any], name: str) -> float | None:
-    """Return the number in a tag, None if it is absent or not positive."""
+    """Return the number in a tag; None if it is missing or not positive."""
     try:
         value = float(tags[name].values[0])
     except (KeyError, IndexError, AttributeError, TypeError, ValueError, ZeroDivisionError, OverflowError):
@@ -94,35 +94,35 @@ def _taken(tags: Mapping[str, Any]) -> datetime | None:
 
 
 _TURNS = re.compile(rb"\0\0\0\x09(irot|imir)(.)", re.DOTALL)
-"""Properties of an image by which it is turned and mirrored for display (ISO/IEC 23008-12, 6.5.10 and 6.5.12)."""
+"""Properties that rotate or mirror an image for display (ISO/IEC 23008-12, 6.5.10 and 6.5.12)."""
 
 
 class ImageFormat(Protocol):
-    """Decodes the files of one format; all its methods raise MissingExtraError without its library."""
+    """Decodes the files of a format; all methods raise MissingExtraError if its library is not installed."""
 
     suffixes: ClassVar[frozenset[str]]
     """Suffixes of its files, in lower case."""
 
     @abstractmethod
     def decode(self, data: bytes, name: str, channel: Channel | None) -> StoredImage:
-        """Decode a file, called ``name`` in messages, to one channel; FrameError if that fails."""
+        """Decode a file, called ``name`` in messages, to a channel; FrameError if that fails."""
 
     @abstractmethod
     def shot(self, data: bytes, name: str) -> Shot:
         """Return how a photograph was taken; FrameError if the file is damaged."""
 
     def exif(self, data: bytes) -> bytes:
-        """Return the EXIF block that a corrected copy gets, from its mark 'Exif' on; empty if there is none."""
+        """Return the EXIF block for a corrected copy, beginning with the marker 'Exif'; empty if there is none."""
         return b""
 
 
 class Heic(ImageFormat):
-    """The format of HEIC photographs; pillow-heif decodes it."""
+    """HEIC photographs, decoded by pillow-heif."""
 
     suffixes = frozenset({".heic", ".heif", ".hif"})
 
     def decode(self, data: bytes, name: str, channel: Channel | None) -> StoredImage:
-        """Decode to one channel, by default to luma; more than 8 bits are left-aligned in 16."""
+        """Decode to a channel, by default luma; more than 8 bits are left-aligned in 16."""
         photo = self._opened(data, name)
         check_decoded_size(photo.size, len(photo.mode.partition(";")[0]), 16 if ";" in photo.mode else 8, name)
         try:
@@ -130,17 +130,17 @@ class Heic(ImageFormat):
         except Exception as error:
             raise self._damaged(name) from error
         colour = pixels.ndim == 3 and pixels.shape[2] >= 3
-        if pixels.ndim == 3:  # without transparency
+        if pixels.ndim == 3:  # drop transparency
             pixels = np.ascontiguousarray(pixels[:, :, :3]) if colour else pixels[:, :, 0]
         if colour:
             pixels = (channel or Channel.LUMINANCE).of(pixels)
-        # libheif turned the image for display, but response and vignette belong to the axes of the sensor.
+        # libheif rotates the image for display, but response and vignette refer to the axes of the sensor.
         for kind, (value,) in reversed(_TURNS.findall(data)[:2]):
             pixels = np.rot90(pixels, -value) if kind == b"irot" else np.flip(pixels, value & 1)
         return StoredImage(np.ascontiguousarray(pixels), colour)
 
     def shot(self, data: bytes, name: str) -> Shot:
-        """Return what its EXIF says."""
+        """Return how the photograph was taken, from its EXIF."""
         return shot_of_exif(self._exif(data, name).removeprefix(EXIF))
 
     def exif(self, data: bytes) -> bytes:
@@ -155,14 +155,14 @@ class Heic(ImageFormat):
         return EXIF + block.removeprefix(EXIF) if block else b""
 
     def _opened(self, data: bytes, name: str) -> Any:
-        """Read everything but the pixels, of the main image if there are several."""
+        """Return the main image of a file, not yet decoded."""
         with needs_extra("reading HEIC photographs", "heic"):
             import pillow_heif
         try:
             file = pillow_heif.open_heif(BytesIO(data), convert_hdr_to_8bit=False, bgr_mode=True)
             return file[file.primary_index]
         except Exception as error:
-            # libheif's errors, and those of the EXIF inside, are of many types.
+            # libheif and its EXIF parser raise many types of errors.
             raise self._damaged(name) from error
 
     def _damaged(self, name: str) -> FrameError:
@@ -173,21 +173,21 @@ _WHITE = 65535
 """Grey value of the white level, at which the sensor saturates."""
 
 _DEPTH = BitDepth(16, 0, 16)
-"""Black and white are brought to both ends of 16 bits, which holds the 10 to 14 of sensors."""
+"""Black and white are scaled to the full range of 16 bits, more than the 10 to 14 bits of sensors."""
 
 
 class Raw(ImageFormat):
-    """The format of raw photographs; LibRaw decodes it, by rawpy.
+    """Raw photographs, decoded by LibRaw through rawpy.
 
-    Corrected copies get no EXIF: that of a raw file describes its own pixels, and leads all over it.
+    Corrected copies get no EXIF: the EXIF of a raw file describes its own pixels and is scattered over the file.
     """
 
     suffixes = frozenset({".cr2", ".cr3", ".nef", ".arw", ".dng", ".orf", ".rw2", ".raf", ".pef"})
 
     def decode(self, data: bytes, name: str, channel: Channel | None) -> StoredImage:
-        """Decode to linear values of 16 bits, black at 0 and white at 65535; a Bayer mosaic stays one.
+        """Decode to linear 16-bit values with black at 0 and white at 65535; a Bayer mosaic is not interpolated.
 
-        In colour, each of its 2×2 blocks becomes a pixel, without interpolation and without white balance.
+        In colour, each of its 2×2 blocks becomes a pixel, without white balance.
         """
         with _opened_raw(data, name) as photo:
             colours = photo.color_desc.decode("ascii", "replace").lower()
@@ -195,7 +195,7 @@ class Raw(ImageFormat):
             check_decoded_size((sizes.raw_width, sizes.raw_height), 4 if stacked else 1, 16, name)
             black, white = np.array(photo.black_level_per_channel, np.float32), float(photo.white_level)
             if white <= black.max():
-                raise FrameError(f"{name}: states a white level of {white:g} below its black level; leave it out")
+                raise FrameError(f"{name}: its white level of {white:g} is below its black level; remove the file")
             pixels = photo.raw_image_visible
             if stacked:
                 linear = _scaled(pixels[:, :, :3], black[:3], white)
@@ -206,8 +206,7 @@ class Raw(ImageFormat):
             pattern = "".join(colours[i] for i in block.ravel())
             if np.shape(photo.raw_pattern) != (2, 2) or pattern not in Mosaic.PATTERNS + Mosaic.GREEN_PATTERNS:
                 raise FrameError(
-                    f"{name}: its colours are not arranged as in a Bayer mosaic; convert it to 16-bit TIFF without a "
-                    f"curve"
+                    f"{name}: its colours are not arranged as in a Bayer mosaic; convert it to linear 16-bit TIFF"
                 )
             mosaic = Mosaic(pattern)
             linear = np.empty_like(pixels)
@@ -219,7 +218,7 @@ class Raw(ImageFormat):
             return StoredImage(linear, mosaic=mosaic, depth=_DEPTH)
 
     def shot(self, data: bytes, name: str) -> Shot:
-        """Return how LibRaw says that it was taken."""
+        """Return how the photograph was taken, as read by LibRaw."""
         with _opened_raw(data, name) as photo:
             stated = photo.other
             numbers = (stated.shutter_speed, stated.iso_speed, stated.aperture)
@@ -238,12 +237,12 @@ def _opened_raw(data: bytes, name: str) -> Iterator[Any]:
     except OspcError:
         raise
     except Exception as error:
-        # LibRaw's own errors, and those of types that rawpy has no class for.
-        raise FrameError(f"{name}: is damaged, or of an unknown camera; convert it to 16-bit TIFF") from error
+        # LibRaw's own errors, and others that rawpy does not wrap.
+        raise FrameError(f"{name}: is damaged, or from an unknown camera; convert it to 16-bit TIFF") from error
 
 
 def _scaled(pixels: Image, black: Float32Array, white: float) -> Image:
-    """Bring black to 0 and white to 65535; noise below black is cut off."""
+    """Scale black to 0 and white to 65535; noise below black is clipped."""
     scaled = (pixels - black) * (_WHITE / (white - black))
     return np.rint(np.clip(scaled, 0, _WHITE, out=scaled), out=scaled).astype(np.uint16)
 
@@ -252,6 +251,6 @@ _FORMATS: tuple[ImageFormat, ...] = (Heic(), Raw())
 
 
 def format_of(name: str | PurePath) -> ImageFormat | None:
-    """Return the format of a file name; None for those that need no optional library, and all other files."""
+    """Return the format of a file name that needs an optional library; None for all other files."""
     suffix = PurePath(name).suffix.lower()
     return next((known for known in _FORMATS if suffix in known.suffixes), None)

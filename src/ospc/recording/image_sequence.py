@@ -21,9 +21,9 @@ from ospc.recording.recording import StoredRecording
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ImageSequence(StoredRecording):
-    """Frames that are image files, in a folder or an archive; ``names`` are those of the files, one for every frame.
+    """Frames from image files in a folder or an archive; ``names`` are the file names, one per frame.
 
-    ``layout`` is that of the first readable image; frames that differ count as unreadable.
+    ``layout`` is the layout of the first readable image; frames with a different layout count as unreadable.
     """
 
     source: ImageSource = field(repr=False)
@@ -32,7 +32,7 @@ class ImageSequence(StoredRecording):
 
     def __iter__(self) -> Iterator[Frame]:
         for index, name in enumerate(self.names):
-            # Only decoding tells whether a file is whole that an optional library reads.
+            # Files read by an optional library can only be verified by decoding them.
             verify = partial(self._verify, name) if format_of(name) is None else None
             load = partial(self._load, name)
             yield self._frame(index, escaped(name), load, verify, threads=True)
@@ -64,22 +64,22 @@ def open_sequence(
     options: ReadingOptions = DEFAULT,
     take_green: bool = False,
 ) -> ImageSequence:
-    """Combine image files with the list of their exposures; closes the source if that fails.
+    """Combine image files with the list of their exposures; the source is closed if that fails.
 
     ``read_table`` reads the frames with their exposures, and raises ExposureError if there are none. With
-    ``take_green``, the green pixels are taken if the images are a Bayer mosaic. ``notes`` are those so far.
+    ``take_green``, the green pixels are used if the images are a Bayer mosaic. ``notes`` are earlier notes.
 
     Raises
     ------
     ExposureError
-        If there are no usable exposures, unless the user accepts that.
+        If there are no usable exposures and ``options`` do not allow that.
     RecordingError
         If there are no images, none is readable, or frames and images do not correspond.
     """
     place = str(source.place)
     try:
         if not source.names:
-            why = why_unread(source.place) or "holds no images; put PNG, JPEG, TIFF, BMP, PGM or PPM files there"
+            why = why_unread(source.place) or "has no images; put PNG, JPEG, TIFF, BMP, PGM or PPM files there"
             raise RecordingError(f"{place}: {why}")
         table = table_or_unlisted(read_table, place, lambda: len(source.names), allowed=options.unknown_exposures)
         names, matching = match_images(table, source.names, place)
@@ -97,7 +97,7 @@ def open_sequence(
         matching = ()  # without a list, there is nothing to match
     if source.left_out:
         rest = listed(source.left_out)
-        pixels.append(f"{place}: {rest} left out, for there are images of another format beside them")
+        pixels.append(f"{place}: {rest} left out, because there are also images in another format")
     numbered = () if table.stamped else (f"{table.source}: {NO_STAMPS}",)
     return ImageSequence(
         path=path,

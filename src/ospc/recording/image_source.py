@@ -1,4 +1,4 @@
-"""Image files of a recording, in a folder or in a zip archive that is never extracted, and how they are decoded."""
+"""Image files of a recording, in a folder or in a zip archive, and their decoding. Archives are never extracted."""
 
 from __future__ import annotations
 
@@ -23,23 +23,27 @@ from ospc.recording.frame import check_decoded_size
 from ospc.recording.image_formats import format_of
 from ospc.recording.pixel_layout import StoredImage
 
-# The EXIF orientation is ignored: response and vignette belong to the axes of the sensor.
+# The EXIF orientation is ignored: response and vignette refer to the axes of the sensor.
 _STORED = cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION
 _GREY, _COLOUR = cv2.IMREAD_GRAYSCALE | _STORED, cv2.IMREAD_COLOR | _STORED
 _DEFLATE_EXPANDS = 1032
-"""Largest compression ratio of PNG: deflate copies 258 bytes with at least two bits."""
+"""Largest compression ratio of PNG: deflate needs at least two bits to copy 258 bytes."""
 
 
 def decode_grey(data: bytes, name: str) -> Image:
-    """Decode an image file as :func:`decode_stored`; colour becomes luma, 0.299 R + 0.587 G + 0.114 B."""
+    """Decode an image file with :func:`decode_stored`; colour becomes luma, 0.299 R + 0.587 G + 0.114 B."""
     return decode_stored(data, name).pixels
 
 
 def decode_stored(data: bytes, name: str, channel: Channel | None = None) -> StoredImage:
-    """Decode the content of an image file, called ``name`` in messages, to one channel; by default to luma.
+    """Decode the content of an image file, called ``name`` in messages, to a channel; by default luma.
 
-    The name tells HEIC and raw photographs, the content all others. FrameError if it is not an image, truncated,
-    damaged, too large, or does not have 8 or 16 bits.
+    HEIC and raw photographs are recognised by name, all others by content.
+
+    Raises
+    ------
+    FrameError
+        If it is not an image, is truncated, damaged or too large, or does not have 8 or 16 bits.
     """
     optional = format_of(name)
     if optional is not None:
@@ -47,13 +51,13 @@ def decode_stored(data: bytes, name: str, channel: Channel | None = None) -> Sto
     header = read_header(data, name)
     check_decoded_size((header.width, header.height), header.channels, header.bits, name)
     if header.bits > 16:
-        raise FrameError(f"{name}: has {header.bits} bits a channel; convert it to 8 or 16 bit PNG")
+        raise FrameError(f"{name}: has {header.bits} bits per channel; convert it to PNG with 8 or 16 bits")
     damaged = FrameError(f"{name}: the image is damaged and cannot be decoded; copy or download it again")
     if not _can_hold(data, header):
         raise damaged
     colour = header.channels > 2
     wanted = channel or Channel.LUMINANCE
-    # JPEG stores luma. For other formats the decoders truncate when converting to grey; OpenCV's conversion rounds.
+    # JPEG stores luma. For other formats, decoders truncate in the conversion to grey, while OpenCV rounds.
     in_colour = colour and not (data.startswith(JPEG_START) and wanted is Channel.LUMINANCE)
     try:
         image: Image | None = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), _COLOUR if in_colour else _GREY)
@@ -64,12 +68,12 @@ def decode_stored(data: bytes, name: str, channel: Channel | None = None) -> Sto
     if image is None:
         raise damaged
     if image.dtype not in (np.uint8, np.uint16):
-        raise FrameError(f"{name}: has {image.dtype} values; convert it to PNG of 8 or 16 bits")
+        raise FrameError(f"{name}: has {image.dtype} values; convert it to PNG with 8 or 16 bits")
     return StoredImage(image, colour)
 
 
 def _can_hold(data: bytes, header: ImageHeader) -> bool:
-    """Tell whether a file can hold as many pixels as its header states; decoding one that cannot would take long."""
+    """Return whether a file is large enough for the pixels in its header; otherwise decoding it would take long."""
     pixels = header.width * header.height
     if data.startswith(JPEG_START):
         # Each block of 8×8 pixels takes at least one bit, for its mean.
@@ -83,24 +87,24 @@ _SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".pgm",
 """Suffixes of image files that need no optional library, in lower case."""
 
 MAX_FILE_BYTES = 256 * 2**20
-"""Larger image files are refused before reading."""
+"""Maximum size of an image file."""
 
 MAX_MEMBERS, MAX_EXPANSION, FREE_EXPANSION_BYTES = 1_000_000, 200, 16 * 2**20
-"""Most members of a zip archive, and how many times larger than stored each may be: photographs hardly compress at
-all. Members up to the last size may expand more, as black images do."""
+"""Maximum number of members of a zip archive, and maximum expansion of a member: photographs hardly compress. Members
+up to the last size may expand more, because black images do."""
 
 
 def is_image_name(name: str) -> bool:
-    """Tell whether a file name is that of an image; hidden files are not."""
+    """Return whether a file name has the suffix of an image and is not hidden."""
     known = PurePosixPath(name).suffix.lower() in _SUFFIXES or format_of(name) is not None
     return known and not name.startswith(".")
 
 
 @dataclass(frozen=True)
 class ImageSource(ABC):
-    """Image files, in a folder or archive, by name; sorted with numbers in numeric order.
+    """Image files in a folder or archive; names are sorted with numbers in numeric order.
 
-    ``left_out`` are photographs in other formats: the same ones, most often, as HEIC or raw files beside JPEGs.
+    ``left_out`` are files in other formats, usually the same photographs as HEIC or raw files next to JPEGs.
     """
 
     place: Path
@@ -109,32 +113,40 @@ class ImageSource(ABC):
 
     @abstractmethod
     def read(self, name: str) -> bytes:
-        """Return the bytes of an image file; FrameError if it cannot be read, RecordingError if none can any more."""
+        """Return the bytes of an image file.
+
+        Raises
+        ------
+        FrameError
+            If it cannot be read.
+        RecordingError
+            If no more files can be read.
+        """
 
     def label(self, name: str) -> str:
         """Return the path of an image file for messages."""
         return escaped(str(self.place / name))
 
     def decoded(self, name: str, channel: Channel | None) -> StoredImage:
-        """Read and decode an image file; errors are those of both."""
+        """Read and decode an image file, with the errors of both."""
         return decode_stored(self.read(name), self.label(name), channel)
 
-    def close(self) -> None:  # noqa: B027 (files of a folder are open only while they are read)
+    def close(self) -> None:  # noqa: B027 (files of a folder are only open while they are read)
         """Close open files; nothing can be read afterwards."""
 
 
 @dataclass(frozen=True)
 class FolderImages(ImageSource):
-    """The image files of a folder, not those of its sub-folders."""
+    """The image files of a folder, without subfolders."""
 
     @classmethod
     def of(cls, folder: Path) -> FolderImages:
         """List a folder; RecordingError if that fails."""
-        with os_error_as(RecordingError, f"{folder}: cannot be listed", "check its rights"):
+        with os_error_as(RecordingError, f"{folder}: cannot be listed", "check its permissions"):
             # is_file() excludes pipes and devices, which could block forever.
             names = [p.name for p in folder.iterdir() if is_image_name(p.name) and p.is_file()]
         names.sort(key=by_name)
-        # Images that need no optional library come first, then those in the format of the first name.
+        # Use images that need no optional library if there are any, otherwise those in the format of the first one.
         formats = [format_of(name) for name in names]
         read = None if None in formats else next(iter(formats), None)
         used = tuple(name for name, found in zip(names, formats, strict=True) if found is read)
@@ -148,13 +160,13 @@ class FolderImages(ImageSource):
         except FrameError:
             if self.place.is_dir():
                 raise
-        # The whole folder is gone, such as with its disk: the other frames must not pass for unreadable ones.
-        raise RecordingError(f"{self.place}: was removed meanwhile; put it back, and run the command again")
+        # The folder is gone, for example with its disk; this must not count as unreadable frames.
+        raise RecordingError(f"{self.place}: was removed while it was read; restore it and run the command again")
 
 
 @dataclass(frozen=True)
 class ZipImages(ImageSource):
-    """The image files of a zip archive; threads may share it."""
+    """The image files of a zip archive; thread-safe."""
 
     _archive: zipfile.ZipFile = field(repr=False, compare=False, kw_only=True)
     _lock: threading.Lock = field(default_factory=threading.Lock, repr=False, compare=False, kw_only=True)
@@ -180,7 +192,7 @@ class ZipImages(ImageSource):
         """Return the bytes of a member; FrameError if it is damaged, or the archive has been closed."""
         size = self._archive.getinfo(name).file_size
         try:
-            # With a length, decompression stops there whatever the archive contains.
+            # The length limits decompression.
             with self._lock, self._archive.open(name) as member:
                 data = member.read(size + 1)
         except Exception:
@@ -198,13 +210,13 @@ class ZipImages(ImageSource):
 
 
 def _checked_members(members: list[zipfile.ZipInfo], path: Path) -> list[str]:
-    """Return the names of the images; refuse hostile and ambiguous ones before reading any."""
+    """Return the names of the images; RecordingError if a member is hostile or ambiguous."""
     if len(members) > MAX_MEMBERS:
         raise RecordingError(f"{path}: has more than the {MAX_MEMBERS} members allowed; split the archive")
     images: dict[str, zipfile.ZipInfo] = {}
     for member in members:
         parts = re.split(r"[/\\]", member.filename)
-        # Archives made on macOS contain a hidden twin of every file.
+        # Archives from macOS contain a hidden companion of every file.
         if not is_image_name(parts[-1]) or "__MACOSX" in parts:
             continue
         problem = "appears twice" if member.filename in images else _problem(member)
@@ -219,7 +231,7 @@ def _checked_members(members: list[zipfile.ZipInfo], path: Path) -> list[str]:
 
 
 def _problem(member: zipfile.ZipInfo) -> str | None:
-    """Return what is wrong with a member, None if nothing is."""
+    """Return what is wrong with a member, or None."""
     name = member.filename
     problems = {
         "has a path that leads out of the archive": (
@@ -237,7 +249,7 @@ def _problem(member: zipfile.ZipInfo) -> str | None:
 
 
 _MOST_FOLDERS = 1000
-"""Folders searched for images; data sets have fewer above their images."""
+"""Maximum number of folders searched for images; data sets have fewer above their images."""
 
 _UNREAD = frozenset({".webp", ".avif", ".jxl", ".jp2", ".exr", ".gif"})
 """Suffixes of images that are not read."""
@@ -246,24 +258,27 @@ _UNREAD = frozenset({".webp", ".avif", ".jxl", ".jp2", ".exr", ".gif"})
 def why_unread(place: Path) -> str | None:
     """Return why no images are found at an existing path, with a remedy; None if nothing there looks like images.
 
-    Raises FrameError if it is a file that is called like an image but cannot be decoded.
+    Raises
+    ------
+    FrameError
+        If the path is a file that has the name of an image but cannot be decoded.
     """
     if place.is_file() and is_image_name(place.name):
         FolderImages(place.parent, (place.name,)).decoded(place.name, None)
-        return "is a single image, and a recording is many; name the folder that holds them"
+        return "is a single image, but a recording has many; give the folder of the images"
     for path in place.iterdir() if place.is_dir() else (place,):
         if path.suffix.lower() in _UNREAD:
             formats = "WebP, AVIF, JPEG XL, JPEG 2000, EXR and GIF"
-            return f"images such as {escaped(path.name)} are not read ({formats}); convert them to PNG"
+            return f"images such as {escaped(path.name)} are not supported ({formats}); convert them to PNG"
     inner = _folders_with_images(place)
     if not inner:
         return None
     names = listed([path.relative_to(place) for path in inner])
-    return f"holds no images itself; name one of the folders in it that do: {names}"
+    return f"has images only in subfolders; give one of them: {names}"
 
 
 def _folders_with_images(place: Path) -> list[Path]:
-    """Return the folders below a path that hold images, those nearest first."""
+    """Return the folders below a path that contain images, nearest first."""
     found, waiting, seen = [], deque([place]), 0
     while waiting and seen < _MOST_FOLDERS:
         folder = waiting.popleft()

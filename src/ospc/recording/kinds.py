@@ -1,10 +1,10 @@
-"""The kinds of recordings, and how they are recognised.
+"""The kinds of recordings and their recognition.
 
-To add a kind, write one module in this package that ends with ``KIND = ...``, an object that satisfies :class:`Kind`,
-and add its name to ``_MODULES`` below; the simplest example is :mod:`ospc.recording.tum_mono`. Its ``open`` usually
+To add a kind, write a module in this package that ends with ``KIND = ...``, an object that implements :class:`Kind`,
+and add its name to ``_MODULES`` below. The simplest example is :mod:`ospc.recording.tum_mono`. Its ``open`` usually
 returns an :class:`~ospc.recording.image_sequence.ImageSequence` or a subclass of
-:class:`~ospc.recording.recording.StoredRecording`. Options that the user must state are fields of
-:class:`~ospc.recording.options.ReadingOptions`; a kind of several cameras also satisfies :class:`RigKind`.
+:class:`~ospc.recording.recording.StoredRecording`. Options for the user are fields of
+:class:`~ospc.recording.options.ReadingOptions`. A kind with several cameras also implements :class:`RigKind`.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _EXPECTED = (
 )
 
 _MOST_LOOKED_INTO = 100
-"""Files in a folder that are looked into, to name those that are recordings."""
+"""Maximum number of files in a folder that are checked to suggest those that are recordings."""
 
 
 class Kind(Protocol):
@@ -40,13 +40,13 @@ class Kind(Protocol):
 
     @property
     def name(self) -> str:
-        """Name as ``--kind`` takes it."""
+        """Name for ``--kind``."""
 
     def recognises(self, path: Path) -> bool:
-        """Tell from the content, quickly, whether the path is of this kind."""
+        """Return whether the path is of this kind, by a quick look at its content."""
 
     def open(self, path: Path, options: ReadingOptions = DEFAULT) -> Recording:
-        """Open the path; RecordingError, or ExposureError, if it cannot be read as this kind."""
+        """Open the path; RecordingError or ExposureError if it cannot be read as this kind."""
 
 
 def kinds() -> Iterator[Kind]:
@@ -64,20 +64,20 @@ def open_recording(path: str | Path, kind: str | None = None, options: ReadingOp
     path, kind
         Folder or file, and name of the kind; None to recognise it from the content.
     options
-        What the content does not state, or states wrongly: units, topics, channel.
+        Settings that are missing or wrong in the content, such as units, topics and the channel.
 
     Returns
     -------
     Recording
-        Its frames are read one by one when it is iterated over.
+        The recording. Its frames are read one by one during iteration.
 
     Raises
     ------
     RecordingError
-        If the path does not exist, is of no known kind, or its parts do not match.
+        If the path does not exist, is not of a known kind, or its parts do not match.
     """
     place = Path(path)
-    with os_error_as(RecordingError, f"{place}: cannot be read", "check the path and its rights"):
+    with os_error_as(RecordingError, f"{place}: cannot be read", "check the path and its permissions"):
         _check_exists(place)
         chosen = _chosen(place, kind)
     if chosen is not None:
@@ -86,8 +86,8 @@ def open_recording(path: str | Path, kind: str | None = None, options: ReadingOp
         except RecordingError:
             if not (place / "calibration.json").is_file():
                 raise
-            # Its pictures look like images, and its times.txt like a list of exposures.
-            raise RecordingError(f"{place}: is a calibration; name a recording in its place") from None
+            # Its pictures look like images of a recording, and its times.txt like a list of exposures.
+            raise RecordingError(f"{place}: is a calibration; give a recording instead") from None
     if kind is not None:
         names = ", ".join(k.name for k in kinds())
         raise RecordingError(f"{quoted(kind)} is not a kind of recording; known: {names}")
@@ -99,16 +99,16 @@ def _recordings_inside(place: Path) -> str | None:
     inner = sorted(path for path in place.iterdir() if path.is_file()) if place.is_dir() else []
     names = []
     for path in inner[:_MOST_LOOKED_INTO]:
-        with suppress(OSError):  # a file that may not be read
+        with suppress(OSError):  # a file without read permission
             if _chosen(path, None) is not None:
                 names.append(path.name)
-    return f"is no recording itself; name one of the files in it that are: {listed(names)}" if names else None
+    return f"is not a recording, but contains some; give one of them: {listed(names)}" if names else None
 
 
 def _nothing_known(place: Path) -> str:
     reason = "a file of this kind is not a recording"
     if place.is_dir():
-        reason = "holds no images" if any(place.iterdir()) else "the folder is empty"
+        reason = "has no images" if any(place.iterdir()) else "the folder is empty"
     return f"{reason}; {_EXPECTED}"
 
 
@@ -118,15 +118,15 @@ def _check_exists(place: Path) -> None:
 
 
 def _chosen(place: Path, kind: str | None) -> Kind | None:
-    """Return the kind of that name, or the first that recognises the path; None if there is none."""
+    """Return the kind with this name, or the first that recognises the path; None if there is none."""
     return next((k for k in kinds() if (k.recognises(place) if kind is None else k.name == kind)), None)
 
 
 _MAX_CAMERAS = 64
-"""Rigs with more cameras are refused; the path is probably a collection of recordings."""
+"""Maximum number of cameras in a rig; a path with more is probably a collection of recordings."""
 
 _MAX_NAME_CHARACTERS = 80
-"""Length of the name of a camera, which names a folder."""
+"""Maximum length of a camera name, which is also the name of a folder."""
 _UNSAFE = re.compile(r"[^A-Za-z0-9_.-]+")
 
 Opener = Callable[[], Recording]
@@ -135,26 +135,30 @@ Opener = Callable[[], Recording]
 
 @runtime_checkable
 class RigKind(Protocol):
-    """A kind of recording that may hold several cameras."""
+    """A kind of recording that may have several cameras."""
 
     def cameras(self, path: Path, options: ReadingOptions) -> dict[str, tuple[Path, ReadingOptions]]:
-        """Return the path and the options that open each camera, by its name; RecordingError if that fails."""
+        """Return path and options to open each camera, by its name; RecordingError if that fails."""
 
 
 def cameras_of(path: str | Path, kind: str | None = None, options: ReadingOptions = DEFAULT) -> dict[str, Opener]:
     """Return a function for each camera of a rig that opens its recording, by the name of the camera.
 
-    Cameras are opened one by one, so that the others can be read if one has no exposures. The parameters are those of
-    :func:`~ospc.recording.kinds.open_recording`; a single camera counts as a rig of one. The names consist of
-    letters, digits, ``_``, ``-`` and ``.``, and are valid names of folders. RecordingError if there is nothing at the
-    path, or it holds too many cameras.
+    Cameras are opened separately, so that one without exposures does not affect the others. The parameters are those
+    of :func:`~ospc.recording.kinds.open_recording`; a single camera counts as a rig of one. The names consist of
+    letters, digits, ``_``, ``-`` and ``.``, and are valid folder names.
+
+    Raises
+    ------
+    RecordingError
+        If the path does not exist, or has too many cameras.
     """
     place = Path(path)
     _check_exists(place)
     found = _cameras(place, kind, options)
     if len(found) > _MAX_CAMERAS:
         raise RecordingError(
-            f"{place}: holds {len(found)} cameras, more than the {_MAX_CAMERAS} allowed; open one of them"
+            f"{place}: has {len(found)} cameras, more than the {_MAX_CAMERAS} allowed; open one of them"
         )
     openers: dict[str, Opener] = {}
     taken: set[str] = set()
@@ -178,5 +182,5 @@ def _cameras(place: Path, kind: str | None, options: ReadingOptions) -> dict[str
 
 
 def safe_name(name: str, most: int = _MAX_NAME_CHARACTERS) -> str:
-    """Return the name, cut after so many characters, with everything replaced that does not fit a folder name."""
+    """Return a name cut to ``most`` characters, with characters replaced that are not allowed in a folder name."""
     return _UNSAFE.sub("_", name).strip("._")[:most] or "camera"

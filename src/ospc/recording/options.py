@@ -1,7 +1,7 @@
-"""How a recording is read, as far as its content does not say.
+"""Options for reading a recording.
 
-Every option is declared once, as a field of :class:`ReadingOptions`. Its annotation holds what the command line and
-other text interfaces need: help, the texts it takes, and how a text becomes a value.
+Every option is declared once, as a field of :class:`ReadingOptions`. Its annotation has what the command line and
+other text interfaces need: the help text, the allowed values, and how to parse them.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ from ospc.recording.exposure_units import ExposureUnit, GainUnit
 
 @dataclass(frozen=True)
 class Option:
-    """How a user states an option as text.
+    """The text form of an option.
 
-    ``parse`` turns a text into the value; ``choices`` are the only texts it takes, any if empty; ``metavar`` stands
-    for the value in help texts; ``aliases`` are further flags of the command line.
+    ``parse`` turns a text into the value; ``choices`` are the allowed texts, any if empty; ``metavar`` stands for the
+    value in help texts; ``aliases`` are additional flags of the command line.
     """
 
     help: str
@@ -42,7 +42,7 @@ _CHANNELS = tuple(name for name in _values(Channel) if name != Channel.ALL.value
 
 @dataclass(frozen=True)
 class ReadingOptions:
-    """What the user states about a recording; None wherever its content decides."""
+    """What the user states about a recording; None to use or infer it from the content."""
 
     channel: Annotated[
         Channel | None,
@@ -88,9 +88,12 @@ class ReadingOptions:
 
     @classmethod
     def of(cls, texts: Mapping[str, str | None]) -> ReadingOptions:
-        """Return the options stated as text, by the names of the fields; None for what is not stated.
+        """Return the options from texts by field name; None if an option is not given.
 
-        SettingError if an option does not take the text.
+        Raises
+        ------
+        SettingError
+            If a text is not allowed for its option.
         """
         declared = declared_options()
         values: dict[str, Any] = {}
@@ -99,14 +102,14 @@ class ReadingOptions:
                 continue
             option = declared[name]
             if option.choices and text not in option.choices:
-                raise SettingError(f"option {name} is one of {', '.join(option.choices)}, not '{text}'")
+                raise SettingError(f"option {name} must be one of {', '.join(option.choices)}, not '{text}'")
             values[name] = option.parse(text)
         return cls(**values)
 
 
 @cache
 def declared_options() -> dict[str, Option]:
-    """Return how each option is stated as text, by the names of the fields."""
+    """Return the text form of each option, by field name."""
     return {name: hint.__metadata__[0] for name, hint in get_type_hints(ReadingOptions, include_extras=True).items()}
 
 

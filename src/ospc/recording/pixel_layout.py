@@ -1,4 +1,4 @@
-"""How a recording stores its grey values, inferred from a few of its images."""
+"""The storage format of grey values in a recording, inferred from a few images."""
 
 from __future__ import annotations
 
@@ -14,11 +14,12 @@ from ospc.recording.frame import check_size, size_of
 from ospc.recording.options import ReadingOptions
 
 _SENSOR_BITS = (8, 10, 12, 14, 16)
-"""Bit depths of sensors; others do not exist."""
+"""Bit depths of sensors."""
 
 
 _DEPTH_SAMPLES = 4
-"""Frames that decide the bit depth: the first readable and those with the longest exposures, which use all bits."""
+"""Number of frames that determine the bit depth: the first readable one, and the longest exposures, which use all
+bits."""
 
 _TAKEN = {
     Channel.GREEN: "the mean of the two green pixels",
@@ -26,14 +27,14 @@ _TAKEN = {
     Channel.BLUE: "the blue pixel",
     Channel.LUMINANCE: "0.299 R + 0.587 G + 0.114 B",
 }
-"""What is taken of a Bayer mosaic for a channel."""
+"""Pixels of a Bayer mosaic that are used for each channel."""
 
 
 @dataclass(frozen=True)
 class BitDepth:
     """Bits of a sensor, and their position in the stored word of 8 or 16 bits.
 
-    ``shift`` are the empty bits below them; 0 if the values are right-aligned.
+    ``shift`` is the number of unused low bits; 0 if the values are right-aligned.
     """
 
     bits: int
@@ -47,16 +48,16 @@ class BitDepth:
 
     @property
     def note(self) -> str | None:
-        """The result for the user to check; None for 8 bits."""
+        """A note for the user; None for 8 bits."""
         if self.stored_bits == 8:
             return None
         aligned = f"left-aligned, shifted right by {self.shift}" if self.shift else "right-aligned"
         used = "" if self.bits == 16 else f", {aligned}"
-        return f"16-bit images are taken as {self.bits}-bit grey values{used}: largest grey value {self.max_grey}"
+        return f"16-bit images are read as {self.bits}-bit grey values{used}: largest grey value {self.max_grey}"
 
 
 def detect_bit_depth(images: Iterable[Image]) -> BitDepth:
-    """Infer the bit depth from sample images, the brighter the better.
+    """Infer the bit depth from sample images, which should be bright.
 
     Bits that are zero everywhere are unused: low ones in left-aligned data, high ones in right-aligned data.
     """
@@ -76,7 +77,7 @@ def detect_bit_depth(images: Iterable[Image]) -> BitDepth:
 
 @dataclass(frozen=True)
 class StoredImage:
-    """One channel of an image as stored, whether it was in colour, and its mosaic and bit depth if the file says."""
+    """A channel of a stored image, whether the image is in colour, and mosaic and bit depth if the file has them."""
 
     pixels: Image
     colour: bool = False
@@ -86,10 +87,10 @@ class StoredImage:
 
 @dataclass(frozen=True)
 class PixelLayout:
-    """What all images of a recording have in common.
+    """The common layout of all images in a recording.
 
-    ``stored_size`` are width and height of the stored images; ``mosaic`` is None if all pixels are used, otherwise
-    those of a channel are.
+    ``stored_size`` has width and height of the stored images. ``mosaic`` is None if all pixels are used; otherwise
+    only the pixels of ``channel`` are.
     """
 
     stored_size: ImageSize
@@ -104,25 +105,25 @@ class PixelLayout:
         return (width, height) if self.mosaic is None else (width // 2, height // 2)
 
     def grey(self, stored: Image, label: str) -> Image:
-        """Convert a stored image to grey; FrameError if its size, type or range differs from the others."""
+        """Convert a stored image to grey; FrameError if its size, type or range differs from other images."""
         check_size(size_of(stored), self.stored_size, label)
         aligned = _aligned(stored, self.depth, label)
         return aligned if self.mosaic is None else self.mosaic.of(aligned, self.channel)
 
 
 def _aligned(image: Image, depth: BitDepth, label: str) -> Image:
-    """Shift out the empty low bits; refuse values that use other bits."""
+    """Shift out the unused low bits; FrameError if a value uses other bits."""
     if image.dtype != (np.uint8 if depth.stored_bits == 8 else np.uint16):
         raise FrameError(
-            f"{label}: does not have {depth.stored_bits} bits like the others; bring all images to one type"
+            f"{label}: does not have {depth.stored_bits} bits like the others; convert all images to one type"
         )
     if depth.bits == depth.stored_bits:
         return image
     shifted: Image = image >> depth.shift
     if int(shifted.max()) > depth.max_grey or (depth.shift and np.any(image & (2**depth.shift - 1))):
         raise FrameError(
-            f"{label}: has grey values beyond the {depth.bits} bits that the others use; convert all images to "
-            f"the same bits"
+            f"{label}: has grey values outside the {depth.bits} bits that the others use; convert all images to "
+            f"one bit depth"
         )
     return shifted
 
@@ -135,12 +136,18 @@ def find_layout(
     *,
     take_green: bool,
 ) -> tuple[PixelLayout, list[str]]:
-    """Infer the layout from a few images; return it with notes for the user.
+    """Infer the layout from a few images and return it with notes for the user.
 
-    ``read`` returns the image of a frame by its index, and raises FrameError if that fails; ``place`` is where the
-    images are, for messages. With ``take_green``, the green pixels are taken of images that look like a Bayer mosaic;
-    otherwise a note says so. RecordingError if no image is readable; SettingError if the images do not have the
-    requested channel.
+    ``read`` returns the image of a frame by index, and raises FrameError if that fails. ``place`` is the location of
+    the images, for messages. With ``take_green``, the green pixels are used if images look like a Bayer mosaic;
+    otherwise there is only a note.
+
+    Raises
+    ------
+    RecordingError
+        If no image is readable.
+    SettingError
+        If the images do not have the requested channel.
     """
     wanted = None if options.channel is Channel.ALL else options.channel
     first = _first(read, len(exposures_ms), place)
@@ -150,7 +157,7 @@ def find_layout(
     if first.colour:
         taken = wanted or Channel.LUMINANCE
         if taken is not Channel.LUMINANCE:
-            notes.append(f"the {taken.value} channel is taken of colour images")
+            notes.append(f"the {taken.value} channel of colour images is used")
         elif options.channel is not Channel.ALL:
             notes.append("colour images are converted to luma, 0.299 R + 0.587 G + 0.114 B")
         return layout, notes
@@ -170,10 +177,10 @@ def find_layout(
     channel = wanted or Channel.GREEN
     if channel is not Channel.GREEN and not mosaic.complete:
         raise SettingError(
-            f"{place}: its images do not state where {channel.value} is in the Bayer mosaic; state the pattern with "
+            f"{place}: the position of {channel.value} in the Bayer mosaic is unknown; state the pattern with "
             f"--bayer ({', '.join(Mosaic.PATTERNS)})"
         )
-    notes.append(f"images are a Bayer mosaic; {_TAKEN[channel]} of each 2×2 block is taken")
+    notes.append(f"images are a Bayer mosaic; {_TAKEN[channel]} of each 2×2 block is used")
     return replace(layout, mosaic=mosaic, channel=channel), notes
 
 
@@ -187,7 +194,7 @@ def _first(read: Callable[[int], StoredImage], count: int, place: str) -> Stored
             problem = problem or error
     if count == 1:
         raise RecordingError(str(problem))
-    raise RecordingError(f"{place}: none of its {count} images can be read; the first: {problem}")
+    raise RecordingError(f"{place}: none of its {count} images can be read; first problem: {problem}")
 
 
 def _samples(first: Image, read: Callable[[int], StoredImage], exposures_ms: FloatArray) -> Iterator[Image]:

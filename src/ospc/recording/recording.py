@@ -1,4 +1,4 @@
-"""What every recording offers, what its readers share, what tells recordings apart, and a recording in memory."""
+"""The interface of recordings, the base class of readers, the identity of recordings, and a recording in memory."""
 
 from __future__ import annotations
 
@@ -24,18 +24,18 @@ from ospc.recording.pixel_layout import detect_bit_depth
 
 @runtime_checkable
 class Recording(Protocol):
-    """Frames in temporal order, none of them held in memory.
+    """Frames in temporal order, which are not kept in memory.
 
-    Iterating twice gives the same frames twice.
+    It can be iterated over repeatedly.
     """
 
     @property
     def path(self) -> Path:
-        """Path it was opened from."""
+        """Path from which it was opened."""
 
     @property
     def kind(self) -> str:
-        """Name of the kind of recording, as ``--kind`` takes it."""
+        """Name of the kind of recording, as for ``--kind``."""
 
     @property
     def size(self) -> ImageSize:
@@ -55,19 +55,22 @@ class Recording(Protocol):
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What the user should know about how it was read: units that were inferred, lines that were ignored."""
+        """Notes for the user about how it was read, such as inferred units and ignored lines."""
 
     def __len__(self) -> int:
-        """Return the number of frames, unreadable ones included."""
+        """Return the number of frames, including unreadable ones."""
 
     def __iter__(self) -> Iterator[Frame]:
         """Yield the frames in order, not yet decoded."""
 
 
 def stored_bytes(recording: Recording, index: int) -> bytes:
-    """Return what identifies the image of a frame: its stored form, cheaper than decoding, or else its pixels.
+    """Return bytes that identify the image of a frame: its stored form, which avoids decoding, or its pixels.
 
-    FrameError if it cannot be read.
+    Raises
+    ------
+    FrameError
+        If the image cannot be read.
     """
     stored: Callable[[int], bytes] | None = getattr(recording, "stored_bytes", None)
     if stored is not None:
@@ -77,9 +80,9 @@ def stored_bytes(recording: Recording, index: int) -> bytes:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class StoredRecording(ABC):
-    """A recording whose images are decoded when they are asked for: the base class of this package's readers.
+    """Base class of the readers in this package: a recording whose images are decoded on demand.
 
-    ``channel`` is taken from colour images: the default one if None, and the colour images as they are if ``ALL``.
+    ``channel`` is the channel of colour images to use, None for the default; ``ALL`` keeps them in colour.
     """
 
     path: Path
@@ -93,7 +96,7 @@ class StoredRecording(ABC):
 
     @abstractmethod
     def stored_bytes(self, index: int) -> bytes:
-        """Return the stored form of a frame's image, which identifies the recording."""
+        """Return the stored form of the image of a frame, which identifies the recording."""
 
     @abstractmethod
     def __iter__(self) -> Iterator[Frame]:
@@ -126,14 +129,14 @@ class StoredRecording(ABC):
 
 
 _SAMPLES = 5
-"""Images hashed, evenly spread: enough to tell recordings apart, few enough to cost nothing."""
+"""Number of evenly spread images to hash: enough to distinguish recordings, and fast."""
 
 
 def identity(recording: Recording) -> dict[str, Any]:
-    """Describe a recording so that it can be recognised again, wherever it is moved to.
+    """Return a description by which a recording can be recognised, also after it is moved.
 
     The description is JSON-compatible: kind, name of the folder or file, number of frames, size, largest grey value,
-    range of the exposures, SHA-256 over stamps and exposures, and SHA-256 over a few images as they are stored.
+    range of the exposures, SHA-256 of stamps and exposures, and SHA-256 of a few stored images.
     """
     exposures_ms = np.asarray(recording.exposures_ms, dtype="<f8")
     stamps_s = np.asarray(recording.stamps_s, dtype="<f8")
@@ -155,7 +158,7 @@ def _images_sha256(recording: Recording, indices: list[int]) -> str:
     """Hash a few images; an unreadable one counts as empty."""
     channel = getattr(recording, "channel", None)
     total = sha256(b"" if channel is None else channel.value.encode())
-    # Without stored forms, the frames are looked for in one pass.
+    # Without stored forms, one pass over the frames finds all images.
     stored = hasattr(recording, "stored_bytes")
     for item in indices if stored else (frame for frame in recording if frame.index in indices):
         try:
@@ -175,7 +178,7 @@ class ArrayRecording(StoredRecording):
         Grey images, uint8 or uint16: an array of shape (frames, height, width), or a sequence of arrays of shape
         (height, width). They are not copied.
     exposures_ms
-        Exposure time in milliseconds times linear gain of every frame, NaN where it is unknown, shape (frames,).
+        Exposure time in milliseconds times linear gain of every frame, NaN if unknown, shape (frames,).
     stamps_s
         Time stamps in seconds, strictly increasing, shape (frames,); by default one frame per second.
     name
@@ -186,10 +189,9 @@ class ArrayRecording(StoredRecording):
     Raises
     ------
     ExposureError
-        If known exposures are not finite and positive, none is known, or their number is not that of the images.
+        If known exposures are not finite and positive, all are unknown, or there is not one per image.
     RecordingError
-        If there are no images, the first is not a grey image, ``max_grey`` is no grey value, or stamps do not
-        increase.
+        If there are no images, the first is not a grey image, ``max_grey`` is invalid, or stamps do not increase.
 
     Examples
     --------
@@ -210,18 +212,18 @@ class ArrayRecording(StoredRecording):
         max_grey: int | None = None,
     ) -> None:
         if len(images) == 0:
-            raise RecordingError(f"{name}: holds no images; give at least one")
+            raise RecordingError(f"{name}: has no images; give at least one")
         try:
             first = check_image(images[0], f"{name}[0]")
         except FrameError as error:
             raise RecordingError(f"{error}; convert the images to grey with shape (frames, height, width)") from None
         notes: tuple[str, ...] = ()
         if max_grey is None:
-            # Arrays are used unchanged, so the empty bits of left-aligned data stay where they are.
+            # Arrays are used unchanged, so unused low bits of left-aligned data remain.
             pixels = (np.asarray(image) for image in images)
             depth = detect_bit_depth(image for image in pixels if image.dtype == first.dtype)
             max_grey = depth.max_grey << depth.shift
-            notes = () if depth.note is None else (f"{name}: largest grey value taken as {max_grey}",)
+            notes = () if depth.note is None else (f"{name}: largest grey value assumed to be {max_grey}",)
         stamps = np.arange(len(images)) if stamps_s is None else stamps_s
 
         def where(frames: Sequence[int]) -> str:

@@ -1,4 +1,4 @@
-"""Bags of ROS 1 and ROS 2 with a topic of images and one of exposures."""
+"""ROS 1 and ROS 2 bags with a topic for images and a topic for exposures."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ from ospc.recording.pixel_layout import PixelLayout, find_layout
 from ospc.recording.recording import StoredRecording
 
 _NS_PER_MS = 1e6
-"""Nanoseconds, the unit of stamps in bags, in a millisecond."""
+"""Nanoseconds, the unit of stamps in bags, per millisecond."""
 
 _LEAST_SHARE = 0.5
-"""Share of the images that must have an exposure; with fewer, the time stamps are wrong."""
+"""Minimum share of the images that must have an exposure; with fewer, the time stamps are wrong."""
 
 _ONLY_IMAGE_TOLERANCE_NS = 5e8
-"""How far an exposure may be from a single image, for which there is no frame interval."""
+"""Largest time between an exposure and a single image, which has no frame interval."""
 
 
 class _Rosbag:
@@ -53,7 +53,7 @@ class _Rosbag:
         sent, exposures, readings = _read_through(bag, topic, carrier)
         numbers, table = _table(sent, exposures, readings, carrier, str(path))
         images = ImageStream(bag, topic, sent.log_ns, options.channel)
-        sampled = images.again()  # a stream holds its file open and a part of it in memory
+        sampled = images.again()  # a stream keeps its file open and part of it in memory
         layout, pixel_notes = find_layout(
             lambda i: sampled.image(int(numbers[i])),
             table.exposures_ms,
@@ -90,7 +90,7 @@ class _Rosbag:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class _BagRecording(StoredRecording):
-    """``numbers`` are those of the messages of the frames, shape (frames,)."""
+    """``numbers`` are the message numbers of the frames, shape (frames,)."""
 
     images: ImageStream = field(repr=False)
     layout: PixelLayout
@@ -109,7 +109,7 @@ class _BagRecording(StoredRecording):
 
 
 def _camera_names(topics: Sequence[Topic]) -> dict[str, Topic]:
-    """Name cameras after their topics: ``/cam0/image_raw`` is ``cam0`` unless another topic would get that name."""
+    """Name cameras after their topics: ``/cam0/image_raw`` is ``cam0`` unless another topic has the same name."""
     parts = [topic.name.strip("/").split("/") for topic in topics]
     named = [[part for part in own if not part.startswith("image") and part != "compressed"] for own in parts]
     short = ["_".join(name or own) for name, own in zip(named, parts, strict=True)]
@@ -119,14 +119,14 @@ def _camera_names(topics: Sequence[Topic]) -> dict[str, Topic]:
 
 @dataclass(frozen=True)
 class _Times:
-    """When messages were sent, 0 if they do not say, and when they were recorded, each of shape (messages,)."""
+    """Time stamps of messages, 0 if they have none, and the times at which they were recorded, shape (messages,)."""
 
     stamp_ns: IntArray
     log_ns: IntArray
 
 
 def _read_through(bag: Bag, images: Topic, carrier: Carrier | None) -> tuple[_Times, _Times, FloatArray]:
-    """Return the times of images and of exposures, and exposure and gain of the latter, shape (2, messages)."""
+    """Return the times of images and of exposures, and exposures and gains, shape (2, messages)."""
     image_times, exposure_times = array("q"), array("q")  # a time stamp and a time of recording for each message
     readings = array("d")  # an exposure and a gain for each message
     topic = carrying = images if carrier is None else carrier.topic
@@ -145,7 +145,7 @@ def _read_through(bag: Bag, images: Topic, carrier: Carrier | None) -> tuple[_Ti
     except (DamagedMessageError, OverflowError) as error:
         raise RecordingError(f"{bag.path}: a message of {topic.name} cannot be read: {error}") from None
     if not image_times:
-        raise RecordingError(f"{bag.path}: {images.name} holds no images; choose another with --image-topic")
+        raise RecordingError(f"{bag.path}: {images.name} has no images; choose another topic with --image-topic")
     images_at, exposures_at = (
         _Times(*np.array(pairs, dtype=np.int64).reshape(-1, 2).T.copy()) for pairs in (image_times, exposure_times)
     )
@@ -155,14 +155,14 @@ def _read_through(bag: Bag, images: Topic, carrier: Carrier | None) -> tuple[_Ti
 def _table(
     images: _Times, exposures: _Times, readings: FloatArray, carrier: Carrier | None, path: str
 ) -> tuple[IntArray, FrameTable]:
-    """Return the numbers of the messages that are frames, and a table of these; unlisted ones without a carrier."""
+    """Return the message numbers of the frames, and their table; with unknown exposures if there is no carrier."""
     if carrier is None:
         numbers, stamps_ns, stamp_notes = _increasing(images, np.arange(len(images.log_ns)), path)
         table = unlisted(path, stamps_ns / NS_PER_S, stamped=True)
         return numbers, replace(table, notes=(*table.notes, *stamp_notes))
     source = f"{path}: {escaped(carrier.topic.name)}"
     if not readings.size:
-        raise ExposureError(f"{source}: holds no exposures ({carrier.summary}); state another topic")
+        raise ExposureError(f"{source}: has no exposures ({carrier.summary}); choose another topic")
     exposure, match_notes = _match(images, exposures, source)
     numbers, stamps_ns, stamp_notes = _increasing(images, np.flatnonzero(exposure >= 0), path)
     interval_ms = float(np.median(np.diff(stamps_ns))) / _NS_PER_MS if len(stamps_ns) > 1 else None
@@ -180,8 +180,13 @@ def _table(
 def _match(images: _Times, exposures: _Times, source: str) -> tuple[IntArray, list[str]]:
     """Return the index of the exposure of every image, -1 for none, shape (images,), and notes for the user.
 
-    Time stamps of the camera take precedence; if they are missing or come from different clocks, the times at which
-    the messages were recorded are used. ExposureError if most images have no exposure.
+    Time stamps of the camera take precedence. If they are missing or come from different clocks, the times at which
+    the messages were recorded are used.
+
+    Raises
+    ------
+    ExposureError
+        If most images have no exposure.
     """
     ways = [("time of recording", images.log_ns, exposures.log_ns)]
     if np.all(images.stamp_ns > 0) and np.all(exposures.stamp_ns > 0):
@@ -193,12 +198,12 @@ def _match(images: _Times, exposures: _Times, source: str) -> tuple[IntArray, li
             notes = [] if what == "time stamp" else [f"{source}: exposures are matched to images by {what}"]
             if known < len(found):
                 notes.append(
-                    f"{source}: {len(found) - known} of {counted(len(found), 'image')} left out, without exposure "
-                    f"within {tolerance_ns / 1e6:.3g} ms"
+                    f"{source}: {len(found) - known} of {counted(len(found), 'image')} left out, because no exposure "
+                    f"is within {tolerance_ns / 1e6:.3g} ms"
                 )
             return found, notes
     raise ExposureError(
-        f"{source}: has an exposure for {known} of {counted(len(found), 'image')} only; record an exposure with the "
+        f"{source}: has exposures for only {known} of {counted(len(found), 'image')}; record an exposure with the "
         f"time stamp of every image"
     )
 
@@ -219,13 +224,13 @@ def _increasing(times: _Times, messages: IntArray, path: str) -> tuple[IntArray,
     stamps_ns, notes = times.stamp_ns[messages], []
     if np.any(stamps_ns <= 0):
         stamps_ns = times.log_ns[messages]
-        notes.append(f"{path}: some images have no time stamp; the times of recording are used instead")
+        notes.append(f"{path}: some images have no time stamp; using the times at which they were recorded")
     # An image is kept if it is later than all images before it.
     latest = np.maximum.accumulate(stamps_ns)
     later = np.concatenate([[True], stamps_ns[1:] > latest[:-1]])
     if not later.all():
         count = int(np.count_nonzero(~later))
-        notes.append(f"{path}: {counted(count, 'image')} left out, whose time stamps do not increase")
+        notes.append(f"{path}: {counted(count, 'image')} left out, because time stamps do not increase")
     return messages[later], stamps_ns[later], notes
 
 
@@ -235,7 +240,7 @@ def _in_ms(
     """Return exposure times gain in milliseconds, and notes about the units."""
     values, gains = readings
     unit = carrier.unit or infer_unit(values, interval_ms, source)
-    how = "" if carrier.unit is not None else f" taken as {unit.value}, by their size and the frame rate"
+    how = "" if carrier.unit is not None else f" in {unit.value}, inferred from their size and the frame rate"
     notes = [f"{source}: exposures are {carrier.summary}{how}"]
     gain_unit = carrier.gain_unit
     if gain_unit is None:

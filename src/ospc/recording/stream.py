@@ -1,4 +1,4 @@
-"""Frames from any iterable, and those that can be used; decoding ahead, and other work, in threads."""
+"""Streams of frames: from any iterable, without unusable frames, decoded ahead, or processed in threads."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ Result = TypeVar("Result")
 
 
 def frames_of(items: Iterable[Item], *, max_grey: int | None = None) -> Iterator[Frame]:
-    """Yield frames from any iterable; none is kept.
+    """Yield frames from any iterable, without keeping them.
 
     Parameters
     ----------
@@ -36,7 +36,7 @@ def frames_of(items: Iterable[Item], *, max_grey: int | None = None) -> Iterator
     Raises
     ------
     FrameError
-        If an item is none of these, or an image is not grey.
+        If an item has another type, or an image is not grey.
     ExposureError
         If a known exposure is not finite and positive.
 
@@ -56,7 +56,7 @@ def _frame(item: Any, index: int, max_grey: int | None) -> Frame:
     image, exposure_ms, stamp_s = np.asarray(item[0]), *(*item[1:], index)[:2]
     if image.dtype != np.uint8 and max_grey is None:
         raise FrameError(
-            f"item {index}: has grey values of type {image.dtype}; state max_grey, the largest value of the sensor"
+            f"item {index}: has grey values of type {image.dtype}; pass max_grey, the largest value of the sensor"
         )
     frame = Frame.of_array(image, exposure_ms, index=index, stamp_s=stamp_s, max_grey=max_grey)
     if not np.isnan(frame.exposure_ms):
@@ -65,7 +65,7 @@ def _frame(item: Any, index: int, max_grey: int | None) -> Frame:
 
 
 def usable_frames(frames: Iterable[Frame], unusable: Callable[[str], None] = lambda _why: None) -> Iterator[Frame]:
-    """Yield the frames that have an exposure and an image, which is read; ``unusable`` is told why others are not."""
+    """Yield frames with an exposure and a readable image; ``unusable`` is called with the reason for others."""
     for frame in frames:
         try:
             check_exposure(frame.exposure_ms, frame.name)
@@ -77,8 +77,8 @@ def usable_frames(frames: Iterable[Frame], unusable: Callable[[str], None] = lam
 
 
 _DECODED, _VERIFIED = 3, 64
-"""Images decoded ahead: enough to keep the thread busy, few enough for memory; and frames taken and verified ahead,
-which are small without their images."""
+"""Number of images decoded ahead, enough to keep the thread busy with little memory, and of frames taken and verified
+ahead, which are small without their images."""
 
 
 def decoded_ahead(
@@ -91,13 +91,13 @@ def decoded_ahead(
 ) -> Iterator[Frame]:
     """Yield the same frames in the same order, with images decoded ahead of time in a thread.
 
-    Images and errors are the same as without; only the time of decoding differs. Frames that other threads cannot
-    read (:attr:`Frame.threads`) are passed on unchanged.
+    Images and errors do not change. Frames that other threads cannot read (:attr:`Frame.threads`) are passed on
+    unchanged.
 
-    ``wanted`` is called with how far a frame is ahead of the last one yielded, 1 for the next, and returns whether
-    its image will probably be read; a wrong answer only costs time. ``prepare`` is called with the same, and returns
-    what the thread does with the frame once its image is decoded. At most ``decoded`` images are decoded ahead, and
-    at most ``verified`` frames taken. Only the calling thread iterates over the frames.
+    ``wanted`` is called with the distance of a frame from the last one yielded, 1 for the next, and returns whether
+    its image will probably be read; a wrong answer only costs time. ``prepare`` is called with the same argument and
+    returns a function that the thread calls with the frame after decoding. At most ``decoded`` images are decoded
+    ahead, and at most ``verified`` frames taken. Only the calling thread iterates over the frames.
     """
     source = iter(frames)
     first = next(source, None)
@@ -134,7 +134,7 @@ def _decoding(frame: Frame, worker: ThreadPoolExecutor, prepare: Callable[[Frame
     job = worker.submit(load)
 
     def verify() -> None:
-        # Decoding verifies the image too, so nothing is read twice.
+        # Decoding also verifies the image, so that nothing is read twice.
         job.result()
 
     return replace(frame, load=job.result, verify=None if frame.verify is None else verify)
@@ -148,7 +148,7 @@ def _verifying(frame: Frame, worker: ThreadPoolExecutor) -> Frame:
 
 
 _MOST_WORKERS = 8
-"""More threads only hold more images in memory: writing to disk is the limit."""
+"""Maximum number of threads: more only need memory, because writing to disk is the bottleneck."""
 
 
 def mapped(
@@ -156,9 +156,9 @@ def mapped(
 ) -> Iterator[Result]:
     """Yield the results of ``work``, called in other threads, in the order of the items.
 
-    There is one thread per processor, up to a few, unless ``workers`` says how many. Only the calling thread draws
-    items, at most ``workers + ahead`` before their results are yielded, which bounds the memory. An error of the work
-    or of the items is raised after the work in progress is finished; the rest is dropped.
+    By default there is one thread per processor, up to a limit; ``workers`` sets their number. Only the calling
+    thread takes items, at most ``workers + ahead`` before their results are yielded, which limits memory. An error in
+    the work or the items is raised after the work in progress has finished; the rest is dropped.
     """
     count = workers or min(os.cpu_count() or 1, _MOST_WORKERS)
     pending: deque[Future[Result]] = deque()

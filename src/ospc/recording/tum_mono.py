@@ -47,7 +47,7 @@ def _images(path: Path) -> tuple[ImageSource, tuple[str, ...]]:
         if not archive.is_file():
             return files, ()
         if files.names:
-            return files, (f"{archive} is ignored because {_FOLDER}/ holds images",)
+            return files, (f"{archive} is ignored because {_FOLDER}/ contains images",)
     if not archive.is_file():
         raise RecordingError(f"{path}: has neither {_FOLDER}/ nor {_ARCHIVE}; put the images there")
     return ZipImages.of(archive), ()

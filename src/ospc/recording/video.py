@@ -1,7 +1,7 @@
-"""A video file with a list of exposures beside it.
+"""A video file with a list of exposures next to it.
 
-Videos are decoded frame by frame from the beginning: reading the frames in order costs as much as playing the video,
-going back starts it again.
+Videos are decoded frame by frame from the beginning. Reading the frames in order is as fast as playing the video;
+going back restarts it.
 """
 
 from __future__ import annotations
@@ -26,10 +26,14 @@ from ospc.recording.recording import StoredRecording
 
 
 class VideoStream:
-    """Frames of a video by their number, as one channel (luma if None); an earlier frame restarts the video.
+    """Frames of a video by number, as one channel (luma if None); reading an earlier frame restarts the video.
 
-    Threads may share it; their reads are serialised. RecordingError if it cannot be decoded or its frames are too
-    large.
+    It is thread-safe; reads are serialised.
+
+    Raises
+    ------
+    RecordingError
+        If the video cannot be decoded or its frames are too large.
     """
 
     def __init__(self, path: Path, channel: Channel | None = None) -> None:
@@ -47,13 +51,13 @@ class VideoStream:
 
     @property
     def stated_frames(self) -> int:
-        """Number of frames that the container states, possibly an estimate; 0 if it states none."""
+        """Number of frames in the header, which may be an estimate; 0 if it is missing."""
         stated = self._capture.get(cv2.CAP_PROP_FRAME_COUNT)
         return int(stated) if 0 < stated < 2**31 else 0
 
     @property
     def fps(self) -> float:
-        """Frame rate that the container states, in frames per second."""
+        """Frame rate in the header, in frames per second."""
         return float(self._capture.get(cv2.CAP_PROP_FPS))
 
     def read(self, index: int) -> Image:
@@ -69,12 +73,12 @@ class VideoStream:
                 self._next += 1
             done, image = self._capture.retrieve()
         if not done or image is None:
-            raise FrameError(f"{self._path}[{index}]: the frame cannot be decoded; leave it out")
+            raise FrameError(f"{self._path}[{index}]: the frame cannot be decoded; remove it")
         grey: Image = image if image.ndim == 2 else self._channel.of(image)
         return grey
 
     def count(self) -> int:
-        """Return the number of frames, by playing the rest of the video."""
+        """Return the number of frames after playing the rest of the video."""
         with self._lock:
             while self._capture.grab():
                 self._next += 1
@@ -89,7 +93,7 @@ def count_frames(path: Path) -> int:
 
 def _capture(path: Path) -> cv2.VideoCapture:
     try:
-        # A full path is never taken for a URL, and the same decoder gives the same pixels on every system.
+        # A full path is never mistaken for a URL, and one decoder gives the same pixels on every system.
         capture = cv2.VideoCapture(str(path.resolve()), cv2.CAP_FFMPEG)
     except cv2.error:
         capture = cv2.VideoCapture()
@@ -102,7 +106,7 @@ def _capture(path: Path) -> cv2.VideoCapture:
             f"{path}: frames of {width:.0f}x{height:.0f} pixels need more than the {MAX_DECODED_BYTES} bytes "
             f"allowed; scale the video down"
         )
-    # Response and vignette belong to the axes of the sensor.
+    # Response and vignette refer to the axes of the sensor.
     capture.set(cv2.CAP_PROP_ORIENTATION_AUTO, 0)
     return capture
 
@@ -111,13 +115,13 @@ _SIGNATURES = ((4, b"ftyp"), (4, b"moov"), (0, b"\x1aE\xdf\xa3"), (8, b"AVI "))
 """Offsets and bytes that identify MP4 and MOV, MKV and WebM, and AVI files."""
 
 _HEAD_BYTES = 16
-"""Read to recognise a video; all signatures lie within."""
+"""Bytes read to recognise a video; they include all signatures."""
 
 _MAX_FPS = 100_000
-"""A frame rate above this is a damaged header, not a rate."""
+"""Largest plausible frame rate; a higher one is a damaged header."""
 
 _SAMPLE_BYTES = 65536
-"""Bytes of the file that identify the recording, for each sampled frame."""
+"""Bytes of the file per sampled frame that identify the recording."""
 
 
 class _Video:
@@ -146,8 +150,8 @@ class _Video:
                 size = size_of(stream.read(0))
             except FrameError as error:
                 advice = "convert the video to MJPEG or H.264"
-                raise RecordingError(f"{path}: not one frame can be decoded; {advice}") from error
-        # The number a container states is often an estimate; counting takes a pass over the video.
+                raise RecordingError(f"{path}: no frame can be decoded; {advice}") from error
+        # The number in the header is often an estimate; counting takes a pass over the video.
         frames = stated if stated == len(table) else count_frames(path)
         if frames != len(table):
             raise RecordingError(
@@ -175,7 +179,7 @@ class _VideoRecording(StoredRecording):
             yield self._frame(index, f"{escaped(self.path.name)}[{index}]", partial(self._load, stream, index))
 
     def stored_bytes(self, index: int) -> bytes:
-        # A piece of the file, as far into it as the frame is into the video.
+        # A part of the file at the relative position of the frame in the video.
         with os_error_as(FrameError, f"{self.path}: cannot be read", "check the file"), self.path.open("rb") as file:
             file.seek(self.path.stat().st_size * index // len(self))
             return file.read(_SAMPLE_BYTES)
@@ -187,16 +191,16 @@ class _VideoRecording(StoredRecording):
 
 
 def _list_of(path: Path) -> Path:
-    """Return the list of exposures: named like the video, or the only one with a usual name."""
+    """Return the list of exposures: the one named like the video, or the only one with a usual name."""
     own = [path.with_name(name) for name in (f"{path.stem}.csv", f"{path.stem}.txt", f"{path.name}.csv")]
     usual = [path.with_name(name) for name in ("exposures.csv", "times.txt")]
     found = [place for place in own if place.is_file()] or [place for place in usual if place.is_file()]
-    advice = f"put {path.stem}.csv beside it, with a header 'timestamp_s,exposure_ms' and a line for each frame"
+    advice = f"put {path.stem}.csv next to it, with a header 'timestamp_s,exposure_ms' and a line for each frame"
     return only_list(found, path, advice)
 
 
 def _stamps(table: FrameTable, fps: float, path: Path, channel: Channel | None) -> tuple[FloatArray, tuple[str, ...]]:
-    """Return the time stamps in the list, or those of the frame rate if it has none, and the notes."""
+    """Return the time stamps in the list, or from the frame rate if it has none, and the notes."""
     taken = "luma" if channel in (None, Channel.LUMINANCE) else channel.value
     converted = () if channel is Channel.ALL else (f"{path}: frames are converted to 8-bit {taken}",)
     notes = (*table.notes, *converted)
@@ -204,7 +208,7 @@ def _stamps(table: FrameTable, fps: float, path: Path, channel: Channel | None) 
         return table.stamps_s, notes
     stamps_s = np.arange(len(table)) / fps
     stamps_s.setflags(write=False)
-    return stamps_s, (*notes, f"{path}: time stamps follow the frame rate of {fps:g} per second")
+    return stamps_s, (*notes, f"{path}: time stamps are computed from the frame rate of {fps:g} per second")
 
 
 KIND = _Video()

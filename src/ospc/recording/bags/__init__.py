@@ -1,1 +1,1 @@
-"""The contents of ROS bags: files, messages, the images in them, and the exposures recorded with the images."""
+"""The contents of ROS bags: files, messages, images, and their exposures."""

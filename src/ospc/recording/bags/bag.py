@@ -1,4 +1,4 @@
-"""A bag: one file, or several of a folder that follow each other; and which of its topics are read if nobody says."""
+"""Bags, which are a file or a folder of consecutive files, and the selection of their topics."""
 
 from __future__ import annotations
 
@@ -19,25 +19,25 @@ IMAGE_TYPES = (RAW, COMPRESSED)
 _SUFFIXES = (".bag", ".mcap", ".db3")
 _COMPRESSED_SUFFIXES = (".mcap.zstd", ".db3.zstd", ".mcap.zst", ".db3.zst")
 _MAX_FILES = 10_000
-"""Folders with more files are refused; a day in files of a minute has 1440."""
+"""Maximum number of files in a folder; a day in files of one minute has 1440."""
 
 _HEAD_BYTES = 16
-"""Read to recognise the format of a file."""
+"""Bytes read to recognise the format of a file."""
 
 _OPENERS = {MCAP_START: McapFile, ROS1_START: Ros1File, SQLITE_START: Sqlite3File}
-"""Class of the files that begin with each magic number."""
+"""Class for each magic number at the beginning of a file."""
 
 
 @dataclass(frozen=True)
 class Bag:
-    """A bag: its path, and its files in the order of their names."""
+    """A bag with its path and its files, sorted by name."""
 
     path: Path
     files: tuple[BagFile, ...]
 
     @classmethod
     def at(cls, path: Path) -> Bag:
-        """Open a file or folder; RecordingError if it is not a bag, or damaged."""
+        """Open a file or folder; RecordingError if it is not a bag or is damaged."""
         if not path.is_dir():
             return cls(path, (_file(path),))
         paths = _files_of(path)
@@ -45,9 +45,9 @@ class Bag:
             packed = [p for p in sorted(path.iterdir()) if p.name.endswith(_COMPRESSED_SUFFIXES)]
             if packed:
                 raise RecordingError(f"{packed[0]}: is a compressed file; unpack it with 'zstd -d {packed[0].name}'")
-            raise RecordingError(f"{path}: holds no bag; it must hold .bag, .mcap or .db3 files")
+            raise RecordingError(f"{path}: has no bag; it must contain .bag, .mcap or .db3 files")
         if len({p.suffix for p in paths}) > 1:
-            raise RecordingError(f"{path}: holds bags of several formats; open one of its files")
+            raise RecordingError(f"{path}: contains bags of several formats; open one of its files")
         return cls(path, tuple(_file(p) for p in paths))
 
     @property
@@ -71,13 +71,13 @@ class Bag:
         return tuple(sorted(found.values(), key=lambda topic: by_name(topic.name)))
 
     def messages(self, names: Collection[str], start_ns: int | None = None) -> Iterator[Message]:
-        """Yield messages as :meth:`~ospc.recording.bags.container.BagFile.messages` of all files."""
+        """Yield the :meth:`~ospc.recording.bags.container.BagFile.messages` of all files."""
         for file in self.files:
             yield from file.messages(names, start_ns)
 
 
 def is_bag(path: Path) -> bool:
-    """Tell whether a path is a bag: a file that begins like one, or a folder with such files."""
+    """Return whether a path is a bag: a file with a known magic number, or a folder with such files."""
     if path.is_dir():
         names = (p.name for p in path.iterdir())
         return bool(_files_of(path)) or any(name.endswith(_COMPRESSED_SUFFIXES) for name in names)
@@ -89,7 +89,7 @@ def _files_of(folder: Path) -> list[Path]:
         (p for p in folder.iterdir() if p.suffix in _SUFFIXES and p.is_file()), key=lambda p: by_name(p.name)
     )
     if len(paths) > _MAX_FILES:
-        raise RecordingError(f"{folder}: holds more than the {_MAX_FILES} files allowed; open one of them")
+        raise RecordingError(f"{folder}: has more than the {_MAX_FILES} files allowed; open one of them")
     return paths
 
 
@@ -105,31 +105,31 @@ def _file(path: Path) -> BagFile:
     opener = _opener(path)
     if opener is None:
         what = "is empty" if path.is_file() and path.stat().st_size == 0 else "is not a ROS bag"
-        raise RecordingError(f"{path}: {what}; expected a .bag of ROS 1, or .mcap or .db3 of ROS 2")
+        raise RecordingError(f"{path}: {what}; expected a ROS 1 .bag, or a ROS 2 .mcap or .db3 file")
     return opener(path)
 
 
 _NOT_PHOTOGRAPHS = ("depth", "disparity", "segmentation", "mask", "label")
-"""Topics of images whose names contain one of these hold something other than grey values."""
+"""Words in the names of image topics whose pixels are not grey values."""
 
 
 def image_topic(bag: Bag, options: ReadingOptions) -> tuple[Topic, list[str]]:
-    """Return the topic with the images, and notes about the choice; RecordingError if there is none."""
+    """Return the topic of the images, and notes about the choice; RecordingError if there is none."""
     if options.image_topic is not None:
         topic = _named(bag, options.image_topic)
         if topic.type not in IMAGE_TYPES:
-            raise RecordingError(f"{bag.path}: {topic.name} has no images but {topic.type}; see --list-topics")
+            raise RecordingError(f"{bag.path}: {topic.name} has {topic.type} instead of images; see --list-topics")
         return topic, []
     found = image_topics(bag)
     if not found:
         raise RecordingError(f"{bag.path}: has no topic with images; it has {_names(bag.topics)}")
     first, *others = found
     names = listed([topic.name for topic in others])
-    return first, [f"{escaped(first.name)} is read; choose {names} with --image-topic"] if others else []
+    return first, [f"reading {escaped(first.name)}; choose {names} with --image-topic"] if others else []
 
 
 def image_topics(bag: Bag) -> list[Topic]:
-    """Return the topics with images of cameras, one per camera, without depth; raw images before compressed ones."""
+    """Return the topics of camera images, one per camera, without depth; raw images before compressed ones."""
     images = [t for t in bag.topics if t.type in IMAGE_TYPES and t.messages != 0]
     grey = [t for t in images if not any(word in t.name.lower() for word in _NOT_PHOTOGRAPHS)] or images
     raw = [t for t in grey if t.type == RAW]
@@ -138,7 +138,7 @@ def image_topics(bag: Bag) -> list[Topic]:
 
 
 def uses(bag: Bag) -> list[tuple[Topic, str]]:
-    """Return every topic with what it can be used for: ``images``, ``exposures``, or an empty text."""
+    """Return every topic with its possible use: ``images``, ``exposures``, or an empty text."""
     carriers = {topic.name for topic in candidates(bag.topics)}
     return [
         (topic, "images" if topic.type in IMAGE_TYPES else "exposures" if topic.name in carriers else "")
@@ -147,9 +147,12 @@ def uses(bag: Bag) -> list[tuple[Topic, str]]:
 
 
 def exposure_topic(bag: Bag, images: Topic, options: ReadingOptions) -> Topic:
-    """Return the topic with the exposures of the images on another topic.
+    """Return the topic with the exposures of images on another topic.
 
-    ExposureError if there is none, or several with names equally similar to that of the images.
+    Raises
+    ------
+    ExposureError
+        If there is none, or several have names equally similar to the topic of the images.
     """
     if options.exposure_topic is not None:
         return _named(bag, options.exposure_topic)
@@ -158,24 +161,25 @@ def exposure_topic(bag: Bag, images: Topic, options: ReadingOptions) -> Topic:
     found = [t for t in carriers if own_exposure_topic(bag, t.name, images, cameras) == t.name]
     if not found:
         raise ExposureError(
-            f"{bag.path}: no topic is known to hold the exposures of {images.name}; state it with "
-            f"--exposure-topic and --exposure-field; there are {_names(bag.topics)}"
+            f"{bag.path}: no topic is known to have the exposures of {images.name}; state it with "
+            f"--exposure-topic and --exposure-field; topics are {_names(bag.topics)}"
         )
     shared = [_shared(t.name, images.name) for t in found]
     best = [t for t, count in zip(found, shared, strict=True) if count == max(shared)]
     if len(best) > 1:
         raise ExposureError(
-            f"{bag.path}: several topics may hold the exposures of {images.name} "
+            f"{bag.path}: several topics may have the exposures of {images.name} "
             f"({listed([t.name for t in best])}); state one with --exposure-topic"
         )
     return best[0]
 
 
 def own_exposure_topic(bag: Bag, stated: str, images: Topic, cameras: Sequence[Topic]) -> str | None:
-    """Return the topic with the exposures of one of several cameras, when the user stated one topic for all.
+    """Return the exposure topic of one of several cameras, given the topic that the user stated for all.
 
-    Exposures below the name of one camera, such as ``/cam0/exposure``, are those of this camera; others have them at
-    the same place below their own name, otherwise None. A topic of no particular camera serves all.
+    A topic below the name of a camera, such as ``/cam0/exposure``, belongs to this camera. Another camera has its own
+    topic at the same position below its name; if that does not exist, the result is None. A topic that belongs to no
+    particular camera is used for all.
     """
     shared = {camera.name: _shared(camera.name, stated) for camera in (images, *cameras)}
     owner = max(shared, key=shared.__getitem__)
@@ -188,7 +192,7 @@ def own_exposure_topic(bag: Bag, stated: str, images: Topic, cameras: Sequence[T
 
 
 def _shared(name: str, other: str) -> int:
-    """Return how many leading parts two names of topics have in common."""
+    """Return how many leading parts two topic names have in common."""
     pairs = list(zip(name.strip("/").split("/"), other.strip("/").split("/"), strict=False))
     return next((count for count, (part, other_part) in enumerate(pairs) if part != other_part), len(pairs))
 
@@ -201,4 +205,4 @@ def _named(bag: Bag, name: str) -> Topic:
 
 
 def _names(topics: tuple[Topic, ...]) -> str:
-    return listed([f"{t.name} ({t.type})" for t in topics]) if topics else "none at all"
+    return listed([f"{t.name} ({t.type})" for t in topics]) if topics else "none"

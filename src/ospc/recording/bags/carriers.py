@@ -1,4 +1,4 @@
-"""Messages that carry exposures: which they are, and where the exposure and its gain are in them.
+"""Messages that carry exposures, and the fields with exposure and gain.
 
 Sources: the definitions of these messages and the documentation of the drivers that send them.
 """
@@ -28,18 +28,17 @@ from ospc.recording.exposure_units import REALSENSE_UNIT_GAIN, ExposureUnit, Gai
 from ospc.recording.options import ReadingOptions
 
 _MAX_TEXT_CHARACTERS = 100_000
-"""Longer metadata texts are ignored; those of RealSense cameras have about 1000 characters."""
+"""Maximum length of metadata texts; those of RealSense cameras have about 1000 characters."""
 
 _Extract = Callable[[Any], tuple[float, float] | None]
-"""Returns the exposure and gain (1 for none) in a message, each in its unit; None if it holds none."""
+"""Returns exposure and gain (1 for none) of a message in their units; None if it has no exposure."""
 
 
 @dataclass(frozen=True)
 class Carrier:
     """How the messages of a topic carry exposures, with a summary of fields and units for the user.
 
-    A unit is None to infer that of exposures from the numbers, or if only the maker of the camera knows that of the
-    gain.
+    ``unit`` is None to infer it from the numbers; ``gain_unit`` is None if only the manufacturer knows it.
     """
 
     topic: Topic
@@ -49,9 +48,12 @@ class Carrier:
     summary: str
 
     def readings(self) -> Callable[[bytes], tuple[float, float, int] | None]:
-        """Return a function that reads exposure, gain and time stamp in ns, 0 for none, of serialised messages.
+        """Return a function that reads exposure, gain and time stamp in ns (0 for none) from serialised messages.
 
-        DamagedMessageError if the bag does not define them.
+        Raises
+        ------
+        DamagedMessageError
+            If the bag does not define the type of the messages.
         """
         topic = self.topic
         kind = _type_of(topic)
@@ -62,7 +64,7 @@ class Carrier:
                 found = self.extract(message)
                 return None if found is None else (*found, stamp_ns_of(message))
             except (AttributeError, TypeError, ValueError, OverflowError):
-                # The bag may define a type of a known name in another way.
+                # The bag may define a known type in another way.
                 raise DamagedMessageError(f"messages of type {quoted(topic.type)} have unexpected fields") from None
 
         return read
@@ -73,7 +75,7 @@ def _type_of(topic: Topic) -> MessageType:
 
 
 def _number(value: Any, field: str) -> float:
-    """Return a value of a message as a number; a list of one item counts as the item, a duration as seconds."""
+    """Return a value of a message as a number, from a list its only item, and from a duration seconds."""
     if isinstance(value, np.ndarray | list):
         if len(value) != 1:
             raise DamagedMessageError(f"{field} has {len(value)} values; choose one, as in {field}[0]")
@@ -95,7 +97,7 @@ def _fields(exposure: str, gain: str | None) -> _Extract:
 
 
 def _realsense(message: Any) -> tuple[float, float] | None:
-    """Read the JSON text that the ROS node of RealSense sends with every frame."""
+    """Read the JSON text that the RealSense ROS node sends with every frame."""
     if len(message.json_data) > _MAX_TEXT_CHARACTERS:
         return None
     try:
@@ -106,7 +108,7 @@ def _realsense(message: Any) -> tuple[float, float] | None:
 
 
 def _realsense_text(message: Any) -> tuple[float, float] | None:
-    """Read the text that RealSense's own recorder writes for every frame: ``Actual Exposure=5000;Gain Level=32;``."""
+    """Read the text that the RealSense recorder writes for every frame: ``Actual Exposure=5000;Gain Level=32;``."""
     if len(message.data) > _MAX_TEXT_CHARACTERS:
         return None
     pairs = (pair.partition("=") for pair in message.data.split(";"))
@@ -122,7 +124,7 @@ def _realsense_exposure(metadata: dict[str, Any]) -> tuple[float, float] | None:
 
 
 def _diagnostics(message: Any) -> tuple[float, float] | None:
-    """Read what libcamera reports of a frame as pairs of texts."""
+    """Read the metadata of libcamera, which are pairs of texts."""
     for status in message.status:
         said = {pair.key: pair.value for pair in status.values}
         if "ExposureTime" in said:
@@ -140,7 +142,7 @@ _KNOWN: dict[str, tuple[_Extract, ExposureUnit, GainUnit | None, str]] = {
     "Metadata": (_realsense, _US, _LINEAR, f"actual_exposure in µs, gain_level / {_GAIN}"),
     "DiagnosticArray": (_diagnostics, _US, _LINEAR, "ExposureTime in µs, AnalogueGain × DigitalGain as linear gain"),
 }
-"""How known messages carry exposures, by the last part of the type, which is the same in all versions of drivers."""
+"""How known messages carry exposures, by the last part of their type, which all versions of a driver share."""
 
 _TEXT = "std_msgs/msg/String"
 
@@ -148,11 +150,11 @@ _NUMBERS = tuple(
     f"std_msgs/msg/{name}" for name in ("Float32", "Float64", "Int16", "UInt16", "Int32", "UInt32", "Int64", "UInt64")
 )
 _EXPOSURE_WORDS = ("exposure", "shutter")
-"""A topic of plain numbers carries exposures if its name contains one of these."""
+"""A topic of plain numbers carries exposures if its name contains one of these words."""
 
 
 def candidates(topics: tuple[Topic, ...]) -> Iterator[Topic]:
-    """Yield the topics that carry exposures, judging by their types and names."""
+    """Yield the topics that carry exposures according to their types and names."""
     for topic in topics:
         named = any(word in topic.name.lower() for word in _EXPOSURE_WORDS)
         if _known(topic) is not None and (topic.type not in _NUMBERS or named):
@@ -169,17 +171,18 @@ def _known(topic: Topic) -> Carrier | None:
 
 
 def carrier_of(topic: Topic, options: ReadingOptions) -> Carrier:
-    """Return how the messages of a topic carry exposures; the user's statements take precedence.
+    """Return how the messages of a topic carry exposures; options of the user take precedence.
 
-    ExposureError if the field with the exposures has to be stated.
+    Raises
+    ------
+    ExposureError
+        If the user must state the field with the exposures.
     """
     carrier = _known(topic)
     if options.exposure_field is not None:
         for field in filter(None, (options.exposure_field, options.gain_field)):
             if not is_field(field):
-                raise ExposureError(
-                    f"{quoted(field)} is not the name of a field, such as exposure_time or info.shutter[0]"
-                )
+                raise ExposureError(f"{quoted(field)} is not a field name, such as exposure_time or info.shutter[0]")
         extract = _fields(options.exposure_field, options.gain_field)
         carrier = Carrier(topic, extract, None, _LINEAR, f"the field {options.exposure_field}")
     if carrier is None:

@@ -1,4 +1,4 @@
-"""Files of bags: what all have in common, and those of ROS 1 and SQLite, which the package rosbags reads."""
+"""Bag files: their common base class, and ROS 1 and SQLite files, which the package rosbags reads."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ if TYPE_CHECKING:
     from rosbags.interfaces import Connection
 
 MAX_CHUNK_BYTES = 256 * 2**20
-"""Larger chunks and messages are refused, before and after decompression."""
+"""Maximum size of chunks and messages, before and after decompression."""
 
 MAX_TOPICS = 20_000
-"""Bags with more topics are refused; large robots have a few hundred."""
+"""Maximum number of topics; large robots have a few hundred."""
 
 ROS1_START, SQLITE_START = b"#ROSBAG V", b"SQLite format 3\0"
 _ZSTD_START = b"\x28\xb5\x2f\xfd"
@@ -32,21 +32,21 @@ _ZSTD_START = b"\x28\xb5\x2f\xfd"
 
 _SQLITE_HEADER_BYTES = 100
 _SQLITE_LARGEST_PAGE = 65536
-"""Page size that a header states as 1, since it does not fit 16 bits."""
+"""Page size that a header states as 1, because it exceeds 16 bits."""
 
 _QUOTED_CHARACTERS = 120
-"""Characters of a library's own message that an error quotes."""
+"""Maximum length of a library message that an error quotes."""
 
 Encoding = Literal["ros1", "cdr"]
-"""Serialisation of messages: that of ROS 1, or the Common Data Representation of ROS 2."""
+"""Serialisation of messages: ROS 1, or the Common Data Representation of ROS 2."""
 
 
 @dataclass(frozen=True)
 class Topic:
-    """A topic of a bag: name and type such as ``/camera/image_raw`` and ``sensor_msgs/msg/Image``, as in ROS 2.
+    """A topic of a bag, with name and type as in ROS 2, such as ``/camera/image_raw`` and ``sensor_msgs/msg/Image``.
 
-    ``messages`` is None if the bag does not state their number; ``definition`` is that of the type, empty if the bag
-    does not include it, and ``idl`` whether it is in IDL.
+    ``messages`` is None if the bag does not state their number. ``definition`` is the definition of the type, empty
+    if the bag does not include it, and ``idl`` is whether it is in IDL.
     """
 
     name: str
@@ -58,7 +58,7 @@ class Topic:
 
 
 class Message(NamedTuple):
-    """A serialised message, the name of its topic, and when it was recorded."""
+    """A serialised message with the name of its topic and the time at which it was recorded."""
 
     topic: str
     log_ns: int
@@ -66,9 +66,14 @@ class Message(NamedTuple):
 
 
 class BagFile(ABC):
-    """One file of a bag, and its topics.
+    """A file of a bag, and its topics.
 
-    RecordingError if it is damaged or ends early; MissingExtraError without the optional dependency for bags.
+    Raises
+    ------
+    RecordingError
+        If the file is damaged or truncated.
+    MissingExtraError
+        If the optional dependency for bags is not installed.
     """
 
     _ADVICE: ClassVar[str]
@@ -79,16 +84,16 @@ class BagFile(ABC):
             self.topics = tuple(self._topics(reader))
 
     def messages(self, names: Collection[str], start_ns: int | None = None) -> Iterator[Message]:
-        """Yield the messages of the named topics one by one, in the same order every time.
+        """Yield the messages of the named topics, always in the same order.
 
-        Those recorded before ``start_ns`` are skipped. RecordingError if the file is damaged.
+        Messages recorded before ``start_ns`` are skipped. RecordingError if the file is damaged.
         """
         with self._reader(names) as reader:
             yield from self._messages(reader, names, start_ns)
 
     @abstractmethod
     def _open(self, names: Collection[str]) -> AbstractContextManager[Any]:
-        """Open a reader of the file that needs messages of these topics only."""
+        """Open a reader that only needs messages of these topics."""
 
     @abstractmethod
     def _topics(self, reader: Any) -> Iterator[Topic]: ...
@@ -98,8 +103,8 @@ class BagFile(ABC):
 
     @contextmanager
     def _reader(self, names: Collection[str]) -> Iterator[Any]:
-        """Open a reader; turn every error of a library for a damaged file into one error that names the file."""
-        unread = os_error_as(RecordingError, f"{self.path}: cannot be read", "check the file and its rights")
+        """Open a reader, and turn errors of the library into a RecordingError that names the file."""
+        unread = os_error_as(RecordingError, f"{self.path}: cannot be read", "check the file and its permissions")
         try:
             with unread, self._open(names) as reader:
                 yield reader
@@ -113,14 +118,17 @@ class BagFile(ABC):
         except Exception as error:
             said = said_by(error, _QUOTED_CHARACTERS)
             why = f" ({said})" if said else ""
-            raise RecordingError(f"{self.path}: the bag is damaged or ends early{why}; {self._ADVICE}") from None
+            raise RecordingError(f"{self.path}: the bag is damaged or truncated{why}; {self._ADVICE}") from None
 
 
 def expand(data: bytes, compression: str, size: int | None = None) -> bytes:
-    """Decompress ``zstd``, ``lz4``, ``bz2``, or ``none``, to exactly ``size`` bytes if it is stated.
+    """Decompress ``zstd``, ``lz4``, ``bz2``, or ``none``, to exactly ``size`` bytes if given.
 
-    RecordingError if another number comes out, or more than
-    :data:`~ospc.recording.bags.container.MAX_CHUNK_BYTES`, or the compression is unknown.
+    Raises
+    ------
+    RecordingError
+        If the result has another size or exceeds :data:`~ospc.recording.bags.container.MAX_CHUNK_BYTES`, or the
+        compression is unknown.
     """
     limit = MAX_CHUNK_BYTES if size is None else size
     if limit > MAX_CHUNK_BYTES:
@@ -137,7 +145,7 @@ def expand(data: bytes, compression: str, size: int | None = None) -> bytes:
 
 
 def _decompressor(compression: str) -> bz2.BZ2Decompressor:
-    """Return an incremental decompressor; all have the interface of that in bz2."""
+    """Return an incremental decompressor with the interface of bz2."""
     if compression == "bz2":
         return bz2.BZ2Decompressor()
     with needs_extra("reading compressed bags", "ros"):
@@ -152,7 +160,7 @@ def _decompressor(compression: str) -> bz2.BZ2Decompressor:
 
 
 class RosbagsFile(BagFile):
-    """A file that a reader of rosbags reads; the formats differ in how it is opened."""
+    """A file read by the package rosbags; subclasses open it."""
 
     _ENCODING: ClassVar[Encoding]
 
@@ -189,9 +197,9 @@ class RosbagsFile(BagFile):
 
 
 class Ros1File(RosbagsFile):
-    """A bag of ROS 1."""
+    """A ROS 1 bag."""
 
-    _ADVICE = "record it again, or save the intact part with 'rosbag reindex'"
+    _ADVICE = "record it again, or recover the intact part with 'rosbag reindex'"
     _ENCODING = "ros1"
 
     @contextmanager
@@ -200,7 +208,7 @@ class Ros1File(RosbagsFile):
             from rosbags.rosbag1.reader import IndexData, Reader, decompressors
 
         class SparingReader(Reader):
-            """Keeps the index of some topics only: that of an IMU can be larger than its messages."""
+            """Only keeps the index of the requested topics: the index of an IMU can be larger than its messages."""
 
             def read_index_data(self, pos: int, indexes: dict[int, list[IndexData]]) -> None:
                 found: defaultdict[int, list[IndexData]] = defaultdict(list)
@@ -223,9 +231,9 @@ class Ros1File(RosbagsFile):
 
 
 class Sqlite3File(RosbagsFile):
-    """A file of a bag of ROS 2 in SQLite."""
+    """A ROS 2 bag file in SQLite."""
 
-    _ADVICE = "record it again, or save the intact part with 'sqlite3 FILE .recover'"
+    _ADVICE = "record it again, or recover the intact part with 'sqlite3 FILE .recover'"
     _ENCODING = "cdr"
 
     @contextmanager
@@ -244,18 +252,18 @@ class Sqlite3File(RosbagsFile):
             reader.close()
 
     def _expanded(self, data: bytes) -> bytes:
-        # Bags may compress each message by itself; plain ones never begin like that.
+        # Bags may compress messages individually; uncompressed ones never begin like this.
         return expand(data, "zstd") if data.startswith(_ZSTD_START) else data
 
 
 def _check_length(path: Path) -> None:
-    """Refuse a database shorter than its header says; SQLite itself notices only where it reads."""
+    """Raise a RecordingError if a database is shorter than stated in its header; SQLite may not notice."""
     with path.open("rb") as file:
         header = file.read(_SQLITE_HEADER_BYTES)
         size = os.fstat(file.fileno()).st_size
     page_bytes, changes, pages = struct.unpack_from(">H6xII", header, 16)
     (valid_for,) = struct.unpack_from(">I", header, 92)
     page_bytes = _SQLITE_LARGEST_PAGE if page_bytes == 1 else page_bytes
-    # If the two counters differ, the number of pages is not kept up to date (SQLite file format, section 1.3.7).
+    # If the two counters differ, the number of pages is not up to date (SQLite file format, section 1.3.7).
     if changes == valid_for and size < pages * page_bytes:
-        raise RecordingError("the bag ends early")
+        raise RecordingError("the bag is truncated")

@@ -1,7 +1,7 @@
 """Images in the messages of a bag: ``sensor_msgs/Image`` and ``sensor_msgs/CompressedImage``.
 
-Sources: the definitions of these messages, the names of encodings in ``sensor_msgs/image_encodings.h``, and the
-format text that ``compressed_image_transport`` writes.
+Sources: the definitions of these messages, the encodings in ``sensor_msgs/image_encodings.h``, and the format text
+written by ``compressed_image_transport``.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from ospc.recording.pixel_layout import StoredImage
 
 @dataclass(frozen=True)
 class _Layout:
-    """Values per pixel and bits per value; positions of blue, green and red, or of the luma beside chroma."""
+    """Values per pixel, bits per value, and the positions of blue, green and red, or of luma among chroma."""
 
     channels: int
     bits: int
@@ -50,22 +50,26 @@ _ENCODINGS = {
     **{f"bayer_{pattern}8": _GREY8 for pattern in Mosaic.PATTERNS},
     **{f"bayer_{pattern}16": _GREY16 for pattern in Mosaic.PATTERNS},
 }
-"""Layout of every encoding of ROS that is read."""
+"""Layouts of the supported ROS encodings."""
 
 
 def read_stamp_ns(data: bytes, topic: Topic) -> int:
-    """Return the time stamp of an image message in nanoseconds; 0 if the camera gave none, or it is damaged."""
+    """Return the time stamp of an image message in nanoseconds; 0 if it has none or is damaged."""
     try:
         return max(0, stamp_ns_of(_type(topic.type, topic.encoding).decode(data)))
     except DamagedMessageError:
-        return 0  # the error is raised when the image is read
+        return 0  # reading the image raises the error
 
 
 def read_image(data: bytes, kind: str, encoding: Encoding, name: str, channel: Channel | None = None) -> StoredImage:
     """Read a message of one of the :data:`IMAGE_TYPES`; the image is called ``name`` in messages to the user.
 
-    FrameError if it holds no image, or one that is damaged or not a photograph; DamagedMessageError if it is not a
-    message of this type.
+    Raises
+    ------
+    FrameError
+        If the message has no image, or the image is damaged or does not have grey values.
+    DamagedMessageError
+        If the message is not of this type.
     """
     message = _type(kind, encoding).decode(data)
     return image_of(message, name, channel) if kind == RAW else _compressed(message, name, channel)
@@ -82,15 +86,14 @@ def image_of(message: Any, name: str, channel: Channel | None = None) -> StoredI
     layout = _ENCODINGS.get(encoding)
     if layout is None:
         raise FrameError(
-            f"{name}: images with the encoding {quoted(encoding)} cannot be read; record mono, Bayer or RGB"
+            f"{name}: images with the encoding {quoted(encoding)} are not supported; record mono, Bayer or RGB"
         )
     row_bytes = width * layout.channels * layout.bits // 8
     if not width or not height or step < row_bytes or len(message.data) < step * (height - 1) + row_bytes:
         raise FrameError(
-            f"{name}: its {len(message.data)} bytes do not hold {width}x{height} pixels of {quoted(encoding)}; "
-            f"leave it out"
+            f"{name}: its {len(message.data)} bytes are not {width}x{height} pixels of {quoted(encoding)}; remove it"
         )
-    # The padding at the ends of rows is left out.
+    # Without the padding at the ends of rows.
     rows = np.lib.stride_tricks.as_strided(message.data, (height, row_bytes), (step, 1), writeable=False)
     pixels: Image = np.ascontiguousarray(rows)
     if layout.bits == 16:
@@ -100,7 +103,7 @@ def image_of(message: Any, name: str, channel: Channel | None = None) -> StoredI
         return StoredImage((channel or Channel.LUMINANCE).of(ordered), colour=True)
     if layout.order or encoding.startswith("nv"):
         if channel not in (None, Channel.LUMINANCE, Channel.ALL):
-            raise FrameError(f"{name}: {encoding} has no {channel.value} channel; take the luminance")
+            raise FrameError(f"{name}: {encoding} has no {channel.value} channel; use the luminance")
         luma = pixels.reshape(height, width, layout.channels)[:, :, layout.order[0] if layout.order else 0]
         return StoredImage(np.ascontiguousarray(luma), colour=True)
     return StoredImage(pixels, mosaic=Mosaic(encoding[6:10]) if encoding.startswith("bayer_") else None)
@@ -109,7 +112,7 @@ def image_of(message: Any, name: str, channel: Channel | None = None) -> StoredI
 def _compressed(message: Any, name: str, channel: Channel | None) -> StoredImage:
     said = message.format
     if "compressedDepth" in said:
-        raise FrameError(f"{name}: holds depth, not grey values; choose another topic with --image-topic")
+        raise FrameError(f"{name}: is a depth image without grey values; choose another topic with --image-topic")
     stored = decode_stored(message.data.tobytes(), name, channel)
     pattern = said[6:10] if said.startswith("bayer_") else ""
     if stored.colour or pattern not in Mosaic.PATTERNS:
@@ -118,14 +121,14 @@ def _compressed(message: Any, name: str, channel: Channel | None) -> StoredImage
 
 
 _READ_ON = 64
-"""Images further ahead than this are searched for by time instead of reading all messages up to them."""
+"""Number of messages read to reach an image ahead; an image further ahead is found by time."""
 
 
 class ImageStream:
-    """Messages of one topic by number: going forward reads on, going back searches by time.
+    """Messages of a topic by number: reading continues if a message is ahead; others are found by time.
 
-    ``log_ns`` is when each message was recorded in nanoseconds, in reading order, shape (messages,). Threads may
-    share a stream; their reads are serialised.
+    ``log_ns`` are the times at which messages were recorded in nanoseconds, in reading order, shape (messages,). A
+    stream is thread-safe; reads are serialised.
     """
 
     def __init__(self, bag: Bag, topic: Topic, log_ns: IntArray, channel: Channel | None) -> None:
@@ -135,7 +138,7 @@ class ImageStream:
         self._start_ns, self._next = 0, len(log_ns)
 
     def again(self) -> ImageStream:
-        """Return a stream of the same images with a position of its own."""
+        """Return a stream of the same images with its own position."""
         return ImageStream(self._bag, self._topic, self._log_ns, self._channel)
 
     def label(self, number: int) -> str:
@@ -148,16 +151,16 @@ class ImageStream:
         try:
             return read_image(data, self._topic.type, self._topic.encoding, label, self._channel)
         except DamagedMessageError as error:
-            raise FrameError(f"{label}: {error}; leave it out") from None
+            raise FrameError(f"{label}: {error}; remove it") from None
 
     def read(self, number: int) -> bytes:
-        """Return a message; FrameError if the bag is damaged there or has changed since."""
+        """Return a message; FrameError if the bag is damaged at this message or has changed."""
         with self._lock:
             log_ns = int(self._log_ns[number])
             ahead = 0 <= number - self._next < _READ_ON and log_ns >= self._start_ns
-            self._next = len(self._log_ns)  # after an error, reading begins anew
+            self._next = len(self._log_ns)  # after an error, reading starts again
             if not ahead:
-                # The bag yields the messages recorded from then on in the order in which they are numbered.
+                # The bag yields later messages in the order of their numbers.
                 numbers = map(int, np.flatnonzero(self._log_ns >= log_ns))
                 self._numbered = zip(numbers, self._bag.messages((self._topic.name,), log_ns), strict=False)
                 self._start_ns = log_ns

@@ -1,7 +1,7 @@
 """MCAP files of ROS 1 and ROS 2, parsed by the package mcap.
 
-The package reads whole records of any length and decompresses without a limit, so this module frames and decompresses
-the records itself. Files are read from front to back, one chunk at a time: memory does not grow with their length.
+The package reads records of any length and decompresses without a limit, so this module splits and decompresses the
+records itself. Files are read from front to back, one chunk at a time, so memory does not grow with their length.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from ospc.recording.bags.container import MAX_CHUNK_BYTES, MAX_TOPICS, BagFile, 
 
 MCAP_START = b"\x89MCAP0\r\n"
 _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _CHUNK_INDEX, _STATISTICS, _DATA_END = 2, 3, 4, 5, 6, 8, 11, 15
-"""Opcodes of the records that are used (MCAP specification, version 0)."""
+"""Opcodes of the records used here (MCAP specification, version 0)."""
 
 _CLASSES = {
     _FOOTER: "Footer",
@@ -28,26 +28,26 @@ _CLASSES = {
     _CHUNK_INDEX: "ChunkIndex",
     _STATISTICS: "Statistics",
 }
-"""Classes of mcap that parse their content; that of messages is not copied."""
+"""Classes of mcap that parse these records; messages are not parsed, to avoid a copy."""
 
 _END_BYTES = 1 + 8 + 8 + 8 + 4 + len(MCAP_START)
-"""Size of the last record of a file, its footer, with the magic bytes after it."""
+"""Size of the last record of a file, the footer, and the magic bytes after it."""
 
 _IDL = ("ros2idl", "omgidl")
 
 
 class McapFile(BagFile):
-    """A file of a bag in the MCAP format.
+    """A bag file in the MCAP format.
 
-    It states its schemas, channels and chunks before its messages, and again in its summary at the end.
+    Schemas, channels and chunks precede the messages, and are repeated in the summary at the end.
     """
 
-    _ADVICE = "record it again, or save the intact part with 'mcap recover'"
+    _ADVICE = "record it again, or recover the intact part with 'mcap recover'"
 
     def __init__(self, path: Path) -> None:
         self._schemas: dict[int, Any] = {}
         self._channels: dict[int, Any] = {}
-        self._chunks: list[tuple[int, int]] = []  # where each begins, and the time of its last message in nanoseconds
+        self._chunks: list[tuple[int, int]] = []  # offset of each, and time of its last message in nanoseconds
         self._counts: dict[int, int] | None = None
         super().__init__(path)
 
@@ -55,7 +55,7 @@ class McapFile(BagFile):
         return self.path.open("rb")
 
     def _topics(self, reader: BinaryIO) -> Iterator[Topic]:
-        """Yield the topics whose messages ROS can read."""
+        """Yield the topics with ROS messages."""
         from rosbags.typesys.msg import normalize_msgtype
 
         self._read_summary(reader)
@@ -76,7 +76,7 @@ class McapFile(BagFile):
         file.seek(max(0, size - _END_BYTES))
         end = file.read()
         if not end.endswith(MCAP_START) or end[0] != _FOOTER:
-            raise RecordingError("the bag ends early: its end is missing")
+            raise RecordingError("the bag is truncated: its end is missing")
         start = _parsed(_FOOTER, end[9:]).summary_start
         if 0 < start < size:
             file.seek(start)
@@ -118,7 +118,7 @@ def _parsed(opcode: int, content: bytes) -> Any:
 
 
 def _unpacked(file: BinaryIO, start_ns: int) -> Iterator[tuple[int, bytes]]:
-    """Yield the records of a file and of its chunks, without the chunks that end before a time."""
+    """Yield the records of a file and of its chunks, except chunks that end before ``start_ns``."""
     wanted = (_SCHEMA, _CHANNEL, _MESSAGE)
     for opcode, content in _records(file, (*wanted, _CHUNK)):
         if opcode != _CHUNK:
@@ -130,18 +130,18 @@ def _unpacked(file: BinaryIO, start_ns: int) -> Iterator[tuple[int, bytes]]:
 
 
 def _records(file: BinaryIO, opcodes: Collection[int]) -> Iterator[tuple[int, bytes]]:
-    """Yield the opcodes and contents of some records until the data or the summary ends; skip the others."""
+    """Yield opcode and content of the records with these opcodes until the data or the summary ends."""
     begun = file.tell()
     size = file.seek(0, os.SEEK_END)
     file.seek(begun)
     chunk = isinstance(file, BytesIO)
-    # A chunk simply ends; a file must end with a record that says so.
+    # A chunk simply ends; a file must have a record that marks the end.
     while not chunk or file.tell() < size:
         opcode, length = struct.unpack("<BQ", _exactly(file, 9))
         if opcode in (_FOOTER, _DATA_END):
             return
         if file.tell() + length > size:
-            raise RecordingError("the bag ends early")
+            raise RecordingError("the bag is truncated")
         if opcode not in opcodes:
             file.seek(length, os.SEEK_CUR)
         elif length > MAX_CHUNK_BYTES:
@@ -153,5 +153,5 @@ def _records(file: BinaryIO, opcodes: Collection[int]) -> Iterator[tuple[int, by
 def _exactly(file: BinaryIO, size: int) -> bytes:
     data = file.read(size)
     if len(data) != size:
-        raise RecordingError("the bag ends early")
+        raise RecordingError("the bag is truncated")
     return data

@@ -1,7 +1,7 @@
 """Messages of any type, deserialised by the package rosbags from the definition of their type.
 
-The package compiles a reader from the definition, which is part of the bag and not trusted. So only plain names get
-that far, constants are dropped, and a definition can neither grow a reader nor a message beyond bounds.
+The package compiles a reader from the definition, which is part of the bag and not trusted. Therefore only plain
+names are accepted, constants are dropped, and the sizes of readers and messages are limited.
 """
 
 from __future__ import annotations
@@ -21,34 +21,34 @@ if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
 
 MAX_DEFINITION_CHARACTERS = 200_000
-"""Longer definitions are refused; that of the longest usual message has 20 000 characters."""
+"""Maximum length of a definition; the longest common one has 20 000 characters."""
 
 MAX_FIELDS = 2000
-"""Definitions with more fields are refused: code is generated for each."""
+"""Maximum number of fields in a definition: code is generated for each."""
 
 MAX_MESSAGE_BYTES = 2**20
-"""Larger messages of types that the bag defines are refused: those with exposures have a few kilobytes."""
+"""Maximum size of messages whose type the bag defines: messages with exposures have a few kilobytes."""
 
 NS_PER_S = 10**9
-"""Nanoseconds per second; stamps in messages are in both."""
+"""Nanoseconds per second; stamps in messages have both units."""
 
 _SHOWN_FIELDS, _SHOWN_CHARACTERS = 12, 200
-"""Fields of a message that an error lists, and the characters they may take."""
+"""Maximum number of fields that an error lists, and the length of this list."""
 
 _WITHOUT_EXPOSURES = ("header", "stamp", "roi")
-"""Inner messages of which no number is an exposure."""
+"""Inner messages that contain no exposures."""
 
 _DEEPEST = 2
-"""Levels of inner messages whose fields are listed."""
+"""Maximum depth of inner messages whose fields are listed."""
 
 _TYPE_NAME = re.compile(r"[A-Za-z]\w{0,99}(?:/[A-Za-z]\w{0,99}){1,3}", re.ASCII)
 _FIELD_NAME = re.compile(r"[A-Za-z]\w{0,99}", re.ASCII)
 _STEP = re.compile(r"([A-Za-z]\w*)|\[(\d{1,6})\]", re.ASCII)
 _IDL_FILE = re.compile(r"={80}\r?\nIDL: [^\n]*\n")
-"""Bags join IDL files; each begins with a line of 80 equals signs and one with its name."""
+"""Bags concatenate IDL files; each begins with a line of 80 equals signs and a line with its name."""
 
 _BASE, _NAME, _ARRAY = 1, 2, 3
-"""Kinds of fields in rosbags: a number or text, a message, and an array of fixed length; 4 is a sequence."""
+"""Kinds of fields in rosbags: a number or text, a message, and an array of fixed length. 4 is a sequence."""
 
 _DRIVER_TYPES = {
     "flir_camera_msgs/msg/ImageMetaData": "std_msgs/Header header\nuint64 camera_time\nint16 brightness\n"
@@ -61,14 +61,19 @@ _Types = Mapping[str, tuple[Sequence[Any], Sequence[tuple[str, Any]]]]
 
 
 class DamagedMessageError(RecordingError):
-    """A message does not hold what its type says."""
+    """A message does not match its type."""
 
 
 class MessageType:
     """A type of message that can be deserialised, such as ``std_msgs/msg/Float64``.
 
-    Its definition is followed by those of the types it contains, as bags store them; if it is empty, the type must be
-    part of ROS or of a driver that is supported. DamagedMessageError if the definition is missing or invalid.
+    Its definition is followed by those of the types it contains, as stored in bags. If it is empty, the type must be
+    part of ROS or of a supported driver.
+
+    Raises
+    ------
+    DamagedMessageError
+        If the definition is missing or invalid.
     """
 
     def __init__(self, name: str, encoding: Encoding, definition: str = "", *, idl: bool = False) -> None:
@@ -82,7 +87,7 @@ class MessageType:
             )
 
     def numbers(self) -> list[str]:
-        """Return the fields that hold a number, those of inner messages with a dot, such as ``info.shutter``."""
+        """Return the fields that are numbers; fields of inner messages have a dot, such as ``info.shutter``."""
         return list(self._numbers_in(self._name, ""))
 
     def _numbers_in(self, name: str, prefix: str) -> Iterator[str]:
@@ -93,9 +98,12 @@ class MessageType:
                 yield from self._numbers_in(str(detail), f"{prefix}{field}.")
 
     def decode(self, data: bytes) -> Any:
-        """Return a message as an object whose attributes are its fields; arrays of numbers are NumPy arrays.
+        """Return a message as an object with its fields as attributes; arrays of numbers are NumPy arrays.
 
-        DamagedMessageError if the message does not fit its type.
+        Raises
+        ------
+        DamagedMessageError
+            If the message does not match its type.
         """
         if not self._trusted and len(data) > MAX_MESSAGE_BYTES:
             raise DamagedMessageError(f"the message has {len(data)} bytes, more than the {MAX_MESSAGE_BYTES} allowed")
@@ -103,8 +111,8 @@ class MessageType:
         try:
             return deserialize(memoryview(data), self._name)
         except Exception:
-            # Damaged messages fail in ways the package does not document.
-            raise DamagedMessageError(f"the message does not fit its type {quoted(self._name)}") from None
+            # The package raises undocumented errors for damaged messages.
+            raise DamagedMessageError(f"the message does not match its type {quoted(self._name)}") from None
 
 
 @cache
@@ -122,7 +130,7 @@ def _defined_types(name: str, definition: str, *, idl: bool) -> Typestore:
     with needs_extra("reading bags", "ros"):
         from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
     if len(definition) > MAX_DEFINITION_CHARACTERS:
-        raise DamagedMessageError(f"the definition of the type {quoted(name)} has {len(definition)} characters")
+        raise DamagedMessageError(f"the definition of {quoted(name)} is too long ({len(definition)} characters)")
     store = get_typestore(Stores.EMPTY)
     try:
         if idl:
@@ -135,15 +143,15 @@ def _defined_types(name: str, definition: str, *, idl: bool) -> Typestore:
         store.register(fields)
         store.get_msgdef(name)
     except Exception:
-        # The parser and the generator fail in ways the package does not document.
+        # The parser and the generator raise undocumented errors.
         raise DamagedMessageError(f"the definition of the type {quoted(name)} is invalid") from None
     return store
 
 
 def _check(types: _Types) -> None:
-    """Refuse names that are not plain and fields that would make readers or messages grow without bound.
+    """Raise a ValueError for names that are not plain, and for fields that would make readers or messages too large.
 
-    Every field takes at least a byte of a message then, so a message has no more values than bytes.
+    All remaining fields take at least one byte, so that a message has no more values than bytes.
     """
     fields = 0
     for name, (_, found) in types.items():
@@ -154,7 +162,7 @@ def _check(types: _Types) -> None:
             named = inner != _NAME or _TYPE_NAME.fullmatch(inner_detail)
             if not (_FIELD_NAME.fullmatch(field) and named and (kind != _ARRAY or length > 0)):
                 raise ValueError(field)
-            # The generator writes out every element of a fixed array that is not numeric.
+            # The generator writes code for every element of a fixed array that is not numeric.
             numeric = inner == _BASE and inner_detail[0] != "string"
             fields += length if kind == _ARRAY and not numeric else 1
     if fields > MAX_FIELDS:
@@ -172,21 +180,20 @@ def value_at(message: Any, field: str) -> Any:
         elif index and isinstance(value, list | array | np.ndarray) and int(index) < len(value):
             value = value[int(index)]
         else:
-            has = shown(_fields(message))
-            raise DamagedMessageError(f"the message has no field {field}; it has {has}")
+            raise DamagedMessageError(f"the message has no field {field}; it has {shown(_fields(message))}")
     return value
 
 
 def shown(fields: Sequence[str]) -> str:
-    """Return names of fields as a list of bounded length."""
+    """Return field names as a text of limited length."""
     return escaped(", ".join(fields[:_SHOWN_FIELDS])[:_SHOWN_CHARACTERS])
 
 
 def _fields(value: Any) -> list[str]:
-    """Return the names of the fields of a message, of rosbags or of a ROS 2 node."""
+    """Return the field names of a message from rosbags or from a ROS 2 node."""
     of_node = getattr(value, "get_fields_and_field_types", dict)
     names = getattr(value, "__dataclass_fields__", None) or of_node()
-    return [name for name in names if not name.startswith("_")]  # the package adds fields of its own
+    return [name for name in names if not name.startswith("_")]  # rosbags adds its own
 
 
 def stamp_ns_of(message: Any) -> int:
@@ -197,5 +204,5 @@ def stamp_ns_of(message: Any) -> int:
 
 
 def is_field(text: str) -> bool:
-    """Tell whether a text can name a field of a message."""
+    """Return whether a text is a valid field name."""
     return re.fullmatch(r"[A-Za-z]\w*(?:\[\d{1,6}\]|\.[A-Za-z]\w*)*", text, re.ASCII) is not None

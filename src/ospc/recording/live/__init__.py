@@ -1,6 +1,6 @@
-"""Live cameras: frames with their exposures as drivers deliver them.
+"""Live cameras: frames with exposures from camera drivers.
 
-:func:`open_camera` opens a camera by a short text such as ``opencv:0`` or ``realsense``.
+:func:`open_camera` opens a camera given by a short text such as ``opencv:0`` or ``realsense``.
 """
 
 from ospc.recording.live.drivers import open_camera

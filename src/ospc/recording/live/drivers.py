@@ -1,11 +1,11 @@
-"""Drivers of live cameras, each with its units, and opening a camera by a short text.
+"""Drivers of live cameras with their units.
 
-The exposures that OpenCV reports are often stale: the driver is asked after the image arrived and answers with its
-current setting. ``ospc check`` detects this in what was recorded.
+Exposures from OpenCV are often stale: the driver is queried after the image has arrived and returns its current
+setting. ``ospc check`` detects this in a recording.
 
-Sources: the documentation of librealsense: ``actual_exposure`` is in µs, ``gain_level`` 16 is a gain of one in the
-stereo sensors, time stamps are in ms. That of DepthAI 3: ``ImgFrame.getExposureTime`` is a duration,
-``getSensitivity`` the ISO value, ``getTimestampDevice`` a duration since the device was switched on.
+Sources: in the documentation of librealsense, ``actual_exposure`` is in µs, a ``gain_level`` of 16 is a gain of one
+for stereo sensors, and time stamps are in ms. In the documentation of DepthAI 3, ``ImgFrame.getExposureTime`` is a
+duration, ``getSensitivity`` the ISO value, and ``getTimestampDevice`` the time since the device was switched on.
 """
 
 from __future__ import annotations
@@ -25,24 +25,24 @@ from ospc.recording.live.source import Camera, said_by_driver
 from ospc.recording.options import DEFAULT, ReadingOptions
 
 _UNITS = {"V4L2": ExposureUnit.US100, "DSHOW": ExposureUnit.LOG2_S, "MSMF": ExposureUnit.LOG2_S}
-"""Units of drivers: V4L2's ``exposure_time_absolute`` counts 100 µs, DirectShow and its successor use log2 s."""
+"""Units of drivers: ``exposure_time_absolute`` of V4L2 counts 100 µs; DirectShow and its successor use log2 s."""
 
 
 class OpenCvCamera(Camera):
-    """A camera that OpenCV opened as ``capture``; the options may state the units and the channel."""
+    """A camera opened by OpenCV as ``capture``; the options may state the units and the channel."""
 
     def __init__(self, capture: Any, name: str, options: ReadingOptions = DEFAULT) -> None:
         if not capture.isOpened():
-            raise RecordingError(f"{name}: cannot be opened; check its number, and that no other program uses it")
+            raise RecordingError(f"{name}: cannot be opened; check its number and that no other program is using it")
         driver = capture.getBackendName()
         unit = options.exposure_unit or _UNITS.get(driver)
         if unit is None:
             capture.release()
             raise SettingError(
-                f"{name}: the driver {driver} does not say in which unit exposures are; state it "
+                f"{name}: the unit of exposures is unknown for the driver {driver}; state it "
                 f"(s, ms, us, 100us, log2s)"
             )
-        self._note = f"exposures are taken as {unit.value}, the unit of the driver {driver}; they are often stale"
+        self._note = f"exposures are in {unit.value}, the unit of the driver {driver}; they are often stale"
         self._exposure_unit, self._gain_unit = unit, options.gain_unit
         self._capture = capture
         self._begun_s = time.monotonic()
@@ -50,7 +50,7 @@ class OpenCvCamera(Camera):
 
     @classmethod
     def open(cls, which: str, options: ReadingOptions) -> Self:
-        """Open the device with a number, by default the first one."""
+        """Open the device with this number, by default the first one."""
         device = int(which or 0)
         return cls(cv2.VideoCapture(device), f"camera {device}", options)
 
@@ -65,27 +65,28 @@ class OpenCvCamera(Camera):
 
 
 _WAITS, _WAIT_MS = 25, 200
-"""Attempts to get a frame, and how long each waits: five seconds in all, as a camera needs to start."""
+"""Number of attempts to get a frame, and timeout of each: five seconds in total, because cameras take time to
+start."""
 
 
 class RealSenseCamera(Camera):
-    """One stream of a RealSense camera; ``wait`` is, for example, ``queue.wait_for_frame`` of pyrealsense2."""
+    """A stream of a RealSense camera; ``wait`` is, for example, ``queue.wait_for_frame`` of pyrealsense2."""
 
     _note = f"exposures are actual_exposure in µs times gain_level / {REALSENSE_UNIT_GAIN}"
     _exposure_unit, _gain_unit = ExposureUnit.US, GainUnit.LINEAR
 
     @classmethod
     def open(cls, which: str, options: ReadingOptions) -> Self:
-        """Open a camera by its serial number, the first one without it, or a recording made with RealSense's viewer.
+        """Open a camera by serial number, the first camera if empty, or a recording of the RealSense viewer.
 
-        The first infrared stream is taken, or the colour stream if a channel is stated.
+        The first infrared stream is used, or the colour stream if a channel is stated.
         """
         recording = Path(which) if which.endswith((".bag", ".db3")) else None
         colour = options.channel is not None
         rs = _module()
         config = rs.config()
         if recording is not None:
-            # For a missing file the library may wait forever.
+            # The library may wait forever for a missing file.
             if not recording.is_file():
                 raise RecordingError(f"{recording}: there is no such file; check the path")
             config.enable_device_from_file(str(recording), False)
@@ -100,7 +101,7 @@ class RealSenseCamera(Camera):
         playback = None
         try:
             if recording is not None:
-                # Before the start: playback at its own pace may lose the first frames.
+                # Before the start, because playback in real time may lose the first frames.
                 playback = config.resolve(rs.pipeline_wrapper(pipeline)).get_device().as_playback()
                 playback.set_real_time(False)
             pipeline.start(config)
@@ -122,14 +123,14 @@ class RealSenseCamera(Camera):
         value = _module().frame_metadata_value
         if not frame.supports_frame_metadata(value.actual_exposure):
             raise ExposureError(
-                f"{self.name}: gives no exposures with its frames; install the maker's kernel patches for metadata, "
-                f"or use its RSUSB backend"
+                f"{self.name}: delivers no exposures with its frames; install the kernel patches of librealsense for "
+                f"metadata, or use its RSUSB backend"
             )
         gain = 1.0
         if frame.supports_frame_metadata(value.gain_level):
             gain = frame.get_frame_metadata(value.gain_level) / REALSENSE_UNIT_GAIN
         exposure_us = float(frame.get_frame_metadata(value.actual_exposure))
-        # The copy outlives the frame, whose memory the library reuses.
+        # A copy, because the library reuses the memory of the frame.
         return np.array(frame.get_data()), exposure_us, gain, float(frame.get_timestamp()) / 1e3
 
 
@@ -140,27 +141,27 @@ def _module() -> Any:
         raise MissingExtraError("reading from RealSense cameras", "realsense") from None
     except ImportError as error:
         raise RecordingError(
-            f"pyrealsense2 is installed but cannot be loaded ({said_by_driver(error)}); install what it misses"
+            f"pyrealsense2 is installed but cannot be loaded ({said_by_driver(error)}); install what is missing"
         ) from None
     return pyrealsense2
 
 
 _SOCKETS, _SIZE = {"colour": "CAM_A", "left": "CAM_B", "right": "CAM_C"}, (640, 480)
-"""Sockets of the sensors, as DepthAI names them, and width and height of the frames."""
+"""DepthAI names of the sockets, and width and height of the frames."""
 
 
 class DepthAiCamera(Camera):
-    """One sensor of an OAK camera; ``wait`` returns the next ``ImgFrame``."""
+    """A sensor of an OAK camera; ``wait`` returns the next ``ImgFrame``."""
 
-    _note = "exposures are exposure time times ISO / 100, as the device reports them with each frame"
+    _note = "exposures are exposure time times ISO / 100, as reported by the device with each frame"
     _exposure_unit, _gain_unit = ExposureUnit.S, GainUnit.ISO
 
     @classmethod
     def open(cls, which: str, options: ReadingOptions) -> Self:
-        """Open the sensor ``left``, ``right`` or ``colour``; by default the last if a channel is stated."""
+        """Open the sensor ``left``, ``right`` or ``colour``; by default ``left``, or with a channel ``colour``."""
         sensor = which or ("left" if options.channel is None else "colour")
         if sensor not in _SOCKETS:
-            raise RecordingError(f"no sensor is called {quoted(sensor)}; known: {', '.join(_SOCKETS)}")
+            raise RecordingError(f"{quoted(sensor)} is not a sensor; known: {', '.join(_SOCKETS)}")
         with needs_extra("reading from OAK cameras", "depthai"):
             import depthai
         name = f"DepthAI {sensor}"
@@ -185,7 +186,7 @@ class DepthAiCamera(Camera):
 
 
 _NUMBER = re.compile(r"\d{1,4}", re.ASCII)
-"""The number of a device; more digits are a mistake."""
+"""Number of a device; more digits are a mistake."""
 
 _KINDS: dict[str, type[Camera]] = {"opencv": OpenCvCamera, "realsense": RealSenseCamera, "depthai": DepthAiCamera}
 _EXPECTED = "expected opencv:NUMBER, realsense, realsense:SERIAL, realsense:FILE (.db3 or .bag), or depthai:SENSOR"
@@ -200,12 +201,12 @@ def open_camera(text: str, options: ReadingOptions = DEFAULT) -> Camera:
         ``opencv:0`` for the first webcam; ``realsense``, ``realsense:SERIAL``, or a recording of its viewer,
         ``realsense:FILE.db3`` or ``realsense:FILE.bag``; ``depthai:left``, ``depthai:right`` or ``depthai:colour``.
     options
-        Units of exposure and gain for ``opencv``, and the channel taken from colour.
+        Units of exposure and gain for ``opencv``, and the channel of colour images to use.
 
     Raises
     ------
     SettingError
-        If the text names no kind of camera, or a unit has to be stated.
+        If the text is not a camera, or a unit must be stated.
     MissingExtraError
         If the optional dependency for the camera is not installed.
     RecordingError

@@ -1,6 +1,6 @@
-"""Frames of a running ROS driver: its images and exposures come as messages of two topics.
+"""Frames from a running ROS driver, whose images and exposures are messages on two topics.
 
-Nothing of ROS is needed: messages are any objects with the fields of their types.
+ROS need not be installed: messages are any objects with the fields of their types.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from ospc.recording.frame import Frame
 from ospc.recording.options import DEFAULT, ReadingOptions
 
 _WAITING = 30
-"""Messages of each topic that wait for their counterpart; one is late by a few frames at most."""
+"""Messages of each topic that wait for their counterpart, which is at most a few frames late."""
 
 
 class RosFrames:
@@ -28,12 +28,16 @@ class RosFrames:
     Parameters
     ----------
     exposure_type
-        Type of the messages with exposures, such as ``flir_camera_msgs/msg/ImageMetaData``. ExposureError if it is
-        not known where they hold the exposure, or its unit.
+        Type of the messages with exposures, such as ``flir_camera_msgs/msg/ImageMetaData``.
     options
-        Where in messages of other types the exposure is, and in which unit; the channel.
+        Field and unit of the exposure in messages of other types, and the channel to use.
     max_grey
-        Largest grey value of the camera; None for that of the data type.
+        Largest grey value of the camera; None for the maximum of the data type.
+
+    Raises
+    ------
+    ExposureError
+        If the field with the exposure, or a unit, is unknown.
     """
 
     def __init__(self, exposure_type: str, options: ReadingOptions = DEFAULT, *, max_grey: int | None = None) -> None:
@@ -52,9 +56,12 @@ class RosFrames:
         self._last_ns = -1
 
     def image(self, message: Any) -> Frame | None:
-        """Take a ``sensor_msgs/msg/Image``, and return its frame if its exposure came before it.
+        """Add a ``sensor_msgs/msg/Image``, and return its frame if its exposure has already arrived.
 
-        FrameError if it cannot be read.
+        Raises
+        ------
+        FrameError
+            If the image cannot be read.
         """
         stored = image_of(message, "image", self._channel)
         channel = self._channel or Channel.GREEN
@@ -62,22 +69,25 @@ class RosFrames:
         return self._paired(message, self._images, grey)
 
     def exposure(self, message: Any) -> Frame | None:
-        """Take a message with an exposure, and return the frame of its image if that came before it.
+        """Add a message with an exposure, and return the frame if its image has already arrived.
 
-        ExposureError if it holds none, or one that is impossible, or has no header with a time stamp.
+        Raises
+        ------
+        ExposureError
+            If the message has no exposure, an impossible one, or no header with a time stamp.
         """
         if not (hasattr(message, "header") or hasattr(message, "camera_info")):
-            raise ExposureError("a message with an exposure has no header, whose time stamp would name its image")
+            raise ExposureError("a message with an exposure has no header with a time stamp to match it to an image")
         exposure, gain = self._extract(message) or (0.0, 1.0)
         exposure_ms = float(self._unit.to_ms(exposure) * self._gain_unit.linear(gain))
         if not EXPOSURE_RANGE_MS[0] <= exposure_ms <= EXPOSURE_RANGE_MS[1]:
             raise ExposureError(
-                f"a message states an exposure of {exposure_ms:g} ms; switch on the driver's metadata of each frame"
+                f"a message has an exposure of {exposure_ms:g} ms; enable the metadata of each frame in the driver"
             )
         return self._paired(message, self._exposures_ms, exposure_ms)
 
     def _paired(self, message: Any, waiting: dict[int, Any], value: Image | float) -> Frame | None:
-        """Let a value wait for its counterpart; return the frame if that waits already."""
+        """Store a value, and return the frame if its counterpart has already arrived."""
         stamp_ns = stamp_ns_of(message)
         waiting[stamp_ns] = value
         while len(waiting) > _WAITING:

@@ -1,4 +1,4 @@
-"""What all live cameras have in common."""
+"""The base class of live cameras."""
 
 from __future__ import annotations
 
@@ -18,20 +18,20 @@ from ospc.recording.frame import Frame
 from ospc.recording.options import DEFAULT, ReadingOptions
 
 _QUOTED_CHARACTERS = 160
-"""Characters of a driver's own message that an error quotes."""
+"""Maximum length of a driver message that an error quotes."""
 
 
 class Camera(ABC):
-    """A live camera; iterating yields frames until it stops. Use it in a ``with`` statement to release the device.
+    """A live camera. Iterating yields frames until it stops. Use it in a ``with`` statement to release the device.
 
     Parameters
     ----------
     wait
-        Returns the next frame of the driver, in its own type, or None at the end; RuntimeError if it fails.
+        Returns the next frame of the driver, in its own type, or None at the end; raises RuntimeError if it fails.
     name
         Name of the camera in messages.
     options
-        The channel taken from colour; luma if None.
+        The channel of colour images to use; luma if None.
     stop
         Releases the device.
     """
@@ -39,7 +39,7 @@ class Camera(ABC):
     _note: str
     _exposure_unit: ExposureUnit
     _gain_unit: GainUnit | None
-    """None if only the maker of the camera knows the unit of its gain, which then must stay constant."""
+    """None if only the manufacturer knows the unit of the gain, which must then stay constant."""
 
     def __init__(
         self,
@@ -59,26 +59,30 @@ class Camera(ABC):
     @classmethod
     @abstractmethod
     def open(cls, which: str, options: ReadingOptions) -> Self:
-        """Open the camera that follows the colon in the text of :func:`~ospc.recording.live.drivers.open_camera`."""
+        """Open a camera; ``which`` follows the colon in :func:`~ospc.recording.live.drivers.open_camera`."""
 
     @abstractmethod
     def _read(self, frame: Any) -> tuple[Image, float, float, float]:
-        """Return image, exposure and gain in the driver's units, and time stamp in s, of a frame of the driver.
+        """Return the image, exposure and gain in units of the driver, and the time stamp in s.
 
-        A colour image has the channels blue, green, red.
+        Colour images have the channels blue, green, red.
         """
 
     def __iter__(self) -> Iterator[Frame]:
-        """Yield the next frames as they arrive, numbered from 0.
+        """Yield frames as they arrive, numbered from 0.
 
-        RecordingError if the camera fails; ExposureError if it delivers no exposure with a frame, or changes a gain
-        of unknown unit.
+        Raises
+        ------
+        RecordingError
+            If the camera fails.
+        ExposureError
+            If a frame has no exposure, or a gain of unknown unit changes.
         """
         for index in count():
             try:
                 waited = self._wait()
             except RuntimeError as error:
-                raise RecordingError(f"{self.name}: stopped giving frames ({said_by_driver(error)})") from None
+                raise RecordingError(f"{self.name}: stopped delivering frames ({said_by_driver(error)})") from None
             if waited is None:
                 return
             image, exposure, gain, stamp_s = self._read(waited)
@@ -113,12 +117,12 @@ class Camera(ABC):
         low, high = EXPOSURE_RANGE_MS
         if not low <= exposure_ms <= high:
             raise ExposureError(
-                f"{self.name}: the driver gives no exposure with its frames (exposure {exposure:g}, gain {gain:g}); "
-                f"set the exposure by hand and pass it as Frame.of_array(image, exposure_ms)"
+                f"{self.name}: the driver delivers no valid exposure (exposure {exposure:g}, gain {gain:g}); set the "
+                f"exposure manually and pass it as Frame.of_array(image, exposure_ms)"
             )
         return exposure_ms
 
 
 def said_by_driver(error: BaseException) -> str:
-    """Return the message of a driver, shortened, for quoting."""
+    """Return the shortened message of a driver, for quoting."""
     return said_by(error, _QUOTED_CHARACTERS)

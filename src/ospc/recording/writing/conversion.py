@@ -1,4 +1,4 @@
-"""Write any recording as a folder in the layout of the TUM monocular dataset, which DSO and its descendants read."""
+"""Conversion of recordings to the layout of the TUM monocular dataset, which DSO and its descendants read."""
 
 from __future__ import annotations
 
@@ -25,20 +25,20 @@ from ospc.recording.stream import usable_frames
 from ospc.recording.writing.images import ImageFormat, NumberedImages, encode, encoding_notes, original_file
 
 _MOST_BYTES = 65536
-"""Larger camera.txt and sensor.yaml files are refused; real ones have a few hundred bytes."""
+"""Maximum size of camera.txt and sensor.yaml files; typical ones have a few hundred bytes."""
 
 _MULTIPLE = 16
-"""DSO halves rectified images several times, so their sides must be multiples of this."""
+"""The sides of rectified images must be multiples of this, because DSO halves them several times."""
 
 _MODELS = {"radial-tangential": "RadTan", "radtan": "RadTan", "equidistant": "EquiDistant", "equi": "EquiDistant"}
 _NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
 
 
 def camera_text(recording: Recording) -> tuple[str | None, list[str]]:
-    """Return the content of a camera.txt for a recording, None if its intrinsics are unknown, and notes.
+    """Return the content of camera.txt for a recording, or None if its intrinsics are unknown, and notes.
 
-    A ``camera.txt`` of the recording is used unchanged if it is for images of this size; otherwise the intrinsics in
-    the ``sensor.yaml`` of a EuRoC folder are written in DSO's format.
+    The ``camera.txt`` of the recording is copied if it is for images of this size. Otherwise, the intrinsics in the
+    ``sensor.yaml`` of a EuRoC folder are converted to the format of DSO.
     """
     places = [recording.path / folder for folder in FIRST_CAMERA]
     full = [place.resolve() for place in places]
@@ -61,22 +61,22 @@ def camera_text(recording: Recording) -> tuple[str | None, list[str]]:
 def _check_size(found: tuple[float, ...] | None, source: Path, size: ImageSize) -> None:
     if found != size:
         stated = "none" if found is None else "×".join(f"{side:g}" for side in found)
-        raise FormatError(f"{source}: it is for images of another size ({stated}, not {size[0]}×{size[1]})")
+        raise FormatError(f"{source}: is for images of another size ({stated}, not {size[0]}×{size[1]})")
 
 
 def _of_sensor(text: str, source: Path, size: ImageSize) -> str:
-    """Return the content of a camera.txt from a sensor.yaml of the EuRoC layout."""
+    """Return the content of camera.txt from the sensor.yaml of a EuRoC folder."""
     focal_and_centre = _numbers(text, "intrinsics", source)
     resolution = _numbers(text, "resolution", source)
     distortion = _numbers(text, "distortion_coefficients", source)
     named = re.search(r"^\s*distortion_model:\s*([\w-]+)", text, re.MULTILINE)
     model = _MODELS.get(named[1]) if named else None
     if len(focal_and_centre) != 4 or (len(distortion) != 4 and any(distortion)):
-        raise FormatError(f"{source}: it does not hold four intrinsics and four distortion coefficients")
+        raise FormatError(f"{source}: does not have four intrinsics and four distortion coefficients")
     _check_size(tuple(resolution), source, size)
     if any(distortion) and model is None:
         raise FormatError(
-            f"{source}: DSO does not know its distortion model {named[1] if named else 'without a name'}"
+            f"{source}: DSO does not support its distortion model {named[1] if named else 'without a name'}"
         )
     values = [*focal_and_centre, *(distortion if any(distortion) else [0.0])]
     first = f"{model if any(distortion) else 'Pinhole'} {' '.join(f'{value:.12g}' for value in values)}"
@@ -85,31 +85,31 @@ def _of_sensor(text: str, source: Path, size: ImageSize) -> str:
 
 
 def _numbers(text: str, name: str, source: Path) -> list[float]:
-    """Return the numbers of one line ``name: [a, b, …]``."""
+    """Return the numbers in the line ``name: [a, b, …]``."""
     found = re.search(rf"^\s*{name}:\s*\[([^\]\n]{{0,400}})\]", text, re.MULTILINE)
     if found is None:
-        raise FormatError(f"{source}: it has no line '{name}: […]'")
+        raise FormatError(f"{source}: has no line '{name}: […]'")
     values = [float(number) for number in _NUMBER.findall(found[1])]
     if not all(math.isfinite(value) for value in values):
-        raise FormatError(f"{source}: '{name}' holds a number that is not finite")
+        raise FormatError(f"{source}: '{name}' has a number that is not finite")
     return values
 
 
 PARTS = ("images", "images.zip", "camera.txt", "times.txt")
-"""What a conversion writes or replaces, in the order of writing."""
+"""Files and folders that a conversion writes or replaces, in this order."""
 
 _SHOWN_REASONS = 3
-"""Reasons for left-out frames that a note quotes; more would not fit a line."""
+"""Number of reasons for skipped frames in a note; more would be too long."""
 
 _STAGE_PREFIX = ".converting-"
-"""Prefix of the folder that holds the files until all are complete."""
+"""Prefix of the temporary folder in which files are written until all are complete."""
 
 
 @dataclass(frozen=True)
 class Converted:
-    """The folder, the numbers of frames written, copied and left out because they cannot be read, and notes.
+    """The folder, the number of frames written, copied, and skipped because they cannot be read, and notes.
 
-    ``has_camera`` tells whether ``camera.txt`` was written.
+    ``has_camera`` is whether ``camera.txt`` was written.
     """
 
     path: Path
@@ -133,8 +133,8 @@ def convert_recording(
 
     Memory does not grow with the length of the recording. Image files that other programs read the same way are
     copied; others are encoded again, those with more than 8 bits left-aligned in 16. Everything is written to a
-    hidden folder and moved into place at the end: if anything fails, or the user interrupts, the output folder is
-    left as it was.
+    hidden folder and moved into place at the end, so that the output folder is unchanged after an error or an
+    interruption.
 
     Parameters
     ----------
@@ -145,16 +145,16 @@ def convert_recording(
     archive
         Whether to write ``images.zip`` instead of the folder ``images``.
     overwrite
-        Whether the folder may be in use; its parts of a recording are replaced, other files are kept.
+        Whether the folder may contain files. A recording in it is replaced; other files are kept.
     progress
-        Called with the number of frames done and the number of all frames.
+        Called with the number of finished frames and the total.
 
     Raises
     ------
     SettingError
         If the folder is not empty, contains the recording itself, or cannot be written.
     RecordingError
-        If no frame can be read, or time stamps coincide when written to the nanosecond.
+        If no frame can be read, or time stamps are equal when rounded to nanoseconds.
     """
     place = Path(out)
     existed = _check(place, recording.path, overwrite=overwrite)
@@ -171,8 +171,8 @@ def convert_recording(
 
 
 def _check(place: Path, source: Path, *, overwrite: bool) -> bool:
-    """Tell whether the folder exists; refuse one that cannot be used."""
-    with os_error_as(SettingError, f"{place}: cannot be used for output", "choose another"):
+    """Return whether the folder exists; SettingError if it cannot be used."""
+    with os_error_as(SettingError, f"{place}: cannot be used for output", "choose another folder"):
         check_usable(place)
         if place.is_dir() and any(place.iterdir()) and not overwrite:
             raise SettingError(f"{place}: is not empty; choose another folder, or replace its content with --force")
@@ -191,7 +191,7 @@ def _write(
     archive: bool,
     progress: Callable[[int, int], None],
 ) -> Converted:
-    """Write everything into the folder ``stage``."""
+    """Write all files to the folder ``stage``."""
     written: list[int] = []
     problems: list[str] = []
     copied = 0
@@ -203,7 +203,9 @@ def _write(
             written.append(frame.index)
             progress(frame.index + 1, len(recording))
     if not written:
-        raise RecordingError(f"{recording.path}: none of its frames can be read; the first: {' '.join(problems[:1])}")
+        raise RecordingError(
+            f"{recording.path}: none of its frames can be read; first problem: {' '.join(problems[:1])}"
+        )
     stamps_s = recording.stamps_s[written]
     if np.any(np.diff(np.round(stamps_s, 9)) <= 0):
         raise RecordingError(f"{recording.path}: time stamps are less than a nanosecond apart; scale them")
@@ -223,7 +225,7 @@ def _write(
 
 
 def _move(stage: Path, place: Path) -> None:
-    """Move the written files into place; ``times.txt`` comes last, so a folder that has it is complete."""
+    """Move the files into place; ``times.txt`` comes last, so that a folder with it is complete."""
     for name in PARTS:
         old = place / name
         if old.is_dir() and not old.is_symlink():

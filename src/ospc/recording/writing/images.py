@@ -1,4 +1,4 @@
-"""Images of a recording as files that other programs read, copied or encoded again; and the recording of a camera."""
+"""Writing of images as numbered files, copied or encoded, and recording of a live camera."""
 
 from __future__ import annotations
 
@@ -23,25 +23,25 @@ from ospc.recording.recording import Recording
 ImageFormat = Literal["png", "jpg"]
 
 _PNG_COMPRESSION = 3
-"""zlib level from 0 to 9: higher ones take several times as long for a few per cent."""
+"""zlib level from 0 to 9: higher levels take several times as long for files a few per cent smaller."""
 
 _JPEG_QUALITY = 97
-"""Per cent; the quantisation error is about one grey value."""
+"""JPEG quality with a quantisation error of about one grey value."""
 
 _EXIF_WITHIN = 65536
-"""Bytes from the start of a JPEG that may hold its EXIF segment."""
+"""Number of bytes at the start of a JPEG that may contain its EXIF segment."""
 
 _DIGITS = 5
-"""Least digits of an image number, as in the TUM monocular dataset."""
+"""Minimum number of digits in an image number, as in the TUM monocular dataset."""
 
 
 def numbered(number: int, count: int) -> str:
-    """Return the number of one of ``count`` images as text, all of one length, because programs sort them as text."""
+    """Return the number of one of ``count`` images as text of constant length, because programs sort it as text."""
     return f"{number:0{max(_DIGITS, len(str(count - 1)))}d}"
 
 
 class NumberedImages:
-    """Writes at most ``count`` numbered images into a folder ``images`` or an archive ``images.zip``."""
+    """Writes at most ``count`` numbered images to a folder ``images`` or an archive ``images.zip``."""
 
     def __init__(self, place: Path, count: int, *, archive: bool) -> None:
         self._count = count
@@ -68,10 +68,15 @@ class NumberedImages:
 
 
 def original_file(recording: Recording, frame: Frame, image_format: ImageFormat | None) -> bytes | None:
-    """Return the file of a frame if other programs read the same image from it, None if it must be encoded again.
+    """Return the file of a frame if other programs read the same image from it; None if it must be encoded again.
 
-    The image was read before, which alone tells whether the file is whole. ``image_format`` is the only acceptable
-    format; None for any. FrameError if the file cannot be read again.
+    The image must have been read before, which verifies the file. ``image_format`` is the only accepted format; None
+    for any.
+
+    Raises
+    ------
+    FrameError
+        If the file can no longer be read.
     """
     source, index = innermost(recording, frame.index)
     if not isinstance(source, ImageSequence) or source.layout.mosaic is not None:
@@ -80,20 +85,20 @@ def original_file(recording: Recording, frame: Frame, image_format: ImageFormat 
     kind = "png" if data.startswith(PNG_SIGNATURE) else "jpg" if data.startswith(JPEG_START) else None
     if kind is None or image_format not in (None, kind):
         return None
-    # Other programs apply an orientation from EXIF; this package does not.
+    # Other programs apply the EXIF orientation; this package does not.
     if kind == "jpg" and b"Exif\0" in data[:_EXIF_WITHIN]:
         return None
     depth = source.layout.depth
     header = read_header(data, source.source.label(source.names[index]))
     same = (header.width, header.height) == source.layout.stored_size and header.bits == depth.stored_bits
-    # JPEG stores luma; for colour in other formats, programs convert to grey differently.
+    # JPEG stores luma; programs convert colour in other formats to grey differently.
     grey = header.channels == 1 or kind == "jpg"
     aligned = depth.stored_bits == depth.bits + depth.shift
     return data if same and grey and aligned else None
 
 
 def encode(frame: Frame, image_format: ImageFormat) -> bytes:
-    """Encode the image of a frame with 8 bits, or left-aligned in 16 so that its upper byte is the 8-bit image."""
+    """Encode the image of a frame in 8 bits, or left-aligned in 16, so that the upper byte is the 8-bit image."""
     image, bits = frame.image, max(frame.max_grey.bit_length(), 8)
     if image.dtype != np.uint8:
         only_8_bit = image_format == "jpg" or bits == 8
@@ -111,7 +116,7 @@ def encoded(
 ) -> bytes:
     """Return the file of an image, called ``name`` in messages; FrameError if it cannot be encoded.
 
-    ``png_compression`` is a level of zlib. None codes nothing but runs: the fastest, and the best for noisy images.
+    ``png_compression`` is the zlib level. None uses run-length encoding, which is fastest and best for noisy images.
     """
     options = {
         "png": [] if png_compression is None else [cv2.IMWRITE_PNG_COMPRESSION, png_compression],
@@ -124,24 +129,24 @@ def encoded(
 
 
 def encoding_notes(recording: Recording, number: int, image_format: ImageFormat | None) -> list[str]:
-    """Return notes about the given number of images that were encoded again."""
+    """Return notes if images, ``number`` of them, were encoded again."""
     bits = recording.max_grey.bit_length()
     if not number or bits <= 8:
         return []
     if image_format == "jpg":
-        return [f"{bits}-bit grey values were cut to their upper 8 bits, which is all that JPEG holds"]
+        return [f"{bits}-bit grey values were reduced to their upper 8 bits, because JPEG has only 8"]
     return [f"{bits}-bit grey values are left-aligned in 16-bit images"] if bits < 16 else []
 
 
 _MOST_FRAMES = 1_000_000
-"""Most frames of one recording: nine hours at 30 per second."""
+"""Maximum number of frames in a recording: nine hours at 30 per second."""
 
 
 @dataclass(frozen=True)
 class Filmed:
     """The folder, its number of images, and the shortest and longest exposure.
 
-    ``repeated`` frames were left out because their time stamp was not later than that of the previous one.
+    ``repeated`` frames were left out because their time stamps were not later than the previous one.
     """
 
     path: Path
@@ -160,21 +165,20 @@ def film(
 ) -> Filmed:
     """Write frames as they arrive, in the layout of the TUM monocular dataset.
 
-    However it ends, what was written until then is a complete recording.
-
-    The folder ``out`` is new or empty. Writing stops after ``most`` frames, or when ``stop``, called after every
-    frame, returns True. ``progress`` is called with the number of frames written and ``most``.
+    The folder ``out`` must be new or empty. Writing stops after ``most`` frames, or when ``stop``, called after every
+    frame, returns True. ``progress`` is called with the number of frames written and ``most``. Errors of the frames
+    are passed on; the frames written until then are always a complete recording.
 
     Raises
     ------
     SettingError
         If the folder is not empty or cannot be written to.
     RecordingError
-        If no frame arrived; whatever the frames raise is passed on, and those before are kept.
+        If no frame arrives.
     """
     place = Path(out)
     if place.exists() and not (place.is_dir() and not any(place.iterdir())):
-        raise SettingError(f"{place}: is not an empty folder; choose another")
+        raise SettingError(f"{place}: is not an empty folder; choose another folder")
     writing = os_error_as(SettingError, f"{place}: cannot be written", "choose another folder")
     stamps_s: list[float] = []
     exposures_ms: list[float] = []
