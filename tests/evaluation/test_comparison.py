@@ -96,7 +96,7 @@ def test_every_kind_of_source_is_opened(folder, tmp_path):
 def test_sources_that_hold_nothing_are_refused(folder, tmp_path):
     (tmp_path / "empty").mkdir()
     for source, reason in (
-        (tmp_path / "empty", "holds no"),
+        (tmp_path / "empty", "has no"),
         (tmp_path / "nowhere.txt", "no such file"),
         (f"{folder / 'pcalib.txt'},{folder / 'pcalib.txt'}", "must have only a response"),
     ):

@@ -108,7 +108,7 @@ def test_only_the_first_line_counts_and_a_black_level_is_lost(tmp_path):
         (" ".join(map(str, range(255))), "there are 255"),
         ("\n".join(map(str, range(256))), "255 lines too many"),
         (" ".join(map(str, range(100))) + " nan " + " ".join(map(str, range(100, 300))), "value 101 is 'nan'"),
-        (",".join(map(str, range(256))), "place 2"),
+        (",".join(map(str, range(256))), "value 2 is"),
         (" ".join(map(str, [*range(128), 127, *range(129, 256)])), "after grey level 127"),
         (" ".join(f"{1e6 + i * 1e-3:.9f}" for i in range(256)), "strictly increasing"),
         (" ".join(map(str, [*range(255), 1e60])), "value 256 is '1e\\+60'"),

@@ -45,7 +45,7 @@ def test_plain_response_of_opencv_is_read_by_channel(tmp_path):
     storage.release()
     with pytest.raises(FormatError, match="differs between channels"):
         read_opencv(tmp_path / "debevec.yml")
-    with pytest.raises(FormatError, match="none with number 3"):
+    with pytest.raises(FormatError, match="no channel 3"):
         read_opencv(tmp_path / "debevec.yml", 3)
     response, _ = read_opencv(tmp_path / "debevec.yml", 1)
     np.testing.assert_allclose(response.inverse_table, (levels**2 - 0.01) / 0.99, atol=1e-6)

@@ -64,9 +64,9 @@ def test_dark_surround_does_not_count():
 
 def test_polynomials_that_reach_zero_are_no_vignettes():
     for coefficients in ((-1.2, 0.0, 0.0), (-4.1, 4.0, 0.0), (float("nan"), 0.0, 0.0)):
-        with pytest.raises(FormatError, match="not positive"):
+        with pytest.raises(FormatError, match="is not a vignette"):
             fit_radial(PolynomialVignette(SIZE, coefficients))
-        with pytest.raises(FormatError, match="not positive"):
+        with pytest.raises(FormatError, match="is not a vignette"):
             RadialFit(SIZE, coefficients, (0.1, 0.0))
 
 

@@ -40,7 +40,7 @@ def mended(path: Path, program="mono", size=None) -> Repair:
         (COUNTING + "\nscale: 1.0\n", "after the first line"),
         (COUNTING.replace(" ", "\n"), "values of 256 lines on one line"),
         (COUNTING.replace(" ", ", "), "commas"),
-        (COUNTING.replace(" 100 ", " nan "), "1 value not finite, interpolated"),
+        (COUNTING.replace(" 100 ", " nan "), "interpolated 1 non-finite value"),
         (" ".join(str(i / 64) for i in range(65536 // 4)), "resampled 16384 values to 256"),
     ],
 )
@@ -74,7 +74,7 @@ def test_any_noisy_curve_becomes_valid_and_moves_no_further_than_the_noise(tmp_p
     ("text", "reason"),
     [
         (" ".join(map(str, range(255))), "there are 255"),
-        (" ".join(map(str, range(256, 0, -1))), "falls from 256 to 1"),
+        (" ".join(map(str, range(256, 0, -1))), "decreases from 256 to 1"),
         ("nan " + COUNTING, "first value"),
         ("", "there are 0"),
     ],
@@ -123,7 +123,7 @@ def test_lines_of_missing_images_are_dropped_and_exposures_filled(tmp_path):
     place = tmp_path / "times.txt"
     place.write_text("# id stamp exposure\n" + "".join(lines))
     result = mended(place)
-    assert [sentence.split()[0] for sentence in result.changes] == ["1", "1"]
+    assert [" ".join(sentence.split()[:2]) for sentence in result.changes] == ["dropped 1", "interpolated 1"]
     rows = [line.split() for line in result.path.read_text().splitlines()]
     assert [int(row[0]) for row in rows] == [i for i in range(20) if i != 7]
     assert float(rows[11][2]) == pytest.approx(np.sqrt(4 * 2))

@@ -62,11 +62,11 @@ def test_what_this_project_writes_is_faultless(folder, program):
         (COUNTING.replace(" ", ","), "dso", "',1,2,3"),
         (COUNTING.replace(" 100 ", " nan "), "dso", "value 101 is 'nan'"),
         (COUNTING.replace(" 100 ", " 1e60 "), "dso", "value 101 is '1e+60'"),
-        (COUNTING.replace(" 100 ", " 98 "), "dso", "after grey level 99 it is not (1 value falling, 0 equal"),
+        (COUNTING.replace(" 100 ", " 98 "), "dso", "after grey level 99 it is not (1 value decreasing, 0 equal"),
         (
             COUNTING.replace(" 100 ", " 99.00000001 "),
             "dso",
-            "after grey level 99 it is not (0 values falling, 1",
+            "after grey level 99 it is not (0 values decreasing, 1",
         ),
         (COUNTING + " 256", "mono", "exactly 256 values on the first line; there are 257"),
         (" ".join(map(str, range(65537))), "dso", "at most 65536"),

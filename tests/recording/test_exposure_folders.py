@@ -52,8 +52,8 @@ BROKEN = {
     "named by number in both": (["1.0/1.png", "2.0/1.png"], r"2\.0/1\.png: has the time stamp of 1\.0/1\.png"),
     "named otherwise": (["1.0/1.png", "2.0/left.png"], r"2\.0/left\.png: is not named by its time stamp"),
     "no number": (["1.0/nan.png", "2.0/1.png"], r"1\.0/nan\.png: is not named by its time stamp"),
-    "no exposures": (["left/1.png", "right/1.png"], "has no images"),
-    "exposure zero": (["0/1.png", "0.0/2.png"], "has no images"),
+    "no exposures": (["left/1.png", "right/1.png"], "has images only in subfolders"),
+    "exposure zero": (["0/1.png", "0.0/2.png"], "has images only in subfolders"),
 }
 
 
@@ -75,7 +75,7 @@ def test_one_unreadable_frame_stops_nothing(folders: Callable[..., Path]) -> Non
 
 def test_the_kind_given_by_name_takes_a_single_folder(folders: Callable[..., Path]) -> None:
     place = folders("1.0/1.png")
-    with pytest.raises(RecordingError, match="has no images"):
+    with pytest.raises(RecordingError, match="has images only in subfolders"):
         open_recording(place)
     assert len(open_recording(place, "exposure_folders")) == 1
 

@@ -48,7 +48,7 @@ def read_bytes(path: str | Path, limit: int = LARGEST_TEXT, error: type[OspcErro
             while len(content) <= limit and (more := stream.read(min(_PIECE_BYTES, limit + 1 - len(content)))):
                 content += more
     except FileNotFoundError:
-        raise error(f"{place}: cannot be read because it does not exist; check the path") from None
+        raise error(f"{place}: cannot be read because there is no such file; check the path") from None
     except OSError as problem:
         raise error(f"{place}: cannot be read ({problem.strerror}); check the file and its permissions") from None
     if len(content) > limit:

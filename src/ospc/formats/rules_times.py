@@ -118,7 +118,7 @@ def _about_the_lines(times: TimesText, _context: Context) -> Iterator[Broken]:
 
 def _about_the_count(times: TimesText, context: Context) -> Iterator[Broken]:
     if not times.rows:
-        yield Broken("error", "one line per image; there are no lines", _LOST[context.program], _WRITE_AGAIN)
+        yield Broken("error", "one line per image; there is none", _LOST[context.program], _WRITE_AGAIN)
     elif context.images is not None and len(times.rows) != len(context.images):
         found = f"{counted(len(times.rows), 'line')} for {counted(len(context.images), 'file')} in images"
         rule = f"one line per image; {found}"
