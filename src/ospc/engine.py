@@ -230,7 +230,7 @@ class Engine:
         self._sampler.skip()
 
     def _update_prefetcher(self) -> None:
-        """Pass the prefetcher a copy of what selects the next frames, so that it never waits for the lock."""
+        """Pass the current sampler to the prefetcher, which copies it so that it never waits for the lock."""
         every = self._method is not None and self._method.longest_pause == 0
         self.prefetcher.update(self._sampler, self._size, every=every)
 

@@ -261,7 +261,7 @@ class Observations(ByValue):
         return self.where(np.repeat(mask, self.counts))
 
     def seen_twice(self: AnyObservations, mask: Any) -> AnyObservations:
-        """Return the observations where a mask, shape (n,), is true, without points left with only one."""
+        """Return the observations where a mask, shape (n,), is true, and drop points with only one of them."""
         kept = self.where(mask)
         return kept.of_points(kept.counts >= 2)
 
@@ -317,7 +317,7 @@ class ExposedObservations(Observations):
         low = grey_range.black + CLIPPED_MARGIN * (grey_range.black > 0)
         high = grey_range.white - CLIPPED_MARGIN * (grey_range.white < 1)
         kept = self.seen_twice((self.grey >= low) & (self.grey <= high))
-        # The matrix that turns the moments of grey levels, from the zeroth on, into those of rescaled ones.
+        # The matrix that converts the moments of grey levels, from the zeroth on, to those of rescaled grey levels.
         powers = np.eye(1 + MOMENTS)
         stretch = np.polynomial.Polynomial([-grey_range.black / grey_range.span, 1 / grey_range.span])
         for power in range(1 + POWERS):

@@ -166,7 +166,7 @@ def test_images_alone_are_a_recording_then(folder: Path) -> None:
     assert opened.kind == "image_folder"
     assert len(opened) == SETTINGS.frames
     assert np.all(opened.exposures_ms == 1)
-    assert any("holds no usable exposures" in note for note in opened.notes)
+    assert any("has no usable exposures" in note for note in opened.notes)
     (folder / "times.txt").rename(folder / "kept.txt")
     try:
         assert len(open_recording(folder, options=options)) == SETTINGS.frames

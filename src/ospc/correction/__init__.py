@@ -1,1 +1,1 @@
-"""Removes response and vignette from whole recordings."""
+"""Photometric correction of entire recordings."""

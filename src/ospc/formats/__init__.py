@@ -1,1 +1,1 @@
-"""Calibrations in the files of other programs, and the rules their parsers apply."""
+"""Calibration files of other programs, and the rules of their parsers."""

@@ -1,1 +1,1 @@
-"""What a camera does to light: response, vignette, noise, and a calibration as a value."""
+"""Photometric models: response, vignette, noise, and the calibration of a camera."""

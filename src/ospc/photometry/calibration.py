@@ -81,7 +81,7 @@ class Calibration(ByValue):
     notes
         Findings about exposures, optics and sensor that were corrected.
     warnings
-        Reasons not to rely on the result: contradictions to the exposures or the model.
+        Reasons not to rely on the result, such as contradictions between the images and the exposures or the model.
     effects
         Estimates of effects other than response and vignette, such as veiling glare.
     coverage

@@ -219,7 +219,7 @@ def table_or_unlisted(
     return unlisted(source, np.arange(frames, dtype=np.float64), stamped=False)
 
 
-NO_EXPOSURES = "holds no usable exposures"
+NO_EXPOSURES = "has no usable exposures"
 NO_STAMPS = "has no time stamps; frames are numbered, one per second"
 """Endings of notes on unknown exposures or times."""
 

@@ -1,1 +1,1 @@
-"""States in files: a checksummed container, and dataclasses packed into it."""
+"""State files: a container with a checksum, and the dataclasses stored in it."""
