@@ -216,8 +216,8 @@ def test_comments_are_passed_over(folder):
 def test_images_that_sort_in_another_order_as_text_are_refused(folder):
     for i in range(3):
         (folder / "images" / f"{i:05d}.png").rename(folder / "images" / f"{i + 8}.png")
-    assert "'10.png' sorts before '8.png'" in errors(folder / "times.txt")
-    assert "'10.png' sorts before '8.png'" in errors(folder / "times.txt", "mono")
+    assert "'10.png' comes before '8.png'" in errors(folder / "times.txt")
+    assert "'10.png' comes before '8.png'" in errors(folder / "times.txt", "mono")
     with pytest.raises(FormatError, match="ospc convert"):
         repair(ParameterFile(folder / "times.txt", "times"))
 
@@ -228,7 +228,7 @@ def test_a_byte_order_mark_is_named_removed_and_skipped_where_we_read(folder):
         known, before = kind_of(place), place.read_text()
         place.write_text(f"\ufeff{before}")
         assert kind_of(place) == known
-        assert errors(place) == "no byte order mark before the first number; there is one"
+        assert errors(place) == "no byte order mark at the beginning; there is one"
         assert repair(ParameterFile(place, known)).path.read_text() == before
     assert read_pcalib(folder / "pcalib.txt").inverse_table.size == 256
 
@@ -323,8 +323,8 @@ def test_vignette_without_response_is_noted(folder):
 @pytest.mark.parametrize(
     ("name", "program", "expected"),
     [
-        ("dji_pcalib.txt", "dso", [("error", "after grey level 54 it is not (30 values falling")]),
-        ("dji_pcalib.txt", "mono", [("error", "after grey level 54 it is not (30 values falling")]),
+        ("dji_pcalib.txt", "dso", [("error", "after grey level 54 it is not (30 values decreasing")]),
+        ("dji_pcalib.txt", "mono", [("error", "after grey level 54 it is not (30 values decreasing")]),
         ("denguetim_pcalib.txt", "dso", [("warning", "'vis_exponent: 1.000000'")]),
         ("tum_vi_pcalib_65536.txt", "dso", [("warning", "65536 values"), ("note", "from 0 to 65535")]),
         ("tum_vi_pcalib_65536.txt", "mono", [("error", "exactly 256 values"), ("note", "from 0 to 65535")]),

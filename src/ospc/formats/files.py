@@ -21,7 +21,7 @@ _PIECE_BYTES = 2**20
 """Number of bytes read at a time from a file that does not state its size."""
 
 BYTE_ORDER_MARK = "\ufeff"
-"""What some editors write in front of UTF-8 text, and C programs take for text."""
+"""Written by some editors at the beginning of UTF-8 text, and not skipped by C programs."""
 
 _BEGINS_FORMULA = ("=", "+", "-", "@", "\t", "\r")
 """First characters of cells that spreadsheets treat as formulas."""
@@ -31,7 +31,7 @@ def by_name(name: str) -> tuple[tuple[object, ...], str]:
     """Return a sorting key in which 2 comes before 10, with and without leading zeros."""
     parts: list[object] = list(re.split(r"(\d+)", name))
     for i in range(1, len(parts), 2):
-        # Compared by length and then as text: hostile names may have more digits than Python converts.
+        # Compared by length and then as text, because names may have more digits than Python converts.
         digits = str(parts[i]).lstrip("0")
         parts[i] = (len(digits), digits)
     return tuple(parts), name

@@ -34,7 +34,7 @@ UNCORRECTED = {
 MOST_INTERPOLATED = 0.1
 """Largest share of the values in a file that a repair interpolates."""
 
-_WITHOUT_MARK = "save it as UTF-8 without byte order mark (BOM)"
+_WITHOUT_MARK = "save it as UTF-8 without a byte order mark (BOM)"
 _REPAIR = "run with --repair for a repaired copy"
 
 
@@ -78,9 +78,9 @@ class Broken:
 
 
 def mark_before(text: str, effect: str, repair: Callable[[Any, Context], tuple[Any, str]]) -> Iterator[Broken]:
-    """Yield the rule that a text with a byte order mark breaks; ``repair`` removes it."""
+    """Yield a broken rule if a text begins with a byte order mark; ``repair`` removes the mark."""
     if text.startswith(BYTE_ORDER_MARK):
-        rule = "no byte order mark before the first number; there is one"
+        rule = "no byte order mark at the beginning; there is one"
         yield Broken("error", rule, effect, _WITHOUT_MARK, repair)
 
 

@@ -151,7 +151,7 @@ def _about_the_output_size(text: str, context: Context) -> Iterator[Broken]:
 
 
 def _remove_mark(text: str, _context: Context) -> tuple[str, str]:
-    return text.removeprefix(BYTE_ORDER_MARK), "byte order mark removed"
+    return text.removeprefix(BYTE_ORDER_MARK), "removed the byte order mark"
 
 
 def _strip_lines(text: str, _context: Context) -> tuple[str, str]:

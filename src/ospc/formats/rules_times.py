@@ -99,7 +99,7 @@ def _neighbour_filled(exposures_ms: FloatArray) -> FloatArray:
 
 
 def _about_the_mark(times: TimesText, context: Context) -> Iterator[Broken]:
-    effect = f"passes over the first line without a word; then the counts differ and it {_LOST[context.program]}"
+    effect = f"silently skips the first line; then the counts differ and it {_LOST[context.program]}"
     return mark_before(times.text, effect, _remove_mark)
 
 
@@ -126,12 +126,12 @@ def _about_the_count(times: TimesText, context: Context) -> Iterator[Broken]:
 
 
 def _about_the_image_order(_times: TimesText, context: Context) -> Iterator[Broken]:
-    """Check that the programs, which sort names as text, do not read image 10 before image 2."""
+    """Check that programs, which sort names as text, do not read image 10 before image 2."""
     images = context.images or ()
     pairs = zip(images, sorted(images, key=by_name), strict=True)
     early, due = next(((found, due) for found, due in pairs if found != due), ("", ""))
     if early:
-        rule = f"image names sort as text in the order of their numbers; {early!r} sorts before {due!r}"
+        rule = f"image names, sorted as text, are in the order of their numbers; {early!r} comes before {due!r}"
         effect = "reads the images in another order and pairs them with the wrong lines"
         yield Broken("error", rule, effect, "number the images with leading zeros, as 'ospc convert' does")
 
@@ -201,7 +201,7 @@ def _about_the_stamps(times: TimesText, _context: Context) -> Iterator[Broken]:
 
 
 def _remove_mark(times: TimesText, _context: Context) -> tuple[TimesText, str]:
-    return TimesText(times.text.removeprefix(BYTE_ORDER_MARK)), "byte order mark removed"
+    return TimesText(times.text.removeprefix(BYTE_ORDER_MARK)), "removed the byte order mark"
 
 
 def _separate_by_spaces(times: TimesText, _context: Context) -> tuple[TimesText, str]:
@@ -267,7 +267,7 @@ def _first_of(rows: list[_Row]) -> str:
 
 
 def _count_of(where: BoolArray, verbs: tuple[str, str], what: str) -> str:
-    """Return how many rows something is true of, with the verb for one or several, and the first of them."""
+    """Return a phrase with the number of rows that are true, a singular or plural verb, and the first of them."""
     count = int(np.count_nonzero(where))
     return f"{count} of {where.size} {verbs[count > 1]} {what}, first in row {int(np.argmax(where)) + 1}"
 
