@@ -1,4 +1,4 @@
-"""What the pages of the documentation tell a reader to type, as values."""
+"""The code blocks of the documentation."""
 
 from __future__ import annotations
 
@@ -26,14 +26,13 @@ class Block:
     line
         Line at which the block begins, from 1.
     language
-        What the fence says: ``console``, ``python``, …
+        Language of the fence: ``console``, ``python``, …
     text
         Its content.
     exit_codes
-        What its last command may end with; 0 or 3, or what a comment such as ``% exit 3`` before the
-        block states.
+        Accepted exit codes of the last command: 0 or 3, or those in a comment such as ``% exit 3`` before the block.
     not_run
-        Why it cannot be run by a test; stated by ``% not run: …``, empty where it can.
+        Why a test cannot run it, as stated by ``% not run: …``; empty if it can.
     """
 
     page: Path
@@ -57,7 +56,7 @@ class Block:
 
 
 def _command_lines(text: str, language: str) -> Iterator[list[str]]:
-    """Give the words of every command; in ``console`` blocks they begin with a dollar, the rest is output."""
+    """Yield the words of every command; in ``console`` blocks, lines without a dollar are output."""
     for line in text.replace("\\\n", " ").splitlines():
         if language == "console" and not line.startswith("$ "):
             continue
@@ -65,7 +64,7 @@ def _command_lines(text: str, language: str) -> Iterator[list[str]]:
 
 
 def blocks(page: Path) -> list[Block]:
-    """Return the fenced blocks of a page in their order."""
+    """Return the fenced blocks of a page in order."""
     found: list[Block] = []
     lines = page.read_text(encoding="utf-8").splitlines()
     notes: dict[str, str] = {}

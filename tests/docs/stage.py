@@ -1,4 +1,4 @@
-"""The recordings that the documentation's commands are about, small, made when first asked for."""
+"""Small versions of the recordings in the documentation's commands, created on demand."""
 
 from __future__ import annotations
 
@@ -39,13 +39,13 @@ _MESSAGES = ("std_msgs/msg/Header", "builtin_interfaces/msg/Time", "sensor_msgs/
 
 
 QUICK = replace(DefaultSettings(), points_per_pair=120, rounds=4, response_intervals=16)
-"""The default preset without what takes most of the time and changes nothing for a reader."""
+"""The default preset with less computation, which does not change what a reader sees."""
 
 
 def run_command(arguments: list[str], exit_codes: tuple[int, ...] = (0, 3)) -> str:
-    """Run a command of ``ospc`` in this process and return what it prints on standard output.
+    """Run a command of ``ospc`` in this process and return its standard output.
 
-    Its recordings are short, so that a calibration may well be marginal: exit code 3.
+    The recordings are short, so calibrations may be marginal: exit code 3.
     """
     result = CliRunner().invoke(cli, arguments, prog_name="ospc")
     if result.exit_code not in exit_codes:
@@ -58,7 +58,7 @@ def run_command(arguments: list[str], exit_codes: tuple[int, ...] = (0, 3)) -> s
 
 @dataclass
 class Stage:
-    """A folder with everything the pages mention; each part is made once.
+    """A folder with everything that the pages mention; each part is created once.
 
     Attributes
     ----------
@@ -70,7 +70,7 @@ class Stage:
     _made: set[str] = field(default_factory=set)
 
     def set_for(self, text: str, folder: Path) -> None:
-        """Put what a page mentions into a folder, where commands may do with it what they like."""
+        """Copy everything that a page mentions into a folder, where commands may modify it."""
         for name, make in MAKERS.items():
             if re.search(rf"\b{re.escape(name)}\b", text):
                 self._ensure(name, make)
@@ -129,7 +129,7 @@ def _video(stage: Stage, to: Path) -> None:
 
 
 def _bag(stage: Stage, to: Path) -> None:
-    """Write a bag as RealSense's node fills it: images on one topic, a text about each on another."""
+    """Write a bag like RealSense's node: images on one topic, their metadata as text on another."""
     store = get_typestore(Stores.ROS2_HUMBLE)
     kind = "realsense2_camera_msgs/msg/Metadata"
     store.register(get_types_from_msg("std_msgs/Header header\nstring json_data\n", kind))
@@ -142,9 +142,9 @@ def _bag(stage: Stage, to: Path) -> None:
             head = header(stamp(ns // 10**9, ns % 10**9), "camera")
             height, width = grey.shape
             message = image(head, height, width, "mono8", 0, width, grey.ravel())
-            said = store.types[kind](head, json.dumps({"actual_exposure": ms * 1000, "gain_level": 16}))
+            metadata = store.types[kind](head, json.dumps({"actual_exposure": ms * 1000, "gain_level": 16}))
             writer.write(images, ns, store.serialize_cdr(message, _MESSAGES[2]))
-            writer.write(texts, ns, store.serialize_cdr(said, kind))
+            writer.write(texts, ns, store.serialize_cdr(metadata, kind))
 
 
 def _listed_images(stage: Stage, to: Path) -> None:
@@ -197,4 +197,4 @@ MAKERS: dict[str, Callable[[Stage, Path], None]] = {
     "photographs": _photographs,
     "somebodys_files": _broken_files,
 }
-"""What pages may mention, by name. Files beside it whose names begin alike belong to it."""
+"""Functions that create what pages may mention, by name. Files with the same stem belong together."""

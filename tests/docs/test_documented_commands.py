@@ -1,4 +1,4 @@
-"""Whatever the documentation tells a reader to type does what it says."""
+"""The commands and code in the documentation work."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from ospc.settings import presets
 
 README = ROOT / "README.md"
 ELSEWHERE = {DOCS / "state.md", DOCS / "scaling.md"} | set((DOCS / "experiments").glob("*.md"))
-"""Pages about commands that take hours, or whose steps are tested one by one elsewhere."""
+"""Pages with commands that take hours, or whose steps are tested elsewhere."""
 
 RUN = [
     page
@@ -33,7 +33,7 @@ RUN = [
 
 
 FEWER_FRAMES = {"demo": ["--frames", "8"], "simulate": ["--frames", "24", "--size", "192x144"]}
-"""The last option of a name counts. What comes of as many frames as a page says, other tests tell."""
+"""Options appended to commands, where the last value counts. Other tests use the full number of frames."""
 
 
 @pytest.fixture(scope="session")
@@ -48,7 +48,7 @@ def quick(monkeypatch: pytest.MonkeyPatch, one_room: None) -> None:
 
 @pytest.fixture(autouse=True)
 def tables_as_before() -> Iterator[None]:
-    """Take out the names that a page enters."""
+    """Remove the names that a page registers."""
     before = [(table, set(table)) for table in (EXTRACTORS, REGISTRARS, FUNCTIONS)]
     yield
     for table, names in before:
@@ -61,9 +61,7 @@ def name_of(page: Path) -> str:
 
 
 @pytest.mark.parametrize("page", RUN, ids=name_of)
-def test_what_a_page_tells_to_type_works(
-    page: Path, stage: Stage, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_code_on_a_page_works(page: Path, stage: Stage, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     to_run = [block for block in blocks(page) if not block.not_run]
     monkeypatch.chdir(tmp_path)
     stage.set_for("\n".join(block.text for block in to_run), tmp_path)
@@ -79,12 +77,12 @@ def _run(block: Block, names: dict[str, object]) -> None:
     if block.language == "python":
         with contextlib.redirect_stdout(io.StringIO()):
             exec(compile(block.text, block.place, "exec", dont_inherit=True), names)
-    # The recordings that the README speaks of are its reader's; what it tells to type is there in full on the pages.
+    # The README uses recordings of its reader; its commands appear in full on the pages.
     commands = [] if block.page == README else block.commands
     for number, words in enumerate(commands):
         arguments, output = (words[:-2], words[-1]) if ">" in words else (words, "")
         with pytest.MonkeyPatch.context() as patch:
-            # Pictures, reports and other processes take most of the time, and have tests of their own.
+            # Pictures, reports and other processes take most of the time, and are tested elsewhere.
             leave_out(patch, *(["draw"] if words[0] == "report" else ["draw", "report"]))
             patch.setattr("ospc.batch.work.Processes", lambda _count: ThisProcess())
             arguments = [*arguments, *FEWER_FRAMES.get(words[0], [])]
@@ -98,7 +96,7 @@ def every_block() -> list[Block]:
 
 
 def resolved(words: list[str]) -> tuple[str, click.Command]:
-    """Return the command that the words call, and its name."""
+    """Return the name of the command that the words call, and the command."""
     command: click.Command = cli
     context = click.Context(cli, info_name="ospc")
     for word in words:
@@ -111,7 +109,7 @@ def resolved(words: list[str]) -> tuple[str, click.Command]:
 
 @pytest.mark.parametrize("block", [b for b in every_block() if b.commands], ids=lambda block: block.place)
 def test_commands_and_options_exist(block: Block) -> None:
-    """Also where they are not run."""
+    """Including those that are not run."""
     for words in block.commands:
         name, command = resolved(words)
         options = {option for parameter in command.params for option in parameter.opts} | {
@@ -124,16 +122,16 @@ def test_commands_and_options_exist(block: Block) -> None:
 
 
 def test_every_command_is_shown_on_a_page() -> None:
-    """Not only in the list of all commands: with something to do."""
+    """In an example, not only in the list of all commands."""
     shown = {words[0] for block in every_block() for words in block.commands if words}
     assert set(cli.list_commands(click.Context(cli))) - shown == set()
 
 
-def test_whatever_is_not_run_says_why() -> None:
+def test_blocks_that_are_not_run_give_a_reason() -> None:
     assert [b.place for b in every_block() if b.not_run and len(b.not_run) < 5] == []
 
 
-def test_every_page_is_reached_from_the_first() -> None:
+def test_every_page_can_be_reached_from_the_index() -> None:
     reached, todo = set(), [DOCS / "index.md"]
     while todo:
         page = todo.pop()
@@ -150,8 +148,8 @@ def test_every_page_is_reached_from_the_first() -> None:
     assert set(pages()) - reached == set()
 
 
-def test_links_of_the_readme_lead_somewhere() -> None:
-    """Those of the documentation are checked when the site is built."""
+def test_the_links_of_the_readme_exist() -> None:
+    """Links of the documentation are checked when the site is built."""
     links = [link for link in re.findall(r"\]\(([^)]+)\)", README.read_text(encoding="utf-8")) if ":" not in link]
     assert links
     assert [link for link in links if not (ROOT / link).exists()] == []

@@ -1,4 +1,4 @@
-"""What the site adds to Sphinx: docstrings with colons, and formulas that need no network."""
+"""The site's extensions of Sphinx: docstrings with colons, and formulas that work offline."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pytest
 from documented_code import DOCS
 
 
-def test_what_stands_before_a_colon_is_not_taken_for_a_type(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_text_before_a_colon_is_not_treated_as_a_type(monkeypatch: pytest.MonkeyPatch) -> None:
     napoleon = pytest.importorskip("sphinx.ext.napoleon", reason="needs the extra 'docs'")
     monkeypatch.syspath_prepend(DOCS / "_extensions")
     text = ["Longest side in pixels: 19 000 places."]
@@ -23,10 +23,10 @@ FORMULA = re.compile(r"\$\$(.+?)\$\$|\$([^$\n]+?)\$", re.DOTALL)
 
 
 @pytest.mark.parametrize("page", sorted(p for p in DOCS.rglob("*.md") if "$" in p.read_text()), ids=lambda p: p.name)
-def test_formulas_show_without_a_network(page: Path) -> None:
+def test_formulas_are_shown_offline(page: Path) -> None:
     latex2mathml = pytest.importorskip("docutils.utils.math.latex2mathml", reason="needs the extra 'docs'")
     text = re.sub(r"```.*?```|`[^`]*`", "", page.read_text(), flags=re.DOTALL)
     for block, inline in FORMULA.findall(text):
         assert latex2mathml.tex2mathml(block or inline, as_block=bool(block)).startswith("<math")
-        # It takes the digits of \frac12 for one number, and the next term for the denominator.
+        # latex2mathml reads the digits of \frac12 as one number, and the next term as the denominator.
         assert not re.search(r"frac\d|underbrace", block or inline)

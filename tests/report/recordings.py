@@ -1,4 +1,4 @@
-"""A camera that stands before a wall and changes its exposure: recordings whose every grey value is known."""
+"""Recordings of a wall by a static camera at different exposures, with known grey values."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ VIGNETTE = PolynomialVignette(SIZE, (-0.4, 0.0, 0.0))
 
 
 def before_a_wall(exposures_ms, *, max_grey=255):
-    """Return a recording of an unchanging scene that saturates nowhere at 10 ms."""
+    """Return a recording of a static scene without saturation at 10 ms."""
     wall = 0.08 * np.random.default_rng(3).uniform(0.2, 1.0, (12, 16)).repeat(10, axis=0).repeat(10, axis=1)
     images = [np.rint(RESPONSE(np.clip(wall * e * VIGNETTE.image(), 0, 1)) * max_grey) for e in exposures_ms]
     kind = np.uint8 if max_grey <= 255 else np.uint16
@@ -26,7 +26,7 @@ def before_a_wall(exposures_ms, *, max_grey=255):
 
 
 def coverage(*, still=False, residuals=True):
-    """Return tables in which the darkest grey levels and the corners were never seen."""
+    """Return a coverage without the darkest grey levels and the corners."""
     rng = np.random.default_rng(1)
     grey, radius = rng.integers(0, 500, (6, 32)), rng.integers(0, 300, (20, 20))
     grey[:, :4] = 0

@@ -1,4 +1,4 @@
-"""Charts show every value where its axis says, and what is unknown as unknown."""
+"""Charts show values at the right positions, and unknown parts as unknown."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from ospc.report.style import as_svg, rules
 
 
 def panels(draw, *arguments):
-    """Return the axes that a function draws, from top to bottom."""
+    """Return the axes drawn by a function, from top to bottom."""
     figure = Figure()
     draw(figure.add_gridspec(1, 1)[0], *arguments)
     return figure.axes
@@ -29,7 +29,7 @@ def labels(axes):
     return [text.get_text() for text in axes.get_legend().get_texts()]
 
 
-def test_response_shows_estimate_reference_both_bands_and_the_unmeasured_ends():
+def test_response_chart_shows_estimate_reference_bands_and_extrapolation():
     known = calibration()
     axes, error = panels(draw_response, known, Response.gamma(1.8))
     assert labels(axes) == ["estimate", "±1σ", "±2σ", "reference", "extrapolated"]
@@ -41,7 +41,7 @@ def test_response_shows_estimate_reference_both_bands_and_the_unmeasured_ends():
     np.testing.assert_allclose(shaded, [0.03 * 255, 255])
 
 
-def test_unknown_uncertainty_is_no_band():
+def test_unknown_uncertainty_draws_no_band():
     (axes,) = panels(draw_response, Calibration(size=(64, 48), response=Response.gamma(2.2)))
     assert labels(axes) == ["estimate"]
 
@@ -64,7 +64,7 @@ def test_the_vignette_is_drawn_from_the_centre_to_the_corner():
     np.testing.assert_allclose(profile, known.vignette.profile(radius))
 
 
-def test_an_outlier_of_few_samples_does_not_squeeze_the_others():
+def test_outliers_with_few_samples_do_not_affect_the_axis_limits():
     n = 20
     metadata = np.geomspace(0.5, 2, n)
     estimated, samples = metadata.copy(), np.full(n, 200)
@@ -75,8 +75,8 @@ def test_an_outlier_of_few_samples_does_not_squeeze_the_others():
     assert labels(axes)[-1].startswith("pair with fewer")
 
 
-def test_the_median_of_the_ratios_is_that_of_the_words():
-    """Over the same pairs, those of few samples included."""
+def test_the_median_ratio_in_the_chart_matches_that_in_the_text():
+    """Both are over the same pairs, including those with few samples."""
     n = 21
     metadata = np.geomspace(0.5, 2, n)
     samples = np.where(np.arange(n) < 5, 4, 200)
@@ -103,7 +103,7 @@ def test_exposures_from_images_follow_the_true_exposures():
 
 
 @pytest.mark.parametrize(("low", "high"), [(1, 1.1), (0.9, 3), (0.02, 50), (1e-3, 1e5), (3.2, 25.2)])
-def test_ticks_of_a_logarithmic_axis_are_few_and_inside(low, high):
+def test_logarithmic_axes_have_few_ticks_within_the_limits(low, high):
     axes = Figure().subplots()
     logarithmic(axes, "y", low, high)
     ticks = axes.get_yticks()
@@ -111,7 +111,7 @@ def test_ticks_of_a_logarithmic_axis_are_few_and_inside(low, high):
     assert low <= min(ticks) <= max(ticks) <= high
 
 
-def test_drawings_are_the_same_every_time_and_have_no_identifiers_but_those_they_use():
+def test_drawings_are_reproducible_and_contain_only_used_identifiers():
     chart = Findings(calibration()).charts["response"]
 
     def drawn():

@@ -1,4 +1,4 @@
-"""Pictures before and after: corrected ones are alike where the calibration is the camera's."""
+"""Pictures before and after correction, and tracking in an excerpt."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ def pair_of(first, second, ratio):
     return ExposureRatios(np.array([[first, second]]), np.array([ratio]), np.array([ratio]), np.array([300]))
 
 
-def unlike(pair):
+def difference(pair):
     """Return the median difference of two pictures."""
     first, second = (image.astype(float) for image, _ in pair)
     return np.median(np.abs(first - second))
 
 
 @pytest.mark.parametrize("max_grey", [255, 4095])
-def test_frames_of_one_scene_are_alike_after_correction_and_not_before(max_grey):
+def test_frames_of_one_scene_look_the_same_only_after_correction(max_grey):
     recording = before_a_wall(EXPOSURES_MS, max_grey=max_grey)
     known = calibration(max_grey=max_grey, exposure_ratios=pair_of(0, 23, 0.2))
     (scene,) = examples_of(known, recording).pictures
@@ -34,20 +34,20 @@ def test_frames_of_one_scene_are_alike_after_correction_and_not_before(max_grey)
         f"frame {frame}, {what}" for what in ("as recorded", "corrected") for frame in ("0, 2 ms", "23, 10 ms")
     ]
     assert [caption for _, caption in scene] == captions
-    before, after = (unlike(scene[:2]), unlike(scene[2:]))
+    before, after = (difference(scene[:2]), difference(scene[2:]))
     assert before > 30
     assert after < 1.5
     assert {image.dtype for image, _ in scene} == {np.dtype(np.uint8)}
 
 
-def test_a_wrong_calibration_leaves_them_unlike():
+def test_with_a_wrong_calibration_corrected_frames_differ():
     recording = before_a_wall(EXPOSURES_MS)
     wrong = calibration(exposure_ratios=pair_of(0, 23, 0.2), response=Response.gamma(1.0), vignette=None)
     (scene,) = examples_of(wrong, recording).pictures
-    assert unlike(scene[2:]) > 10
+    assert difference(scene[2:]) > 10
 
 
-def test_a_camera_that_stands_still_shows_exposures_far_apart():
+def test_static_cameras_show_frames_with_very_different_exposures():
     known = calibration(coverage=coverage(still=True))
     (scene,) = examples_of(known, before_a_wall(EXPOSURES_MS)).pictures
     first_ms, second_ms = (float(caption.split()[2]) for _, caption in scene[:2])
@@ -60,7 +60,7 @@ def test_without_pairs_one_frame_is_shown():
     assert [caption.split(", ")[-1] for _, caption in scene] == ["as recorded", "corrected"]
 
 
-def test_points_are_followed_where_the_exposure_changes_most():
+def test_points_are_tracked_where_the_exposure_changes_most():
     exposures_ms = np.concatenate([np.full(20, 5.0), np.geomspace(5, 10, 10), np.full(20, 10.0)])
     found = examples_of(calibration(), before_a_wall(exposures_ms))
     first, end = found.tracked
@@ -77,14 +77,14 @@ def test_points_are_followed_where_the_exposure_changes_most():
         ({"response": None, "vignette": None}, "neither response nor vignette is known"),
     ],
 )
-def test_what_cannot_be_shown_is_said(changes, reason):
+def test_notes_state_what_cannot_be_shown(changes, reason):
     found = examples_of(calibration(**changes), before_a_wall(EXPOSURES_MS))
     assert found.pictures == ()
     assert found.tracking is None
     assert reason in found.notes[0]
 
 
-def test_unreadable_frames_and_even_ones_cost_only_what_they_would_show():
+def test_unreadable_or_textureless_frames_lose_only_their_own_examples():
     class Damaged(ArrayRecording):
         def __iter__(self):
             for frame in super().__iter__():
@@ -101,6 +101,6 @@ def test_unreadable_frames_and_even_ones_cost_only_what_they_would_show():
     assert even.notes[0].startswith("no points were tracked")
 
 
-def test_an_empty_answer_is_one(tmp_path):
+def test_examples_are_empty_by_default(tmp_path):
     assert Examples().pictures == ()
     assert exposures_beside(tmp_path) is None

@@ -1,4 +1,4 @@
-"""The report in a real browser: nothing asked for, nothing amiss, nothing cut off, light and dark, and printed."""
+"""The report in a real browser: no requests, no errors, nothing cut off, in light and dark mode, and printed."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def pages(tmp_path_factory):
 
 @pytest.mark.parametrize("name", REPORTS)
 @pytest.mark.parametrize("width_px", WIDTHS_PX)
-def test_it_fits_the_window_and_nothing_is_amiss(chromium, pages, name, width_px):
+def test_the_page_fits_the_window_without_errors_or_requests(chromium, pages, name, width_px):
     chromium.show(pages[name], width_px)
     assert chromium.complaints() == []
     assert [url for url in chromium.requests() if not url.startswith(("file:", "data:"))] == []
@@ -65,7 +65,7 @@ def test_it_fits_the_window_and_nothing_is_amiss(chromium, pages, name, width_px
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_texts_stand_out_from_their_ground(chromium, pages, scheme):
+def test_texts_have_enough_contrast(chromium, pages, scheme):
     chromium.show(pages["everything"], 1400, scheme)
     ground = chromium.value("getComputedStyle(document.body).backgroundColor.match(/\\d+/)[0] > 128")
     assert ground == (scheme == "light")
@@ -75,7 +75,7 @@ def test_texts_stand_out_from_their_ground(chromium, pages, scheme):
 
 
 @pytest.mark.parametrize("width_px", [1400, 400])
-def test_labels_in_charts_are_large_enough_to_read_and_do_not_collide(chromium, pages, width_px):
+def test_chart_labels_are_readable_and_do_not_overlap(chromium, pages, width_px):
     chromium.show(pages["everything"], width_px)
     boxes = chromium.value(
         "[...document.querySelectorAll('svg.chart')].map(chart => [...chart.querySelectorAll('text')].map(t => {"
@@ -90,7 +90,7 @@ def test_labels_in_charts_are_large_enough_to_read_and_do_not_collide(chromium, 
                 assert apart, (text, other)
 
 
-def test_it_prints_light_on_a_few_pages(chromium, pages):
+def test_it_prints_on_a_few_light_pages(chromium, pages):
     chromium.show(pages["everything"], 1400, "dark")
     printed = chromium.pdf()
     assert printed.startswith(b"%PDF")

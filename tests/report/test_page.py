@@ -1,4 +1,4 @@
-"""The report is one page that needs nothing else, says the verdict first, and holds up whatever is known."""
+"""The report is one self-contained page that begins with the verdict, whichever parts are known."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def report():
     return whole_report()
 
 
-def test_it_needs_nothing_but_itself(report):
+def test_the_page_needs_no_other_resources(report):
     outline = Outline(report)
     assert all(source.startswith(("data:image/", "#")) for source in outline.sources)
     assert "<script" not in report
@@ -74,7 +74,7 @@ def test_it_needs_nothing_but_itself(report):
     assert "http" not in report.replace("http-equiv", "")
 
 
-def test_the_verdict_comes_first_and_everything_else_after_it(report):
+def test_the_summary_comes_first(report):
     assert Outline(report).headings == [
         "Summary",
         "Response and vignette",
@@ -91,16 +91,16 @@ def test_the_verdict_comes_first_and_everything_else_after_it(report):
 
 @pytest.fixture
 def undrawn(monkeypatch):
-    """Leave out the charts, which take most of the time and say nothing in words."""
+    """Leave out the charts, which take most of the time and contain no tested text."""
     monkeypatch.setattr("ospc.report.charts.chart_as_svg", lambda _chart: "")
 
 
-def test_it_is_small(report):
+def test_the_page_is_small(report):
     assert len(report) < 600_000
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_all_settings_and_versions_are_in_it():
+def test_the_page_contains_all_settings_and_versions():
     known = calibration(settings={"alpha": 0.125, "beta": [1, 2]}, versions={"numpy": "9.9"})
     text = Outline(page(Findings(known))).text
     for part in ("alpha", "0.125", "beta", "1, 2", "numpy", "9.9"):
@@ -111,7 +111,7 @@ HOSTILE = "<script>alert(1)</script>\"' onload='x' & $x^{\ud800}$ 名前\n\0"
 
 
 def hostile_findings():
-    """Return findings and examples in which every text is one that somebody else may have chosen."""
+    """Return findings and examples with hostile content in every untrusted text."""
     verdict = Verdict(HOSTILE, HOSTILE, HOSTILE)
     recording = before_a_wall(EXPOSURES_MS)
     known = calibration(
@@ -127,7 +127,7 @@ def hostile_findings():
     return Findings(known, EXPOSURES_MS, Photometry(HOSTILE, None, VIGNETTE)), examples
 
 
-def test_texts_from_outside_are_only_texts(tmp_path):
+def test_untrusted_texts_are_escaped(tmp_path):
     findings, examples = hostile_findings()
     place = write_page(findings, tmp_path / "report.html", examples)
     content = place.read_text(encoding="utf-8")
@@ -137,7 +137,7 @@ def test_texts_from_outside_are_only_texts(tmp_path):
     assert outline.text.count("<script>alert(1)</script>") >= 15
 
 
-def test_texts_from_outside_do_not_disturb_pictures_and_pdf(tmp_path):
+def test_untrusted_texts_do_not_break_pictures_and_pdf(tmp_path):
     findings, examples = hostile_findings()
     assert write_pdf(findings, tmp_path / "report.pdf", examples).read_bytes().startswith(b"%PDF")
     assert "figure.png" in pictures_of(findings)
@@ -181,7 +181,7 @@ FINDINGS = [
 
 @pytest.fixture(scope="module")
 def draw_once():
-    """Draw equal charts once: a chart depends on nothing but what it holds, and most of these findings are alike."""
+    """Draw equal charts only once: a chart depends only on its content, and most of these findings share charts."""
     drawn, draw = {}, chart_as_svg
 
     def once(chart):
@@ -194,7 +194,7 @@ def draw_once():
 
 
 @pytest.mark.parametrize("findings", FINDINGS)
-def test_whatever_is_known_makes_a_page_of_finite_figures(findings, draw_once, monkeypatch):
+def test_any_combination_of_known_parts_gives_a_page_with_finite_numbers(findings, draw_once, monkeypatch):
     monkeypatch.setattr("ospc.report.charts.chart_as_svg", draw_once)
     content = page(findings)
     Outline(content)
@@ -203,7 +203,7 @@ def test_whatever_is_known_makes_a_page_of_finite_figures(findings, draw_once, m
         assert "inf" not in drawn
 
 
-def test_what_is_missing_is_said():
+def test_the_page_states_what_is_missing():
     content = page(Findings(CASES["no vignette"]))
     assert "Unknown: it was seen." in content
     assert "No pairs of frames could be compared." in page(Findings(CASES["nothing known"]))
@@ -211,7 +211,7 @@ def test_what_is_missing_is_said():
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_all_advice_is_that_of_the_calibration():
+def test_the_page_shows_the_advice_of_the_calibration():
     known = replace(calibration(), advice=("film darker things", "pan"))
     text = Outline(page(Findings(known))).text
     assert "Film darker things." in text
@@ -219,12 +219,12 @@ def test_all_advice_is_that_of_the_calibration():
     assert "nothing to improve" in Outline(page(Findings(replace(known, advice=())))).text
 
 
-def test_the_same_gives_the_same_file(report):
+def test_equal_results_give_equal_files(report):
     assert whole_report() == report
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_it_is_written_whole_or_not_at_all(tmp_path):
+def test_the_page_is_written_completely_or_not_at_all(tmp_path):
     place = write_page(Findings(calibration()), tmp_path / "report.html")
     assert place.read_text(encoding="utf-8").endswith("</html>\n")
     with pytest.raises(FormatError, match="cannot be written"):

@@ -1,4 +1,4 @@
-"""The report for papers: one PDF, with whatever is known."""
+"""The report as PDF, with the known parts."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def count_of_pages(place):
     return content.count(b"/Type /Page ") + content.count(b"/Type /Page\n")
 
 
-def test_it_has_a_page_for_every_part(tmp_path):
+def test_the_pdf_has_a_page_for_every_part(tmp_path):
     recording, known = before_a_wall(np.geomspace(2, 10, 8)), calibration()
     findings, examples = Findings(known, recording.exposures_ms), examples_of(known, recording)
     assert count_of_pages(write_pdf(findings, tmp_path / "report.pdf", examples)) == 4
@@ -35,7 +35,7 @@ def test_it_has_a_page_for_every_part(tmp_path):
         calibration(vignette=None, vignette_sigma=None, coverage=coverage(residuals=False), max_grey=4095),
     ],
 )
-def test_what_is_unknown_is_left_out_and_the_same_gives_the_same_bytes(tmp_path, lacking):
+def test_unknown_parts_are_left_out_and_output_is_reproducible(tmp_path, lacking):
     first, again = (write_pdf(Findings(lacking), tmp_path / name) for name in ("report.pdf", "again.pdf"))
     assert count_of_pages(first) >= 2
     assert first.read_bytes() == again.read_bytes()
@@ -58,7 +58,7 @@ def test_no_text_is_cut_off():
             assert box.x1 <= figure.bbox.x1
 
 
-def test_a_folder_that_is_not_there_is_an_error(tmp_path):
+def test_a_missing_folder_is_an_error(tmp_path):
     lacking = calibration(response=None, vignette=None, vignette_sigma=None, coverage=None)
     with pytest.raises(FormatError, match="cannot be written"):
         write_pdf(Findings(lacking), tmp_path / "absent" / "report.pdf")

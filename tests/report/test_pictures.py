@@ -1,4 +1,4 @@
-"""Pictures show what is known, and say what is not."""
+"""Pictures show the known parts, and mark the unknown ones."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def test_every_picture_is_drawn(pictures):
             assert np.ptp(image) > 200
 
 
-def test_a_picture_of_several_charts_is_the_one_of_each_side_by_side(pictures):
+def test_a_picture_of_several_charts_joins_the_single_charts(pictures):
     response, whole = pictures["plot_response.png"], pictures["figure.png"]
     assert whole.shape == (response.shape[0], 3 * response.shape[1], 3)
     np.testing.assert_array_equal(whole[:, : response.shape[1]], response)
@@ -47,22 +47,22 @@ def test_a_picture_of_several_charts_is_the_one_of_each_side_by_side(pictures):
         ("plot_exposures.png", calibration(exposure_ratios=ExposureRatios.none())),
     ],
 )
-def test_what_is_unknown_has_no_picture_of_its_own_but_the_overview_says_so(name, lacking):
+def test_unknown_parts_have_no_picture_but_appear_in_the_overview(name, lacking):
     assert set(pictures_of(Findings(lacking))) == {*PICTURES} - {name}
 
 
-def test_the_overview_draws_even_if_nothing_is_known():
+def test_the_overview_is_drawn_even_if_nothing_is_known():
     nothing = calibration(response=False, vignette=False, exposure_ratios=ExposureRatios.none(), partial=True)
     assert set(pictures_of(Findings(nothing))) == {"figure.png"}
 
 
-def test_pictures_depend_on_the_calibration_only(pictures):
+def test_pictures_depend_only_on_the_calibration(pictures):
     again = pictures_of(Findings(calibration(), EXPOSURES_MS))
     for name in pictures:
         np.testing.assert_array_equal(again[name], pictures[name])
 
 
-def test_a_place_that_cannot_be_written_is_named(tmp_path):
+def test_the_error_names_a_file_that_cannot_be_written(tmp_path):
     written = OutputFolder(tmp_path / "none").draw(Findings(calibration()))
     assert written.files == ()
     assert "figure.png: cannot be written" in written.problems[0]

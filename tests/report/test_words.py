@@ -1,4 +1,4 @@
-"""What a report says is true, in digits that mean something."""
+"""The sentences of a report are correct, with significant digits only."""
 
 from __future__ import annotations
 
@@ -45,59 +45,60 @@ def test_the_headline_says_what_is_known(response, vignette, sentence, state):
     assert overall_state(known) == state
 
 
-def test_three_parts_are_listed_as_in_a_sentence():
+def test_three_parts_are_listed_with_commas_and_and():
     known = calibration(verdicts=dict.fromkeys(("response", "vignette", "exposures"), WELL))
     assert headline(known).startswith("The response, the vignette and the exposures of this camera are well")
 
 
-def said(**changes):
+def fact_text(**changes):
     return " ".join(facts(calibration(**changes)))
 
 
-def test_the_middle_grey_is_that_of_the_response():
+def test_the_text_states_middle_grey_and_ratio_uncertainty():
     assert (
-        "Middle grey (128 of 255) corresponds to 25.0 ± 0.9 % of the irradiance that saturates the sensor" in said()
+        "Middle grey (128 of 255) corresponds to 25.0 ± 0.9 % of the irradiance that saturates the sensor"
+        in fact_text()
     )
-    assert "Between grey levels 13 and 230 the ratio of two irradiances is known to ±1.6 %" in said()
-    assert "linear camera" in said(response=Response.gamma(1.0))
+    assert "Between grey levels 13 and 230 the ratio of two irradiances is known to ±1.6 %" in fact_text()
+    assert "linear camera" in fact_text(response=Response.gamma(1.0))
 
 
-def test_the_gamma_curve_named_has_the_irradiance_named():
+def test_the_stated_gamma_exponent_matches_the_stated_irradiance():
     bent = Response(np.interp(np.linspace(0, 1, 256), [0, 0.5, 1], [0, 0.268, 1]))
-    exponent = float(re.search(r"exponent ([\d.]+)\.", said(response=bent)).group(1))
+    exponent = float(re.search(r"exponent ([\d.]+)\.", fact_text(response=bent)).group(1))
     assert 0.5**exponent == pytest.approx(0.268, abs=0.003)
 
 
-def test_the_corners_are_those_of_the_vignette():
-    assert "The corners receive 60 ± 2 % of the light at the centre, 0.7 stops less." in said()
-    assert "hardly any vignetting" in said(vignette=PolynomialVignette(SIZE, (-0.005, 0.0, 0.0)))
+def test_the_text_states_the_attenuation_at_the_corners():
+    assert "The corners receive 60 ± 2 % of the light at the centre, 0.7 stops less." in fact_text()
+    assert "hardly any vignetting" in fact_text(vignette=PolynomialVignette(SIZE, (-0.005, 0.0, 0.0)))
 
 
-def test_corners_that_differ_and_a_bright_place_beside_the_centre_are_named():
+def test_the_text_states_unequal_corners_and_an_off_centre_maximum():
     x, y = np.meshgrid(np.linspace(-1, 1, SIZE[0]), np.linspace(-1, 1, SIZE[1]))
     decentred = RasterVignette((1 - 0.2 * ((x - 0.4) ** 2 + y**2)).astype(np.float32))
-    text = said(vignette=decentred)
+    text = fact_text(vignette=decentred)
     low, high = (100 * (1 - 0.2 * (x**2 + 1)) / (1 - 0.2 * 0.4**2) for x in (1.4, 0.6))
     assert f"on average ({low:.0f} to {high:.0f} %)" in text
     assert "relative to the brightest point, as in vignette.png" in text
 
 
-def test_the_corners_are_those_of_the_file():
+def test_the_stated_corners_match_the_saved_profile():
     known = calibration()
-    share = float(re.search(r"receive ([\d.]+)", said()).group(1))
+    share = float(re.search(r"receive ([\d.]+)", fact_text()).group(1))
     assert share == pytest.approx(100 * known.as_dict()["vignette"]["profile"][-1], abs=0.5)
 
 
-def test_agreement_weights_pairs_by_their_samples():
+def test_the_agreement_of_exposures_weights_pairs_by_their_samples():
     k = np.geomspace(0.5, 2, 40)
     wrong = np.arange(40) % 4 > 0
     frames = np.stack([np.arange(40), np.arange(40) + 1], axis=1)
     ratios = ExposureRatios(frames, k, np.where(wrong, k * 3, k * np.exp(0.02)), np.where(wrong, 4, 200))
-    assert "agree with the metadata to 2.0 % (median over 40 pairs" in said(exposure_ratios=ratios)
+    assert "agree with the metadata to 2.0 % (median over 40 pairs" in fact_text(exposure_ratios=ratios)
 
 
-def test_the_ends_of_the_grey_levels_do_not_stand_for_all_of_them():
+def test_the_text_separates_median_and_worst_uncertainty():
     spread = np.full(256, 0.001)
     spread[:30] = 0.4
     sure = replace(Response.gamma(2.0), log_sigma=spread, scale_sigma=0.001)
-    assert "is known to ±0.1 % in the median and ±40 % at worst" in said(response=sure)
+    assert "is known to ±0.1 % in the median and ±40 % at worst" in fact_text(response=sure)
