@@ -80,7 +80,7 @@ def test_options_of_an_entry_go_before_those_of_the_command():
         (b"recording\na\0b\n", FormatError, "names no recording|cannot be read as CSV"),
         (b"recording,options\na,rounds\n", SettingError, "row 2: option 'rounds' is not NAME=VALUE"),
         (b"recording,options\na,no_such=1\n", SettingError, "no setting is called 'no_such'"),
-        (b"recording,options\na,channel=ultraviolet\n", SettingError, "option channel is one of luminance"),
+        (b"recording,options\na,channel=ultraviolet\n", SettingError, "option channel must be one of luminance"),
         (b"recording\n", RecordingError, "no recordings there"),
         (b'recording\n"a', FormatError, "cannot be read as CSV"),
         (b"\xff\xfe\x00", FormatError, "is not UTF-8 text"),
