@@ -45,7 +45,6 @@ class BrightnessHistory:
     observed: int = 0
 
     def __post_init__(self) -> None:
-        """Prepare the comparison of frames."""
         self._compare = BrightnessComparer()
         self._previous: Thumbnail | None = None
 

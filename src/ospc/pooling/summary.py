@@ -113,7 +113,6 @@ class Summary:
     usable_radius: float = 1.0
 
     def __post_init__(self) -> None:
-        """Check that the arrays fit the common models."""
         p = PARAMETERS
         arrays = (self.estimate, self.vector, self.triangle, self.systematic)
         if [values.shape for values in arrays] != 2 * [(p,)] + 2 * [(p * (p + 1) // 2,)]:

@@ -179,7 +179,6 @@ class SimulationSettings:
     archive: bool = False
 
     def __post_init__(self) -> None:
-        """Check the settings."""
         for name, allowed in _CHOICES.items():
             self._require(name, getattr(self, name) in allowed, f"choose one of {', '.join(allowed)}")
         for name in _ABOVE_0:
