@@ -283,7 +283,9 @@ class Engine:
         source: dict[str, Any] = {"exposure_lag_frames": found.lag_frames}
         if found.corrected_frames:
             source["exposure_lag_corrected_frames"] = found.corrected_frames
-        changes = (epoch.change.text for epoch in self._epochs if epoch.change)
+        changed = (
+            f"{epoch.change.text}; the calibration is for later frames" for epoch in self._epochs if epoch.change
+        )
         return replace(
             known,
             verdicts=verdicts,
@@ -294,7 +296,7 @@ class Engine:
             advice=tuple(dict.fromkeys(filter(None, advice))),
             source=known.source | source,
             notes=(*found.notes, *known.notes),
-            warnings=(*found.warnings, *known.warnings, *changes),
+            warnings=(*found.warnings, *known.warnings, *changed),
         )
 
     def exposure_findings(self) -> ExposureFindings:

@@ -151,8 +151,6 @@ class ResultFolder:
     def _warn(calibration: Calibration) -> None:
         for warning in calibration.warnings:
             say(styled("WARNING", fg="red", bold=True), f": {warning}", err=True)
-        if calibration.warnings:
-            say("; ".join(["  response and vignette are marginal at best", *calibration.advice[:1]]), err=True)
 
     def _say(self, outcome: Outcome, written: Written, comparison: Comparison | None) -> None:
         """Print skipped frames, verdicts, the data behind them, the files, and the errors against a truth."""

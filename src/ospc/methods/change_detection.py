@@ -185,7 +185,7 @@ class ChangeDetector:
             self._end_suspicion(pair.frame1, self.reference)
             return None
         part, text = found
-        return Change(first, pair.frame1, part, f"{text}, since about frame {first}")
+        return Change(first, pair.frame1, part, f"since about frame {first}, {text}")
 
     def _look_for_outliers(self, pair: PairErrors) -> None:
         baseline = self.neighbours if pair.consecutive else self.distant

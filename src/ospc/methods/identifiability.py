@@ -189,8 +189,8 @@ _CONTRADICTIONS = {
         "fix the gain of the camera, and let it control the exposure time alone",
     ),
     UNSTEADY_VIGNETTE: (
-        "the vignette has a different position in each frame",
-        "switch off electronic stabilisation and cropping of the camera",
+        "the vignette has a different position in each frame, as with stabilisation or glossy surfaces",
+        "switch off electronic stabilisation and cropping of the camera, and avoid glossy floors and walls",
     ),
     UNSTEADY_RESPONSE: (
         "the response differs from frame to frame, or the frames show too little texture to be registered",
