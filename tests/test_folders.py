@@ -111,7 +111,7 @@ def test_links_to_nothing_and_folders_in_the_place_of_files_are_found_before_the
     with pytest.raises(SettingError, match="is a folder, but a file must be written there"):
         OutputFolder.at(tmp_path / "out", force=True)
     result = ospc("compare", tmp_path, tmp_path, "--plot", tmp_path / "none" / "a.png")
-    assert "name a file in an existing folder" in str(result.exception)
+    assert "does not exist; make it, or choose another one" in str(result.exception)
 
 
 def test_what_a_killed_process_was_writing_is_removed(tmp_path, another_process_in):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, nullcontext, suppress
 from pathlib import Path
 
@@ -41,6 +41,13 @@ def check_usable(
     if not (nearest.is_dir() and os.access(nearest, os.W_OK | os.X_OK)):
         why = "is not writable" if nearest == place else f"cannot be created: {nearest} is not writable"
         raise SettingError(f"{place}: {why}; choose another folder")
+
+
+def check_new(files: Iterable[Path], *, force: bool) -> None:
+    """Refuse to replace files that exist, unless forced; SettingError."""
+    for place in files:
+        if not force and place.exists():
+            raise SettingError(f"{place}: exists already; choose another name, or replace it with --force")
 
 
 def _holds(recording: Path, place: Path) -> bool:

@@ -10,7 +10,7 @@ from typing import Protocol
 from ospc.arrays import FloatArray
 from ospc.errors import ExposureError, FormatError, OspcError, SettingError, one_line, os_error_as
 from ospc.folders import check_usable
-from ospc.formats.dso import CAVEAT, parameter_files, write_times
+from ospc.formats.dso import PARAMETER_FILES, parameter_files, write_times
 from ospc.formats.files import json_object, write_bytes
 from ospc.formats.opening import Photometry
 from ospc.photometry.calibration import Calibration
@@ -26,7 +26,7 @@ from ospc.state.container import STATE_NAME
 
 _SCHEMA_BEGINNING = "ospc-calibration/"
 _MAP = "calibration.vignette.npz"
-_DATA = ("calibration.json", _MAP, "pcalib.txt", "pcalib_16bit.txt", "vignette.png", "times.txt", CAVEAT)
+_DATA = ("calibration.json", _MAP, *PARAMETER_FILES, "times.txt")
 REPORTS = ("report.html", "report.pdf")
 OWN_NAMES = (*_DATA, *PICTURES, *REPORTS)
 """All files that are ever written to an output folder; no other files in it are touched."""

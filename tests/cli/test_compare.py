@@ -74,6 +74,9 @@ def test_a_file_of_another_kind_is_not_sent_to_the_repair(folders, tmp_path):
 def test_plot(folders, tmp_path):
     assert "plot.svg" in run(*folders, "--plot", str(tmp_path / "plot.svg"))
     assert (tmp_path / "plot.svg").stat().st_size > 1000
+    again = ospc("compare", *folders, "--plot", tmp_path / "plot.svg")
+    assert "exists already" in str(again.exception)
+    assert "plot.svg" in run(*folders, "--plot", str(tmp_path / "plot.svg"), "--force")
 
 
 def test_calibrations_in_folders_of_one_name_are_told_apart(folders, tmp_path):

@@ -52,6 +52,19 @@ def test_notes_are_printed(calibration, tmp_path):
     assert "no response" in result.output
 
 
+@pytest.mark.parametrize(
+    ("program", "out", "existing"), [("dso", "mine", "mine/pcalib.txt"), ("opencv", "a.yml", "a.yml")]
+)
+def test_files_that_exist_are_replaced_only_by_force(calibration, tmp_path, program, out, existing):
+    (tmp_path / "mine").mkdir()
+    (tmp_path / existing).write_text("another camera")
+    refused = run(calibration, "--to", program, "-o", tmp_path / out)
+    assert "exists already" in str(refused.exception)
+    assert (tmp_path / existing).read_text() == "another camera"
+    assert run(calibration, "--to", program, "-o", tmp_path / out, "--force").exit_code == 0
+    assert (tmp_path / existing).read_text() != "another camera"
+
+
 def test_errors(calibration, tmp_path):
     missing = run(calibration, "--to", "adobe", "-o", tmp_path / "a.lcp")
     assert isinstance(missing.exception, SettingError)

@@ -82,7 +82,7 @@ def test_lensfun_states_no_size_and_needs_it(tmp_path):
 
 @pytest.mark.parametrize(
     ("values", "options", "max_grey"),
-    [(256, [], 255), (4096, [], 4095), (65536, [], 65535), (256, ["--max-grey", 4095], 4095)],
+    [(256, [], 255), (257, [], 256), (4096, [], 4095), (65536, [], 65535), (256, ["--max-grey", 4095], 4095)],
 )
 def test_the_depth_is_that_of_the_table_unless_stated(files, tmp_path, values, options, max_grey):
     write_pcalib(Response.gamma(1.5, values), files[0], values)
@@ -113,6 +113,15 @@ def test_what_does_not_make_a_calibration_is_refused(files, tmp_path):
     assert isinstance(run("import", falling, vignette, "-o", out).exception, FormatError)
     assert run("import", pcalib, vignette).exit_code == 2
     assert run("import", pcalib, "--max-grey", 0, "-o", out).exit_code == 2
+
+
+def test_a_file_that_exists_is_replaced_only_by_force(files, tmp_path):
+    out = tmp_path / "times.json"
+    out.write_text("mine")
+    assert "exists already" in str(run("import", *files, "-o", out).exception)
+    assert out.read_text() == "mine"
+    assert run("import", *files, "-o", out, "--force").exit_code == 0
+    assert "must have the suffix .json" in str(run("import", *files, "-o", tmp_path / "out.txt").exception)
 
 
 def test_it_is_called_import():

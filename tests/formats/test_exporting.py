@@ -19,10 +19,17 @@ RESPONSE = Response.gamma(1.9)
 VIGNETTE = PolynomialVignette(SIZE, (-0.3, 0.1, -0.1))
 FULL = Photometry("full", RESPONSE, VIGNETTE)
 OPTICS = ExportSettings(optics=Optics(focal_mm=4, crop_factor=6, aperture=2))
-FILES = {"dso": "folder", "hugin": "a.pto", "opencv": "a.yml", "adobe": "a.lcp", "json": "calibration.json"}
+FILES = {
+    "dso": "folder",
+    "hugin": "a.pto",
+    "opencv": "a.yml",
+    "adobe": "a.lcp",
+    "json": "calibration.json",
+    "lensfun": "a.xml",
+}
 
 
-@pytest.mark.parametrize("program", FILES)
+@pytest.mark.parametrize("program", sorted(FILES.keys() - {"lensfun"}))
 def test_what_is_exported_can_be_opened_again(tmp_path, program):
     written = export(FULL, program, tmp_path / FILES[program], OPTICS)
     assert all(path.exists() for path in written.files)
@@ -37,10 +44,10 @@ def test_what_is_exported_can_be_opened_again(tmp_path, program):
 @pytest.mark.parametrize("program", ["lensfun", "hugin", "adobe"])
 def test_residual_of_a_fit_is_stated(tmp_path, program):
     curved = Photometry("curved", None, LogVignette(SIZE, (-0.9, -0.8)))
-    notes = " ".join(export(curved, program, tmp_path / "out", OPTICS).notes)
+    notes = " ".join(export(curved, program, tmp_path / FILES[program], OPTICS).notes)
     assert "residual" in notes
     exact = Photometry("exact", None, VIGNETTE)
-    assert "residual" not in " ".join(export(exact, program, tmp_path / "out", OPTICS).notes)
+    assert "residual" not in " ".join(export(exact, program, tmp_path / FILES[program], OPTICS).notes)
 
 
 def test_json_of_a_map_names_both_files(tmp_path):
@@ -62,7 +69,7 @@ def test_unknown_parts_are_not_invented_and_the_verdict_is_told(tmp_path):
     assert export(Photometry("half", RESPONSE, None), "dso", tmp_path / "dso").notes == (told,)
     for program in ("lensfun", "adobe", "hugin"):
         with pytest.raises(NotObservableError):
-            export(known, program, tmp_path / "out", OPTICS)
+            export(known, program, tmp_path / FILES[program], OPTICS)
     for program in ("dso", "opencv"):
         with pytest.raises(NotObservableError):
             export(Photometry("nothing", None, None), program, tmp_path / "out.yml")
@@ -77,7 +84,14 @@ def test_nothing_is_written_for_a_program_that_is_not_known(tmp_path):
 def test_missing_knowledge_of_the_optics_is_named(tmp_path):
     for program in ("lensfun", "adobe"):
         with pytest.raises(SettingError, match=r"focal|crop"):
-            export(FULL, program, tmp_path / "out")
+            export(FULL, program, tmp_path / FILES[program])
+
+
+def test_names_without_the_suffix_of_the_format_are_refused(tmp_path):
+    for program in FILES.keys() - {"dso"}:
+        with pytest.raises(FormatError, match=r"out: such files must have the suffix \.\w+"):
+            export(FULL, program, tmp_path / "out", OPTICS)
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_size_of_a_bare_table_is_not_guessed(tmp_path):

@@ -66,8 +66,3 @@ def test_other_files_are_refused(tmp_path, text):
     place.write_text(text)
     with pytest.raises(FormatError, match=r"camera\.yml"):
         read_opencv(place)
-
-
-def test_other_suffixes_are_refused(tmp_path):
-    with pytest.raises(FormatError, match=r"\.yml"):
-        write_opencv(tmp_path / "camera.json", RESPONSE)

@@ -199,7 +199,10 @@ def _calibrate_one(request: _Request, opened: Callable[[], Recording]) -> dict[s
         raise
     # Imported late, because it is slow: problems with the recording are reported first.
     from ospc.cli.calibration_run import CalibrationRun, Checkpoints
+    from ospc.folders import check_new
 
+    if request.rerun_file is not None:
+        check_new([request.rerun_file], force=request.force or request.resume)
     result = request.result(truth)
     if request.exposures_unknown:
         from ospc.unknown_exposures import recover_exposures

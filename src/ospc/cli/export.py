@@ -11,6 +11,7 @@ import click
 from ospc.cli.options import SIZE, Parsed, argument, declared, option, out_option
 from ospc.cli.terminal import say, say_notes
 from ospc.errors import SettingError
+from ospc.folders import check_new
 
 if TYPE_CHECKING:
     from ospc.formats.export import Program
@@ -35,6 +36,7 @@ def command(
         required=True,
     ),
     out: Path = out_option("File to write; a folder for dso.", folder=False),
+    force: bool = option("Replace files that exist."),
     crop: tuple[int, int, int, int] | None = option(
         "For images cropped to this region.", metavar="X,Y,WxH", type=Parsed("crop", _crop)
     ),
@@ -70,11 +72,12 @@ def command(
     file (lensfun, .xml), a project for use as a template (hugin, .pto), a file storage (opencv, .yml), a lens profile
     (adobe, .lcp), or calibration.json. Reports what the format cannot represent, and the residuals of fits.
     """
-    from ospc.formats.export import ExportSettings, adapted, export
+    from ospc.formats.export import ExportSettings, adapted, export, files_of
     from ospc.formats.hugin import read_emor
     from ospc.formats.opening import open_photometry
     from ospc.formats.radial import Optics
 
+    check_new(files_of(program, out), force=force)
     optics = Optics(focal_mm, focal_px, crop_factor, aperture, maker=maker, lens=lens, camera=camera)
     settings = ExportSettings(optics, lensfun_model, None if emor is None else read_emor(emor), values)
     written = export(adapted(open_photometry(calibration), crop, size, binning), program, out, settings)

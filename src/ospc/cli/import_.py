@@ -8,6 +8,7 @@ import click
 
 from ospc.cli.options import IMAGE_SIZE, argument, declared, option, out_option
 from ospc.cli.terminal import say
+from ospc.folders import check_new
 
 
 @declared("import")
@@ -16,6 +17,7 @@ def command(
     pcalib: str = argument(),
     vignette: str | None = argument(required=False),
     out: Path = out_option("calibration.json to write.", folder=False),
+    force: bool = option("Replace OUT if it exists."),
     size: tuple[int, int] | None = IMAGE_SIZE,
     max_grey: int | None = option(
         "Largest grey value of the images; by default that of the response table, 255 for 256 values.",
@@ -29,12 +31,13 @@ def command(
     pcalib.txt and vignette.png again.
     """
     from ospc.errors import SettingError
-    from ospc.formats.export import as_calibration
+    from ospc.formats.export import as_calibration, files_of
     from ospc.formats.opening import open_photometry, together
 
     sources = [pcalib] if vignette is None else [pcalib, vignette]
     if out.resolve() in [Path(source).resolve() for source in sources]:
         raise SettingError(f"{out}: is one of the files to import; choose another output file")
+    check_new(files_of("json", out), force=force)
     first, *others = (open_photometry(source, size) for source in sources)
     calibration = as_calibration(together(first, others[0]) if others else first, size, max_grey)
     place = calibration.save(out)

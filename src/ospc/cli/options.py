@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import click
 
 from ospc.errors import SettingError
-from ospc.folders import check_usable, reserved
+from ospc.folders import check_new, check_usable, reserved
 
 if TYPE_CHECKING:
     from ospc.exposures.lag_choice import LagChoice
@@ -180,12 +180,16 @@ def _lag(text: str) -> LagChoice:
     return choice
 
 
-def _writable(place: Path) -> Path:
-    """Refuse a file that cannot be written, before anything is computed for it."""
-    if place.is_dir() or not place.parent.is_dir():
-        raise SettingError(f"{place}: is a folder, or its folder does not exist; name a file in an existing folder")
-    check_usable(place.parent)
-    return place
+def _picture(plot: Path | None, *, force: bool) -> Path | None:
+    """Refuse a picture that cannot be written, before anything is computed for it."""
+    if plot is not None:
+        if plot.is_dir():
+            raise SettingError(f"{plot}: is a folder; name a file")
+        if not plot.parent.is_dir():
+            raise SettingError(f"{plot}: the folder {plot.parent} does not exist; make it, or choose another one")
+        check_usable(plot.parent)
+        check_new([plot], force=force)
+    return plot
 
 
 def named(entries: Iterable[str], example: str) -> dict[str, str]:
@@ -205,7 +209,13 @@ STUDY_SIZE = Parsed("size", partial(_size, least=16, most=8192))
 
 QUIET = option("Print only errors and warnings.", "-q", "--quiet")
 AS_JSON = option("Print the result as JSON on standard output.", "--json")
-PLOT = option("Draw the result into this picture file.", then=_writable)
+PLOT: Any = Several(
+    _picture,
+    {
+        "plot": option("Draw the result into this picture file.", type=click.Path(path_type=Path)),
+        "force": option("Replace the picture if it exists.", is_flag=True),
+    },
+)
 IMAGE_SIZE = option("Size of the images; by default that stated in the files.", metavar="WxH", type=SIZE)
 TRUTH = option(
     "A known calibration to compare with: calibration.json, or a folder with pcalib.txt and vignette.png.",

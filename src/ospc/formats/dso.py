@@ -23,6 +23,9 @@ from ospc.photometry.vignette import RasterVignette, Vignette
 CAVEAT = "EXPOSURES_UNKNOWN.txt"
 """File written next to a pcalib.txt that was estimated without exposures, because that format only has numbers."""
 
+PARAMETER_FILES = ("pcalib.txt", "pcalib_16bit.txt", "vignette.png", CAVEAT)
+"""Names of all files that :func:`parameter_files` may yield."""
+
 LARGEST_ID = 2**31 - 1
 """Largest frame id that a 32-bit ``%d`` can read."""
 

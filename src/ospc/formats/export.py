@@ -8,7 +8,7 @@ from typing import Literal, TypeAlias, get_args
 
 from ospc.arrays import ImageSize
 from ospc.errors import FormatError, NotObservableError, SettingError, os_error_as
-from ospc.formats.dso import parameter_files
+from ospc.formats.dso import PARAMETER_FILES, parameter_files
 from ospc.formats.hugin import EmorBasis, write_pto
 from ospc.formats.lens_profiles import write_lcp, write_lensfun
 from ospc.formats.opencv import write_opencv
@@ -22,8 +22,14 @@ from ospc.photometry.vignette import RasterVignette
 Program: TypeAlias = Literal["dso", "lensfun", "hugin", "opencv", "adobe", "json"]
 """Programs that calibrations can be exported to."""
 
-_VALUES_OF_DEEP_IMAGES = (1024, 4096, 16384, 65536)
-"""Numbers of values in a pcalib.txt for images with 10, 12, 14 or 16 bits: one per grey level."""
+_SUFFIXES: dict[str, tuple[str, ...]] = {
+    "lensfun": (".xml",),
+    "hugin": (".pto",),
+    "opencv": (".yml", ".yaml"),
+    "adobe": (".lcp",),
+    "json": (".json",),
+}
+"""Suffixes by which :func:`~ospc.formats.opening.open_photometry` recognises the files again."""
 
 
 @dataclass(frozen=True)
@@ -103,13 +109,12 @@ def as_calibration(photometry: Photometry, size: ImageSize | None = None, max_gr
         return replace(photometry.calibration, max_grey=max_grey or photometry.calibration.max_grey)
     if response is None and photometry.vignette is None:
         raise FormatError(f"{photometry.name}: has neither a response nor a vignette")
-    deep = response is not None and response.inverse_table.size in _VALUES_OF_DEEP_IMAGES
     return Calibration(
         known,
         response,
         photometry.vignette,
         {part: _verdict(part, photometry) for part in ("response", "vignette")},
-        max_grey=max_grey or (response.inverse_table.size - 1 if deep and response is not None else 255),
+        max_grey=max_grey or (255 if response is None else response.inverse_table.size - 1),
         source={"imported_from": photometry.name},
     )
 
@@ -118,6 +123,17 @@ def _verdict(part: str, photometry: Photometry) -> Verdict:
     if getattr(photometry, part) is None:
         return Verdict("not identifiable", f"{photometry.name} does not have it", "calibrate from a recording")
     return Verdict("identifiable", f"imported from {photometry.name}, which states no uncertainty")
+
+
+def files_of(program: Program, out: str | Path) -> list[Path]:
+    """Return all files that an export may write; FormatError if the name does not have the suffix of the format."""
+    place = Path(out)
+    if program == "dso":
+        return [place / name for name in PARAMETER_FILES]
+    suffixes = _SUFFIXES[program]
+    if place.suffix.lower() not in suffixes:
+        raise FormatError(f"{place}: such files must have the suffix {' or '.join(suffixes)}; choose another name")
+    return [place, *([place.with_suffix(".vignette.npz")] if program == "json" else [])]
 
 
 def export(
@@ -132,11 +148,12 @@ def export(
     SettingError
         If ``settings`` lack something that the program needs, or the program is unknown.
     FormatError
-        If the format cannot represent the calibration, or a file cannot be written.
+        If the format cannot represent the calibration, the file has another suffix, or it cannot be written.
     """
     if program not in get_args(Program):
         raise SettingError(f"{program!r} is not a program; known: {', '.join(get_args(Program))}")
     chosen, place = settings or ExportSettings(), Path(out)
+    files_of(program, place)
     if program in ("lensfun", "adobe"):
         return _to_lens_profile(photometry, program, place, chosen)
     if program == "hugin":

@@ -38,7 +38,6 @@ _MATRIX = re.compile(
 )
 _LARGEST_FILE = 2**30
 """Maximum size in bytes; a vignette with the most pixels has 0.7 GB in base64."""
-_SUFFIXES = (".yml", ".yaml")
 
 
 def write_opencv(path: str | Path, response: Response | None = None, vignette: Vignette | None = None) -> Path:
@@ -50,11 +49,9 @@ def write_opencv(path: str | Path, response: Response | None = None, vignette: V
     Raises
     ------
     FormatError
-        If the suffix is not .yml or .yaml, or the file cannot be written.
+        If the file cannot be written.
     """
     place = Path(path)
-    if place.suffix.lower() not in _SUFFIXES:
-        raise FormatError(f"{place}: OpenCV files must have the suffix .yml or .yaml; choose another name")
     mode = cv2.FILE_STORAGE_WRITE | cv2.FILE_STORAGE_MEMORY | cv2.FILE_STORAGE_WRITE_BASE64
     storage = cv2.FileStorage("memory.yml", mode | cv2.FILE_STORAGE_FORMAT_YAML)
     if response is not None:
