@@ -28,7 +28,7 @@ def folder(tmp_path_factory):
 
 @pytest.fixture(autouse=True)
 def in_this_process(monkeypatch):
-    """Other processes take seconds to start; what they do is tested elsewhere."""
+    """Run in this process: other processes take seconds to start, and are tested elsewhere."""
     monkeypatch.setattr("ospc.batch.work.Processes", lambda _count: ThisProcess())
 
 
@@ -54,7 +54,7 @@ def test_a_folder_becomes_a_page_a_table_and_calibrations(folder, tmp_path):
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_failures_are_said_and_exit_code_4(folder, tmp_path):
+def test_failures_are_reported_with_exit_code_4(folder, tmp_path):
     (tmp_path / "m.csv").write_text(f"recording,camera\n{folder / 'A' / 'r0'},X\nnone,X\n")
     result = run(tmp_path / "m.csv", "-o", tmp_path / "out", *SETTINGS)
     assert result.exit_code == 4
@@ -78,7 +78,7 @@ def test_wrong_usage_is_exit_code_2_and_writes_nothing(folder, tmp_path, options
     assert not (tmp_path / "out").exists()
 
 
-def test_an_empty_folder_is_one_line(tmp_path):
+def test_an_empty_folder_is_a_one_line_error(tmp_path):
     (tmp_path / "empty").mkdir()
     result = run(tmp_path / "empty", "-o", tmp_path / "out")
     assert isinstance(result.exception, RecordingError)
@@ -104,7 +104,7 @@ def test_folders_without_a_recording_are_named_with_the_reason(folder, tmp_path)
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_why_a_camera_has_no_calibration_is_said(folder, tmp_path):
+def test_the_reason_for_a_missing_calibration_is_printed(folder, tmp_path):
     shutil.copytree(folder / "A" / "r0", tmp_path / "data" / "r0")
     simulate(tmp_path / "data" / "r1", SimulationSettings(size=(96, 64), frames=20, exposure="cycle"))
     result = run(tmp_path / "data", "-o", tmp_path / "out", *SETTINGS)

@@ -31,14 +31,14 @@ IN_MAIN_THREAD = threading.current_thread() is threading.main_thread()
 
 @pytest.fixture(scope="module")
 def recording(tmp_path_factory):
-    """A recording too short to learn from, for tests of everything but the estimate."""
+    """A recording too short for an estimate, for tests of everything else."""
     place = tmp_path_factory.mktemp("simulated") / "r"
     simulate(place, SimulationSettings(size=SIZE, frames=FRAMES))
     return place
 
 
 class Method:
-    """A method that knows the answer, and lets a test interfere."""
+    """A method that returns a given result, and lets a test interfere."""
 
     answer = calibration(counts={"pairs": 3, "samples": 100})
     at_frame: dict[int, object] = {}  # noqa: RUF012 (replaced by tests, never changed)
@@ -77,7 +77,7 @@ class Method:
 
 @pytest.fixture
 def method(monkeypatch):
-    """The method in place of the real one, and nothing drawn; set its class attributes."""
+    """Replaces the real method, without drawing; set its class attributes."""
 
     class OfThisTest(Method):
         pass
@@ -101,9 +101,9 @@ def stored(folder):
 
 @pytest.fixture(scope="module")
 def good_recording(tmp_path_factory):
-    """A small recording from which everything can be learnt."""
+    """A small recording that determines everything."""
     place = tmp_path_factory.mktemp("simulated") / "good"
-    # Without a period, so that it is certain which frame each belongs to.
+    # Not periodic, so that each exposure belongs to one frame with certainty.
     exposures = tuple(np.random.default_rng(0).choice([3.0, 6.0, 12.0, 24.0], 48).tolist())
     simulate(place, SimulationSettings(size=(240, 180), frames=48, exposure="file", exposures_ms=exposures))
     return place
@@ -129,7 +129,7 @@ def test_a_good_recording_becomes_a_complete_output_near_the_truth(good_recordin
     assert content.settings["preset"] == "default"
 
 
-def test_the_report_says_state_reason_and_place(recording, tmp_path, method):
+def test_the_output_states_verdict_reason_and_folder(recording, tmp_path, method):
     result = run(recording, "-o", tmp_path / "out")
     assert result.exit_code == 3  # in so few frames it is not certain that exposures belong to them
     for expected in ("response", "vignette", "identifiable", "it was seen", str(tmp_path / "out"), "pcalib.txt"):
@@ -137,7 +137,7 @@ def test_the_report_says_state_reason_and_place(recording, tmp_path, method):
 
 
 @pytest.mark.parametrize("part", ["response", "vignette"])
-def test_what_cannot_be_known_is_exit_code_3_with_reason_and_remedy(recording, tmp_path, method, part):
+def test_undetermined_parts_give_exit_code_3_with_reason_and_remedy(recording, tmp_path, method, part):
     method.answer = calibration(**{part: False})
     result = run(recording, "-o", tmp_path / "out")
     assert result.exit_code == 3
@@ -146,7 +146,7 @@ def test_what_cannot_be_known_is_exit_code_3_with_reason_and_remedy(recording, t
     assert {"response": "pcalib.txt", "vignette": "vignette.png"}[part] not in names(tmp_path / "out")
 
 
-def test_quiet_says_nothing(recording, tmp_path, method):
+def test_quiet_prints_nothing(recording, tmp_path, method):
     result = run(recording, "-o", tmp_path / "out", "--quiet")
     assert (result.exit_code, result.output) == (3, "")
     assert "calibration.json" in names(tmp_path / "out")
@@ -165,7 +165,7 @@ def test_json_is_one_document_with_everything(recording, tmp_path, method):
     assert result.stderr == ""
 
 
-def test_skipped_frames_are_counted_and_the_first_reasons_said(recording, tmp_path, method):
+def test_skipped_frames_are_counted_with_the_first_reasons(recording, tmp_path, method):
     method.at_frame = {i: FrameError(f"frame {i} is torn") for i in (2, 4, 6, 8)}
     result = run(recording, "-o", tmp_path / "out")
     assert result.exit_code == 3
@@ -252,7 +252,7 @@ def _archive_cut_off(place):
         _archive_cut_off,
     ],
 )
-def test_wrong_input_is_one_line_that_names_it(tmp_path, make):
+def test_wrong_input_is_a_one_line_error_that_names_it(tmp_path, make):
     make(tmp_path / "input")
     result = run(tmp_path / "input", "-o", tmp_path / "out")
     assert result.exit_code == 1
@@ -262,14 +262,14 @@ def test_wrong_input_is_one_line_that_names_it(tmp_path, make):
     assert not (tmp_path / "out").exists()
 
 
-def test_a_truth_that_is_none_is_found_before_the_work(recording, tmp_path, method):
+def test_an_invalid_truth_is_refused_before_the_run(recording, tmp_path, method):
     result = run(recording, "-o", tmp_path / "out", "--truth", tmp_path / "none")
     assert isinstance(result.exception, OspcError)
     assert not (tmp_path / "out").exists()
 
 
 class TestFailures:
-    def test_an_unexpected_failure_in_the_middle_keeps_what_was_known(self, recording, tmp_path, method):
+    def test_an_unexpected_failure_keeps_the_result_so_far(self, recording, tmp_path, method):
         method.at_frame = {7: ZeroDivisionError("oh\nno")}
         result = run(recording, "-o", tmp_path / "out")
         assert isinstance(result.exception, OspcError)
@@ -278,14 +278,14 @@ class TestFailures:
         assert "partial" in result.stdout
         assert "pcalib.txt" in names(tmp_path / "out")
 
-    def test_json_tells_of_a_failure_too(self, recording, tmp_path, method):
+    def test_json_reports_a_failure(self, recording, tmp_path, method):
         method.at_frame = {7: OSError("the disk is gone")}
         result = run(recording, "-o", tmp_path / "out", "--json")
         summary = json.loads(result.stdout)
         assert (summary["exit_code"], summary["partial"]) == (1, True)
         assert "the disk is gone" in summary["error"]
 
-    def test_a_failing_estimate_is_one_line_and_leaves_an_earlier_output(self, recording, tmp_path, method):
+    def test_a_failing_estimate_is_a_one_line_error_and_keeps_an_earlier_output(self, recording, tmp_path, method):
         run(recording, "-o", tmp_path / "out")
         before = stored(tmp_path / "out")
         method.at_the_end = np.linalg.LinAlgError("singular")
@@ -293,7 +293,7 @@ class TestFailures:
         assert str(result.exception) == "unexpected LinAlgError: singular"
         assert stored(tmp_path / "out") == before
 
-    def test_a_full_disk_is_said_and_costs_no_file_that_fitted(self, recording, tmp_path, method, monkeypatch):
+    def test_a_full_disk_is_reported_and_keeps_complete_files(self, recording, tmp_path, method, monkeypatch):
         def fail(_vignette, path, _description):
             raise OspcError(f"{path}: cannot be written (No space left on device)")
 
@@ -307,12 +307,12 @@ class TestFailures:
 class TestInterruptions:
     @staticmethod
     def press(times, monkeypatch):
-        """Press Ctrl-C as often, slowly enough to mean it."""
+        """Press Ctrl-C this many times, slowly enough to count as separate requests."""
         monkeypatch.setattr("ospc.cli.interruption._SAME_S", 0.0)
         for _ in range(times):
             os.kill(os.getpid(), signal.SIGINT)
 
-    def test_keys_that_repeat_are_one_request(self, recording, tmp_path, method):
+    def test_repeated_keys_are_one_request(self, recording, tmp_path, method):
         def many():
             for _ in range(5):
                 os.kill(os.getpid(), signal.SIGINT)
@@ -348,7 +348,7 @@ class TestInterruptions:
         assert "no result was written" in result.stderr
         assert not (tmp_path / "out").exists()
 
-    def test_giving_up_on_the_estimate_keeps_the_state(self, recording, tmp_path, monkeypatch):
+    def test_aborting_the_estimate_keeps_the_state(self, recording, tmp_path, monkeypatch):
         from ospc.calibrator import OnlineCalibrator
         from ospc.cli.calibration_run import Checkpoints
 
@@ -372,7 +372,7 @@ class TestInterruptions:
         assert not (tmp_path / "out").exists()
 
     @pytest.mark.parametrize("times", [1, 3])
-    def test_while_writing_every_file_is_whole(self, recording, tmp_path, method, monkeypatch, times):
+    def test_files_are_complete_if_interrupted_while_writing(self, recording, tmp_path, method, monkeypatch, times):
         def interrupted(response, path, values=256):
             self.press(times, monkeypatch)
             return write_pcalib(response, path, values)
@@ -387,7 +387,7 @@ class TestInterruptions:
 
 
 def test_ctrl_c_on_the_real_command(good_recording, tmp_path):
-    """The real method, a real process, a real signal in the midst of the frames."""
+    """The real method in a real process, with a real signal between frames."""
     out = tmp_path / "out"
     code = (
         "import ospc.methods.maximum_likelihood as j, sys\n"

@@ -64,7 +64,7 @@ def uninterrupted(recording, tmp_path_factory):
     return out
 
 
-def test_killed_and_resumed_it_ends_with_the_same_bytes(recording, uninterrupted, tmp_path):
+def test_a_killed_and_resumed_run_gives_the_same_bytes(recording, uninterrupted, tmp_path):
     out = tmp_path / "out"
     arguments = [str(recording), "-o", str(out), *QUICK, "--resume"]
     with subprocess.Popen(
@@ -116,7 +116,7 @@ def test_a_run_starts_from_an_earlier_one(recording, uninterrupted, tmp_path):
     assert "starting from" in found.verdicts["response"].reason
 
 
-def test_a_changed_lens_is_said(uninterrupted, tmp_path):
+def test_a_changed_lens_is_reported(uninterrupted, tmp_path):
     other = simulated(tmp_path / "today", frames=24, seed=5, scene_seed=0, vignette_coefficients=(-1.0, 0.4, -0.1))
     result = run(other, "-o", tmp_path / "out", *QUICK, "--start-from", uninterrupted, "--json")
     notes = json.loads(result.stdout)["notes"]

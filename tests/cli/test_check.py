@@ -33,7 +33,7 @@ def late(tmp_path_factory: pytest.TempPathFactory) -> Path:
 check = partial(ospc, "check")
 
 
-def test_json_is_one_object_and_the_picture_beside_it(late: Path, tmp_path: Path) -> None:
+def test_json_is_one_object_and_the_plot_is_written(late: Path, tmp_path: Path) -> None:
     result = check(late, "--json", "--plot", tmp_path / "seen.png")
     assert (result.exit_code, result.stderr) == (0, "")
     said = json.loads(result.stdout)
@@ -46,7 +46,7 @@ def test_json_is_one_object_and_the_picture_beside_it(late: Path, tmp_path: Path
     assert picture.std() > 10
 
 
-def test_text_has_every_verdict_and_what_to_do(late: Path) -> None:
+def test_the_text_has_every_verdict_and_remedy(late: Path) -> None:
     result = check(late, "--frames", 8)
     assert result.exit_code == 3
     words = " ".join(result.stdout.split())
@@ -56,7 +56,9 @@ def test_text_has_every_verdict_and_what_to_do(late: Path) -> None:
 
 
 @pytest.mark.parametrize("path", ["nowhere", "text.txt", "empty"])
-def test_what_is_no_recording_is_one_line(path: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_path_without_recording_is_a_one_line_error(
+    path: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(tmp_path)
     Path("text.txt").write_text("hello")
     Path("empty").mkdir()
@@ -67,7 +69,7 @@ def test_what_is_no_recording_is_one_line(path: str, tmp_path: Path, monkeypatch
     assert "\n" not in str(result.exception)
 
 
-def test_a_picture_that_cannot_be_written_is_one_line(late: Path, tmp_path: Path) -> None:
+def test_a_plot_that_cannot_be_written_is_a_one_line_error(late: Path, tmp_path: Path) -> None:
     result = check(late, "--frames", 3, "--plot", tmp_path / "no" / "folder.png")
     assert result.exit_code == 1
     assert isinstance(result.exception, OspcError)
@@ -75,7 +77,7 @@ def test_a_picture_that_cannot_be_written_is_one_line(late: Path, tmp_path: Path
     assert "is a folder; name a file" in str(check(late, "--frames", 3, "--plot", tmp_path).exception)
 
 
-def test_real_recordings_agree_with_what_is_known_of_them(real_data: Path) -> None:
+def test_real_recordings_give_the_expected_result(real_data: Path) -> None:
     said = json.loads(check(real_data / "borealhdr_left", "--json").stdout)
     assert said["exposure_lag_frames"] == 0
     assert said["verdicts"] == {
@@ -86,7 +88,7 @@ def test_real_recordings_agree_with_what_is_known_of_them(real_data: Path) -> No
     assert said["exposure"]["cycle_frames"] == 6
 
 
-def test_missing_exposures_name_the_way_without_them(late: Path, tmp_path: Path) -> None:
+def test_missing_exposures_suggest_unknown_exposures(late: Path, tmp_path: Path) -> None:
     shutil.copytree(late, tmp_path / "bare")
     lines = (tmp_path / "bare" / "times.txt").read_text().splitlines()
     for times in ("\n".join(" ".join(line.split()[:2]) for line in lines), None):
@@ -100,7 +102,7 @@ def test_missing_exposures_name_the_way_without_them(late: Path, tmp_path: Path)
     assert "--unknown-exposures" not in str(check(tmp_path / "bare").exception)  # it would not help
 
 
-def test_unknown_exposures_are_estimated_and_everything_labelled(tmp_path: Path) -> None:
+def test_unknown_exposures_are_estimated_and_the_result_is_labelled(tmp_path: Path) -> None:
     convert_recording(Film(wandering(FRAMES, step=0.15), size=LARGE, speed_px=2.5).recording(), tmp_path / "film")
     assert "--unknown-exposures" in str(check(tmp_path / "film" / "images").exception)
     result = check(tmp_path / "film" / "images", "--unknown-exposures", "--json")

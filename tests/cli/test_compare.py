@@ -30,14 +30,14 @@ def run(*arguments: str):
     return result.output
 
 
-def test_table_states_the_freedoms_and_aligns_nothing_unasked(folders):
+def test_the_table_explains_the_scale_and_aligns_nothing_by_default(folders):
     output = run(*folders)
     assert "The scale cannot be observed" in output
     assert "unaligned" in output
     assert "γ =" not in output
 
 
-def test_gamma_alignment_is_labelled_and_shown_beside_the_unaligned_figures(folders):
+def test_gamma_alignment_is_labelled_and_shown_with_the_unaligned_figures(folders):
     output = run(*folders, "--gamma")
     assert "unaligned" in output
     assert "after γ = 1.1" in output
@@ -61,7 +61,7 @@ def test_lensfun_takes_the_image_size_from_the_other_file(folders, tmp_path):
     assert isinstance(result.exception, SettingError)
 
 
-def test_a_file_of_another_kind_is_not_sent_to_the_repair(folders, tmp_path):
+def test_repair_is_not_suggested_for_files_of_another_kind(folders, tmp_path):
     for name, text in (("lens.txt", "<lensdatabase/>"), ("notes.md", "0 1 2"), ("empty.txt", "")):
         (tmp_path / name).write_text(text)
         result = ospc("compare", str(tmp_path / name), folders[0])
@@ -79,7 +79,7 @@ def test_plot(folders, tmp_path):
     assert "plot.svg" in run(*folders, "--plot", str(tmp_path / "plot.svg"), "--force")
 
 
-def test_calibrations_in_folders_of_one_name_are_told_apart(folders, tmp_path):
+def test_calibrations_in_folders_of_the_same_name_are_distinguished(folders, tmp_path):
     for name, folder in zip(("one", "two"), folders, strict=True):
         (tmp_path / name).mkdir()
         (tmp_path / name / "seq").symlink_to(folder)

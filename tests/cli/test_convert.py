@@ -29,14 +29,14 @@ def recording(tmp_path: Path) -> Path:
 convert = partial(ospc, "convert")
 
 
-def test_it_says_what_it_wrote(recording: Path, tmp_path: Path) -> None:
+def test_it_prints_what_it_wrote(recording: Path, tmp_path: Path) -> None:
     result = convert(recording, "-o", tmp_path / "out", "--zip")
     assert result.exit_code == 0, result.output
     assert result.stdout == f"{tmp_path / 'out'}: {COUNT} images ({COUNT} of them copied) and times.txt\n"
     assert len(open_recording(tmp_path / "out")) == COUNT
 
 
-def test_quietly_it_says_nothing(recording: Path, tmp_path: Path) -> None:
+def test_quiet_prints_nothing(recording: Path, tmp_path: Path) -> None:
     assert convert(recording, "-o", tmp_path / "out", "-q").output == ""
 
 
@@ -45,7 +45,7 @@ def test_a_lag_is_corrected(recording: Path, tmp_path: Path) -> None:
     assert result.exit_code == 0, result.output
     assert "lag of -1" in result.stderr
     back = open_recording(tmp_path / "out")
-    # Image i was taken with the exposure written beside image i − 1, and the first with none.
+    # Image i was taken with the exposure recorded with image i − 1; that of the first image is unknown.
     assert back.exposures_ms.tolist() == [1, 2, 3, 4]
     assert [round(float(np.median(frame.image))) for frame in back] == [40, 80, 120, 160]
 
@@ -54,7 +54,7 @@ def test_a_lag_is_corrected(recording: Path, tmp_path: Path) -> None:
     "arguments",
     [("nowhere", "-o", "out"), ("recording", "-o", "recording", "--force"), ("recording", "-o", "out", "--lag", "9")],
 )
-def test_what_cannot_be_is_one_line(
+def test_impossible_requests_are_one_line_errors(
     arguments: tuple[str, ...], recording: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -65,7 +65,9 @@ def test_what_cannot_be_is_one_line(
     assert not (tmp_path / "out").exists()
 
 
-def test_interrupted_it_leaves_nothing(recording: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_interrupted_conversion_leaves_nothing(
+    recording: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(Interruption, "requested", True)
     result = convert(recording, "-o", tmp_path / "out")
     assert result.exit_code == INTERRUPTED
@@ -73,7 +75,7 @@ def test_interrupted_it_leaves_nothing(recording: Path, tmp_path: Path, monkeypa
     assert not (tmp_path / "out").exists()
 
 
-def test_frames_left_out_are_told(recording: Path, tmp_path: Path) -> None:
+def test_omitted_frames_are_reported(recording: Path, tmp_path: Path) -> None:
     image = recording / "images" / "00002.png"
     image.write_bytes(image.read_bytes()[:40])
     with pytest.raises(FrameError):

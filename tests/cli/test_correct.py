@@ -57,7 +57,7 @@ def content_of(folder):
 
 
 def true_irradiances(made):
-    """Give e·L without vignette, and how much of it a half grey value is."""
+    """Yield e·L without vignette, and the part of it that half a grey value corresponds to."""
     attenuation = made.vignette.image().astype(float)
     for irradiance in irradiances(made.settings):
         grey = np.rint(made.response(irradiance) * made.settings.max_grey)
@@ -66,7 +66,7 @@ def true_irradiances(made):
         yield irradiance / attenuation, (edges[1] - edges[0]) / attenuation, irradiance < 0.99
 
 
-def test_irradiance_is_the_true_one_in_floats(made, calibration, tmp_path):
+def test_float_output_is_the_true_irradiance(made, calibration, tmp_path):
     result = run(made.path, calibration, "-o", tmp_path / "out")
     assert result.exit_code == 0, result.output
     images = written(tmp_path / "out")
@@ -80,7 +80,7 @@ def test_irradiance_is_the_true_one_in_floats(made, calibration, tmp_path):
         assert expected in result.output
 
 
-def test_normalised_irradiance_is_radiance_and_masks_what_is_saturated(made, calibration, tmp_path):
+def test_normalised_irradiance_is_radiance_with_saturated_pixels_masked(made, calibration, tmp_path):
     result = run(made.path, calibration, "-o", tmp_path / "out", "--normalise-exposure", "--mask-saturated")
     assert "radiance L per ms" in result.output
     original = [frame.image for frame in open_recording(made.path)]
@@ -119,7 +119,7 @@ def test_grey_output_is_a_linear_recording_without_vignette(output, limit, depth
     assert (out / "camera.txt").read_bytes() == (recording.path / "camera.txt").read_bytes()
 
 
-def test_normalised_grey_brings_all_to_one_exposure(made, calibration, tmp_path):
+def test_normalised_grey_images_have_one_exposure(made, calibration, tmp_path):
     def exposures(name, *options):
         out = tmp_path / name
         assert run(made.path, calibration, "-o", out, "--normalise-exposure", *options).exit_code == 0
@@ -148,7 +148,7 @@ def test_white_makes_room_for_bright_corners(made, calibration, tmp_path):
     assert np.median(ratio) == pytest.approx(4, rel=0.01)
 
 
-def test_masked_grey_has_white_where_the_camera_was_saturated(made, calibration, tmp_path):
+def test_masked_grey_is_white_in_saturated_pixels(made, calibration, tmp_path):
     options = ["--output", "grey16", "--normalise-exposure", "--mask-saturated"]
     assert run(made.path, calibration, "-o", tmp_path / "out", *options).exit_code == 0
     saturated = 0
@@ -158,7 +158,7 @@ def test_masked_grey_has_white_where_the_camera_was_saturated(made, calibration,
     assert saturated > 0
 
 
-def test_any_kind_of_calibration_does(made, calibration, tmp_path):
+def test_any_kind_of_calibration_works(made, calibration, tmp_path):
     for number, source in enumerate(
         [calibration, made.path, f"{made.path / 'pcalib.txt'},{made.path / 'vignette.png'}"]
     ):
@@ -208,7 +208,7 @@ def test_another_size_is_refused_before_anything_is_written(made, calibration, t
     assert not (tmp_path / "out").exists()
 
 
-def test_another_depth_is_said(deep, calibration, tmp_path):
+def test_another_bit_depth_is_reported(deep, calibration, tmp_path):
     result = run(deep.path, calibration, "-o", tmp_path / "out", "--output", "grey16")
     assert result.exit_code == 0
     assert "up to 255; its response is stretched to the grey values of the recording, up to 4095" in result.output
@@ -217,7 +217,7 @@ def test_another_depth_is_said(deep, calibration, tmp_path):
 # --- what was there before ---------------------------------------------------------------------------------------
 
 
-def test_nothing_but_an_earlier_output_is_replaced_and_only_with_force(made, calibration, tmp_path):
+def test_only_an_earlier_output_is_replaced_and_only_with_force(made, calibration, tmp_path):
     mine = tmp_path / "mine"
     mine.mkdir()
     (mine / "diary.txt").write_text("mine")
@@ -310,7 +310,7 @@ def test_an_interrupted_run_is_not_continued_with_other_settings_or_calibration(
 
 @pytest.fixture(scope="module")
 def photographs(made, tmp_path_factory):
-    """A folder of colour JPEGs with EXIF that does not state exposures, and of a certain age."""
+    """A folder of colour JPEGs with a given file time and with EXIF, but without exposures."""
     folder = tmp_path_factory.mktemp("photographs")
     exif = Image.Exif()
     exif[0x010F] = "Acme"
@@ -357,7 +357,7 @@ def test_linear_output_of_photographs_is_in_colour(made, photographs, calibratio
                 assert opened.getexif()[0x010F] == "Acme"
 
 
-def test_a_channel_makes_grey_images(photographs, calibration, tmp_path):
+def test_a_single_channel_gives_grey_images(photographs, calibration, tmp_path):
     assert run(photographs, calibration, "-o", tmp_path / "out", "--channel", "green").exit_code == 0
     assert {image.shape for image in written(tmp_path / "out")} == {(48, 64)}
 
@@ -403,14 +403,14 @@ def test_a_video_without_exposures_keeps_its_time_stamps(made, calibration, tmp_
     assert (tmp_path / "out" / "times.txt").read_text().splitlines()[1] == "1 0.040000000"
 
 
-def test_only_what_needs_exposures_asks_for_them(photographs, calibration, tmp_path):
+def test_exposures_are_required_only_if_needed(photographs, calibration, tmp_path):
     refused = run(photographs, calibration, "-o", tmp_path / "out", "--normalise-exposure")
     assert isinstance(refused.exception, ExposureError)
     assert "--normalise-exposure" in str(refused.exception)
     assert not (tmp_path / "out").exists()
 
 
-def test_sources_that_are_no_images_are_one_error(made, calibration, tmp_path):
+def test_sources_without_images_are_an_error(made, calibration, tmp_path):
     (tmp_path / "notes.txt").write_text("no image")
     for sources in (
         [made.path / "*.nothing"],
@@ -423,7 +423,7 @@ def test_sources_that_are_no_images_are_one_error(made, calibration, tmp_path):
 
 
 @pytest.mark.parametrize("depth", ["made", "deep"])
-def test_kept_response_changes_only_what_the_vignette_did(depth, request, tmp_path):
+def test_keep_response_removes_only_the_vignette(depth, request, tmp_path):
     recording = request.getfixturevalue(depth)
     out = tmp_path / "out"
     assert run(recording.path, recording.path, "-o", out, "--keep-response").exit_code == 0
@@ -472,11 +472,11 @@ def test_missing_and_damaged_input_is_one_error(made, calibration, tmp_path):
     assert not (tmp_path / "out").exists()
 
 
-def test_quiet_is_quiet(made, calibration, tmp_path):
+def test_quiet_prints_nothing(made, calibration, tmp_path):
     assert run(made.path, calibration, "-o", tmp_path / "out", "-q").output == ""
 
 
-def test_the_pair_opens_as_what_it_is(made, calibration, tmp_path):
+def test_the_written_pair_opens_as_a_calibration(made, calibration, tmp_path):
     run(made.path, calibration, "-o", tmp_path / "out", "--output", "grey16")
     now = open_photometry(tmp_path / "out")
     np.testing.assert_allclose(now.response.inverse_table, np.linspace(0, 1, 256), atol=1e-7)

@@ -10,7 +10,7 @@ from ospc.photometry.calibration import Calibration
 run = partial(ospc, "demo")
 
 
-def test_it_makes_a_recording_and_its_calibration_and_can_be_repeated(tmp_path, monkeypatch):
+def test_the_demo_creates_a_recording_and_its_calibration_and_can_be_repeated(tmp_path, monkeypatch):
     leave_out(monkeypatch, "report")
     for again in (False, True):
         if again:
@@ -24,7 +24,7 @@ def test_it_makes_a_recording_and_its_calibration_and_can_be_repeated(tmp_path, 
     assert (tmp_path / "demo" / "recording" / "times.txt").exists()
 
 
-def test_it_leaves_other_files_alone(tmp_path):
+def test_other_files_are_kept(tmp_path):
     (tmp_path / "calibration").mkdir()
     (tmp_path / "calibration" / "thesis.txt").write_text("mine")
     result = run("-o", tmp_path, "--frames", 8)

@@ -41,7 +41,7 @@ def test_ealign_as_json(files):
     assert content["poses"] == 50
 
 
-def test_relative_errors_that_cannot_be_known_do_not_hide_the_others(files):
+def test_missing_relative_errors_do_not_hide_the_other_figures(files):
     result = ospc("evaluate", "ealign", *files, "--interval", "100")
     assert result.exit_code == 0
     assert "apart" in result.output
@@ -49,7 +49,7 @@ def test_relative_errors_that_cannot_be_known_do_not_hide_the_others(files):
     assert content["rpe_translation"] is None
 
 
-def test_tracking_needs_no_exposures_and_says_that_it_had_none(tmp_path):
+def test_tracking_works_without_exposures_and_says_so(tmp_path):
     settings = SimulationSettings(size=(128, 96), frames=6)
     recording = simulate(tmp_path / "recording", settings).path
     (recording / "times.txt").unlink()

@@ -57,7 +57,7 @@ def test_a_lag_gives_a_corrected_calibration_and_a_note(late: Path, tmp_path: Pa
     assert f"continuing after frame {FRAMES}" in again.stdout
 
 
-def test_uncorrected_it_is_loud(late: Path, tmp_path: Path) -> None:
+def test_an_uncorrected_lag_gives_a_warning(late: Path, tmp_path: Path) -> None:
     result, said, calibration = calibrated(late, tmp_path, "--correct-lag", "never")
     assert result.exit_code == 3
     assert (said["exposure_lag_frames"], said["exposure_lag_corrected_frames"]) == (2, 0)
@@ -71,7 +71,7 @@ def test_uncorrected_it_is_loud(late: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("choice", "code"), [("sometimes", 2), ("1.5", 2), ("100000", 2), ("500", 1)])
-def test_choices_that_mean_nothing(choice: str, code: int, late: Path, tmp_path: Path) -> None:
+def test_invalid_lag_choices(choice: str, code: int, late: Path, tmp_path: Path) -> None:
     result = ospc("calibrate", str(late), "-o", str(tmp_path / "out"), "--correct-lag", choice)
     assert result.exit_code == code
     assert not (tmp_path / "out").exists()

@@ -1,4 +1,4 @@
-"""Help texts: fast, and without marks that are meant for the program."""
+"""Help texts: fast, and without formatter marks."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from command_line import ospc
 from ospc.cli.main import cli
 
 HEAVY = ("scipy", "matplotlib", "rich", "ospc.estimation", "ospc.report")
-"""What no help text needs; each takes a noticeable time to import."""
+"""Packages that no help text needs, and whose import takes a noticeable time."""
 
 
 def commands(command: click.Command, words: tuple[str, ...] = ()) -> Iterator[tuple[str, ...]]:
@@ -30,7 +30,7 @@ EVERY = list(commands(cli))
 
 
 @pytest.mark.parametrize("words", EVERY, ids=" ".join)
-def test_a_help_text_has_no_marks_of_the_formatter(words: tuple[str, ...]) -> None:
+def test_help_texts_contain_no_formatter_marks(words: tuple[str, ...]) -> None:
     result = ospc(*words, "--help")
     assert result.exit_code == 0
     assert "\\b" not in result.output
@@ -38,7 +38,7 @@ def test_a_help_text_has_no_marks_of_the_formatter(words: tuple[str, ...]) -> No
 
 
 @pytest.mark.parametrize("name", ["batch", "calibrate", "correct", "merge"])
-def test_exit_codes_are_listed_one_a_line(name: str) -> None:
+def test_exit_codes_are_listed_one_per_line(name: str) -> None:
     lines = ospc(name, "--help").output.partition("Exit codes:")[2].splitlines()
     assert [line.split()[0] for line in lines if line.strip()[:1].isdigit()][:3] == ["0", "1", "2"]
 

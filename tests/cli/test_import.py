@@ -26,7 +26,7 @@ def files(tmp_path):
 run = ospc
 
 
-def test_export_gives_the_same_files_back(files, tmp_path):
+def test_export_writes_the_imported_files_again(files, tmp_path):
     place = tmp_path / "calibration.json"
     assert run("import", *files, "-o", place).exit_code == 0
     assert run("export", place, "--to", "dso", "-o", tmp_path / "back").exit_code == 0
@@ -34,7 +34,7 @@ def test_export_gives_the_same_files_back(files, tmp_path):
         assert (tmp_path / "back" / file.name).read_bytes() == file.read_bytes()
 
 
-def test_it_says_where_everything_is_from_and_claims_no_uncertainty(files, tmp_path):
+def test_the_result_names_its_sources_and_states_no_uncertainty(files, tmp_path):
     result = run("import", *files, "-o", tmp_path / "c.json")
     assert "64x48" in result.output
     assert "pcalib.txt" in result.output
@@ -60,7 +60,7 @@ def test_a_single_part_stays_a_single_part(files, tmp_path):
     assert Calibration.load(tmp_path / "both.json").complete
 
 
-def test_a_folder_and_a_calibration_are_taken_whole(files, tmp_path):
+def test_folders_and_calibrations_are_imported_completely(files, tmp_path):
     assert run("import", tmp_path, "-o", tmp_path / "out.json").exit_code == 0
     assert Calibration.load(tmp_path / "out.json").complete
     whole = Calibration(SIZE, Response.gamma(2.0), PolynomialVignette(SIZE, (-0.3, 0.0, 0.0)), counts={"pairs": 7})
@@ -70,7 +70,7 @@ def test_a_folder_and_a_calibration_are_taken_whole(files, tmp_path):
     assert (again.counts, again.max_grey) == ({"pairs": 7}, 4095)
 
 
-def test_lensfun_states_no_size_and_needs_it(tmp_path):
+def test_lensfun_files_require_a_size(tmp_path):
     vignette = PolynomialVignette(SIZE, (-0.3, 0.1, -0.05))
     write_lensfun(vignette, tmp_path / "lens.xml", Optics(focal_mm=4.0, crop_factor=6.0, aperture=2.0))
     refused = run("import", tmp_path / "lens.xml", "-o", tmp_path / "c.json")
@@ -84,13 +84,13 @@ def test_lensfun_states_no_size_and_needs_it(tmp_path):
     ("values", "options", "max_grey"),
     [(256, [], 255), (257, [], 256), (4096, [], 4095), (65536, [], 65535), (256, ["--max-grey", 4095], 4095)],
 )
-def test_the_depth_is_that_of_the_table_unless_stated(files, tmp_path, values, options, max_grey):
+def test_the_largest_grey_value_is_that_of_the_table_by_default(files, tmp_path, values, options, max_grey):
     write_pcalib(Response.gamma(1.5, values), files[0], values)
     assert run("import", *files, *options, "-o", tmp_path / "c.json").exit_code == 0
     assert Calibration.load(tmp_path / "c.json").max_grey == max_grey
 
 
-def test_what_does_not_make_a_calibration_is_refused(files, tmp_path):
+def test_invalid_combinations_are_refused(files, tmp_path):
     pcalib, vignette = files
     out = tmp_path / "c.json"
     cases = [
@@ -124,6 +124,6 @@ def test_a_file_that_exists_is_replaced_only_by_force(files, tmp_path):
     assert "must have the suffix .json" in str(run("import", *files, "-o", tmp_path / "out.txt").exception)
 
 
-def test_it_is_called_import():
+def test_the_command_is_called_import():
     assert "import" in run("--help").output
     assert "PCALIB" in run("import", "--help").output

@@ -1,4 +1,4 @@
-"""What a command does not need is not imported: it takes time and memory."""
+"""Commands import only what they need, to save time and memory."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from ospc.simulation import SimulationSettings, simulate
 
 
 def imported(program: str, *names: str, exit_code: int = 0) -> list[str]:
-    """Return which modules are there after a program ended with an exit code in a fresh interpreter."""
+    """Return the modules loaded when a program ends with an exit code in a new interpreter."""
     ask = f"import sys; print('imported', *[name for name in {names!r} if name in sys.modules])"
     script = f"try:\n {program}\nfinally:\n {ask}"
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
@@ -18,14 +18,14 @@ def imported(program: str, *names: str, exit_code: int = 0) -> list[str]:
     return done.stdout.splitlines()[-1].split()[1:]
 
 
-def test_a_recording_that_is_not_there_is_refused_before_anything_heavy_is_imported(tmp_path: Path) -> None:
+def test_a_missing_recording_is_refused_before_heavy_imports(tmp_path: Path) -> None:
     words = ["ospc", "calibrate", str(tmp_path / "missing"), "-o", str(tmp_path / "out")]
     program = f"import sys; sys.argv = {words!r}; from ospc.cli.main import main; main()"
     names = ("scipy", "matplotlib", "rich", "ospc.engine", "ospc.estimation", "ospc.report", "ospc.recording")
     assert imported(program, *names, exit_code=1) == ["ospc.recording"]
 
 
-def test_a_usual_calibration_does_without_scipy(tmp_path: Path) -> None:
+def test_a_default_calibration_does_not_import_scipy(tmp_path: Path) -> None:
     recording = tmp_path / "recording"
     simulate(recording, SimulationSettings(size=(240, 180), frames=40))
     program = f"import ospc; assert ospc.calibrate({str(recording)!r}).vignette is not None"

@@ -1,4 +1,4 @@
-"""Watching a run in the terminal: what is drawn is what is known, and watching changes nothing."""
+"""A guided capture in the terminal: the display is correct and does not change the result."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def terminal():
 
 
 @given(st.lists(st.integers(0, 10**7), min_size=1, max_size=40))
-def test_bars_grow_with_the_counts_and_mark_what_was_never_seen(counts):
+def test_bars_grow_with_the_counts_and_mark_zero(counts):
     marks = bars(np.array(counts))
     assert len(marks) == len(counts)
     assert [mark == "·" for mark in marks] == [count == 0 for count in counts]
@@ -61,7 +61,7 @@ def test_bars_grow_with_the_counts_and_mark_what_was_never_seen(counts):
 
 
 @given(st.lists(st.floats(1e-6, 1e3), max_size=50), st.integers(1, 30))
-def test_convergence_is_drawn_from_the_latest_values(values, most):
+def test_convergence_bars_show_the_latest_values(values, most):
     marks = falling(values, most)
     assert len(marks) == min(len(values), most)
     if len(marks) > 1 and np.ptp(np.log(values[-most:])) > 0.1:
@@ -76,7 +76,7 @@ def test_curves_stay_in_their_frame(heights, columns, rows):
     assert {len(line) for line in lines} == {columns}
 
 
-def test_a_curve_is_where_its_values_are():
+def test_curves_are_drawn_at_their_values():
     lines = drawn([(np.array([0.0, 1.0]), "red")], 10, 4).plain.split("\n")
     empty = "\u2800"
     assert lines[0][-1] != empty
@@ -128,13 +128,13 @@ def test_a_bar_is_as_full_as_its_share(share, most):
     assert marks.count("█") == int(min(max(share, 0), 1) * most)
 
 
-def test_without_a_page_it_says_what_to_film_and_writes_what_calibrate_writes(recording, tmp_path, monkeypatch):
+def test_without_a_page_advice_is_printed_and_the_output_is_that_of_calibrate(recording, tmp_path, monkeypatch):
     leave_out(monkeypatch, "draw", "report")
     done = ospc("live", recording.path, "-o", tmp_path / "live", "--no-page", "--pace", "0")
     assert done.exit_code in (0, 3), done.output
     assert "→ Film something with texture" in done.stderr
     assert "certainty" in done.stderr
-    # Where nobody looks, looking costs nothing.
+    # Without a terminal, nothing is computed for the display.
     monkeypatch.setattr(OnlineCalibrator, "status", property(lambda _: pytest.fail("asked for the status")))
     assert ospc("calibrate", recording.path, "-o", tmp_path / "command").exit_code == done.exit_code
     for file in (tmp_path / "command").iterdir():
@@ -142,7 +142,7 @@ def test_without_a_page_it_says_what_to_film_and_writes_what_calibrate_writes(re
 
 
 class FakeCamera:
-    """A camera that films a recording, and fails in the end if it is told to."""
+    """A camera that delivers the frames of a recording, and optionally fails at the end."""
 
     name, notes = "fake", ("fake: a camera",)
 
@@ -163,7 +163,7 @@ class FakeCamera:
 
 
 @pytest.mark.parametrize("failure", [None, RecordingError("the cable was pulled")])
-def test_of_a_camera_what_is_known_is_written_whatever_happens(recording, tmp_path, monkeypatch, failure):
+def test_the_result_of_a_camera_is_written_whatever_happens(recording, tmp_path, monkeypatch, failure):
     leave_out(monkeypatch, "draw", "report")
     monkeypatch.setattr("ospc.recording.live.open_camera", lambda *_: FakeCamera(recording, failure))
     done = ospc("live", "opencv:0", "-o", tmp_path / "out", "--no-page", "-q")
@@ -189,7 +189,7 @@ def stalled(recording, tmp_path):
 
 
 def waiting_an_hour(then):
-    """Return a sleep that does something when it is asked to last."""
+    """Return a replacement of sleep that calls a function when the sleep would be long."""
     sleep = time.sleep
 
     def slept(duration_s):
@@ -209,7 +209,7 @@ def check_kept(out):
 
 @needs_main_thread
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_signals_end_it_even_while_it_waits_and_keep_what_is_known(stalled, tmp_path, monkeypatch, number):
+def test_signals_end_a_waiting_capture_and_keep_the_result(stalled, tmp_path, monkeypatch, number):
     leave_out(monkeypatch, "draw", "report")
     soon = threading.Timer(0.2, os.kill, (os.getpid(), number))
     monkeypatch.setattr(time, "sleep", waiting_an_hour(soon.start))
@@ -223,7 +223,7 @@ def test_signals_end_it_even_while_it_waits_and_keep_what_is_known(stalled, tmp_
 
 
 @needs_main_thread
-def test_nohup_keeps_it_running(recording, tmp_path, monkeypatch):
+def test_nohup_keeps_the_capture_running(recording, tmp_path, monkeypatch):
     leave_out(monkeypatch, "draw", "report")
 
     def hung_up(frames, _pace):
@@ -252,7 +252,7 @@ main()
 """
 
 
-def test_a_closed_terminal_ends_it_and_keeps_what_is_known(stalled, tmp_path):
+def test_a_closed_terminal_ends_the_capture_and_keeps_the_result(stalled, tmp_path):
     ours, theirs = os.openpty()
     streams = dict.fromkeys(("stdin", "stdout", "stderr"), theirs)
     words = ["live", stalled, "-o", tmp_path / "out", "--no-page"]
@@ -269,21 +269,21 @@ def test_a_closed_terminal_ends_it_and_keeps_what_is_known(stalled, tmp_path):
 
 
 @pytest.mark.parametrize("source", ["nothing/there", "a_camera"])
-def test_what_is_neither_a_recording_nor_a_camera_is_refused(source, tmp_path):
+def test_sources_that_are_neither_recording_nor_camera_are_refused(source, tmp_path):
     done = ospc("live", source, "-o", tmp_path / "out", "--no-page")
     assert isinstance(done.exception, OspcError)
     assert "opencv:" in str(done.exception)
 
 
-def test_the_goal_is_that_of_the_library():
+def test_the_default_goal_is_that_of_the_library():
     assert live_command._GOAL == GOAL
 
 
-def test_a_mask_is_for_recordings(tmp_path):
+def test_a_mask_applies_to_recordings_only(tmp_path):
     assert ospc("live", "opencv:0", "-o", tmp_path / "out", "--no-page", "--roi", "0,0,9,9").exit_code == 2
 
 
-def test_work_that_takes_long_is_done_rarely(monkeypatch):
+def test_slow_updates_are_rare(monkeypatch):
     now_s = [100.0]
     monkeypatch.setattr(throttle.time, "monotonic", lambda: now_s[0])
     waiting = Throttle(0.5, 0.1)

@@ -1,4 +1,4 @@
-"""Commands under a limit of memory (``ulimit -v``)."""
+"""Commands with a memory limit (``ulimit -v``)."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ PROGRAM = "from ospc.cli.main import main; main()"
 
 
 def limited(mebibytes, *command):
-    """Run Python with so much memory."""
+    """Run Python with this memory limit."""
     environment = {name: value for name, value in os.environ.items() if not name.endswith("_NUM_THREADS")}
     return subprocess.run(
         [sys.executable, "-c", *command],
@@ -34,7 +34,7 @@ def test_too_little_memory_is_refused_before_libraries_fail(mebibytes, tmp_path)
     assert (result.returncode, result.stderr) == (1, f"ospc: error: {said}\n")
 
 
-def test_under_a_limit_openblas_takes_memory_for_one_thread_only():
+def test_with_a_limit_openblas_uses_memory_for_one_thread():
     ask = "from threadpoolctl import threadpool_info; print({pool['num_threads'] for pool in threadpool_info()})"
     result = limited(3000, f"try:\n {PROGRAM}\nfinally:\n import numpy, scipy.linalg; {ask}", "compare", "a", "b")
     assert result.stdout == "{1}\n", result.stderr

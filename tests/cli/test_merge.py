@@ -44,7 +44,7 @@ def nothing_drawn(monkeypatch):
 run = partial(ospc, "merge")
 
 
-def test_the_output_is_that_of_a_calibration_and_can_be_merged_again(states, tmp_path):
+def test_the_output_has_the_files_of_a_calibration_and_can_be_merged_again(states, tmp_path):
     result = run(*states[:2], "-o", tmp_path / "two")
     assert result.exit_code == 0, result.output
     assert "from 2 recordings" in result.stdout
@@ -56,13 +56,13 @@ def test_the_output_is_that_of_a_calibration_and_can_be_merged_again(states, tmp
         assert (tmp_path / "three" / name).read_bytes() == (tmp_path / "at_once" / name).read_bytes()
 
 
-def test_a_recording_given_twice_counts_once_and_that_is_said(states, tmp_path):
+def test_a_recording_given_twice_counts_once_with_a_note(states, tmp_path):
     result = run(*states[:2], states[0], "-o", tmp_path / "out")
     assert "from 2 recordings" in result.stdout
     assert "1 of the 3 given states repeat a recording; each recording counts once" in result.output
 
 
-def test_another_lens_is_warned_of_even_when_quiet(states, tmp_path):
+def test_another_lens_gives_a_warning_even_if_quiet(states, tmp_path):
     result = run(*states, "-o", tmp_path / "out", "--quiet")
     assert result.exit_code == 0
     assert result.stdout == ""
@@ -70,7 +70,7 @@ def test_another_lens_is_warned_of_even_when_quiet(states, tmp_path):
     assert Calibration.load(tmp_path / "out").source["differing"][0]["name"] == "recording 3"
 
 
-def test_what_is_not_agreed_on_is_exit_code_3(states, tmp_path):
+def test_disagreement_gives_exit_code_3(states, tmp_path):
     result = run(states[0], states[3], "-o", tmp_path / "out", "--json")
     content = json.loads(result.stdout)
     assert result.exit_code == content["exit_code"] == 3
@@ -86,7 +86,7 @@ def test_errors_against_a_truth(states, tmp_path):
     assert "nothing aligned" in run(*states[:3], "-o", tmp_path / "out", "--truth", tmp_path / "truth.json").stdout
 
 
-def test_wrong_input_is_one_line_and_writes_nothing(states, tmp_path):
+def test_wrong_input_is_a_one_line_error_and_writes_nothing(states, tmp_path):
     assert run("-o", tmp_path / "out").exit_code == 2
     assert isinstance(run(tmp_path / "none", "-o", tmp_path / "out").exception, FormatError)
     (tmp_path / "full").mkdir()
@@ -95,7 +95,7 @@ def test_wrong_input_is_one_line_and_writes_nothing(states, tmp_path):
     assert not (tmp_path / "out").exists()
 
 
-def test_recordings_of_one_name_are_told_apart_by_the_shortest_paths(tmp_path):
+def test_recordings_of_the_same_name_are_distinguished_by_the_shortest_paths(tmp_path):
     folders = [tmp_path / day / "out" for day in ("monday", "tuesday", "friday")]
     for number, (folder, camera) in enumerate(zip(folders, (CAMERA, CAMERA, OTHER_LENS), strict=True)):
         folder.mkdir(parents=True)
@@ -109,7 +109,7 @@ def test_recordings_of_one_name_are_told_apart_by_the_shortest_paths(tmp_path):
     assert Calibration.load(tmp_path / "again").source["name"] == "seq"
 
 
-def test_of_an_unfinished_run_the_frames_so_far_count(tmp_path):
+def test_the_frames_of_an_unfinished_run_count(tmp_path):
     settings = SimulationSettings(size=(160, 120), frames=24, exposure="cycle", exposures_ms=(3.0, 6.0, 12.0, 24.0))
     simulate(tmp_path / "r", settings)
     calibrator = OnlineCalibrator()

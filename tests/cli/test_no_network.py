@@ -1,4 +1,4 @@
-"""Nothing is sent anywhere."""
+"""No command uses the network."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from command_line import ospc
 
 @pytest.fixture
 def no_network(monkeypatch):
-    """Make every socket, and every look-up of a name, an error that no command handles."""
+    """Make every socket and every name look-up an error that no command handles."""
 
     def refused(*_arguments, **_options):
         raise AssertionError("a command reaches for the network")
@@ -20,7 +20,7 @@ def no_network(monkeypatch):
         monkeypatch.setattr(socket, name, refused)
 
 
-def test_no_command_reaches_for_the_network(no_network, tmp_path):
+def test_no_command_uses_the_network(no_network, tmp_path):
     recording, out = tmp_path / "recording", tmp_path / "out"
     quick = ("--set", "rounds=1", "--set", "points_per_pair=40", "--set", "max_points=500")
     exposures = ("--exposure", "cycle", "--exposures", "3,6,12,24")

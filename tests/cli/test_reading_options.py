@@ -1,4 +1,4 @@
-"""What a user says about how a recording is read, as commands pass it on."""
+"""Reading options, as commands pass them on."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def bag(tmp_path: Path) -> Path:
 
 
 @pytest.mark.parametrize("command", ["calibrate", "check"])
-def test_topics_are_listed_with_what_they_hold(command: str, bag: Path) -> None:
+def test_topics_are_listed_with_their_content(command: str, bag: Path) -> None:
     result = run(command, bag, "--list-topics")
     assert result.exit_code == 0, result.output
     lines = {line.split()[0]: line.split()[1:] for line in result.stdout.splitlines() if line.startswith("/")}
@@ -65,7 +65,7 @@ def test_topic_field_unit_and_channel_reach_the_reader(bag: Path, tmp_path: Path
     assert open_recording(tmp_path / "c").exposures_ms == pytest.approx([1, 2, 4, 8])
 
 
-def test_mask_and_region_are_stated_with_the_result(bag: Path, tmp_path: Path) -> None:
+def test_mask_and_region_are_recorded_in_the_result(bag: Path, tmp_path: Path) -> None:
     mask = np.full(SIZE[::-1], 255, np.uint8)
     mask[:24] = 0
     cv2.imwrite(str(tmp_path / "mask.png"), mask)
@@ -104,7 +104,7 @@ def test_wrong_usage(command: str, options: tuple[str, str], bag: Path, tmp_path
     assert not (tmp_path / "out").exists()
 
 
-def test_without_an_output_folder_it_says_so(bag: Path) -> None:
+def test_a_missing_output_folder_is_wrong_usage(bag: Path) -> None:
     result = run("calibrate", bag)
     assert result.exit_code == 2
     assert "--out" in result.output

@@ -20,7 +20,7 @@ SIZE = (48, 64)
 
 
 class Camera:
-    """Gives frames of growing exposure; the third comes twice."""
+    """Delivers frames of increasing exposure; the third is repeated."""
 
     name = "pretended"
     notes = ("exposures are pretended",)
@@ -57,7 +57,7 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
     return said
 
 
-def test_a_camera_that_is_not_there_is_one_line_without_the_drivers_own(tmp_path: Path) -> None:
+def test_a_missing_camera_is_a_one_line_error_without_driver_output(tmp_path: Path) -> None:
     script = "import sys; from ospc.cli.main import main; sys.argv[1:] = ['record', 'opencv:97', '-o', 'out']; main()"
     done = subprocess.run([sys.executable, "-c", script], cwd=tmp_path, capture_output=True, text=True, check=False)
     assert done.returncode == 1
@@ -66,7 +66,7 @@ def test_a_camera_that_is_not_there_is_one_line_without_the_drivers_own(tmp_path
     assert list(tmp_path.iterdir()) == []
 
 
-def test_what_is_filmed_is_a_recording(asked: dict[str, Any], tmp_path: Path) -> None:
+def test_the_output_is_a_recording(asked: dict[str, Any], tmp_path: Path) -> None:
     result = ospc("record", "opencv:3", "-o", str(tmp_path / "out"), "--gain-unit", "db")
     assert result.exit_code == 0, (result.output, result.exception)
     assert "6 frames of 1 to 6 ms, 1 repeated ones left out" in result.stdout
@@ -80,20 +80,20 @@ def test_what_is_filmed_is_a_recording(asked: dict[str, Any], tmp_path: Path) ->
     assert [int(frame.image[0, 0]) for frame in recording] == [0, 1, 2, 3, 4, 5]
 
 
-def test_it_ends_after_so_many_frames(asked: dict[str, Any], tmp_path: Path) -> None:
+def test_recording_ends_after_the_given_number_of_frames(asked: dict[str, Any], tmp_path: Path) -> None:
     asked["camera"] = Camera(10**9)
     assert ospc("record", "realsense", "-o", str(tmp_path), "-n", "4", "-q").output == ""
     assert len(open_recording(tmp_path)) == 4
 
 
-def test_what_came_before_a_failure_is_complete(asked: dict[str, Any], tmp_path: Path) -> None:
+def test_frames_before_a_failure_are_complete(asked: dict[str, Any], tmp_path: Path) -> None:
     asked["camera"] = Camera(fails=True)
     result = ospc("record", "depthai", "-o", str(tmp_path))
     assert str(result.exception) == "pretended: no exposure"
     assert len(open_recording(tmp_path)) == 6
 
 
-def test_nothing_is_overwritten_and_no_frame_is_said(asked: dict[str, Any], tmp_path: Path) -> None:
+def test_nothing_is_overwritten_and_no_frames_is_an_error(asked: dict[str, Any], tmp_path: Path) -> None:
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "a.txt").write_text("kept")
     result = ospc("record", "opencv:0", "-o", str(tmp_path / "mine"))

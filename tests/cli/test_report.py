@@ -24,7 +24,7 @@ def folder(tmp_path):
     return tmp_path
 
 
-def test_calibrate_writes_one_even_if_nothing_was_found(recording, tmp_path, monkeypatch):
+def test_calibrate_writes_a_report_even_if_nothing_was_determined(recording, tmp_path, monkeypatch):
     leave_out(monkeypatch, "draw")
     done = ospc("calibrate", recording, "-o", tmp_path / "out")
     assert done.exit_code == 3
@@ -41,14 +41,14 @@ def test_calibrate_writes_a_pdf_on_request(recording, tmp_path, monkeypatch):
     assert not (tmp_path / "out" / "report.pdf").exists()  # of an earlier run
 
 
-def test_it_is_made_anew_of_a_calibration(folder):
+def test_the_report_can_be_written_again(folder):
     done = ospc("report", folder)
     assert done.exit_code == 0
     assert done.output.splitlines() == [str(folder / "report.html")]
     assert "Before and after" not in (folder / "report.html").read_text(encoding="utf-8")
 
 
-def test_pictures_come_from_the_recording_named(folder, recording):
+def test_pictures_come_from_the_given_recording(folder, recording):
     assert ospc("report", folder, "--recording", recording, "--truth", recording).exit_code == 0
     content = (folder / "report.html").read_text(encoding="utf-8")
     assert "Before and after" in content
@@ -56,14 +56,14 @@ def test_pictures_come_from_the_recording_named(folder, recording):
     assert "The reference is" in content
 
 
-def test_exposures_come_from_the_times_beside_it(folder):
+def test_exposures_come_from_times_txt_in_the_folder(folder):
     lines = [f"{n} {n} {e}" for n, e in enumerate(np.geomspace(1, 3, 41))]
     (folder / "times.txt").write_text("\n".join(lines))
     ospc("report", folder)
     assert "exposure in ms" in (folder / "report.html").read_text(encoding="utf-8")
 
 
-def test_what_is_no_calibration_is_refused_by_name(tmp_path, recording):
+def test_the_error_names_a_folder_without_calibration(tmp_path, recording):
     with pytest.raises(OspcError, match="not a folder"):
         raise ospc("report", tmp_path / "absent").exception
     with pytest.raises(FormatError, match=r"calibration\.json"):

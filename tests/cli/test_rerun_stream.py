@@ -27,7 +27,7 @@ def recording(tmp_path_factory):
 
 
 def read_back(place):
-    """Return the values of every entity along the frames, static ones left out."""
+    """Return the values of every entity over the frames, without static ones."""
     chunks = pytest.importorskip("rerun.chunk").RrdReader(str(place)).stream().to_chunks()
     found = {}
     for chunk in chunks:
@@ -40,7 +40,7 @@ def read_back(place):
     return found
 
 
-def test_the_file_holds_images_matches_curves_and_exposures(recording, tmp_path):
+def test_the_file_contains_images_matches_curves_and_exposures(recording, tmp_path):
     pytest.importorskip("rerun")
     place, calibrator = tmp_path / "new" / "run.rrd", OnlineCalibrator()
     with RerunStream.opened(recording, place, spawn=False, throttle=Throttle(0.0, 1.0)) as tell:
@@ -78,7 +78,7 @@ def test_calibrate_streams_to_a_file(recording, tmp_path, monkeypatch):
     assert len(read_back(tmp_path / "run.rrd")["/exposure/stated", "Scalars:scalars"]) == FRAMES
 
 
-def test_without_the_package_the_extra_is_named_before_the_work(recording, tmp_path, monkeypatch):
+def test_a_missing_package_is_reported_before_the_run(recording, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "rerun", None)
     done = ospc("calibrate", str(recording.path), "-o", str(tmp_path / "out"), "--rerun")
     assert isinstance(done.exception, MissingExtraError)
@@ -86,7 +86,7 @@ def test_without_the_package_the_extra_is_named_before_the_work(recording, tmp_p
     assert not (tmp_path / "out").exists()
 
 
-def test_a_place_that_cannot_be_written_to_is_named(recording, tmp_path):
+def test_the_error_names_a_file_that_cannot_be_written(recording, tmp_path):
     pytest.importorskip("rerun")
     (tmp_path / "file").write_text("")
     with (

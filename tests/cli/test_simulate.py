@@ -18,7 +18,7 @@ SMALL = ["--frames", "4", "--size", "64x48"]
 run = partial(ospc, "simulate")
 
 
-def test_it_makes_a_recording_and_says_where_the_truth_is(tmp_path):
+def test_it_writes_a_recording_and_names_the_files_of_the_truth(tmp_path):
     result = run(tmp_path / "r", *SMALL, "--response", "srgb", "--lag", "1", "--noise", "high")
     assert result.exit_code == 0, result.output
     lines = result.output.strip().splitlines()
@@ -70,20 +70,20 @@ def test_wrong_usage_is_explained(tmp_path, options):
         ["--exposures", "1,2"],
     ],
 )
-def test_impossible_settings_are_one_error_and_leave_nothing(tmp_path, options):
+def test_impossible_settings_are_an_error_and_write_nothing(tmp_path, options):
     result = run(tmp_path / "r", *options)
     assert isinstance(result.exception, SettingError)
     assert not (tmp_path / "r").exists()
 
 
-def test_a_wrong_call_with_force_leaves_the_old_recording(tmp_path):
+def test_wrong_usage_with_force_keeps_the_old_recording(tmp_path):
     run(tmp_path / "r", *SMALL)
     assert isinstance(run(tmp_path / "r", "--response", "nothing", "--force").exception, SettingError)
     assert len(open_recording(tmp_path / "r")) == 4
 
 
 @pytest.mark.parametrize("content", ["frame,exposure\n0,1.5\n", ",,\n", "", "1\n2\n", "1\n-2\n3\n4\n"])
-def test_a_file_without_an_exposure_a_frame_is_refused(tmp_path, content):
+def test_an_invalid_exposure_file_is_refused(tmp_path, content):
     listed = tmp_path / "exposures.csv"
     listed.write_text(content)
     result = run(tmp_path / "r", *SMALL, "--exposure", "file", "--exposure-file", listed)

@@ -1,4 +1,4 @@
-"""Nothing that comes from outside reaches a terminal, a spreadsheet or a page as anything but text."""
+"""Untrusted content reaches terminals, spreadsheets and pages as text only."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def is_harmless(text):
     return all(line.isprintable() for line in text.split("\n"))
 
 
-def test_what_a_terminal_would_obey_is_escaped(capsys):
+def test_escape_sequences_are_escaped(capsys):
     say(f"{HOSTILE}: 5 frames")
     say("error: ", HOSTILE, err=True)
     out, err = capsys.readouterr()
@@ -46,14 +46,14 @@ def test_what_a_terminal_would_obey_is_escaped(capsys):
     assert "\\x1b[31m" in out
 
 
-def test_styles_of_ours_stay(monkeypatch):
+def test_own_styles_are_kept(monkeypatch):
     shown = []
     monkeypatch.setattr(click, "echo", lambda text, **_: shown.append(text))
     say(styled("bad\x1b[0m", fg="red"), ": \x1b[32m")
     assert shown == [click.style(r"bad\x1b[0m", fg="red") + r": \x1b[32m"]
 
 
-def test_json_is_escaped_and_still_the_same(capsys):
+def test_json_is_escaped_without_changing_its_content(capsys):
     print_json({"name": HOSTILE, "not UTF-8": NOT_UTF8})
     out = capsys.readouterr().out
     assert is_harmless(out)
@@ -72,7 +72,7 @@ def test_tables_and_bars_are_escaped(capsys):
     assert is_harmless(capsys.readouterr().out)
 
 
-def test_only_one_module_speaks_to_the_terminal():
+def test_only_one_module_writes_to_the_terminal():
     for path in Path(ospc.cli.__file__).parent.glob("*.py"):
         if path.name != "terminal.py":
             called = {
@@ -92,14 +92,14 @@ def test_no_cell_of_any_table_is_a_formula(text):
     assert csv_text([["name"], [text, -1.5, None]]) == f'"name"\n"\'{text}",-1.5,""\n'
 
 
-def test_markdown_tables_keep_their_shape():
+def test_markdown_tables_keep_their_structure():
     text = Table("t", ("a|b", "c"), (("x|y\n| z", "<img>"),)).as_markdown()
     rows = [line for line in text.splitlines() if line.startswith("|")]
     assert [row.replace("\\|", "").count("|") for row in rows] == [3, 3, 3]
     assert "<" not in text
 
 
-def test_a_recording_of_any_name_goes_through_every_command(short_recording, tmp_path, monkeypatch):
+def test_every_command_accepts_a_recording_with_any_name(short_recording, tmp_path, monkeypatch):
     name = b"\x1b[31m=1+1 $\\bad$ <b> walk\xff"
     recording, out = tmp_path / os.fsdecode(name), tmp_path / os.fsdecode(b"out " + name)
     shutil.copytree(short_recording, recording)

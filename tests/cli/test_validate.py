@@ -31,7 +31,7 @@ def test_valid_files_exit_with_0(tmp_path):
     assert result.output.count(": valid") == 2
 
 
-def test_invalid_file_exits_with_1_and_says_rule_effect_and_remedy(falling):
+def test_an_invalid_file_exits_with_1_and_states_rule_effect_and_remedy(falling):
     result = run(falling, "--for", "mono")
     assert result.exit_code == 1
     assert "strictly increasing" in result.output
@@ -46,14 +46,14 @@ def test_repair_writes_a_copy_that_is_valid(falling):
     assert run(falling.with_name("pcalib.repaired.txt")).exit_code == 0
 
 
-def test_repair_that_would_invent_is_reported(tmp_path):
+def test_a_repair_that_would_invent_content_is_reported(tmp_path):
     (tmp_path / "pcalib.txt").write_text("1 2 3")
     result = run(tmp_path / "pcalib.txt", "--repair")
     assert result.exit_code == 1
     assert "not repaired: " in result.output
 
 
-def test_json_holds_everything(falling):
+def test_json_contains_everything(falling):
     content = json.loads(run(falling, "--json", "--repair").output)
     assert content["valid"] is False
     assert content["findings"][0]["severity"] == "error"
