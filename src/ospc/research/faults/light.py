@@ -172,12 +172,12 @@ def _reshot(
 
 
 FAULTS = (
-    Fault("glare", "{} of the mean irradiance of a frame on all of it", (0.01, 0.02, 0.05),
+    Fault("glare", "veiling glare of {} of the frame's mean irradiance", (0.01, 0.02, 0.05),
         lambda f, x, _: f.relit(lambda light, _i: light + np.float32(x) * light.mean())),
-    Fault("near-glare", "{} of the irradiance scattered to its surroundings", (0.02, 0.05, 0.1), _near_glare),
-    Fault("bloom", "{} of what is beyond saturation spills over", (0.1, 0.3, 1),
+    Fault("near-glare", "{} of the irradiance scattered nearby", (0.02, 0.05, 0.1), _near_glare),
+    Fault("bloom", "{} of the light beyond saturation spills over", (0.1, 0.3, 1),
         lambda f, x, _: f.relit(lambda light, _i: light + x * cv2.GaussianBlur(np.maximum(light - 1, 0), (0, 0), 8))),
-    Fault("dark-current", "{} of saturation added at the middle exposure", (0.005, 0.01, 0.02),
+    Fault("dark-current", "dark current of {} of saturation at the median exposure", (0.005, 0.01, 0.02),
         lambda f, x, _: f.relit(
             lambda light, i: light + np.float32(x * f.camera.exposures_ms[i] / np.median(f.camera.exposures_ms))
         )),
@@ -192,10 +192,10 @@ FAULTS = (
     Fault("row-flicker", "flicker of ±{} along the rows of a rolling shutter", (0.02, 0.05, 0.15), _row_flicker),
     Fault("lamp", "light that switches by a factor of {}", (1.1, 1.3, 2),
         lambda f, x, random: _factored(f, x ** (blocks(len(f), 50, random) / 2))),
-    Fault("clouds", "light that wanders by ±{} in ln", (0.05, 0.15, 0.4), _clouds),
+    Fault("clouds", "light that varies by ±{} in ln", (0.05, 0.15, 0.4), _clouds),
     Fault("white-balance", "a gain that drifts by ±{}", (0.05, 0.1, 0.25),
         lambda f, x, _: _factored(f, 1 + x * wave(len(f), 2.5))),
-    Fault("dimming", "light that falls as exposure to the power of {} rises", (0.05, 0.1, 0.2), _dimmed),
+    Fault("dimming", "light proportional to the exposure to the power of -{}", (0.05, 0.1, 0.2), _dimmed),
     Fault("shading-corrected", "V to the power of {} divided out by the camera", (0.25, 0.5, 1),
         lambda f, x, _: _shaded(f, f.camera.attenuation ** np.float32(-x))),
     Fault("smudge", "four smudges that take {} of the light", (0.1, 0.3, 0.6), _smudge),
@@ -203,24 +203,24 @@ FAULTS = (
         lambda f, x, _: _shaded(
             f, (1 - x * (0.5 - f.from_centre()[..., 1] / len(f.images[0]))).astype(np.float32)
         )),
-    Fault("decentred", "a vignette moved by {} of the height", (0.03, 0.06, 0.12), _decentred),
-    Fault("vignette-midway", "V to the power of {} from half-way on", (0.8, 0.5, 0),
+    Fault("decentred", "a vignette shifted by {} of the height", (0.03, 0.06, 0.12), _decentred),
+    Fault("vignette-midway", "V to the power of {} in the second half", (0.8, 0.5, 0),
         lambda f, x, _: f.relit(
             lambda light, i: light * f.camera.attenuation ** np.float32(x - 1) if i >= f.half else light
         )),
-    Fault("pixel-gains", "gains of pixels that scatter by {}", (0.01, 0.02, 0.05),
+    Fault("pixel-gains", "pixel gains that scatter by {}", (0.01, 0.02, 0.05),
         lambda f, x, random: _times(f, np.exp(x * random.standard_normal(f.images[0].shape)).astype(np.float32))),
     Fault("shot-noise", "shot noise of {} at saturation", (0.02, 0.04, 0.08), _shot_noise),
     Fault("overexposed", "{} times the light", (1.5, 2, 4), lambda f, x, _: _factored(f, np.full(len(f), x))),
-    Fault("underexposed", "light {} times less", (2, 4, 16), lambda f, x, _: _factored(f, np.full(len(f), 1 / x))),
+    Fault("underexposed", "{} times less light", (2, 4, 16), lambda f, x, _: _factored(f, np.full(len(f), 1 / x))),
     Fault("speculars", "glints over a share of {} of the image", (0.001, 0.005, 0.02), _speculars),
-    Fault("crowd", "{} patches moving before the scene", (4, 12, 40), _crowd),
-    Fault("motion-blur", "the scene of {} frames in one", (3, 5, 9), _motion_blur),
+    Fault("crowd", "{} patches moving in front of the scene", (4, 12, 40), _crowd),
+    Fault("motion-blur", "motion blur over {} frames", (3, 5, 9), _motion_blur),
     Fault("textureless", "a scene smoothed over {} of the width", (0.02, 0.05, 0.15),
         lambda f, x, _: _reshot(
             f, f.camera.exposures_ms, lambda image, _i: cv2.GaussianBlur(image, (0, 0), x * image.shape[1])
         )),
-    Fault("constant-exposure", "an exposure fixed at {} times the middle one", (1, 0.5, 2),
+    Fault("constant-exposure", "the exposure fixed at {} times the median", (1, 0.5, 2),
         lambda f, x, _: _reshot(f, np.full(len(f), x * np.median(f.camera.exposures_ms)), lambda image, _i: image)),
     Fault("small-range", "exposures within a factor of {}", (1.5, 1.2, 1.1), _small_range),
     Fault("standing-still", "the camera at rest for a share of {}", (0.3, 0.7, 1),
@@ -229,7 +229,5 @@ FAULTS = (
             f, f.camera.exposures_ms,
             lambda image, i: f.camera.radiance(0) if i < round(x * len(f)) else image,
         )),
-    Fault(
-        "roll-only", "the camera turns by ±{} degrees about its axis and does nothing else", (10, 40, 90), _roll_only
-    ),
+    Fault("roll-only", "the camera only rolls by ±{} degrees about its axis", (10, 40, 90), _roll_only),
 )  # fmt: skip
