@@ -1,11 +1,11 @@
-"""Measure what a batch costs: processor time and bytes per recording, and throughput by the number of workers.
+"""Measure the cost of a batch: processor time and bytes per recording, and throughput by number of workers.
 
     python benchmarks/batch_cost.py cost --recordings 10 100 1000
     python benchmarks/batch_cost.py workers --recordings 40 --workers 1 2
 
-Recordings are simulated: a few are rendered, the others have the images of these and exposures of their own.
-Processor time is that of this process and its children, so that other work on the machine hardly matters; throughput
-is by the clock and only means something on a machine that does nothing else.
+Recordings are simulated: a few are rendered, and the others reuse their images with different exposures. Processor
+time is that of this process and its children, so that other work on the machine hardly matters. Throughput is
+measured in wall-clock time and is meaningful only on an otherwise idle machine.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ def made(folder: Path, count: int, size: tuple[int, int], frames: int) -> list[E
 
 
 def relinked(original: Path, place: Path, change: Callable[[FloatArray], FloatArray]) -> Path:
-    """Make a recording with the images of another, and other exposures."""
+    """Create a recording with the images of another one and changed exposures."""
     shutil.copytree(original, place, copy_function=os.link)
     listed = [line.split() for line in (original / "times.txt").read_text().splitlines() if line[:1] != "#"]
     exposures_ms = change(np.array([float(exposure) for *_, exposure in listed])).tolist()
@@ -74,7 +74,7 @@ def processor_s() -> float:
 
 
 def parts(entries: list[Entry]) -> dict[str, float]:
-    """Return where the time of a recording goes, in seconds."""
+    """Return the time of each step of a recording, in seconds."""
     times = []
     for entry in entries:
         marks = [time.process_time()]
@@ -141,7 +141,7 @@ def main() -> None:
     parser.add_argument("--workers", type=int, nargs="+", default=[1, 2])
     parser.add_argument("--size", type=int, nargs=2, default=[160, 120])
     parser.add_argument("--frames", type=int, default=40)
-    parser.add_argument("--folder", type=Path, help="Where to, instead of a folder that is removed.")
+    parser.add_argument("--folder", type=Path, help="Working folder; a temporary one by default.")
     arguments = parser.parse_args()
     cv2.setNumThreads(1)
     with tempfile.TemporaryDirectory() as temporary:

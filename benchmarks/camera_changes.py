@@ -1,14 +1,14 @@
-"""Show a calibrator film of cameras that never change, and of cameras that do, and report what it says.
+"""Show a calibrator films of cameras that change and of cameras that do not, and evaluate the changes it reports.
 
     python benchmarks/camera_changes.py --results changes --hours 1 --rate 20 50
     python benchmarks/camera_changes.py --results changes --switch --films 4
 
-Without --switch no camera changes, and every change reported is false. With --switch each film is run once for each
-change of CHANGES, which happens after half of its time, and the delay is reported.
+Without --switch no camera changes, and every reported change is false. With --switch each film is run once for each
+change of CHANGES, which happens after two thirds of the film, and the delay is reported.
 
-The clock is virtual: stamps run at the rate given, the frames come as fast as they are taken, and only those that
-the calibrator asks for are rendered. Each film has its own scene, motion, light and noise; see long_film.py. The
-result of each film is kept in the folder --results when it ends; an interrupted run goes on with the next.
+The clock is virtual: stamps follow the given rate, frames come as fast as the calibrator takes them, and only those
+it needs are rendered. Each film has its own scene, motion, light and noise; see long_film.py. The result of each film
+is stored in the folder --results when it ends, and an interrupted run continues with the next.
 """
 
 from __future__ import annotations
@@ -37,13 +37,13 @@ _SWITCH_COLUMNS = ("camera", "seed", "rate", "change", "false changes", "delay s
 
 
 CHANGES = ("corner -20 %", "another response", "similar response", "exposures 2 late")
-"""What happens to the camera."""
+"""Changes of the camera."""
 
 RESPONSES = {
     "another response": {"srgb": "filmic", "filmic": "srgb", "linear": "gamma2.2", "gamma2.2": "linear"},
     "similar response": {"srgb": "gamma2.2", "filmic": "log", "linear": "tum_narrow", "gamma2.2": "srgb"},
 }
-"""Responses instead of those of the cameras; similar ones are such as those of another picture profile."""
+"""Replacements for the cameras' responses; a similar one is like that of another picture profile."""
 
 
 def _switch(change: str, camera: Camera) -> Switch:
@@ -69,7 +69,7 @@ def shown(film: LongFilm) -> tuple[OnlineCalibrator, list[tuple[float, str]], fl
 
 
 def unchanged(camera: str, hours: float, rate: float, seed: int) -> Row:
-    """Show a film of a camera that stays the same; all changes reported are false."""
+    """Show a film of a camera that stays the same, so that all reported changes are false."""
     film = LongFilm(CAMERAS[camera], hours, rate, seed)
     calibrator, reported, spent_s = shown(film)
     about = {"camera": camera, "seed": seed, "rate": rate, "hours": hours}

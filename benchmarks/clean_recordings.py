@@ -1,9 +1,9 @@
-"""Calibrate recordings without any fault, and report false alarms, errors and how often the bands hold the truth.
+"""Calibrate recordings without faults, and report false alarms, errors and the coverage of the confidence bands.
 
     python benchmarks/clean_recordings.py --results clean --recordings 200 --jobs 2
 
-The recordings are those of live_runs.py but for their length: its logarithm is drawn evenly from 60 to 1500 frames.
-Results are kept in a folder: an interrupted run goes on where it stopped.
+The recordings are those of live_runs.py except for their length, drawn uniformly in the logarithm from 60 to 1500
+frames. Results are stored in a folder, and an interrupted run continues.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _COLUMNS = ("recording", "frames", "response", "vignette", "exposures", "kappa",
 
 
 def with_length(settings: SimulationSettings, count: int) -> SimulationSettings:
-    """Return the settings of the same recording with so many frames."""
+    """Return the settings of the same recording with ``count`` frames."""
     if settings.exposure != "file":
         return replace(settings, frames=count)
     return replace(settings, frames=count, exposures_ms=tuple(np.resize(settings.exposures_ms, count).tolist()))
@@ -79,7 +79,7 @@ def main() -> None:
         for member, count in zip(members, np.exp(lengths), strict=True)
     }
     rows = measured(calls, arguments.results, arguments.jobs)
-    print(table_of("Recordings without any fault", rows, _COLUMNS))
+    print(table_of("Recordings without faults", rows, _COLUMNS))
     print(summary(rows))
 
 

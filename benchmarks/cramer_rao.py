@@ -1,11 +1,11 @@
-"""Compare the errors of calibrations with the least that their observations allow (Cramér–Rao).
+"""Compare the errors of calibrations with the Cramér–Rao bound of their observations.
 
     python benchmarks/cramer_rao.py --results FOLDER [--frames 300] [--every 4]
 
-Recordings of the accuracy benchmark are filmed twice: as they are, and without noise. The bound is that of the
-observations that the fit was made to, with the noise of the simulated sensor and nothing else, and the prior of the
-fit. It takes the observations as independent. What an error is beyond it comes from registration, texture and the
-model; the error without noise shows how much.
+Recordings of the accuracy benchmark are simulated twice: unchanged and without noise. The bound is that of the fitted
+observations with the noise of the simulated sensor only, and the prior of the fit; the observations count as
+independent. Errors beyond the bound come from registration, texture and the model; the error without noise shows how
+large these are.
 """
 
 from __future__ import annotations
@@ -32,10 +32,10 @@ METRICS = ("V", "shape", "kappa")
 _COLUMNS = ("recording", *METRICS, *(f"bound {m}" for m in METRICS), *(f"no noise {m}" for m in METRICS))
 
 _DRAWS, _STEP = 40, 0.05
-"""Draws from the bound's distribution, and by how much each is scaled down so that the metrics change linearly."""
+"""Draws from the bound's distribution, and the factor that scales each down so that the metrics change linearly."""
 
 _PIXELS_AVERAGED = 4 * np.pi * 1.5**2
-"""Pixels that a sampled grey level is the mean of, at the default smoothing of 1.5 pixels."""
+"""Effective number of pixels averaged for a grey level, at the default smoothing of 1.5 pixels."""
 
 
 def calibrated(settings: SimulationSettings) -> OnlineCalibrator:
@@ -46,7 +46,7 @@ def calibrated(settings: SimulationSettings) -> OnlineCalibrator:
 
 
 def bound(inputs: FitInputs, fit: Fit, settings: SimulationSettings) -> dict[str, float]:
-    """Return the root mean square of the errors that the noise of the sensor alone would cause."""
+    """Return the RMS of the errors that sensor noise alone would cause."""
     full_well, read_noise = settings.sensor
     variances = np.array([1 / 12 / 255**2, 1 / full_well, (read_noise / full_well) ** 2]) / _PIXELS_AVERAGED
     sensor = ErrorModel(*variances.tolist(), registration_sigma_px=0.0, radiance_sigma=0.0)
@@ -82,7 +82,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--results", type=Path, required=True, help="Folder of the results.")
     parser.add_argument("--frames", type=int, default=300, help="Frames of each recording.")
-    parser.add_argument("--every", type=int, default=1, help="Take one in so many recordings.")
+    parser.add_argument("--every", type=int, default=1, help="Use every N-th recording.")
     arguments = parser.parse_args()
     cv2.setNumThreads(1)
     moving = list(moving_sources(None, arguments.frames))

@@ -1,4 +1,4 @@
-"""Damage files beyond their checksums and syntax: values, tokens, entries of archives, chunks of PNGs."""
+"""Damage files below their checksums and syntax: values, tokens, archive entries, PNG chunks."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ VALUES = (
     -1, 0, 1, 2**31, 2**62, 10**400, 1e300, -1e300, 1e-300, 0.5,
     None, True, "nan", "x\0\ud800", [], {}, [1, 2], [[]],
 )  # fmt: skip
-"""What takes the place of values in JSON documents."""
+"""Replacements for values in JSON documents."""
 
 TOKENS = [
     b"nan", b"-inf", b"0", b"-0", b"-1", b"1e400", b"1e-320", b"9" * 400, b"4294967296", b"0x10", b"1_0", b"1,5", b"",
 ]  # fmt: skip
-"""What takes the place of numbers and words in texts, beside what the parser itself suggests."""
+"""Replacements for numbers and words in texts, in addition to the parser's own."""
 
 INTEGERS = [b"\xff" * 4, b"\xff" * 8, b"\0" * 4, b"\xff\xff\xff\x7f", b"\0\0\0\x80", b"\x01\0\0\0", b"\0\x10\0\0"]
-"""Numbers in binary files that sizes and offsets are compared with."""
+"""Replacements for numbers in binary files, such as sizes and offsets."""
 
 _PNG = b"\x89PNG\r\n\x1a\n"
 _TOKEN = re.compile(rb"[-+.\w]+")
@@ -33,7 +33,7 @@ _CHECKSUM_BYTES = 64
 
 
 def damaged(data: bytes, words: list[bytes], random: Random) -> bytes:
-    """Return a file with its structure kept, as far as there is one, and a few of its parts changed."""
+    """Return a file with a few of its parts changed, keeping its structure if it has one."""
     if data.startswith(_PNG) and random.random() < 0.7:
         return _png(data, words, random)
     if data.startswith(b"PK\x03\x04") and random.random() < 0.7:
@@ -89,7 +89,7 @@ def _text(data: bytes, words: list[bytes], random: Random) -> bytes:
 
 
 def _token(line: bytes, random: Random) -> re.Match[bytes] | None:
-    """Return a number or word after some place, or else the first: lines may be too long to look for all of them."""
+    """Return a number or word after a random position, or else the first; lines may be too long to find all."""
     return _TOKEN.search(line, random.randrange(len(line) + 1)) or _TOKEN.search(line)
 
 
@@ -126,12 +126,12 @@ def _recompressed(content: bytes, words: list[bytes], random: Random) -> bytes:
 
 
 def _archive(data: bytes, words: list[bytes], random: Random) -> bytes:
-    """Damage, repeat, rename or remove one entry of a zip archive; of our own states, renew the checksum too."""
+    """Damage, repeat, rename or remove one entry of a zip archive, and renew the checksum of our own states."""
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             sealed = len(archive.comment) == _CHECKSUM_BYTES
             entries = [(entry.filename, archive.open(entry).read(2**22)) for entry in archive.infolist()[:100]]
-    except Exception:  # whatever zipfile says of an archive that an earlier mutation broke
+    except Exception:  # zipfile raises many errors for an archive broken by an earlier mutation
         return _bytes(data, words, random)
     if not entries:
         return _bytes(data, words, random)
@@ -148,7 +148,7 @@ def _archive(data: bytes, words: list[bytes], random: Random) -> bytes:
         del entries[index]
     packed = io.BytesIO()
     method = zipfile.ZIP_DEFLATED if random.random() < 0.9 else zipfile.ZIP_STORED
-    level = random.choice([0, 0, 0, 1])  # to compress takes most of the time
+    level = random.choice([0, 0, 0, 1])  # compression takes most of the time
     with zipfile.ZipFile(packed, "w", method, compresslevel=level) as archive:
         for entry_name, entry_content in entries:
             entry = zipfile.ZipInfo(entry_name.encode("utf-8", "replace").decode())

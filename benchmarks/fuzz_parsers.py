@@ -1,16 +1,16 @@
-"""Give every parser of files hostile input, guided by coverage, and count what comes of it.
+"""Give every file parser hostile input, guided by coverage, and count the results.
 
     pip install atheris
     python benchmarks/fuzz_parsers.py --work FOLDER [--inputs 1000000] [--slice 60] [--only NAME] ...
 
-Parsers take turns until each has had its inputs. The first tenth is guided by coverage: half is mutated by libFuzzer,
-half with its structure kept (``damage.py``), and whatever reaches new code is kept and mutated further. What was kept
-is then damaged without watching the code, which makes Python three to ten times as fast. Everything stays in FOLDER,
-so that an interrupted run goes on there; --table only prints what is known.
+Parsers take turns until each has had its inputs. The first tenth is guided by coverage: libFuzzer mutates one half,
+``damage.py`` the other while keeping the structure, and inputs that reach new code form a corpus and are mutated
+further. The remaining inputs are damaged files of the corpus, without tracing the code, which is three to ten times
+faster. Everything is stored in FOLDER, so that an interrupted run continues; --table only prints the counts.
 
-An input is *found* when it is neither understood nor refused by one error of ours on one line, takes more than
---seconds of processor time or --megabytes of memory, or ends the process: it is kept in FOLDER/found with what was
-said.
+An input counts as *found* if it is neither read nor rejected by one of our errors on one line, if it takes more than
+--seconds of processor time or --megabytes of memory, or if it ends the process. It is stored in FOLDER/found with the
+output.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from pathlib import Path
 from random import Random
 from typing import TYPE_CHECKING
 
-# A thread for each core would only fight the others for such small images.
+# More threads only slow down such small images.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 os.environ.setdefault("OPENCV_LOG_LEVEL", "OFF")
@@ -51,30 +51,30 @@ if TYPE_CHECKING:
     from parser_targets import Target
 
 MEMORY = "/dev/shm" if Path("/dev/shm").is_dir() else None
-"""Folder in memory, where there is one: inputs are written as files, most of them durably."""
+"""Folder in memory, if there is one, because inputs are written as files, most of them durably."""
 
 HANGING_S, LOADING_S, SLOWEST = 120, 60, 30
-"""Wall-clock time after which an input is given up; processor time beyond a turn by which its process must be gone,
-as it tries the whole corpus at first; and wall-clock seconds for one of processor time on a busy machine."""
+"""Wall-clock limit for an input; processor time beyond a turn by which its process must have ended, because it tries
+the whole corpus first; and wall-clock seconds per second of processor time on a busy machine."""
 
 FITTED_TO, GUIDED_SHARE, MOST_FOUND = 100, 0.1, 1000
-"""One in so many accepted states is fitted to; share of the inputs that is guided by coverage, as new code is hardly
-reached after that; and most files kept of what was found."""
+"""One in this many accepted states is fitted; share of the inputs guided by coverage, because later ones hardly reach
+new code; and most found files stored."""
 
 CURRENT = "current"
-"""File that holds the input that is being tried, followed by what is left of longer ones."""
+"""File with the current input, followed by remains of longer ones."""
 
 COUNTS = struct.Struct("<QQQQQ")
-"""Inputs, understood, found, microseconds of the slowest, and peak of the memory in KiB: shared with the child."""
+"""Inputs, understood, found, microseconds of the slowest, and peak memory in KiB; shared with the child."""
 
 
 def parsers(folder: Path, guided: bool) -> dict[str, Target]:
-    """Return all parsers by name, observed by the fuzzer if it is guided; samples are made in an empty folder."""
+    """Return all parsers by name, instrumented if ``guided``; samples are created in an empty folder."""
     observed: AbstractContextManager[None] = nullcontext()
     if guided:
         import atheris
 
-        # What is computed from what was read has no new paths to find.
+        # The estimation that follows parsing has no new paths to find.
         packages = ["ospc", "exifread", "rosbags", "mcap"]
         observed = atheris.instrument_imports(include=packages, exclude=["ospc.estimation"])
     with observed:
@@ -85,12 +85,12 @@ def parsers(folder: Path, guided: bool) -> dict[str, Target]:
 
 
 def longest(target: Target) -> int:
-    """Return the length at which the inputs of a parser are cut off: archives may be unpacked."""
+    """Return the longest input of a parser, with room for unpacked archives."""
     return max(4096, *(2 * len(sample) for sample in target.samples))
 
 
 class Progress:
-    """What became of one parser's inputs, in a file that outlives the process."""
+    """The counts of one parser, in a file that outlives the process."""
 
     def __init__(self, path: Path) -> None:
         if not path.exists():
@@ -112,7 +112,7 @@ class Progress:
 
 @dataclass(frozen=True)
 class Campaign:
-    """Limits, and the folder of corpora, counts, and what was found."""
+    """The limits, and the folder of corpora, counts and found inputs."""
 
     work: Path
     inputs: int
@@ -121,7 +121,7 @@ class Campaign:
     megabytes: int
 
     def run(self, only: list[str] | None, guided: bool) -> None:
-        """Let the parsers take turns, those that had least first, until each has had its inputs."""
+        """Let the parsers take turns, those with the fewest inputs first, until each has had its inputs."""
         share = GUIDED_SHARE if guided else 1.0
         with suppress(KeyboardInterrupt), tempfile.TemporaryDirectory() as folder:
             tried = parsers(Path(folder), guided)
@@ -140,11 +140,11 @@ class Campaign:
         return Progress(self.place(name) / "counts")
 
     def turn(self, name: str, target: Target, how: Callable[[str, Target, Path], None]) -> None:
-        """Let a process of its own try one parser for a while."""
+        """Try one parser for one turn in a separate process."""
         place, progress = self.place(name), self.progress(name)
         before = progress.read()[0]
         with tempfile.TemporaryDirectory(dir=MEMORY) as folder:
-            # Forked, so that what was imported and made before need not be made again.
+            # Forked, so that imports and samples need not be repeated.
             child = get_context("fork").Process(target=how, args=(name, target, Path(folder)))
             child.start()
             try:
@@ -165,7 +165,7 @@ class Campaign:
             print(f"{name}: no input was tried (exit {child.exitcode}), see {place / 'log.txt'}", flush=True)
 
     def begin(self, name: str) -> None:
-        """Send what is printed to the log of the parser, and limit the memory of this process."""
+        """Redirect output to the parser's log, and limit the memory of this process."""
         log = os.open(self.place(name) / "log.txt", os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
         os.dup2(log, sys.stdout.fileno())
         os.dup2(log, sys.stderr.fileno())
@@ -191,7 +191,7 @@ class Campaign:
 
         def try_one(data: bytes) -> None:
             nonlocal mutated
-            # What an earlier turn kept is tried anew at the beginning of each; it counts once.
+            # The corpus of earlier turns is tried again at the beginning of each turn; it counts once.
             self.attempt(name, target, data, folder, progress if mutated else None)
             mutated = False
             if end_s and (time.process_time() > end_s or progress.read()[0] >= GUIDED_SHARE * self.inputs):
@@ -210,7 +210,7 @@ class Campaign:
         corpus = [path.read_bytes() for path in sorted((place / "corpus").iterdir())]
         random, most = Random(progress.read()[0]), longest(target)
         end_s = time.process_time() + self.slice_s
-        # What ends the process, or hangs until the alarm does, is found here by the parent.
+        # If an input ends the process, or hangs until the alarm ends it, the parent finds it here.
         (place / CURRENT).write_bytes(bytes(most))
         with (place / CURRENT).open("r+b") as stream, mmap(stream.fileno(), 0) as current:
             while time.process_time() < end_s and progress.read()[0] < self.inputs:
@@ -221,7 +221,7 @@ class Campaign:
         os._exit(0)
 
     def attempt(self, name: str, target: Target, data: bytes, folder: Path, progress: Progress | None) -> None:
-        """Try one input and count it, where there is something to count in; keep it if it is found."""
+        """Try one input, count it if ``progress`` is given, and store it if it is found."""
         from parser_targets import attempt
 
         begun, said, understood = time.process_time(), "", False
@@ -240,7 +240,7 @@ class Campaign:
             progress.add(understood, bool(said), spent)
 
     def keep(self, name: str, data: bytes, said: str, error: Exception | None) -> None:
-        """Keep one input for each place in the code where something went wrong."""
+        """Store one input for each point in the code where something went wrong."""
         where = [f"{frame.filename}:{frame.lineno}" for frame in traceback.extract_tb(error and error.__traceback__)]
         digest = hashlib.sha256(repr((type(error), where or data[:64])).encode()).hexdigest()[:12]
         place = self.work / "found"
@@ -266,19 +266,19 @@ class Campaign:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--work", type=Path, required=True, help="folder of corpora, counts, and what was found")
-    parser.add_argument("--inputs", type=int, default=1_000_000, help="how many for each parser")
+    parser.add_argument("--work", type=Path, required=True, help="folder of corpora, counts and found inputs")
+    parser.add_argument("--inputs", type=int, default=1_000_000, help="number for each parser")
     parser.add_argument("--slice", type=int, default=60, metavar="SECONDS", help="processor time of a turn")
-    parser.add_argument("--only", action="append", metavar="NAME", help="this parser")
-    parser.add_argument("--seconds", type=float, default=2.0, help="most processor time for one input")
-    parser.add_argument("--megabytes", type=int, default=1024, help="most memory")
-    parser.add_argument("--table", action="store_true", help="only print what is known")
+    parser.add_argument("--only", action="append", metavar="NAME", help="try only this parser")
+    parser.add_argument("--seconds", type=float, default=2.0, help="limit of processor time for one input")
+    parser.add_argument("--megabytes", type=int, default=1024, help="limit of memory")
+    parser.add_argument("--table", action="store_true", help="only print the counts")
     arguments = parser.parse_args()
     campaign = Campaign(arguments.work, arguments.inputs, arguments.slice, arguments.seconds, arguments.megabytes)
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     cv2.setNumThreads(1)
     with suppress(KeyboardInterrupt):
-        # Processes of their own: what one has imported stays observed.
+        # Separate processes, because imported modules stay instrumented.
         for guided in () if arguments.table else (True, False):
             phase = get_context("fork").Process(target=campaign.run, args=(arguments.only, guided))
             phase.start()

@@ -1,8 +1,8 @@
-"""Whether following the instructions of ``ospc live`` ends a capture sooner than undirected motion.
+"""Measure whether following the instructions of ``ospc live`` ends a capture sooner than undirected motion.
 
-In simulated rooms, one camera is held by somebody who does what the instructions say, another moves as a hand-held
-camera does. Both have the same exposure control, and turn at similar speeds. Measured is the time until response and
-vignette are known to the goal, by the stated uncertainty and by the truth.
+In simulated rooms, one camera is held by a person who follows the instructions, and another moves like a hand-held
+camera. Both have the same exposure control and turn at similar speeds. The program measures the time until response
+and vignette reach the goal, by the stated uncertainty and by the truth.
 
     python benchmarks/guided_capture.py --rooms 10
 """
@@ -29,41 +29,41 @@ from ospc.simulation.scene import Scene
 RESPONSES = ("srgb", "gamma2.2", "linear", "filmic")
 FPS = 20.0
 ESTIMATE_S, CHECK_S = 0.5, 2.0
-"""Seconds between complete estimates: at least, where quick figures reach the goal, and at most, for the truth."""
+"""Seconds between full estimates: when the preview reaches the goal, and otherwise, for comparison with the truth."""
 
-LOOK_S, REACTION_S = 0.5, 0.7
-"""Seconds between looks of the adviser, and until a person follows a new instruction."""
+ADVICE_S, REACTION_S = 0.5, 0.7
+"""Seconds between updates of the adviser, and until a person follows a new instruction."""
 
 TURN_DEG_S, SETTLE_S = 30.0, 0.3
-"""How fast a person turns, and how fast that changes. Hand-held motion turns by 30 degrees/s on average, too."""
+"""Turning speed of a person, and its time constant. Hand-held motion also turns by 30 degrees/s on average."""
 
 SWEEP_DEG, SWEEP_S = 16.0, 2.5
-"""How far and how fast a person sweeps to and fro about a place."""
+"""Angle and duration of a person's sweep to and fro."""
 
 NEIGHBOUR_DEG = 25.0
-"""How far the brighter or darker surroundings may be for something to stay in view."""
+"""Largest distance of brighter or darker surroundings, so that the target stays in view."""
 
 DWELL_S, SEEN = 5.0, 0.3
-"""Time after which a person looks for another place of the kind, and how much less a place counts then."""
+"""Time after which a person looks for another target of the same kind, and the weight of targets already used."""
 
 YAWS, PITCHES = np.radians(np.arange(0, 360, 15)), np.radians([-20, 0, 20])
 """Directions in which a person looks for something bright or dark, without the camera."""
 
 ALMOST_WHITE, ALMOST_BLACK = (0.75, 0.97), (0.02, 0.2)
-"""Grey levels of what a person takes for almost white and almost black in the picture."""
+"""Grey levels that a person considers almost white and almost black."""
 
 _EYE, _BLOCK, _EVEN = (64, 48), 4, 0.1
-"""Size of the view with which a person looks around, and edge of its blocks, in pixels; relative standard deviation
-of the radiance of a block up to which it counts as even."""
+"""Size of a person's view and of its blocks in pixels, and largest relative standard deviation of the radiance of an
+even block."""
 
 
 def turned(yaw: float, pitch: float) -> FloatArray:
-    """Return the camera-to-world rotation of a look without roll, shape (3, 3)."""
+    """Return the camera-to-world rotation without roll, shape (3, 3)."""
     return rotation(*np.array([[yaw], [pitch], [0.0]]))[0]
 
 
 def settled(look: Float32Array, response: Response, mean: float) -> tuple[float, float, float]:
-    """Return the exposure of a view when it has settled, and the shares of even blocks almost white and black."""
+    """Return the settled exposure of a view, and the shares of even blocks that are almost white and almost black."""
     exposures = np.geomspace(1e-3, 1e3, 61) / look.mean()
     exposure = float(np.interp(mean, [response(np.clip(look * e, 0, 1)).mean() for e in exposures], exposures))
     rows, columns = look.shape[0] // _BLOCK, look.shape[1] // _BLOCK
@@ -75,7 +75,7 @@ def settled(look: Float32Array, response: Response, mean: float) -> tuple[float,
 
 
 class Camera:
-    """A camera in a room, with an exposure control that meters the last image."""
+    """A camera in a room, with auto exposure that meters the last image."""
 
     def __init__(self, settings: SimulationSettings) -> None:
         self._settings = settings
@@ -101,7 +101,7 @@ class Camera:
 
 
 class Person:
-    """Somebody who follows instructions."""
+    """A person who follows instructions."""
 
     def __init__(self, scene: Scene, settings: SimulationSettings, response: Response) -> None:
         poses = Motion.of(settings)
@@ -122,7 +122,7 @@ class Person:
         self._ends = (self._gaze, self._gaze)
 
     def pose(self, time_s: float, instruction: Instruction) -> tuple[FloatArray, FloatArray]:
-        """Return where the camera is and how it is turned a frame later."""
+        """Return position and rotation of the camera one frame later."""
         known, for_s = self._instruction, time_s - self._since_s
         is_new = known is None or (known.kind, known.arrow) != (instruction.kind, instruction.arrow)
         if known is None or (is_new and for_s > REACTION_S) or for_s > DWELL_S:
@@ -138,7 +138,7 @@ class Person:
         return self._place(time_s), turned(*self._gaze)
 
     def _aim(self, instruction: Instruction) -> None:
-        """Choose between which directions to turn to and fro."""
+        """Choose the two directions to turn between."""
         kind = instruction.kind
         if instruction.arrow is not None:
             (x0, y0), (x1, y1) = instruction.arrow
@@ -158,7 +158,7 @@ class Person:
             self._ends = self._gaze, self._gaze + np.radians([SWEEP_DEG, 0.5 * SWEEP_DEG])
 
     def _most_unlike(self) -> tuple[FloatArray, FloatArray]:
-        """Return two neighbouring directions, not far away, of very different brightness."""
+        """Return two nearby directions of very different brightness."""
         best, ends = -np.inf, (self._gaze, self._gaze)
         for i, one in enumerate(self._views):
             for j, other in enumerate(self._views):
@@ -193,7 +193,7 @@ def errors(known: Calibration, camera: Camera) -> tuple[float, float]:
 
 
 def capture(settings: SimulationSettings, longest_s: float, *, directed: bool, verbose: bool) -> dict[str, float]:
-    """Film until the goal is reached, and return when: by the stated uncertainty, and by the truth."""
+    """Film until the goal is reached, and return the time, by the stated uncertainty and by the truth."""
     camera, calibrator, adviser = Camera(settings), OnlineCalibrator(), Adviser()
     person, motion = Person(camera.scene, settings, camera.truth.response), Motion.of(settings)
     instruction, said = adviser.instruction, ""
@@ -207,7 +207,7 @@ def capture(settings: SimulationSettings, longest_s: float, *, directed: bool, v
             pose = motion.at(time_s)
             position_m, turn = pose.position_m[0], pose.rotation[0]
         calibrator.push(camera.shoot(position_m, turn))
-        if number % int(LOOK_S * FPS) == 0:
+        if number % int(ADVICE_S * FPS) == 0:
             instruction = adviser.look(calibrator.preview(), time_s, known)
             if verbose and instruction.kind != said:
                 said = instruction.kind
@@ -229,7 +229,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--rooms", type=int, default=10)
     parser.add_argument("--first", type=int, default=1, help="seed of the first room")
-    parser.add_argument("--longest", type=float, default=60.0, help="seconds after which a capture is given up")
+    parser.add_argument("--longest", type=float, default=60.0, help="longest capture in seconds")
     parser.add_argument("-v", "--verbose", action="store_true")
     arguments = parser.parse_args()
     rows = []

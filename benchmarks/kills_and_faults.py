@@ -1,12 +1,12 @@
-"""Kill and disturb every command that takes long, let it go on, and compare what it leaves with an undisturbed run.
+"""Kill and disturb long-running commands, let them continue, and compare the output with an undisturbed run.
 
     python benchmarks/kills_and_faults.py --results FOLDER [--kills 40] [--runs 10] [--only CASE] [--commands NAME]
 
 Each case disturbs calibrate, live, correct, merge, batch and experiments at random moments. Then the command is run
-as its documentation says (--resume, --force, or simply again), and every file must be that of the undisturbed run,
-bit for bit, but for times that were measured. After each disturbance, every file must be whole by the rules of its
-format, and an error must be one sentence of ours. Needs root (full and read-only disks are mounted in memory) and the
-program faketime (for clocks). Results are kept in a folder: an interrupted run goes on where it stopped.
+again as documented (with --resume, with --force, or unchanged), and every file must equal that of the undisturbed run
+bit for bit, except for measured times. After each disturbance, every file must be complete by the rules of its
+format, and an error must be one sentence of ours. Needs root, to mount full and read-only disks in memory, and the
+program faketime, to change the clock. Results are stored in a folder, and an interrupted run continues.
 """
 
 from __future__ import annotations
@@ -45,30 +45,30 @@ SETTINGS = ("--set", "points_per_pair=100", "--set", "max_points=3000", "--set",
 SIZE = (160, 120)
 FRAMES = 30
 HANGING_S, ANSWER_S = 180, 10
-"""By then a command has to end, which undisturbed takes a few seconds, and Ctrl-C to be answered if all is busy."""
+"""Time limits for a command, which takes a few seconds undisturbed, and for reacting to Ctrl-C on a busy machine."""
 
 MOST_IN_A_ROW = 4
-"""Disturbances before a run is let go on to its end."""
+"""Most disturbances before a run may continue to its end."""
 
 MEASURED = {"seconds", "worker", "attempts"}
-"""Columns of tables that differ between runs because they are measured."""
+"""Table columns that differ between runs because they are measured."""
 
 COMMANDS = ("calibrate", "live", "correct", "merge", "batch", "experiments")
 
 ENDED_WELL = (0, 3)
-"""Exit codes of a result; 3 says that the result has its limits."""
+"""Exit codes with a result; 3 means a limited result."""
 
 SENTENCES = {1: ("ospc: error: ", "OpenBLAS error: Memory allocation still failed"), 4: ("failed: ",)}
-"""How the sentence begins that goes with an exit code; where memory ends, OpenBLAS ends the process with its own."""
+"""Beginning of the message for an exit code; OpenBLAS ends the process with its own message if memory runs out."""
 
 
 Command: TypeAlias = tuple[tuple[str, ...], tuple[str, ...]]
-"""The arguments of a command, and what to add to go on after it was stopped."""
+"""The arguments of a command, and further ones to continue after it was stopped."""
 
 
 @dataclass
 class Outcome:
-    """What came of disturbing a command until it was let go on."""
+    """The result of disturbing a command and letting it continue."""
 
     command: str
     runs: int = 0
@@ -83,11 +83,11 @@ class Outcome:
 
 
 COUNTS = ("runs", "early", "refused", "lost", "wrong", "torn", "hangs")
-"""What is counted of an outcome; "early" are those that had ended before they were disturbed."""
+"""The counts of an outcome; "early" counts commands that ended before they were disturbed."""
 
 
 def commands(work: Path) -> dict[str, Command]:
-    """Return the commands; OUT stands for their output folder."""
+    """Return the commands; OUT stands for the output folder."""
     one, two = (str(work / "recordings" / name) for name in ("one", "two"))
     out, states = ("-o", "OUT", "-q"), [str(work / "calibrated" / name) for name in ("one", "two")]
     resuming = ("--resume", "--checkpoint-every", "0")
@@ -121,7 +121,7 @@ def started(
 
 
 def ended(process: subprocess.Popen[bytes], most_s: float = HANGING_S) -> tuple[int | None, str]:
-    """Return exit code and errors; no code if it had to be killed because it hung."""
+    """Return exit code and errors; the code is None if the command hung and was killed."""
     try:
         _, errors = process.communicate(timeout=most_s)
     except subprocess.TimeoutExpired:
@@ -131,12 +131,12 @@ def ended(process: subprocess.Popen[bytes], most_s: float = HANGING_S) -> tuple[
 
 
 def killed(process: subprocess.Popen[bytes]) -> None:
-    """End a command and its workers as the kernel does when memory ends."""
+    """Kill a command and its workers, as the kernel does when memory runs out."""
     os.killpg(process.pid, signal.SIGKILL)
 
 
 def content(folder: Path) -> dict[str, bytes]:
-    """Return all files of an output folder, without what was measured."""
+    """Return all files of an output folder, without measured values."""
     found = {}
     for place in sorted(folder.rglob("*")):
         if place.is_file():
@@ -155,7 +155,7 @@ def differing(one: dict[str, bytes], other: dict[str, bytes]) -> list[str]:
 
 
 def torn(folder: Path) -> list[str]:
-    """Return the files that are not whole; those that bear the name of an unfinished one may be."""
+    """Return the incomplete files, except those named as unfinished."""
     return [
         place.relative_to(folder).as_posix()
         for place in sorted(folder.rglob("*"))
@@ -178,7 +178,7 @@ def decodable(data: bytes) -> bool:
 
 
 JOURNALS = ("written.txt",)
-"""Files that grow by lines; whoever reads them ignores a torn one."""
+"""Files that grow line by line; readers ignore an incomplete line."""
 
 RULES: dict[str, Callable[[bytes], object]] = {
     ".json": lambda data: json.loads(data) is not None,
@@ -188,7 +188,7 @@ RULES: dict[str, Callable[[bytes], object]] = {
     ".parquet": lambda data: data.startswith(b"PAR1") and data.endswith(b"PAR1"),
     **dict.fromkeys((".png", ".tif", ".tiff", ".jpg"), decodable),
 }
-"""When a file is complete, by the ending of its name; all others are texts of whole lines."""
+"""Checks that a file is complete, by its suffix; all other files are texts of complete lines."""
 
 
 class Tester:
@@ -248,7 +248,7 @@ class Tester:
             row.remarks.append(f"torn: {broken}")
 
     def complete(self, row: Outcome, out: Path) -> None:
-        """Let the command go on, undisturbed, and compare."""
+        """Let the command continue undisturbed, and compare."""
         name = row.command
         if out.is_dir() and content(out) == self.expected[name]:
             shutil.rmtree(out)
@@ -267,7 +267,7 @@ class Tester:
         return started(self.commands[row.command], out, again=again, **more)
 
     def runs_on(self, row: Outcome, process: subprocess.Popen[bytes]) -> bool:
-        """Wait for a random moment, and tell whether the command is still under way."""
+        """Wait for a random time, and return whether the command is still running."""
         try:
             process.wait(self.rng.uniform(0, self.duration_s[row.command]))
         except subprocess.TimeoutExpired:
@@ -277,7 +277,7 @@ class Tester:
 
 
 def kill(tester: Tester, row: Outcome, out: Path, _share: float) -> None:
-    """SIGKILL of the command and its workers, a few times in a row."""
+    """SIGKILL for the command and its workers, a few times in a row."""
     for number in range(tester.rng.randint(1, MOST_IN_A_ROW)):
         process = tester.start(row, out, again=number > 0 and out.exists())
         if tester.runs_on(row, process):
@@ -287,7 +287,7 @@ def kill(tester: Tester, row: Outcome, out: Path, _share: float) -> None:
 
 
 def interrupt(tester: Tester, row: Outcome, out: Path, _share: float) -> None:
-    """Ctrl-C, and once more if the first is taken as 'finish early'."""
+    """Ctrl-C, and a second one if the first means 'finish early'."""
     process = tester.start(row, out)
     if not tester.runs_on(row, process):
         tester.judge(row, out, *ended(process))
@@ -301,7 +301,7 @@ def interrupt(tester: Tester, row: Outcome, out: Path, _share: float) -> None:
         os.killpg(process.pid, signal.SIGINT)
     code, errors = ended(process, ANSWER_S)
     row.answer_s = time.monotonic() - begun_s
-    # Before Python has begun to run the command, an interruption is Python's own.
+    # Before the command itself runs, Python handles the interruption.
     if "KeyboardInterrupt" in errors and "ospc/cli/main.py" not in errors.replace("ospc.cli.main", ""):
         code, errors = 130, ""
     tester.judge(row, out, 130 if code == -signal.SIGINT else code, errors)
@@ -309,7 +309,7 @@ def interrupt(tester: Tester, row: Outcome, out: Path, _share: float) -> None:
 
 
 def signals(tester: Tester, row: Outcome, out: Path, _share: float) -> None:
-    """Reads and writes that are interrupted by signals a hundred times a second, and pauses of the process."""
+    """Signals a hundred times a second, which interrupt reads and writes and pause the process."""
     kinds = (signal.SIGWINCH, signal.SIGCONT, signal.SIGCHLD, signal.SIGURG, signal.SIGSTOP)
     process = tester.start(row, out)
     end_s = time.monotonic() + HANGING_S
@@ -322,7 +322,7 @@ def signals(tester: Tester, row: Outcome, out: Path, _share: float) -> None:
 
 
 def memory(tester: Tester, row: Outcome, out: Path, share: float) -> None:
-    """A limit of the address space, from less than Python needs to more than the command takes."""
+    """A limit on the address space, from less than Python needs to more than the command uses."""
     most = int(2**20 * (200 + 1400 * share))
     process = tester.start(row, out, before=lambda: resource.setrlimit(resource.RLIMIT_AS, (most, most)))
     code, errors = ended(process)
@@ -334,7 +334,7 @@ def memory(tester: Tester, row: Outcome, out: Path, share: float) -> None:
 
 @contextmanager
 def disk(place: Path, kilobytes: int) -> Iterator[Path]:
-    """Mount a disk of that size in memory."""
+    """Mount a disk of this size in memory."""
     place.mkdir()
     subprocess.run(["mount", "-t", "tmpfs", "-o", f"size={kilobytes}k", "none", str(place)], check=True)
     try:
@@ -350,7 +350,7 @@ def remounted(place: Path, option: str) -> bool:
 
 
 def full_disk(tester: Tester, row: Outcome, _out: Path, _share: float) -> None:
-    """A disk that is full at a random size of the output; then there is room again."""
+    """A disk that becomes full at a random size of the output, and then has space again."""
     needed = sum(map(len, tester.expected[row.command].values())) // 1024
     with disk(tester.work / "disk", 8 + int(tester.rng.random() * needed)) as place:
         tester.judge(row, place / "out", *ended(tester.start(row, place / "out")))
@@ -359,12 +359,12 @@ def full_disk(tester: Tester, row: Outcome, _out: Path, _share: float) -> None:
 
 
 def read_only(tester: Tester, row: Outcome, _out: Path, share: float) -> None:
-    """A disk that becomes read-only at a random moment, as one with errors does, or is so from the beginning."""
+    """A disk that becomes read-only at a random moment, as one with errors does, or is from the beginning."""
     with disk(tester.work / "disk", 200 * 1024) as place:
         from_the_beginning = share > 1 / 2 and remounted(place, "ro")
         process = tester.start(row, place / "out")
         if tester.runs_on(row, process) and not from_the_beginning:
-            # Refused while a file is open for writing.
+            # Remounting is refused while a file is open for writing.
             while process.poll() is None and not remounted(place, "ro"):
                 time.sleep(0.002)
         tester.judge(row, place / "out", *ended(process))
@@ -373,7 +373,7 @@ def read_only(tester: Tester, row: Outcome, _out: Path, share: float) -> None:
 
 
 def removed_input(tester: Tester, row: Outcome, out: Path, _share: float) -> None:
-    """The input is moved away at a random moment, and back before the command goes on."""
+    """The input is moved away at a random moment, and back before the command continues."""
     place = tester.work / ("calibrated" if row.command == "merge" else "recordings")
     process = tester.start(row, out)
     tester.runs_on(row, process)
@@ -385,7 +385,7 @@ def removed_input(tester: Tester, row: Outcome, out: Path, _share: float) -> Non
 
 
 def clock(tester: Tester, row: Outcome, out: Path, share: float) -> None:
-    """The clock is set ahead by an hour, or back by a day, at a random moment."""
+    """The clock is set forward by an hour or back by a day at a random moment."""
     found = sorted(Path("/usr/lib").glob("*/faketime/libfaketimeMT.so.1"))
     if not found:
         sys.exit("the case 'clock' needs the program faketime")
@@ -406,7 +406,7 @@ def clock(tester: Tester, row: Outcome, out: Path, share: float) -> None:
 
 
 Case: TypeAlias = Callable[[Tester, Outcome, Path, float], None]
-"""Disturbs a command, judges it and lets it go on, given an output folder and the share of its runs before this."""
+"""Disturbs a command, judges it and lets it continue; gets an output folder and the share of earlier runs."""
 
 CASES: dict[str, Case] = {
     "kill": kill,
@@ -421,7 +421,7 @@ CASES: dict[str, Case] = {
 
 
 def disturbed(tester: Tester, case: str, name: str, share: float) -> Row:
-    """Disturb a command once, by the name of the case."""
+    """Disturb a command once."""
     tester.prepare(name)
     outcome = Outcome(name)
     CASES[case](tester, outcome, tester.work / "out", share)
@@ -431,7 +431,7 @@ def disturbed(tester: Tester, case: str, name: str, share: float) -> Row:
 
 
 def totals(rows: Sequence[Row]) -> list[Row]:
-    """Return the sums of each case and command, and the slowest answer."""
+    """Return the totals for each case and command, and the slowest reaction."""
     found: list[Row] = []
     for names in dict.fromkeys((row["case"], row["command"]) for row in rows):
         mine = [row for row in rows if (row["case"], row["command"]) == names]
@@ -446,10 +446,10 @@ def totals(rows: Sequence[Row]) -> list[Row]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--results", type=Path, required=True)
-    parser.add_argument("--kills", type=int, default=40, help="how often each command is killed some times in a row")
-    parser.add_argument("--runs", type=int, default=10, help="how often it is disturbed in the other cases")
-    parser.add_argument("--only", action="append", choices=list(CASES), help="this case")
-    parser.add_argument("--commands", action="append", metavar="NAME", help="this command")
+    parser.add_argument("--kills", type=int, default=40, help="number of runs in which a command is killed")
+    parser.add_argument("--runs", type=int, default=10, help="number of runs in each other case")
+    parser.add_argument("--only", action="append", choices=list(CASES), help="run only this case")
+    parser.add_argument("--commands", action="append", metavar="NAME", help="run only this command")
     arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         tester = Tester(Path(folder), random.Random(time.time_ns()))

@@ -1,14 +1,14 @@
-"""Play simulated recordings to a live calibrator in real time, and report what it loses against the command.
+"""Play simulated recordings to a live calibrator in real time, and compare the result with ospc.calibrate.
 
     python benchmarks/live_runs.py --results live --recordings 40
     python benchmarks/live_runs.py --results live --recordings 4 --rates 20 --busy 2
 
-The camera never changes. A row tells how many changes were reported nevertheless, whether the result was lost (an
-error, or nothing identifiable where the command finds something), the final errors beside those of ospc.calibrate on
-the same frames, the longest push, and how many frames were dropped because the calibrator was busy.
+The camera never changes. A row shows how many changes were reported nevertheless, whether the result was lost (an
+error, or nothing identifiable although the command identifies something), the final errors and those of
+ospc.calibrate on the same frames, the longest push, and how many frames were dropped because the calibrator was busy.
 
-Results are kept in a folder: an interrupted run goes on where it stopped. Recordings are rendered before they are
-played; a camera costs no time either.
+Results are stored in a folder, and an interrupted run continues. Recordings are rendered before they are played,
+because a real camera costs no processor time either.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ _VIGNETTES = ((-0.35, 0.05, -0.15), (-0.12, 0.0, -0.03), (-0.55, 0.1, -0.1), (0.
 """Coefficients of R², R⁴ and R⁶; V at the corner is 0.55, 0.85, 0.45 and 0.65."""
 
 _SHORTEST, _LONGEST = 400, 2000
-"""Frames of a recording; their logarithm is drawn evenly from this range."""
+"""Frames of a recording, drawn uniformly in the logarithm."""
 
 
 def family(count: int, seed: int = 0) -> list[SimulatedSource]:
@@ -72,13 +72,13 @@ def _member(number: int, seed: int) -> SimulatedSource:
         auto_target=float(np.round(random.uniform(0.3, 0.5), 2)),
         gain_max=float(random.choice([1.0, 4.0])),
         exposure_max_ms=float(random.choice([15.0, 40.0])),
-        **_exposure_course(number, frames, random),
+        **_exposure_settings(number, frames, random),
     )
     return SimulatedSource(f"{seed}-{number:03d}", settings)
 
 
-def _exposure_course(number: int, frames: int, random: np.random.Generator) -> dict[str, object]:
-    """Return how the exposure runs: by itself in three recordings of four, otherwise as a program says."""
+def _exposure_settings(number: int, frames: int, random: np.random.Generator) -> dict[str, object]:
+    """Return auto exposure for three of four recordings, and programmed exposures for the others."""
     if number % 4 != 3:
         return {"exposure": "auto"}
     if number % 8 == 3:
@@ -94,7 +94,7 @@ def identified(calibration: Calibration | None) -> list[str]:
 
 
 Film: TypeAlias = list[tuple[Image, float]]
-"""Images, ready to be played, and their exposures in ms."""
+"""Rendered images and their exposures in ms."""
 
 
 def play(film: Film, rate: float) -> tuple[Calibration | None, Row]:
@@ -120,7 +120,7 @@ def play(film: Film, rate: float) -> tuple[Calibration | None, Row]:
 
 @contextmanager
 def busy(processes: int) -> Iterator[None]:
-    """Keep the machine busy with processes that do nothing but burn processor time."""
+    """Keep the machine busy with processes that burn processor time."""
     burning = [multiprocessing.Process(target=_burn, daemon=True) for _ in range(processes)]
     for process in burning:
         process.start()
@@ -138,7 +138,7 @@ def _burn() -> None:
 
 
 def unchanged(member: SimulatedSource, rate: float, processes: int, command: Row) -> Row:
-    """Play a recording and compare with what the command found."""
+    """Play a recording and compare the result with the command's."""
     film = [(frame.image, frame.exposure_ms) for frame in member.frames()]
     with busy(processes):
         calibration, played = play(film, rate)

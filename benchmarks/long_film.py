@@ -1,9 +1,9 @@
-"""Hours of film, any frame of which can be rendered alone, in about two milliseconds.
+"""Hours of film in which any frame can be rendered on its own, in about two milliseconds.
 
-A camera looks around in front of large pictures, and walks on to another one every few minutes. Lamps are switched,
-clouds pass, objects move through the view, and an automatic exposure follows with a camera's delay. Everything but
-the exposure is a function of time, and the exposure follows from a coarse grid of the scene's brightness: so most
-frames are never rendered. The camera itself, its response, vignette and noise, never changes.
+A camera looks around in front of large pictures, and moves on to another one every few minutes. Lamps are switched,
+clouds pass, objects move through the view, and auto exposure follows with a camera's delay. Everything but the
+exposure is a function of time, and the exposure follows from a coarse grid of the scene's brightness, so most frames
+need not be rendered. The camera itself (response, vignette and noise) changes only by a :class:`Switch`.
 """
 
 from __future__ import annotations
@@ -26,35 +26,35 @@ from ospc.simulation.texture import TEXEL_M, painted, single
 
 SIZE = (320, 240)
 _PICTURE_M = (8.0, 8.0)
-"""Edge lengths of a picture; with a texel of 4 mm it has 2000 x 2000 pixels."""
+"""Size of a picture; with a texel of 4 mm it has 2000 x 2000 pixels."""
 
 _PICTURES, _PANELS = 4, 220
 """Number of pictures, and of panels and posters on each."""
 
 _PANEL_M, _PANEL_LEVELS = (0.2, 1.3), (0.04, 0.9)
-"""Smallest and largest edge of a panel, and reflectance of the darkest and the brightest."""
+"""Smallest and largest edge of a panel, and reflectance of the darkest and the brightest panel."""
 
 _POSTERS = ("chelsea", "coffee", "camera", "gravel", "grass", "brick")
 
 _CELL_PX, _METER_PX, _COARSER = 8, 40, 4
-"""Spacing in image pixels of the grid on which lamps and clouds are computed, and of the places that the exposure
-control meters, on pictures reduced by a factor: a place stands for its surroundings."""
+"""Spacing in image pixels of the grid for lamps and clouds and of the grid that auto exposure meters, and the
+reduction of the pictures for metering, so that a grid point represents its surroundings."""
 
 _METER_INTERVAL_S, _BLOCK_S = 0.1, 60.0
-"""The scene's brightness is metered so often, and for this long at once."""
+"""Interval of metering the scene's brightness, and duration metered at once."""
 
 _STAY_S, _WALK_S = (90.0, 400.0), 1.2
-"""How long the camera stays in front of a picture, and takes to walk past the edge to the next."""
+"""Time that the camera stays in front of a picture, and takes to move to the next."""
 
 _CLOUDS, _CLOUD_POWER = ((0.6, 170.0), (0.5, 430.0), (0.4, 1900.0)), 8
-"""Depth in ln of the daylight, and period in s; and the power of a sine whose positive half is a smooth pulse: each
-cloud covers the sun for a sixth of its period or so."""
+"""Depth in ln of the daylight and period in s, and the power of a sine whose positive half is a smooth pulse: each
+cloud covers the sun for about a sixth of its period."""
 
 _ROOM_LIGHT = 1.1
-"""Amplitude in ln of the light that differs from place to place: what the exposure mostly follows."""
+"""Amplitude in ln of the spatial variation of the light, which the exposure mostly follows."""
 
 _SHADOW, _SHADOW_PX, _SHADOW_SPEED = np.float32(0.15), 150.0, 0.15
-"""Amplitude of clouds' shadows in ln, their size in pixels of a picture, and their drift in radians per s."""
+"""Amplitude of cloud shadows in ln, their size in picture pixels, and their drift in radians per s."""
 
 _LAMPS, _OBJECTS = 3, 3
 _SPEED = {
@@ -70,11 +70,11 @@ _SPEED = {
 
 @dataclass(frozen=True)
 class Camera:
-    """A camera: what it is made of, and how its exposure control works.
+    """A camera and its auto exposure.
 
-    ``vignette`` are coefficients of R², R⁴ and R⁶, ``noise`` full well and read noise in electrons. The control can
-    set exposures in factors of ``exposure_step``, 1 for any, and corrects the share ``control_gain`` of the
-    logarithmic deviation from one frame to the next at 20 frames/s.
+    ``vignette`` are coefficients of R², R⁴ and R⁶, ``noise`` full well and read noise in electrons. Auto exposure
+    sets exposures in factors of ``exposure_step`` (1 for continuous), and corrects the share ``control_gain`` of the
+    logarithmic deviation per frame at 20 frames/s.
     """
 
     response: str
@@ -90,12 +90,12 @@ CAMERAS = {
     "wide": Camera("gamma2.2", (-0.50, 0.10, -0.12), (8_000.0, 8.0), 1.12, 0.25),
     "phone": Camera("filmic", (-0.35, 0.05, -0.15), (5_000.0, 8.0), 1.0, 0.1),
 }
-"""Cameras to choose from."""
+"""The cameras by name."""
 
 
 @dataclass(frozen=True)
 class Switch:
-    """A change of the camera in mid-film: from then on, exposures are stated so many frames late, too."""
+    """A change of the camera in mid-film; afterwards, exposures are recorded ``late_frames`` late."""
 
     at_s: float
     camera: Camera
@@ -103,7 +103,7 @@ class Switch:
 
 
 class LongFilm:
-    """A film; iterating gives its frames, whose images are rendered, and counted, when they are asked for."""
+    """A film. Iterating yields its frames; their images are rendered, and counted, on access."""
 
     def __init__(self, camera: Camera, hours: float, rate: float, seed: int, switch: Switch | None = None) -> None:
         self._camera, self._rate, self._seed = camera, rate, seed
@@ -137,7 +137,7 @@ class LongFilm:
     # The exposure control.
 
     def _exposures(self) -> Iterator[FloatArray]:
-        """Give the exposures of a block of frames at a time."""
+        """Yield the exposures of one block of frames at a time."""
         block = round(_BLOCK_S * self._rate)
         gain = 1 - (1 - self._camera.control_gain) ** (20 / self._rate)
         step = np.log(self._camera.exposure_step)
@@ -146,7 +146,7 @@ class LongFilm:
             stamps = np.arange(first, first + block) / self._rate
             metered = np.arange(stamps[0] - _METER_INTERVAL_S, stamps[-1] + _METER_INTERVAL_S, _METER_INTERVAL_S)
             light = self._metered(np.maximum(metered, 0.0))
-            # No control sees the light that comes: between two times it knows the one before.
+            # Auto exposure does not know the future: between two meterings it uses the earlier one.
             wanted = np.interp(stamps - _METER_INTERVAL_S, metered, np.log(0.16 / light))
             log_exposures = np.empty(block)
             for i, target in enumerate(wanted.tolist()):
@@ -157,7 +157,7 @@ class LongFilm:
             yield 10.0 * np.exp(np.clip(log_exposures, -3.0, 2.0))
 
     def _metered(self, times_s: FloatArray) -> FloatArray:
-        """Return the mean radiance that the exposure control sees, shape (times,)."""
+        """Return the mean radiance that auto exposure meters, shape (times,)."""
         cells = _grid(_METER_PX)
         means = [float(np.mean(self._radiance(float(time_s), cells))) for time_s in times_s]
         return np.maximum(np.array(means), 1e-4)
@@ -174,7 +174,7 @@ class LongFilm:
         return optics.sensor.expose(radiance, frame=index)
 
     def _radiance(self, time_s: float, cells: Float32Array | None = None) -> Float32Array:
-        """Return the radiance at every pixel, or at some places of the image, without the moving objects."""
+        """Return the radiance at every pixel, or at some points of the image, without the moving objects."""
         visit, share = self._place_in_time(time_s)
         seen = self._filmed(visit, time_s, cells)
         if share > 0:
@@ -184,15 +184,15 @@ class LongFilm:
         return seen
 
     def _place_in_time(self, time_s: float) -> tuple[int, float]:
-        """Return which picture the camera is at, and how much of the view shows the next one already."""
+        """Return the number of the visit, and the share of the view that already shows the next picture."""
         visit = int(np.searchsorted(self._visits, time_s, side="right")) - 1
         until = self._visits[visit + 1] - time_s if visit + 1 < len(self._visits) else np.inf
         return visit, max(0.0, 1 - until / _WALK_S)
 
     def _filmed(self, visit: int, time_s: float, cells: Float32Array | None) -> Float32Array:
-        """Return the radiance of a picture at every pixel, or at some places of the image."""
+        """Return the radiance of a picture at every pixel, or at some points of the image."""
         number = (visit * 7 + self._seed) % len(self._pictures)
-        # Each visit begins somewhere else on the picture.
+        # Each visit begins at a different point of the picture.
         matrix = self._view(time_s + 1000.0 * visit)
         brightness = np.float32(np.exp(self._brightness[visit]))
         if cells is not None:
@@ -222,7 +222,7 @@ class LongFilm:
         return np.asarray(placed @ tilt @ to_centre)
 
     def _draw_objects(self, seen: Float32Array, time_s: float) -> None:
-        """Paste patches that move through the view on their own, each for a part of the time."""
+        """Paste patches that move through the view, each for a part of the time."""
         for number, (phase, period, height) in enumerate(self._object_phase):
             progress = (time_s / (15 + 25 * period) + phase) % 1
             if progress > 0.5:
@@ -236,7 +236,7 @@ class LongFilm:
                 seen[top : top + edge, first:last] = patch * np.float32(np.exp(self._brightness[0]))
 
     def _light(self, places: Float32Array, time_s: float) -> Float32Array:
-        """Return the light at places of a picture, shape (rows, columns, 2): clouds times the lamps that are on."""
+        """Return the light at points of a picture, shape (rows, columns, 2): clouds times the lamps that are on."""
         phases = self._cloud_phase
         cloud = -sum(
             depth * max(0.0, np.sin(2 * np.pi * time_s / period_s + phase)) ** _CLOUD_POWER
@@ -248,7 +248,7 @@ class LongFilm:
 
 
 class _Optics:
-    """What a camera makes of radiance."""
+    """Turns radiance into a camera's images."""
 
     def __init__(self, camera: Camera, seed: int) -> None:
         full_well, read_noise = camera.noise
@@ -262,14 +262,14 @@ class _Optics:
 
 
 class _Lamps:
-    """Lamps, each of which lights a part of every picture and is switched at random times."""
+    """Lamps that each light a part of every picture and are switched at random times."""
 
     def __init__(self, random: np.random.Generator) -> None:
-        # The middle of what each lights and its radius, in pixels of a picture; its light relative to the daylight.
+        # Centre and radius of the lit area in picture pixels, and its light relative to the daylight.
         self._place = random.uniform(0.2, 0.8, (_LAMPS, 2)) * _PICTURE_M[0] / TEXEL_M
         self._reach = random.uniform(200, 700, _LAMPS)
         self._strength = random.uniform(0.3, 1.5, _LAMPS)
-        # Time after which it is decided anew whether a lamp is on.
+        # Time after which a lamp may be switched.
         self._period_s = random.uniform(25, 150, _LAMPS)
         self._seed = int(random.integers(2**31))
 
@@ -287,13 +287,13 @@ class _Lamps:
 
 @cache
 def _grid(spacing_px: int) -> Float32Array:
-    """Return the places of the image's pixels or cells, (x, y), shape (rows, columns, 2)."""
+    """Return the positions (x, y) of the image's grid points, shape (rows, columns, 2)."""
     x, y = (np.arange(spacing_px / 2 - 0.5, n, spacing_px, dtype=np.float32) for n in SIZE)
     return np.stack(np.meshgrid(x, y), axis=-1)
 
 
 def _picture(random: np.random.Generator) -> Float32Array:
-    """Return the radiance of an unevenly lit, painted wall with panels and posters on it, shape (2000, 2000)."""
+    """Return the radiance of an unevenly lit, painted wall with panels and posters, shape (2000, 2000)."""
     wall = painted(_PICTURE_M, random, level=float(random.uniform(0.25, 0.6)))
     for number in range(_PANELS):
         size_m = tuple(random.uniform(*_PANEL_M, 2).tolist())
@@ -311,7 +311,7 @@ def _picture(random: np.random.Generator) -> Float32Array:
 
 
 def _visits(seconds: float, random: np.random.Generator) -> FloatArray:
-    """Return when the camera comes to each picture, the first at 0."""
+    """Return the time of each visit to a picture, the first at 0."""
     stays = random.uniform(*_STAY_S, int(seconds / _STAY_S[0]) + 2)
     begins = np.concatenate([[0.0], np.cumsum(stays)])
     return begins[begins <= seconds]

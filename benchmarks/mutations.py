@@ -1,11 +1,11 @@
-"""Break the estimator in known ways, one at a time, and ask the accuracy gate whether it notices.
+"""Break the estimator in known ways, one at a time, and check that the accuracy gate notices.
 
     python benchmarks/mutations.py
     python benchmarks/mutations.py --only vignette-sign --only no-mean-shift --results mutations
 
 Each mutation changes one function in a copy of ``src/ospc``; the sources themselves are never touched. The gate,
-``tests/accuracy``, then runs against the copy. It must pass on the unchanged copy and fail on every mutated one. A
-function that a mutation can't find any more is an error, not a pass: redirect the mutation to where the code went.
+``tests/accuracy``, then runs against the copy. It must pass on the unchanged copy and fail on every mutated one. If
+a mutation no longer finds its function, that is an error, not a pass: adapt the mutation to the changed code.
 """
 
 from __future__ import annotations
@@ -34,10 +34,10 @@ CLEAN = "unchanged"
 
 @dataclass(frozen=True)
 class Mutation:
-    """One way to break the code, by the name that ``--only`` takes, and what an estimator would do wrong then.
+    """One way to break the code, named as for ``--only``, and the harm it does.
 
-    ``function`` is the qualified name of the one to change, ``Class.method`` or ``function``, in whatever module;
-    ``change`` takes the source text of its body, dedented, and returns the mutated one.
+    ``function`` is the qualified name of the function to change, ``Class.method`` or ``function``, in any module;
+    ``change`` maps the dedented source text of its body to the mutated one.
     """
 
     name: str
@@ -51,7 +51,7 @@ def body(text: str) -> Callable[[str], str]:
 
 
 def replaced(old: str, new: str) -> Callable[[str], str]:
-    """Replace a piece of text that the body must contain."""
+    """Replace a text that the body must contain."""
 
     def change(source: str) -> str:
         if old not in source:
@@ -62,7 +62,7 @@ def replaced(old: str, new: str) -> Callable[[str], str]:
 
 
 def exposures_late(source: str) -> str:
-    """Delay the exposures of the table that a function returns by one frame."""
+    """Delay the exposures in the returned table by one frame."""
     late = """
 from dataclasses import replace as with_changes
 e = table.exposures_ms
@@ -92,7 +92,7 @@ MUTATIONS = (
         replaced("return np.concatenate(", "return -np.concatenate("),
         "moves the vignette's parameters away from the solution"),
 )  # fmt: skip
-"""Every mutation that the gate has to catch."""
+"""The mutations that the gate has to catch."""
 
 
 def mutate(sources: Path, mutation: Mutation) -> None:
@@ -135,7 +135,7 @@ def _functions(module: ast.Module) -> list[tuple[str, ast.FunctionDef]]:
 
 
 def run_gate(mutation: Mutation | None) -> Row:
-    """Run the accuracy gate on a copy of the package; return whether it passed, failed tests and errors measured."""
+    """Run the accuracy gate on a copy of the package; return whether it passed, failed tests and measured errors."""
     with tempfile.TemporaryDirectory() as folder:
         sources = Path(folder) / "src"
         shutil.copytree(ROOT / "src", sources, ignore=shutil.ignore_patterns("__pycache__"))
@@ -159,7 +159,7 @@ def run_gate(mutation: Mutation | None) -> Row:
 
 
 def shown(name: str, row: Row) -> Row:
-    """Return a result as the table shows it; the error that exceeds its limit most is named."""
+    """Return a result as shown in the table, with the largest error relative to its limit."""
     shares = {name: measured["error"] / measured["limit"] for name, measured in row["errors"].items()}
     worst = max(shares, key=lambda name: shares[name], default="")
     return {
@@ -175,8 +175,8 @@ def shown(name: str, row: Row) -> Row:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     names = [mutation.name for mutation in MUTATIONS]
-    parser.add_argument("--only", action="append", choices=names, help="Apply this mutation; all if not given.")
-    parser.add_argument("--results", type=Path, help="Folder; what it already holds isn't run again.")
+    parser.add_argument("--only", action="append", choices=names, help="Apply only this mutation.")
+    parser.add_argument("--results", type=Path, help="Folder of results; existing ones aren't run again.")
     arguments = parser.parse_args()
     chosen = [m for m in MUTATIONS if arguments.only is None or m.name in arguments.only]
     with tempfile.TemporaryDirectory() as folder:

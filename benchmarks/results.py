@@ -1,4 +1,4 @@
-"""What all measuring programs share: calls whose results are kept, tables of them, and errors of calibrations."""
+"""Shared by the measuring programs: calls with stored results, tables, and errors of calibrations."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ Row: TypeAlias = dict[str, Any]
 
 
 def measured(calls: Mapping[str, Callable[[], Row]], folder: Path, jobs: int = 1) -> list[Row]:
-    """Return the results of calls, each of which depends on its name and the source of the package only.
+    """Return the results of calls, each of which depends only on its name and the package's source.
 
-    Those that the folder has already are not computed again. Several processes need calls that can be pickled.
+    Results already stored in the folder are not computed again. Several jobs need calls that can be pickled.
     """
     tasks = [
         Task(name, {"call": name, "made_with": made_with(whole=True)}, partial(_called, call))
@@ -40,7 +40,7 @@ def _called(call: Callable[[], Row], _progress: object) -> Row:
 
 
 def table_of(title: str, rows: Iterable[Row], columns: Sequence[str], names: int = 1) -> str:
-    """Return rows as a Markdown table with a column for each name; absent values are shown as a dash."""
+    """Return rows as a Markdown table with one column per name; missing values are shown as a dash."""
     cells = tuple(tuple(_text(row.get(column)) for column in columns) for row in rows)
     return Table(title, tuple(columns), cells, names).as_markdown()
 
@@ -54,7 +54,7 @@ def _text(value: object) -> str:
 
 
 def figures_of(calibration: Calibration | None, known: Any) -> dict[str, float]:
-    """Return the figures of :func:`ospc.research.scoring.score` for what a calibration has.
+    """Return the figures of :func:`ospc.research.scoring.score` for a calibration.
 
     ``known`` has the true response and vignette, or is the settings of a simulation.
     """
@@ -66,7 +66,7 @@ def figures_of(calibration: Calibration | None, known: Any) -> dict[str, float]:
 def errors(calibration: Calibration | None, known: Any, prefix: str = "") -> Row:
     """Return vignette RMSE, response shape RMSE and κ; None for a part that the calibration lacks.
 
-    ``known`` is that of :func:`figures_of`.
+    ``known`` is as in :func:`figures_of`.
     """
     figures = figures_of(calibration, known)
     names = {"V": "vignette_rmse", "shape": "response_shape_rmse", "kappa": "log_ratio_error"}

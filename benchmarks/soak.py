@@ -1,10 +1,10 @@
-"""Push a million small frames, ask for a calibration every thousand, and see that nothing grows, slows or drifts.
+"""Push a million small frames, calibrate every thousand, and check that memory, time and results stay constant.
 
     python benchmarks/soak.py --results FILE --kind engine|live [--frames 1000000]
 
-A camera walks through one simulated scene, forth and back, with another order of its exposures on every walk. Every
-thousand frames add a line of JSON to FILE: memory, open files, threads, times, and what was found. The table compares
-the frames from 20 000 on with those at the end; --table only prints it.
+A camera walks forth and back through one simulated scene, with a different order of its exposures on every walk.
+Every thousand frames add a line of JSON to FILE: memory, open files, threads, times and the result. The table
+compares the frames from 20 000 on with those at the end; --table only prints it.
 """
 
 from __future__ import annotations
@@ -34,25 +34,25 @@ VIEWS = 480
 EXPOSURES_MS = (3.0, 5.0, 8.0, 12.0, 20.0)
 ASKED_EVERY = 1000
 SETTLED_FRAMES, MEDIAN_OF = 20_000, 10
-"""From where on memory has to stay where it is, and lines at the beginning and at the end that are compared."""
+"""Frames after which memory has to stay constant, and number of lines compared at the beginning and at the end."""
 
 WAITING = 64
-"""Frames that may wait for the live calibrator's thread: none is dropped, and its queue is in use."""
+"""Frames that may wait for the live calibrator's thread, so that its queue is used but none is dropped."""
 
 GREYS, RADII = np.linspace(0.1, 0.9, 9), np.linspace(0, 1, 6)
-"""Where responses and vignettes are compared."""
+"""Grey levels and radii at which responses and vignettes are compared."""
 
 SETTINGS = {"points_per_pair": 200, "max_points": 6000, "rounds": 4}
-"""A calibration every thousand frames must not take longer than these."""
+"""Small settings, so that a calibration every thousand frames takes little time."""
 
 
 def settings(exposures_ms: tuple[float, ...]) -> SimulationSettings:
-    """Return the camera and its walk, fast enough that what was seen elsewhere gets into the corners too."""
+    """Return the camera and its walk, fast enough that scene points also reach the corners."""
     return SimulationSettings(size=SIZE, frames=VIEWS, exposure="cycle", exposures_ms=exposures_ms, speed=2.0, seed=3)
 
 
 def pools() -> list[list[Frame]]:
-    """Return the views of one walk, once for each order of the exposures."""
+    """Return the frames of one walk, once for each order of the exposures."""
     made = []
     for n in range(len(EXPOSURES_MS)):
         walk = frames(settings(EXPOSURES_MS[n:] + EXPOSURES_MS[:n]))
@@ -71,7 +71,7 @@ def film(made: list[list[Frame]], number_of_frames: int) -> Iterator[Frame]:
 
 
 def shape(calibration: Calibration) -> list[float]:
-    """Return ln inverse response over the middle of the scale relative to its middle, and the vignette's profile."""
+    """Return ln inverse response relative to its middle, and the vignette's profile."""
     if calibration.response is None or calibration.vignette is None:
         return []
     log_inverse = np.log(calibration.response.inverse(GREYS))
@@ -80,7 +80,7 @@ def shape(calibration: Calibration) -> list[float]:
 
 
 def status(number: int, calibration: Calibration, push_s: float, process_s: float, asked_s: float) -> dict[str, Any]:
-    """Return everything that has to stay the same."""
+    """Return the values that have to stay constant."""
     return {
         "frames": number,
         "rss_kib": int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") // 1024,
@@ -122,7 +122,7 @@ def soak(kind: str, number_of_frames: int, results: Path) -> None:
 
 
 def table(results: Path) -> str:
-    """Return what changed between the frames from 20 000 on and those at the end, as medians of ten lines."""
+    """Return the change between the frames from 20 000 on and those at the end, as medians of ten lines."""
     rows = [json.loads(line) for line in results.read_text().splitlines()]
     known = truth(settings(EXPOSURES_MS))
     expected = np.array(shape(Calibration(SIZE, known.response, known.vignette)))
@@ -164,7 +164,7 @@ def main() -> None:
     parser.add_argument("--results", type=Path, required=True)
     parser.add_argument("--kind", choices=("engine", "live"), default="engine")
     parser.add_argument("--frames", type=int, default=1_000_000)
-    parser.add_argument("--table", action="store_true", help="only print what is known")
+    parser.add_argument("--table", action="store_true", help="only print the table")
     arguments = parser.parse_args()
     if not arguments.table:
         soak(arguments.kind, arguments.frames, arguments.results)

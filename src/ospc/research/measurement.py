@@ -1,4 +1,4 @@
-"""The errors of one method on one recording, how each is named and printed, and their summaries over recordings."""
+"""Errors of one method on one recording, how they are named and printed, and their summaries over recordings."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ Kind = Literal["error", "bias", "share"]
 class Metric:
     """How a figure, a key of :attr:`Measurement.figures`, is named, summarised and printed.
 
-    ``label`` is its name where there is room, ``short`` the heading of a column. An "error" is best when small, a
-    "bias" when near zero; a "share" is the coverage of an uncertainty, whose ``digits`` are those in percent.
+    ``label`` is the full name, ``short`` a column heading. An "error" is best when small, a "bias" when near zero. A
+    "share" is the coverage of a confidence band, printed in percent with ``digits`` decimals.
     """
 
     figure: str
@@ -35,11 +35,11 @@ class Metric:
         return f"{value:{'+' if self.kind == 'bias' else ''}.{self.digits}f}"
 
     def typical(self, values: Sequence[float]) -> float:
-        """Return the median; for shares the mean, which pools their points."""
+        """Return the median, or for shares the mean, which pools their points."""
         return float(np.mean(values) if self.kind == "share" else np.median(values))
 
     def worst(self, values: Sequence[float]) -> float:
-        """Return the largest error, the bias farthest from zero, or the smallest share."""
+        """Return the largest error, the bias furthest from zero, or the smallest share."""
         return min(values) if self.kind == "share" else max(values, key=abs)
 
 
@@ -62,7 +62,7 @@ METRICS = (
 
 
 def metrics(*figures: str) -> tuple[Metric, ...]:
-    """Return the metrics of these figures."""
+    """Return the metrics of the named figures."""
     return tuple(metric for metric in METRICS if metric.figure in figures)
 
 
@@ -73,18 +73,18 @@ class Measurement:
     Attributes
     ----------
     figures, failure
-        The errors that are known, by :attr:`Metric.figure`; the error that ended the method, empty if none did.
+        Known errors by :attr:`Metric.figure`; the error that ended the method, empty if none did.
     group, factors
-        The group of recordings this one belongs to, and its level of each factor that varies within the group.
+        The group of the recording, and its level of each factor that varies within the group.
     states, reasons
-        The verdicts by quantity, and why.
+        Verdicts by quantity, and their reasons.
     limits
-        What limits the comparison itself: how uncertain the truth is, how wrong the stated exposures are.
+        Limits of the comparison itself: how uncertain the truth is, how wrong the stated exposures are.
     seconds
-        Processor time; of all variants together where a method has several.
+        Processor time, of all variants together if the method has several.
     curves, ratios
-        For pictures: "response", g at the 256 grey levels, and "vignette", the mean of V in 50 rings; and the
-        exposure ratios that a calibration reports, lists "frames", "metadata", "estimated" and "samples".
+        For plots: "response", g at 256 grey levels, and "vignette", the mean of V in 50 rings; the exposure ratios
+        that a calibration reports, as lists "frames", "metadata", "estimated" and "samples".
     """
 
     recording: str
@@ -102,7 +102,7 @@ class Measurement:
 
     @property
     def problem(self) -> str:
-        """Why there are no figures; empty if there are some."""
+        """The reason why there are no figures; empty if there are some."""
         if self.figures:
             return ""
         return self.failure or "; ".join(self.reasons.values()) or "it found neither response nor vignette"
@@ -110,7 +110,7 @@ class Measurement:
 
 @dataclass(frozen=True)
 class Spread:
-    """Typical and worst figure over recordings (see :class:`Metric`), ``known`` of so many ``cases``."""
+    """Typical and worst figure over recordings (see :class:`Metric`), known for ``known`` of ``cases``."""
 
     typical: float
     worst: float
@@ -121,7 +121,7 @@ class Spread:
 
 @dataclass(frozen=True)
 class Contest:
-    """On how many of ``both`` recordings the first of two methods was nearer; on the rest only one has a figure."""
+    """Two methods compared: the first is nearer to the truth on ``nearer`` of the ``both`` recordings both solve."""
 
     nearer: int
     both: int
@@ -130,12 +130,12 @@ class Contest:
 
 
 def methods_of(rows: Sequence[Measurement]) -> list[str]:
-    """Return the methods in the order of their first measurement."""
+    """Return the methods in order of their first measurement."""
     return list(dict.fromkeys(row.method for row in rows))
 
 
 def recordings_of(rows: Sequence[Measurement]) -> list[str]:
-    """Return the recordings in the order of their first measurement."""
+    """Return the recordings in order of their first measurement."""
     return list(dict.fromkeys(row.recording for row in rows))
 
 
@@ -153,13 +153,13 @@ def known_metrics(rows: Sequence[Measurement]) -> list[Metric]:
 
 
 def typical(rows: Sequence[Measurement], metric: Metric) -> float | None:
-    """Return the typical figure of measurements; None where it is never known."""
+    """Return the typical figure of measurements; None if it is never known."""
     values = [row.figures[metric.figure] for row in rows if metric.figure in row.figures]
     return metric.typical(values) if values else None
 
 
 def spread(rows: Sequence[Measurement], method: str, metric: Metric) -> Spread | None:
-    """Return a figure of a method over recordings; None where it is never known."""
+    """Summarise a figure of a method over recordings; None if it is never known."""
     members = [row for row in rows if row.method == method]
     values = {row.recording: row.figures[metric.figure] for row in members if metric.figure in row.figures}
     if not values:
@@ -170,7 +170,7 @@ def spread(rows: Sequence[Measurement], method: str, metric: Metric) -> Spread |
 
 
 def contest(rows: Sequence[Measurement], first: str, second: str, figure: str) -> Contest:
-    """Return how often one method came nearer to the truth than another."""
+    """Return how often one method is nearer to the truth than another."""
     known = [row for row in rows if figure in row.figures]
     one, two = ({row.recording: row.figures[figure] for row in known if row.method == m} for m in (first, second))
     both = one.keys() & two.keys()
@@ -179,9 +179,9 @@ def contest(rows: Sequence[Measurement], first: str, second: str, figure: str) -
 
 
 def medians(rows: Sequence[Measurement], figure: str) -> dict[str, float]:
-    """Return the median of a figure by method, in which a missing figure counts as infinite.
+    """Return the median of a figure by method; a missing figure counts as infinite.
 
-    Groups of recordings in which no method has the figure are left out: no truth of it is known there.
+    Groups of recordings in which no method has the figure are left out: their truth is unknown.
     """
     groups = {row.group for row in rows if figure in row.figures}
     judged = [row for row in rows if row.group in groups]

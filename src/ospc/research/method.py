@@ -1,4 +1,4 @@
-"""What a study compares: methods that take frames and give estimates, those of this project among them."""
+"""The methods that studies compare: they take frames and return estimates. Includes this project's methods."""
 
 from __future__ import annotations
 
@@ -34,10 +34,10 @@ from ospc.settings import PaperSettings
 
 @dataclass(frozen=True)
 class Estimate:
-    """What a method found; None for what it did not.
+    """The result of a method; None for what it did not find.
 
-    ``calibration`` is whole, with uncertainties and verdicts, of methods of this project. Exposures are by the index
-    of the frame, up to a factor.
+    Methods of this project also return a ``calibration`` with uncertainties and verdicts. Exposures are by frame
+    index and known up to a factor.
     """
 
     response: Response | None = None
@@ -52,22 +52,22 @@ class Estimate:
 
 
 Outcome: TypeAlias = Estimate | str
-"""An estimate, or the reason why there is none."""
+"""An estimate or the reason why there is none."""
 
 
 class Method(Protocol):
-    """One method on one recording. It may have several variants, which share work."""
+    """One method on one recording. It may have several variants that share work."""
 
     def push(self, frame: Frame) -> None:
         """Take the next frame."""
 
     def found(self) -> dict[str, Outcome]:
-        """Return the outcome of every variant by its name."""
+        """Return the outcome of every variant by name."""
 
 
 @dataclass(frozen=True)
 class Result:
-    """The outcome of a variant, and the processor time that its method took."""
+    """The outcome of a variant, and the processor time of its method."""
 
     variant: str
     outcome: Outcome
@@ -77,9 +77,9 @@ class Result:
 def run_methods(
     methods: dict[str, Method], frames: Iterable[Frame], count: int, progress: OnProgress
 ) -> list[Result]:
-    """Run new methods over a recording of ``count`` frames in one pass; report the progress after each frame.
+    """Run new methods over a recording of ``count`` frames in one pass, and report progress after each frame.
 
-    Errors of a method are outcomes. Where it breaks down, its name stands for all of its variants.
+    An exception in a method is its outcome; the method's name then stands for all of its variants.
     """
     seconds = dict.fromkeys(methods, 0.0)
     broken: dict[str, str] = {}
@@ -88,7 +88,7 @@ def run_methods(
             began = process_time()
             try:
                 methods[name].push(frame)
-            except Exception as error:  # a method that breaks down has lost this recording, not the others
+            except Exception as error:  # one method's failure must not end the others
                 broken[name] = one_line(error)
             seconds[name] += process_time() - began
         progress(min(done / count, 1.0))
@@ -105,7 +105,7 @@ def run_methods(
 
 
 def outcomes_of(variants: Mapping[str, Callable[[], Estimate]]) -> dict[str, Outcome]:
-    """Return the outcome of every variant by its name; one that breaks down leaves the others alone."""
+    """Return the outcome of every variant by name; the failure of one does not affect the others."""
     outcomes: dict[str, Outcome] = {}
     for name, estimate in variants.items():
         try:
@@ -118,7 +118,7 @@ def outcomes_of(variants: Mapping[str, Callable[[], Estimate]]) -> dict[str, Out
 def with_and_without(
     name: str, truth: Response | None, estimate: Callable[[Response | None], Estimate]
 ) -> dict[str, Outcome]:
-    """Return what a method finds with one point of the true response, where that is known, and without any."""
+    """Return a method's estimates with one point of the true response, if that is known, and without it."""
     variants = {"without": None} if truth is None else {"with": truth, "without": None}
     return {f"{name}-{variant}": estimate(known) for variant, known in variants.items()}
 
@@ -128,7 +128,7 @@ VIGNETTE_SOLVERS = ("l2", "l1", "m-estimator")
 
 
 class OwnMethod:
-    """The method of this project with a preset; ``variant`` names the outcome if the preset's name does not."""
+    """The method of this project with a preset; ``variant`` names the outcome, by default the preset's name."""
 
     def __init__(self, preset_name: str = "default", variant: str | None = None) -> None:
         self._variant = variant or preset_name
@@ -144,7 +144,7 @@ class OwnMethod:
 
 
 class PaperVariants:
-    """The paper's method with several settings, by name, which match the same features: they are matched once."""
+    """The paper's method with several settings, by name. All match the same features, so they are matched once."""
 
     def __init__(self, variants: dict[str, PaperSettings]) -> None:
         self._variants = variants
@@ -153,7 +153,7 @@ class PaperVariants:
         self._exposures = ExposureTable()
 
     def push(self, frame: Frame) -> None:
-        """Take the next frame; a variant that breaks down leaves the others alone."""
+        """Take the next frame; the failure of a variant does not affect the others."""
         if not self._exposures:
             matcher = SharedMatcher(FeatureMatcher(next(iter(self._variants.values()))))
             for name, settings in self._variants.items():
@@ -177,7 +177,7 @@ class PaperVariants:
 
 
 class SharedMatcher:
-    """Keeps what a matcher finds until the next frame comes, for methods that process the same frames in step."""
+    """Caches a matcher's results until the next frame, for methods that process the same frames together."""
 
     def __init__(self, matcher: Matcher) -> None:
         self._matcher = matcher
@@ -191,7 +191,7 @@ class SharedMatcher:
         return self._features[frame.index]
 
     def correspondences(self, left: Features, right: Features, size: ImageSize) -> Correspondences:
-        """Return the matches of two frames."""
+        """Return the matches between two frames."""
         key = (left.frame, right.frame)
         if key not in self._pairs:
             self._pairs[key] = self._matcher.correspondences(left, right, size)
@@ -199,7 +199,7 @@ class SharedMatcher:
 
 
 class SolversKnowingResponse:
-    """The paper's vignette alone, by several of its solvers, with the true response given."""
+    """The paper's vignette estimation alone, by each of its solvers, given the true response."""
 
     def __init__(self, response: Response, settings: PaperSettings) -> None:
         self._response, self._settings = response, settings

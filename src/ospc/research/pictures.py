@@ -1,6 +1,6 @@
-"""Pictures of measurements: errors by method, curves beside the truth, exposure ratios.
+"""Plots of measurements: errors by method, curves with the truth, exposure ratios.
 
-A picture that cannot be written is a :class:`~ospc.errors.FormatError`.
+A plot that cannot be written raises :class:`~ospc.errors.FormatError`.
 """
 
 from __future__ import annotations
@@ -20,16 +20,16 @@ _FEWEST_SAMPLES = 10
 """Exposure ratios from fewer scene points are not drawn."""
 
 _PANEL_IN = (7.5, 4.6)
-"""Width and height of a panel of errors in inches."""
+"""Width and height of one panel of errors, in inches."""
 
 
-def look(number: int) -> dict[str, Any]:
-    """Return colour, dashes and width of a line by its number."""
+def line_style(number: int) -> dict[str, Any]:
+    """Return colour, dashes and width of the line with this number."""
     return {"color": _COLOURS[number % len(_COLOURS)], "ls": _LINES[number % len(_LINES)], "lw": 1.5}
 
 
 def figure_of_panels(count: int, most_columns: int, panel_in: tuple[float, float]) -> tuple[Any, list[Any]]:
-    """Return a figure and its panels, whose width and height are given in inches, in rows."""
+    """Return a figure with ``count`` panels in rows of at most ``most_columns``."""
     columns = min(most_columns, max(1, count))
     lines = max(1, -(-count // columns))
     figure = new_figure(panel_in[0] * columns, panel_in[1] * lines)
@@ -48,9 +48,10 @@ def draw_errors(
     varied: Mapping[str, float] | None = None,
     axis: str = "",
 ) -> Path:
-    """Draw the errors of every recording and their medians in a panel for each metric, by method.
+    """Draw the errors of all recordings and their medians by method, with one panel for each metric.
 
-    Where methods differ in the value of a setting, that is ``varied`` by their names, and what the ``axis`` shows.
+    If the methods differ only in the value of one setting, ``varied`` maps their names to that value, and ``axis`` is
+    its label.
     """
     with rules():
         figure, panels = figure_of_panels(len(metrics), 2, _PANEL_IN)
@@ -85,7 +86,7 @@ def _draw_panel(axes: Any, metric: Metric, rows: Sequence[Measurement], varied: 
 def draw_curves(
     title: str, curves: Mapping[str, Mapping[str, Sequence[float]]], rows: Sequence[Measurement], path: Path
 ) -> Path:
-    """Draw responses and vignettes of one recording, by name, the truth first; and the exposure ratios of rows."""
+    """Draw the responses and vignettes of one recording, the truth first, and the exposure ratios of ``rows``."""
     ratios = {}
     for row in rows:
         table = np.array(
@@ -98,7 +99,7 @@ def draw_curves(
         axes = figure.subplots(1, 3 if ratios else 2)
         figure.suptitle(printable(title), parse_math=False)
         for number, (name, parts) in enumerate(curves.items()):
-            style = {"color": BLACK, "lw": 3.0, "alpha": 0.45} if number == 0 else look(number - 1)
+            style = {"color": BLACK, "lw": 3.0, "alpha": 0.45} if number == 0 else line_style(number - 1)
             if "response" in parts:
                 axes[0].plot(np.arange(256), parts["response"], label=name, **style)
             if "vignette" in parts:
@@ -115,7 +116,7 @@ def draw_curves(
 
 
 def _draw_ratios(axes: Any, ratios: Mapping[str, Any]) -> None:
-    # A few ratios far off would squeeze all others into a corner.
+    # A few outliers would squeeze all other ratios into a corner.
     ends = np.quantile(np.concatenate(list(ratios.values())), [0.001, 0.999]).tolist()
     axes.plot(ends, ends, color=BLACK, lw=1, label="equal")
     for (name, found), colour in zip(ratios.items(), _COLOURS, strict=False):

@@ -1,4 +1,4 @@
-"""Runs tasks, several at a time, and keeps results: a study can be interrupted, resumed, and repeated in part."""
+"""Runs tasks, possibly in parallel, and stores results, so that a study can be interrupted, resumed or extended."""
 
 from __future__ import annotations
 
@@ -21,24 +21,24 @@ from ospc.versions import versions
 
 _SCHEMA = "ospc-research-result/1"
 _KEY_DIGITS = 24
-"""Hexadecimal digits of a key: 96 bits, far more than any number of results needs."""
+"""Hexadecimal digits of a key: 96 bits make collisions negligible."""
 
 _WITHOUT_EFFECT = ("cli", "report", "batch", "live", "diagnosis")
-"""Parts of the package whose source cannot change what methods find."""
+"""Parts of the package whose source cannot change the results of methods."""
 
 
 class ResultStore:
-    """JSON results in a folder, one file each, found again only under the key they were stored with.
+    """JSON results in a folder, one file each.
 
-    A result has the name of its task, for people who look into the folder, and a description: everything it depends
-    on, as JSON-compatible values.
+    A result is found only with the description it was stored with: everything it depends on, as JSON-compatible
+    values. The name of its task makes the file names readable.
     """
 
     def __init__(self, folder: str | Path) -> None:
         self._folder = Path(folder)
 
     def get(self, name: str, description: dict[str, Any]) -> Any:
-        """Return a result; None where there is none, or its file is damaged."""
+        """Return a result; None if there is none or its file is damaged."""
         try:
             content = json.loads(self._place(name, description).read_text(encoding="utf-8"))
             return content["result"] if content["schema"] == _SCHEMA else None
@@ -64,14 +64,14 @@ def key_of(description: dict[str, Any]) -> str:
 
 
 def made_with(*, whole: bool = False) -> dict[str, str]:
-    """Return the versions and the source that results depend on; the whole package's, or that of its methods."""
+    """Return the versions and source hash that results depend on; of the ``whole`` package, or of its methods."""
     libraries = {name: version for name, version in versions().items() if name != "python"}
     return libraries | {"source": source_hash(whole)}
 
 
 @cache
 def source_hash(whole: bool = False) -> str:
-    """Return a hash of the package's source, without the parts that cannot change what its methods find."""
+    """Return a hash of the package's source, by default without the parts that cannot change its methods' results."""
     root = Path(ospc.__file__).parent
     total = sha256()
     for path in sorted(root.rglob("*.py")):
@@ -82,15 +82,15 @@ def source_hash(whole: bool = False) -> str:
 
 
 OnProgress: TypeAlias = Callable[[float], None]
-"""Called now and then with the share of a task that is done."""
+"""Called repeatedly with the share of a task that is done."""
 
 
 @dataclass(frozen=True)
 class Task:
-    """Something that takes long to compute, by a name for people. Tasks are pickled when several run at a time.
+    """A long computation with a readable name. Tasks are pickled if several run in parallel.
 
-    The result, of JSON-compatible values, depends on nothing else than ``depends_on``, JSON-compatible too. ``about``
-    is what reports need to know of the task.
+    The result, of JSON-compatible values, depends only on ``depends_on``, which is JSON-compatible too. ``about`` is
+    what reports need to know about the task.
     """
 
     name: str
@@ -105,7 +105,7 @@ class Task:
 
 @dataclass(frozen=True)
 class Finished:
-    """The result of a task, and whether it was in the store already."""
+    """The result of a task, and whether it was already in the store."""
 
     task: Task
     result: Any
@@ -113,16 +113,16 @@ class Finished:
 
 
 OnShare: TypeAlias = Callable[[Task, float], None]
-"""Called with the task under way and the share of it that is done."""
+"""Called with the running task and the share of it that is done."""
 
 
 def run(
     tasks: Sequence[Task], store: ResultStore, jobs: int = 1, on_share: OnShare = lambda _task, _share: None
 ) -> Iterator[Finished]:
-    """Give the result of every task: first the stored ones, then the others as they finish.
+    """Yield the result of every task: stored ones first, then the others as they finish.
 
-    Each result is stored before it is given, so an interruption loses only what is under way. Ending the iteration
-    early ends all processes, and the programs they started. With one job everything runs in this process, and
+    Each result is stored before it is yielded, so an interruption loses only the running tasks. Ending the iteration
+    early ends all worker processes and the programs they started. With one job, everything runs in this process, and
     ``on_share`` is called while a task runs.
     """
     missing: list[Task] = []
@@ -146,7 +146,7 @@ def _computed(tasks: list[Task], jobs: int, on_share: OnShare) -> Iterable[tuple
     pool = get_context("spawn").Pool(min(jobs, len(tasks)), _prepare)
     try:
         yield from pool.imap_unordered(_run, enumerate(tasks))
-        # Terminated instead, a process that is just about to wait for its next task may miss the signal, and hang.
+        # Not terminated: a process about to wait for its next task may miss the signal and hang.
         pool.close()
     except BaseException:
         pool.terminate()
@@ -156,11 +156,11 @@ def _computed(tasks: list[Task], jobs: int, on_share: OnShare) -> Iterable[tuple
 
 
 def _prepare() -> None:
-    """Leave interruptions to the parent, end in good order when it says so, and use one core."""
+    """Ignore Ctrl-C, which the parent handles, exit cleanly on SIGTERM, and use one core."""
     import cv2
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    # Exiting by an exception lets a task end the program that it started.
+    # Exiting by an exception lets a task end a program it started.
     signal.signal(signal.SIGTERM, lambda _signal, _frame: sys.exit(1))
     cv2.setNumThreads(1)
 

@@ -1,4 +1,4 @@
-"""The errors of an estimate whose truth is known, and exposure ratios that it predicts for frames not fitted to."""
+"""Errors of an estimate against known truth, and of the exposure ratios it predicts for held-out frames."""
 
 from __future__ import annotations
 
@@ -27,19 +27,19 @@ if TYPE_CHECKING:
     from ospc.research.source import Source
 
 _COVERED_RADII = PROFILE_RADII > 0.1
-"""Radii at which coverage is counted: V is 1 at the centre by definition."""
+"""Radii at which coverage is counted; V is 1 at the centre by definition."""
 
 
 @dataclass(frozen=True)
 class HeldOutPair(Correspondences):
-    """The same scene points in two frames whose exposure ratio, the true k = e₀/e₁, is to be predicted."""
+    """The same scene points in two frames with a known exposure ratio k = e₀/e₁, which is to be predicted."""
 
     exposure_ratio: float
 
 
 @dataclass(frozen=True)
 class HeldOut:
-    """The pairs of a recording whose ratio is to be predicted, and those for the error of factors in percent."""
+    """Pairs whose exposure ratio is to be predicted, and those for the error of factors in percent."""
 
     pairs: Sequence[HeldOutPair] = ()
     factor_pairs: Sequence[HeldOutPair] = ()
@@ -47,10 +47,10 @@ class HeldOut:
 
 @dataclass(frozen=True)
 class Truth:
-    """What is known of the camera of a recording.
+    """What is known about the camera of a recording.
 
-    Where ``greys`` are given, the response is known between these two grey values only: its shape is compared, and
-    only there. Exposures are by the index of the frame; ``limits`` are those of :class:`Measurement`.
+    If ``greys`` are given, the response is known only between these two grey values, and only its shape is compared.
+    Exposures are by frame index; ``limits`` are those of :class:`Measurement`.
     """
 
     response: Response | None = None
@@ -80,9 +80,9 @@ def measurement(source: Source, result: Result, truth: Truth, held_out: HeldOut)
 
 
 def score(estimate: Estimate, truth: Truth, held_out: HeldOut = HeldOut()) -> dict[str, float]:
-    """Return the figures of an estimate that are known, by the names in :data:`~ospc.research.measurement.METRICS`.
+    """Return the known figures of an estimate, by the names in :data:`~ospc.research.measurement.METRICS`.
 
-    Where the response is the very one taken for the truth, its predictions are all there is to judge.
+    If the response is identical to the assumed truth, only its predictions are judged.
     """
     figures: dict[str, float] = {}
     response, vignette, true = estimate.response, estimate.vignette, truth.response
@@ -116,9 +116,12 @@ def _shares(part: str, found: Coverage | None) -> dict[str, float]:
 
 
 def exposure_error(estimate: Mapping[int, float], truth: Mapping[int, float]) -> float:
-    """Return the root mean square error of ln e by frame, after the best common factor, which cannot be observed.
+    """Return the RMS error of ln e over the frames after removing the best common factor, which is unobservable.
 
-    Estimates that are not positive, or of frames that the recording does not have, are an ExposureError.
+    Raises
+    ------
+    ExposureError
+        If an estimate is not positive, or belongs to a frame that the recording does not have.
     """
     values = np.array(list(estimate.values()), dtype=np.float64)
     if not np.all(np.isfinite(values) & (values > 0)):
@@ -126,8 +129,8 @@ def exposure_error(estimate: Mapping[int, float], truth: Mapping[int, float]) ->
     unknown = len(estimate.keys() - truth.keys())
     if unknown or not estimate:
         raise ExposureError(
-            f"exposures were estimated for {counted(len(estimate), 'frame')}, of which the recording lacks {unknown}"
-            f"; give one for each frame"
+            f"exposures were estimated for {counted(len(estimate), 'frame')}, {unknown} of which are not in the "
+            f"recording; give one for each frame"
         )
     return float(np.std(np.log(values) - np.log([truth[frame] for frame in estimate])))
 
@@ -140,7 +143,7 @@ def profile_along_diagonal(vignette: Vignette) -> FloatArray:
 
 
 def curves_of(found: Estimate | Truth) -> dict[str, list[float]]:
-    """Return g at the 256 grey levels and the profile of V in 50 rings, 1 at the centre, as far as they are known."""
+    """Return g at 256 grey levels and the profile of V in 50 rings, 1 at the centre, if they are known."""
     curves: dict[str, list[float]] = {}
     if found.response is not None:
         curves["response"] = found.response.inverse(np.arange(256) / 255).tolist()
@@ -150,46 +153,46 @@ def curves_of(found: Estimate | Truth) -> dict[str, list[float]]:
 
 
 PAIRS, _VIEWS = 400, 12
-"""Pairs of a simulated recording, enough to know the median error to a few percent, and views they are drawn from."""
+"""Pairs of a simulated recording, enough for a median error accurate to a few percent, and views they come from."""
 
 _POINTS, _FEWEST_POINTS = 400, 50
-"""Points of a pair, and how many of them must be exposed in both frames."""
+"""Points of a pair, and how many of them must be well exposed in both frames."""
 
 _DARKEST, _BRIGHTEST = 5 / 255, 250 / 255
-"""Grey levels outside of which a point counts as clipped."""
+"""Grey levels beyond which a point counts as clipped."""
 
 _METERED_GREY, _METER_SPREAD = 0.42, 0.35
-"""Grey level that the simulated light meter aims at, and the standard deviation of ln of its error."""
+"""Grey level the simulated light meter aims at, and the standard deviation of its error in ln exposure."""
 
 _LOG_RATIOS = (0.1, 1.0)
 """Smallest and largest |ln k| of a pair."""
 
 _PART, _LONGEST_SHIFT = 0.15, 0.5
-"""Half the edge of the part of the scene that a pair shows, and its largest displacement, in half diagonals."""
+"""Half the edge of the scene part that a pair shows, and its largest displacement, in half diagonals."""
 
 _OTHER_SCENE = 10_007
-"""Added to the seed for a room that the recording does not show."""
+"""Added to the seed to get a room that the recording does not show."""
 
 
 def predicted_ratio(pair: HeldOutPair, response: Response, vignette: Vignette | None) -> float:
-    """Return k̂, the median over the points (paper, eq. mean); V ≡ 1 where it is None."""
+    """Return k̂, the median over the points (paper, eq. mean); V ≡ 1 if it is None."""
     return float(np.exp(np.median(np.log(irradiance_ratios(pair, response, vignette)))))
 
 
 def prediction_error(pairs: Sequence[HeldOutPair], response: Response, vignette: Vignette | None) -> RatioError:
-    """Return the error of predicted exposure ratios."""
+    """Return the error of the predicted exposure ratios."""
     predicted = [predicted_ratio(pair, response, vignette) for pair in pairs]
     return exposure_ratio_error(predicted, [pair.exposure_ratio for pair in pairs])
 
 
 def simulated_pairs(settings: SimulationSettings) -> list[HeldOutPair]:
-    """Return pairs of frames that the simulated camera would take of another scene, without noise and quantisation.
+    """Return frame pairs that the simulated camera would take of another scene, without noise and quantisation.
 
-    The radiance comes from rendered views of a room that the recording does not show. A light meter with some error
-    exposes the first frame of a pair; |ln k| of the second is between 0.1 and 1. All points lie on one part of the
-    scene, which the turning camera displaces by up to half of the half diagonal: over the whole image, an error of
-    the vignette would cancel. A camera that is at rest in the recording is so here. Clipped points are left out;
-    without noise this causes no selection bias.
+    The radiance comes from rendered views of a room that the recording does not show. An imperfect light meter
+    exposes the first frame of a pair; |ln k| is between 0.1 and 1. All points lie on one part of the scene, which the
+    turning camera displaces by up to half of the half diagonal; over the whole image, vignette errors would cancel. A
+    camera that is static in the recording is static here. Clipped points are left out, which causes no selection bias
+    without noise.
     """
     response, vignette = make_response(settings.response), make_vignette(settings)
     views = _radiances(settings)
@@ -216,7 +219,7 @@ def simulated_pairs(settings: SimulationSettings) -> list[HeldOutPair]:
 
 
 def _places(random: np.random.Generator, size: ImageSize, longest_shift: float) -> tuple[FloatArray, FloatArray]:
-    """Return the places of points in the two frames, shape (n, 2) each; n may be zero."""
+    """Return point positions in the two frames, shape (n, 2) each; n may be zero."""
     unit = half_diagonal(size)
     middle = random.uniform(0, size)
     points0 = np.rint(middle + random.uniform(-_PART, _PART, (_POINTS, 2)) * unit)
@@ -229,7 +232,7 @@ def _places(random: np.random.Generator, size: ImageSize, longest_shift: float) 
 
 
 def _radiances(settings: SimulationSettings) -> list[FloatArray]:
-    """Return the radiance of a few views of another scene, in saturations per millisecond."""
+    """Return the radiance of a few views of another scene, in saturation levels per millisecond."""
     other = replace(
         settings,
         seed=settings.seed + _OTHER_SCENE,

@@ -1,4 +1,4 @@
-"""Recordings with known truth, and the task of measuring methods on one of them."""
+"""Recordings with known ground truth, and the task of measuring methods on one of them."""
 
 from __future__ import annotations
 
@@ -32,14 +32,14 @@ from ospc.simulation.responses import make_response, make_vignette
 PCALIB, VIGNETTE = "pcalib.txt", "vignette.png"
 
 SWEEP = SimulationSettings(motion="static", exposure="sweep", exposure_min_ms=1.0, exposure_max_ms=60.0)
-"""A sweep of the exposure by a camera at rest: 1 to 60 ms expose every surface of the room at some time."""
+"""An exposure sweep with a static camera: 1 to 60 ms expose every surface of the room at some time."""
 
 
 @dataclass(frozen=True)
 class Source(ABC):
-    """A recording with known truth, by a name that is unique among those measured together.
+    """A recording with known truth. Its name is unique among those measured together.
 
-    It is summarised with its group; ``factors`` is its level of each factor that varies within the group.
+    Results are summarised by ``group``; ``factors`` holds the level of each factor that varies within the group.
     """
 
     name: str
@@ -49,7 +49,7 @@ class Source(ABC):
     @property
     @abstractmethod
     def count(self) -> int:
-        """Number of its frames."""
+        """Number of frames."""
 
     @abstractmethod
     def describe(self) -> dict[str, Any]:
@@ -57,38 +57,38 @@ class Source(ABC):
 
     @abstractmethod
     def frames(self) -> Iterator[Frame]:
-        """Give the frames from the beginning, each time it is called."""
+        """Iterate over the frames from the beginning."""
 
     @abstractmethod
     def truth(self) -> Truth:
-        """Return what is known of the camera."""
+        """Return what is known about the camera."""
 
     def exposures_ms(self) -> Mapping[int, float]:
         """Return the true exposure of every frame by its index."""
         return {frame.index: frame.exposure_ms for frame in self.frames()}
 
     def held_out(self) -> HeldOut:
-        """Return pairs of frames that no method gets, with known exposure ratios."""
+        """Return frame pairs that no method sees, with known exposure ratios."""
         return HeldOut()
 
 
 @dataclass(frozen=True)
 class Methods(ABC):
-    """A set of methods to compare, by its name; their settings are in the source of this package."""
+    """A named set of methods to compare; their settings are part of this package's source."""
 
     name: str
 
     @abstractmethod
     def make(self, source: Source) -> dict[str, Method]:
-        """Return new methods for a recording."""
+        """Create the methods for a recording."""
 
     def references(self, source: Source) -> dict[str, Outcome]:
-        """Return further outcomes on a recording, to be compared with the methods'."""
+        """Return further outcomes on a recording to compare the methods with."""
         return {}
 
 
 def measuring_task(source: Source, methods: Methods) -> Task:
-    """Return the task of measuring methods on a recording, which it is about."""
+    """Return the task of measuring methods on a recording; the task is about the recording."""
     compared = [type(methods).__name__, methods.name]
     depends_on = {"recording": source.describe(), "methods": compared, "made_with": made_with()}
     return Task(f"{source.name} ({methods.name})", depends_on, partial(_measure, source, methods), source)
@@ -109,13 +109,13 @@ def judge(source: Source, results: Sequence[Result], held_out: HeldOut | None = 
 
 
 def measured(stored: Sequence[dict[str, Any]]) -> list[Measurement]:
-    """Return the measurements that :func:`measuring_task` makes."""
+    """Return the measurements from the stored result of a :func:`measuring_task`."""
     return [Measurement(**content) for content in stored]
 
 
 @dataclass(frozen=True)
 class SimulatedSource(Source):
-    """A simulated recording; with pairs, exposure ratios of another scene are predicted."""
+    """A simulated recording; with ``with_pairs``, exposure ratios of another scene are predicted."""
 
     settings: SimulationSettings
     with_pairs: bool = False
@@ -128,12 +128,12 @@ class SimulatedSource(Source):
         return self.settings.frames
 
     def describe(self) -> dict[str, Any]:
-        """Return the settings, with hashes of curves that are given as tables."""
+        """Return the settings and hashes of the true curves."""
         known = {"kind": type(self).__name__, **self.settings.as_dict(), "with_pairs": self.with_pairs}
         return known | fingerprints(self.truth())
 
     def frames(self) -> Iterator[Frame]:
-        """Give the frames."""
+        """Iterate over the frames."""
         return simulated_frames(self.settings)
 
     def truth(self) -> Truth:
@@ -141,7 +141,7 @@ class SimulatedSource(Source):
         return Truth(make_response(self.settings.response), make_vignette(self.settings))
 
     def exposures_ms(self) -> Mapping[int, float]:
-        """Return the simulated exposures; the metadata may differ."""
+        """Return the simulated exposures, from which the metadata may differ."""
         return dict(enumerate(simulated_truth(self.settings).exposures_ms.tolist()))
 
     def held_out(self) -> HeldOut:
@@ -153,7 +153,7 @@ class SimulatedSource(Source):
 class GivenSource(Source):
     """A folder in the layout of the TUM monocular data set, whose pcalib.txt and vignette.png are the truth.
 
-    At most ``most_frames`` are used; all where None.
+    At most ``most_frames`` frames are used; None for all.
     """
 
     path: Path
@@ -163,7 +163,7 @@ class GivenSource(Source):
 
     @classmethod
     def of(cls, path: Path, most_frames: int | None = None) -> GivenSource:
-        """Return a folder by its name, opened once so that mistakes show before hours are spent."""
+        """Return the source of a folder; opening it at once reveals mistakes before hours are spent."""
         true_curves(open_recording(path))
         return cls(escaped(path.resolve().name), path, most_frames)
 
@@ -174,11 +174,11 @@ class GivenSource(Source):
         return there if self.most_frames is None else min(there, self.most_frames)
 
     def describe(self) -> dict[str, Any]:
-        """Return what identifies frames and truth."""
+        """Return what identifies the frames and the truth."""
         return {**identity(open_recording(self.path)), "used": self.count, **fingerprints(self.truth())}
 
     def frames(self) -> Iterator[Frame]:
-        """Give the frames."""
+        """Iterate over the frames."""
         return islice(iter(open_recording(self.path)), self.most_frames)
 
     def truth(self) -> Truth:
@@ -187,15 +187,15 @@ class GivenSource(Source):
 
 
 def true_curves(recording: Recording) -> tuple[Response, Vignette]:
-    """Return the true response and vignette in a recording's folder."""
+    """Return the true response and vignette stored in a recording's folder."""
     files = [recording.path / PCALIB, recording.path / VIGNETTE]
     if not all(file.is_file() for file in files):
-        raise FormatError(f"{recording.path}: has no {PCALIB} and {VIGNETTE}, which hold the truth; add them")
+        raise FormatError(f"{recording.path}: lacks the ground truth; add {PCALIB} and {VIGNETTE}")
     return read_pcalib(files[0]), read_vignette(files[1])
 
 
 def fingerprints(curves: Truth | Photometry) -> dict[str, str]:
-    """Return hashes to recognise curves by."""
+    """Return hashes that identify the curves."""
     response, vignette = curves.response, curves.vignette
     tables = {
         "response_sha256": None if response is None else response.resampled(256),

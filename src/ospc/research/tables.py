@@ -1,4 +1,4 @@
-"""Tables of text, CSV, and the files of a study."""
+"""Text tables, CSV, and the files of a study."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from ospc.versions import versions
 
 @dataclass(frozen=True)
 class Table:
-    """A table of text; the first ``names`` columns hold names, the others figures.
+    """A text table. The first ``names`` columns hold names, the others figures.
 
-    ``best`` are row and column of the cells to be marked.
+    ``best`` contains the row and column of each cell to mark.
     """
 
     title: str
@@ -30,7 +30,7 @@ class Table:
     best: frozenset[tuple[int, int]] = frozenset()
 
     def as_markdown(self) -> str:
-        """Return it as Markdown, with figures to the right and marked cells in bold."""
+        """Return the table as Markdown, with figures right-aligned and marked cells in bold."""
         rules = tuple("---" if i < self.names else "---:" for i in range(len(self.header)))
         rows = [
             tuple(f"**{cell}**" if (i, j) in self.best else cell for j, cell in enumerate(row))
@@ -41,18 +41,18 @@ class Table:
 
 
 def _as_cell(text: str) -> str:
-    """Return a text on one line without what Markdown would take for the end of a cell or for HTML."""
+    """Return a text on one line, escaped so that Markdown sees no end of a cell and no HTML."""
     return escaped(text).replace("|", "\\|").replace("<", "&lt;")
 
 
 def benchmark_content(schema: str, notes: Sequence[str], **content: Any) -> dict[str, Any]:
-    """Return the results of a benchmark with what they were made by, as JSON-compatible values."""
+    """Return the results of a benchmark with versions and source hash, as JSON-compatible values."""
     made_by = {"schema": schema, "versions": versions(), "source_sha256": source_hash()}
     return made_by | {"notes": list(notes)} | content
 
 
 def document(title: str, note: str, notes: Sequence[str], command: str, tables: Sequence[Table]) -> str:
-    """Return Markdown of tables below notes, the last of which says what they were made with."""
+    """Return a Markdown document: notes, versions and the command, then the tables."""
     made = ", ".join(f"{name} {version}" for name, version in versions().items())
     lines = (*notes, f"Made with {made}; source {source_hash()[:12]}; {command}.")
     parts = [f"# {title}\n", f"{note}\n", *(f"- {line}\n" for line in lines)]
@@ -60,17 +60,17 @@ def document(title: str, note: str, notes: Sequence[str], command: str, tables: 
 
 
 def as_json(content: Any) -> str:
-    """Return JSON-compatible values as text."""
+    """Return JSON-compatible values as JSON text."""
     return json.dumps(content, indent=1, allow_nan=False) + "\n"
 
 
 def rounded(value: float, digits: int = 6) -> float:
-    """Return a value as a table of numbers holds it, with so many significant digits."""
+    """Round a value to this many significant digits."""
     return float(f"{value:.{digits}g}")
 
 
 def measurements_csv(rows: Sequence[Measurement]) -> str:
-    """Return one line for each measurement, with all digits."""
+    """Return CSV with one line per measurement, at full precision."""
     factors = list(dict.fromkeys(name for row in rows for name in row.factors))
     limits = list(dict.fromkeys(name for row in rows for name in row.limits))
     figures = [metric.figure for metric in METRICS]
@@ -89,10 +89,10 @@ def measurements_csv(rows: Sequence[Measurement]) -> str:
 
 @dataclass(frozen=True)
 class StudyReport:
-    """What a study found: tables to be printed, and files to be written, by name.
+    """The results of a study: tables to print, and files to write, by name.
 
-    Pictures are functions that draw to a path. Notes are remarks, and say why something has no result; ``content`` is
-    everything as JSON-compatible values, None where nothing asks for that.
+    Pictures are functions that draw to a path. Notes are remarks, such as the reason for a missing result.
+    ``content`` holds everything as JSON-compatible values; None if it is not needed.
     """
 
     tables: Sequence[Table]
@@ -102,7 +102,7 @@ class StudyReport:
     content: Any = None
 
     def write(self, folder: Path) -> list[Path]:
-        """Write all files into a folder, which is made, and return them; SettingError if that fails."""
+        """Create the folder, write all files into it, and return them; raise SettingError if that fails."""
         with os_error_as(SettingError, f"{folder}: cannot be written", "choose another folder"):
             folder.mkdir(parents=True, exist_ok=True)
             files = [

@@ -57,7 +57,7 @@ def test_gamma_curves_take_the_place_of_measured_responses_and_it_is_said(moving
     _, notes = accuracy_sources(None)
     assert any("gamma curves" in note for note in notes)
     _, notes = accuracy_sources(tmp_path)
-    assert sum("is not there" in note for note in notes) == 3
+    assert sum("does not exist" in note for note in notes) == 3
 
 
 def test_measured_responses_are_chosen_the_same_way_each_time(tmp_path):

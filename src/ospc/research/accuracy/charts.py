@@ -1,8 +1,8 @@
-"""Real cameras in front of a colour chart: the response of each colour channel from four exposures alone.
+"""Real cameras in front of a colour chart: the response of each colour channel from four exposures.
 
-The truth comes from the RAW files. The sensor is linear, so the RAW values are the irradiance. A camera mixes colours
-before its tone curve; on the neutral patches of the chart that mixing is a mere factor, and JPEG against RAW is the
-response, up to its scale.
+The truth comes from the RAW files. The sensor is linear, so RAW values are proportional to irradiance. A camera mixes
+colours before its tone curve; on the neutral patches this is only a factor, so JPEG against RAW values gives the
+response up to scale.
 """
 
 from __future__ import annotations
@@ -38,29 +38,29 @@ from ospc.research.source import Source
 EXPOSURES = 4
 ILLUMINANTS = (1, 2)
 CHANNELS = ("blue", "green", "red")
-"""In the order the images are decoded in."""
+"""The channels in the order of decoded images."""
 
 _MAX_BYTES, _MAX_TAGS_BYTES = 64 * 2**20, 2**20
-"""Limits on what is read: bytes of a photograph and of the list of patches."""
+"""Size limits of a photograph and of the list of patches."""
 
 _NEUTRAL, _HALF_WINDOW_PX = 6, 12
-"""Number of the neutral patches, and half the side of the window that is read in the middle of a patch."""
+"""Number of neutral patches, and half the side of the window read in the middle of a patch."""
 
 _CLIPPED, _DARKEST_RAW = 245, 4.0
-"""RAW values from which a pixel may be clipped, and down to which quantisation is small."""
+"""RAW values from which a pixel may be clipped, and below which quantisation matters."""
 
 _ROUNDS = 30
-"""Turns of fitting the exposures and the radiances."""
+"""Alternations of fitting the exposures and the radiances."""
 
 _DARKEST, _BRIGHTEST = 5, 250
-"""Grey values between which responses are compared (the shape metric), and outside of which a pixel is clipped."""
+"""Grey values between which responses are compared (the shape metric), and beyond which a pixel is clipped."""
 
 
 @dataclass(frozen=True)
 class ChartSeries:
-    """Four exposures of the chart under one illuminant: JPEG and RAW, shape (4, height, width, 3), growing.
+    """Four exposures of the chart under one illuminant, shortest first: JPEG and RAW, shape (4, height, width, 3).
 
-    Channels are :data:`CHANNELS`; patches are centres (x, y) in pixels, shape (n, 2), the neutral ones last.
+    Channels are :data:`CHANNELS`; patches are centres (x, y) in pixels, shape (n, 2), with the neutral ones last.
     """
 
     jpeg: Image
@@ -76,10 +76,10 @@ class ChartSeries:
         return mean, largest.astype(np.float64)
 
     def irradiance(self) -> tuple[FloatArray, FloatArray]:
-        """Return what the RAW says: relative exposures, shape (4,), and radiances, shape (patches, 3).
+        """Return relative exposures, shape (4,), and radiances, shape (patches, 3), from the RAW values.
 
-        Their product is fitted to the values that are neither clipped nor lost in quantisation, so that dark patches
-        borrow the precision of their longer exposures.
+        Their product is fitted to the values that are neither clipped nor dominated by quantisation, so that dark
+        patches gain precision from the longer exposures.
         """
         mean, largest = self.patch_values(self.raw)
         weight = np.where((largest < _CLIPPED) & (mean > _DARKEST_RAW), mean**2, 0.0)
@@ -96,7 +96,7 @@ class ChartSeries:
 
 
 def read_series(folder: Path, illuminant: int) -> ChartSeries:
-    """Read the photographs of one camera under one illuminant; ``tags.json`` beside the folder names the patches."""
+    """Read the photographs of one camera under one illuminant; ``tags.json`` next to the folder lists the patches."""
     jpeg, raw = (
         [_read(folder / f"wb1i{illuminant}e{e + 1}-{kind}.png") for e in range(EXPOSURES)] for kind in ("jpg", "raw")
     )
@@ -107,10 +107,9 @@ def read_series(folder: Path, illuminant: int) -> ChartSeries:
 
 
 def true_response(series: ChartSeries, channel: int) -> tuple[Response, tuple[int, int]]:
-    """Return the response that JPEG against RAW shows, and the greys between which it was measured.
+    """Return the response from JPEG against RAW values, and the grey values between which it was measured.
 
-    The curve increases, and joins the measured points of neutral patches, where neither JPEG nor RAW is clipped,
-    through the logarithm of the irradiance.
+    An increasing curve in ln irradiance interpolates the neutral patches that are clipped in neither JPEG nor RAW.
     """
     exposures, radiance = series.irradiance()
     mean, largest = series.patch_values(series.jpeg)
@@ -119,7 +118,7 @@ def true_response(series: ChartSeries, channel: int) -> tuple[Response, tuple[in
     kept = (largest[:, -_NEUTRAL:, channel] < 255) & (grey > 0) & np.isfinite(light)
     grey, light = grey[kept], light[kept]
     if len(grey) < _NEUTRAL:
-        raise FormatError(f"only {len(grey)} neutral patches of the chart are well exposed; {_NEUTRAL} are needed")
+        raise FormatError(f"only {len(grey)} neutral patches of the chart are well exposed, {_NEUTRAL} are needed")
     grey, curve = _increasing(grey, np.log(light))
     inside = np.arange(np.ceil(grey[0]), np.floor(grey[-1]) + 1)
     light = np.exp(PchipInterpolator(grey, curve)(inside))
@@ -130,10 +129,10 @@ def true_response(series: ChartSeries, channel: int) -> tuple[Response, tuple[in
 
 
 def _increasing(grey: FloatArray, log_light: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the knots of the increasing curve nearest to points."""
+    """Return the knots of the increasing curve nearest to the points."""
     order = np.lexsort((log_light, grey))
     fitted = isotonic_regression(log_light[order]).x
-    # Levels the regression made equal, and equal greys, become one knot, so that the curve increases strictly.
+    # Levels made equal by the regression, and equal greys, become one knot, so that the curve increases strictly.
     member = np.cumsum(np.append(0, (np.diff(fitted) > 0) & (np.diff(grey[order]) > 0)))
     count = np.bincount(member)
     return np.bincount(member, grey[order]) / count, np.bincount(member, fitted) / count
@@ -152,10 +151,10 @@ def _patches(path: Path, width: int, height: int) -> IntArray:
         places = [[r["position"]["x"] * width, r["position"]["y"] * height] for r in tags[0]["references"]]
         centres = np.array(places, dtype=np.float64)
     except (ValueError, KeyError, IndexError, TypeError, RecursionError) as error:
-        raise FormatError(f"{path}: does not list the places of patches ({type(error).__name__}: {error})") from None
+        raise FormatError(f"{path}: does not list the patches' positions ({type(error).__name__}: {error})") from None
     inside = centres.ndim == 2 and np.all((centres >= 0) & (centres < [width, height]))
     if not inside or len(centres) < _NEUTRAL:
-        raise FormatError(f"{path}: needs at least {_NEUTRAL} places of patches inside the images")
+        raise FormatError(f"{path}: needs at least {_NEUTRAL} patches inside the images")
     return np.rint(centres).astype(np.int64)
 
 
@@ -163,16 +162,16 @@ FOLDER = "chart_cameras"
 """Name of the folder of all cameras in the folder of real data."""
 
 _STATED_MS = tuple(2.0**step for step in range(EXPOSURES))
-"""The exposures that the series is said to have: each twice the one before."""
+"""The nominal exposures of the series: each twice the one before."""
 
 
 @dataclass(frozen=True)
 class ChartSource(Source):
     """One colour channel of one camera.
 
-    Methods get the JPEGs under the first illuminant with the stated exposures; the RAW files give the truth. Exposure
-    factors are predicted for the JPEGs under the second illuminant. ``channel`` is an index into :data:`CHANNELS`;
-    with ``colour``, frames have all three.
+    Methods get the JPEGs under the first illuminant with the nominal exposures; the RAW files give the truth.
+    Exposure factors are predicted for the JPEGs under the second illuminant. ``channel`` is an index into
+    :data:`CHANNELS`; with ``colour``, frames contain all three.
     """
 
     folder: Path
@@ -181,7 +180,7 @@ class ChartSource(Source):
 
     @classmethod
     def of(cls, folder: Path, channel: int) -> ChartSource:
-        """Return a channel of a camera, by the names of both."""
+        """Return the source of one channel of a camera."""
         factors = {"camera": folder.name, "channel": CHANNELS[channel]}
         return cls(f"chart-{folder.name}-{CHANNELS[channel]}", folder, channel, group="charts", factors=factors)
 
@@ -200,19 +199,19 @@ class ChartSource(Source):
         return known | {"sha256": total.hexdigest()}
 
     def frames(self) -> Iterator[Frame]:
-        """Give the JPEGs under the first illuminant."""
+        """Iterate over the JPEGs under the first illuminant."""
         series = self._fitted()
         recording = ArrayRecording(list(self._planes(series)), _STATED_MS, name=self.name, max_grey=255)
         for grey, image in zip(recording, series.jpeg, strict=True):
             yield replace(grey, load=partial(np.asarray, image), colour=True) if self.colour else grey
 
     def truth(self) -> Truth:
-        """Return the response that the RAW files show."""
+        """Return the response from the RAW files."""
         response, greys = true_response(self._fitted(), self.channel)
         return Truth(response, greys=greys, limits=self._limits(response, greys))
 
     def held_out(self) -> HeldOut:
-        """Return every two exposures under the second illuminant, with the ratio that the RAW files show."""
+        """Return all pairs of exposures under the second illuminant, with the ratios of the RAW files."""
         series = read_series(self.folder, ILLUMINANTS[1])
         exposures, _ = series.irradiance()
         planes = self._planes(series)
@@ -223,7 +222,7 @@ class ChartSource(Source):
         return HeldOut(pairs, pairs)
 
     def quadratic(self) -> Outcome:
-        """Return the paper's quadratic response from the pixels of successive exposures, which correspond."""
+        """Return the paper's quadratic response from corresponding pixels of successive exposures."""
         planes = self._planes(self._fitted())
         gram = np.zeros((3, 3))
         for i, j in pairwise(range(EXPOSURES)):
@@ -255,7 +254,7 @@ class ChartSource(Source):
 
 
 def _same_places(planes: FloatArray, first: int, second: int, ratio: float) -> HeldOutPair:
-    """Return the pixels that neither of two exposures clips."""
+    """Return the pixels that are clipped in neither of two exposures."""
     exposed = (planes > _DARKEST) & (planes < _BRIGHTEST)
     kept = exposed[first] & exposed[second]
     size = (planes.shape[2], planes.shape[1])
@@ -264,8 +263,8 @@ def _same_places(planes: FloatArray, first: int, second: int, ratio: float) -> H
 
 
 def chart_sources(folder: Path) -> list[ChartSource]:
-    """Return every channel of the cameras in a folder; there must be one."""
+    """Return every channel of the cameras in a folder, which must contain at least one."""
     cameras = sorted(p for p in folder.iterdir() if (p / "wb1i1e1-jpg.png").is_file())
     if not cameras:
-        raise FormatError(f"{folder}: holds no folder with wb1i1e1-jpg.png; give the folder of real data as it came")
+        raise FormatError(f"{folder}: no folder in it contains wb1i1e1-jpg.png; give the unchanged real data")
     return [ChartSource.of(camera, channel) for camera in cameras for channel in range(len(CHANNELS))]

@@ -1,10 +1,9 @@
-"""The accuracy benchmark: a fixed set of recordings, and the methods that are measured on them.
+"""The accuracy benchmark: a fixed set of recordings, and the methods measured on them.
 
-The simulated recordings are a balanced selection instead of every combination of the factors. Every response is
-combined with every vignette once. The four recordings of a response have the four combinations of noise and moving
-objects, once each. The assignment of vignettes to these combinations changes from response to response, so that each
-vignette, too, has both noise levels and both kinds of scene equally often, within one. Every recording has its own
-scene, motion and noise.
+The simulated recordings are a balanced selection from all combinations of the factors. Every response is combined
+with every vignette once. The four recordings of a response cover the four combinations of noise and moving objects.
+The assignment of vignettes to these combinations changes between responses, so that each vignette also has both noise
+levels and both kinds of scene equally often, within one. Every recording has its own scene, motion and noise.
 """
 
 from __future__ import annotations
@@ -33,7 +32,7 @@ from ospc.simulation.responses import LEVELS
 from ospc.simulation.settings import NoisePreset
 
 FRAMES, STATIC_FRAMES = 500, 150
-"""Frames of a simulated recording, with the camera in motion and at rest."""
+"""Frames of a simulated recording with a moving and with a static camera."""
 
 _SEED = 2024
 _NAMED = ("linear", "srgb", "log", "filmic", "tum_narrow")
@@ -43,7 +42,7 @@ VIGNETTES: dict[str, dict[str, Any]] = {
     "cos4": {"vignette": "cos4"},
     "decentred": {"vignette": "decentred", "vignette_coefficients": (-0.35, 0.05, -0.15)},
 }
-"""Settings of the vignettes by name."""
+"""Vignette settings by name."""
 
 _NOISE: tuple[NoisePreset, NoisePreset] = ("low", "high")
 _MOVING_OBJECTS = 6
@@ -51,18 +50,17 @@ _MEASURED = 8
 """Measured responses: two for each vignette."""
 
 _NOISE_SWAPPED, _SCENES_SWAPPED = (0, 1, 0, 1, 0, 1, 1), (0, 0, 1, 1, 0, 1, 0)
-"""For each response, whether the two levels of noise, and of moving objects, are exchanged."""
-
+"""For each response, whether the two levels of noise and of moving objects are swapped."""
 
 _Item = TypeVar("_Item")
 
 
 @dataclass(frozen=True)
 class PresetMethods(Methods):
-    """The methods of a preset, by its name."""
+    """The methods of a preset, with its name."""
 
     def make(self, source: Source) -> dict[str, Method]:
-        """Return the methods; "paper" is run with every solver where the vignette can be known."""
+        """Create the methods; "paper" uses every solver if the vignette can be determined."""
         settings = preset(self.name)
         if not isinstance(settings, PaperSettings):
             return {settings.name: OwnMethod(settings.name)}
@@ -72,10 +70,10 @@ class PresetMethods(Methods):
         return {"paper": PaperVariants(solvers)}
 
     def references(self, source: Source) -> dict[str, Outcome]:
-        """Return what else a real recording has to compare with.
+        """Return further outcomes to compare with on real recordings.
 
-        With "paper", that is its estimator on chart pixels that are known to correspond, since a chart has hardly any
-        features; with "default", the laboratory calibration by the makers of the video.
+        For "paper", this is its estimator on chart pixels known to correspond, because a chart has hardly any
+        features; for "default", the laboratory calibration by the authors of the video.
         """
         if self.name == "paper" and isinstance(source, ChartSource):
             return {"paper, pixels known": source.quadratic()}
@@ -87,26 +85,26 @@ class PresetMethods(Methods):
 def accuracy_sources(data: Path | None, frames: int = FRAMES) -> tuple[list[Source], list[str]]:
     """Return all recordings, and notes on what is left out or replaced.
 
-    ``data`` is the folder of real data. Recordings with the camera in motion have ``frames`` frames; those at rest
-    have three tenths of them.
+    ``data`` is the folder of real data. Recordings with a moving camera have ``frames`` frames, those with a static
+    camera three tenths of that.
     """
     parts = {
-        FILE: "gamma curves take the place of measured responses",
+        FILE: "gamma curves replace the measured responses",
         VIDEO: "no real video",
         CHARTS: "no photographs of charts",
     }
     places = {} if data is None else {part: data / part for part in parts if (data / part).exists()}
-    wanting = {part: "--data is not given" if data is None else f"{data / part} is not there" for part in parts}
+    missing = {part: "--data is not given" if data is None else f"{data / part} does not exist" for part in parts}
     sources: list[Source] = [*moving_sources(places.get(FILE), frames), *_static_sources(frames)]
     if VIDEO in places:
         sources.append(VideoSource(VIDEO, places[VIDEO]))
     if CHARTS in places:
         sources += chart_sources(places[CHARTS])
-    return sources, [f"{wanting[part]}: {otherwise}" for part, otherwise in parts.items() if part not in places]
+    return sources, [f"{missing[part]}: {otherwise}" for part, otherwise in parts.items() if part not in places]
 
 
 def select(items: Mapping[str, _Item], pattern: str | None, what: str = "recording") -> list[_Item]:
-    """Return the item of a name, or, if there is none, those whose names match a shell pattern or contain a word."""
+    """Return the item with this name, or those whose names match a shell pattern or contain a word."""
     if pattern is None:
         return list(items.values())
     if pattern in items:
@@ -119,9 +117,9 @@ def select(items: Mapping[str, _Item], pattern: str | None, what: str = "recordi
 
 
 def moving_sources(database: Path | None, frames: int) -> Iterator[SimulatedSource]:
-    """Give the simulated recordings with the camera in motion; eight measured responses take the places of two."""
+    """Yield the simulated recordings with a moving camera; eight measured responses stand in for two."""
     measured = _measured(database)
-    # Of each: the name of the response, its level of the factor "response", and the response.
+    # The name of each response, its level of the factor "response", and the response itself.
     kind = measured[0][0].rstrip("0123456789.")
     named: list[tuple[str, str, str | Response]] = [(name, name, name) for name in _NAMED for _ in VIGNETTES]
     named += [(name, kind, response) for name, response in measured]
@@ -144,7 +142,7 @@ def moving_sources(database: Path | None, frames: int) -> Iterator[SimulatedSour
 
 
 def _static_sources(frames: int) -> Iterator[SimulatedSource]:
-    """Give sweeps of the exposure with the camera at rest."""
+    """Yield exposure sweeps with a static camera."""
     count = max(2, round(frames * STATIC_FRAMES / FRAMES))
     for number, response in enumerate(("srgb", "tum_narrow")):
         settings = replace(SWEEP, frames=count, seed=_SEED + 100 + number, response=response)
@@ -154,7 +152,7 @@ def _static_sources(frames: int) -> Iterator[SimulatedSource]:
 
 
 def _measured(database: Path | None) -> list[tuple[str, Response]]:
-    """Return eight responses: measured ones, or gamma curves where no database is given."""
+    """Return eight measured responses, or gamma curves if no database is given."""
     random = np.random.default_rng(_SEED)
     if database is None:
         exponents = np.sort(random.uniform(1.2, 3.0, _MEASURED))
@@ -165,32 +163,32 @@ def _measured(database: Path | None) -> list[tuple[str, Response]]:
 
 
 FILE = "responses/dorf_201.mat"
-"""Place of the database in the folder of real data."""
+"""Path of the database in the folder of real data."""
 
 _MAX_FILE_BYTES = 64 * 2**20
 _MAX_VALUES = 5_000_000
 _FLATTEST = 1e-6
-"""Least growth of g over its table where a measured curve is a step; small against any noise."""
+"""Total slope added to g because a measured curve may be flat; small compared with any noise."""
 
 
 def read_database(path: Path) -> list[Response]:
-    """Read the curves of a MATLAB file with irradiances ``I`` and brightnesses ``B``, one curve a row."""
+    """Read response curves from a MATLAB file with irradiances ``I`` and brightnesses ``B``, one curve per row."""
     from scipy.io import loadmat, whosmat
 
     try:
         if path.stat().st_size > _MAX_FILE_BYTES:
             raise FormatError(f"{path}: too large for a database of responses; give a .mat file with I and B")
-        # The file states their sizes before anything is unpacked.
+        # The sizes are known before anything is unpacked.
         sizes = {name: math.prod(shape) for name, shape, _ in whosmat(path)}
         if max(sizes["I"], sizes["B"]) > _MAX_VALUES:
             raise FormatError(
-                f"{path}: I and B hold more than {_MAX_VALUES} values; that is no database of responses"
+                f"{path}: I and B have more than {_MAX_VALUES} values; this is no database of responses"
             )
         content = loadmat(path, variable_names=["I", "B"])
         irradiance, brightness = (np.asarray(content[name], dtype=np.float64) for name in ("I", "B"))
     except FormatError:
         raise
-    except Exception as error:  # the reader has no error of its own for damaged files
+    except Exception as error:  # the reader has no specific error for damaged files
         raise FormatError(f"{path}: not readable as a database of responses ({error}); it needs I and B") from None
     if irradiance.ndim != 2 or irradiance.shape != brightness.shape or irradiance.shape[1] < 2:
         raise FormatError(f"{path}: I and B have shapes {irradiance.shape} and {brightness.shape}; both need (n, m)")
@@ -203,15 +201,14 @@ def read_database(path: Path) -> list[Response]:
 def _response(irradiance: FloatArray, brightness: FloatArray, name: str) -> Response:
     """Return g, irradiance as a function of brightness.
 
-    Where a curve is flat at black or white, g starts at the last irradiance that is still black and ends at the first
-    that is white.
+    If the curve is flat at black or white, g starts at the last black irradiance and ends at the first white one.
     """
     if not np.all(np.isfinite([irradiance, brightness])) or np.any(np.diff(brightness) < 0):
         raise FormatError(f"{name}: brightness must be finite and must not decrease")
     low = int(np.flatnonzero(brightness <= brightness[0])[-1])
     high = int(np.flatnonzero(brightness >= brightness[-1])[0])
     if high <= low or np.any(np.diff(irradiance) <= 0):
-        raise FormatError(f"{name}: irradiance must increase, and brightness with it")
+        raise FormatError(f"{name}: irradiance and brightness must increase")
     span = brightness[low : high + 1]
     # The tiny ramp keeps equal brightnesses in order for the interpolation.
     grey = (span - span[0]) / (span[-1] - span[0]) + np.arange(len(span)) * 1e-12

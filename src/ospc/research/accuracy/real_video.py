@@ -1,8 +1,8 @@
-"""A real hand-held video with a true exposure for each frame: some frames for fitting, the others for judging.
+"""A real hand-held video with a true exposure for each frame: some frames are for fitting, the others for evaluation.
 
-The frames for judging are read in another way than any method here reads them: SIFT on frames of equal histograms, a
-homography to sort out wrong matches, and then not the features themselves but flat ground beside them. With the
-displacement of its nearest feature, a flat place is read well even if that is a pixel off.
+Evaluation reads the frames differently from every method: SIFT on histogram-equalised frames, a homography to reject
+wrong matches, and then flat regions near the features instead of the features themselves. A flat region moves like
+its nearest feature, and an error of a pixel hardly changes its grey level.
 """
 
 from __future__ import annotations
@@ -25,50 +25,50 @@ FOLDER = "borealhdr_left"
 """Name of the recording in the folder of real data."""
 
 _FITTED_FRAMES = 40
-"""Frames that methods get; the rest judges them."""
+"""Frames that the methods get; the rest is for evaluation."""
 
 _FARTHEST, _FEWEST_PLACES = 3, 50
-"""Most frames between the two of a pair, and the flat places that it needs."""
+"""Largest distance of the frames of a pair, and the flat points that it needs."""
 
 _FACTOR, _FACTOR_TOLERANCE = 8.0, 0.05
-"""The exposure factor whose prediction is reported, and the largest difference of ln that counts as this factor."""
+"""The exposure factor whose prediction is reported, and the tolerance in ln for counting as this factor."""
 
 _LABORATORY_GREYS, _MAX_RADIAL_DISPLACEMENT = (5, 215), 0.01
-"""Where the makers' response is valid, and |R₀ − R₁| up to which pairs are read: the video shows no vignette."""
+"""Range in which the authors' response is valid, and largest |R₀ − R₁| of a pair: the true vignette is unknown."""
 
 _FEATURES, _RATIO, _FEWEST_MATCHES = 3000, 0.8, 20
-"""SIFT features of a frame, distance of the best over the second match (Lowe 2004), and matches of two frames."""
+"""SIFT features per frame, largest ratio of best to second-best match distance (Lowe 2004), and matches needed."""
 
 _OUTLIER_PX = 4.0
-"""Distance from the homography at which a match is wrong: a scene with depth is no plane."""
+"""Distance from the homography beyond which a match is wrong; generous, because a scene with depth is not a plane."""
 
 _NEAREST_PX, _SPACING_PX = 24.0, 4
-"""Largest distance of a place from a feature, whose displacement it shares, and spacing of the places."""
+"""Largest distance of a point from the feature whose displacement it shares, and spacing of the points."""
 
 _SMOOTHING_PX, _FLAT = 2.0, 0.004
-"""Standard deviation of the smoothing, and gradient in full scale per pixel up to which a place is flat."""
+"""Standard deviation of the smoothing, and largest gradient of a flat point in full scale per pixel."""
 
 
 @dataclass(frozen=True)
 class VideoSource(GivenSource):
-    """The video with its makers' ``pcalib.txt``. Methods get its first frames; pairs of the others judge them."""
+    """The video with its authors' ``pcalib.txt``. Methods get the first frames; the others form held-out pairs."""
 
     most_frames: int | None = _FITTED_FRAMES
     group: str = field(default="video", kw_only=True)
 
     def truth(self) -> Truth:
-        """Return the makers' own laboratory calibration."""
+        """Return the authors' laboratory calibration."""
         return Truth(read_pcalib(self.path / PCALIB), greys=_LABORATORY_GREYS)
 
     def held_out(self) -> HeldOut:
-        """Return pairs of the frames for judging; the factor is that of pairs that differ eightfold."""
+        """Return pairs of the evaluation frames; factors are judged on pairs that differ eightfold."""
         pairs = held_out_pairs(list(islice(open_recording(self.path), _FITTED_FRAMES, None)))
         eightfold = [p for p in pairs if abs(abs(np.log(p.exposure_ratio)) - np.log(_FACTOR)) < _FACTOR_TOLERANCE]
         return HeldOut(pairs, eightfold)
 
 
 def held_out_pairs(frames: list[Frame]) -> list[HeldOutPair]:
-    """Return the flat places of every two frames of different exposure that are at most three apart."""
+    """Return the flat points of any two frames with different exposure that are at most three frames apart."""
     read = [SampledFrame.of(frame) for frame in frames]
     greys = (_LABORATORY_GREYS[0] / 255, _LABORATORY_GREYS[1] / 255)
     pairs = (
@@ -82,7 +82,7 @@ def held_out_pairs(frames: list[Frame]) -> list[HeldOutPair]:
 
 @dataclass(frozen=True)
 class SampledFrame:
-    """A frame with its SIFT features, and what tells flat places.
+    """A frame with its SIFT features, smoothed grey levels and gradients.
 
     Points and descriptors have shapes (n, 2) and (n, 128); the smoothed grey levels, in [0, 1], and their gradient
     per pixel have shape (height, width).
@@ -96,7 +96,7 @@ class SampledFrame:
 
     @classmethod
     def of(cls, frame: Frame) -> SampledFrame:
-        """Find the features and flat places of a frame."""
+        """Compute features and gradients of a frame."""
         grey = frame.image.astype(np.float32) / np.float32(frame.max_grey)
         equalised = cv2.equalizeHist(np.rint(grey * 255).astype(np.uint8))
         key_points, descriptors = cv2.SIFT_create(nfeatures=_FEATURES).detectAndCompute(equalised, None)
@@ -112,10 +112,10 @@ class SampledFrame:
 def flat_pair(
     first: SampledFrame, second: SampledFrame, greys: tuple[float, float], max_radial_displacement: float
 ) -> HeldOutPair | None:
-    """Return the grey levels of flat places in both frames; None where the frames do not match.
+    """Return the grey levels of flat points in both frames; None if the frames do not match.
 
-    They lie between ``greys``, in [0, 1]: smoothing leaves so little noise that this does not choose by noise. R
-    differs by up to ``max_radial_displacement``, so little that the vignette cannot be seen.
+    The grey levels lie between ``greys``, in [0, 1]; after smoothing, noise is too small for a selection bias. R
+    differs by at most ``max_radial_displacement``, so that the vignette cancels.
     """
     points0, points1 = _matches(first, second)
     if len(points0) < _FEWEST_MATCHES:
@@ -148,7 +148,7 @@ def _matches(first: SampledFrame, second: SampledFrame) -> tuple[FloatArray, Flo
         return none[0], none[1]
     index0, index1 = np.array(good).T
     points0, points1 = first.points[index0], second.points[index1]
-    # A scene with depth is no plane; the tolerance takes in what lies near the dominant one.
+    # A scene with depth is not a plane; the tolerance accepts points near the dominant one.
     cv2.setRNGSeed(0)
     _, mask = cv2.findHomography(points0, points1, cv2.RANSAC, _OUTLIER_PX)
     agree = np.zeros(len(points0), bool) if mask is None else mask.ravel() > 0

@@ -30,7 +30,7 @@ _TITLES = {
     "charts": "Real cameras, response of each colour channel from four exposures of a chart",
 }
 _MAIN = metrics("response_shape_rmse", "log_ratio_error", "vignette_rmse", "ratio_median_abs")
-"""The metrics of the picture and of the table by factor."""
+"""The metrics of the plot and of the table by factor."""
 
 _NOTE = (
     "g(0) = 0, g(255) = 1, V = 1 at the centre; nothing is aligned by an exponent, and only the shape by a scale. "
@@ -59,7 +59,7 @@ def accuracy_report(rows: Sequence[Measurement], presets: Sequence[str], notes: 
 
 
 def accuracy_tables(rows: Sequence[Measurement]) -> list[Table]:
-    """Return for each group: a summary, how often a method is nearer, medians by factor, and every measurement."""
+    """Return for each group a summary, how often a method is nearer, medians by factor, and every measurement."""
     tables: list[Table] = []
     for group, members in groups_of(rows).items():
         title = _TITLES.get(group, group)
@@ -79,7 +79,7 @@ def _spreads(rows: Sequence[Measurement]) -> dict[str, dict[str, Any]]:
 
 
 def _summary(title: str, members: Sequence[Measurement]) -> Table:
-    """Return a line for each metric, with typical and worst value of each method."""
+    """Return one line per metric, with the typical and worst value of each method."""
     several = len(recordings_of(members)) > 1
     columns = ("{}: typical", "worst") if several else ("{}",)
     header = ("metric", *(column.format(method) for method in methods_of(members) for column in columns))
@@ -144,7 +144,7 @@ def _every(title: str, members: Sequence[Measurement]) -> Table:
 
 
 def _alike(found: Mapping[str, _Outcome]) -> dict[_Outcome, str]:
-    """Return every outcome once, with the names of the methods that share it."""
+    """Return each distinct outcome with the names of the methods that share it."""
     members: dict[_Outcome, list[str]] = {}
     for name, outcome in found.items():
         members.setdefault(outcome, []).append(name)

@@ -1,4 +1,4 @@
-"""The exponential ambiguity: without exposures every exponent explains a recording as well as the true one."""
+"""The exponential ambiguity: without exposures, every exponent explains a recording as well as the true one."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ EXPONENTS = np.geomspace(0.5, 2.0, 25)
 STARTS = (0.6, 0.8, 1.0, 1.25, 1.6)
 _ITERATIONS = 60
 _EXPOSED = (0.04, 0.96)
-"""Grey levels that are used: neither dark noise nor saturation."""
+"""Range of grey levels used, without dark noise and saturation."""
 
 _FEWEST_VIEWS = 3
-"""Observations of a point that residuals are counted of: with fewer its radiance fits too well."""
+"""Fewest observations of a point whose residuals count: with fewer, its radiance fits too well."""
 
 
 Columns: TypeAlias = dict[str, list[float]]
-"""A table of numbers: its columns by name."""
+"""The columns of a table of numbers by name."""
 
 
 def ambiguity_task(source: Source) -> Task:
@@ -45,13 +45,13 @@ def ambiguity_task(source: Source) -> Task:
 def measure_ambiguity(source: Source, progress: OnProgress = lambda _share: None) -> dict[str, Columns]:
     """Measure how well powers of the truth explain a recording with known response and vignette.
 
-    "ambiguity" has, by exponent γ, the robust standard deviation of the grey levels that g^γ and V^γ leave
-    unexplained, in full scale, with exposures e^γ (free) and with those of the metadata (known). "starts" has, by the
-    exponent that joint estimation started at, the exponent of its result, and its mean robust residual (cost).
+    "ambiguity" contains, by exponent γ, the robust standard deviation of the residual grey levels of g^γ and V^γ,
+    relative to full scale, with exposures e^γ (free) and with those of the metadata (known). "starts" contains, by
+    the initial exponent of joint estimation, the exponent of its result and its mean robust residual (cost).
     """
     truth = source.truth()
     if truth.response is None or truth.vignette is None:
-        raise FormatError(f"{source.name}: the ambiguity is shown with the true response and vignette; give both")
+        raise FormatError(f"{source.name}: measuring the ambiguity needs the true response and vignette; give both")
     tracker = GainRobustTracker()
     exposures = np.empty(source.count)
     for done, frame in enumerate(source.frames(), start=1):
@@ -78,7 +78,7 @@ def measure_ambiguity(source: Source, progress: OnProgress = lambda _share: None
 def _residuals(
     tracks: TrackObservations, response: Response, vignette: Vignette, gamma: float, log_e: FloatArray
 ) -> tuple[float, float]:
-    """Return unexplained grey levels with exposures e^γ and with exposures e, each with its best radiances.
+    """Return the residual grey levels with exposures e^γ and with exposures e, each with the best radiances.
 
     Radiances are means of ln g^γ − ln V^γ − ln e over the observations of a point.
     """
@@ -92,14 +92,14 @@ def _residuals(
     def unexplained(log_ev: FloatArray) -> float:
         log_l = np.bincount(tracks.point, weights=inside * (gamma * log_g - log_ev)) / counts
         predicted = response(np.exp((log_ev + log_l[tracks.point]) / gamma))
-        # Robust, because a few tracks have left their points.
+        # Robust, because a few tracks have drifted from their points.
         return robust_scale((tracks.grey - predicted)[several])
 
     return unexplained(gamma * (log_v + log_e)), unexplained(gamma * log_v + log_e)
 
 
 def _estimate_from(tracks: TrackObservations, exponent: float) -> JointEstimate:
-    """Return the joint estimate that starts at the model's response nearest to a power of its mean."""
+    """Return the joint estimate started at the model's response nearest to a power of its mean."""
     model = learned_model()
     powered = Response.from_values(model.response(np.zeros(len(model.components))).inverse_table ** exponent)
     start = JointEstimate(
@@ -125,7 +125,7 @@ def ambiguity_report(found: dict[str, Columns], name: str) -> StudyReport:
 
 
 def _draw(found: dict[str, Columns], name: str, path: Path) -> Path:
-    """Draw what powers of the truth leave unexplained, and where joint estimation ends by where it starts."""
+    """Draw the residuals of powers of the truth, and the final against the initial exponent of joint estimation."""
     exponents, free, known = (np.array(column) for column in found["ambiguity"].values())
     starts, reached, _ = found["starts"].values()
     figure = new_figure(11.0, 4.4)

@@ -1,4 +1,4 @@
-"""The experiments: which methods each compares, what it varies, and its tables, curves and pictures."""
+"""The experiments: the methods that each compares, the settings it varies, and its tables, curves and plots."""
 
 from __future__ import annotations
 
@@ -23,34 +23,34 @@ from ospc.settings import PaperSettings
 FEATURES = ("sift", "surf", "orb")
 OFFSETS = (10, 15, 20, 25, 30, 32, 35, 40, 50)
 THRESHOLDS = {high: 0.92 if high == 1.08 else 1 / high for high in (1.02, 1.04, 1.08, 1.15, 1.3, 1.5)}
-"""Least exposure ratios above 1, and the one below 1 that belongs to each; of the paper's, that is 0.92."""
+"""Least exposure ratios above 1 with the matching ones below 1; the paper pairs 1.08 with 0.92."""
 
 _UNCHECKED = PaperSettings(acceptance_tolerance=1e3)
-"""The paper's method without its check: the paper compares the results of solvers, not what the check accepts."""
+"""The paper's method without its acceptance check, because the paper compares all results of the solvers."""
 
 _SLOW = 0.5
-"""Speed of stand-ins whose features are matched over 30 frames, as in the paper's recordings."""
+"""Speed of stand-ins for experiments that match features over 30 frames, as in the paper's recordings."""
 
 
 @dataclass(frozen=True)
 class Experiment(Methods):
-    """One of the paper's figures or tables, or a comparison with methods of other papers, by the name of its command.
+    """One of the paper's figures or tables, or a comparison with methods of other papers, with the command's name.
 
     Attributes
     ----------
     title, figure, varied, axis
-        Of the picture of errors: its title, the figure shown, and, where methods differ in the value of a setting
-        only, that value by the name of the method, and what it is.
+        For the plot of errors: its title and the figure shown; if methods differ only in the value of a setting, that
+        value by method name and its axis label.
     stand_ins
-        Number of simulated recordings, and frames of each, where nothing else is asked for.
+        Default number of simulated recordings, and of frames of each.
     variants
-        Settings of the paper's method by name, each group with its own matching of features.
+        Settings of the paper's method by name; each group shares its feature matching.
     rivals
-        Makes the methods of other papers for a recording. Where nothing is varied, ours is measured beside them.
+        Creates the methods of other papers for a recording. If nothing is varied, ours is measured as well.
     speed, at_rest
-        Of the simulated camera: a factor of its speed, and whether it does not move.
+        Factor on the simulated camera's speed, and whether it is static.
     with_ratios
-        Whether exposure ratios are compared with the metadata too.
+        Whether exposure ratios are compared with the metadata as well.
     """
 
     title: str
@@ -65,7 +65,7 @@ class Experiment(Methods):
     with_ratios: bool = False
 
     def make(self, source: Source) -> dict[str, Method]:
-        """Return new methods for a recording."""
+        """Create the methods for a recording."""
         methods: dict[str, Method] = {} if self.varied else {"ours": OwnMethod(variant="ours")}
         if self.rivals is not None:
             methods |= self.rivals(source)
@@ -107,7 +107,7 @@ _ALL = (
             f"k ≥ {high}": replace(_UNCHECKED, exposure_ratio_high=high, exposure_ratio_low=low)
             for high, low in THRESHOLDS.items()
         }}, speed=_SLOW, varied={f"k ≥ {high}": high for high in THRESHOLDS}, axis="least exposure ratio k"),
-    Experiment("static", "Responses from a camera at rest", "response_rmse", (6, 60), rivals=_static_rivals,
+    Experiment("static", "Responses from a static camera", "response_rmse", (6, 60), rivals=_static_rivals,
         at_rest=True),
 )  # fmt: skip
 EXPERIMENTS = {experiment.name: experiment for experiment in _ALL}
@@ -140,9 +140,9 @@ def experiment_report(experiment: Experiment, sources: Sequence[Source], rows: S
 
 
 def median_table(rows: Sequence[Measurement]) -> Table:
-    """Return the medians over recordings, one line a method, the lowest of each column marked.
+    """Return the medians over recordings, one line per method, with the lowest of each column marked.
 
-    A figure that is missing counts as infinite.
+    A missing figure counts as infinite.
     """
     columns = [medians(rows, metric.figure) for metric in _SHOWN]
     recordings = len(recordings_of(rows))
@@ -159,7 +159,7 @@ def median_table(rows: Sequence[Measurement]) -> Table:
 
 
 def _curves_csv(curves: Mapping[str, Mapping[str, Sequence[float]]]) -> str:
-    """Return g at 256 grey levels and V at 50 radii, one column a method."""
+    """Return g at 256 grey levels and V at 50 radii, one column per method."""
     rows: list[list[object]] = [["curve", "at", *curves]]
     radii = [round((ring + 0.5) / 50, 2) for ring in range(50)]
     for letter, part, places in (("g", "response", range(256)), ("V", "vignette", radii)):

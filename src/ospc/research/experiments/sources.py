@@ -1,8 +1,7 @@
-"""The recordings of experiments: stand-ins for the paper's, sweeps of the exposure, and some in colour.
+"""The recordings of experiments: stand-ins for the paper's, exposure sweeps, and recordings in colour.
 
-Where a folder of reference data is given, stand-ins have the response and the vignette of the data set's narrow
-camera and the exposures of a real recording; otherwise an analytic approximation of both and a simulated exposure
-control.
+With a folder of reference data, stand-ins have the response and vignette of the data set's narrow camera and the
+exposures of a real recording; without it, analytic approximations and simulated auto exposure.
 """
 
 from __future__ import annotations
@@ -33,11 +32,11 @@ RESPONSE, VIGNETTE = "params/pcalib_narrow_DIGITISED.txt", "params/vignette_narr
 EXPOSURES = "params/tum_vi_times.txt"
 
 STATIC_RESPONSES = ("linear", "srgb", "gamma2.2", "log", "filmic", "tum_narrow")
-"""Responses of the cameras at rest, in turn."""
+"""Responses of the static cameras, in turn."""
 
 _SEED, _STATIC_SEED = 3000, 4000
 _FEWEST_RADII = 8
-"""Radii that a table of a vignette needs for its four coefficients, twice over."""
+"""Fewest radii in a vignette table: twice the number of coefficients."""
 
 _MOST_BYTES = 64_000_000
 
@@ -45,10 +44,10 @@ _MOST_BYTES = 64_000_000
 def stand_ins(
     count: int, frames: int, size: ImageSize, data: Path | None = None, *, speed: float = 1.0, seed: int = _SEED
 ) -> list[SimulatedSource]:
-    """Return simulated recordings, each with its own scene, motion and course of exposures.
+    """Return simulated recordings, each with its own scene, motion and exposures.
 
-    ``data`` is the folder of reference data, ``speed`` a factor of the speed of the camera's motion, and ``seed``
-    that of the first recording.
+    ``data`` is the folder of reference data, ``speed`` a factor on the camera's speed, and ``seed`` that of the first
+    recording.
     """
     if count < 1 or frames < 2:
         raise SettingError("an experiment needs at least one recording, of two frames or more")
@@ -67,7 +66,7 @@ def stand_ins(
 
 
 def sweeps(count: int, frames: int, size: ImageSize) -> list[SimulatedSource]:
-    """Return sweeps of the exposure by cameras at rest that differ in their response."""
+    """Return exposure sweeps of static cameras with different responses."""
     found = []
     for number in range(count):
         response = STATIC_RESPONSES[number % len(STATIC_RESPONSES)]
@@ -84,15 +83,15 @@ def _camera(size: ImageSize, data: Path | None) -> tuple[str | Response, str | V
 
 
 def _radial(path: Path, size: ImageSize) -> PolynomialVignette:
-    """Return the 1 + v₁R² + v₂R⁴ + v₃R⁶ nearest to a table 'radius,V'.
+    """Fit 1 + v₁R² + v₂R⁴ + v₃R⁶ to a table 'radius,V'.
 
-    The table was digitised from a published picture, and its errors near the centre would be a dip that no lens has.
+    The table was digitised from a published plot, and its errors near the centre would form a dip that no lens has.
     """
     try:
         rows = [line.split(",") for line in read_text(path, _MOST_BYTES).splitlines() if line[:1].isdigit()]
         radius, value = np.array(rows, dtype=np.float64).T
     except ValueError:
-        raise FormatError(f"{path}: is not a table 'radius,V' with one radius a line") from None
+        raise FormatError(f"{path}: is not a table 'radius,V' with one radius per line") from None
     if radius.size < _FEWEST_RADII or not np.all(np.isfinite(value)) or np.any(np.diff(radius) <= 0):
         raise FormatError(f"{path}: needs finite values at {_FEWEST_RADII} or more increasing radii")
     scale, *terms = np.linalg.lstsq(radius[:, None] ** (2 * np.arange(4)), value, rcond=None)[0].tolist()
@@ -100,7 +99,7 @@ def _radial(path: Path, size: ImageSize) -> PolynomialVignette:
 
 
 def _courses(count: int, frames: int, data: Path | None) -> list[FloatArray] | None:
-    """Return the parts of a real course of exposures that vary most; they overlap only where it is too short."""
+    """Return the most variable parts of a real exposure sequence; they overlap only if it is too short."""
     if data is None or not (data / EXPOSURES).is_file():
         return None
     place = data / EXPOSURES
@@ -116,10 +115,10 @@ def _courses(count: int, frames: int, data: Path | None) -> list[FloatArray] | N
 
 
 _LOG_TINT, _LEAST_CONTRAST = 0.5, 0.4
-"""Standard deviation of ln of a surface's brightness, and a texture's least contrast, over those in green."""
+"""Standard deviation of ln of a surface's brightness, and least contrast of a texture, relative to green."""
 
 _CHANNELS = (1, 0, 2)
-"""Offsets of the seeds of the noise of blue, green and red: that of green is the grey recording's."""
+"""Seed offsets for the noise of blue, green and red; green has that of the grey recording."""
 
 
 @dataclass(frozen=True)
@@ -127,7 +126,7 @@ class ColourSource(SimulatedSource):
     """A simulated recording whose frames are in colour, shape (height, width, 3), blue, green, red."""
 
     def frames(self) -> Iterator[Frame]:
-        """Give the frames."""
+        """Iterate over the frames."""
         scene, seed = Scene.of(self.settings), self.settings.seed
         known = simulated_truth(self.settings)
         planes = [exposed_images(tinted(scene, seed, channel), known, seed + channel) for channel in _CHANNELS]

@@ -1,4 +1,4 @@
-"""Every system that the paper names, and a few more: what each needs, what it recovers, and how to run it."""
+"""The systems that the paper names and a few more: what each needs, what it recovers, and how to run it."""
 
 from __future__ import annotations
 
@@ -43,15 +43,16 @@ _EXPOSURES, _UNKNOWN, _REST = "exposures", "moving camera", "exposures, camera a
 _BOTH, _ALL = "response, vignette", "response, vignette, exposures"
 
 _SEED = 5000
-"""Seed of the recordings; no weight of a rival was chosen on these."""
+"""Seed of the recordings; no weight of any rival was tuned on them."""
 
 
 @dataclass(frozen=True)
 class System(Methods):
-    """A system, by its name, with authors and year of its publication, and what it needs and recovers.
+    """A system with the authors and year of its publication, and what it needs and recovers.
 
-    ``method`` makes the method, given the true response of which it may use what it says. Its variants with a known
-    point of the truth and without have names; empty where there is none. Some take frames in ``colour``.
+    ``method`` creates the method, given the true response, from which it may use one point as published.
+    ``with_point`` and ``without_point`` name its variants with and without that point; empty if there is none. Some
+    systems take frames in ``colour``.
     """
 
     authors: str
@@ -64,7 +65,7 @@ class System(Methods):
     colour: bool = False
 
     def make(self, source: Source) -> dict[str, Method]:
-        """Return a new method for a recording."""
+        """Create the method for a recording."""
         return {self.without_point or self.name: self.method(source.truth().response)}
 
     def __str__(self) -> str:
@@ -72,7 +73,7 @@ class System(Methods):
         return f"{self.name}: {self.authors} {self.year}"
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Be pickled by name, for other processes: functions without a name cannot be."""
+        """Pickle the system by name, because lambdas cannot be pickled."""
         return _named, (self.name,)
 
 
@@ -116,19 +117,19 @@ _ALL_SYSTEMS = (
         lambda _: single.fallback(), "", "fallback-without", colour=True),
 )  # fmt: skip
 SYSTEMS = {system.name: system for system in _ALL_SYSTEMS}
-"""All systems by name, in the order of their years, after ours and the paper's."""
+"""All systems by name: ours, the paper's, then the others by year."""
 
 
 def chosen_systems(patterns: Sequence[str]) -> list[System]:
-    """Return the systems whose names match one of the patterns; all if there is none."""
+    """Return the systems whose names match one of the patterns; all without a pattern."""
     names = {system.name for pattern in patterns for system in select(SYSTEMS, pattern, "system")}
     return [system for name, system in SYSTEMS.items() if not patterns or name in names]
 
 
 def system_sources(count: int, frames: int, size: ImageSize, data: Path | None) -> list[Source]:
-    """Return simulated recordings, and of a folder of real data the video and the green channels of the charts.
+    """Return simulated recordings and, from a folder of real data, the video and the green channels of the charts.
 
-    There must be one.
+    At least one recording is required.
     """
     found: list[Source] = [*_own_cameras(count, frames, size, data)] if count else []
     if data is not None and (data / VIDEO).is_dir():
@@ -141,7 +142,7 @@ def system_sources(count: int, frames: int, size: ImageSize, data: Path | None) 
 
 
 def _own_cameras(count: int, frames: int, size: ImageSize, data: Path | None) -> list[SimulatedSource]:
-    """Return stand-ins, each with a response and a vignette of its own: a prior may suit one camera by chance."""
+    """Return stand-ins with different responses and vignettes, because a prior may suit one camera by chance."""
     random = np.random.default_rng(_SEED)
     if data is not None and (data / DATABASE).is_file():
         curves = {f"measured{number}": curve for number, curve in enumerate(read_database(data / DATABASE))}
@@ -158,21 +159,21 @@ def _own_cameras(count: int, frames: int, size: ImageSize, data: Path | None) ->
 
 
 def in_colour(source: Source) -> Source:
-    """Return the same recording with frames in colour, where it has colours."""
+    """Return the same recording with frames in colour, if it has them."""
     if isinstance(source, SimulatedSource):
         return ColourSource(source.name, source.settings, group=source.group, factors=source.factors)
     return replace(source, colour=True) if isinstance(source, ChartSource) else source
 
 
 def system_tasks(systems: Sequence[System], sources: Sequence[Source]) -> list[Task]:
-    """Return one task for every system on every recording, all systems on the first recording first."""
+    """Return one task for every system on every recording, ordered by recording."""
     pairs = [(in_colour(source) if system.colour else source, system) for source in sources for system in systems]
     return [measuring_task(source, system) for source, system in pairs]
 
 
 _PANELS = metrics("response_shape_rmse", "vignette_rmse")
 _MARKERS = {"simulated": "o", "given": "o", "video": "*", "charts": "^"}
-"""Markers of the groups of recordings in the picture."""
+"""Plot markers of the groups of recordings."""
 
 _COVERAGE = tuple(metric for metric in METRICS if metric.kind == "share")
 
@@ -180,8 +181,8 @@ _COVERAGE = tuple(metric for metric in METRICS if metric.kind == "share")
 def systems_report(systems: Sequence[System], rows: Sequence[Measurement], frames: Mapping[str, int]) -> StudyReport:
     """Return the report, with ``measurements.csv``, ``table.md`` and ``systems.png``.
 
-    Each group of recordings has a table, one line a system, and the bands' coverage has one. ``frames`` is the number
-    of frames of every recording.
+    There is a table for each group of recordings, with one line per system, and one for the coverage of the bands.
+    ``frames`` is the number of frames by recording.
     """
     tables = [_table(group, systems, members, frames) for group, members in groups_of(rows).items()]
     covered = [row for row in rows if any(metric.figure in row.figures for metric in _COVERAGE)]
@@ -206,7 +207,7 @@ def _table(group: str, systems: Sequence[System], rows: Sequence[Measurement], f
         cells = [metric.text(typical(part, metric)) for metric in _PANELS for part in own]
         times = [1000 * row.seconds / frames[row.recording] for row in mine if row.seconds is not None]
         time = f"{np.median(times):.2f}" if times else "–"
-        # Not by figures: a vignette may be found where the true one is unknown.
+        # Judged by curves, because a vignette may be found although the true one is unknown.
         solved = {row.recording for row in mine if row.curves}
         count = len(recordings_of(mine))
         about = (system.name, f"{system.authors} {system.year}", system.needs, system.recovers)
@@ -220,7 +221,7 @@ def _table(group: str, systems: Sequence[System], rows: Sequence[Measurement], f
 
 
 def _coverage_table(rows: Sequence[Measurement]) -> Table:
-    """Return how often the truth is within the bands of the methods that state some."""
+    """Return how often the truth is within the confidence bands of the methods that state some."""
     lines = []
     for group, name in dict.fromkeys((row.group, row.method) for row in rows):
         mine = [row for row in rows if (row.group, row.method) == (group, name)]
@@ -230,7 +231,7 @@ def _coverage_table(rows: Sequence[Measurement]) -> Table:
 
 
 def _draw(systems: Sequence[System], rows: Sequence[Measurement], path: Path) -> Path:
-    """Draw the errors of every system with its known point and without, and their medians by group."""
+    """Draw the errors of every system with and without its known point, and their medians by group."""
     figure = new_figure(13.0, 1.6 + 0.36 * len(systems))
     with rules():
         panels = figure.subplots(1, len(_PANELS), sharey=True)

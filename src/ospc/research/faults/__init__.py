@@ -1,1 +1,1 @@
-"""Faults of recordings: each is put on good recordings, to see whether a calibration notices, copes, or is wrong."""
+"""The fault study: adds faults to good recordings to see whether calibration detects, corrects or misses them."""

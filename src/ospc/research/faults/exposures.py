@@ -1,4 +1,4 @@
-"""Faults of the exposures in the metadata; the images stay as they are."""
+"""Faults of the exposures in the metadata; the images stay unchanged."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from ospc.arrays import FloatArray
 from ospc.research.faults.footage import Fault, Footage, blocks, some
 
 _HIDDEN_GAIN_FRAMES = 10
-"""Frames for which a hidden gain stays as it is."""
+"""Frames for which a hidden gain stays constant."""
 
 _Stated: TypeAlias = Callable[[FloatArray, float, np.random.Generator], FloatArray]
-"""What is stated instead of exposures e, shape (frames,), at a strength x."""
+"""The exposures that replace the true e, shape (frames,), at a strength x."""
 
 
 def _stated(name: str, text: str, strengths: tuple[float, float, float], change: _Stated) -> Fault:
@@ -28,7 +28,7 @@ def _stated(name: str, text: str, strengths: tuple[float, float, float], change:
 def _in_lines(
     name: str, text: str, strengths: tuple[float, float, float], wrong: Callable[[FloatArray], FloatArray | float]
 ) -> Fault:
-    """Return a fault of a share of the lines only."""
+    """Return a fault that affects only a share of the lines."""
 
     def change(e: FloatArray, share: float, random: np.random.Generator) -> FloatArray:
         return np.where(some(e.size, share, random), wrong(e), e)
@@ -37,7 +37,7 @@ def _in_lines(
 
 
 def _moved(e: FloatArray, lag: FloatArray | float) -> FloatArray:
-    """Return what is written beside every frame if it belongs to a frame earlier by a lag."""
+    """Return the exposures recorded with every frame if they lag by this many frames."""
     return np.asarray(np.exp(np.interp(np.arange(e.size) - lag, np.arange(e.size), np.log(e))))
 
 
@@ -71,7 +71,7 @@ def _power(footage: Footage, power: float, _random: np.random.Generator) -> Foot
 
 FAULTS = (
     _stated("offset", "{} ms added to every exposure", (0.5, 1, 2), lambda e, x, _: e + x),
-    _stated("offset-down", "{} of the shortest exposure taken off every one", (0.2, 0.5, 0.8),
+    _stated("offset-down", "{} of the shortest exposure subtracted from all", (0.2, 0.5, 0.8),
         lambda e, x, _: e - x * e.min()),
     _stated("logarithm", "log2 of the exposure plus {}", (8, 5, 2), lambda e, x, _: np.log2(e) + x),
     Fault("power", "exposures to the power of {}", (0.95, 0.9, 0.8), _power),
@@ -89,7 +89,7 @@ FAULTS = (
         lambda e, x, random: e / (1 + x * blocks(e.size, _HIDDEN_GAIN_FRAMES, random))),
     _stated("drift", "exposures that drift from the truth to a factor of {}", (1.05, 1.2, 1.5),
         lambda e, x, _: e * np.geomspace(1, x, e.size)),
-    _stated("stale", "exposures written anew only every {} frames", (3, 10, 30),
+    _stated("stale", "exposures updated only every {} frames", (3, 10, 30),
         lambda e, x, _: e[np.arange(e.size) // int(x) * int(x)]),
     _stated("late", "exposures {} frames late", (1, 2, 3), lambda e, x, _: _moved(e, x)),
     _stated("early", "exposures {} frames early", (1, 2, 3), lambda e, x, _: _moved(e, -x)),
@@ -107,11 +107,11 @@ FAULTS = (
     _in_lines("tenfold", "ten times the exposure in a share of {} of lines", (0.002, 0.01, 0.05), lambda e: 10 * e),
     _in_lines("not-a-number", "no number in a share of {} of lines", (0.01, 0.05, 0.2), lambda _: np.nan),
     _in_lines("zero", "0 in a share of {} of lines", (0.01, 0.05, 0.2), lambda _: 0.0),
-    _in_lines("negative", "a minus in a share of {} of lines", (0.01, 0.05, 0.2), lambda e: -e),
+    _in_lines("negative", "a minus sign in a share of {} of lines", (0.01, 0.05, 0.2), lambda e: -e),
     _in_lines("mixed-units", "microseconds in a share of {} of lines", (0.01, 0.1, 0.5), lambda e: 1000 * e),
     _in_lines("lost-digit", "the first digit lost in a share of {} of lines", (0.01, 0.05, 0.2), _lost_digit),
     _stated("another-unit", "{} times all exposures", (0.001, 1000, 1e6), lambda e, x, _: x * e),
-    _stated("constant-written", "one exposure written for the first {} of frames", (0.2, 0.5, 1),
+    _stated("constant-written", "one exposure recorded for the first {} of frames", (0.2, 0.5, 1),
         lambda e, x, _: np.where(np.arange(e.size) < x * e.size, np.median(e), e)),
     _stated("swapped", "exposures of neighbours swapped at a share of {} of frames", (0.05, 0.2, 0.5), _swapped),
     _stated("shuffled", "exposures shuffled among a share of {} of frames", (0.05, 0.2, 1), _shuffled),

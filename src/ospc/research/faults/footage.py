@@ -1,4 +1,4 @@
-"""What a fault is, and the good recordings in memory that faults are put on: simulated ones, and the real video."""
+"""The good recordings that faults are added to, in memory: simulated ones and the real video."""
 
 from __future__ import annotations
 
@@ -28,16 +28,16 @@ from ospc.simulation import truth as simulated_truth
 from ospc.simulation.camera import Sensor
 
 STRENGTHS = ("weak", "medium", "strong")
-"""Names of the three strengths of every fault."""
+"""The three strengths of every fault."""
 
 
 @dataclass(frozen=True)
 class Camera:
-    """How the images were made, so that a fault can act on the light before the sensor sees it.
+    """How the images were formed, so that a fault can act on the light before the sensor.
 
-    ``irradiance`` is e·V·L of every frame without noise, 1 saturates, shape (frames, height, width); ``attenuation``
-    is V of every pixel, shape (height, width). ``expose`` makes the image of an irradiance, with noise, response and
-    quantisation; it takes the number of the frame.
+    ``irradiance`` is the noise-free e·V·L of every frame, with saturation at 1, shape (frames, height, width);
+    ``attenuation`` is V at every pixel, shape (height, width). ``expose`` turns the irradiance of a frame, given with
+    its number, into an image with noise, response and quantisation.
     """
 
     irradiance: Float32Array
@@ -46,7 +46,7 @@ class Camera:
     expose: Callable[[Float32Array, int], Image] = field(repr=False)
 
     def radiance(self, frame: int) -> Float32Array:
-        """Return L at every pixel of a frame, in saturations per millisecond."""
+        """Return L at every pixel of a frame, in saturation levels per millisecond."""
         return np.asarray(self.irradiance[frame] / (self.attenuation * np.float32(self.exposures_ms[frame])))
 
     def image(self, radiance: Float32Array, exposure_ms: float, frame: int) -> Image:
@@ -56,21 +56,21 @@ class Camera:
 
 @dataclass(frozen=True)
 class Footage:
-    """A recording in memory: images of 8 bits a pixel, what the metadata say of each, and its id, such as "00012".
+    """A recording in memory: 8-bit images with their metadata and ids, such as "00012".
 
     Attributes
     ----------
     responses
-        The responses that count as true. A curve that a fault puts on every grey level alike has two: the camera's,
-        for who undoes the curve, and that with the curve, for who does not.
+        The responses that count as true. A fault that applies one curve to all grey values has two: the camera's, if
+        the estimate undoes the curve, and the camera's with the curve, if it does not.
     vignette
-        The true vignette; None where it is unknown.
+        The true vignette; None if unknown.
     reach
         Largest radius, in half diagonals, at which the images show the scene; the vignette is judged up to there.
     times
         Lines of ``times.txt``, for faults that only a file can have. The recording is then read from files.
     power
-        The exposures in the metadata are proportional to this power of those that reach the sensor, at least nearly.
+        The exposures in the metadata are (nearly) proportional to this power of the true ones.
     """
 
     images: tuple[Image, ...]
@@ -90,11 +90,11 @@ class Footage:
 
     @property
     def half(self) -> int:
-        """Number of the first frame of the second half."""
+        """Index of the first frame of the second half."""
         return len(self) // 2
 
     def from_centre(self) -> FloatArray:
-        """Return the places (x, y) of all pixels relative to the image centre, shape (height, width, 2)."""
+        """Return the positions (x, y) of all pixels relative to the image centre, shape (height, width, 2)."""
         height, width = self.images[0].shape
         return np.asarray(pixel_grid((width, height)) - [(width - 1) / 2, (height - 1) / 2])
 
@@ -107,16 +107,16 @@ class Footage:
         return replace(self, exposures_ms=np.asarray(exposures_ms, dtype=np.float64))
 
     def as_stated(self) -> Footage:
-        """Return the recording with the truth of a camera that takes the same images at the exposures stated.
+        """Return the recording with the truth of a camera that takes the same images at the stated exposures.
 
-        If radiances, response and vignette are to the same power as the exposures, every image stays as it is.
+        Raising radiances, response and vignette to the same power as the exposures leaves every image unchanged.
         """
         responses = tuple(Response.from_values(one.inverse_table**self.power) for one in self.responses)
         vignette = None if self.vignette is None else RasterVignette(self.vignette.image() ** self.power)
         return replace(self, responses=responses, vignette=vignette, power=1.0)
 
     def relit(self, change: Callable[[Float32Array, int], Float32Array]) -> Footage:
-        """Return the recording as its camera sees it when the irradiance of every frame is changed by a function."""
+        """Return the recording that the camera takes if a function changes the irradiance of every frame."""
         lights = enumerate(self.camera.irradiance)
         return self.with_images(
             self.camera.expose(np.asarray(change(light, i), np.float32), i) for i, light in lights
@@ -132,10 +132,10 @@ class Footage:
 
 @dataclass(frozen=True)
 class Fault:
-    """A kind of fault: its name, what happens, with {} in place of the strength, and what puts it on a recording.
+    """A kind of fault: its name, a description with {} for the strength, and the function that applies it.
 
-    The strengths, a weak, a medium and a strong one, are in the unit of the text. What is random in a change is drawn
-    from the generator that it gets.
+    The weak, medium and strong strengths are in the unit of the description. Random changes draw from the generator
+    passed to the function.
     """
 
     name: str
@@ -144,15 +144,15 @@ class Fault:
     change: Callable[[Footage, float, np.random.Generator], Footage] = field(repr=False)
 
     def put_on(self, footage: Footage, strength: float) -> Footage:
-        """Return a recording with the fault; the same for the same arguments."""
+        """Return a recording with the fault; deterministic."""
         return self.change(footage, strength, np.random.default_rng(crc32(self.name.encode())))
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Be pickled by the table that it is in, for other processes: functions without a name cannot be."""
+        """Pickle the fault as a reference to its table, because lambdas cannot be pickled."""
         return _in_table, (self.change.__module__, self.name)
 
     def in_words(self, strength: float) -> str:
-        """Return what happens at a strength."""
+        """Return the description for a strength."""
         return self.text.format(f"{strength:g}")
 
 
@@ -182,14 +182,14 @@ SIZE = (320, 240)
 """Size of the simulated images: large enough for errors far below the limits, small enough for thousands of runs."""
 
 _FIRST, _STEP = 7, 5
-"""Recordings are taken from the accuracy benchmark's in such steps, so that the first ones differ in response,
-vignette, noise and scene."""
+"""First and step of the accuracy benchmark's recordings used here: the first few differ in response, vignette, noise
+and scene."""
 
 GoodSource = SimulatedSource | VideoSource
 
 
 def good_sources(count: int, frames: int, data: Path | None = None) -> tuple[list[GoodSource], list[str]]:
-    """Return ``count`` simulated recordings, the real video if there is one, and notes on what is left out."""
+    """Return ``count`` simulated recordings, the real video if available, and notes on what is left out."""
     moving = list(moving_sources(None, frames))
     chosen = (moving[(_FIRST + _STEP * i) % len(moving)] for i in range(count))
     sources: list[GoodSource] = [
@@ -198,20 +198,20 @@ def good_sources(count: int, frames: int, data: Path | None = None) -> tuple[lis
     if data is None:
         return sources, ["--data is not given: no real video"]
     if not (data / VIDEO).exists():
-        return sources, [f"{data} holds no real video"]
+        return sources, [f"{data} contains no real video"]
     return [*sources, VideoSource(VIDEO, data / VIDEO, most_frames=None)], []
 
 
 _SATURATED, _SATURATED_FROM = 2.0, 246
-"""Irradiance, over that at white, that saturated places of the real video are taken to have, and the lowest grey
-value that counts as saturated: its white is not 255 but piles up at 249, with noise of two levels."""
+"""Irradiance, relative to white, assumed for saturated pixels of the real video, and the lowest grey value that
+counts as saturated: its white is not 255 but accumulates at 249, with noise of two levels."""
 
 _last: dict[str, Footage] = {}
-"""The recording that was made last, by its key: faults are put on one recording after the other."""
+"""Cache of the latest recording, by its key: the study takes one recording after the other."""
 
 
 def good_footage(source: GoodSource) -> Footage:
-    """Return a recording without faults, kept in memory until another is asked for."""
+    """Return a recording without faults; the latest one is cached."""
     key = key_of(source.describe())
     if key not in _last:
         _last.clear()
@@ -234,18 +234,18 @@ def _simulated(source: SimulatedSource) -> Footage:
 
 
 def _filmed(source: VideoSource) -> Footage:
-    """Return the real video; its truth is what it gives without faults, and its vignette is unknown."""
+    """Return the real video. Its truth is the calibration without faults; its vignette is unknown."""
     recording = open_recording(source.path)
     frames = list(recording)
     response = calibrate(recording).response
     if response is None:
-        raise NotObservableError(f"{source.path}: gives no response without any fault; faults cannot be judged by it")
+        raise NotObservableError(f"{source.path}: yields no response even without faults, so faults cannot be judged")
 
     def expose(irradiance: Float32Array, _frame: int) -> Image:
         return np.rint(response(np.clip(irradiance, 0, 1)) * 255).astype(np.uint8)
 
     images = tuple(frame.image_8_bit for frame in frames)
-    # How bright a saturated place is, is unknown; it has to stay saturated where a fault takes some of the light.
+    # The brightness of saturated pixels is unknown; they must stay saturated if a fault takes some of the light.
     light = np.stack(
         [
             np.where(image >= _SATURATED_FROM, _SATURATED, response.inverse(image / 255)).astype(np.float32)

@@ -1,4 +1,4 @@
-"""Faults of the grey values: what a camera, a codec or a program does to an image after the sensor."""
+"""Faults of the grey values: processing after the sensor by a camera, a codec or a program."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from ospc.research.faults.footage import Fault, Footage, some
 
 _GREYS = np.arange(256.0)
 _LEAST_STEP = 1e-9
-"""Step of g where a curve is flat: a response increases strictly."""
+"""Step of g where a curve is flat, because a response must increase strictly."""
 
 _WHITE, _RANGE = 255.0, 219.0
 """Largest grey value, and that of limited range (16 to 235) above its black."""
@@ -35,7 +35,7 @@ def _bytes(image: FloatArray) -> Image:
 
 
 def _curved(footage: Footage, curve: FloatArray) -> Footage:
-    """Put a curve, 256 increasing grey values, on every image; what the camera does with it is another response."""
+    """Apply a curve, 256 increasing grey values, to every image; the camera with the curve has another response."""
     rising = (curve > 0) & (curve < _WHITE)
     before = np.interp(_GREYS, curve[rising], _GREYS[rising])
     table = footage.responses[0].inverse(before / _WHITE)
@@ -45,23 +45,23 @@ def _curved(footage: Footage, curve: FloatArray) -> Footage:
 
 
 def _quantised(footage: Footage, step: float, _random: np.random.Generator) -> Footage:
-    """Keep every so many grey levels; the middle of those that become one is half a level below what they become."""
+    """Keep every ``step``-th level; the middle of merged levels is half a level below the level they become."""
     known = _curved(footage, _GREYS + 0.5).responses
     return replace(_looked_up(footage, lambda _i: (_GREYS // step + 0.5) * step), responses=known)
 
 
 def _looked_up(footage: Footage, curve_of: Callable[[int], FloatArray]) -> Footage:
-    """Put a curve of its own on every image, by the number of its frame."""
+    """Apply a different curve to every image, by frame number."""
     return footage.with_images(_bytes(curve_of(i))[image] for i, image in enumerate(footage.images))
 
 
 def _limited_scale(black: float) -> float:
-    """Return the grey levels of limited range over those of full range where its black is at this level."""
+    """Return the ratio of limited-range to full-range grey levels for black at this level."""
     return 1 - (1 - _RANGE / _WHITE) * black / 16
 
 
 def _gammas(footage: Footage, exponents: FloatArray) -> Footage:
-    """Put an exponent of its own on every image, shape (frames,)."""
+    """Apply a different exponent to every image, shape (frames,)."""
     return _looked_up(footage, lambda i: _WHITE * (_GREYS / _WHITE) ** exponents[i])
 
 
@@ -79,7 +79,7 @@ def _auto_contrast(footage: Footage, share: float, _random: np.random.Generator)
 
 
 def _tone_mapped(footage: Footage, share: float, _random: np.random.Generator) -> Footage:
-    """Draw the surroundings of every pixel, an eighth of the width about it, towards the middle of the scale."""
+    """Pull the local mean around every pixel, over an eighth of the width, towards the middle of the scale."""
 
     def mapped(image: FloatArray) -> FloatArray:
         small = cv2.resize(image, None, fx=0.25, fy=0.25, interpolation=cv2.INTER_AREA)
@@ -148,14 +148,14 @@ def _watermark(footage: Footage, opacity: float, _random: np.random.Generator) -
 
 
 def _masked(footage: Footage, inside: BoolArray) -> Footage:
-    """Make everything else black, shape (height, width)."""
+    """Make everything outside a mask black, shape (height, width)."""
     height, width = inside.shape
     radius = np.linalg.norm(normalised(pixel_grid((width, height)), (width, height)), axis=-1)
     return replace(_filtered(footage, lambda image: image * inside), reach=float(radius[inside].max()))
 
 
 def _pedestal_by_exposure(footage: Footage, grey_levels: float, _random: np.random.Generator) -> Footage:
-    """Raise black with ln exposure, as an analogue gain does that the exposures contain."""
+    """Raise the black level with ln exposure, like an analogue gain that is part of the stated exposures."""
     log_exposure = np.log(footage.exposures_ms)
     rise = grey_levels * (log_exposure - log_exposure.min()) / np.ptp(log_exposure)
     return _looked_up(footage, lambda i: _GREYS + rise[i])

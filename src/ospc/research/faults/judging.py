@@ -1,4 +1,4 @@
-"""One run: a recording with a fault is calibrated as a user would, and the outcome is judged by the truth."""
+"""One run of the fault study: a recording with a fault is calibrated and the outcome compared with the truth."""
 
 from __future__ import annotations
 
@@ -30,22 +30,22 @@ Outcome = Literal[
 ]
 
 CLEAN = "none"
-"""Stands for the fault of a recording without any."""
+"""Name that stands for no fault."""
 
 MOST_SIGMAS, _CENTRE = 3.0, 0.1
-"""Largest error in stated standard deviations; that of V is judged beyond this radius, since V is 1 at the centre."""
+"""Largest error in stated standard deviations; V is judged beyond this radius, because V is 1 at the centre."""
 
 MOST_KAPPA, MOST_VIGNETTE = 0.005, 0.005
-"""Largest log-ratio error of the response and RMSE of the vignette's profile: half a per cent is what corrected
-images are used to."""
+"""Largest log-ratio error of the response and RMSE of the vignette's profile: half a per cent is the accuracy that
+corrected images are used to."""
 
 _LOW, _HIGH = 0.25, 0.75
-"""Grey levels between which the step of ln g is judged, as verdicts do."""
+"""Grey levels between which the step of ln g is judged, as in the verdicts."""
 
 
 @dataclass(frozen=True)
 class Run:
-    """What became of a recording with a fault of a strength, by its name and its value.
+    """The result for a recording with a fault, whose strength is given by name and value.
 
     Attributes
     ----------
@@ -54,13 +54,13 @@ class Run:
     step, step_sigma
         Error of ln g(0.75)/g(0.25) and its stated standard deviation.
     vignette, vignette_sigmas
-        RMSE of the vignette's profile; the same over the root mean square of the stated standard deviation.
+        RMSE of the vignette's profile; the RMSE relative to the RMS of the stated standard deviation.
     states, said
         Verdicts by name; the error, or warnings, notes, and reasons of verdicts that are not "identifiable".
     skipped
-        Frames that could not be used.
+        Number of frames that could not be used.
     false_alarm
-        Whether there was an error or warning, which is wrong without a fault.
+        Whether there was an error or warning, which is wrong if there is no fault.
     seconds
         Processor time of the calibration.
     """
@@ -83,12 +83,12 @@ class Run:
 
     @property
     def beyond(self) -> tuple[str, ...]:
-        """Names of the figures that are beyond their limits."""
+        """Names of the figures that exceed their limits."""
         return beyond(vars(self))
 
 
 def fault_task(source: GoodSource, fault: Fault | None = None, strength: int = 0) -> Task:
-    """Return the task of putting a fault of one strength, by its index, on a good recording; None for no fault."""
+    """Return the task for a fault with the strength of this index on a good recording; None for no fault."""
     run = Run(source.name, CLEAN, "", None, "harmless")
     if fault is not None:
         value = fault.strengths[strength]
@@ -107,7 +107,7 @@ def _run(source: GoodSource, fault: Fault | None, run: Run, progress: OnProgress
     began = process_time()
     try:
         found = calibrated(footage)
-    except Exception as error:  # a breakdown is an outcome too
+    except Exception as error:  # a crash is an outcome too
         outcome: Outcome = "detected" if isinstance(error, OspcError) else "crashed"
         return asdict(replace(run, outcome=outcome, said=(one_line(error),), false_alarm=True))
     return asdict(judged(found, footage, replace(run, seconds=process_time() - began)))
@@ -130,12 +130,12 @@ def calibrated(footage: Footage) -> Calibration:
         (folder / "times.txt").write_text("\n".join(footage.times) + "\n", encoding="utf-8")
         try:
             return calibrate(folder)
-        except OspcError as error:  # without the folder's name, which differs from run to run
+        except OspcError as error:  # remove the folder's name, which differs between runs
             raise OspcError(str(error).replace(f"{folder}/", "")) from error
 
 
 def judged(found: Calibration, footage: Footage, run: Run) -> Run:
-    """Return a run with the errors of its calibration, what was said, and the outcome."""
+    """Return a run with the errors and messages of its calibration, and the outcome."""
     figures = _errors(found, footage)
     doubts = [f"{name}: {v.reason}" for name, v in found.verdicts.items() if v.state != "identifiable"]
     states: dict[str, str] = {name: verdict.state for name, verdict in found.verdicts.items()}
@@ -162,14 +162,14 @@ def judged(found: Calibration, footage: Footage, run: Run) -> Run:
 
 
 def _errors(found: Calibration, footage: Footage) -> dict[str, Any]:
-    """Return errors and standard deviations by the names of :class:`Run`, as far as both curves are known."""
+    """Return errors and standard deviations by the names of :class:`Run`, for curves that are known."""
     figures: dict[str, Any] = {}
     if (response := found.response) is not None:
-        # Where a curve was put on all grey levels, the estimate may be of the camera with or without it.
+        # If a curve was applied to all grey values, the estimate may include it or not.
         kappa, truth = min(((log_ratio_error(response, one), one) for one in footage.responses), key=itemgetter(0))
         figures |= {"kappa": kappa, "step": log_step(response) - log_step(truth), "step_sigma": step_sigma(found)}
     if found.vignette is not None and footage.vignette is not None:
-        # Beyond the reach, nothing can be known of a vignette.
+        # The images show nothing of the vignette beyond the reach.
         figures["vignette"] = vignette_rmse(found.vignette, footage.vignette, footage.reach)
         if found.vignette_sigma is not None:
             judged = (PROFILE_RADII > _CENTRE) & (footage.reach >= PROFILE_RADII)
@@ -182,23 +182,23 @@ def _errors(found: Calibration, footage: Footage) -> dict[str, Any]:
 def outcome_of(
     states: dict[str, str], figures: Mapping[str, float | None], *, warned: bool, corrected: bool
 ) -> Outcome:
-    """Return how a run ended, by the verdicts on what the truth is known of; its worst figure decides.
+    """Return the outcome of a run from the verdicts on quantities with known truth; the worst figure decides.
 
-    ``figures`` are errors and standard deviations by the names of :class:`Run`. ``corrected`` says whether notes tell
-    of something that was done about a fault.
+    ``figures`` are errors and standard deviations by the names of :class:`Run`. ``corrected`` is whether notes report
+    a correction.
     """
     if warned or "not identifiable" in states.values():
         return "detected"
     exceeded = beyond(figures)
     if not exceeded:
         return "corrected" if corrected else "harmless"
-    # A marginal verdict excuses a large error, but no standard deviation that is too small.
+    # A marginal verdict excuses a large error, but not a standard deviation that is too small.
     excused = {"κ": states["response"] == "marginal", "V": states.get("vignette") == "marginal"}
     return "uncertain" if all(excused.get(name, False) for name in exceeded) else "confident and wrong"
 
 
 def beyond(figures: Mapping[str, Any]) -> tuple[str, ...]:
-    """Return the names of the figures of a run that are beyond their limits; what is None is not."""
+    """Return the names of the figures of a run that exceed their limits; None exceeds none."""
     step, sigma, kappa, vignette, vignette_sigmas = (
         figures.get(name) or 0.0 for name in ("step", "step_sigma", "kappa", "vignette", "vignette_sigmas")
     )
@@ -212,7 +212,7 @@ def beyond(figures: Mapping[str, Any]) -> tuple[str, ...]:
 
 
 def step_sigma(found: Calibration) -> float | None:
-    """Return the stated standard deviation of ln g(0.75)/g(0.25); None where there is no covariance."""
+    """Return the stated standard deviation of ln g(0.75)/g(0.25); None without a covariance."""
     known = found.covariance.get("response")
     if known is None or found.response is None:
         return None

@@ -1,4 +1,4 @@
-"""Faults of the light, of the optics and of the scene: what changes the irradiance before the sensor sees it."""
+"""Faults of light, optics and scene, which change the irradiance on the sensor."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from ospc.photometry.vignette import RasterVignette
 from ospc.research.faults.footage import Fault, Footage, blocks, wave
 
 _LAMP_HZ = 100.0
-"""Frequency at which lamps on mains of 50 Hz flicker."""
+"""Flicker frequency of lamps on 50 Hz mains."""
 
 _READOUT_CYCLES = 1.5
-"""Cycles of the lamp while a rolling shutter reads all rows."""
+"""Flicker cycles while a rolling shutter reads all rows."""
 
 
 def _factored(footage: Footage, factor: FloatArray) -> Footage:
@@ -34,7 +34,7 @@ def _locked_flicker(footage: Footage, share: float, _random: np.random.Generator
     exposures_ms = footage.camera.exposures_ms
     # Every exposure is centred on a maximum of the light.
     factor = 1 + share * np.sinc(_LAMP_HZ * exposures_ms / 1000)
-    # The light is nearly a power of the exposure: that part no image shows.
+    # The light is nearly a power of the exposure, which the images cannot show.
     power = np.polyfit(np.log(exposures_ms * factor), np.log(exposures_ms), 1)[0]
     return replace(_factored(footage, factor), power=float(power))
 
@@ -70,7 +70,7 @@ def _clouds(footage: Footage, amplitude: float, random: np.random.Generator) -> 
 
 
 def _shaded(footage: Footage, transmission: Float32Array) -> Footage:
-    """Put something before the sensor that belongs to the vignette from then on."""
+    """Attenuate the light by a transmission that becomes part of the vignette."""
     known = None if footage.vignette is None else RasterVignette(footage.camera.attenuation * transmission)
     return replace(_times(footage, transmission), vignette=known)
 
@@ -84,7 +84,7 @@ def _smudge(footage: Footage, depth: float, random: np.random.Generator) -> Foot
 
 
 def _decentred(footage: Footage, shift: float, _random: np.random.Generator) -> Footage:
-    """Move the vignette to the right and half as far down; one that is unknown stays."""
+    """Move the vignette to the right and half as far down, if it is known."""
     if footage.vignette is None:
         return footage
     height, width = footage.images[0].shape
@@ -109,7 +109,7 @@ def _speculars(footage: Footage, share: float, random: np.random.Generator) -> F
 
 
 def _crowd(footage: Footage, count: float, random: np.random.Generator) -> Footage:
-    """Patches of all brightnesses that move before the scene, each an eighth of the height wide."""
+    """Move patches of various brightness, an eighth of the height wide, in front of the scene."""
     height, width = footage.images[0].shape
     side, number = height // 8, int(count)
     start, speed = random.uniform(0, 1, (number, 2)), random.uniform(-0.02, 0.02, (number, 2))
@@ -148,7 +148,7 @@ def _small_range(footage: Footage, ratio: float, _random: np.random.Generator) -
 
 
 def _roll_only(footage: Footage, degrees: float, _random: np.random.Generator) -> Footage:
-    """Turn the camera about its axis over one view, by up to this angle either way."""
+    """Roll the camera about its optical axis by up to this angle either way, over a single view."""
     first = footage.camera.radiance(0)
     height, width = first.shape
     angle = degrees * wave(len(footage), 6)
@@ -163,7 +163,7 @@ def _roll_only(footage: Footage, degrees: float, _random: np.random.Generator) -
 def _reshot(
     footage: Footage, exposures_ms: FloatArray, change: Callable[[Float32Array, int], Float32Array]
 ) -> Footage:
-    """Film a changed scene at given exposures, which the metadata state."""
+    """Film a changed scene at given exposures, which are recorded in the metadata."""
     camera = footage.camera
     images = (
         camera.image(change(camera.radiance(i), i), float(exposures_ms[i]), i) for i in range(len(camera.irradiance))
@@ -185,7 +185,7 @@ FAULTS = (
         lambda f, x, _: f.relit(
             lambda light, i: light + np.float32(x) * np.minimum(f.camera.irradiance[max(0, i - 1)], 1)
         )),
-    Fault("locked-flicker", "100 Hz flicker of ±{} in step with the frames", (0.1, 0.3, 0.6),
+    Fault("locked-flicker", "100 Hz flicker of ±{} synchronous with the frames", (0.1, 0.3, 0.6),
         _locked_flicker),
     Fault("beating-flicker", "flicker of ±{} every 8.7 frames", (0.02, 0.05, 0.15),
         lambda f, x, _: _factored(f, 1 + x * wave(len(f), len(f) / 8.7))),
@@ -224,7 +224,7 @@ FAULTS = (
         lambda f, x, _: _reshot(f, np.full(len(f), x * np.median(f.camera.exposures_ms)), lambda image, _i: image)),
     Fault("small-range", "exposures within a factor of {}", (1.5, 1.2, 1.1), _small_range),
     Fault("standing-still", "the camera at rest for a share of {}", (0.3, 0.7, 1),
-        # It holds the view of the first frame.
+        # It keeps the view of the first frame.
         lambda f, x, _: _reshot(
             f, f.camera.exposures_ms,
             lambda image, i: f.camera.radiance(0) if i < round(x * len(f)) else image,

@@ -1,4 +1,4 @@
-"""Faults of the sequence: images lost, repeated, mixed up or resized, and files that do not fit each other."""
+"""Faults of the sequence: images lost, repeated, shuffled or resized, and inconsistent files."""
 
 from __future__ import annotations
 
@@ -15,35 +15,35 @@ from ospc.research.faults.footage import Fault, Footage, some
 
 
 def _renumbered(footage: Footage, kept: BoolArray) -> Footage:
-    """Lose images while the numbering and the list of exposures go on: every later image gets a wrong exposure."""
+    """Lose images while numbering and exposures continue, so that every later image gets a wrong exposure."""
     first = footage.chosen(np.arange(len(footage)) < np.count_nonzero(kept))
     return first.with_images(footage.chosen(kept).images)
 
 
 def _reordered(footage: Footage, order: IntArray) -> Footage:
-    """Show images in another order, and one more than once, while their exposures go on."""
+    """Show images in another order, possibly repeated, without their exposures."""
     return footage.with_images(footage.images[i] for i in order)
 
 
 def _moved(footage: Footage, order: IntArray) -> Footage:
-    """Show images in another order, with their exposures."""
+    """Show images in another order, together with their exposures."""
     return _reordered(footage, order).with_exposures(footage.exposures_ms[order])
 
 
 def _repeated(footage: Footage, share: float, random: np.random.Generator) -> Footage:
-    """Repeat frames with their exposures in place of those that follow."""
+    """Replace frames by a repetition of the frame before them, with its exposure."""
     repeats = some(len(footage), share, random)
     return _moved(footage, np.maximum.accumulate(np.where(repeats, 0, np.arange(len(footage)))))
 
 
 def _from_a_third(footage: Footage, count: float) -> BoolArray:
-    """Return a mask of so many frames from a third of the recording on, shape (frames,)."""
+    """Return a mask of ``count`` frames from a third of the recording on, shape (frames,)."""
     numbers = np.arange(len(footage)) - len(footage) // 3
     return (numbers >= 0) & (numbers < count)
 
 
 def _frozen(footage: Footage, share: float, _random: np.random.Generator) -> Footage:
-    """Let the picture freeze from a third on while exposures go on."""
+    """Freeze the picture from a third of the recording on while exposures continue."""
     frozen = _from_a_third(footage, round(share * len(footage)))
     return _reordered(footage, np.where(frozen, len(footage) // 3, np.arange(len(footage))))
 
@@ -89,7 +89,7 @@ def _zoomed_in(image: Image, factor: float, shift: tuple[float, float] = (0.0, 0
 
 
 def _stabilised(footage: Footage, shift_px: float, random: np.random.Generator) -> Footage:
-    """Move a crop of the images about the middle; the vignette of the images is that of the crop in the middle."""
+    """Shift a crop of the images about the middle; the true vignette is that of the central crop."""
     factor = 1 + 4 * shift_px / footage.images[0].shape[1]
     moves = shift_px * np.clip(random.standard_normal((len(footage), 2)), -2, 2)
     images = (_zoomed_in(image, factor, tuple(moves[i])) for i, image in enumerate(footage.images))
@@ -142,7 +142,7 @@ FAULTS = (
     Fault("lost-block", "{} images lost at once, numbering continues", (3, 10, 40),
         lambda f, x, _: _renumbered(f, ~_from_a_third(f, x))),
     Fault("stutter", "a share of {} of images repeated, exposures go on", (0.005, 0.02, 0.1),
-        # The stream lost its place: what follows is late beside its exposures.
+        # All later images are late relative to their exposures.
         lambda f, x, random: _reordered(f, np.cumsum(~some(len(f), x, random)) - 1)),
     Fault("repeated", "a share of {} of frames repeated with their exposures", (0.05, 0.2, 0.5), _repeated),
     Fault("frozen", "the image frozen for a share of {} of frames", (0.05, 0.15, 0.5), _frozen),

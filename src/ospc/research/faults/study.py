@@ -1,4 +1,4 @@
-"""The study of all faults: its runs, and its tables and files."""
+"""The fault study: its runs, tables and files."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ KINDS: dict[str, tuple[Fault, ...]] = {
     "exposures": exposures.FAULTS,
     "sequence and files": sequence.FAULTS,
 }
-"""All faults by their kind."""
+"""All faults by kind."""
 
 OUTCOMES: tuple[Outcome, ...] = get_args(Outcome)
 
@@ -35,14 +35,14 @@ _NOTE = (
 
 
 def chosen_faults(pattern: str | None) -> list[Fault]:
-    """Return the faults with a name, or whose name matches a pattern of shell wildcards, or contains a word."""
+    """Return the fault with this name, or those whose names match a shell pattern or contain a word."""
     return select({fault.name: fault for faults in KINDS.values() for fault in faults}, pattern, "fault")
 
 
 def fault_tasks(
     sources: Sequence[GoodSource], faults: Sequence[Fault], strengths: Sequence[str] = STRENGTHS
 ) -> list[Task]:
-    """Return the runs: of every recording the clean one first, then each fault with each strength."""
+    """Return the runs for every recording: first without a fault, then with each fault at each strength."""
     tasks = []
     for source in sources:
         tasks.append(fault_task(source))
@@ -51,7 +51,7 @@ def fault_tasks(
 
 
 def fault_tables(runs: Sequence[Run]) -> list[Table]:
-    """Return the outcomes in all, of each fault and strength, and every run that is confident and wrong."""
+    """Return the outcomes in total and by fault and strength, and all runs that are confident and wrong."""
     clean = [run for run in runs if run.fault == CLEAN]
     faulty = [run for run in runs if run.fault != CLEAN]
     totals = (("without a fault", clean), ("with a fault", faulty))
@@ -97,7 +97,7 @@ def _counts(runs: Sequence[Run]) -> tuple[str, ...]:
 
 
 def _worst(runs: Sequence[Run]) -> tuple[str, ...]:
-    """Return the figures of the run with the largest error that nothing was said of, if any."""
+    """Return the figures of the undetected run with the largest error, if any."""
     silent = [run for run in runs if run.outcome != "detected" and run.kappa is not None]
     return _figures(max(silent, key=lambda run: run.kappa or 0.0)) if silent else ("–", "–", "–")
 

@@ -1,4 +1,4 @@
-"""Direct alignment: the motion under which points of one image have the same brightness in another."""
+"""Direct image alignment: the motion for which points of one image have the same brightness in another."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ LEVELS = 4
 """Levels of the image pyramid, each half as large as the one below."""
 
 _ITERATIONS, _SETTLED = 12, 1e-6
-"""Most steps on a level, and the change at which they end on the finest one."""
+"""Most steps per level, and the change that counts as converged on the finest level."""
 
 _HUBER, _AGREEING_SIGMAS = 1.345, 3
-"""Huber's tuning constant, 95 % efficient for normal residuals, and residual in σ up to which a point agrees."""
+"""Huber's tuning constant, 95 % efficient for normal residuals, and largest residual of an inlier in σ."""
 
 _NEAR_M, _FEWEST = 0.05, 20
-"""Depth below which points count as behind the camera, and points in the image that a step needs."""
+"""Depth below which points count as behind the camera, and visible points that a step needs."""
 
 _GRADIENT = 0.1
-"""Gradient, in brightness per pixel, at which a residual has half its weight: there, misplacement dominates."""
+"""Gradient, in brightness per pixel, at which a residual has half weight, because position errors dominate there."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class Pose:
 
     @classmethod
     def identity(cls) -> Pose:
-        """Return the pose that changes nothing."""
+        """Return the identity."""
         return cls(np.eye(3), np.zeros(3))
 
     def __call__(self, points: FloatArray) -> FloatArray:
@@ -49,13 +49,13 @@ class Pose:
 
     @property
     def inverse(self) -> Pose:
-        """The pose that undoes this one."""
+        """The inverse pose."""
         return Pose(self.rotation.T, -self.rotation.T @ self.translation)
 
 
 @dataclass(frozen=True)
 class Brightness:
-    """A pyramid of an image: brightness and its derivatives along x and y, shape (height, width, 3), finest first."""
+    """An image pyramid: brightness and its derivatives along x and y, shape (height, width, 3), finest first."""
 
     levels: tuple[Float32Array, ...]
 
@@ -81,7 +81,7 @@ class Brightness:
 
 @dataclass(frozen=True)
 class Camera:
-    """A pinhole: focal length in pixels, principal point, shape (2,)."""
+    """A pinhole camera: focal length in pixels and principal point, shape (2,)."""
 
     focal_px: float
     centre_px: FloatArray
@@ -91,7 +91,7 @@ class Camera:
         return np.column_stack([(points - self.centre_px) / self.focal_px, np.ones(len(points))]) * depth_m[:, None]
 
     def project(self, points_m: FloatArray) -> FloatArray:
-        """Return pixels, shape (n, 3) -> (n, 2); far outside for what is behind the camera."""
+        """Return pixels, shape (n, 3) -> (n, 2); far outside the image for points behind the camera."""
         z = points_m[:, 2:]
         with np.errstate(divide="ignore", invalid="ignore"):
             pixels = self.focal_px * points_m[:, :2] / z + self.centre_px
@@ -100,7 +100,7 @@ class Camera:
 
 @dataclass(frozen=True)
 class Aligned:
-    """A motion, the share of points that lie in the image and agree, and their median displacement in pixels."""
+    """A motion, the share of points that are visible inliers, and the median displacement in pixels."""
 
     motion: Pose
     agreeing: float
@@ -112,9 +112,9 @@ def align(
 ) -> Aligned:
     """Return the motion from a camera with known points to the camera of another image.
 
-    Gauss-Newton steps from coarse to fine on Huber's function of brightness differences. The points, shape (n, 3),
-    are in the frame of the first camera; ``reference`` is their brightness on each level, shape (levels, n).
-    With ``affine``, the brightness of the second image is a·I + b, and a and b are estimated too.
+    Gauss-Newton, coarse to fine, on the Huber loss of brightness differences. The points, shape (n, 3), are in the
+    frame of the first camera; ``reference`` is their brightness on each level, shape (levels, n). With ``affine``,
+    the brightness of the second image is a·I + b, and a and b are estimated as well.
     """
     problem = _Problem(points_m, reference, image, camera, affine)
     motion, gain, agreeing = start, np.zeros(2), 0.0
@@ -128,7 +128,7 @@ def align(
             gain = gain + change[6:8] if affine else gain
             if np.max(np.abs(change[:6])) < _SETTLED * 4**level:
                 break
-    # Rounding makes products of rotations drift off the rotations; the next initial motion would inherit that.
+    # Re-orthogonalise: rounding errors of rotation products would accumulate in the next initial motion.
     left, _, right = np.linalg.svd(motion.rotation)
     motion = Pose(left @ right, motion.translation)
     moved = camera.project(motion(points_m)) - camera.project(points_m)
@@ -144,7 +144,7 @@ class _Problem:
     affine: bool
 
     def step(self, level: int, motion: Pose, gain: FloatArray) -> tuple[FloatArray, float] | None:
-        """Return a Gauss-Newton step (translation, rotation, ln a, b) and the share of agreeing points."""
+        """Return a Gauss-Newton step (translation, rotation, ln a, b) and the share of inliers."""
         moved = motion(self.points_m)
         sampled = self.image.at(level, self.camera.project(moved))
         reference = self.reference[level]

@@ -1,7 +1,7 @@
-"""A direct odometry that needs no other program: alignment to keyframes whose depth is known.
+"""A built-in direct odometry: alignment to keyframes with known depth.
 
-It is much simpler than DSO, which has to estimate depth. Like DSO it assumes constant brightness, and so shows the
-value of a calibration. Depth comes from the simulated scene.
+It is much simpler than DSO, which has to estimate depth. Like DSO it assumes constant brightness, and therefore shows
+the value of a calibration. Depth comes from the simulated scene.
 """
 
 from __future__ import annotations
@@ -33,12 +33,12 @@ from ospc.simulation.surface import Rectangle
 _TRUTH = "truth.json"
 _MOST_BYTES = 256_000_000
 _NEAR_M = 0.02
-"""Surfaces nearer than this to the camera are ignored."""
+"""Surfaces closer to the camera than this are ignored."""
 
 
 @dataclass(frozen=True)
 class SceneDepth:
-    """The surfaces, none of which moves, on which the rays of a camera end."""
+    """The static surfaces of a scene, which the rays of a camera intersect."""
 
     camera: Camera
     places: tuple[Rectangle, ...]
@@ -64,9 +64,9 @@ class SceneDepth:
         return cls(Camera(focal, centre_px), tuple(face.place for face in faces))
 
     def at(self, points: FloatArray, pose: Pose) -> FloatArray:
-        """Return the depth along the optical axis of pixels (x, y), in metres, shape (n, 2) -> (n,).
+        """Return the depth of pixels (x, y) along the optical axis in metres, shape (n, 2) -> (n,).
 
-        The pose maps the coordinates of the camera to the world.
+        The pose maps camera coordinates to the world.
         """
         rays = self.camera.lift(points, np.ones(len(points))) @ pose.rotation.T
         nearest = np.full(len(points), np.inf)
@@ -82,16 +82,16 @@ class SceneDepth:
 
 
 _CELLS_ACROSS = 40
-"""Cells across the image; the steepest pixel of each is tracked."""
+"""Cells across the image; the pixel with the largest gradient of each cell is tracked."""
 
 _FARTHEST_MOVE, _MOST_FRAMES = 0.08, 25
-"""Median displacement of points, in image widths, and number of frames after which the next becomes a keyframe."""
+"""Median displacement of the points, in image widths, and number of frames, at which a new keyframe is set."""
 
 _LEAST_AGREEING, _LOST = 0.6, 0.15
-"""Share of agreeing points below which a frame becomes a keyframe, and below which tracking is lost."""
+"""Share of inliers below which a new keyframe is set, and below which tracking is lost."""
 
 _SATURATED = 0.985
-"""Grey level, of full scale, that counts as saturated."""
+"""Grey level, relative to full scale, that counts as saturated."""
 
 
 @dataclass(frozen=True)
@@ -99,11 +99,11 @@ class DirectOdometry:
     """Direct alignment with depth from the simulated scene."""
 
     def describe(self) -> dict[str, Any]:
-        """Return its source."""
+        """Return versions and source hash."""
         return {"builtin": made_with()}
 
     def track(self, source: OdometryInput, run: int) -> Tracked:
-        """Track once; the number of the run is the seed for the selection of points."""
+        """Track once; the run number is the seed for selecting points."""
         began = monotonic()
         try:
             recording = open_recording(source.place)
@@ -114,16 +114,16 @@ class DirectOdometry:
                     break
         except OspcError as error:
             return Tracked(None, str(error), seconds=monotonic() - began)
-        failure = "too few points agree with any motion" if tracker.lost else ""
+        failure = "too few points agree on a motion" if tracker.lost else ""
         return Tracked(tracker.trajectory, failure, seconds=monotonic() - began)
 
 
 def _true_poses(source: OdometryInput) -> list[Pose]:
-    """Return the true pose of every frame, from which the depth is computed."""
+    """Return the true pose of every frame, needed to compute depth."""
     place = source.place / TRUTH
     truth = read_trajectory(place)
     if len(truth) != len(source.stamps_s) or not truth.known.all():
-        raise RecordingError(f"{place}: does not hold a pose for each of the {len(source.stamps_s)} frames")
+        raise RecordingError(f"{place}: does not contain a pose for each of the {len(source.stamps_s)} frames")
     rotations = [Rotation.from_quat(quaternion).as_matrix() for quaternion in truth.quaternions]
     return [Pose(rotation, position) for rotation, position in zip(rotations, truth.positions, strict=True)]
 
@@ -165,7 +165,7 @@ class _Tracker:
             return
         self._speed = found.motion.after(self._motion.inverse)
         self._motion = found.motion
-        # The keyframe's pose maps its coordinates to the world; the motion leads from it to this frame.
+        # The keyframe's pose maps its coordinates to the world; the motion maps them to this frame.
         pose = self._key.after(found.motion.inverse)
         self._poses.append((frame.stamp_s, pose))
         self._since += 1
@@ -185,9 +185,10 @@ class _Tracker:
         return Trajectory(stamps_s, positions, np.asarray(Rotation.from_matrix(rotations).as_quat()))
 
     def _brightness(self, frame: Frame) -> tuple[Float32Array, BoolArray]:
-        """Return the brightness of a frame, and its saturated pixels.
+        """Return the brightness of a frame and its saturated pixels.
 
-        With a calibration, it is the square root of the irradiance at the median exposure, whose noise is uniform.
+        With a calibration, brightness is the square root of the irradiance at the median exposure, which has uniform
+        noise.
         """
         grey = frame.image.astype(np.float32) / np.float32(frame.max_grey)
         saturated = cv2.dilate((grey >= _SATURATED).astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
@@ -208,7 +209,7 @@ class _Tracker:
         self._motion, self._since = Pose.identity(), 0
 
     def _choose(self, image: Float32Array, saturated: BoolArray) -> FloatArray:
-        """Return one steep pixel of each cell, shape (n, 2); a random factor selects among nearly equal ones."""
+        """Return a pixel with large gradient in each cell, shape (n, 2); random among nearly equal ones."""
         smooth = cv2.GaussianBlur(image, (0, 0), 1.0)
         steep = np.hypot(cv2.Sobel(smooth, cv2.CV_32F, 1, 0), cv2.Sobel(smooth, cv2.CV_32F, 0, 1))
         steep *= self._random.uniform(0.6, 1.0, steep.shape).astype(np.float32)

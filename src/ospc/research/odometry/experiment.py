@@ -17,18 +17,18 @@ from ospc.research.odometry.inputs import CAMERA, TRUTH, Calibrations, Condition
 from ospc.research.runner import Finished, OnProgress, Task
 
 Ending = Literal["finished", "lost", "diverged", "failed", "timeout"]
-"""``lost``: it gave up before the end. ``diverged``: its poses are not finite, or far outside of all others.
+"""``lost``: tracking stopped before the end. ``diverged``: poses are not finite or far outside of all others.
 ``failed``: the program ended with an error or without a trajectory."""
 
 LEAST_COVERED, _LARGEST_STRETCH = 0.9, 1e6
-"""Share of a recording's duration that a finished run spans, and its largest over median distance of poses."""
+"""Share of a recording's duration that a finished run covers, and largest ratio of maximum to median distance."""
 
 _FIGURES = ("e_align", "e_s", "e_r_deg", "rmse")
-"""The errors that are written, of :class:`~ospc.evaluation.trajectory.AlignmentError`."""
+"""The reported fields of :class:`~ospc.evaluation.trajectory.AlignmentError`."""
 
 
 class Odometry(Protocol):
-    """Something that estimates a trajectory from a recording."""
+    """A program that estimates a trajectory from a recording."""
 
     def describe(self) -> dict[str, Any]:
         """Return what its results depend on, as JSON-compatible values."""
@@ -39,9 +39,9 @@ class Odometry(Protocol):
 
 @dataclass(frozen=True)
 class Tracked:
-    """What a run of odometry gave: the poses, None where there are none, and the end of its output.
+    """The result of a run of odometry: the poses, or None, and the end of the program's output.
 
-    ``failure`` says why there are none, or why they end early; it is empty if all went well.
+    ``failure`` is the reason why there are no poses or why they end early; empty if the run succeeded.
     """
 
     trajectory: Trajectory | None
@@ -51,14 +51,14 @@ class Tracked:
     seconds: float = 0.0
 
     def as_dict(self) -> dict[str, Any]:
-        """Return all of it as JSON-compatible values; a pose is a row of stamp, position and quaternion."""
+        """Return all fields as JSON-compatible values; a pose is a row of stamp, position and quaternion."""
         known = self.trajectory
         poses = None if known is None else np.column_stack([known.stamps_s, known.positions, known.quaternions])
         return {**vars(self), "trajectory": None if poses is None else poses.tolist()}
 
     @classmethod
     def from_dict(cls, content: dict[str, Any]) -> Tracked:
-        """Return what :meth:`as_dict` described."""
+        """Inverse of :meth:`as_dict`."""
         if content["trajectory"] is None:
             return cls(**content)
         poses = np.array(content["trajectory"], dtype=np.float64).reshape(-1, 8)
@@ -67,10 +67,10 @@ class Tracked:
 
 @dataclass(frozen=True)
 class RunResult:
-    """A run, compared with the truth.
+    """A run compared with the truth.
 
-    ``errors`` is None where they cannot be computed; ``covered`` is the share of the recording's duration that the
-    poses span.
+    ``errors`` is None if they cannot be computed; ``covered`` is the share of the recording's duration that the poses
+    cover.
     """
 
     recording: str
@@ -93,7 +93,7 @@ class RunResult:
         return 0 if self.tracked.trajectory is None else len(self.tracked.trajectory)
 
     def as_dict(self) -> dict[str, Any]:
-        """Return a line of the table of runs, of JSON-compatible values."""
+        """Return a line of the table of runs, with JSON-compatible values."""
         about = {"recording": self.recording, "condition": self.condition, "run": self.run}
         errors = {name: None if self.errors is None else getattr(self.errors, name) for name in _FIGURES}
         extent = {"poses": self.poses, "covered": self.covered, "seconds": self.tracked.seconds}
@@ -103,7 +103,7 @@ class RunResult:
 def judged(
     tracked: Tracked, truth: Trajectory, stamps_s: FloatArray, *, recording: str, condition: str, run: int
 ) -> RunResult:
-    """Compare a run with the truth; the stamps are those of the recording's frames."""
+    """Compare a run with the truth; ``stamps_s`` belong to the recording's frames."""
     covered = _covered(tracked.trajectory, stamps_s)
     ending, reason = _ending(tracked, covered, stamps_s)
     errors: AlignmentError | None = None
@@ -121,7 +121,7 @@ def _ending(tracked: Tracked, covered: float, stamps_s: FloatArray) -> tuple[End
     if tracked.timeout:
         return "timeout", tracked.failure
     if tracked.trajectory is None:
-        return "failed", tracked.failure or "it left no trajectory"
+        return "failed", tracked.failure or "it wrote no trajectory"
     positions = tracked.trajectory.positions
     if not np.all(np.isfinite(positions)):
         return "diverged", f"{np.count_nonzero(~tracked.trajectory.known)} of its poses are not finite"
@@ -129,7 +129,7 @@ def _ending(tracked: Tracked, covered: float, stamps_s: FloatArray) -> tuple[End
     if spread.max() > _LARGEST_STRETCH * max(float(np.median(spread)), 1e-12):
         return "diverged", "a pose is far outside of all others"
     if covered < LEAST_COVERED:
-        return "lost", f"its poses span {covered:.0%} of {stamps_s[-1] - stamps_s[0]:.1f} s"
+        return "lost", f"its poses cover {covered:.0%} of {stamps_s[-1] - stamps_s[0]:.1f} s"
     return ("failed", tracked.failure) if tracked.failure else ("finished", "")
 
 
@@ -141,15 +141,15 @@ def _covered(trajectory: Trajectory | None, stamps_s: FloatArray) -> float:
 
 
 _FEWEST_POSES = 3
-"""Poses at either end that an alignment needs."""
+"""Poses that an alignment needs at either end."""
 
 
 @dataclass(frozen=True)
 class Experiment:
-    """Recordings by name, each with camera.txt and groundtruthSync.txt, to be run under conditions.
+    """Recordings by name, each with camera.txt and groundtruthSync.txt, to be run under several conditions.
 
-    ``end_share`` is the share of the true trajectory used at either end, where the data set knows no more; None for
-    all.
+    ``end_share`` is the share of the true trajectory to use at either end, as in data sets that know no more; None
+    for all of it.
     """
 
     recordings: dict[str, Recording]
@@ -160,11 +160,11 @@ class Experiment:
     end_share: float | None = None
 
     def __post_init__(self) -> None:
-        """Refuse what cannot be run, before hours are spent."""
+        """Check the input, before hours are spent."""
         if self.runs < 1 or not self.recordings or not self.conditions:
             raise SettingError("an experiment needs at least one recording, one condition and one run")
         if self.end_share is not None and not 0 < self.end_share <= 0.5:
-            raise SettingError(f"the share of the truth at either end is {self.end_share}; choose one up to 0.5")
+            raise SettingError(f"the share of the truth at either end is {self.end_share}; choose at most 0.5")
         for recording in self.recordings.values():
             needed(recording.path, CAMERA)
             self.truth_of(recording)
@@ -176,10 +176,10 @@ class Experiment:
 
 
 def tasks_of(experiment: Experiment, odometry: Odometry) -> tuple[list[Task], list[RunResult]]:
-    """Return all runs, the first of everything before the second, so that an interruption leaves a fair table.
+    """Return the tasks of all runs, and the runs that failed already because their calibration failed.
 
-    A calibration that cannot be made is a result: its runs are returned as failed ones. Tasks are about the name of
-    the recording, the input, and the number of the run.
+    The first runs of all recordings and conditions come before the second ones, so that an interruption leaves a fair
+    table. Tasks are about the recording's name, the input, and the run number.
     """
     tasks: list[Task] = []
     failed: list[RunResult] = []
@@ -209,7 +209,7 @@ def _run(odometry: Odometry, source: OdometryInput, number: int, _progress: OnPr
 
 
 def result_of(finished: Finished, experiment: Experiment) -> RunResult:
-    """Return a finished run, compared with the truth."""
+    """Compare a finished run with the truth."""
     name, source, number = finished.task.about
     truth = experiment.truth_of(experiment.recordings[name])
     tracked = Tracked.from_dict(finished.result)
@@ -218,7 +218,7 @@ def result_of(finished: Finished, experiment: Experiment) -> RunResult:
 
 
 def end_segments(truth: Trajectory, share: float) -> Trajectory:
-    """Return a truth of which only this share, at most 0.5, is known at either end, as in the monocular data set."""
+    """Return a truth known only over this share (at most 0.5) at either end, as in the monocular data set."""
     keep = max(_FEWEST_POSES, round(share * len(truth)))
     positions, quaternions = truth.positions.copy(), truth.quaternions.copy()
     positions[keep : len(truth) - keep] = np.nan

@@ -1,10 +1,11 @@
 """The input of odometry: a recording in the layout of the monocular data set, with the files of one condition.
 
 Conditions are the columns of the paper's table. The paper (section 4.2) runs DSO with the full ground truth, with its
-own calibration (I), with the calibration of Bergmann et al. 2018 aligned by one point of the true response (II) and
-without that point ("II modified"), always with the exposures of the metadata; and without any photometric
-calibration, "including the affine brightness correction", with all exposures set to one (III). The last is mode 2 of
-DSO, which fixes the affine brightness transfer at identity; mode 1, which leaves it free, is a further condition.
+own calibration (I), and with the calibration of Bergmann et al. 2018 aligned by one point of the true response (II)
+or without that point ("II modified"), always with the exposures of the metadata. It also runs DSO without any
+photometric calibration, "including the affine brightness correction", with all exposures set to one (III). This is
+mode 2 of DSO, which fixes the affine brightness transfer at identity; mode 1, which leaves it free, is an additional
+condition.
 """
 
 from __future__ import annotations
@@ -36,14 +37,14 @@ from ospc.research.runner import key_of, made_with
 from ospc.research.source import PCALIB, VIGNETTE, fingerprints, true_curves
 
 Mode = Literal[0, 1, 2]
-"""DSO's mode: 0 with calibration files, 1 with a free affine transfer of brightness instead, 2 with neither."""
+"""DSO's mode: 0 with calibration files, 1 with a free affine brightness transfer instead, 2 with neither."""
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.+-]{0,63}")
 
 
 @dataclass(frozen=True)
 class Condition:
-    """What odometry is given: its name in commands and results, the heading of its column, and DSO's mode."""
+    """A calibration condition: its name in commands and results, its column heading, and DSO's mode."""
 
     name: str
     title: str
@@ -56,7 +57,7 @@ class Condition:
 
     @property
     def metadata_exposures(self) -> bool:
-        """Whether exposures are those of the recording; otherwise all are one."""
+        """Whether the recording's exposures are used; otherwise all are set to one."""
         return self.mode != 2
 
 
@@ -68,25 +69,25 @@ STANDARD: tuple[Condition, ...] = (
     Condition("joint-wogt", "Joint, no truth (II modified)"),
     Condition("none", "None (III)", 2),
 )
-"""The columns of the paper's table with its modified experiment II, and that of the method here."""
+"""The columns of the paper's table, including its modified experiment II, and this project's method."""
 
 AFFINE = Condition("affine", "None, affine transfer free", 1)
-"""Not in the paper: what DSO is meant to be run with where there is no calibration."""
+"""Not in the paper: the mode recommended for DSO without a calibration."""
 
 _KNOWN = {condition.name: condition for condition in (*STANDARD, AFFINE)}
 
 
 def external(name: str) -> Condition:
-    """Return a condition for calibration files of another program, under a name that is not taken."""
+    """Return a condition for calibration files of another program, under a new name."""
     if not _NAME.fullmatch(name) or name in _KNOWN:
         raise SettingError(
-            f"'{name}' cannot name a further calibration; choose another word of letters, digits and _ . + -"
+            f"'{name}' cannot be the name of a calibration; choose another word of letters, digits and _ . + -"
         )
     return Condition(name, name)
 
 
 def chosen(names: Sequence[str]) -> tuple[Condition, ...]:
-    """Return standard conditions by their names, in the order of the paper's table."""
+    """Return standard conditions by name, in the order of the paper's table."""
     unknown = [name for name in names if name not in _KNOWN]
     if unknown:
         raise SettingError(f"no condition is called '{unknown[0]}'; known: {', '.join(_KNOWN)}")
@@ -96,16 +97,16 @@ def chosen(names: Sequence[str]) -> tuple[Condition, ...]:
 CAMERA, TIMES, TRUTH = "camera.txt", "times.txt", "groundtruthSync.txt"
 _NEEDED_FOR = {
     CAMERA: "odometry needs the camera's geometry",
-    TRUTH: "errors of trajectories need the truth",
+    TRUTH: "trajectory errors need the ground truth",
 }
 _SUFFIXES = (".png", ".jpg", ".jpeg")
 
 
 @dataclass(frozen=True)
 class OdometryInput:
-    """A recording under a condition: its folder, with a camera.txt, and what odometry is given.
+    """The input of odometry: a recording's folder, which contains camera.txt, under a condition.
 
-    ``images`` is a folder that holds its images and nothing else, one file a frame, in temporal order by name.
+    ``images`` is a folder that contains only the images, one file per frame, in temporal order by name.
     """
 
     place: Path
@@ -118,7 +119,7 @@ class OdometryInput:
 
     @classmethod
     def of(cls, recording: Recording, images: Path, condition: Condition, photometry: Photometry) -> OdometryInput:
-        """Return a recording under a condition."""
+        """Return the input for a recording under a condition."""
         needed(recording.path, CAMERA)
         stamps, exposures = np.array([recording.stamps_s, recording.exposures_ms], dtype=np.float64)
         given = exposures if condition.metadata_exposures else np.ones_like(exposures)
@@ -126,7 +127,7 @@ class OdometryInput:
         return cls(recording.path, images, stamps, given, condition, photometry, known)
 
     def describe(self) -> dict[str, Any]:
-        """Return what results depend on: recording, camera, mode, and a hash of each parameter."""
+        """Return what results depend on: recording, camera, mode, and a hash of each curve."""
         return {
             "recording": self.recording_identity,
             "camera": sha256(needed(self.place, CAMERA).read_bytes()).hexdigest(),
@@ -136,9 +137,9 @@ class OdometryInput:
 
     @contextmanager
     def folder(self) -> Iterator[Path]:
-        """Give a temporary folder with images (a link), times.txt, camera.txt and the condition's parameter files.
+        """Create a temporary folder with images (a link), times.txt, camera.txt and the condition's parameter files.
 
-        Programs are to be started within it and to be given relative paths: DSO ends a path at its first blank.
+        Start programs in this folder and pass relative paths: DSO cuts a path at its first blank.
         """
         with TemporaryDirectory(prefix="ospc-odometry-") as name:
             place = Path(name)
@@ -153,16 +154,17 @@ class OdometryInput:
 
 
 def needed(place: Path, name: str) -> Path:
-    """Return the path of camera.txt or groundtruthSync.txt in a recording's folder."""
+    """Return the path of camera.txt or groundtruthSync.txt in a recording's folder, which must have it."""
     if not (place / name).is_file():
         raise RecordingError(f"{place}: has no {name}; {_NEEDED_FOR[name]}")
     return place / name
 
 
 def images_of(recording: Recording, cache: Path) -> Path:
-    """Return a folder with a recording's images as odometry reads them, one file a frame.
+    """Return a folder with a recording's images for odometry, one file per frame.
 
-    This is its own folder ``images`` if that holds exactly the frames; otherwise they are written below ``cache``.
+    This is the recording's own folder ``images`` if that contains exactly the frames; otherwise they are written
+    below ``cache``.
     """
     own = recording.path / "images"
     if own.is_dir() and recording.max_grey == 255:
@@ -176,23 +178,23 @@ def images_of(recording: Recording, cache: Path) -> Path:
     if made.frames != len(recording):
         (place / TIMES).unlink()
         raise RecordingError(
-            f"{recording.path}: {made.skipped} of its {counted(len(recording), 'image')} cannot be read; odometry "
-            f"needs them all"
+            f"{recording.path}: {made.skipped} of {counted(len(recording), 'image')} cannot be read; odometry needs "
+            f"all of them"
         )
     return place / "images"
 
 
 _PRESETS = {"paper": "paper", "ours": "default"}
-"""Presets of the conditions whose calibration is estimated with the exposures of the recording."""
+"""Presets of the conditions whose calibration uses the exposures of the recording."""
 
 
 @dataclass(frozen=True)
 class Calibrations:
-    """Finds or estimates calibrations, and keeps the estimates in a folder.
+    """Finds or estimates calibrations, and stores the estimates in a folder.
 
-    Those ``given``, by the name of their condition, are preferred to everything else. Joint estimation is ``online``,
-    as in the paper's comparison, or from the whole recording. ``progress`` is called with what is being estimated,
-    and the share that is done.
+    Those ``given``, by the name of their condition, take precedence. Joint estimation is ``online``, as in the
+    paper's comparison, or uses the whole recording at once. ``progress`` is called with a description of the
+    estimation and the share that is done.
     """
 
     folder: Path
@@ -201,7 +203,7 @@ class Calibrations:
     progress: Callable[[str, float], None] = lambda _what, _share: None
 
     def of(self, recording: Recording, condition: Condition) -> Photometry:
-        """Return the calibration of a recording under a condition; an empty one where the condition has none."""
+        """Return the calibration of a recording under a condition; empty if the condition has none."""
         if not condition.calibrated:
             return Photometry("none", None, None)
         if condition.name in self.given:
@@ -209,11 +211,11 @@ class Calibrations:
         if condition.name == "truth":
             return Photometry(str(recording.path), *true_curves(recording))
         if condition.name not in _KNOWN:
-            raise SettingError(f"there is no calibration '{condition.name}'; give it by {condition.name}=FILES")
+            raise SettingError(f"there is no calibration '{condition.name}'; give it as {condition.name}=FILES")
         return open_photometry(self._estimated(recording, condition.name))
 
     def _estimated(self, recording: Recording, name: str) -> Path:
-        """Return the file of an estimate, made unless it is there; both joint variants are made at once."""
+        """Return the file of an estimate, and create it if needed; both joint variants are created together."""
         preset = _PRESETS.get(name)
         online = self.online and preset is None
         depends_on = {"recording": identity(recording), "online": online, "made_with": made_with()}
@@ -238,5 +240,5 @@ class Calibrations:
             known = found.calibration or Calibration(recording.size, found.response, found.vignette)
             known.save(folder / f"{re.sub('joint-(online|batch)', 'joint', result.variant)}.json")
         if not place.is_file():
-            raise FormatError(f"{recording.path}: has no {PCALIB}, which holds the one known point of the response")
+            raise FormatError(f"{recording.path}: has no {PCALIB}, which provides the known point of the response")
         return place

@@ -1,4 +1,4 @@
-"""DSO, or a program that takes the same arguments and leaves a result.txt."""
+"""Runs DSO, or a program that takes the same arguments and writes a result.txt."""
 
 from __future__ import annotations
 
@@ -19,14 +19,15 @@ from ospc.research.source import PCALIB, VIGNETTE
 
 _RESULT = "result.txt"
 _LOG_TAIL = 4000
-"""Bytes kept of the end of what a program printed."""
+"""Bytes kept from the end of a program's output."""
 
 
 @dataclass(frozen=True)
 class Program:
-    """A program with the command line of DSO, and further arguments.
+    """A program with the command line of DSO, and additional arguments.
 
-    Started with ``files= calib= mode= gamma= vignette=`` in a folder of its own, it leaves ``result.txt`` there.
+    It is started with ``files= calib= mode= gamma= vignette=`` in a folder of its own, where it writes
+    ``result.txt``.
     """
 
     executable: Path
@@ -34,20 +35,20 @@ class Program:
     arguments: tuple[str, ...] = ("preset=0", "nogui=1", "quiet=1", "nolog=1")
 
     def __post_init__(self) -> None:
-        """Check that it can be run."""
+        """Check the executable and the time limit."""
         if not self.executable.is_file() or not os.access(self.executable, os.X_OK):
             raise SettingError(f"{self.executable}: is not an executable; give the path of your dso_dataset")
         if not self.timeout_s > 0:
             raise SettingError(f"the time limit of a run is {self.timeout_s} s; give a positive number")
 
     def describe(self) -> dict[str, Any]:
-        """Return a hash of the executable, and its arguments."""
+        """Return a hash of the executable and the arguments."""
         return {"executable": sha256(self.executable.read_bytes()).hexdigest(), "arguments": list(self.arguments)}
 
     def command(self, source: OdometryInput) -> list[str]:
         """Return the command line, with paths relative to the folder of :meth:`OdometryInput.folder`.
 
-        The images' path has a slash because DSO looks for times.txt beside the part after the last one.
+        The path of the images has a slash because DSO looks for times.txt next to the part after the last slash.
         """
         curves = source.photometry
         given: dict[str, object] = {"files": "./images", "calib": CAMERA, "mode": source.condition.mode}
@@ -75,7 +76,7 @@ class Program:
         return Tracked(trajectory, failure, timeout, tail, seconds)
 
     def _wait(self, command: list[str], place: Path, log: int) -> tuple[bool, int]:
-        """Run a command until it ends or its time is over; whatever it started ends with it, on any exception too."""
+        """Run a command until it ends or times out; afterwards, or on any exception, kill all of its processes."""
         with subprocess.Popen(  # noqa: S603 - the user's own program
             command,
             cwd=place,
@@ -96,7 +97,7 @@ class Program:
 
 def _result(path: Path) -> tuple[Trajectory | None, str]:
     if not path.is_file():
-        return None, f"it left no {_RESULT}"
+        return None, f"it wrote no {_RESULT}"
     try:
         return read_trajectory(path), ""
     except FormatError as error:

@@ -1,4 +1,4 @@
-"""The paper's table of median alignment errors, the pictures, and the files of an odometry experiment."""
+"""The report of an odometry experiment: the paper's table of median alignment errors, plots and files."""
 
 from __future__ import annotations
 
@@ -17,19 +17,18 @@ from ospc.formats.files import csv_text
 from ospc.report.style import BLUE, GREEN, ORANGE, new_figure, printable, rules, save
 from ospc.research.odometry.experiment import Experiment, RunResult
 from ospc.research.odometry.inputs import Condition
-from ospc.research.pictures import figure_of_panels, look
+from ospc.research.pictures import figure_of_panels, line_style
 from ospc.research.tables import StudyReport, Table, as_json
 
 _PANEL_IN = (4.4, 4.4)
-"""Width and height of a trajectory in inches."""
-
+"""Width and height of one trajectory plot, in inches."""
 
 Columns = dict[str, list[tuple[Condition, list[RunResult]]]]
-"""The runs of every recording under each condition, by number."""
+"""The runs of every recording under each condition, ordered by run number."""
 
 
 def columns_of(experiment: Experiment, results: Iterable[RunResult]) -> Columns:
-    """Return the columns of the table for every recording."""
+    """Group the runs by recording and condition."""
     found: Columns = {name: [(one, []) for one in experiment.conditions] for name in experiment.recordings}
     for run in sorted(results, key=lambda run: run.run):
         next(runs for condition, runs in found[run.recording] if condition.name == run.condition).append(run)
@@ -37,7 +36,7 @@ def columns_of(experiment: Experiment, results: Iterable[RunResult]) -> Columns:
 
 
 def median_table(columns: Columns) -> Table:
-    """Return one row a recording and one column a condition, the lowest median of each row marked."""
+    """Return a table with one row per recording and one column per condition; the lowest median is marked."""
     lines, best = [], set()
     for number, (name, found) in enumerate(columns.items()):
         middles = [_median(runs) for _, runs in found]
@@ -49,7 +48,7 @@ def median_table(columns: Columns) -> Table:
 
 
 def _median(runs: Sequence[RunResult]) -> float:
-    """Return the median alignment error; infinite where half of the runs or more did not finish."""
+    """Return the median alignment error; infinite if half of the runs or more did not finish."""
     return float(np.median([run.error for run in runs])) if runs else math.inf
 
 
@@ -62,13 +61,13 @@ def _text(median: float, runs: Sequence[RunResult]) -> str:
 
 
 def _summary(runs: Sequence[RunResult]) -> dict[str, Any]:
-    """Return the median, None for an infinite one, and how many runs finished."""
+    """Return the median (None if infinite) and how many runs finished."""
     median, finished = _median(runs), sum(math.isfinite(run.error) for run in runs)
     return {"median": median if math.isfinite(median) else None, "finished": finished, "runs": len(runs)}
 
 
 def odometry_report(experiment: Experiment, results: Iterable[RunResult]) -> StudyReport:
-    """Return the report, with ``runs.csv``, ``results.json``, ``table.md`` and pictures; for JSON, the medians."""
+    """Return the report, with ``runs.csv``, ``results.json``, ``table.md`` and plots; its content is the medians."""
     columns = columns_of(experiment, results)
     runs = [(condition, run) for found in columns.values() for condition, some in found for run in some]
     lines = [run.as_dict() for _, run in runs]
@@ -83,7 +82,7 @@ def odometry_report(experiment: Experiment, results: Iterable[RunResult]) -> Stu
         "cumulative.png": partial(draw_cumulative, [run for _, run in runs], experiment.conditions)
     }
     for name, recording in experiment.recordings.items():
-        # Of each condition, the run whose error is the median.
+        # For each condition, the run with the median error.
         typical = [(c, sorted(r, key=lambda run: run.error)[(len(r) - 1) // 2]) for c, r in columns[name] if r]
         truth = experiment.truth_of(recording)
         pictures[f"trajectories-{name}.png"] = partial(draw_trajectories, typical, truth, name)
@@ -96,7 +95,7 @@ def odometry_report(experiment: Experiment, results: Iterable[RunResult]) -> Stu
 
 
 def draw_cumulative(results: Sequence[RunResult], conditions: Sequence[Condition], path: Path) -> Path:
-    """Draw the number of finished runs below an alignment error, one line a condition."""
+    """Draw the number of finished runs up to an alignment error, one line per condition."""
     figure = new_figure(7.0, 5.2)
     with rules():
         axes = figure.subplots()
@@ -108,7 +107,7 @@ def draw_cumulative(results: Sequence[RunResult], conditions: Sequence[Condition
                 continue
             steps, counts = [*finite, 1.5 * largest], [*range(1, len(finite) + 1), len(finite)]
             label = f"{condition.title}: {len(finite)} of {len(errors)} finished"
-            axes.step(steps, counts, where="post", label=label, **look(number))
+            axes.step(steps, counts, where="post", label=label, **line_style(number))
         axes.set(xscale="log", ylim=(0, None), title="Cumulative error of all runs")
         axes.set(xlabel="alignment error $e_{align}$, in units of the truth", ylabel="runs with at most that error")
         figure.legend(loc="outside lower center", ncols=2)
@@ -116,8 +115,8 @@ def draw_cumulative(results: Sequence[RunResult], conditions: Sequence[Condition
 
 
 def draw_trajectories(runs: Sequence[tuple[Condition, RunResult]], truth: Trajectory, title: str, path: Path) -> Path:
-    """Draw one run for each condition, aligned to the first and to the last part of the truth; NaN is unknown."""
-    # The two directions in which the truth spreads most.
+    """Draw one run per condition, aligned to the first and to the last part of the truth; NaN is unknown."""
+    # The two directions in which the truth extends most.
     points = truth.positions[truth.known]
     across, up, _ = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)[2]
     with rules():
@@ -136,8 +135,8 @@ def _draw(axes: Any, result: RunResult, truth: Trajectory, plane: tuple[FloatArr
     if not copies:
         why = f"{result.ending}\n{printable(result.reason)}"
         axes.text(0.5, 0.5, why, ha="center", wrap=True, parse_math=False, transform=axes.transAxes)
-    looks = ((BLUE, "aligned to the start"), (ORANGE, "aligned to the end"))
-    for copy, (colour, label) in zip(copies, looks, strict=False):
+    styles = ((BLUE, "aligned to the start"), (ORANGE, "aligned to the end"))
+    for copy, (colour, label) in zip(copies, styles, strict=False):
         axes.plot(copy @ across, copy @ up, color=colour, lw=1.1, label=label)
     known = truth.positions @ across, truth.positions @ up
     axes.plot(*known, color=GREEN, ls="--", lw=1.6, label="truth, where known")
@@ -147,7 +146,7 @@ def _draw(axes: Any, result: RunResult, truth: Trajectory, plane: tuple[FloatArr
 
 
 def _aligned_copies(tracked: Trajectory | None, truth: Trajectory) -> list[FloatArray]:
-    """Return the positions aligned to either half of the truth; none where that is not possible."""
+    """Return the positions aligned to either half of the truth; none if that is impossible."""
     try:
         return [] if tracked is None else [to(tracked.positions) for to, _ in half_alignments(tracked, truth)]
     except (NotObservableError, FormatError):

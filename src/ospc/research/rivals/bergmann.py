@@ -1,4 +1,4 @@
-"""Joint estimation as its publication runs it: online from a window of frames, or from all frames at once.
+"""Joint estimation as published: online from a window of frames, or from all frames at once.
 
 Bergmann, Wang and Cremers, "Online photometric calibration of auto exposure video for realtime visual odometry and
 SLAM", 2018. The estimation itself, O = f(eᵢ V(xᵢᵖ) Lᵖ) with f, V, e and L free, is
@@ -16,16 +16,16 @@ from ospc.unknown_exposures.joint_estimation import JointEstimate, estimate_join
 from ospc.unknown_exposures.tracking import GainRobustTracker
 
 WINDOW, EVERY = 200, 50
-"""Frames that an online estimate uses, and frames from one to the next."""
+"""Frames that an online estimate uses, and frames between estimates."""
 
 _ITERATIONS_ONLINE, _ITERATIONS = 20, 60
-"""Most alternations; online estimates start at the one before and need fewer."""
+"""Most alternations; online estimates start at the previous one and need fewer."""
 
 
 class Bergmann:
-    """Joint estimation from frames, whose exposures are not used, with one point of the true response and without.
+    """Joint estimation without exposures, with and without one point of the true response.
 
-    It is ``online`` where an estimate is made ``every`` so many frames from the latest ``window``, not one from all
+    If ``online``, it estimates every ``every`` frames from the latest ``window`` frames; otherwise once from all
     frames at the end.
     """
 
@@ -46,11 +46,11 @@ class Bergmann:
             self._latest = self._estimated(_ITERATIONS_ONLINE)
 
     def estimate(self) -> JointEstimate:
-        """Return the latest online estimate, or one from all frames, without any point of the truth."""
+        """Return the latest online estimate, or one from all frames, without a point of the truth."""
         return self._latest or self._estimated(_ITERATIONS)
 
     def found(self) -> dict[str, Outcome]:
-        """Return the variants that are possible, as ``-wgt`` and ``-wogt``."""
+        """Return the possible variants, as ``-wgt`` and ``-wogt``."""
         name = "joint-online" if self._online else "joint-batch"
         free = self.estimate()
         variants = {} if self._truth is None else {f"{name}-wgt": free.aligned_to(self._truth)}

@@ -1,6 +1,6 @@
-"""Methods of other papers for a camera at rest: a response from images of one view at several exposures.
+"""Methods of other papers for a static camera: the response from images of one view at several exposures.
 
-They need all images at once, and find no vignette.
+They need all images at once and estimate no vignette.
 """
 
 from __future__ import annotations
@@ -24,16 +24,16 @@ LEVELS = 256
 """Grey levels of 8-bit images."""
 
 _LEAST_CHANGE, _LEAST_SLOPE = 1.05, 1e-9
-"""Least ratio of the largest to the smallest exposure, and growth of g from level to level where it would be flat."""
+"""Least ratio of the largest to the smallest exposure, and step of g per level where it would be flat."""
 
 _DARKEST, _BRIGHTEST = 3, 250
-"""Grey levels between which the values of g are used; beyond, saturation and noise distort them."""
+"""Range of grey levels in which g is used; saturation and noise distort it elsewhere."""
 
 _FEWEST_LEVELS, _END_LEVELS = 20, 10
-"""Grey levels that must have a value, and number of those that g is extended from."""
+"""Grey levels that must have a value, and number of those from which g is extrapolated."""
 
 _MOST_IMAGES, _FEWEST_UNSATURATED = 24, 100
-"""Images of a series, enough for every method and few enough for memory, and pixels never saturated that suffice."""
+"""Images of a series, enough for every method and few enough for memory, and never-saturated pixels that suffice."""
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ class ExposureSeries:
     exposures_ms: FloatArray
 
     def __post_init__(self) -> None:
-        """Check that it is a series."""
+        """Check sizes and exposures."""
         if self.images.ndim != 3 or self.images.dtype != np.uint8 or len(self.images) != len(self.exposures_ms):
             raise FrameError("a series has 8-bit images of one size, and one exposure for each")
         if not np.all(np.isfinite(self.exposures_ms) & (self.exposures_ms > 0)):
@@ -54,7 +54,7 @@ class ExposureSeries:
 
     @classmethod
     def of(cls, frames: Iterable[Frame], most: int = _MOST_IMAGES) -> ExposureSeries:
-        """Select ``most`` frames at most whose exposures are spread evenly over their range, darkest first."""
+        """Select at most ``most`` frames with exposures spread evenly over their range, darkest first."""
         taken = sorted(frames, key=lambda frame: frame.exposure_ms)
         if len(taken) > most:
             logs = np.log([frame.exposure_ms for frame in taken])
@@ -71,7 +71,7 @@ class ExposureSeries:
         return np.asarray(self.exposures_ms / self.exposures_ms.mean())
 
     def sampled(self, count: int) -> npt.NDArray[np.uint8]:
-        """Return some pixels in all images, spread evenly over their brightness, shape (n, count).
+        """Return up to ``count`` pixels in all images, spread evenly over brightness, shape (n, count).
 
         Pixels that are saturated in any image are left out if enough others remain.
         """
@@ -88,11 +88,13 @@ class ExposureSeries:
 def response_of_values(values: FloatArray, name: str) -> Response:
     """Return 256 values of g, NaN where unknown, as a response.
 
-    The ends are replaced: below by a line to the origin, above by the slope of the brightest known levels. In
-    between, gaps are interpolated, and where noise made the curve fall, the nearest curve that does not is taken, by
-    least squares.
+    The ends are replaced: below by a line to the origin, above by the slope of the brightest known levels. Gaps are
+    interpolated, and the curve is made non-decreasing by isotonic regression.
 
-    It is a NotObservableError if too few values are known, or they do not increase.
+    Raises
+    ------
+    NotObservableError
+        If too few values are known, or they do not increase.
     """
     levels = np.arange(LEVELS)
     known = np.flatnonzero(np.isfinite(values) & (values > 0) & (levels >= _DARKEST) & (levels <= _BRIGHTEST))
@@ -106,7 +108,7 @@ def response_of_values(values: FloatArray, name: str) -> Response:
 
 
 class CameraAtRest:
-    """A method for a camera at rest by its name, as studies run it."""
+    """A method for a static camera by name, as studies run it."""
 
     def __init__(self, name: str) -> None:
         self._name = name
@@ -122,7 +124,7 @@ class CameraAtRest:
 
 
 _SMOOTHNESS, _TURNS = 10.0, 60
-"""λ of Debevec and Malik, OpenCV's default, and turns of Robertson's method."""
+"""λ of Debevec and Malik, OpenCV's default, and iterations of Robertson's method."""
 
 
 def debevec_malik(series: ExposureSeries, samples: int = 200) -> Response:
@@ -153,7 +155,7 @@ def _by_opencv(method: Any, images: npt.NDArray[np.uint8], series: ExposureSerie
 
 
 def engel_response(series: ExposureSeries, iterations: int = 20) -> Response:
-    """Return the response of the TUM monocular data set (Engel, Usenko and Cremers 2016) after so many iterations.
+    """Return the response by the method of the TUM monocular data set (Engel, Usenko and Cremers 2016).
 
     g has 256 free values. Minimises Σ (g(Mᵢ(x)) − tᵢB(x))² over unsaturated pixels in turn: g(m) is the mean of
     tᵢB(x) where Mᵢ(x) = m, and B(x) = Σ tᵢ g(Mᵢ(x)) / Σ tᵢ².
@@ -174,10 +176,10 @@ def engel_response(series: ExposureSeries, iterations: int = 20) -> Response:
 
 
 _MOST_DEGREES, _EXPOSED = 10, (2, 253)
-"""The highest degree that the publication tries, and grey levels between which pixels are used."""
+"""The highest degree that the publication tries, and the range of grey levels used."""
 
 _PIXELS, _FEWEST_PIXELS = 2000, 50
-"""Pixels that are used, and fewest of them that must be exposed in two successive images."""
+"""Pixels used, and fewest of them that must be well exposed in two successive images."""
 
 
 @dataclass(frozen=True)
@@ -199,15 +201,15 @@ def mitsunaga_nayar(series: ExposureSeries, degree: int | None = None) -> Mitsun
     """Return the polynomial of Mitsunaga and Nayar, "Radiometric self calibration", 1999, with known exposure ratios.
 
     g(M) = Σ cₙMⁿ with g(1) = 1. For successive images with exposure ratio R, g(M₀) − R·g(M₁) = 0 is linear in the
-    coefficients. The degree is from 1 to 10; the one with the least error where None.
+    coefficients. The degree is between 1 and 10; if None, the one with the smallest error.
     """
     if degree is not None and not 1 <= degree <= _MOST_DEGREES:
-        raise SettingError(f"the degree of the polynomial is {degree}; choose one from 1 to {_MOST_DEGREES}")
+        raise SettingError(f"the degree of the polynomial is {degree}; choose 1 to {_MOST_DEGREES}")
     grey = series.sampled(_PIXELS).astype(np.float64)
     exposed = (grey > _EXPOSED[0]) & (grey < _EXPOSED[1])
     pairs = exposed[:-1] & exposed[1:]
     if np.count_nonzero(pairs) < _FEWEST_PIXELS:
-        raise NotObservableError("hardly any pixel is exposed in two successive images; take smaller steps")
+        raise NotObservableError("hardly any pixel is well exposed in two successive images; use smaller steps")
     ratio = (series.exposures_ms[:-1] / series.exposures_ms[1:])[np.nonzero(pairs)[0]]
     grey0, grey1 = grey[:-1][pairs] / 255, grey[1:][pairs] / 255
     degrees = range(1, _MOST_DEGREES + 1) if degree is None else (degree,)

@@ -1,4 +1,4 @@
-"""Systems for single images, as studies run them: on a few frames of a recording, spread over it."""
+"""Methods for single images, run by studies on a few frames spread over a recording."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from ospc.unknown_exposures.single_image.response_prior import COMPONENTS, respo
 from ospc.unknown_exposures.single_image.zheng_2008 import radial_gradient_vignette, segment_vignette
 
 _IMAGES, _APART = 4, 40
-"""Frames that are used, and frames from one to the next: nearer ones show the same."""
+"""Number of frames used, and their distance: closer ones show the same scene."""
 
 _BRIGHTEST = 250
 """Grey level from which a pixel may be clipped."""
 
 
 class FromSingleImages:
-    """Keeps a few frames, and estimates at the end; variants by name, each a function of the 8-bit images."""
+    """Stores a few frames and estimates at the end. Variants, by name, are functions of the 8-bit images."""
 
     def __init__(self, variants: dict[str, Callable[[Sequence[Image]], Estimate]]) -> None:
         self._variants = variants
@@ -43,12 +43,12 @@ class FromSingleImages:
 
 
 def from_edges(name: str, response_of: Callable[[EdgePatches], Response]) -> FromSingleImages:
-    """Return a response from windows across edges."""
+    """Return a method that estimates the response from windows across edges."""
     return FromSingleImages({name: lambda images: Estimate(response_of(EdgePatches.of(images)))})
 
 
 def zheng_2008(truth: Response | None) -> FromSingleImages:
-    """Return the vignette of radial gradients, with the true response and with the usual one."""
+    """Return the method of radial gradients for the vignette, with the true and with a typical response."""
 
     def vignette(response: Response, images: Sequence[Image]) -> Estimate:
         masks = [image < _BRIGHTEST for image in images]
@@ -58,7 +58,7 @@ def zheng_2008(truth: Response | None) -> FromSingleImages:
 
 
 def zheng_segments(truth: Response | None) -> FromSingleImages:
-    """Return the vignette of segments of the first image, with the true response and with the usual one."""
+    """Return the method of segments for the vignette, on the first image, with the true and a typical response."""
 
     def vignette(response: Response, images: Sequence[Image]) -> Estimate:
         return Estimate(vignette=segment_vignette(response.inverse(images[0] / 255)))
@@ -75,5 +75,5 @@ def _by_response(
 
 
 def fallback() -> FromSingleImages:
-    """Return what ``ospc calibrate --fallback single-image`` gives."""
+    """Return the method of ``ospc calibrate --fallback single-image``."""
     return FromSingleImages({"fallback-without": lambda images: Estimate.of(calibrate_single_images(images))})

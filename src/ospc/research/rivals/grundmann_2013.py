@@ -1,15 +1,15 @@
 """Grundmann, McClanahan, Kang and Essa, "Post-processing approach for radiometric self-calibration of video", 2013.
 
-A camera that adapts its tone curve has another response in every frame: a mixture of responses at key frames, with
-weights w that change from one to the next. For a point with grey levels M and M' in frames t and t',
+The response of a camera that adapts its tone curve differs in every frame: it is a mixture of the responses at
+keyframes, with weights w that vary over time. For a point with grey levels M and M' in frames t and t',
 
     Σ wₖ(t) ln gₖ(M) − Σ wₖ(t') ln gₖ(M') = ln e(t) − ln e(t'),    ln gₖ = g₀ + Σ cₖᵢ hᵢ
 
-is linear in all cₖ and ln e. Each frame is compared with six earlier ones, three frames apart. Key frames, compared
-frames, and the weights of grey levels and of both pulls, of successive cₖ to each other and of all to the mean, are
-those of the first author's program (irradiance_estimation, 2010). Departures: five components instead of seven, w is
-linear, and residuals r have the weights 1/|r| of the L1 norm, which the program leaves out. The exponent is fixed by
-one point of the response; without it, by that of the mean curve. There is no vignette.
+is linear in all cₖ and ln e. Each frame is compared with six earlier ones, three frames apart. Keyframes, compared
+frames, and the weights of grey levels and of both priors (that successive cₖ are similar and all are near the mean)
+are those of the first author's program (irradiance_estimation, 2010). Differences: five components instead of seven,
+w is linear, and residuals r have the weights 1/|r| of the L1 norm, which the program leaves out. One point of the
+response fixes the exponent; without it, the mean curve does. There is no vignette.
 """
 
 from __future__ import annotations
@@ -26,34 +26,34 @@ from ospc.research.rivals.log_response import log_model
 from ospc.unknown_exposures.tracking import GainRobustTracker, TrackObservations
 
 KEY_FRAMES_APART = 15
-"""Frames from one key frame to the next."""
+"""Frames from one keyframe to the next."""
 
 _EARLIER = 1 + 3 * np.arange(6)
-"""How much earlier the frames are that a frame is compared with."""
+"""Distances of a frame to the earlier frames it is compared with."""
 
 _GREY_SPREAD = 600 / 1024
-"""Weights of grey levels are those of a normal distribution about ½ with this standard deviation."""
+"""Width of the Gaussian weight of grey levels about ½."""
 
 _ADJACENT, _PRIOR = (10 * 0.01) ** 2, 10 * 0.05
-"""Weights of squared differences of successive cₖ, and of squared cₖ, in the mean weight of an observation."""
+"""Weights of squared differences of successive cₖ and of squared cₖ, in units of the mean observation weight."""
 
 _ROUNDS, _LEAST_RESIDUAL = 5, 1e-3
-"""Turns of reweighting, and residual of ln g below which weights do not grow any further."""
+"""Rounds of reweighting, and residual of ln g below which weights grow no further."""
 
 _MOST_PAIRS, _FEWEST_PAIRS = 100_000, 200
-"""Pairs of observations that are used, spread evenly, and needed."""
+"""Most pairs of observations used, spread evenly, and fewest needed."""
 
 
 def mixture_responses(
     tracks: TrackObservations, truth: Response | None = None, apart: int = KEY_FRAMES_APART
 ) -> tuple[FloatArray, dict[int, float]]:
-    """Return c of every key frame, shape (keys, 5), and exposures by frame, up to a factor."""
+    """Return c of every keyframe, shape (keys, 5), and exposures by frame, up to a factor."""
     model, greys = log_model(), np.arange(256)
     grey = 255 * tracks.grey
     first, second = _pairs(tracks)
     span = tracks.frames[-1] - tracks.frames[0]
     keys = max(2, round(span / apart) + 1)
-    # Hat functions: a frame's response is interpolated between the two key frames around it.
+    # A frame's response is interpolated linearly between the two keyframes around it.
     place = (tracks.frames[tracks.frame] - tracks.frames[0]) / max(span, 1) * (keys - 1)
     left = np.minimum(place.astype(np.int64), keys - 2)
     curves = np.stack([np.interp(grey, greys, h) for h in model.components], axis=1)
@@ -61,7 +61,7 @@ def mixture_responses(
     mean = np.interp(grey, greys, model.mean)
 
     def terms(at: IntArray) -> csr_array:
-        """Return the derivatives of ln g(M) − ln e by all unknowns."""
+        """Return the derivatives of ln g(M) − ln e with respect to all unknowns."""
         share = (place - left)[at]
         values = np.hstack([(1 - share)[:, None] * curves[at], share[:, None] * curves[at], -np.ones((at.size, 1))])
         columns = np.hstack([left[at, None] * count + np.arange(2 * count), keys * count + tracks.frame[at, None]])
@@ -73,7 +73,7 @@ def mixture_responses(
     pull = np.zeros((keys * count + frames,) * 2)
     adjacent = np.kron(np.diff(np.eye(keys), axis=0), np.eye(count))
     pull[: keys * count, : keys * count] = _ADJACENT * adjacent.T @ adjacent + _PRIOR * np.eye(keys * count)
-    # The common factor of all exposures cannot be observed.
+    # The common factor of all exposures is unobservable.
     pull[keys * count :, keys * count :] = 1 / frames
     robust = np.ones(first.size)
     for _ in range(_ROUNDS):
@@ -86,11 +86,11 @@ def mixture_responses(
 
 
 def _pairs(tracks: TrackObservations) -> tuple[IntArray, IntArray]:
-    """Return observations of the same points in two frames, the earlier ones first."""
+    """Return observations of the same points in two frames; the first ones are earlier."""
     order = np.lexsort((tracks.frame, tracks.point))
     index = tracks.frames[tracks.frame[order]]
     far = int(tracks.frames.max(initial=0)) + int(_EARLIER.max()) + 1
-    # Ascending, as the observations are in order.
+    # Ascending, because the observations are sorted.
     key = tracks.point[order] * far + index
     first, second = [], []
     for earlier in _EARLIER:
@@ -106,7 +106,7 @@ def _pairs(tracks: TrackObservations) -> tuple[IntArray, IntArray]:
 
 
 class Grundmann:
-    """The method, with one point of the true response and without; the result is the mixture halfway."""
+    """The method, with and without one point of the true response; the result is the mean over keyframes."""
 
     def __init__(self, truth: Response | None) -> None:
         self._truth = truth
@@ -117,7 +117,7 @@ class Grundmann:
         self._tracker.push(frame)
 
     def found(self) -> dict[str, Outcome]:
-        """Return the variants that are possible."""
+        """Return the possible variants."""
         tracks = self._tracker.observations()
 
         def estimate(known: Response | None) -> Estimate:

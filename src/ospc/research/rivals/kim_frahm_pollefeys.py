@@ -1,17 +1,18 @@
 """Kim, Frahm and Pollefeys, "Joint feature tracking and radiometric calibration from auto-exposure video", 2007.
 
-Lucas–Kanade tracking of ln irradiance. For every pixel x in the window of a feature, with g = g₀ + Σ cₖhₖ, the
-empirical model of ln g, and one exposure difference K for both images I and J,
+Lucas–Kanade tracking of ln irradiance. For every pixel x in the window of a feature, with the empirical model of ln
+g, here called g = g₀ + Σ cₖhₖ, and one exposure difference K between the images I and J,
 
     g(J(x + d)) − g(I(x)) − K = 0
 
-Linearised, the unknowns are the displacement d of each feature, c and K. The normal equations are sparse: 2×2 blocks
-of displacements, which the Schur complement eliminates, leave a small system for c and K. Displacements are found
-from coarse to fine. The response is one for all pairs: their reduced systems, K eliminated in the same way, add up.
+After linearisation, the unknowns are the displacement d of each feature, c and K. The normal equations are sparse:
+the Schur complement eliminates the 2×2 blocks of displacements and leaves a small system for c and K. Displacements
+are found from coarse to fine. All pairs share the response, so their reduced systems, with K eliminated likewise, add
+up.
 
-Response and exposures are known up to an exponent; the publication fixes it by the true g at one grey level. Without,
-g keeps the value of g₀ there. There is no vignette. The journal version is of 2010. Not verified: the publications'
-window and number of features.
+Response and exposures are known up to an exponent, which the publication fixes by the true g at one grey level;
+without it, g keeps the value of g₀ there. There is no vignette. The journal version appeared in 2010. Not verified:
+the publications' window and number of features.
 """
 
 from __future__ import annotations
@@ -31,28 +32,28 @@ from ospc.unknown_exposures.tracking import sampled
 
 _GREYS = np.arange(256)
 _SIDE, _PYRAMID, _STEPS = 9, 4, 6
-"""Side of a window in pixels, levels of the pyramid, and most steps on each."""
+"""Side of a window in pixels, pyramid levels, and most steps per level."""
 
 _FEATURES, _QUALITY, _SPACING_PX = 200, 0.01, 10
-"""Features of a pair, least strength of a corner over that of the strongest, and least distance of corners."""
+"""Features of a pair, least strength of a corner relative to the strongest, and least distance of corners."""
 
 _DARKEST, _BRIGHTEST = 5.0, 250.0
-"""Grey levels outside of which pixels are not used."""
+"""Range of grey levels used."""
 
 _SETTLED_PX = 0.02
 _OUTLIER, _FEWEST = 0.1, 15
-"""RMS residual of ln g above which a feature was not tracked, and features that a pair needs."""
+"""RMS residual of ln g above which a feature is lost, and features that a pair needs."""
 
 _EVERY, _TURNS = 10, 4
-"""Pairs after which c is estimated again while frames come in, and turns over all pairs kept at the end."""
+"""Pairs after which c is estimated again during tracking, and rounds over all stored pairs at the end."""
 
 _LEAST_CHANGE, _MOST_PAIRS = 0.05, 60
-"""Smallest |K| of pairs for the response, as less shows only the noise of grey levels, and pairs kept for the end."""
+"""Smallest |K| of a pair, because with less the noise of grey levels dominates, and most pairs stored."""
 
 
 @dataclass(frozen=True)
 class TrackedPair:
-    """Grey levels, in [0, 255], of tracked windows in both images, shape (features, pixels).
+    """Grey levels in [0, 255] of tracked windows in both images, shape (features, pixels).
 
     The gradient is that of the second image along x and y, shape (features, pixels, 2); displacements have the shape
     (features, 2), and ``log_ratio`` is K.
@@ -66,9 +67,9 @@ class TrackedPair:
 
 
 def track(image0: Image, image1: Image, points: FloatArray, curve: FloatArray) -> TrackedPair | None:
-    """Track features between two images whose brightness differs, with ln g at 256 grey levels; None if too few are.
+    """Track features between two images of different brightness, given ln g at 256 grey levels.
 
-    K is shared by all features, as in the publication; c is held while a pair is tracked.
+    Returns None if too few features remain. All features share K, as in the publication; c is fixed while a pair is tracked.
     """
     pyramid = [(image0.astype(np.float32), image1.astype(np.float32))]
     for _ in range(_PYRAMID - 1):
@@ -125,12 +126,12 @@ def _residual(pair: TrackedPair, curve: FloatArray) -> FloatArray:
 
 
 def _slopes(pair: TrackedPair, curve: FloatArray) -> FloatArray:
-    """Return the derivatives of g(J(x + d)) by d, shape (features, pixels, 2)."""
+    """Return the derivatives of g(J(x + d)) with respect to d, shape (features, pixels, 2)."""
     return np.asarray(np.interp(pair.second, _GREYS, np.gradient(curve))[..., None] * pair.gradient)
 
 
 def _solve_displacements(pair: TrackedPair, curve: FloatArray) -> tuple[FloatArray, float]:
-    """Return the step of every displacement, and K, with c held."""
+    """Return the step of every displacement, and K, with c fixed."""
     weight, slope = _exposed(pair), _slopes(pair, curve)
     residual = _residual(pair, curve)
     eliminated = _Eliminated.of(weight, slope)
@@ -138,13 +139,13 @@ def _solve_displacements(pair: TrackedPair, curve: FloatArray) -> tuple[FloatArr
     matrix, vector = eliminated.reduced(ones, residual)
     change = float(vector[0] / max(matrix[0, 0], 1e-12))
     step = eliminated.displacements(residual - change)
-    # A step beyond the window is out of the linear range.
+    # A step beyond the window is outside the linear range.
     return np.clip(-step, -_SIDE / 2, _SIDE / 2), pair.log_ratio + change
 
 
 @dataclass(frozen=True)
 class _Eliminated:
-    """Displacements eliminated from the normal equations by their 2×2 blocks."""
+    """Eliminates displacements from the normal equations by their 2×2 blocks."""
 
     weight: FloatArray
     slope: FloatArray
@@ -157,12 +158,12 @@ class _Eliminated:
         return cls(weight, slope, np.linalg.inv(blocks + ridge[:, None, None] * np.eye(2)))
 
     def displacements(self, target: FloatArray) -> FloatArray:
-        """Return d that explains a target (features, pixels) best."""
+        """Return the d that best explains a target, shape (features, pixels)."""
         moment = np.einsum("fp,fpi,fp->fi", self.weight, self.slope, target)
         return np.asarray(np.einsum("fij,fj->fi", self.inverse, moment))
 
     def reduced(self, columns: FloatArray, target: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return matrix and vector of the Schur complement for columns (features, pixels, unknowns)."""
+        """Return matrix and vector of the Schur complement for columns, shape (features, pixels, unknowns)."""
         mixed = np.einsum("fp,fpi,fpk->fik", self.weight, self.slope, columns)
         moment = np.einsum("fp,fpi,fp->fi", self.weight, self.slope, target)
         matrix = np.einsum("fp,fpk,fpl->kl", self.weight, columns, columns)
@@ -173,7 +174,7 @@ class _Eliminated:
 
 
 def reduced_system(pair: TrackedPair, model: LogModel, coefficients: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return A and b of A c = b for a pair, all displacements and K eliminated; g₀ is the right-hand side."""
+    """Return A and b of A c = b for a pair, with displacements and K eliminated; g₀ gives the right-hand side."""
     columns = [np.interp(pair.second, _GREYS, h) - np.interp(pair.first, _GREYS, h) for h in model.components]
     columns.append(-np.ones_like(pair.first))
     target = np.interp(pair.first, _GREYS, model.mean) - np.interp(pair.second, _GREYS, model.mean)
@@ -186,7 +187,7 @@ def reduced_system(pair: TrackedPair, model: LogModel, coefficients: FloatArray)
 
 
 class KimFrahmPollefeys:
-    """The method, with one point of the true response, if that is known, and without."""
+    """The method, with one point of the true response (if known) and without."""
 
     def __init__(self, truth: Response | None) -> None:
         self._truth, self._model = truth, log_model()
@@ -209,24 +210,24 @@ class KimFrahmPollefeys:
         pair = track(previous, image, points, self._model.curve(self._coefficients)) if len(points) else None
         if pair is None or abs(pair.log_ratio) < _LEAST_CHANGE:
             return
-        # Pairs whose brightness changes most show most of the response.
+        # Pairs with the largest change in brightness show the response best.
         self._pairs = sorted([*self._pairs, pair], key=lambda one: -abs(one.log_ratio))[:_MOST_PAIRS]
         self._tracked += 1
         if self._tracked % _EVERY == 0:
             self._coefficients = self._solved(None)
 
     def found(self) -> dict[str, Outcome]:
-        """Return the variants that are possible."""
+        """Return the possible variants."""
         name = "kim-frahm-pollefeys"
         return with_and_without(
             name, self._truth, lambda known: Estimate(self._model.response(self._solved(known), name))
         )
 
     def _solved(self, truth: Response | None) -> FloatArray:
-        """Return c from all pairs kept."""
+        """Return c from all stored pairs."""
         if not self._pairs:
             raise NotObservableError(
-                "the exposure of successive frames hardly changes, or too few features could be tracked across it"
+                "the exposure hardly changes between frames, or too few features could be tracked where it does"
             )
         coefficients = self._coefficients
         for _ in range(_TURNS):

@@ -1,12 +1,12 @@
 """Kim and Pollefeys, "Robust radiometric calibration and vignetting correction", 2008.
 
-1. Scene points at the same radius in two images have the same vignette. Their grey levels alone give, for each pair
-   of images, the brightness transfer function τ: the most likely increasing path through the joint histogram.
-2. ln g(τ(M)) − ln g(M) = K for all pairs and grey levels: linear in the coefficients of an empirical model of ln g
-   and in the exposures K. The solution is known up to an exponent, which is fixed by one K; the publication assumes
-   a constant.
+1. Scene points at the same radius in two images have the same vignette. Their grey levels give, for each pair of
+   images, the brightness transfer function τ: the most likely increasing path through the joint histogram.
+2. ln g(τ(M)) − ln g(M) = K for all pairs and grey levels is linear in the coefficients of an empirical model of ln g
+   and in the exposures K. The solution is known up to an exponent, which one K fixes; the publication assumes a
+   constant.
 3. With both known, all points give V(r₁) = a·V(r₂), where a is the median of g(M₁)/g(M₂)e⁻ᴷ over points with similar
-   radii: linear in the coefficients of V.
+   radii. This is linear in the coefficients of V.
 """
 
 from __future__ import annotations
@@ -33,24 +33,25 @@ _SAME_RADIUS, _MOVING = 0.03, 0.1
 """Largest |r₁ − r₂| of points for the response, and smallest for the vignette."""
 
 _FEWEST, _FEWEST_LEVELS = 400, 60
-"""Points of a pair, and grey levels of its transfer function, that it needs."""
+"""Fewest points of a pair, and fewest grey levels of its transfer function."""
 
 _RINGS, _FEWEST_IN_CELL = 25, 10
-"""Number of rings that radii are binned into, and the fewest points of a cell of two rings that counts."""
+"""Number of radius bins, and fewest points in a cell of two bins that counts."""
 
 _PULL = 3.0
-"""Weight of the mean curve: the errors of the grey levels of one pair are correlated, so their number misleads."""
+"""Weight of the mean curve, needed because the errors of the grey levels of one pair are correlated."""
 
 _ASSUMED_LOG_RATIO, _LEAST_LOG_CHANGE = float(np.log(1.5)), 0.03
-"""ln of the exposure ratio that the publication assumes, and change of ln brightness that fixes the exponent."""
+"""ln of the exposure ratio that the publication assumes, and least change of ln brightness to fix the exponent."""
+
 _FLOOR, _CEILING = 3, 250
-"""Grey levels outside of which ratios are too noisy or saturated."""
+"""Grey levels beyond which ratios are too noisy or saturated."""
 
 _HUBER = 1.345
 """Huber's tuning constant: 95 % efficient for normal residuals."""
 
 _STEP_PX, _BACK_PX, _SMOOTHING_PX = 3, 1.0, 1.2
-"""Spacing of the points, largest forward-backward error of their flow, and smoothing of their grey levels."""
+"""Spacing of the points, largest forward-backward error of the flow, and smoothing of the grey levels."""
 
 _EXPONENTS = 2 * np.arange(1, 4)
 
@@ -58,12 +59,15 @@ _EXPONENTS = 2 * np.arange(1, 4)
 def estimate_decoupled(
     pairs: Sequence[Correspondences], known: tuple[int, float] | None = None
 ) -> tuple[Estimate, FloatArray]:
-    """Return response and vignette from points that are visible in both images of each pair, and its K, shape (n,).
+    """Return response and vignette from points visible in both images of each pair, and the K of pairs, shape (n,).
 
-    ``known`` is the number of a pair and ln of its exposure ratio e₀/e₁, which fixes the exponent; where None, that
-    of the pair whose brightness changes most is assumed to be 1.5 or 1/1.5.
+    ``known`` is the number of a pair and ln of its exposure ratio e₀/e₁, which fixes the exponent. If None, the ratio
+    of the pair with the largest change in brightness is assumed to be 1.5 or 1/1.5.
 
-    It is a NotObservableError if no pair changes its brightness, or too few points move along the radius.
+    Raises
+    ------
+    NotObservableError
+        If the brightness of no pair changes, or too few points move radially.
     """
     found = [(number, _transfer(pair)) for number, pair in enumerate(pairs)]
     transfers = [(number, *transfer) for number, transfer in found if transfer is not None]
@@ -75,7 +79,7 @@ def estimate_decoupled(
 
 
 def _transfer(pair: Correspondences) -> tuple[IntArray, IntArray, FloatArray] | None:
-    """Return grey levels M₁, τ(M₁) and how many points support them; None where there are too few."""
+    """Return grey levels M₁, τ(M₁) and the number of points that support them; None if there are too few."""
     still = pair.select(pair.radial_displacement < _SAME_RADIUS)
     if len(still) < _FEWEST:
         return None
@@ -118,7 +122,7 @@ def _solve_response(
         fixed = int(np.argmax(np.abs(changes)))
         value = float(np.sign(changes[fixed])) * _ASSUMED_LOG_RATIO
     if abs(changes[fixed]) < _LEAST_LOG_CHANGE:
-        raise NotObservableError("the brightness of no pair of images changes; the response cannot be known")
+        raise NotObservableError("brightness changes in no pair of images; the response cannot be determined")
     count = len(components)
     rows, targets = [], []
     for column, (_, first, second, support) in enumerate(transfers):
@@ -130,7 +134,7 @@ def _solve_response(
         targets.append((mean[second] - mean[first]) * root)
     matrix, target = np.concatenate(rows), np.concatenate(targets)
     target = target - matrix[:, count + fixed] * value
-    # A weak pull towards the mean curve determines what no pair shows.
+    # A weak pull towards the mean curve determines what no pair does.
     pull = _PULL * np.eye(count, count + len(transfers) - 1)
     found = _robust(np.delete(matrix, count + fixed, axis=1), target, pull)
     ratios = np.insert(found[count:], fixed, value)
@@ -138,7 +142,7 @@ def _solve_response(
 
 
 def _robust(matrix: FloatArray, target: FloatArray, pull: FloatArray) -> FloatArray:
-    """Return the solution of least squares with Huber's weights on rows."""
+    """Solve least squares with Huber weights on the rows."""
     weight = np.ones(len(target))
     found: FloatArray = np.zeros(matrix.shape[1])
     for _ in range(10):
@@ -162,7 +166,7 @@ def _solve_vignette(pairs: Sequence[Correspondences], response: Response, ratios
         second.append(some.radius1)
     log, r1, r2 = (np.concatenate(parts) for parts in (logs, first, second))
     if np.count_nonzero(np.abs(r1 - r2) > _MOVING) < _FEWEST:
-        raise NotObservableError("too few points change their distance from the centre; the vignette cannot be known")
+        raise NotObservableError("too few points move radially; the vignette cannot be determined")
     ring1, ring2 = (np.minimum(radius * _RINGS, _RINGS - 1).astype(int) for radius in (r1, r2))
     cell = ring1 * _RINGS + ring2
     rows, targets = [], []
@@ -178,7 +182,7 @@ def _solve_vignette(pairs: Sequence[Correspondences], response: Response, ratios
 
 
 class KimPollefeys:
-    """The method with one exposure ratio known, that of the largest change, and with one assumed."""
+    """The method, with the largest exposure ratio known and with it assumed."""
 
     EVERY, OFFSET = 5, 10
     """Frames between pairs, and between the two frames of a pair."""
@@ -210,14 +214,14 @@ class KimPollefeys:
         return estimate_decoupled(self._pairs, known)[0]
 
     def _largest_change(self) -> tuple[int, float] | None:
-        """Return the number of the usable pair whose exposures differ most, and ln of their ratio."""
+        """Return the number of the usable pair with the largest exposure ratio, and ln of that ratio."""
         usable = [number for number, pair in enumerate(self._pairs) if _transfer(pair) is not None]
         best = max(usable, key=lambda number: abs(self._log_ratios[number]), default=None)
         return None if best is None else (best, self._log_ratios[best])
 
 
 def _registered(frame0: Frame, frame1: Frame) -> Correspondences:
-    """Return points of a grid with their places in the other image, where forward and backward flow agree."""
+    """Return grid points with their positions in the other image, if forward and backward flow agree."""
     image0, image1 = frame0.image_8_bit, frame1.image_8_bit
     first, second = equalised(image0, image1, log_brightness(image1) - log_brightness(image0))
     flow = cv2.DISOpticalFlow_create(cv2.DISOPTICAL_FLOW_PRESET_FAST)

@@ -1,15 +1,15 @@
 """Mo, Shi, Yeung and Matsushita, "Ambiguity-free radiometric calibration for internet photo collections", 2019.
 
 1. Irradiances of the same scene points in several images form a matrix of rank 1, A = (gᵢ(Mᵢₚ)): an exposure for each
-   image times a radiance for each point. All gᵢ, of an empirical model, are found together by making the other
-   singular values small against the first. g^γ fits as well: a common exponent remains.
-2. Edge colours fix it: γ is such that colours on edges lie on lines between those of their regions, as in Lin et al.
-   2004 (:mod:`ospc.unknown_exposures.single_image.edges`).
+   image times a radiance for each point. All gᵢ, given by an empirical model, are found jointly by making the other
+   singular values small relative to the first. g^γ fits equally well, so a common exponent remains unknown.
+2. Edge colours determine the exponent: γ is such that colours on edges lie on lines between the colours of the
+   adjacent regions, as in Lin et al. 2004 (:mod:`ospc.unknown_exposures.single_image.edges`).
 
-The publication compares points of equal normals, because the light differs from photograph to photograph; here it
-does not, and any points will do. Each image has its own response, as published; the result is their mean in ln g. The
-exponent can be fixed by one point of the true response instead, and has to be for grey images. There is no vignette.
-Not verified: the publication's prior on coefficients, and its solver.
+The publication compares points with equal normals, because the light differs between photographs; here it does not,
+and any points can be used. Each image has its own response, as published; the result is their mean in ln g. For grey
+images, the exponent has to come from one point of the true response. There is no vignette. Not verified: the
+publication's prior on coefficients, and its solver.
 """
 
 from __future__ import annotations
@@ -29,23 +29,23 @@ from ospc.unknown_exposures.single_image.edges import EdgePatches, edge_colour_d
 from ospc.unknown_exposures.tracking import GainRobustTracker
 
 _IMAGES, _APART = 6, 4
-"""Images of the matrix, and frames from one to the next: tracks have to last through all."""
+"""Images of the matrix, and frames from one to the next; tracks have to last through all of them."""
 
 _FEWEST_POINTS, _EXPOSED = 25, (0.03, 0.97)
-"""Points that must be exposed in all images of a set, and grey levels between which they are."""
+"""Points that must be well exposed in all images of a set, and the range of grey levels that counts as such."""
 
 _NOISE, _GAUGE = 0.01, 0.01
-"""Relative error of an irradiance against which coefficients, whose variance is 1, are weighed, and tolerance of ln g
-at the grey level that the common exponent is held by."""
+"""Relative error of an irradiance, weighed against coefficients of unit variance, and tolerance of ln g at the grey
+level that fixes the common exponent."""
 
 _GAMMAS = (0.3, 3.0)
-"""Exponents that edge colours choose from."""
+"""Range of exponents."""
 
 
 def rank_one_response(grey: FloatArray) -> Response:
-    """Return the response, up to an exponent, for which irradiances have rank 1; grey levels (images, points).
+    """Return the response, up to an exponent, for which the irradiances of ``grey`` (images, points) have rank 1.
 
-    The exponent is that of the mean curve of the model.
+    The exponent is that of the model's mean curve.
     """
     model, levels = log_model(), np.linspace(0, 1, 256)
     count = len(model.components)
@@ -54,13 +54,13 @@ def rank_one_response(grey: FloatArray) -> Response:
         coefficients = unknown.reshape(len(grey), count)
         curves = np.array([model.curve(c) for c in coefficients])
         log = np.array([np.interp(m, levels, curve) for m, curve in zip(grey, curves, strict=True)])
-        # Exposures of the start keep bright images from outweighing dark ones.
+        # Initial exposures keep bright images from outweighing dark ones.
         matrix = np.exp(log - np.median(log, axis=1, keepdims=True))
         matrix /= np.linalg.norm(matrix, axis=0)
         left, singular, right = np.linalg.svd(matrix, full_matrices=False)
         rest = (left[:, 1:] * singular[1:]) @ right[1:] / singular[0]
         gauge = curves[:, ANCHOR].mean() - model.mean[ANCHOR]
-        # Columns have length 1: an element is 1/√images.
+        # Columns have length 1, so a typical element is 1/√images.
         relative = rest.ravel() * np.sqrt(len(grey))
         return np.concatenate([relative / _NOISE, unknown, [gauge / _GAUGE]])
 
@@ -69,7 +69,7 @@ def rank_one_response(grey: FloatArray) -> Response:
 
 
 def exponent_of_edges(response: Response, patches: EdgePatches) -> float:
-    """Return the γ for which g^γ brings edge colours nearest to the lines between their regions."""
+    """Return the γ for which g^γ brings edge colours closest to the lines between their regions."""
     table = np.maximum(response.resampled(256), 1e-9)
     found = minimize_scalar(
         lambda log_gamma: edge_colour_distance(patches, table ** np.exp(log_gamma)),
@@ -86,7 +86,7 @@ def powered(response: Response, gamma: float) -> Response:
 
 
 class Mo:
-    """The method, with one point of the true response, and with edge colours where frames have colours."""
+    """The method, with one point of the true response, and with edge colours if frames are in colour."""
 
     def __init__(self, truth: Response | None) -> None:
         self._truth = truth
@@ -97,7 +97,7 @@ class Mo:
         self._count = 0
 
     def push(self, frame: Frame) -> None:
-        """Take the next frame; of a colour image the green channel is tracked."""
+        """Take the next frame; the green channel of a colour image is tracked."""
         image = frame.image
         grey = frame
         if image.ndim == 3:
@@ -120,13 +120,13 @@ class Mo:
         grey = grey[:, np.all((grey > _EXPOSED[0]) & (grey < _EXPOSED[1]), axis=0)]
         if grey.shape[1] >= _FEWEST_POINTS:
             change = float(np.std(np.median(np.log(grey), axis=1)))
-            # Of all sets of images, the one whose brightness changes most shows most of the response.
+            # The set of images with the largest change in brightness shows the response best.
             self._best = max(self._best, (change, grey), key=lambda one: one[0])
 
     def found(self) -> dict[str, Outcome]:
-        """Return the variants that are possible."""
+        """Return the possible variants."""
         if not self._best[1].size:
-            raise NotObservableError(f"no {_FEWEST_POINTS} points are seen and exposed in {_IMAGES} images")
+            raise NotObservableError(f"fewer than {_FEWEST_POINTS} points are well exposed in {_IMAGES} images")
         free = rank_one_response(self._best[1])
         variants = {"mo-without": lambda: self._by_edges(free)}
         if (truth := self._truth) is not None:
@@ -136,5 +136,5 @@ class Mo:
 
     def _by_edges(self, free: Response) -> Estimate:
         if not self._colour:
-            raise NotObservableError("the colours of edges are needed, and the images are grey")
+            raise NotObservableError("edge colours are needed, but the images are grey")
         return Estimate(powered(free, exponent_of_edges(free, EdgePatches.of(self._colour))))

@@ -1,15 +1,17 @@
 """Quenzel, Horn, Houben and Behnke, "Keyframe-based photometric online calibration and color correction", 2018.
 
-From key frames of a moving camera, response, vignette and exposures at once, with few parameters: an even polynomial
-of degree six with thin plate splines in the image plane, and a gamma curve with thin plate splines in grey levels.
+Estimates response, vignette and exposures jointly from keyframes of a moving camera, with few parameters: an even
+polynomial of degree six with thin plate splines in the image plane, and a gamma curve with thin plate splines in grey
+levels.
 
     V(x) = 1 + v₁R² + v₂R⁴ + v₃R⁶ + Σ wⱼ φ(|x − xⱼ|),    φ(r) = r² ln r
     g(M) = M^γ + Σ uⱼ φ₁(|M − Mⱼ|),                       φ₁(r) = r³, the thin plate spline of one dimension
-    0 = ln g(Mᵢₚ) − ln V(xᵢₚ) − ln eᵢ − ln Lₚ             for key frames i and scene points p, robustly
+    0 = ln g(Mᵢₚ) − ln V(xᵢₚ) − ln eᵢ − ln Lₚ             for keyframes i and scene points p, robustly
 
-The splines of g vanish at M = 0, ½ and 1, so that γ alone fixes the exponent: by one point of the true response, or
-by that of a usual camera. Not verified: the publication's number and places of splines, and its residual; it is
-taken in logarithms here. Its poses from visual odometry only serve to find points again; feature tracks do it here.
+The splines of g vanish at M = 0, ½ and 1, so that γ alone fixes the exponent, either from one point of the true
+response or as that of a typical camera. Not verified: the publication's number and positions of splines, and its
+residual, which is logarithmic here. The publication uses poses from visual odometry only to find points again; here,
+feature tracks do that.
 """
 
 from __future__ import annotations
@@ -31,7 +33,7 @@ from ospc.research.method import Estimate, Outcome, with_and_without
 from ospc.unknown_exposures.tracking import GainRobustTracker
 
 KEY_FRAMES_APART, MOST_KEY_FRAMES = 10, 24
-"""Frames from one key frame to the next, and key frames that an estimate uses, the latest."""
+"""Frames from one keyframe to the next, and number of latest keyframes that an estimate uses."""
 
 _PLATES = np.array(list(product((-0.66, 0.0, 0.66), (-0.5, 0.0, 0.5))))
 """Centres of the splines of V, in half diagonals."""
@@ -40,19 +42,19 @@ _KNOTS = np.array([0.1, 0.25, 0.4, 0.6, 0.75, 0.9])
 """Grey levels of the splines of g."""
 
 _USUAL_GAMMA, _BENDING = 2.2, 1.5
-"""γ of a usual camera, without a known point, and weight over one observation that pulls splines to zero."""
+"""γ of a typical camera, used without a known point, and weight of the pull of splines to zero, in observations."""
 
 _ROBUST, _FEWEST = 0.05, 300
-"""Residual of ln g beyond which it counts less, and observations that are needed."""
+"""Scale of the robust loss of ln g, and observations needed."""
 
 _DARKEST, _BRIGHTEST = 0.03, 0.97
 _LEAST = 1e-4
-"""Grey levels outside of which points are not used, and least value of g and V."""
+"""Range of grey levels used, and least value of g and V."""
 
 
 @dataclass(frozen=True)
 class KeyFramePoints:
-    """Grey levels in [0, 1] of scene points, by number, in key frames, by index, all of shape (n,).
+    """Grey levels in [0, 1] of scene points (by number) in keyframes (by index), all of shape (n,).
 
     Positions are relative to the image centre, in half diagonals, shape (n, 2); ``size`` is that of the frames.
     """
@@ -65,7 +67,7 @@ class KeyFramePoints:
 
 
 def estimate_splines(points: KeyFramePoints, gamma: float = _USUAL_GAMMA, bending: float = _BENDING) -> Estimate:
-    """Return the estimate for a γ, which fixes the exponent, and a weight of bending."""
+    """Return the estimate for a given γ, which fixes the exponent, and a bending weight."""
     used = (points.grey > _DARKEST) & (points.grey < _BRIGHTEST)
     used &= np.bincount(points.point[used], minlength=points.point.max(initial=0) + 1)[points.point] > 1
     if np.count_nonzero(used) < _FEWEST:
@@ -74,12 +76,12 @@ def estimate_splines(points: KeyFramePoints, gamma: float = _USUAL_GAMMA, bendin
     numbers, frame = np.unique(points.frame[used], return_inverse=True)
     grey_basis, grey = _grey_splines(points.grey[used]), points.grey[used] ** gamma
     plane_basis = _plane_splines(points.position[used])
-    # The noise of ln g is largest where g is steep, M^γ at small M; unweighted, it flattens the curve.
+    # The noise of ln g is largest at small M, where ln g is steep; without weights it would flatten the curve.
     weight = points.grey[used]
     totals, frames = np.bincount(point, weights=weight**2), int(frame.max()) + 1
     knots, terms = grey_basis.shape[1], plane_basis.shape[1]
 
-    # Only the splines: neither the even polynomial, the first three terms, nor the exposures.
+    # Only the splines, without the even polynomial (the first three terms) and the exposures.
     bent = np.r_[:knots, knots + 3 : knots + terms]
 
     def residuals(unknown: FloatArray) -> FloatArray:
@@ -134,9 +136,9 @@ def _vignette(size: ImageSize, weights: FloatArray) -> RasterVignette:
 
 
 class Quenzel:
-    """The method, from the places and grey levels of tracked features in key frames.
+    """The method, on positions and grey levels of tracked features in keyframes.
 
-    There are two variants: with one point of the true response, which fixes γ, and without.
+    It has two variants: with and without one point of the true response, which fixes γ.
     """
 
     def __init__(self, truth: Response | None) -> None:
@@ -156,7 +158,7 @@ class Quenzel:
         self._count += 1
 
     def found(self) -> dict[str, Outcome]:
-        """Return the variants that are possible."""
+        """Return the possible variants."""
         points = self._points()
 
         def estimate(known: Response | None) -> Estimate:
@@ -166,7 +168,7 @@ class Quenzel:
         return with_and_without("quenzel", self._truth, estimate)
 
     def _points(self) -> KeyFramePoints:
-        """Return what the latest key frames show."""
+        """Return the observations of the latest keyframes."""
         if not self._key_frames:
             raise NotObservableError("too few points are seen in several key frames")
         indices, tracks, greys, places = zip(*self._key_frames, strict=True)

@@ -1,4 +1,4 @@
-"""The lines of the speed benchmark, the goals of those that have one, and its table, JSON and picture."""
+"""The measurements of the speed benchmark, their goals, and its table, JSON and plot."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from typing import Any, TypeAlias
 
 from ospc.arrays import ImageSize
 from ospc.report.style import new_figure, rules, save
-from ospc.research.pictures import look
+from ospc.research.pictures import line_style
 from ospc.research.runner import OnProgress, Task, made_with
 from ospc.research.speed.measuring import (
     SpeedRow,
@@ -30,20 +30,19 @@ VGA, LARGE = (640, 480), (1280, 1024)
 SIZES: tuple[ImageSize, ...] = (VGA, LARGE)
 
 _CORRECTED_FRAMES = 60
-"""Frames of the folder that is corrected: enough for the start of the program not to decide."""
+"""Frames that ``ospc correct`` gets: enough that starting the program does not dominate."""
 
 _LIVE_CORE_SHARE, _LIVE_MB = 0.25, 150.0
-"""Share of a core, and memory, that a live calibration of 640×480 at 30 frames/s may take on a small computer."""
-
+"""Share of a core and memory that live calibration of 640×480 at 30 frames/s may use on a small computer."""
 
 _Measure: TypeAlias = Callable[[ImageSize, Reel], SpeedRow]
 
 _CALIBRATED: dict[ImageSize, tuple[int, ...]] = {VGA: (100, 500), LARGE: (600, 1500)}
-"""Numbers of frames of the recordings for ``ospc calibrate``, by the size of their frames."""
+"""Lengths of the recordings for ``ospc calibrate`` by frame size."""
 
 
 def goal_of(row: SpeedRow) -> tuple[str, bool | None]:
-    """Return what a measurement should reach, and whether it does; empty, and None, where there is no goal."""
+    """Return the goal of a measurement and whether it is reached; empty and None if it has none."""
     small = row.peak_mb is None or row.peak_mb <= _LIVE_MB
     live_goal = f"≤ {_LIVE_CORE_SHARE:.0%} of a core, ≤ {_LIVE_MB:.0f} MB"
     goals = {
@@ -58,14 +57,14 @@ def goal_of(row: SpeedRow) -> tuple[str, bool | None]:
 
 
 def _measure(size: ImageSize, frames: int, measure: _Measure, _progress: OnProgress) -> dict[str, Any]:
-    """Measure in a process of its own, so that its peak memory is its own too."""
+    """Measure in a separate process, so that the peak memory is that of the measurement only."""
     reel = reel_of(size, frames)
     with get_context("spawn").Pool(1) as pool:
         return vars(pool.apply(measure, (size, reel)))
 
 
 def row_of(stored: dict[str, Any]) -> SpeedRow:
-    """Return the row that a task returned."""
+    """Return the row that a task stored."""
     push_ms = None if stored["push_ms"] is None else tuple(stored["push_ms"])
     return SpeedRow(**stored | {"size": tuple(stored["size"]), "push_ms": push_ms})
 
@@ -73,7 +72,7 @@ def row_of(stored: dict[str, Any]) -> SpeedRow:
 def speed_tasks(
     presets: tuple[str, ...], sizes: tuple[ImageSize, ...], frames: int, live_s: float, rate_hz: float
 ) -> list[Task]:
-    """Return all measurements, of at most so many frames and ``live_s`` seconds live."""
+    """Return all measurements, with at most ``frames`` frames each and ``live_s`` seconds of live calibration."""
     machine = {"cores": os.cpu_count(), "node": platform.node()}
     depends_on = {"frames": frames, "machine": machine, "made_with": made_with(whole=True)}
     tasks = []
@@ -95,7 +94,7 @@ def speed_tasks(
 
 
 _LEAST_NAMED = 0.06
-"""Share of the time from which a stage's name fits into its bar."""
+"""Share of the time above which a stage's name fits into its bar."""
 
 
 def _cells(row: SpeedRow) -> dict[str, str]:
@@ -131,7 +130,7 @@ def speed_report(rows: Sequence[SpeedRow]) -> StudyReport:
 
 
 def _draw(rows: Sequence[SpeedRow], path: Path) -> Path:
-    """Draw a bar for each row, divided by stage; work of other threads is not in it."""
+    """Draw a bar per row, divided by stage; the work of other threads is not included."""
     shown = [row for row in rows if row.stages]
     stages = list(dict.fromkeys(stage for row in shown for stage in row.stages))
     figure = new_figure(11.0, 1.5 + 0.5 * len(shown))
@@ -141,7 +140,7 @@ def _draw(rows: Sequence[SpeedRow], path: Path) -> Path:
             left = 0.0
             for number, stage in enumerate(stages):
                 share = row.stages.get(stage, 0.0) / row.seconds
-                axes.barh(place, share, left=left, color=look(number)["color"], height=0.7)
+                axes.barh(place, share, left=left, color=line_style(number)["color"], height=0.7)
                 if share > _LEAST_NAMED:
                     axes.text(left + share / 2, place, stage, ha="center", va="center", fontsize=8, color="white")
                 left += share

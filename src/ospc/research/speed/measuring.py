@@ -1,4 +1,4 @@
-"""How long things take against the least they could, decoding or copying, measured in the same run just before."""
+"""Times of calibrating and correcting, relative to decoding or copying the same data in the same run."""
 
 from __future__ import annotations
 
@@ -27,36 +27,36 @@ from ospc.recording import Frame
 from ospc.research.speed.reel import Reel
 
 SLOW_FRAMES = 30
-"""Frames that preset "paper" is measured with: it takes the same time for each."""
+"""Frames that preset "paper" is measured with: it needs the same time for each."""
 
 _CORRECTIONS = 40
-"""Times that one image is corrected, and copied, in turns."""
+"""Times that one image is corrected and copied, alternately."""
 
 _SHORTEST_S = 1e-6
-"""Least time that is told: others are divided by it, and a coarse clock may stand still for one copy."""
+"""Shortest time reported: times are divided by it, and a coarse clock may not advance during one copy."""
 
-_LOOK_S = 0.02
-"""Time between two looks at the memory of a command."""
+_POLL_S = 0.02
+"""Time between two readings of a command's memory."""
 
 _COMMAND = (sys.executable, "-c", "from ospc.cli.main import main; main()")
 
 
 @dataclass(frozen=True)
 class SpeedRow:
-    """What one measurement gave.
+    """One measurement.
 
     Attributes
     ----------
     frames, seconds, cpu_s
-        Frames, the time of all of them with all that belongs to it, and the processor time of all threads.
+        Number of frames, total wall-clock time, and processor time of all threads.
     against, against_s, against_cpu_s
-        What it is compared with, "decoding" the same frames in one thread, or "copying" the same data, and its times.
+        The reference, "decoding" the same frames in one thread or "copying" the same data, and its times.
     push_ms
-        Median, 99th percentile and maximum of the time of one push; None where nothing is pushed.
+        Median, 99th percentile and maximum of the time of one push; None if nothing is pushed.
     peak_mb
-        Largest resident memory, without that of the frames shown; None where the system does not say.
+        Peak resident memory without the input frames; None if the system does not report it.
     stages
-        Seconds by stage; the last, "other", is the rest. Empty where they are not known.
+        Seconds by stage; the last, "other", is the rest. Empty if unknown.
     """
 
     what: str
@@ -95,7 +95,7 @@ class SpeedRow:
 
 @dataclass
 class _Spent:
-    """Time, and processor time of this process, that passed in a context; it restarts with each."""
+    """Wall-clock time and processor time of this process within a context; restarts with each use."""
 
     seconds: float = 0.0
     cpu_s: float = 0.0
@@ -110,7 +110,7 @@ class _Spent:
 
 
 def calibrating(size: ImageSize, reel: Reel, preset: str, count: int) -> SpeedRow:
-    """Measure pushing frames and the final calibration with a preset in this process, with clocks in its steps."""
+    """Measure pushing frames and the final calibration with a preset in this process, by stage."""
     from ospc.calibrator import OnlineCalibrator, drive
     from ospc.research.speed.reel import OTHER, clocks
 
@@ -142,7 +142,7 @@ def calibrating(size: ImageSize, reel: Reel, preset: str, count: int) -> SpeedRo
 
 
 def live(size: ImageSize, reel: Reel, seconds: float, rate_hz: float) -> SpeedRow:
-    """Push frames to a live calibrator in this process, at the pace of a camera."""
+    """Push frames to a live calibrator in this process, at a camera's frame rate."""
     from ospc.live import LiveCalibrator
 
     count = max(1, round(seconds * rate_hz))
@@ -178,7 +178,7 @@ def live(size: ImageSize, reel: Reel, seconds: float, rate_hz: float) -> SpeedRo
 
 
 def calibrate_command(size: ImageSize, reel: Reel, count: int) -> SpeedRow:
-    """Measure all of ``ospc calibrate``, from the start of the program to the report and the pictures."""
+    """Measure all of ``ospc calibrate``, from the start of the program to the report and its plots."""
     with tempfile.TemporaryDirectory() as place:
         recording = reel.write(Path(place, "recording"), count)
         decoding = reel.decoding_s(count)
@@ -187,7 +187,7 @@ def calibrate_command(size: ImageSize, reel: Reel, count: int) -> SpeedRow:
 
 
 def correct_command(size: ImageSize, reel: Reel, count: int) -> SpeedRow:
-    """Measure all of ``ospc correct`` to 8 bit against reading its input and writing as much as its output."""
+    """Measure all of ``ospc correct`` to 8 bit, relative to reading its input and writing as many bytes."""
     with tempfile.TemporaryDirectory() as place:
         recording, out = reel.write(Path(place, "recording"), count), Path(place, "out")
         calibration = Path(place, "calibration.json")
@@ -204,7 +204,7 @@ def correct_command(size: ImageSize, reel: Reel, count: int) -> SpeedRow:
 
 
 def correcting(size: ImageSize, reel: Reel, dtype: npt.DTypeLike) -> SpeedRow:
-    """Measure the correction of an image in memory, in one thread, against copying the corrected image, in turns."""
+    """Measure correcting an image in memory in one thread, relative to copying the result, alternately."""
     known = _known_camera(size)
     corrector, image = Corrector(known.response, known.vignette), reel.decoded(0)
     corrected = np.asarray(corrector.correct(image, dtype=dtype))
@@ -231,7 +231,7 @@ def _known_camera(size: ImageSize) -> Calibration:
 
 
 def _called(*arguments: str) -> tuple[float, float, float | None]:
-    """Call a command of this program; return its time, processor time, and peak memory in megabytes."""
+    """Run an ``ospc`` command; return its time, processor time, and peak memory in megabytes."""
     _compile()
     begun, before = time.perf_counter(), os.times()
     quiet = subprocess.DEVNULL
@@ -239,21 +239,21 @@ def _called(*arguments: str) -> tuple[float, float, float | None]:
         peak_mb = 0.0
         while process.poll() is None:
             peak_mb = max(peak_mb, _family_mb(process.pid))
-            time.sleep(_LOOK_S)
+            time.sleep(_POLL_S)
     seconds, after = time.perf_counter() - begun, os.times()
     cpu_s = after.children_user + after.children_system - before.children_user - before.children_system
     return seconds, cpu_s, peak_mb or None
 
 
 def _family_mb(process: int) -> float:
-    """Return the memory of a process and of those it started, in megabytes; 0 where the system does not say."""
+    """Return the memory of a process and its descendants in megabytes; 0 if the system does not report it."""
     private, shared = np.array(_memory_kb(process)).reshape(-1, 2).T
-    # Most of what is shared are the same libraries.
+    # The shared memory is mostly the same libraries.
     return float(private.sum() + shared.max(initial=0)) / 1024
 
 
 def _memory_kb(process: int) -> list[tuple[int, int]]:
-    """Return the resident memory that is a process's own, and that which it shares, of it and those it started."""
+    """Return the private and the shared resident memory of a process and of each descendant."""
     place = Path(f"/proc/{process}")
     try:
         lines = [line.split() for line in (place / "smaps_rollup").read_text().splitlines()[1:]]
@@ -268,12 +268,12 @@ def _memory_kb(process: int) -> list[tuple[int, int]]:
 
 @cache
 def _compile() -> None:
-    """Compile all modules, as an installation does: where Python may not keep them, each start would compile anew."""
+    """Compile all modules, as an installation does; otherwise every start might compile them again."""
     compileall.compile_dir(Path(ospc.__file__).parent, quiet=2)
 
 
 def _peak_mb(shown_mb: float) -> float | None:
-    """Return the largest resident memory of this process so far without the frames shown; None where unknown."""
+    """Return this process's peak resident memory without the input frames; None if unknown."""
     try:
         for line in Path("/proc/self/status").read_text().splitlines():
             if line.startswith("VmHWM:"):

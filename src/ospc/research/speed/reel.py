@@ -1,4 +1,4 @@
-"""Frames to measure with, a simulated walk of any length, and clocks in the steps of the methods."""
+"""Frames for speed measurements (a simulated walk of any length) and timers for the stages of the methods."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from ospc.recording.image_source import decode_grey
 from ospc.recording.writing.images import encoded
 
 _DISTINCT, _QUALITY = 150, 92
-"""Frames simulated and then shown again and again, as more take long, and memory; JPEG quality of usual cameras."""
+"""Frames simulated and then repeated, because more would cost time and memory; JPEG quality of common cameras."""
 
 _FRAMES_PER_SECOND = 20
 _SEED = 7
@@ -31,7 +31,7 @@ _SEED = 7
 
 @dataclass(frozen=True)
 class Reel:
-    """Encoded frames of a simulated walk, grey JPEG files with their exposures, played forward and backward."""
+    """Grey JPEG frames of a simulated walk with their exposures, played forward and backward."""
 
     images: tuple[bytes, ...]
     exposures_ms: tuple[float, ...]
@@ -39,7 +39,7 @@ class Reel:
     @classmethod
     def simulated(cls, size: ImageSize, distinct: int = _DISTINCT) -> Reel:
         """Simulate a walk of this many frames."""
-        from ospc.simulation import SimulationSettings, frames  # its textures would count as memory of every run
+        from ospc.simulation import SimulationSettings, frames  # not at the top: its textures take memory
 
         settings = SimulationSettings(size=size, frames=distinct, seed=_SEED, response="srgb", moving_objects=4)
         images, exposures_ms = [], []
@@ -50,23 +50,23 @@ class Reel:
 
     @property
     def megabytes(self) -> float:
-        """Memory that the encoded frames take, which is not that of what is measured."""
+        """Memory of the encoded frames, which does not count towards a measurement."""
         return sum(map(len, self.images)) / 2**20
 
     def place(self, index: int) -> int:
-        """Return the image of a frame: forward, backward, and forward again."""
+        """Return the number of a frame's image: forward, backward, and forward again."""
         period = max(1, 2 * len(self.images) - 2)
         turn = index % period
         return min(turn, period - turn)
 
     def frames(self, count: int) -> Iterator[Frame]:
-        """Give this many frames, decoded when they are used."""
+        """Yield this many frames, decoded on use."""
         for index in range(count):
             place = self.place(index)
             name = f"frame {index}"
             load = partial(decode_grey, self.images[place], name)
             stamp_s, exposure_ms = index / _FRAMES_PER_SECOND, self.exposures_ms[place]
-            # Nothing to verify: the images are in memory.
+            # There is nothing to verify: the images are in memory.
             yield Frame(index, stamp_s, exposure_ms, name, load, verify=lambda: None, threads=True)
 
     def decoded(self, index: int) -> Image:
@@ -74,14 +74,14 @@ class Reel:
         return np.asarray(cv2.imdecode(np.frombuffer(self.images[self.place(index)], np.uint8), cv2.IMREAD_GRAYSCALE))
 
     def decoding_s(self, count: int) -> tuple[float, float]:
-        """Return the time, and processor time, of decoding this many frames in one thread."""
+        """Return the wall-clock and processor time of decoding this many frames in one thread."""
         begun, cpu = time.perf_counter(), time.thread_time()
         for index in range(count):
             self.decoded(index)
         return time.perf_counter() - begun, time.thread_time() - cpu
 
     def write(self, folder: Path, count: int) -> Path:
-        """Write a recording of this many frames, and return its path; images that come again are hard links."""
+        """Write a recording of this many frames and return its path; repeated images are hard links."""
         from ospc.formats.dso import write_times
 
         images = folder / "images"
@@ -100,7 +100,7 @@ class Reel:
 
 @lru_cache(1)
 def reel_of(size: ImageSize, most: int) -> Reel:
-    """Return the frames of a size to measure with, at most so many distinct ones; the latest are kept."""
+    """Return a reel of this size with at most ``most`` distinct frames; the latest one is cached."""
     return Reel.simulated(size, min(_DISTINCT, most))
 
 
@@ -115,15 +115,15 @@ _STEPS = (
     ("updating", "ospc.methods.maximum_likelihood", "MaximumLikelihoodMethod", "_refine"),
     ("fitting", "ospc.methods.maximum_likelihood", "MaximumLikelihoodMethod", "_new_inputs"),
 )
-"""The stages: name, module, class or "" for a function of the module, and function."""
+"""The stages: name, module, class ("" for a module-level function), and function."""
 
 OTHER = "other"
-"""Name of the time that no stage accounts for."""
+"""Name of the time that belongs to no stage."""
 
 
 @contextmanager
 def clocks() -> Iterator[dict[str, float]]:
-    """Give seconds by stage, which are measured in this thread only, until the context ends."""
+    """Measure the seconds spent in each stage by this thread until the context ends."""
     seconds: dict[str, float] = defaultdict(float)
     with ExitStack() as stack:
         for stage, module, owner, name in _STEPS:
