@@ -69,7 +69,8 @@ class TrackedPair:
 def track(image0: Image, image1: Image, points: FloatArray, curve: FloatArray) -> TrackedPair | None:
     """Track features between two images of different brightness, given ln g at 256 grey levels.
 
-    Returns None if too few features remain. All features share K, as in the publication; c is fixed while a pair is tracked.
+    Returns None if too few features remain. All features share K, as in the publication; c is fixed while a pair is
+    tracked.
     """
     pyramid = [(image0.astype(np.float32), image1.astype(np.float32))]
     for _ in range(_PYRAMID - 1):
