@@ -266,5 +266,5 @@ def chart_sources(folder: Path) -> list[ChartSource]:
     """Return every channel of the cameras in a folder, which must contain at least one."""
     cameras = sorted(p for p in folder.iterdir() if (p / "wb1i1e1-jpg.png").is_file())
     if not cameras:
-        raise FormatError(f"{folder}: no folder in it contains wb1i1e1-jpg.png; give the unchanged real data")
+        raise FormatError(f"{folder}: has no folder with wb1i1e1-jpg.png; give the unchanged real data")
     return [ChartSource.of(camera, channel) for camera in cameras for channel in range(len(CHANNELS))]
