@@ -36,7 +36,7 @@ def fitted(gains: FloatArray, frames: IntArray, seed: int = 0) -> FrameGains:
     by_chance, mean = np.full(len(frames), CHANCE**2), seen(gains, frames, seed)
     found = FrameGains(frames, by_chance, mean)
     found = FrameGains(frames, by_chance, mean, found.significant_variances)
-    for _ in range(30):
+    for _ in range(12):
         found = FrameGains(frames, by_chance, mean, found.refitted_variances)
     return found
 

@@ -235,7 +235,7 @@ def test_what_is_done_about_a_contradiction_is_advised_first(walk, calibrated):
         image = np.rint(255 * np.clip(grey * nearby**-0.15, 0, 1)).astype(np.uint8)
         return Frame.of_array(image, frame.exposure_ms, index=frame.index)
 
-    result = calibrated([tone_mapped(frame) for frame in walk.frames[:60]], QUICK)
+    result = calibrated([tone_mapped(frame) for frame in walk.frames[:QUICK_FRAMES]], QUICK)
     assert result.warnings
     assert result.advice[0].startswith("switch off local contrast")
 

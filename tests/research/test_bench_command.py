@@ -26,7 +26,7 @@ def test_leaves_tables_figures_and_prints_them(finished):
     _, out, result = finished
     assert result.exit_code == 0, result.output
     assert "static-srgb" in result.output
-    assert "gamma curves take the place" in result.output
+    assert "gamma curves replace" in result.output
     assert {"results.json", "results.csv", "table.md", "cache"} <= {path.name for path in out.iterdir()}
     (row,) = json.loads((out / "results.json").read_text())["measurements"]
     assert row["method"] == "default"
