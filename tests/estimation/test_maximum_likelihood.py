@@ -35,6 +35,12 @@ def fitted(observations, radial=4, intervals=32, **vignette):
     )
 
 
+@cache
+def fit_of_response(name, seed=0, outliers=0.0):
+    """Return the fit of a camera with a response, which several tests share."""
+    return fitted(Camera(RESPONSES[name](), outliers=outliers).pairs(seed))
+
+
 def chance_step_sigma(fit, low, high):
     rows = np.diff(fit.response_basis.log_rows(np.array([low, high])), axis=0)[0]
     n = len(rows)
@@ -63,8 +69,7 @@ def truly_fallen(vignette, radius=1.0):
 @pytest.mark.parametrize("outliers", [0.0, 0.1])
 @pytest.mark.parametrize("name", RESPONSES)
 def test_responses_and_vignettes_of_all_kinds_are_found(name, outliers):
-    camera = Camera(RESPONSES[name](), outliers=outliers)
-    fit = fitted(camera.pairs(0))
+    camera, fit = Camera(RESPONSES[name]()), fit_of_response(name, outliers=outliers)
     response, vignette = fit.response(255), fit.vignette(SIZE)
     knees = name == "tum_narrow"
     assert response_shape_rmse(response, camera.response) < (0.004 if knees else 0.003)
@@ -144,7 +149,7 @@ def test_the_centre_of_an_elliptic_vignette_stays_near_the_middle(seed, centre):
     """Non-radial terms describe it in part only, and a shift of the centre is nearly a sum of them."""
     widest = VignetteBasis(DefaultSettings().radial_terms, free_centre=True, non_radial=True)
     vignette = Elliptic(centre)
-    everywhere = Camera(GAMMA, vignette).pairs(seed, points=300)
+    everywhere = Camera(GAMMA, vignette).pairs(seed, points=150)
     seen = everywhere.seen_twice(np.linalg.norm(everywhere.position, axis=1) < 0.8)
     fit = fit_with_chosen_vignette(seen, ResponseBasis(32), widest, NOISE, 8).fit
     assert fit.vignette_basis.non_radial
@@ -176,7 +181,7 @@ def naive_step(observations):
 def test_noise_does_not_flatten_the_response_even_with_little_change_of_exposure():
     # Ratios up to 8 %, which move a grey level by less than the noise of 3/255 does.
     faint = Camera(GAMMA, NONE, read=(3 / 255) ** 2, shot=0.0, registration_sigma_px=0.0, log_ratio=0.08)
-    draws = [faint.pairs(seed, points=300) for seed in range(8)]
+    draws = [faint.pairs(seed, points=150) for seed in range(8)]
     fits = [fitted(s, 0, 16) for s in draws]
     truth = log_step(GAMMA)
     # The naive fit could be exact: its model holds the truth.
@@ -262,7 +267,7 @@ def test_a_single_pair_of_frames_gives_no_certainty_without_limit():
 
 def test_deviations_are_larger_where_the_response_bends_too_sharply_for_the_basis():
     truth = RESPONSES["tum_narrow"]()
-    fit = fitted(Camera(truth).pairs(3))
+    fit = fit_of_response("tum_narrow", 3)
     greys, reference = np.linspace(0.1, 0.85, 200), 0.5
 
     def log_shape(response):
@@ -276,7 +281,7 @@ def test_deviations_are_larger_where_the_response_bends_too_sharply_for_the_basi
 @pytest.mark.parametrize("name", RESPONSES)
 def test_errors_are_hardly_ever_larger_than_stated_nor_much_smaller(name):
     camera = Camera(RESPONSES[name]())
-    fits = [fitted(camera.pairs(seed)) for seed in range(4)]
+    fits = [fit_of_response(name, seed) for seed in range(4)]
     shares = [log_ratio_error(fit.response(255), camera.response) / fit.log_ratio_error_bound for fit in fits]
     shares += [vignette_rmse(fit.vignette(SIZE), camera.vignette) / fit.vignette_error_bound(1.0) for fit in fits]
     assert max(shares) < 1.2
