@@ -289,7 +289,7 @@ def test_the_first_frame_that_can_be_read_says_how_large_they_are():
 
 
 @pytest.mark.parametrize(("used", "told"), [(3, True), (4, False)])
-def test_where_most_frames_cannot_be_used_the_remedy_is_about_them(used, told):
+def test_the_remedy_is_about_unusable_frames_if_most_are(used, told):
     calibrator = OnlineCalibrator()
     for index in range(used):
         calibrator.push(Frame.of_array(np.zeros((48, 64), np.uint8), 1.0, index=index))
@@ -339,7 +339,7 @@ def test_errors_that_are_not_the_frames_are_not_swallowed():
         OnlineCalibrator(BrokenSettings()).push(frame(0))
 
 
-def test_an_unknown_preset_is_named_beside_those_that_are_known():
+def test_an_unknown_preset_is_named_with_the_known_ones():
     with pytest.raises(SettingError, match="'hasty'; known: default, fast, paper"):
         OnlineCalibrator("hasty")
 
@@ -386,7 +386,7 @@ def test_frames_of_another_size_are_skipped_within_a_recording():
     assert result.counts == {"frames": 3, "skipped": 1, "pairs": 2}
 
 
-def test_a_path_that_holds_no_recording_is_named(tmp_path):
+def test_a_path_without_a_recording_is_named(tmp_path):
     with pytest.raises(RecordingError, match="nothing-here"):
         calibrate(tmp_path / "nothing-here")
 

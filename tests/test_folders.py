@@ -80,7 +80,7 @@ def test_every_command_that_writes_a_folder_reserves_it(words, tmp_path, another
     assert "is a broken link" in str(result.exception)
 
 
-def test_a_folder_made_for_nothing_is_removed_and_any_other_stays(tmp_path):
+def test_an_unused_new_folder_is_removed_and_any_other_stays(tmp_path):
     with pytest.raises(ZeroDivisionError), reserved(tmp_path / "a" / "b"):
         _ = 1 / 0
     assert not (tmp_path / "a").exists()
@@ -114,7 +114,7 @@ def test_links_to_nothing_and_folders_in_the_place_of_files_are_found_before_the
     assert "does not exist; make it, or choose another one" in str(result.exception)
 
 
-def test_what_a_killed_process_was_writing_is_removed(tmp_path, another_process_in):
+def test_leftovers_of_a_killed_process_are_removed(tmp_path, another_process_in):
     busy = tmp_path / "busy"
     names = [".a.json.123.part", "inner/.b.png.9.part", "busy/.c.json.7.part", ".part", ".notes.part", "a.1.part"]
     for name in names:

@@ -63,7 +63,7 @@ def test_what_is_unknown_is_not_written_and_does_not_remain_from_before(tmp_path
     assert names(tmp_path) == sorted(set(OWN_NAMES) - absent - set(REPORTS))
 
 
-def test_a_raster_vignette_is_stored_beside_and_goes_with_its_calibration(tmp_path):
+def test_a_raster_vignette_is_stored_next_to_its_calibration_and_removed_with_it(tmp_path):
     raster = RasterVignette(np.linspace(0.5, 1, SIZE[0] * SIZE[1], dtype=np.float32).reshape(SIZE[1], SIZE[0]))
     folder = OutputFolder.at(tmp_path)
     folder.write(calibration(vignette=False, max_grey=255))

@@ -100,7 +100,7 @@ def test_it_is_written_as_plain_json(found, tmp_path):
     assert content["pairs"][0]["cameras"] == ["left", "right"]
 
 
-def test_a_command_writes_it_beside_the_cameras_and_says_it(rig, found, tmp_path, capsys):
+def test_the_command_writes_it_next_to_the_cameras_and_prints_it(rig, found, tmp_path, capsys):
     recordings, calibrations = rig
     for name, calibration in calibrations.items():
         (tmp_path / name).mkdir()

@@ -11,7 +11,7 @@ from accurate_recordings import LIMITS, RECORDINGS
 
 
 @pytest.mark.parametrize(("name", "metric"), [(name, metric) for name in LIMITS for metric in LIMITS[name]])
-def test_errors_stay_below_twice_what_they_were(run, name, metric, record_property):
+def test_errors_stay_below_their_limits(run, name, metric, record_property):
     errors, limit = run(name).errors, LIMITS[name][metric]
     assert metric in errors, "that part of the calibration wasn't found at all"
     record_property("error", errors[metric])
@@ -20,7 +20,7 @@ def test_errors_stay_below_twice_what_they_were(run, name, metric, record_proper
 
 
 @pytest.mark.parametrize("name", RECORDINGS)
-def test_exposures_that_belong_to_their_frames_are_left_there(run, name):
+def test_exposures_without_lag_are_not_moved(run, name):
     assert run(name).calibration.source.get("exposure_lag_corrected_frames", 0) == 0
 
 
@@ -30,7 +30,7 @@ def test_response_and_vignette_are_known(run, name):
 
 
 @pytest.mark.parametrize("name", RECORDINGS)
-def test_nothing_is_contradicted(run, name):
+def test_there_are_no_warnings(run, name):
     assert run(name).calibration.warnings == ()
 
 

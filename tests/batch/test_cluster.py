@@ -111,7 +111,7 @@ def entries(tmp_path_factory):
     return found
 
 
-def test_a_scheduler_without_workers_is_said(entries, tmp_path):
+def test_a_scheduler_without_workers_is_reported(entries, tmp_path):
     deadline_s = time.monotonic() + 30
     with scheduler(tmp_path) as lonely:
         while time.monotonic() < deadline_s:
@@ -163,7 +163,7 @@ def test_every_recording_is_done_though_one_of_two_workers_is_killed(machines, w
             assert kept.read_bytes() == work(Task(0, entries[number])).result
 
 
-def test_a_scheduler_that_is_not_there_is_said(monkeypatch):
+def test_a_missing_scheduler_is_reported(monkeypatch):
     monkeypatch.setattr("ospc.batch.cluster._CONNECT_S", 0.5)
     with pytest.raises(SettingError, match="no Dask scheduler answers there"):
         list(Cluster("tcp://127.0.0.1:9").run([]))

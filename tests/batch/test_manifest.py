@@ -50,7 +50,7 @@ def test_a_table_has_paths_relative_to_itself_and_options(recordings):
     assert third.is_remote
 
 
-def test_a_parquet_table_says_the_same(recordings):
+def test_a_parquet_table_has_the_same_values(recordings):
     arrow = pytest.importorskip("pyarrow")
     from pyarrow import csv, parquet
 

@@ -65,7 +65,7 @@ def test_a_pattern_is_expanded_in_the_store(memory):
         ("adl://bucket/r", "needs another package|cannot be read"),
     ],
 )
-def test_what_cannot_be_reached_is_said(memory, address, said):
+def test_an_unreachable_address_is_reported(memory, address, said):
     with pytest.raises(RecordingError, match=said), local_copy(address):
         pass
 

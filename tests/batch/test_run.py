@@ -99,7 +99,7 @@ def test_processes_give_the_same_bytes(done, entries, tmp_path):
     assert all(same)
 
 
-def test_what_is_done_is_recognised_wherever_it_moved_and_whenever_it_was_touched(recordings, entries, tmp_path):
+def test_finished_recordings_are_recognised_after_moving_or_touching(recordings, entries, tmp_path):
     runner = Pretending()
     run_batch(entries[:2], tmp_path / "out", runner)
     assert runner.asked == [("calibrate", "r0"), ("calibrate", "r1")]
@@ -113,7 +113,7 @@ def test_what_is_done_is_recognised_wherever_it_moved_and_whenever_it_was_touche
 
 
 @pytest.mark.parametrize("change", ["settings", "exposures", "an image", "a damaged result"])
-def test_what_changed_is_done_again(recordings, tmp_path, change):
+def test_a_changed_recording_or_setting_is_processed_again(recordings, tmp_path, change):
     place = tmp_path / "r"
     shutil.copytree(recordings / "A" / "r0", place)
     entry = Entry(str(place), "A", QUICK)
@@ -158,7 +158,7 @@ def test_interrupted_it_writes_what_is_done_and_goes_on_later(entries, tmp_path)
     assert {row.status for row in outcome.rows} == {"done"}
 
 
-def test_when_whoever_does_the_work_is_lost_what_is_done_is_written_and_said(entries, tmp_path):
+def test_finished_results_are_written_and_reported_if_the_workers_are_lost(entries, tmp_path):
     class Lost(Pretending):
         def run(self, tasks):
             for number, answer in enumerate(super().run(tasks)):
@@ -171,7 +171,7 @@ def test_when_whoever_does_the_work_is_lost_what_is_done_is_written_and_said(ent
     assert statuses(tmp_path / "out") == ["done"] * 2 + ["not done"] * 2
 
 
-def test_when_nobody_does_the_work_nothing_is_written(entries, tmp_path):
+def test_without_workers_nothing_is_written(entries, tmp_path):
     class Absent(Pretending):
         def run(self, tasks):
             raise SettingError("no scheduler answers")
@@ -223,7 +223,7 @@ def test_results_of_other_versions_are_made_again(done, entries, tmp_path):
     assert [name for what, name in runner.asked if what == "calibrate"] == ["r0", "r1"]
 
 
-def test_a_result_that_is_not_what_was_asked_for_is_not_kept(tmp_path):
+def test_a_result_of_another_request_is_refused(tmp_path):
     class Lying(Pretending):
         def run(self, tasks):
             for answer in super().run(tasks):

@@ -341,7 +341,7 @@ class TestInterruptions:
         assert result.exit_code == 130
         assert stored(tmp_path / "out")["partial"] is True
 
-    def test_twice_while_estimating_writes_nothing(self, recording, tmp_path, method, monkeypatch):
+    def test_a_second_interruption_while_estimating_writes_nothing(self, recording, tmp_path, method, monkeypatch):
         method.at_the_end = lambda: self.press(2, monkeypatch)
         result = run(recording, "-o", tmp_path / "out")
         assert result.exit_code == 130

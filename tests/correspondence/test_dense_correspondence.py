@@ -45,7 +45,7 @@ def ramp(width, height, across, down, base, white=255, dtype=np.uint8):
 
 
 @given(st.integers(2, 253), st.sampled_from([(64, 48), (90, 61), (33, 200)]), st.integers(20, 100))
-def test_an_even_image_stays_what_it_is_whatever_the_reduction(level, size, longest):
+def test_reduction_keeps_an_even_image(level, size, longest):
     frame = Preprocessor(longest_side=longest, registration_side=30)(
         of_array(np.full(size[::-1], level, np.uint8), 2.5)
     )
@@ -60,7 +60,7 @@ def test_an_even_image_stays_what_it_is_whatever_the_reduction(level, size, long
 
 @pytest.mark.parametrize(("longest", "reduction"), [(400, 1), (200, 2), (100, 4)])
 @pytest.mark.parametrize(("dtype", "white"), [(np.uint8, 255), (np.uint16, 4095), (np.uint16, 65535)])
-def test_grey_levels_and_slopes_are_those_of_the_frame_where_the_frame_says(longest, reduction, dtype, white):
+def test_grey_levels_and_slopes_belong_to_the_stated_positions(longest, reduction, dtype, white):
     image = ramp(400, 300, 0.0015, 0.0008, 0.05, white, dtype)
     frame = Preprocessor(longest_side=longest)(of_array(image, max_grey=white))
     assert frame.reduction == reduction

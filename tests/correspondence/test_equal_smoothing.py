@@ -68,7 +68,7 @@ def test_smoothing_further_is_what_a_wider_gaussian_gives(stretch):
     assert np.std(found - wider) < 0.2 * np.std(values[:, CENTRE] - wider)
 
 
-def test_linear_interpolation_smooths_by_the_covariance_that_is_said():
+def test_linear_interpolation_smooths_by_the_stated_covariance():
     """Its weights are those of two neighbours along each axis, whose spread is their covariance."""
     places = np.random.default_rng(4).uniform(0, 50, (20, 2))
     for place, covariance in zip(places, interpolation_smoothing(places), strict=True):

@@ -83,7 +83,7 @@ def test_an_image_without_structure_has_no_features(extractor):
     assert len(index0) == len(index1) == 0
 
 
-def test_surf_without_its_extra_says_what_to_install(monkeypatch):
+def test_surf_without_its_extra_names_what_to_install(monkeypatch):
     for name in [n for n in sys.modules if n.split(".")[0] == "mahotas"]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "mahotas", None)
@@ -91,7 +91,7 @@ def test_surf_without_its_extra_says_what_to_install(monkeypatch):
         make_extractor("surf", 100)
 
 
-def test_an_unknown_extractor_is_named_beside_those_that_are_known():
+def test_an_unknown_extractor_is_named_with_the_known_ones():
     with pytest.raises(SettingError, match="'brisk'; known: sift, orb, surf"):
         make_extractor("brisk", 100)
 

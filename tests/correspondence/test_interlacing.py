@@ -35,7 +35,7 @@ def woven(first, second):
 
 
 @given(st.integers(0, 2**32 - 1), st.floats(0.5, 6), st.sampled_from([255, 4095]), st.floats(0, 5))
-def test_texture_and_noise_of_rows_are_not_taken_for_interlacing(seed, smoothing_px, max_grey, row_noise):
+def test_texture_and_row_noise_are_not_mistaken_for_interlacing(seed, smoothing_px, max_grey, row_noise):
     rows = np.random.default_rng([seed, 1]).normal(0, row_noise, (240, 1))
     image = as_image(texture(seed, smoothing_px) + rows, max_grey)
     assert row_alternation(image, max_grey) < 0.55
@@ -67,7 +67,7 @@ def recording():
 
 
 @pytest.mark.parametrize("interlaced", [False, True])
-def test_exposures_of_interlaced_images_are_not_relied_on(recording, interlaced):
+def test_exposures_of_interlaced_images_are_not_trusted(recording, interlaced):
     if interlaced:
         later = [*recording[1:], recording[-1]]
         recording = [

@@ -91,7 +91,7 @@ def lost():
     return Samples(NOTHING, 0.0, 0.0, float("nan"))
 
 
-def test_ages_at_which_nothing_was_found_again_are_avoided():
+def test_pair_distances_without_matches_are_avoided():
     keyframes = KeyframeSelector()
     frames = [frame(number) for number in range(16)]
     for one in frames:
@@ -122,7 +122,7 @@ def test_frames_that_are_farther_apart_are_expected_to_overlap_no_more():
     assert keyframes.best_age <= 2
 
 
-def test_a_camera_that_comes_to_rest_is_noticed():
+def test_a_camera_that_stops_moving_is_detected():
     keyframes = KeyframeSelector()
     for number in range(120):
         if number:

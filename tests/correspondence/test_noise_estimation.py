@@ -60,7 +60,7 @@ def test_noise_is_never_less_than_quantisation(max_grey):
 
 
 @given(st.integers(0, 255), st.tuples(st.integers(10, 24), st.integers(10, 24)))
-def test_images_that_tell_nothing_leave_quantisation(level, shape):
+def test_uninformative_images_leave_quantisation_noise(level, shape):
     estimator = NoiseEstimator(255)
     estimator.observe(of_array(np.full(shape, level, np.uint8)))
     model = estimator.model()

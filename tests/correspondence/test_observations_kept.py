@@ -54,7 +54,7 @@ class Stated:
 
 
 @given(st.lists(st.integers(2, 6), max_size=8), st.sets(st.integers(0, 40)))
-def test_exposures_are_looked_up_and_what_has_none_is_left_out(counts, unknown):
+def test_exposures_are_looked_up_and_frames_without_one_left_out(counts, unknown):
     made = observations(counts)
     exposed = made.with_exposures(Stated(sorted(unknown)))
     np.testing.assert_array_equal(exposed.log_exposure, exposed.frame)
@@ -152,7 +152,7 @@ def test_old_and_new_points_are_thinned_alike():
     assert np.all(np.abs(place - place.mean()) < 5 * np.sqrt(place.mean()) + 200)
 
 
-def test_a_group_is_thinned_alike_whatever_it_is_kept_with():
+def test_thinning_a_group_does_not_depend_on_the_others():
     many = filled(300, 200).kept
     for group in np.unique(many.group).tolist():
         alone, halvings = observations([2] * 50, group), 0
@@ -162,7 +162,7 @@ def test_a_group_is_thinned_alike_whatever_it_is_kept_with():
         np.testing.assert_array_equal(alone.grey, many.grey[many.group == group])
 
 
-def test_what_was_given_out_never_changes():
+def test_returned_observations_never_change():
     reservoir, given = Reservoir(300), []
     for group in range(40):
         reservoir.add(observations([2] * 20, group))
@@ -201,7 +201,7 @@ def test_a_bounded_choice_is_spread_over_all_that_is_kept():
     assert_same(reservoir.some(10**6), reservoir.kept)
 
 
-def test_nothing_can_be_had_from_an_empty_reservoir():
+def test_an_empty_reservoir_gives_no_observations():
     with pytest.raises(ValueError, match="nothing"):
         Reservoir(10).some(1)
 
@@ -272,6 +272,6 @@ def test_two_cameras_that_see_the_same_give_the_same():
     assert_same(series(9, pixels=100, points=30).observations(), series(9, pixels=100, points=30).observations())
 
 
-def test_a_series_without_frames_has_nothing_to_say():
+def test_a_series_without_frames_is_refused():
     with pytest.raises(ValueError, match="no frame"):
         StaticSeries().observations()

@@ -68,7 +68,7 @@ def test_a_slope_of_the_response_is_found_without_knowing_it(good: RecordingRepo
 
 @pytest.mark.usefixtures("no_pairs")
 @pytest.mark.parametrize("lag", [-2, 3])
-def test_a_lag_is_found_and_said(lag: int) -> None:
+def test_a_lag_is_found_and_reported(lag: int) -> None:
     report = check(lag=lag, seed=lag + 3)
     assert (report.exposure_lag_frames, report.exposures.corrected_frames) == (lag, lag)
     assert said(report, f"{abs(lag)} frame", "late" if lag > 0 else "early")
@@ -99,7 +99,7 @@ def test_exposures_of_another_recording_are_never_given_a_lag() -> None:
 
 
 @pytest.mark.usefixtures("no_pairs")
-def test_jumps_of_a_hidden_gain_are_told() -> None:
+def test_jumps_of_a_hidden_gain_are_reported() -> None:
     gain = np.where(np.arange(FRAMES) < 40, 0.0, np.log(1.5))
     report = check(hidden_log_gain=gain)
     assert report.exposures.brightness is not None
@@ -132,7 +132,7 @@ def test_local_tone_mapping_is_suspected() -> None:
 
 
 @pytest.mark.usefixtures("no_pairs")
-def test_saturation_and_darkness_are_told() -> None:
+def test_saturation_and_darkness_are_reported() -> None:
     bright = check(log_exposure=wandering(FRAMES) + 1.4)
     assert said(bright, "saturated")
     dark = check(log_exposure=wandering(FRAMES) - 4.5, gamma=1.0)
@@ -146,7 +146,7 @@ def test_grey_levels_that_hardly_vary_leave_the_response_unknown() -> None:
 
 
 @pytest.mark.usefixtures("no_pairs")
-def test_a_disc_and_a_border_are_told_apart() -> None:
+def test_a_disc_and_a_border_are_distinguished() -> None:
     y, x = np.mgrid[: SIZE[1], : SIZE[0]]
     disc = np.hypot(x - SIZE[0] / 2, y - SIZE[1] / 2) > SIZE[1] * 0.48
     report = check(black=disc, log_exposure=wandering(40))
@@ -183,7 +183,7 @@ def test_repeated_and_missing_frames_are_counted() -> None:
 
 
 @pytest.mark.usefixtures("no_pairs")
-def test_padded_bits_are_told() -> None:
+def test_padded_bits_are_reported() -> None:
     recording = Film(wandering(40), max_grey=1023).recording()
     padded = ArrayRecording([frame.image << 2 for frame in recording], recording.exposures_ms, max_grey=4095)
     report = check_recording(padded)
@@ -244,7 +244,7 @@ def test_only_as_many_frames_are_taken_as_allowed() -> None:
 
 
 @pytest.mark.parametrize("film", [{"lag": 2}, {"hidden_log_gain": wandering(36, 9)}])
-def test_it_never_says_anything_else_than_a_calibration(film: dict) -> None:
+def test_it_agrees_with_a_calibration(film: dict) -> None:
     recording = Film(wandering(36), **film).recording()
     report, calibration = check_recording(recording), calibrate(recording)
     assert report.verdicts == calibration.verdicts

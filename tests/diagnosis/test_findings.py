@@ -25,13 +25,13 @@ RISING = Film(np.linspace(-0.6, 0.6, 60))
 QUICK = replace(DefaultSettings(), points_per_pair=120, rounds=5, response_intervals=16)
 
 
-def test_where_all_is_well_nothing_is_said() -> None:
+def test_a_good_recording_gives_no_messages() -> None:
     told = found(Film(wandering(FRAMES)))
     assert (told.lag_frames, told.corrected_frames, told.notes, told.warnings) == (0, 0, (), ())
     assert told.verdict.state == "identifiable"
 
 
-def test_a_lag_is_corrected_and_told() -> None:
+def test_a_lag_is_corrected_and_reported() -> None:
     told = found(LATE)
     assert (told.lag_frames, told.corrected_frames, told.warnings) == (2, 2, ())
     assert "2 frames late" in told.notes[0]
@@ -79,7 +79,7 @@ def test_a_fit_settles_a_lag_that_changes_of_brightness_leave_open(effect: Effec
     assert (judged.lag_frames == 0) is (not judged.notes) is (state == "identifiable")
 
 
-def test_a_fit_does_not_settle_what_changes_of_brightness_contradict() -> None:
+def test_a_fit_does_not_overrule_a_lag_contradicted_by_brightness() -> None:
     refuted = found(LATE).without_correction()
     assert refuted.judged_by([EffectEstimate(LATE_EXPOSURES, 0.0, 0.01)]) == refuted
 
@@ -99,7 +99,7 @@ def test_a_fit_refutes_a_lag_if_it_shows_the_exposures_as_written(effect: Effect
     assert found(LATE).refuted_by([effect]) is refuted
 
 
-def test_exposures_are_moved_back_if_the_fit_refutes_their_lag(monkeypatch) -> None:
+def test_a_lag_correction_is_undone_if_the_fit_refutes_it(monkeypatch) -> None:
     film = Film(wandering(FRAMES), size=LARGE)
     as_written = calibrate(film.recording(), QUICK, correct_lag="never")
     right = exposure_findings.estimate_lag
@@ -131,7 +131,7 @@ def test_a_short_cycle_is_corrected_whichever_lag_it_is() -> None:
     assert (findings.verdict.state, findings.warnings) == ("identifiable", ())
 
 
-def test_exposures_that_are_right_up_to_whole_cycles_leave_nothing_open() -> None:
+def test_exposures_right_up_to_whole_cycles_are_identifiable() -> None:
     findings = found(Film(np.log([1.0, 2.0, 4.0])[np.arange(FRAMES) % 3] - 1))
     assert (findings.corrected_frames, findings.verdict.state, findings.notes) == (0, "identifiable", ())
 
@@ -148,21 +148,21 @@ def test_constant_exposures_that_are_true_are_none() -> None:
     assert (findings.lag_frames, findings.notes, findings.warnings) == (None, (), ())
 
 
-def test_what_is_open_is_said_without_alarm() -> None:
+def test_an_uncertain_lag_is_a_note_not_a_warning() -> None:
     findings = found(RISING)
     assert findings.lag_frames is None
     assert findings.warnings == ()
     assert "uncertain" in findings.notes[0]
 
 
-def test_a_lag_that_is_stated_settles_what_only_the_images_left_open() -> None:
+def test_a_stated_lag_settles_an_uncertain_one() -> None:
     stated = found(RISING, 0)
     assert (stated.verdict.state, stated.notes, stated.warnings) == ("identifiable", (), ())
     assert "as stated" in stated.verdict.reason
     assert "stale" in found(STALE, 0).warnings[0]
 
 
-def test_photographs_hold_their_own_exposures_so_that_none_can_be_late(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_photographs_have_no_exposure_lag(monkeypatch: pytest.MonkeyPatch) -> None:
     # Pairs of frames, which take most of the time, tell nothing of the exposures here.
     monkeypatch.setattr(MaximumLikelihoodMethod, "push", lambda *_: None)
     recording = RISING.recording()
@@ -193,7 +193,7 @@ def test_a_frame_without_an_exposure_hides_nothing_of_the_others(monkeypatch: py
 
 
 @pytest.mark.parametrize("share", [0.15, 0.25])
-def test_exposures_swapped_between_neighbours_are_not_relied_on(share: float) -> None:
+def test_swapped_exposures_are_not_trusted(share: float) -> None:
     film = Film(wandering(100, 4))
     swapped = film.log_exposure.copy()
     for i in np.random.default_rng(1).permutation(np.arange(1, 100))[: int(share * 100)]:
@@ -210,7 +210,7 @@ OPPOSED = "the images get darker when the recorded exposures get longer"
     ids=["wandering", "rising", "repeating"],
 )
 @pytest.mark.parametrize("lag", [0, 2])
-def test_inverse_exposures_are_told_as_such(log_exposure: np.ndarray, lag: int) -> None:
+def test_inverse_exposures_are_recognised(log_exposure: np.ndarray, lag: int) -> None:
     inverse = found(Film(-log_exposure, lag=lag, hidden_log_gain=2 * log_exposure))
     assert inverse.verdict.state == "not identifiable"
     assert inverse.verdict.reason.startswith(OPPOSED)
@@ -219,11 +219,11 @@ def test_inverse_exposures_are_told_as_such(log_exposure: np.ndarray, lag: int) 
 
 
 @pytest.mark.parametrize("film", [STALE, LATE, Film(wandering(FRAMES), hidden_log_gain=-wandering(FRAMES))])
-def test_what_else_is_wrong_with_exposures_is_not_taken_for_their_inverse(film: Film) -> None:
+def test_other_exposure_faults_are_not_mistaken_for_inverse_exposures(film: Film) -> None:
     assert OPPOSED not in found(film).verdict.reason
 
 
-def test_a_moving_camera_is_not_said_to_stand_still_for_inverse_exposures() -> None:
+def test_a_moving_camera_with_inverse_exposures_does_not_count_as_static() -> None:
     log_exposure = wandering(FRAMES)
     made = calibrate(Film(-log_exposure, hidden_log_gain=2 * log_exposure, size=LARGE, speed_px=4).recording(), QUICK)
     for verdict in made.verdicts.values():

@@ -27,7 +27,7 @@ def test_it_is_found_in_spite_of_noise_motion_and_inexact_metadata(lag: int, fil
     assert found(Film(lag=lag, **film)).lag_frames == lag
 
 
-def test_a_cycle_leaves_what_differs_by_whole_cycles() -> None:
+def test_a_cycle_leaves_lags_that_differ_by_whole_cycles() -> None:
     exposures = found(Film(log_exposure=np.log([1.0, 2.0, 4.0])[np.arange(FRAMES) % 3] - 1, lag=1))
     assert exposures.lag_frames is None
     assert set(exposures.lag.candidates) == {-5, -2, 1, 4}
@@ -43,7 +43,7 @@ def test_a_long_cycle_leaves_one_usual_lag() -> None:
     assert exposures.lag_frames == -2
 
 
-def test_a_steady_change_says_nothing() -> None:
+def test_a_steady_change_shows_no_lag() -> None:
     exposures = found(Film(log_exposure=np.linspace(-0.6, 0.6, FRAMES), lag=2))
     assert exposures.lag_frames is None
     assert exposures.lag.correction(exposures.course.cycle_frames) is None

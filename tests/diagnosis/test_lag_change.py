@@ -58,9 +58,7 @@ def test_noise_clouds_and_lamps_are_none(film: Film, lag: int) -> None:
 
 
 @pytest.mark.parametrize(("seed", "size"), [(5, 0.015), (6, 0.012)])
-def test_earlier_exposures_need_stronger_evidence_because_light_that_is_followed_looks_like_them(
-    seed: int, size: float
-) -> None:
+def test_a_change_to_earlier_exposures_needs_stronger_evidence(seed: int, size: float) -> None:
     film = Film(wandering(FRAMES, seed) * size, noise=2.0, size=LARGEST)
     assert proven(changes(film), stated(film.log_exposure, 0, 2), 0) is not None
     assert proven(changes(film), stated(film.log_exposure, 0, -2), 0) is None
@@ -71,7 +69,7 @@ def test_a_few_frames_prove_nothing() -> None:
     assert proven(few, stated(WANDERING.log_exposure, 0, 2), 0) is None
 
 
-def test_what_slow_light_can_explain_is_suspected_but_not_proven() -> None:
+def test_a_lag_that_slow_light_can_explain_is_only_suspected() -> None:
     """Exposures that change slowly say nothing if the light can change as they do."""
     number = np.arange(FRAMES)
     course = 0.4 * np.sin(2 * np.pi * number / 60)

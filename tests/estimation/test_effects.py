@@ -168,7 +168,7 @@ def test_levels_darker_than_the_typical_dark_signal_are_right_too() -> None:
     assert np.log(dark / middle) == pytest.approx(np.log(true_dark / true_middle), abs=0.05)
 
 
-def test_effects_that_come_together_are_told_apart() -> None:
+def test_two_effects_are_distinguished() -> None:
     found = Disturbed(glare=0.03, offset=-0.05).fit()
     assert stated(found) == {
         "veiling glare": pytest.approx(0.03, rel=0.1),
@@ -194,7 +194,7 @@ def test_effects_that_come_together_are_told_apart() -> None:
         (Disturbed(local=0.05), "unsteady radiance"),
     ],
 )
-def test_what_no_camera_does_is_stated_and_not_corrected(camera: Disturbed, name: str) -> None:
+def test_contradictions_of_the_model_are_stated_and_not_corrected(camera: Disturbed, name: str) -> None:
     found = camera.fit()
     assert name in stated(found)
     of_residuals = {"uneven vignette", "unsteady response", "unsteady vignette", "unsteady radiance"}
@@ -202,7 +202,7 @@ def test_what_no_camera_does_is_stated_and_not_corrected(camera: Disturbed, name
     assert not len(found.effects)
 
 
-def test_what_flickering_light_can_look_like_is_told_with_both_causes() -> None:
+def test_local_contrast_is_reported_with_both_possible_causes() -> None:
     for tone in (-0.1, 0.1):
         told = dict(contradictions_of(Disturbed(tone=tone).fit()))
         (what,) = (text for text in told if "brightness around" in text)
@@ -212,7 +212,7 @@ def test_what_flickering_light_can_look_like_is_told_with_both_causes() -> None:
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_few_pairs_of_a_good_camera_contradict_nothing(seed: int) -> None:
+def test_few_pairs_of_a_good_camera_show_no_contradiction(seed: int) -> None:
     assert not stated(Disturbed().fit(seed, FEW))
 
 
@@ -223,13 +223,13 @@ def test_few_pairs_can_contradict_the_model(camera: Disturbed) -> None:
     assert stated(camera.fit(frames=FEW))
 
 
-def test_few_pairs_correct_what_they_show_clearly() -> None:
+def test_few_pairs_correct_a_clear_effect() -> None:
     found = Disturbed(offset=0.05).fit(frames=FEW)
     assert stated(found) == {"exposure offset": pytest.approx(0.05, rel=0.15)}
     assert is_right(found)
 
 
-def test_what_few_pairs_only_suggest_widens_the_bands() -> None:
+def test_an_uncertain_effect_widens_the_bands() -> None:
     found, usual = (camera.fit(frames=FEW) for camera in (Disturbed(offset=0.004), Disturbed()))
     assert not len(found.effects)
     assert found.log_response_step_sigma(0.25, 0.75) > 1.5 * usual.log_response_step_sigma(0.25, 0.75)
@@ -242,13 +242,13 @@ def step_in_sigmas(fit: Fit) -> float:
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_what_contradicts_the_model_widens_the_bands_by_what_it_does(seed: int) -> None:
+def test_a_contradiction_widens_the_bands_by_its_effect(seed: int) -> None:
     assert abs(step_in_sigmas(Disturbed(tone=-0.1).fit(seed))) < 1.2
 
 
 @pytest.mark.parametrize("light", [0.01, 0.03])
 @pytest.mark.parametrize("seed", range(3))
-def test_light_that_changes_from_frame_to_frame_is_measured_and_hurts_no_vignette(light: float, seed: int) -> None:
+def test_light_that_changes_between_frames_is_measured_without_harm_to_the_vignette(light: float, seed: int) -> None:
     found = Disturbed(light=light).fit(seed)
     assert stated(found) == {"unsteady light": pytest.approx(np.sqrt(2) * light, rel=0.3)}
     assert abs(step_in_sigmas(found)) < 3
@@ -256,12 +256,12 @@ def test_light_that_changes_from_frame_to_frame_is_measured_and_hurts_no_vignett
     assert vignette_rmse(found.vignette(SIZE), POLYNOMIAL, 1.0) < 0.005
 
 
-def test_the_bands_of_unsteady_light_are_as_wide_as_the_errors() -> None:
+def test_the_bands_under_unsteady_light_match_the_errors() -> None:
     sigmas = np.array([step_in_sigmas(Disturbed(light=0.03).fit(seed)) for seed in range(6)])
     assert 0.4 < np.sqrt(np.mean(sigmas**2)) < 1.4
 
 
-def test_light_that_changes_slowly_hides_less_than_light_that_changes_at_once() -> None:
+def test_slow_changes_of_light_cost_less_accuracy_than_fast_ones() -> None:
     """What a pair of frames shows beside its gain, which resembles that of the pairs before, is the more certain."""
     errors = {}
     for name, scale in (("light", 0.03), ("slow_light", 0.06)):
@@ -271,7 +271,7 @@ def test_light_that_changes_slowly_hides_less_than_light_that_changes_at_once() 
     assert np.std(errors["slow_light"]) < 0.2 * np.std(errors["light"])
 
 
-def test_unsteady_light_passes_for_no_offset_of_the_exposures() -> None:
+def test_unsteady_light_is_not_mistaken_for_an_exposure_offset() -> None:
     """An exposure that is stated too short is in the equations twice: as exposure, and as what an offset adds to."""
     fits = [Disturbed(light=0.03).fit(seed) for seed in range(6)]
     offset = [one for fit in fits for one in fit.effect_estimates if one.name == "exposure offset"]
@@ -279,18 +279,18 @@ def test_unsteady_light_passes_for_no_offset_of_the_exposures() -> None:
     assert abs(mean) < 2.5 * np.mean([one.sigma for one in offset]) / np.sqrt(len(offset))
 
 
-def test_effects_are_told_although_the_light_changes() -> None:
+def test_effects_are_found_although_the_light_changes() -> None:
     found = Disturbed(offset=-0.05, light=0.01).fit()
     assert stated(found).keys() == {"exposure offset", "unsteady light"}
     assert stated(found)["exposure offset"] == pytest.approx(-0.05, rel=0.3)
 
 
 @pytest.mark.parametrize("offset", [-0.006, -0.003, 0.003, 0.006])
-def test_a_suspicion_widens_the_bands_before_it_is_clear(offset: float) -> None:
+def test_a_suspected_effect_widens_the_bands(offset: float) -> None:
     assert abs(step_in_sigmas(Disturbed(offset=offset).fit(frames=FEW))) < 3
 
 
-def test_what_cannot_be_told_widens_the_bands() -> None:
+def test_an_effect_that_is_measured_does_not_widen_the_bands() -> None:
     """Without moments of the frames glare is as likely as its prior says; with them it is known to be absent."""
     known = Disturbed().fit()
     sigma = {one.name: one.sigma for one in known.effect_estimates}
@@ -299,7 +299,7 @@ def test_what_cannot_be_told_widens_the_bands() -> None:
 
 
 @pytest.mark.parametrize("name", ["srgb", "gamma2.2", "log", "filmic"])
-def test_moments_tell_the_mean_irradiance(name: str) -> None:
+def test_moments_give_the_mean_irradiance(name: str) -> None:
     """Dark and bright surroundings alike, whatever the response."""
     basis = ResponseBasis(32)
     knots = np.clip(basis.knots, 1e-3, 1 - 1e-3)

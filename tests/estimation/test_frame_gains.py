@@ -65,7 +65,7 @@ def test_the_scale_of_independent_gains_is_found(seed: int) -> None:
 
 
 @pytest.mark.parametrize(("memory", "error"), [(8.0, 1.1), (40.0, 0.9)])
-def test_slow_gains_are_told_from_what_pairs_say(memory: float, error: float) -> None:
+def test_slow_gains_are_estimated_from_pairs(memory: float, error: float) -> None:
     frames = frames_of_pairs(200)
     gains = 0.1 * slow(int(frames.max()) + 1, memory, 0)
     found = fitted(gains, frames)
@@ -140,7 +140,7 @@ def test_no_gains_have_no_scale() -> None:
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_gains_stay_finite_whatever_a_senseless_response_makes_of_the_means(seed: int) -> None:
+def test_gains_stay_finite_for_absurd_means(seed: int) -> None:
     random = np.random.default_rng(seed)
     frames = frames_of_pairs(40)
     chance = 10.0 ** random.uniform(-9, 6, len(frames))

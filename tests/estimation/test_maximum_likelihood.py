@@ -85,7 +85,7 @@ def test_vignettes_of_other_shapes_are_found_too(vignette):
     assert vignette_rmse(fit.vignette(SIZE), vignette) < 0.006
 
 
-def test_a_tenth_of_outliers_changes_next_to_nothing():
+def test_a_tenth_of_outliers_hardly_changes_the_fit():
     fits = [fitted(Camera(GAMMA, outliers=share).pairs(2)) for share in (0.0, 0.1)]
     assert log_step(fits[0]) == pytest.approx(log_step(fits[1]), abs=0.006)
     assert log_fall(fits[0]) == pytest.approx(log_fall(fits[1]), abs=0.006)
@@ -117,7 +117,7 @@ def test_points_seen_many_times_are_used_as_a_whole():
     assert vignette_rmse(fit.vignette(SIZE), POLYNOMIAL) < 0.004
 
 
-def test_only_as_rich_a_vignette_is_chosen_as_the_data_ask_for():
+def test_the_simplest_vignette_that_explains_the_data_is_chosen():
     widest = VignetteBasis(4, free_centre=True, non_radial=True)
     plain = fit_with_chosen_vignette(Camera(GAMMA).pairs(4), ResponseBasis(32), widest, NOISE, 8).fit
     assert not plain.vignette_basis.non_radial
@@ -178,7 +178,7 @@ def naive_step(observations):
     return float(np.log(high / low))
 
 
-def test_noise_does_not_flatten_the_response_even_with_little_change_of_exposure():
+def test_noise_does_not_flatten_the_response_even_with_small_exposure_ratios():
     # Ratios up to 8 %, which move a grey level by less than the noise of 3/255 does.
     faint = Camera(GAMMA, NONE, read=(3 / 255) ** 2, shot=0.0, registration_sigma_px=0.0, log_ratio=0.08)
     draws = [faint.pairs(seed, points=150) for seed in range(8)]
@@ -192,7 +192,7 @@ def test_noise_does_not_flatten_the_response_even_with_little_change_of_exposure
     assert abs(ours) < 1.5 * np.mean([fit.log_response_step_sigma(0.25, 0.75) for fit in fits])
 
 
-def test_where_the_prior_does_not_pull_nothing_else_does():
+def test_the_fit_is_unbiased_for_the_response_of_the_prior():
     grey = np.linspace(0, 1, 4097)[1:]
     log_g = 1.3 * (typical_gamma(0) * np.log(grey) + (typical_gamma(1) - typical_gamma(0)) * (grey - 1))
     truth = Response.from_values(np.concatenate([[0.0], np.exp(log_g)]))
@@ -213,7 +213,7 @@ def test_where_the_prior_does_not_pull_nothing_else_does():
     ],
     ids=["independent errors", "outliers", "errors common to a pair"],
 )
-def test_deviations_stated_are_those_that_happen(camera):
+def test_stated_sigmas_match_the_errors(camera):
     fits = [fitted(camera.pairs(seed, groups=24, points=70), 3, 16) for seed in range(20)]
     steps = [(0.25, 0.75), (0.15, 0.5)]
     radii = np.array([0.6, 0.9])
@@ -228,7 +228,7 @@ def test_deviations_stated_are_those_that_happen(camera):
     assert np.all(np.abs(mean) < 1)
 
 
-def test_a_far_corner_that_is_not_seen_is_as_uncertain_as_it_is_wrong():
+def test_the_sigma_of_an_unseen_corner_covers_its_error():
     """ln(1 − 0.35 R² + 0.05 R⁴ − 0.15 R⁶) about a centre beside that of the image: zero lies not far beyond."""
     zeros = np.roots([-0.15, 0.05, -0.35, 1.0])
     truth = LogVignette(SIZE, tuple(-np.sum(zeros**-i).real / i for i in np.arange(1.0, 61.0)), (0.11, 0.08))
@@ -241,7 +241,7 @@ def test_a_far_corner_that_is_not_seen_is_as_uncertain_as_it_is_wrong():
         assert abs(error[0]) < 2 * fit.worst_log_vignette_sigma(1.0) < 0.15
 
 
-def test_what_halves_of_the_observations_disagree_on_is_uncertain():
+def test_disagreement_of_halves_adds_uncertainty():
     camera = Camera(GAMMA)
     observations = camera.pairs(0, groups=60)
     first = fitted(observations, 3, 16)
@@ -265,7 +265,7 @@ def test_a_single_pair_of_frames_gives_no_certainty_without_limit():
     assert sigma[1] > 0.001
 
 
-def test_deviations_are_larger_where_the_response_bends_too_sharply_for_the_basis():
+def test_sigmas_cover_bends_too_sharp_for_the_basis():
     truth = RESPONSES["tum_narrow"]()
     fit = fit_of_response("tum_narrow", 3)
     greys, reference = np.linspace(0.1, 0.85, 200), 0.5
@@ -279,7 +279,7 @@ def test_deviations_are_larger_where_the_response_bends_too_sharply_for_the_basi
 
 
 @pytest.mark.parametrize("name", RESPONSES)
-def test_errors_are_hardly_ever_larger_than_stated_nor_much_smaller(name):
+def test_error_bounds_are_neither_exceeded_nor_too_wide(name):
     camera = Camera(RESPONSES[name]())
     fits = [fit_of_response(name, seed) for seed in range(4)]
     shares = [log_ratio_error(fit.response(255), camera.response) / fit.log_ratio_error_bound for fit in fits]
@@ -295,7 +295,7 @@ def test_more_points_make_smaller_deviations():
     assert many.log_vignette_sigma(np.array([1.0]))[0] < few.log_vignette_sigma(np.array([1.0]))[0]
 
 
-def test_nothing_is_known_of_what_was_not_measured():
+def test_uncertainty_is_large_where_nothing_was_measured():
     camera = Camera(GAMMA)
     dark = camera.pairs(0)
     below = np.repeat(np.all(dark.grey.reshape(-1, 2) < 0.5, axis=1), 2)

@@ -54,7 +54,7 @@ def test_it_is_the_shift_of_pixels_drawn_one_by_one(name, full_well, read_noise,
     np.testing.assert_array_less(np.abs(shift - true), statistical + 0.15 * np.abs(true) + 1e-5)
 
 
-def test_noise_that_could_not_be_measured_in_the_dark_is_told_by_brighter_levels():
+def test_noise_unmeasured_in_the_dark_is_extrapolated_from_brighter_levels():
     response, grid = Response.gamma(2.8, 2041), np.linspace(0, 1, TABLE_LEVELS)
     _, variances = drawn(response, grid, 3000, 12, TABLE_DRAWS)
     first = np.searchsorted(grid, 0.3)
@@ -66,7 +66,7 @@ def test_noise_that_could_not_be_measured_in_the_dark_is_told_by_brighter_levels
 
 
 @pytest.mark.parametrize("variance", [0.0, 1e-12])
-def test_next_to_no_noise_shifts_next_to_nothing(variance):
+def test_tiny_noise_causes_a_tiny_shift(variance):
     shift = mean_shift(GRID, log_response(Response.gamma(2.2, 2041)), NoiseModel(variance, 0))
     np.testing.assert_allclose(shift, 0, atol=1e-6)
 
@@ -129,7 +129,7 @@ def test_the_mean_of_textured_and_noisy_pixels_at_a_knee_is_corrected(noise_sigm
     np.testing.assert_allclose(means.by_texture(texture, index), lowered, atol=0.0025)
 
 
-def test_where_there_is_no_knee_texture_counts_by_its_variance_alone():
+def test_without_a_knee_texture_counts_only_by_its_variance():
     basis = ResponseBasis(32)
     means = PixelMeans.of(basis, np.full(33, 2.2), NoiseModel(0.0, 0.0, (0.0,)))
     index = basis.index_of(np.linspace(0.2, 1.0, 9))

@@ -20,7 +20,7 @@ def sigma_of_first(halves: FloatArray) -> FloatArray:
     return np.asarray(np.sqrt(np.diag(equations.covariance(prior, flat, halves))))
 
 
-def test_halves_that_differ_by_chance_widen_nothing_much() -> None:
+def test_halves_that_differ_by_chance_hardly_widen_the_bands() -> None:
     plain = sigma_of_first(np.zeros((4, INTERVALS + 1)))
     random = np.random.default_rng(0)
     widened = [

@@ -93,7 +93,7 @@ def test_every_kind_of_source_is_opened(folder, tmp_path):
     assert open_photometry(folder / "vignette.png").response is None
 
 
-def test_sources_that_hold_nothing_are_refused(folder, tmp_path):
+def test_empty_sources_are_refused(folder, tmp_path):
     (tmp_path / "empty").mkdir()
     for source, reason in (
         (tmp_path / "empty", "has no"),

@@ -94,7 +94,7 @@ def test_vignette_scale_is_not_observable():
     assert vignette_pixel_rmse(a, b) < 1e-6
 
 
-def test_profile_hides_what_is_not_radial_and_pixels_show_it():
+def test_non_radial_errors_show_in_pixels_but_not_in_the_profile():
     radial = LogVignette((160, 120), (-0.3,))
     skew = LogVignette((160, 120), (-0.3,), non_radial=(0.0, 0.0, 0.4, 0.0, 0.0, 0.0))
     assert vignette_rmse(skew, radial) < 0.02

@@ -55,7 +55,7 @@ def compared(settings, corrector=None):
     ],
     ids=["gamma", "linear, 12 bit", "tum, noisy", "steps"],
 )
-def test_where_exposures_jump_tracks_live_twice_as_long_and_the_residual_falls_to_a_fifth(settings):
+def test_with_exposure_jumps_tracks_last_twice_as_long_and_the_residual_falls_to_a_fifth(settings):
     result = compared(settings)
     assert result.largest_step > 2
     assert result.life_ratio > 2
@@ -64,7 +64,7 @@ def test_where_exposures_jump_tracks_live_twice_as_long_and_the_residual_falls_t
     assert "helps" in result.sentence
 
 
-def test_where_exposures_creep_tracks_are_not_lost_on_the_way_but_for_their_brightness():
+def test_with_slow_exposure_changes_only_brightness_limits_tracks():
     result = compared(replace(SMALL, exposure="sweep", exposure_min_ms=4.0, exposure_max_ms=10.0))
     assert result.largest_step < 1.05
     assert result.life_ratio > 2
@@ -85,7 +85,7 @@ def test_a_calibration_that_changes_nothing_gives_the_same_tracks():
     assert "as long as before" in result.sentence
 
 
-def test_a_wrong_calibration_is_told():
+def test_a_wrong_calibration_is_reported():
     settings = replace(SMALL, exposure="constant", vignette="none", frames=16)
     result = compared(settings, Corrector(Response.gamma(2.2), PolynomialVignette((240, 180), (-0.6, 0.0, 0.0))))
     assert result.residual_ratio < 0.5
@@ -241,7 +241,7 @@ def test_survival_is_the_product_limit(observed):
     assert table.steps == sum(min(steps, 10) for steps, _ in observed)
 
 
-def test_what_was_not_watched_is_not_claimed():
+def test_unwatched_frames_are_not_claimed():
     table = life_table([(4, False), (3, False), (2, True)])
     assert table.horizon == 4
     assert table.median_life(4) is None
@@ -271,7 +271,7 @@ def run(*arguments):
     return CliRunner().invoke(command, ["tracking", *(str(a) for a in arguments)])
 
 
-def test_the_command_says_it_in_a_table_and_a_sentence(made):
+def test_the_command_prints_a_table_and_a_sentence(made):
     result = run(made.path, "--calibration", made.path)
     assert result.exit_code == 0, result.output
     for expected in ("raw", "corrected", "mean life", "median life", "residual", "2.5:1", "The calibration helps: "):
@@ -289,7 +289,7 @@ def test_the_command_as_json(made, tmp_path):
     assert set(content["raw"]["lost"]) == {"gave up", "came back elsewhere", "looks different", "too bright or dark"}
 
 
-def test_the_command_refuses_what_does_not_belong(made, tmp_path):
+def test_the_command_refuses_unsuitable_calibrations(made, tmp_path):
     partial = Calibration(CHANGING.size, made.response).save(tmp_path / "c.json")
     assert isinstance(run(made.path, "--calibration", partial).exception, NotObservableError)
     small = PolynomialVignette((64, 48), (-0.3, 0.0, 0.0))

@@ -222,7 +222,7 @@ def test_poses_without_truth_count_in_e_align_alone():
     assert error.e_align < 1e-9
 
 
-def test_trajectories_that_say_nothing_are_refused():
+def test_uninformative_trajectories_are_refused():
     truth = wandering(0, 100)
     late = Trajectory(truth.stamps_s[60:], truth.positions[60:], truth.quaternions[60:])
     with pytest.raises(NotObservableError, match="first half"):

@@ -37,7 +37,7 @@ def test_infinite_numbers_are_findings(tmp_path, name, text):
     assert validate([tmp_path / name], "dso", (96, 72)).findings
 
 
-def test_what_a_message_quotes_is_on_one_line(tmp_path):
+def test_quoted_text_in_messages_is_on_one_line(tmp_path):
     place = tmp_path / "calibration.json"
     place.write_text('{"schema": "\\u001b[31m\\n"}')
     with pytest.raises(OspcError) as caught:
@@ -50,7 +50,7 @@ def test_what_a_message_quotes_is_on_one_line(tmp_path):
     "error",
     [MemoryError(), RuntimeError("std::bad_alloc"), ImportError("x.so: failed to map segment from shared object")],
 )
-def test_too_little_memory_is_said_as_such(error):
+def test_too_little_memory_is_reported_as_such(error):
     from ospc.errors import one_line
 
     assert one_line(error).startswith("not enough memory")
@@ -67,7 +67,7 @@ def test_a_vignette_map_whose_header_is_no_header_is_refused(tmp_path, header):
         RasterVignette.read_map(place, (2, 2), {})
 
 
-def test_of_long_messages_the_middle_is_left_out(tmp_path):
+def test_the_middle_of_long_messages_is_left_out(tmp_path):
     place = tmp_path / "raster.vignette.npz"
     with zipfile.ZipFile(place, "w") as archive:
         archive.writestr("vignette.npy", b"")

@@ -64,7 +64,7 @@ def test_steep_and_flat_curves_survive(tmp_path, exponent, values):
     assert np.abs(table / 255 - response.resampled(values)).max() < 1e-6
 
 
-def test_curve_that_hugs_the_top_is_lowered_where_there_is_no_room_above():
+def test_curve_near_the_top_is_lowered_if_there_is_no_room_above():
     flat_top = np.concatenate([[0.0], 255 - np.linspace(1e-9, 0, 255)])
     mended = strictly_increasing_float32(flat_top)
     assert np.all(np.diff(mended) > 0)

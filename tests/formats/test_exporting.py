@@ -124,7 +124,7 @@ def test_files_that_cannot_be_written_are_one_clear_error(tmp_path):
 
 
 @pytest.mark.parametrize("text", ["0 0.00 1.5\n1 0.05 2.5\n", "0,1\n1,2\n", "0.5 0.8\n64 48\n", "# id\n0\n"])
-def test_what_is_no_pcalib_is_said_to_be_none(tmp_path, text):
+def test_an_invalid_pcalib_is_refused(tmp_path, text):
     place = tmp_path / "times.txt"
     place.write_text(text)
     with pytest.raises(FormatError, match=r"times\.txt: is not a pcalib\.txt, .* on one line; .* by their suffix"):

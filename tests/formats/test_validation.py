@@ -104,7 +104,7 @@ def limited_range(straight_below=16, straight_above=235):
     return Response.from_values(curve)
 
 
-def test_a_curve_that_limited_range_video_left_behind_is_doubted(tmp_path):
+def test_a_response_of_limited_range_video_is_suspected(tmp_path):
     place = write_pcalib(limited_range(), tmp_path / "pcalib.txt")
     ((severity, rule),) = found(place)
     assert severity == "warning"
@@ -297,7 +297,7 @@ def test_camera_for_another_size_is_refused(folder):
     assert "320x240" in errors(folder / "camera.txt", size=(320, 240))
 
 
-def test_kinds_are_told_from_content_where_the_name_says_nothing(folder):
+def test_kinds_are_recognised_by_content_if_the_name_does_not_tell(folder):
     for name in ("pcalib.txt", "vignette.png", "times.txt", "camera.txt"):
         kind = kind_of(folder / name)
         renamed = (folder / name).rename(folder / f"{kind[0]}.dat")

@@ -95,7 +95,7 @@ def test_exposures_that_hardly_change_are_asked_to_change():
         assert "exposure changes" in found.text
 
 
-def test_where_nothing_is_found_again_it_asks_for_less_haste():
+def test_without_matches_it_asks_for_slower_motion():
     adviser = Adviser()
     kinds = [adviser.look(replace(NO_BRIGHT, pairs=40 + 2 * i), 0.5 * i).kind for i in range(20)]
     assert kinds[0] == "bright"
@@ -103,7 +103,7 @@ def test_where_nothing_is_found_again_it_asks_for_less_haste():
 
 
 @pytest.mark.parametrize("preview", ALL_STATES)
-def test_what_is_advised_would_tell_more_than_anything_else(preview):
+def test_the_advice_has_the_largest_expected_gain(preview):
     knowledge, found = knowledge_of(preview), advice(preview)
     if found.greys is not None:
         wanted = np.mean(found.greys)
@@ -134,7 +134,7 @@ def test_an_instruction_stays_long_enough_to_be_followed(states):
     assert all(later - earlier >= HOLD_S - 1e-9 for earlier, later in pairwise(changes))
 
 
-def test_an_instruction_that_brings_nothing_gives_way():
+def test_an_instruction_without_effect_is_replaced():
     adviser = Adviser()
     kinds = [adviser.look(NO_BRIGHT, 1.0 * second).kind for second in range(int(PATIENCE_S + 3))]
     assert kinds[0] == "bright"
@@ -170,7 +170,7 @@ def test_exposures_that_contradict_the_images_come_first():
     assert Adviser().look(NO_BRIGHT, 0.0, changed_before).kind == "bright"
 
 
-def test_what_only_a_complete_estimate_finds_is_shown_as_missing():
+def test_findings_of_the_full_estimate_only_are_shown_as_missing():
     known = calibrated(100)
     quick = advice(EVERYTHING)
     adviser = Adviser(1.01 * max(quick.response_sigma, quick.vignette_sigma, *certainty(known)))

@@ -103,7 +103,7 @@ def commanded(cameras):
     return calibrator
 
 
-def test_where_nothing_is_dropped_the_result_is_that_of_the_command(played, commanded, cameras):
+def test_without_dropped_frames_the_result_is_that_of_the_command(played, commanded, cameras):
     found, status, latest = played
     assert (status.frames, status.dropped, status.unusable) == (len(cameras.before), 0, 0)
     other = commanded.calibration()
@@ -150,7 +150,7 @@ def changed(commanded, cameras, tmp_path_factory):
     return calibrator
 
 
-def test_another_lens_is_noticed_named_and_calibrated_anew(changed, cameras):
+def test_another_lens_is_detected_and_calibrated_again(changed, cameras):
     first, second = changed.epochs
     assert first.change.part == "vignette"
     assert abs(second.first_frame - 220) <= 30
@@ -295,7 +295,7 @@ def test_both_threads_count_only_while_they_hold_the_lock():
     assert all(held)
 
 
-def test_what_goes_wrong_in_the_background_is_said(monkeypatch):
+def test_errors_in_the_background_are_reported(monkeypatch):
     def push(engine, frame):
         raise RuntimeError("out of luck")
 
@@ -359,7 +359,7 @@ def test_all_that_ask_learn_why_the_background_failed(ask_together, monkeypatch)
     assert [answer.__cause__ for answer in answers] == [failure] * 2
 
 
-def test_who_asks_does_not_wait_for_frames_pushed_later(monkeypatch):
+def test_a_request_does_not_wait_for_later_frames(monkeypatch):
     asked, pushed = threading.Event(), []
 
     def push(engine, frame):
@@ -394,7 +394,7 @@ def test_the_slow_preset_is_refused():
         LiveCalibrator("paper")
 
 
-def test_who_waits_learns_that_the_background_failed(monkeypatch):
+def test_wait_raises_the_error_of_the_background(monkeypatch):
     held = Held(monkeypatch)
 
     def fails(*_arguments):

@@ -100,7 +100,7 @@ def test_it_listens_on_this_machine_only(server):
     assert len(token(server)) >= 32
 
 
-def test_a_port_in_use_is_said(server):
+def test_a_port_in_use_is_reported(server):
     with LiveCalibrator() as live, pytest.raises(SettingError, match=f"port {server.port}"):
         PageServer(Capture(live), server.port)
 

@@ -82,7 +82,7 @@ def test_pairs_of_any_age_raise_a_suspicion_of_darker_corners(watched, age):
     assert changed_at <= watched.detector.since <= watched.frame + age
 
 
-def test_light_raises_a_suspicion_only_where_it_changes_from_frame_to_frame(watched):
+def test_light_raises_a_suspicion_only_if_it_changes_between_frames(watched):
     watched.see(CAMERA, DISTANT, 2 * RECENT_PAIRS, light=0.2)
     assert not watched.detector.is_suspicious
     watched.see(CAMERA, NEIGHBOURS, 2 * RECENT_PAIRS, light=0.2)

@@ -45,7 +45,7 @@ def test_every_sighting_is_counted_once_by_grey_and_every_pair_by_radius():
     np.testing.assert_array_equal(coverage.by_radius, np.histogram(radius, 20, (0, 1))[0])
 
 
-def test_tables_come_back_from_their_dictionary():
+def test_tables_survive_their_dictionary():
     coverage = coverage_of(observations(), None, SIZE)
     again = Coverage.from_dict(json.loads(json.dumps(coverage.as_dict(), allow_nan=False)))
     np.testing.assert_array_equal(again.grey_exposure, coverage.grey_exposure)

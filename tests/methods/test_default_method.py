@@ -53,7 +53,7 @@ def test_response_and_vignette_are_found(result, walk):
     assert result.advice == result.coverage.gaps(255)
 
 
-def test_the_deviations_stated_are_not_far_from_the_errors(result, walk):
+def test_stated_sigmas_cover_the_errors(result, walk):
     low, high = np.log([response.inverse([0.3, 0.7]) for response in (result.response, walk.truth.response)]).T
     assert np.ptp(high - low) < 0.02
     profile, truth = (radial_profile(v) for v in (result.vignette, walk.truth.vignette))
@@ -74,7 +74,7 @@ def test_exposures_are_predicted(result):
     assert np.all(ratios.samples > 0)
 
 
-def test_what_was_counted_adds_up(result):
+def test_the_counts_add_up(result):
     assert result.counts["frames"] == 90
     assert result.counts["skipped"] == 0
     assert 60 <= result.counts["pairs"] < 90
@@ -98,7 +98,7 @@ def test_covariances_name_their_parameters(result):
         assert np.all(np.diag(matrix) > 0)
 
 
-def test_knees_noise_and_more_bits_are_no_obstacle(calibrated):
+def test_a_response_with_knees_noise_and_12_bits_is_found(calibrated):
     made = recorded(
         frames=45, size=(240, 180), response="tum_narrow", vignette="decentred", noise="high", bit_depth=12,
         exposure="sweep", exposure_min_ms=4.0, exposure_max_ms=16.0,
@@ -110,7 +110,7 @@ def test_knees_noise_and_more_bits_are_no_obstacle(calibrated):
     assert vignette_pixel_rmse(result.vignette, made.truth.vignette) < 0.02
 
 
-def test_a_camera_whose_grey_values_end_halfway_is_seen_to_move(calibrated):
+def test_a_camera_with_white_at_half_scale_is_calibrated(calibrated):
     made = recorded(frames=48, seed=31, scene_seed=0)
     dark = [
         Frame.of_array(frame.image // 2, frame.exposure_ms, index=frame.index, stamp_s=frame.stamp_s)
@@ -127,7 +127,7 @@ def test_a_camera_whose_grey_values_end_halfway_is_seen_to_move(calibrated):
 # Repeatable.
 
 
-def test_the_same_frames_give_the_same_result_whether_asked_in_between_or_not(walk, calibrated, quick):
+def test_calibrating_in_between_does_not_change_the_result(walk, calibrated, quick):
     asked = calibrated(walk.frames[:QUICK_FRAMES], QUICK, ask_after=(1, 2, 20, 37))
     assert as_text(asked) == as_text(quick)
 
@@ -144,7 +144,7 @@ def test_a_factor_on_all_exposures_changes_nothing_but_the_exposures(walk, calib
     assert [v.state for v in scaled.verdicts.values()] == [v.state for v in quick.verdicts.values()]
 
 
-def test_frames_that_cannot_be_used_spoil_nothing(walk, quick):
+def test_unusable_frames_do_not_affect_the_result(walk, quick):
     good = walk.frames[:QUICK_FRAMES]
 
     def unreadable():
@@ -180,7 +180,7 @@ def test_frames_that_cannot_be_used_spoil_nothing(walk, quick):
 # What cannot be known.
 
 
-def test_a_constant_exposure_tells_nothing_of_the_response(calibrated):
+def test_a_constant_exposure_gives_no_response(calibrated):
     result = calibrated(recorded(frames=25, size=(160, 120), exposure="constant").frames)
     assert result.response is None
     assert result.vignette is None
@@ -191,7 +191,7 @@ def test_a_constant_exposure_tells_nothing_of_the_response(calibrated):
     assert result.covariance == {}
 
 
-def test_a_camera_that_stands_still_tells_nothing_of_the_vignette(calibrated, tmp_path):
+def test_a_static_camera_gives_no_vignette(calibrated, tmp_path):
     made = recorded(
         frames=24, size=(240, 180), motion="static", exposure="sweep", exposure_min_ms=2.0, exposure_max_ms=20.0
     )
@@ -206,7 +206,7 @@ def test_a_camera_that_stands_still_tells_nothing_of_the_vignette(calibrated, tm
     assert Calibration.load(result.save(tmp_path / "c.json")).vignette is None
 
 
-def test_exposures_that_do_not_belong_to_the_frames_are_noticed(walk, calibrated):
+def test_exposures_of_other_frames_are_detected(walk, calibrated):
     shuffled = np.random.default_rng(0).permutation(QUICK_FRAMES)
     mixed_up = [
         replace(f, exposure_ms=f.exposure_ms * (0.5, 1.0, 2.0, 4.0)[i % 4])
@@ -218,7 +218,7 @@ def test_exposures_that_do_not_belong_to_the_frames_are_noticed(walk, calibrated
     assert "belongs to its frame" in result.verdicts["response"].remedy
 
 
-def test_where_the_light_is_unsteady_steadier_light_is_asked_for(walk, calibrated):
+def test_unsteady_light_leads_to_advice_for_steadier_light(walk, calibrated):
     rng = np.random.default_rng(0)
     frames = [replace(f, exposure_ms=f.exposure_ms * np.exp(rng.normal(0, 0.01))) for f in walk.frames[:60]]
     result = calibrated(frames, QUICK)
@@ -228,7 +228,7 @@ def test_where_the_light_is_unsteady_steadier_light_is_asked_for(walk, calibrate
         assert result.verdicts[name].remedy in result.advice
 
 
-def test_what_is_done_about_a_contradiction_is_advised_first(walk, calibrated):
+def test_the_remedy_of_a_contradiction_is_advised_first(walk, calibrated):
     def tone_mapped(frame):
         grey = np.maximum(frame.image_8_bit.astype(np.float32), 1) / 255
         nearby = cv2.GaussianBlur(grey, (0, 0), 0.1 * grey.shape[1])

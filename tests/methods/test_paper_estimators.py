@@ -223,7 +223,7 @@ def test_hubers_estimate_is_that_of_a_general_solver_at_its_own_scale(seed):
     np.testing.assert_allclose(found, reference.x, atol=1e-5)
 
 
-def test_robust_solvers_bear_outliers_that_spoil_least_squares():
+def test_robust_solvers_tolerate_outliers_that_break_least_squares():
     rows, target = noisy_rows(3, noise=0.002, outliers=0.1, count=2000)
     profile = {
         name: PolynomialVignette(SIZE, tuple(solve_vignette(rows, target, name, TUNING))).profile(1.0)

@@ -130,7 +130,7 @@ def test_points_on_the_far_border_belong_to_the_last_block():
     assert survivors(corner, np.zeros(8), np.ones(8)).all()
 
 
-def test_nothing_comes_of_nothing():
+def test_empty_and_static_points_are_valid():
     empty = np.empty((0, 2))
     assert follows_its_block(empty, empty, SIZE, PaperSettings()).shape == (0,)
     still = np.full((8, 2), 10.0)

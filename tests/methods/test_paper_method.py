@@ -114,7 +114,7 @@ def test_the_result_can_be_saved_and_loaded(run, tmp_path):
     assert result.settings["response_window"] == 35
 
 
-def test_the_same_frames_give_the_same_result_whether_asked_in_between_or_not(walk, calibrated, quick):
+def test_calibrating_in_between_does_not_change_the_result(walk, calibrated, quick):
     asked = calibrated(walk.frames[:45], QUICK, ask_after=(1, 19, 20, 21, 44))
     assert as_text(asked) == as_text(quick)
     assert quick.response is not None
@@ -131,7 +131,7 @@ def test_a_factor_on_all_exposures_changes_nothing(walk, calibrated, quick):
     assert doubled.counts == quick.counts
 
 
-def test_an_open_window_counts_only_where_no_full_one_did(walk, calibrated):
+def test_an_open_window_counts_only_without_a_full_one(walk, calibrated):
     alone = calibrated(walk.frames[:40], replace(QUICK, response_window=1000, vignette_window=1000))
     assert alone.response is not None
     assert alone.verdicts["response"].state == "marginal"
@@ -144,7 +144,7 @@ def test_an_open_window_counts_only_where_no_full_one_did(walk, calibrated):
     np.testing.assert_array_equal(full.response.inverse_table, more.response.inverse_table)
 
 
-def test_a_constant_exposure_tells_nothing(calibrated):
+def test_a_constant_exposure_gives_no_calibration(calibrated):
     result = calibrated(recorded(frames=30, exposure="constant", size=(160, 120)).frames, QUICK)
     assert result.response is None
     assert result.vignette is None
@@ -154,7 +154,7 @@ def test_a_constant_exposure_tells_nothing(calibrated):
     assert "auto exposure" in result.advice[0]
 
 
-def test_a_camera_that_stands_still_tells_nothing_of_the_vignette(calibrated):
+def test_a_static_camera_gives_no_vignette(calibrated):
     made = recorded(frames=40, motion="static", exposure="sweep", exposure_min_ms=5.0, exposure_max_ms=20.0)
     result = calibrated(made.frames, QUICK)
     assert result.response is not None
@@ -260,7 +260,7 @@ def test_exposures_corrected_before_a_window_is_closed_count_for_all_of_it():
         np.testing.assert_allclose(result.exposure_ratios.estimated, result.exposure_ratios.metadata, rtol=1e-3)
 
 
-def test_the_m_estimator_bears_wrong_matches_better_than_least_squares():
+def test_the_m_estimator_tolerates_wrong_matches_better_than_least_squares():
     error = {}
     for solver in ("l2", "m-estimator"):
         settings = replace(PaperSettings(), vignette_solver=solver, acceptance_tolerance=5.0)

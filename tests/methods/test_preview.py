@@ -34,7 +34,7 @@ def test_before_the_first_pair_there_is_none(run):
     assert OnlineCalibrator("paper").preview() is None
 
 
-def test_looking_changes_nothing(run):
+def test_a_preview_does_not_change_the_result(run):
     watched, alone, *_ = run
     one, other = watched.calibration().as_dict(), alone.calibration().as_dict()
     assert one == other

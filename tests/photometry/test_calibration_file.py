@@ -146,7 +146,7 @@ def test_an_empty_calibration_is_one_too(tmp_path):
     assert_same(Calibration.load(empty.save(tmp_path / "c.json")), empty)
 
 
-def test_the_file_says_what_a_reader_without_this_library_needs(saved):
+def test_the_file_contains_tables_for_other_programs(saved):
     content = json.loads(saved.read_text())
     assert content["schema"] == SCHEMA
     assert content["response"]["inverse_table"] == FULL.response.inverse_table.tolist()

@@ -199,7 +199,7 @@ def test_values_beyond_the_largest_grey_value_are_saturated():
     assert np.all(Corrector(LINEAR, None, 4095).warp_exposure(image, 2.0, 1.0) == 4095)
 
 
-def test_where_the_vignette_lets_no_light_through_there_is_no_image():
+def test_pixels_without_light_are_not_corrected():
     values = np.ones((8, 12), np.float32)
     values[0, :3] = 0.0, 0.5e-3, 1.5e-3
     corrector = Corrector(LINEAR, RasterVignette(values))

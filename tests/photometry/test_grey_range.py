@@ -71,7 +71,7 @@ def test_noise_is_stretched_too():
         (70, 255, FULL_RANGE),
     ],
 )
-def test_it_is_found_where_grey_values_pile_up(low, high, expected):
+def test_the_grey_range_ends_where_grey_values_accumulate(low, high, expected):
     random = np.random.default_rng(0)
     statistics = PixelStatistics()
     preprocess = Preprocessor()

@@ -81,7 +81,7 @@ def test_the_image_is_what_is_said_of_each_pixel(vignette):
 
 
 @given(st.one_of(polynomials, logs, rasters), st.floats(0, 1), st.floats(0, 1))
-def test_one_point_and_many_are_asked_for_alike(vignette, right, down):
+def test_one_point_and_many_have_the_same_value(vignette, right, down):
     point = np.array([right, down]) * (np.array(vignette.size) - 1)
     alone = vignette.at(point)
     assert alone.shape == ()

@@ -39,7 +39,7 @@ def today(camera, groups):
 
 
 @pytest.mark.parametrize("name", ["state.ospc", "calibration.json"])
-def test_a_few_frames_of_the_same_camera_only_add_to_what_was_known(yesterday, name):
+def test_a_few_frames_of_the_same_camera_only_refine_the_calibration(yesterday, name):
     earlier = PriorCalibration.open(yesterday / name)
     own, seen = today(CAMERA, groups=6)
     found = earlier.continued(own, seen)
@@ -64,7 +64,7 @@ def test_another_lens_is_noticed_and_yesterday_forgotten(yesterday, name):
     np.testing.assert_array_equal(found.vignette.image(), own.vignette.image())
 
 
-def test_a_calibration_gives_back_itself_when_nothing_new_was_seen(yesterday):
+def test_starting_from_a_calibration_without_new_frames_returns_it(yesterday):
     before = Calibration.load(yesterday)
     nothing = Calibration(size=SIZE, verdicts=before.verdicts)
     found = PriorCalibration.open(yesterday / "calibration.json").continued(nothing, None)
@@ -83,7 +83,7 @@ def test_what_the_prior_says_of_the_vignette_counts_once():
 
 
 @pytest.mark.parametrize("name", ["state.ospc", "calibration.json"])
-def test_where_the_image_ends_is_kept(tmp_path, name):
+def test_a_continued_fisheye_keeps_its_image_limit(tmp_path, name):
     inputs = fisheye_inputs_of(CAMERA, 0, 0.7)
     before = summarise(inputs, DefaultSettings())
     before.save(tmp_path / "calibration.json")
@@ -108,7 +108,7 @@ def test_a_recording_that_starts_from_itself_counts_once():
     np.testing.assert_array_equal(twice.vignette_sigma, once.vignette_sigma)
 
 
-def test_starting_from_a_state_is_starting_from_what_merging_it_gives():
+def test_starting_from_a_state_equals_starting_from_its_merge():
     of_other_response = replace(summary(OTHER_RESPONSE, 101), exposure_range_ms=(0.001, 1e6), reach=3.0)
     recordings = [summary(CAMERA, seed) for seed in range(4)] + [summary(OTHER_LENS, 100, groups=160)]
     merged = merge(Pool.of([*recordings, of_other_response])).calibration
@@ -122,7 +122,7 @@ def test_starting_from_a_state_is_starting_from_what_merging_it_gives():
     np.testing.assert_allclose(found.vignette_sigma, merged.vignette_sigma, rtol=1e-6)
 
 
-def test_recordings_that_contradict_one_another_are_nothing_to_start_from(tmp_path):
+def test_contradicting_recordings_are_refused_as_a_start(tmp_path):
     Pool.of([summary(CAMERA, 0), summary(OTHER_RESPONSE, 101)]).save(tmp_path / "state.ospc")
     with pytest.raises(NotObservableError, match="contradict each other, so there is nothing to start from"):
         PriorCalibration.open(tmp_path)
@@ -140,7 +140,7 @@ def test_a_calibrator_starts_from_what_was_known(yesterday):
     assert found.counts["frames"] == 1
 
 
-def test_what_contradicts_the_frames_of_today_counts_however_much_was_known(yesterday):
+def test_a_contradiction_by_new_frames_counts_despite_earlier_ones(yesterday):
     own, seen = today(CAMERA, groups=60)
     doubt = judged(Verdict("identifiable", "known"), (("the response changes", "switch off scene modes"),))
     own = replace(own, verdicts={"response": doubt, "vignette": doubt}, warnings=("the response changes",))
@@ -172,7 +172,7 @@ def test_frames_of_another_size_are_refused(yesterday):
         calibrator.calibration()
 
 
-def test_what_cannot_be_started_from_is_refused_by_name(tmp_path):
+def test_unsuitable_starts_are_refused_by_name(tmp_path):
     with pytest.raises(NotObservableError, match="has neither response nor vignette"):
         PriorCalibration.open(made_up(response=False, vignette=False).save(tmp_path / "a.json"))
     with pytest.raises(FormatError, match="not a calibration of the default method"):

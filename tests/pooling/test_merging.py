@@ -109,7 +109,7 @@ def test_merging_keeps_where_the_image_ends():
         np.testing.assert_allclose(found.vignette.image(), alone.vignette.image(), atol=0.01)
 
 
-def test_what_a_mask_hides_in_one_recording_is_known_from_the_others(recordings):
+def test_a_region_masked_in_one_recording_is_known_from_the_others(recordings):
     masked = summary_of(fisheye_inputs_of(CAMERA, 0, 0.7), "frames", {}, 100)
     found = merge(Pool.of([*recordings, masked])).calibration
     assert vignette_rmse(found.vignette, CAMERA.vignette) < 0.005
@@ -134,13 +134,13 @@ def test_a_recording_of_another_response_is_left_out_altogether(recordings, merg
     np.testing.assert_array_equal(found.calibration.response.inverse_table, merged.calibration.response.inverse_table)
 
 
-def test_wrong_exposures_are_said_to_be_wrong(recordings, other_response):
+def test_wrong_exposures_are_reported(recordings, other_response):
     wrong = replace(other_response, unexplained=0.4)
     (difference,) = merge(Pool.of([*recordings, wrong])).agreement.differing.values()
     assert "its exposures are wrong (40.0% of their changes do not show in the images, usually" in difference.text
 
 
-def test_wrong_exposures_that_show_in_the_vignette_alone_spoil_the_response_too(recordings, merged, other_lens):
+def test_a_recording_with_wrong_exposures_is_left_out_of_the_response_too(recordings, merged, other_lens):
     wrong = replace(other_lens, unexplained=0.05)
     found = merge(Pool.of([*recordings, wrong]))
     (difference,) = found.agreement.differing.values()
@@ -148,14 +148,14 @@ def test_wrong_exposures_that_show_in_the_vignette_alone_spoil_the_response_too(
     np.testing.assert_array_equal(found.calibration.response.inverse_table, merged.calibration.response.inverse_table)
 
 
-def test_where_no_majority_agrees_nothing_is_invented(recordings, other_lens):
+def test_without_a_majority_the_vignette_is_unknown(recordings, other_lens):
     found = merge(Pool.of([recordings[0], other_lens])).calibration
     assert found.vignette is None
     assert "no majority agrees" in found.verdicts["vignette"].reason
     assert found.response is not None
 
 
-def test_two_cameras_in_one_pool_are_told_apart(recordings, other_lens):
+def test_two_cameras_in_one_pool_are_distinguished(recordings, other_lens):
     others = [other_lens, *(summary(OTHER_LENS, seed) for seed in (102, 103))]
     found = merge(Pool.of([*recordings[:5], *others]))
     assert {d.name for d in found.agreement.differing.values()} == {s.name for s in others}

@@ -101,7 +101,7 @@ def test_a_finished_run_is_a_pool_of_one_recording_and_a_checkpoint_is_to_be_fin
         Pool.load(tmp_path / "checkpoint.ospc")
 
 
-def test_a_state_that_knows_nothing_is_said_to(tmp_path):
+def test_a_state_without_a_result_is_reported(tmp_path):
     OnlineCalibrator().save_state(tmp_path / "state.ospc")
     with pytest.raises(FormatError, match="nothing could be learned"):
         Pool.load(tmp_path)

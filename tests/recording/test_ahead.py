@@ -128,7 +128,7 @@ def test_giving_up_early_ends_the_thread():
     assert threading.active_count() == before
 
 
-def test_what_goes_wrong_beyond_the_frames_is_passed_on():
+def test_errors_unrelated_to_frames_are_raised():
     def failing():
         yield next(iter(Counted(1)))
         raise OSError("gone")

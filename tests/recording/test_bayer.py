@@ -66,7 +66,7 @@ def test_green_is_the_rounded_mean_of_its_two_pixels(pattern: str) -> None:
     assert taken.tolist() == [[255, 9]]
 
 
-def test_other_kinds_only_tell_of_a_mosaic(tum_folder: Callable[..., Path]) -> None:
+def test_other_kinds_only_report_a_mosaic(tum_folder: Callable[..., Path]) -> None:
     data = encoded(mosaic(smooth(0, np.uint8), ".gg."))
     recording = open_recording(tum_folder("0 1 1\n", {"0.png": data}))
     assert recording.size == (80, 60)

@@ -32,7 +32,7 @@ def test_eight_bit_images_are_what_they_are() -> None:
     assert BitDepth(8).note is None
 
 
-def test_black_images_tell_nothing() -> None:
+def test_black_images_keep_the_full_bit_depth() -> None:
     assert detect_bit_depth([np.zeros((2, 2), np.uint16)]).max_grey == 65535
 
 

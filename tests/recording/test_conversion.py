@@ -138,7 +138,7 @@ def test_euroc_intrinsics_become_a_camera(tmp_path: Path) -> None:
     assert validate([tmp_path / "out"], "dso").valid
 
 
-def test_a_camera_of_another_size_is_left_out_and_told(folder: Path, tmp_path: Path) -> None:
+def test_a_camera_of_another_size_is_left_out_and_reported(folder: Path, tmp_path: Path) -> None:
     (folder / "camera.txt").write_text("Pinhole 100 100 85 64 0\n48 32\ncrop\n48 32\n")
     made = convert_recording(open_recording(folder), tmp_path / "out")
     assert not made.has_camera
@@ -146,7 +146,7 @@ def test_a_camera_of_another_size_is_left_out_and_told(folder: Path, tmp_path: P
     assert not (tmp_path / "out" / "camera.txt").exists()
 
 
-def test_what_dso_would_not_take_is_told(folder: Path, tmp_path: Path) -> None:
+def test_files_that_dso_rejects_are_reported(folder: Path, tmp_path: Path) -> None:
     (folder / "camera.txt").write_text("Pinhole 100 100 85 64 0\n170 128\ncrop\n170 127\n")
     made = convert_recording(open_recording(folder), tmp_path / "out")
     assert any(note.startswith("camera.txt: ") and "170x127" in note for note in made.notes)
@@ -185,7 +185,7 @@ def test_frames_that_cannot_be_read_are_left_out_with_their_times(tmp_path: Path
 
 
 @pytest.mark.parametrize("happening", [KeyboardInterrupt(), MemoryError(), OSError(28, "No space left on device")])
-def test_what_ends_early_leaves_everything_as_it_was(happening: BaseException, tmp_path: Path) -> None:
+def test_an_early_end_leaves_everything_unchanged(happening: BaseException, tmp_path: Path) -> None:
     spoiled = _Spoiled(recorded(), {3: happening})
     convert_recording(recorded(), tmp_path / "there")
     before = {p: p.read_bytes() for p in (tmp_path / "there").rglob("*") if p.is_file()}

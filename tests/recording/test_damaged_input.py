@@ -80,7 +80,7 @@ def test_undamaged_samples_are_accepted(known: dict[str, Target], name: str, tmp
 
 
 @pytest.mark.parametrize("name", TRIED)
-def test_whatever_comes_is_understood_or_refused(known: dict[str, Target], name: str, tmp_path: Path) -> None:
+def test_any_input_is_read_or_refused(known: dict[str, Target], name: str, tmp_path: Path) -> None:
     @settings(max_examples=30, database=None)
     @given(damaged(known[name]))
     def one(data: bytes) -> None:

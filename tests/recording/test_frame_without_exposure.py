@@ -111,7 +111,7 @@ def test_every_road_gives_the_same(
     assert [reason.endswith(REASON) for reason in reasons] == [True]
 
 
-def test_a_check_says_so_in_the_same_words(recording: Recording) -> None:
+def test_a_check_uses_the_same_words(recording: Recording) -> None:
     notes = check_recording(recording).notes
     assert sum(note.startswith("1 of 16 frames skipped") and note.endswith(REASON) for note in notes) == 1
 

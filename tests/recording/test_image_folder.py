@@ -186,7 +186,7 @@ BROKEN: dict[str, tuple[dict[str, str], type[Exception], tuple[str, ...]]] = {
 
 
 @pytest.mark.parametrize("case", BROKEN)
-def test_a_broken_list_is_one_error_that_says_what_to_do(opened: Open, case: str) -> None:
+def test_a_broken_list_is_one_error_with_a_remedy(opened: Open, case: str) -> None:
     files, error, parts = BROKEN[case]
     with pytest.raises(error) as caught:
         opened(files)

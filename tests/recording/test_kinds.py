@@ -60,7 +60,7 @@ def test_the_kind_may_be_given(tum_folder: Make) -> None:
         (lambda p: _written(p / "images" / "dslr" / "0.JPG", b"image").parents[2], "subfolders; .*: dslr"),
     ],
 )
-def test_what_is_no_recording_is_one_error_that_says_what_is(
+def test_something_else_than_a_recording_is_one_error_that_names_the_options(
     tmp_path: Path, make: Callable[[Path], Path], message: str
 ) -> None:
     path = make(tmp_path)
@@ -69,7 +69,7 @@ def test_what_is_no_recording_is_one_error_that_says_what_is(
     assert str(path) in str(caught.value)
 
 
-def test_the_output_of_a_calibration_is_known_for_what_it_is(tmp_path: Path) -> None:
+def test_the_output_of_a_calibration_is_recognised(tmp_path: Path) -> None:
     for name, data in (("calibration.json", b"{}"), ("times.txt", b"0 0.0 1\n"), ("figure.png", PNG), ("a.png", PNG)):
         _written(tmp_path / name, data)
     with pytest.raises(RecordingError, match="is a calibration; give a recording instead"):

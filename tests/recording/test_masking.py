@@ -108,7 +108,7 @@ def test_a_mask_that_is_none(content: bytes | None, words: str, tmp_path: Path) 
         read_mask(path, SIZE)
 
 
-def test_something_must_be_left() -> None:
+def test_masking_every_pixel_is_refused() -> None:
     with pytest.raises(SettingError, match="leave 0 of the 160x120 pixels"):
         masked(recorded(), None, Region(50, 50, 10, 0))
     with pytest.raises(SettingError, match=r"has shape \(3, 3\)"):

@@ -55,7 +55,7 @@ def test_frames_are_those_of_which_both_parts_came_in_order_and_once(events: lis
         assert {(number, True), (number, False)} <= set(events)
 
 
-def test_what_never_gets_its_counterpart_takes_bounded_memory() -> None:
+def test_unmatched_messages_take_bounded_memory() -> None:
     pairs = RosFrames(FLIR)
     for number in range(1000):
         assert pairs.image(image(number)) is None

@@ -327,7 +327,7 @@ def test_what_is_missing_is_one_error(case: str, write: Any, tmp_path: Path) -> 
 
 @pytest.mark.parametrize("writer", WRITERS)
 @pytest.mark.parametrize("share", [0.99, 0.6, 0.2, 0.01])
-def test_a_truncated_bag_is_one_error_that_says_so(writer: str, share: float, tmp_path: Path) -> None:
+def test_a_truncated_bag_is_one_error(writer: str, share: float, tmp_path: Path) -> None:
     path = WRITERS[writer](tmp_path / "made", images([grey(i, (64, 48)) for i in range(20)]) + floats([2.0] * 20))
     files = [p for p in path.rglob("*.*") if p.suffix in (".db3", ".mcap")] if path.is_dir() else [path]
     data = files[0].read_bytes()

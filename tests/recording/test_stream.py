@@ -56,7 +56,7 @@ def test_frames_and_tuples_are_taken_as_they_come() -> None:
         ((grey().astype(float), 1.0), FrameError),
     ],
 )
-def test_what_is_no_frame_is_said_by_its_number(item: Any, error: type[Exception]) -> None:
+def test_an_invalid_frame_is_named_by_its_number(item: Any, error: type[Exception]) -> None:
     found = frames_of([(grey(), 1.0), item])
     next(found)
     with pytest.raises(error, match=r"(item|frame) 1"):
@@ -129,7 +129,7 @@ class TestOpenCv:
         camera = opencv_camera(Capture("DSHOW", [(-6.0, 0), (-7.0, 0)], channels=1))
         assert [frame.exposure_ms for frame in camera] == pytest.approx([1000 / 64, 1000 / 128])
 
-    def test_what_the_driver_does_not_say_has_to_be_stated(self) -> None:
+    def test_values_missing_from_the_driver_have_to_be_given(self) -> None:
         capture = Capture("GSTREAMER", [(2.0, 6.0205999)])
         with pytest.raises(SettingError, match="unknown for the driver GSTREAMER"):
             opencv_camera(capture)
@@ -144,7 +144,7 @@ class TestOpenCv:
             next(found)
 
     @pytest.mark.parametrize("exposure", [0.0, float("nan"), -1.0])
-    def test_a_driver_without_exposures_is_said(self, exposure: float) -> None:
+    def test_a_driver_without_exposures_is_reported(self, exposure: float) -> None:
         with pytest.raises(ExposureError, match="delivers no"):
             next(iter(opencv_camera(Capture("V4L2", [(exposure, 0.0)]))))
 
@@ -325,7 +325,7 @@ class TestDepthAi:
         assert [frame.stamp_s for frame in found] == [3, 4]
         np.testing.assert_array_equal([frame.image for frame in found], [grey(i, SIZE) for i in range(2)])
 
-    def test_the_vendors_library_has_what_is_used_of_it(self) -> None:
+    def test_the_vendors_library_has_the_functions_used(self) -> None:
         depthai = pytest.importorskip("depthai", reason="needs the extra 'depthai'")
         used = {
             depthai.Pipeline: ("create", "start", "isRunning", "stop"),
@@ -338,7 +338,7 @@ class TestDepthAi:
         }
         assert [(kind, name) for kind, names in used.items() for name in names if not hasattr(kind, name)] == []
 
-    def test_failures_are_said(self, monkeypatch: pytest.MonkeyPatch) -> None:
+    def test_failures_are_reported(self, monkeypatch: pytest.MonkeyPatch) -> None:
         def fail() -> Any:
             raise RuntimeError("X_LINK_ERROR\nlost")
 

@@ -55,7 +55,7 @@ def test_colour_becomes_rounded_luma_with_a_note(tum_folder: Make, suffix: str) 
     assert "luma" in recording.notes[0]
 
 
-def test_a_channel_of_grey_images_is_refused_with_what_to_do(tum_folder: Make) -> None:
+def test_a_channel_of_grey_images_is_refused_with_a_remedy(tum_folder: Make) -> None:
     path = tum_folder()
     for channel in (Channel.RED, Channel.GREEN, Channel.BLUE):
         expected = f"{path}/images: its images are grey and have no {channel.value} channel; leave out --channel, or "
@@ -163,7 +163,7 @@ def test_parts_that_do_not_belong_together_are_one_clear_error(tum_folder: Make,
     assert "\n" not in str(caught.value)
 
 
-def test_missing_times_are_asked_for(tum_folder: Make) -> None:
+def test_missing_times_are_requested(tum_folder: Make) -> None:
     with pytest.raises(RecordingError, match=r"made: has no times\.txt; add it"):
         open_recording(tum_folder(None))
 

@@ -56,7 +56,7 @@ def test_a_hostile_archive_is_one_error_that_names_it(tum_archive: Make, case: s
     assert "\n" not in str(caught.value)
 
 
-def test_hidden_twins_are_ignored_beside_images(tum_archive: Make) -> None:
+def test_hidden_twins_of_images_are_ignored(tum_archive: Make) -> None:
     members = {"00000.png": PNG, "__MACOSX/._00000.png": b"x", "notes.txt": b"x"}
     assert len(open_recording(tum_archive(members, "00000 1 1\n"))) == 1
 
@@ -129,7 +129,7 @@ def test_one_damaged_member_stops_nothing(tum_archive: Make) -> None:
     np.testing.assert_array_equal(frames[2].image, grey(2))
 
 
-def test_nothing_is_written_beside_the_archive(tum_archive: Make) -> None:
+def test_nothing_is_written_next_to_the_archive(tum_archive: Make) -> None:
     place = tum_archive()
     before = sorted(place.rglob("*"))
     for frame in open_recording(place):

@@ -39,7 +39,7 @@ WELL, ROUGH, LOST = (Verdict(state, "why") for state in ("identifiable", "margin
         ),
     ],
 )
-def test_the_headline_says_what_is_known(response, vignette, sentence, state):
+def test_the_headline_states_the_result(response, vignette, sentence, state):
     known = calibration(verdicts={"response": response, "vignette": vignette})
     assert headline(known) == sentence
     assert overall_state(known) == state

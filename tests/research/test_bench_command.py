@@ -48,7 +48,7 @@ def test_json_is_all_that_is_printed(finished):
     assert json.loads(result.stdout)["measurements"][0]["recording"] == "static-srgb"
 
 
-def test_an_interruption_is_told_and_what_is_finished_is_shown(finished, monkeypatch):
+def test_an_interruption_is_reported_and_finished_results_are_shown(finished, monkeypatch):
     def interrupt(*_arguments):
         raise KeyboardInterrupt
 

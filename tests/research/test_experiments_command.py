@@ -25,7 +25,7 @@ def test_every_experiment_has_a_command():
     assert set(command.commands) == {*EXPERIMENTS, "ambiguity", "systems"}
 
 
-def test_a_given_recording_is_measured_once_beside_another_programs_calibration(tiny_room, tmp_path, monkeypatch):
+def test_a_given_recording_is_measured_with_another_programs_calibration(tiny_room, tmp_path, monkeypatch):
     theirs = f"theirs={tiny_room}/pcalib.txt,{tiny_room}/vignette.png"
     words = ["parameters", tiny_room, "-o", tmp_path / "out", "--calibration", theirs]
     first = run(*words)
@@ -41,13 +41,13 @@ def test_a_given_recording_is_measured_once_beside_another_programs_calibration(
 
 
 @pytest.mark.parametrize("study", ["parameters", "systems"])
-def test_recordings_of_one_name_could_not_be_told_apart(study, tiny_room, tmp_path):
+def test_recordings_of_one_name_are_refused(study, tiny_room, tmp_path):
     result = run(study, tiny_room, tiny_room, "-o", tmp_path)
     assert isinstance(result.exception, SettingError)
     assert "two recordings are named room" in str(result.exception)
 
 
-def test_an_interruption_is_told_and_what_is_finished_is_kept(tmp_path, monkeypatch):
+def test_an_interruption_is_reported_and_finished_results_are_kept(tmp_path, monkeypatch):
     whole = Task.run
 
     def interrupted(task, progress):

@@ -45,7 +45,7 @@ class Counting:
         return self._matcher.correspondences(left, right, size)
 
 
-def test_every_solver_gives_what_it_gives_alone(recording, monkeypatch):
+def test_solvers_give_the_same_together_and_alone(recording, monkeypatch):
     counting = Counting()
     monkeypatch.setattr(method, "FeatureMatcher", lambda _settings: counting)
     shares = []

@@ -80,7 +80,7 @@ def test_stored_results_are_not_computed_again(tmp_path):
     assert log.read_text().split() == ["a", "b", "c"]
 
 
-def test_an_interruption_keeps_what_was_finished(tmp_path):
+def test_an_interruption_keeps_finished_tasks(tmp_path):
     log = tmp_path / "log"
     good = fake_task("a", log=log)
     interrupted = [good, fake_task("b", error=KeyboardInterrupt), fake_task("c", log=log)]
@@ -101,7 +101,7 @@ def test_several_processes_give_the_same(tmp_path):
     assert {row.figures["response_shape_rmse"] for r in results for row in measured(r.result)} == {0.1, 0.2}
 
 
-def test_progress_is_told(tmp_path):
+def test_progress_is_reported(tmp_path):
     told = []
     list(run([fake_task("a")], ResultStore(tmp_path), 1, lambda task, share: told.append((task.name, share))))
     assert told == [("a", 0.5), ("a", 1.0)]

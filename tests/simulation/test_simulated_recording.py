@@ -83,7 +83,7 @@ def test_it_opens_as_the_recording_that_was_simulated(recording):
         np.testing.assert_array_equal(read.image, made.image)
 
 
-def test_the_truth_beside_it_is_that_of_the_settings(recording):
+def test_the_truth_written_with_it_is_that_of_the_settings(recording):
     known = truth(SMALL)
     np.testing.assert_array_equal(recording.exposures_ms, known.exposures_ms)
     np.testing.assert_array_equal(recording.trajectory, known.trajectory)

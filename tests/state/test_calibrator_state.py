@@ -223,7 +223,7 @@ def saved(tmp_path_factory):
         ({"method": {}}, "not readable as a state"),
     ],
 )
-def test_what_another_version_made_is_refused(saved, tmp_path, change, said):
+def test_a_file_of_another_version_is_refused(saved, tmp_path, change, said):
     found = container.load(saved, KIND, VERSION)
     other = container.save(replace(found, content=found.content | change), tmp_path / "other.ospc")
     with pytest.raises(FormatError, match=rf"^{other}: .*{said}"):

@@ -213,7 +213,7 @@ def says_enough(hint):
     return len(parts) == 1 and (of_state or parts[0] in (int, float, bool, str))
 
 
-def test_every_value_of_a_state_whose_type_does_not_say_enough_has_a_rule():
+def test_values_of_a_state_that_types_do_not_restrict_have_a_rule():
     kinds = {*dataclasses_in(EngineState), *dataclasses_in(MaximumLikelihoodState)} - {Observations}
     assert RULES.keys() <= kinds
     for kind in kinds:

@@ -129,7 +129,7 @@ def test_what_no_file_may_hold_is_refused():
         pack(Part(object()))  # type: ignore[arg-type]
 
 
-def test_a_layout_tells_classes_apart_by_names_and_types():
+def test_a_layout_distinguishes_classes_by_names_and_types():
     @dataclass
     class Other:
         _hidden: float

@@ -115,7 +115,7 @@ def test_the_exponent_is_that_of_the_mean_response() -> None:
     assert len(curve) == SAMPLES
 
 
-def test_the_command_asks_for_it_explicitly_and_labels_every_output(
+def test_the_command_needs_the_option_and_labels_every_output(
     folder: Path, recovered: Recording, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("ospc.unknown_exposures.recover_exposures", lambda *_: recovered)  # once is enough
@@ -154,7 +154,7 @@ def test_pictures_are_labelled(found: Calibration) -> None:
     assert any("up to one common exponent" in text.get_text() for text in figure.texts)
 
 
-def test_what_it_does_not_go_with(folder: Path, tmp_path: Path) -> None:
+def test_options_it_cannot_be_combined_with(folder: Path, tmp_path: Path) -> None:
     for options in (["--resume"], ["--start-from", str(tmp_path)], ["--mask", "m.png"]):
         arguments = ["calibrate", str(folder), "-o", str(tmp_path / "out"), "--unknown-exposures", *options]
         assert CliRunner().invoke(cli, arguments).exit_code == 2

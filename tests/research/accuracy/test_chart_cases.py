@@ -69,7 +69,7 @@ def test_jpeg_against_raw_gives_the_response(chart, channel):
     assert response_shape_rmse(response, RESPONSE, *greys) < 0.01
 
 
-def test_both_presets_are_judged_and_what_limits_them_is_said(chart):
+def test_both_presets_are_judged_and_their_limits_reported(chart):
     cases = chart_sources(chart / "chart_cameras")
     assert [case.factors["channel"] for case in cases] == list(CHANNELS)
     rows = {row.method: row for preset in ("default", "paper") for row in measure(cases[1], preset)}

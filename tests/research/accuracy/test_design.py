@@ -52,7 +52,7 @@ def test_every_vignette_meets_noise_and_moving_objects_in_equal_number(moving):
         assert len(levels(members, "noise", "scene")) == 4
 
 
-def test_gamma_curves_take_the_place_of_measured_responses_and_it_is_said(moving, tmp_path):
+def test_gamma_curves_replace_measured_responses_with_a_note(moving, tmp_path):
     assert sum(case.name.startswith("gamma") for case in moving) == 8
     _, notes = accuracy_sources(None)
     assert any("gamma curves" in note for note in notes)

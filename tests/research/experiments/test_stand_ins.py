@@ -59,7 +59,7 @@ def test_a_given_recording_brings_its_truth(tmp_path):
         GivenSource.of(tmp_path / "room")
 
 
-def test_what_cannot_be_simulated_is_refused(data):
+def test_impossible_simulations_are_refused(data):
     with pytest.raises(SettingError):
         stand_ins(0, 10, (64, 48))
     with pytest.raises(FormatError, match="fewer frames"):

@@ -103,7 +103,7 @@ def test_curves_of_grey_levels(name, strength, grey, expected, footage):
     assert put(name, ramp, strength).images[0].ravel()[list(grey)].tolist() == list(expected)
 
 
-def test_a_curve_on_all_grey_levels_alike_is_another_true_response(footage):
+def test_a_curve_on_all_grey_levels_is_another_true_response(footage):
     camera, stored = put("limited-range", footage, 16).responses
     greys = np.array([40.0, 80.0, 200.0])
     assert stored.inverse((16 + greys * 219 / 255) / 255) == pytest.approx(camera.inverse(greys / 255), abs=2e-3)
@@ -130,7 +130,7 @@ def test_glare_is_a_share_of_the_mean_irradiance(footage):
         assert light - before == pytest.approx(0.05 * before.mean(), abs=1e-5)
 
 
-def test_what_darkens_every_frame_belongs_to_the_true_vignette(footage):
+def test_constant_shading_belongs_to_the_true_vignette(footage):
     for name in ("smudge", "graduated-filter", "decentred", "shading-corrected"):
         found = put(name, footage, FAULTS[name].strengths[2])
         change = found.vignette.image() / footage.camera.attenuation

@@ -60,7 +60,7 @@ def test_another_calibration_program_or_number_of_runs_is_run_anew(experiment, m
     assert calls(tmp_path) == before + 4 + 4
 
 
-def test_an_interruption_keeps_what_is_finished(experiment, make_program, tmp_path):
+def test_an_interruption_keeps_finished_results(experiment, make_program, tmp_path):
     tasks, _ = tasks_of(experiment, make_program())
     runs = run_tasks(tasks, ResultStore(experiment.folder / "cache"))
     next(runs)

@@ -166,7 +166,7 @@ def test_frames_are_chosen_over_the_whole_range_of_exposures():
     assert sorted(ExposureSeries.of(deep).images[:, 0, 0].tolist()) == [0, 255]
 
 
-def test_series_that_say_nothing_are_refused(series):
+def test_uninformative_series_are_refused(series):
     with pytest.raises(NotObservableError, match="change"):
         ExposureSeries(series.images, np.ones(7))
     with pytest.raises(SettingError):

@@ -87,7 +87,7 @@ def test_table_json_and_picture_hold_every_row(rows, tmp_path):
     assert content["rows"][0]["ratio"] == pytest.approx(rows[0].seconds / rows[0].against_s)
 
 
-def test_a_row_comes_back_from_the_store_as_it_was(rows):
+def test_a_row_survives_the_store(rows):
     for row in rows:
         assert row_of(json.loads(json.dumps(vars(row)))) == row
 
@@ -118,7 +118,7 @@ def test_goals_are_judged_only_at_the_size_and_length_they_are_for(rows):
     assert all(goal_of(row) == ("", None) for row in rows)
 
 
-def test_the_command_goes_on_where_it_stopped(tmp_path):
+def test_the_command_continues_where_it_stopped(tmp_path):
     arguments = ["bench", "speed", "-o", str(tmp_path), "--size", "64x48", "--frames", "3", "--presets", "fast"]
     first = CliRunner().invoke(cli, [*arguments, "--live", "0"])
     assert first.exit_code == 0, first.output

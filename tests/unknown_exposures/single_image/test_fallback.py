@@ -42,7 +42,7 @@ def test_bands_cover_the_truth(photographs, calibrations):
     assert np.mean(shares) > 0.9
 
 
-def test_nothing_is_called_identifiable_and_grey_images_get_the_usual_response(photographs):
+def test_nothing_is_identifiable_and_grey_images_get_the_typical_response(photographs):
     _, image = photographs["srgb"]
     found = calibrate_single_images([np.ascontiguousarray(image[..., 1])])
     assert found.verdicts["response"].state == found.verdicts["vignette"].state == "marginal"
@@ -54,7 +54,7 @@ def test_nothing_is_called_identifiable_and_grey_images_get_the_usual_response(p
         calibrate_single_images([image, image[:100]])
 
 
-def test_the_command_answers_only_where_it_is_asked_and_says_what_it_rests_on(photographs, tmp_path, monkeypatch):
+def test_the_fallback_needs_its_option_and_states_its_basis(photographs, tmp_path, monkeypatch):
     leave_out(monkeypatch, "draw")
     photo, out = tmp_path / "photo.png", tmp_path / "out"
     cv2.imwrite(str(photo), photographs["srgb"][1])
