@@ -16,7 +16,9 @@ from hypothesis import strategies as st
 from ospc.errors import FrameError, RecordingError, SettingError
 from ospc.formats.validation import validate
 from ospc.recording import ArrayRecording, Frame, open_recording
+from ospc.recording.channel import Channel
 from ospc.recording.derived import with_exposure_lag
+from ospc.recording.options import ReadingOptions
 from ospc.recording.writing.conversion import convert_recording
 
 COUNT, SIZE = 7, (170, 128)
@@ -116,6 +118,19 @@ def test_jpeg_is_near_and_says_what_it_cuts(tmp_path: Path) -> None:
     assert "upper 8" in made.notes[0]
     for frame, image in zip(open_recording(tmp_path / "out"), smooth, strict=True):
         assert np.abs(frame.image - image / 4095 * 255).max() < 4
+
+
+@pytest.mark.parametrize("channel", [None, Channel.GREEN, Channel.LUMINANCE])
+def test_of_colour_images_other_programs_read_the_channel(channel: Channel | None, tmp_path: Path) -> None:
+    (tmp_path / "images").mkdir()
+    colour = cv2.GaussianBlur(np.random.default_rng(0).integers(0, 256, (64, 80, 3)).astype(np.uint8), (0, 0), 3)
+    for i in range(3):
+        cv2.imwrite(str(tmp_path / "images" / f"{i}.jpg"), colour)
+    (tmp_path / "times.txt").write_text("".join(f"{i} {i} {i + 1}\n" for i in range(3)))
+    recording = open_recording(tmp_path, options=ReadingOptions(channel=channel))
+    convert_recording(recording, tmp_path / "out")
+    for frame, written in zip(recording, sorted((tmp_path / "out" / "images").iterdir()), strict=True):
+        np.testing.assert_array_equal(cv2.imread(str(written), cv2.IMREAD_GRAYSCALE), frame.image)
 
 
 def test_euroc_intrinsics_become_a_camera(tmp_path: Path) -> None:

@@ -42,15 +42,16 @@ class TestHeic:
         pytest.importorskip("pillow_heif", reason="needs the extra 'heic'")
         pytest.importorskip("exifread", reason="needs the extra 'exif'")
 
-    def test_colours_and_luma_are_those_of_the_image(self) -> None:
+    def test_channels_are_those_of_the_image(self) -> None:
         image, data = smooth(), heic(smooth())
         assert np.abs(decode_stored(data, "a.heic", Channel.ALL).pixels.astype(int) - image).max() <= 4
         luma = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY).astype(int)
-        assert np.abs(decode_stored(data, "a.HEIC").pixels - luma).max() <= 4
+        assert np.abs(decode_stored(data, "a.HEIC", Channel.LUMINANCE).pixels - luma).max() <= 4
+        assert np.abs(decode_stored(data, "a.HEIC").pixels.astype(int) - image[:, :, 1]).max() <= 4
 
     def test_grey_images_stay_grey(self) -> None:
         stored = decode_stored(heic(smooth(channels=1)), "a.heic")
-        assert not stored.colour
+        assert stored.channel is None
         assert np.abs(stored.pixels.astype(int) - smooth(channels=1)).max() <= 2
 
     def test_ten_bits_are_kept(self, tmp_path: Path) -> None:
@@ -140,7 +141,7 @@ class TestRaw:
     def test_linear_colours_are_read(self) -> None:
         image = smooth(top=1000)
         stored = decode_stored(dng(image, 0, 1000), "a.dng", Channel.ALL)
-        assert stored.colour
+        assert stored.channel is Channel.ALL
         assert np.abs(stored.pixels[:, :, ::-1] - image / 1000 * 65535).max() <= 0.51
 
     def test_a_folder_is_a_recording_of_its_green_pixels(self, tmp_path: Path) -> None:

@@ -47,12 +47,16 @@ def test_lossless_formats_give_the_pixels_that_were_written(tum_folder: Make, su
 
 
 @pytest.mark.parametrize("suffix", [".png", ".tif", ".bmp", ".ppm"])
-def test_colour_becomes_rounded_luma_with_a_note(tum_folder: Make, suffix: str) -> None:
+def test_of_colour_the_green_channel_is_read_and_rounded_luma_on_request(tum_folder: Make, suffix: str) -> None:
     colour = np.random.default_rng(1).integers(0, 256, (16, 24, 3), dtype=np.uint8)
-    recording = open_recording(tum_folder("0 1 1\n", {f"0{suffix}": encoded(colour, suffix)}))
+    folder = tum_folder("0 1 1\n", {f"0{suffix}": encoded(colour, suffix)})
+    recording = open_recording(folder)
+    np.testing.assert_array_equal(next(iter(recording)).image, colour[:, :, 1])
+    assert "green of colour images" in recording.notes[0]
+    recording = open_recording(folder, options=ReadingOptions(channel=Channel.LUMINANCE))
     luma = colour @ np.array([0.114, 0.587, 0.299])
     assert np.abs(next(iter(recording)).image - luma).max() < 0.51
-    assert "luma" in recording.notes[0]
+    assert "luminance of colour images" in recording.notes[0]
 
 
 def test_a_channel_of_grey_images_is_refused_with_a_remedy(tum_folder: Make) -> None:

@@ -35,6 +35,11 @@ class Channel(Enum):
         return np.ascontiguousarray(image[:, :, (Channel.BLUE, Channel.GREEN, Channel.RED).index(self)])
 
 
+DEFAULT_CHANNEL = Channel.GREEN
+"""The channel of colour images that is used unless another is chosen. The luma of coloured surfaces follows no single
+response, and hides that one of their channels is saturated: in a simulated coloured room, it raised the RMSE of the
+vignette from 0.0003 to 0.003."""
+
 _MOSAIC_RATIO = 0.7
 """Threshold for the ratio of diagonal to adjacent differences: 0.31–0.45 in mosaics and 1.15 in grey images."""
 

@@ -19,7 +19,7 @@ import numpy as np
 from ospc.arrays import Float32Array, Image
 from ospc.errors import FrameError, OspcError, needs_extra
 from ospc.formats.image_header import EXIF
-from ospc.recording.channel import Channel, Mosaic
+from ospc.recording.channel import DEFAULT_CHANNEL, Channel, Mosaic
 from ospc.recording.frame import check_decoded_size
 from ospc.recording.pixel_layout import BitDepth, StoredImage
 
@@ -122,7 +122,7 @@ class Heic(ImageFormat):
     suffixes = frozenset({".heic", ".heif", ".hif"})
 
     def decode(self, data: bytes, name: str, channel: Channel | None) -> StoredImage:
-        """Decode to a channel, by default luma; more than 8 bits are left-aligned in 16."""
+        """Decode to a channel, by default green; more than 8 bits are left-aligned in 16."""
         photo = self._opened(data, name)
         check_decoded_size(photo.size, len(photo.mode.partition(";")[0]), 16 if ";" in photo.mode else 8, name)
         try:
@@ -132,12 +132,13 @@ class Heic(ImageFormat):
         colour = pixels.ndim == 3 and pixels.shape[2] >= 3
         if pixels.ndim == 3:  # drop transparency
             pixels = np.ascontiguousarray(pixels[:, :, :3]) if colour else pixels[:, :, 0]
-        if colour:
-            pixels = (channel or Channel.LUMINANCE).of(pixels)
+        taken = (channel or DEFAULT_CHANNEL) if colour else None
+        if taken is not None:
+            pixels = taken.of(pixels)
         # libheif rotates the image for display, but response and vignette refer to the axes of the sensor.
         for kind, (value,) in reversed(_TURNS.findall(data)[:2]):
             pixels = np.rot90(pixels, -value) if kind == b"irot" else np.flip(pixels, value & 1)
-        return StoredImage(np.ascontiguousarray(pixels), colour)
+        return StoredImage(np.ascontiguousarray(pixels), taken)
 
     def shot(self, data: bytes, name: str) -> Shot:
         """Return how the photograph was taken, from its EXIF."""
@@ -199,7 +200,8 @@ class Raw(ImageFormat):
             pixels = photo.raw_image_visible
             if stacked:
                 linear = _scaled(pixels[:, :, :3], black[:3], white)
-                return StoredImage((channel or Channel.LUMINANCE).of(linear[:, :, ::-1]), colour=True, depth=_DEPTH)
+                taken = channel or DEFAULT_CHANNEL
+                return StoredImage(taken.of(linear[:, :, ::-1]), taken, depth=_DEPTH)
             if photo.num_colors == 1:
                 return StoredImage(_scaled(pixels, black[0], white), depth=_DEPTH)
             block = photo.raw_colors_visible[:2, :2]
@@ -214,7 +216,7 @@ class Raw(ImageFormat):
                 part = pixels[row::2, column::2]
                 linear[row::2, column::2] = _scaled(part, black[block[row, column]], white)
             if channel is Channel.ALL:
-                return StoredImage(mosaic.of(linear, channel), colour=True, depth=_DEPTH)
+                return StoredImage(mosaic.of(linear, channel), channel, depth=_DEPTH)
             return StoredImage(linear, mosaic=mosaic, depth=_DEPTH)
 
     def shot(self, data: bytes, name: str) -> Shot:

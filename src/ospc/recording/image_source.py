@@ -18,7 +18,7 @@ from ospc.arrays import Image
 from ospc.errors import FrameError, RecordingError, escaped, listed, os_error_as, quoted
 from ospc.formats.files import by_name, read_bytes
 from ospc.formats.image_header import JPEG_START, PNG_SIGNATURE, ImageHeader, read_header
-from ospc.recording.channel import Channel
+from ospc.recording.channel import DEFAULT_CHANNEL, Channel
 from ospc.recording.frame import check_decoded_size
 from ospc.recording.image_formats import format_of
 from ospc.recording.pixel_layout import StoredImage
@@ -32,11 +32,11 @@ _DEFLATE_EXPANDS = 1032
 
 def decode_grey(data: bytes, name: str) -> Image:
     """Decode an image file with :func:`decode_stored`; colour becomes luma, 0.299 R + 0.587 G + 0.114 B."""
-    return decode_stored(data, name).pixels
+    return decode_stored(data, name, Channel.LUMINANCE).pixels
 
 
 def decode_stored(data: bytes, name: str, channel: Channel | None = None) -> StoredImage:
-    """Decode the content of an image file, called ``name`` in messages, to a channel; by default luma.
+    """Decode the content of an image file, called ``name`` in messages, to a channel, by default green.
 
     HEIC and raw photographs are recognised by name, all others by content.
 
@@ -56,7 +56,7 @@ def decode_stored(data: bytes, name: str, channel: Channel | None = None) -> Sto
     if not _can_hold(data, header):
         raise damaged
     colour = header.channels > 2
-    wanted = channel or Channel.LUMINANCE
+    wanted = channel or DEFAULT_CHANNEL
     # JPEG stores luma. For other formats, decoders truncate in the conversion to grey, while OpenCV rounds.
     in_colour = colour and not (data.startswith(JPEG_START) and wanted is Channel.LUMINANCE)
     try:
@@ -69,7 +69,7 @@ def decode_stored(data: bytes, name: str, channel: Channel | None = None) -> Sto
         raise damaged
     if image.dtype not in (np.uint8, np.uint16):
         raise FrameError(f"{name}: has {image.dtype} values; convert it to PNG with 8 or 16 bits")
-    return StoredImage(image, colour)
+    return StoredImage(image, wanted if colour else None)
 
 
 def _can_hold(data: bytes, header: ImageHeader) -> bool:

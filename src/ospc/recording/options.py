@@ -46,12 +46,7 @@ class ReadingOptions:
 
     channel: Annotated[
         Channel | None,
-        Option(
-            "Channel of colour or Bayer images; by default the luminance of colour images and the green pixels of a "
-            "Bayer mosaic.",
-            Channel,
-            _CHANNELS,
-        ),
+        Option("Channel of colour or Bayer images, by default green.", Channel, _CHANNELS),
     ] = None
     bayer: Annotated[
         Mosaic | None, Option("The images are a Bayer mosaic of this pattern.", Mosaic, Mosaic.PATTERNS)

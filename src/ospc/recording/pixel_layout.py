@@ -77,10 +77,10 @@ def detect_bit_depth(images: Iterable[Image]) -> BitDepth:
 
 @dataclass(frozen=True)
 class StoredImage:
-    """A channel of a stored image, whether the image is in colour, and mosaic and bit depth if the file has them."""
+    """Pixels of a stored image, their channel if it is in colour, and mosaic and bit depth if the file has them."""
 
     pixels: Image
-    colour: bool = False
+    channel: Channel | None = None
     mosaic: Mosaic | None = None
     depth: BitDepth | None = None
 
@@ -154,12 +154,9 @@ def find_layout(
     depth = first.depth or detect_bit_depth(_samples(first.pixels, read, exposures_ms))
     layout = PixelLayout(size_of(first.pixels), depth)
     notes = [] if depth.note is None else [depth.note]
-    if first.colour:
-        taken = wanted or Channel.LUMINANCE
-        if taken is not Channel.LUMINANCE:
-            notes.append(f"the {taken.value} channel of colour images is used")
-        elif options.channel is not Channel.ALL:
-            notes.append("colour images are converted to luma, 0.299 R + 0.587 G + 0.114 B")
+    if first.channel is not None:
+        if first.channel is not Channel.ALL:
+            notes.append(f"the {first.channel.value} of colour images is used; --channel selects another")
         return layout, notes
     mosaic = options.bayer or first.mosaic or find_mosaic(first.pixels)
     if mosaic is None:

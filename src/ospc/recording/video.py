@@ -17,7 +17,7 @@ import numpy as np
 
 from ospc.arrays import FloatArray, Image
 from ospc.errors import FrameError, RecordingError, counted, escaped, os_error_as
-from ospc.recording.channel import Channel
+from ospc.recording.channel import DEFAULT_CHANNEL, Channel
 from ospc.recording.exposure_lists import only_list, read_list
 from ospc.recording.frame import MAX_DECODED_BYTES, Frame, check_size, size_of
 from ospc.recording.frame_table import FrameTable, table_or_unlisted
@@ -26,7 +26,7 @@ from ospc.recording.recording import StoredRecording
 
 
 class VideoStream:
-    """Frames of a video by number, as one channel (luma if None); reading an earlier frame restarts the video.
+    """Frames of a video by number, as one channel (green if None); reading an earlier frame restarts the video.
 
     It is thread-safe; reads are serialised.
 
@@ -38,7 +38,7 @@ class VideoStream:
 
     def __init__(self, path: Path, channel: Channel | None = None) -> None:
         self._path = path
-        self._channel = channel or Channel.LUMINANCE
+        self._channel = channel or DEFAULT_CHANNEL
         self._lock = threading.Lock()
         self._next = 0
         self._capture = _capture(path)
@@ -201,8 +201,8 @@ def _list_of(path: Path) -> Path:
 
 def _stamps(table: FrameTable, fps: float, path: Path, channel: Channel | None) -> tuple[FloatArray, tuple[str, ...]]:
     """Return the time stamps in the list, or from the frame rate if it has none, and the notes."""
-    taken = "luma" if channel in (None, Channel.LUMINANCE) else channel.value
-    converted = () if channel is Channel.ALL else (f"{path}: frames are converted to 8-bit {taken}",)
+    taken = (channel or DEFAULT_CHANNEL).value
+    converted = () if channel is Channel.ALL else (f"{path}: the 8-bit {taken} of its frames is used",)
     notes = (*table.notes, *converted)
     if table.stamped or not 0 < fps < _MAX_FPS:
         return table.stamps_s, notes

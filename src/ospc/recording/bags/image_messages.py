@@ -19,7 +19,7 @@ from ospc.errors import FrameError, RecordingError, escaped, quoted
 from ospc.recording.bags.bag import RAW, Bag
 from ospc.recording.bags.container import Encoding, Message, Topic
 from ospc.recording.bags.messages import DamagedMessageError, MessageType, stamp_ns_of
-from ospc.recording.channel import Channel, Mosaic
+from ospc.recording.channel import DEFAULT_CHANNEL, Channel, Mosaic
 from ospc.recording.image_source import decode_stored
 from ospc.recording.pixel_layout import StoredImage
 
@@ -100,12 +100,13 @@ def image_of(message: Any, name: str, channel: Channel | None = None) -> StoredI
         pixels = pixels.view(">u2" if message.is_bigendian else "<u2").astype(np.uint16)
     if len(layout.order) == 3:
         ordered = np.ascontiguousarray(pixels.reshape(height, width, layout.channels)[:, :, list(layout.order)])
-        return StoredImage((channel or Channel.LUMINANCE).of(ordered), colour=True)
+        taken = channel or DEFAULT_CHANNEL
+        return StoredImage(taken.of(ordered), taken)
     if layout.order or encoding.startswith("nv"):
         if channel not in (None, Channel.LUMINANCE, Channel.ALL):
             raise FrameError(f"{name}: {encoding} has no {channel.value} channel; use the luminance")
         luma = pixels.reshape(height, width, layout.channels)[:, :, layout.order[0] if layout.order else 0]
-        return StoredImage(np.ascontiguousarray(luma), colour=True)
+        return StoredImage(np.ascontiguousarray(luma), Channel.LUMINANCE)
     return StoredImage(pixels, mosaic=Mosaic(encoding[6:10]) if encoding.startswith("bayer_") else None)
 
 
@@ -115,7 +116,7 @@ def _compressed(message: Any, name: str, channel: Channel | None) -> StoredImage
         raise FrameError(f"{name}: is a depth image without grey values; choose another topic with --image-topic")
     stored = decode_stored(message.data.tobytes(), name, channel)
     pattern = said[6:10] if said.startswith("bayer_") else ""
-    if stored.colour or pattern not in Mosaic.PATTERNS:
+    if stored.channel is not None or pattern not in Mosaic.PATTERNS:
         return stored
     return StoredImage(stored.pixels, mosaic=Mosaic(pattern))
 

@@ -12,7 +12,7 @@ import numpy as np
 from ospc.arrays import Image
 from ospc.errors import ExposureError, RecordingError, said_by
 from ospc.photometry.correction import EXPOSURE_RANGE_MS
-from ospc.recording.channel import Channel
+from ospc.recording.channel import DEFAULT_CHANNEL
 from ospc.recording.exposure_units import ExposureUnit, GainUnit
 from ospc.recording.frame import Frame
 from ospc.recording.options import DEFAULT, ReadingOptions
@@ -31,7 +31,7 @@ class Camera(ABC):
     name
         Name of the camera in messages.
     options
-        The channel of colour images to use; luma if None.
+        The channel of colour images to use; green if None.
     stop
         Releases the device.
     """
@@ -52,7 +52,7 @@ class Camera(ABC):
         self.name = name
         self.notes = (f"{name}: {self._note}",)
         self._wait = wait
-        self._channel = options.channel or Channel.LUMINANCE
+        self._channel = options.channel or DEFAULT_CHANNEL
         self._stop = stop
         self._first_gain: float | None = None
 

@@ -15,6 +15,7 @@ from ospc.arrays import Image
 from ospc.errors import FrameError, RecordingError, SettingError, os_error_as
 from ospc.formats.dso import write_times
 from ospc.formats.image_header import JPEG_START, PNG_SIGNATURE, read_header
+from ospc.recording.channel import Channel
 from ospc.recording.derived import innermost
 from ospc.recording.frame import Frame
 from ospc.recording.image_sequence import ImageSequence
@@ -92,7 +93,7 @@ def original_file(recording: Recording, frame: Frame, image_format: ImageFormat 
     header = read_header(data, source.source.label(source.names[index]))
     same = (header.width, header.height) == source.layout.stored_size and header.bits == depth.stored_bits
     # JPEG stores luma; programs convert colour in other formats to grey differently.
-    grey = header.channels == 1 or kind == "jpg"
+    grey = header.channels == 1 or (kind == "jpg" and source.channel is Channel.LUMINANCE)
     aligned = depth.stored_bits == depth.bits + depth.shift
     return data if same and grey and aligned else None
 
