@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import errno
 import os
 
 import pytest
 
 from ospc.atomic import write_atomically
+from ospc.errors import FormatError, os_error_as
 
 
 def test_content_is_what_was_given(tmp_path):
@@ -30,6 +32,14 @@ def test_old_content_survives_any_end(tmp_path, monkeypatch, event, step):
     monkeypatch.undo()
     assert place.read_text() == "old"
     assert [p.name for p in tmp_path.iterdir()] == ["a.txt"]
+
+
+def test_a_full_disk_is_named_by_every_writer():
+    with (
+        pytest.raises(FormatError, match=r"^a: cannot be written \(No space left on device\); free some space$"),
+        os_error_as(FormatError, "a: cannot be written", "choose another folder"),
+    ):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
 
 def test_a_missing_folder_is_an_os_error(tmp_path):

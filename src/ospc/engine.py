@@ -27,7 +27,7 @@ from ospc.photometry.grey_range import GreyRange
 from ospc.pooling.prior_calibration import PriorCalibration
 from ospc.pooling.summary import Summary, summary_of
 from ospc.prefetching import Prefetcher
-from ospc.recording.frame import Frame, check_exposure, size_of
+from ospc.recording.frame import UNNAMED, Frame, check_exposure, size_of
 from ospc.second_thread import SecondThread
 from ospc.settings import Settings, as_dict, preset
 from ospc.versions import versions
@@ -115,6 +115,8 @@ class Engine:
         with self._lock:
             check_is_frame(frame, self.frames)
             number = self._exposures.table.append(frame.exposure_ms)
+            if frame.name == UNNAMED:
+                frame = replace(frame, name=f"frame {number}")
             try:
                 size = None if self._method is None else self._size
                 self._process(checked_frame(frame, number, size, self._max_grey))

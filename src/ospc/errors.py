@@ -6,6 +6,7 @@ the file or value, says what is wrong with it and what to do. The command line p
 
 from __future__ import annotations
 
+import errno
 import struct
 import tokenize
 import zipfile
@@ -26,6 +27,9 @@ _MESSAGE_CHARACTERS = 1500
 
 _SHOWN_CHARACTERS, _SHOWN_ITEMS = 40, 3
 """Longest quotation, and most items of a list, that a message shows."""
+
+_NO_SPACE = (errno.ENOSPC, errno.EDQUOT)
+"""Errors of a full disk or quota."""
 
 _NO_MEMORY = ("std::bad_alloc", "Failed to allocate", "failed to map segment", "Cannot allocate memory")
 """How libraries and the loader report running out of memory."""
@@ -95,6 +99,8 @@ def os_error_as(kind: type[OspcError], what: str, remedy: str = "") -> Iterator[
     try:
         yield
     except OSError as error:
+        if error.errno in _NO_SPACE:
+            remedy = "free some space"
         raise kind(f"{what} ({error.strerror or error}){remedy and f'; {remedy}'}") from None
 
 

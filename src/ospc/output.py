@@ -139,6 +139,7 @@ class OutputFolder:
         *,
         pdf: bool = False,
         drawn: Drawn | None = None,
+        about: str = "",
     ) -> Written:
         """Write report.html, and report.pdf if ``pdf``.
 
@@ -148,7 +149,7 @@ class OutputFolder:
 
         def reports() -> Iterator[Written]:
             drawing = None if drawn is None else drawn()
-            examples = NOTHING_TRIED if recording is None else examples_of(findings.calibration, recording)
+            examples = NOTHING_TRIED if recording is None else examples_of(findings.calibration, recording, about)
             charts = None if drawing is None else drawing.result().charts
             yield Written((write_page(findings, self.path / "report.html", examples, charts),))
             if pdf:

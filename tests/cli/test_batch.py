@@ -71,7 +71,13 @@ def test_failures_are_reported_with_exit_code_4(folder, tmp_path):
 
 @pytest.mark.parametrize(
     "options",
-    [["--jobs", "2", "--scheduler", "tcp://x:1"], ["--set", "rounds"], ["--jobs", "0"], ["--retries", "-1"]],
+    [
+        ["--jobs", "2", "--scheduler", "tcp://x:1"],
+        ["--set", "rounds"],
+        ["--set", "foo=1"],
+        ["--jobs", "0"],
+        ["--retries", "-1"],
+    ],
 )
 def test_wrong_usage_is_exit_code_2_and_writes_nothing(folder, tmp_path, options):
     assert run(folder, "-o", tmp_path / "out", *options).exit_code == 2

@@ -199,6 +199,7 @@ def test_settings_can_be_changed_and_are_recorded(recording, tmp_path):
         ["--set", "max_points"],
         ["--set", "max_points=many"],
         ["--set", "no_such=1"],
+        ["--set", "registration=none"],
         ["--kind", "papyrus"],
         ["--colour"],
     ],

@@ -6,12 +6,14 @@ import json
 import re
 import subprocess
 import sys
+import time
 from functools import partial
 
 import pytest
 
 from command_line import leave_out, ospc
 from ospc.calibrator import OnlineCalibrator
+from ospc.cli.calibration_run import Checkpoints
 from ospc.errors import SettingError
 from ospc.photometry.calibration import Calibration
 from ospc.pooling.pool import Pool
@@ -48,6 +50,24 @@ def recording(tmp_path_factory):
 
 
 run = partial(ospc, "calibrate")
+
+
+@pytest.mark.parametrize(("every_s", "expected"), [(0.01, 3), (None, 1)])
+def test_a_stated_interval_between_checkpoints_is_kept_even_if_saving_is_slow(
+    tmp_path, monkeypatch, every_s, expected
+):
+    saved = []
+
+    def save(*_, **__):
+        time.sleep(0.02)
+        saved.append(None)
+
+    monkeypatch.setattr(Checkpoints, "save", save)
+    checkpoints = Checkpoints(tmp_path, every_s)
+    for _ in range(3):
+        checkpoints.after_frame(None)
+        time.sleep(0.02)
+    assert len(saved) == expected
 
 
 @pytest.fixture(autouse=True)

@@ -110,4 +110,4 @@ def test_unknown_exposures_are_estimated_and_the_result_is_labelled(tmp_path: Pa
     said = json.loads(result.stdout)
     for name, reason in said["reasons"].items():
         assert said["verdicts"][name] == "marginal"
-        assert "exposures to any common power" in reason
+        assert f"raising {name}, " in reason

@@ -410,6 +410,24 @@ def test_exposures_are_required_only_if_needed(photographs, calibration, tmp_pat
     assert not (tmp_path / "out").exists()
 
 
+def test_a_list_that_does_not_match_the_images_names_the_way_without_it(made, calibration, tmp_path):
+    shutil.copytree(made.path, tmp_path / "r")
+    with (tmp_path / "r" / "times.txt").open("a") as file:
+        file.write("99 99 1\n")
+    images = tmp_path / "r" / "images"
+    refused = run(tmp_path / "r", calibration, "-o", tmp_path / "out")
+    assert str(refused.exception).endswith(f"to correct the images without exposures, give {images}")
+    assert run(images, calibration, "-o", tmp_path / "out").exit_code == 0
+
+
+def test_a_lost_alpha_channel_is_reported(made, calibration, tmp_path):
+    (tmp_path / "photos").mkdir()
+    image = np.full((*SETTINGS.size[::-1], 4), 90, np.uint8)
+    cv2.imwrite(str(tmp_path / "photos" / "a.png"), image)
+    result = run(tmp_path / "photos" / "a.png", calibration, "-o", tmp_path / "out", "--keep-response")
+    assert "note: images have an alpha channel, which is not written" in result.stderr
+
+
 def test_sources_without_images_are_an_error(made, calibration, tmp_path):
     (tmp_path / "notes.txt").write_text("no image")
     for sources in (

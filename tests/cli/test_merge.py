@@ -18,7 +18,7 @@ from ospc.photometry.calibration import Calibration
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import PolynomialVignette
 from ospc.pooling.pool import Pool
-from ospc.recording import open_recording
+from ospc.recording import Frame, open_recording
 from ospc.simulation import SimulationSettings, simulate
 from summaries import CAMERA, OTHER_LENS, SIZE, summary
 
@@ -68,6 +68,19 @@ def test_another_lens_gives_a_warning_even_if_quiet(states, tmp_path):
     assert result.stdout == ""
     assert "warning: recording 3 differs from the others: V at radius" in result.stderr
     assert Calibration.load(tmp_path / "out").source["differing"][0]["name"] == "recording 3"
+
+
+def test_a_state_without_observations_is_left_out_with_a_warning(states, tmp_path):
+    empty = tmp_path / "empty"
+    empty.mkdir()
+    calibrator = OnlineCalibrator()
+    calibrator.push(Frame.of_array(np.full(SIZE[::-1], 90, np.uint8), 5.0))
+    calibrator.save_state(empty / "state.ospc", complete=True)
+    result = run(states[0], empty, states[1], "-o", tmp_path / "out")
+    assert "from 2 recordings" in result.stdout
+    assert f"warning: {empty} contains no usable observations and was left out" in result.stderr
+    assert json.loads(run(states[0], empty, "-o", tmp_path / "one", "--json").stdout)["left_out"] == [str(empty)]
+    assert "no usable observations" in str(run(empty, "-o", tmp_path / "none").exception)
 
 
 def test_disagreement_gives_exit_code_3(states, tmp_path):

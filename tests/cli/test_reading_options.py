@@ -15,6 +15,7 @@ from bag_samples import FLIR, floats, images, metadata, write_bag1  # (made for 
 
 from command_line import leave_out, ospc
 from ospc.recording import open_recording
+from ospc.simulation import SimulationSettings, simulate
 
 SIZE = (64, 48)
 FRAMES = [cv2.resize(np.random.default_rng(i).integers(0, 255, (6, 8), np.uint8), SIZE) for i in range(4)]
@@ -52,6 +53,14 @@ def converted(bag: Path, out: Path, *options: object) -> list[np.ndarray]:
     result = run("convert", bag, "-o", out, *options)
     assert result.exit_code == 0, (result.output, result.exception)
     return [frame.image for frame in open_recording(out)]
+
+
+def test_options_that_cannot_apply_are_refused(tmp_path: Path) -> None:
+    simulate(tmp_path / "r", SimulationSettings(size=(64, 48), frames=3))
+    assert "is not a ROS bag" in str(run("check", tmp_path / "r", "--topic", "/x").exception)
+    for file in (tmp_path / "r" / "images").iterdir():
+        cv2.imwrite(str(file), np.full((48, 64, 3), (20, 90, 160), np.uint8))
+    assert "not a Bayer mosaic" in str(run("check", tmp_path / "r", "--bayer", "rggb").exception)
 
 
 def test_topic_field_unit_and_channel_reach_the_reader(bag: Path, tmp_path: Path) -> None:

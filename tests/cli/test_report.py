@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from calibrations import SIZE, calibration
 from command_line import leave_out, ospc
 from ospc.errors import FormatError, OspcError
+from ospc.recording import identity, open_recording
 from ospc.simulation import SimulationSettings, simulate
 
 
@@ -54,6 +57,24 @@ def test_pictures_come_from_the_given_recording(folder, recording):
     assert "Before and after" in content
     assert "data:image/jpeg" in content
     assert "The reference is" in content
+
+
+def test_another_recording_is_named_and_another_size_refused(folder, recording, tmp_path):
+    source = identity(open_recording(recording)) | {"name": "mine"}
+    replace(calibration(), source=source).save(folder / "calibration.json")
+    assert "warning" not in ospc("report", folder, "--recording", recording).output
+    simulate(tmp_path / "other", SimulationSettings(size=SIZE, frames=6, seed=2))
+    said = "ictures and points are from other, but the calibration was made from mine"
+    result = ospc("report", folder, "--recording", tmp_path / "other")
+    assert result.exit_code == 0
+    assert f"warning: p{said}" in result.output
+    assert f"P{said}" in (folder / "report.html").read_text(encoding="utf-8")
+    simulate(tmp_path / "small", SimulationSettings(size=(80, 60), frames=3))
+    assert "has images of 80x60 pixels" in str(ospc("report", folder, "--recording", tmp_path / "small").exception)
+
+
+def test_options_for_reading_need_a_recording(folder):
+    assert ospc("report", folder, "--channel", "green").exit_code == 2
 
 
 def test_exposures_come_from_times_txt_in_the_folder(folder):

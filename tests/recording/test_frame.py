@@ -15,7 +15,7 @@ from ospc.recording import ArrayRecording, Frame
 from ospc.recording.derived import masked
 
 IMAGE = np.full((16, 24), 200, np.uint8)
-FRAME = Frame.of_array(IMAGE, 1.0)
+FRAME = Frame.of_array(IMAGE, 1.0, index=0)
 
 
 @pytest.mark.parametrize("kind", [int, np.int64, np.uint16, np.int32])
@@ -88,10 +88,19 @@ def test_a_time_stamp_that_is_no_number_is_refused(value: Any) -> None:
 @pytest.mark.parametrize("value", [None, "a.png"])
 def test_what_is_no_image_is_refused(value: Any) -> None:
     for make in (lambda: Frame.of_array(value, 1.0), lambda: replace(FRAME, load=lambda: value).image):
-        with pytest.raises(FrameError, match=rf"^frame 0: its image is {value}; give an array"):
+        with pytest.raises(FrameError, match=rf"^frame( 0)?: its image is {value}; give an array"):
             make()
     with pytest.raises(FrameError, match=r"^frame 0: load must be a function; .* Frame\.of_array$"):
         replace(FRAME, load=value)
+
+
+def test_frames_without_an_index_are_named_by_their_number_in_the_run() -> None:
+    calibrator = OnlineCalibrator()
+    large = np.tile(IMAGE, (4, 4))
+    for exposure_ms in (1.0, None, -1.0):
+        calibrator.push(Frame.of_array(large, exposure_ms))
+    calibrator.push(Frame.of_array(large, -1.0, index=7))
+    assert [reason.split(":")[0] for reason in calibrator.status.skipped] == ["frame 1", "frame 2", "frame 7"]
 
 
 @pytest.mark.parametrize("kind", [OnlineCalibrator, LiveCalibrator])

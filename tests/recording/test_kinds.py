@@ -43,6 +43,8 @@ def test_the_kind_may_be_given(tum_folder: Make) -> None:
         (lambda p: p, "the folder is empty; expected a folder with images/"),
         (lambda p: _written(p / "notes.txt", b"hello").parent, "has no images; expected a folder"),
         (lambda p: _written(p / "notes.txt", b"hello"), "a file of this kind is not a recording; expected"),
+        (lambda p: _written(p / "a.mp4", b""), "is an empty file; copy or record it again"),
+        (lambda p: _written(p / "a.bag", b"x"), "is damaged, or is not what its name says"),
         (lambda p: _written(p / "blob.bin", bytes(100)), "a file of this kind is not a recording; expected"),
         (lambda p: p / ("x" * 300), "cannot be read"),
         (lambda p: _written(p / "a.png", PNG), "is a single image, but a recording has many"),

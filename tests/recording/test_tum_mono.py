@@ -194,9 +194,12 @@ UNREADABLE = {
     "PNG of size zero": (png_of_size(0, 16), "0x16 pixels"),
     "JPEG of absurd size": (jpeg_of_size(65535, 65535), "bytes allowed"),
     "PNG that lies about its size": (png_of_size(4000, 3000), "damaged and cannot be decoded"),
-    "another size": (encoded(grey(1, (20, 10))), "is 20x10 pixels, but the recording has 24x16"),
+    "another size": (
+        encoded(grey(1, (20, 10))),
+        "but the first image is 24x16; use only images of one size",
+    ),
     "another depth": (encoded(grey(1, dtype=np.uint16)), "does not have 8 bits"),
-    "floats": (encoded(np.zeros((16, 24), np.float32), ".tif"), "32 bits per channel"),
+    "floats": (encoded(np.zeros((16, 24), np.float32), ".tif"), "32 bits per channel; .* --output grey16"),
 }
 
 

@@ -10,7 +10,7 @@ import click
 from ospc.cli.interruption import Interruption, leaving
 from ospc.cli.options import AS_JSON, QUIET, argument, declared, named, option, out_option
 from ospc.cli.terminal import INTERRUPTED, print_json, progress_line, say, say_notes
-from ospc.errors import counted
+from ospc.errors import SettingError, counted
 
 if TYPE_CHECKING:
     from ospc.batch.run import Outcome, Stage
@@ -63,7 +63,7 @@ def command(
     calibration of each camera. Run the command again to process new, changed or failed recordings only.
     """
     from ospc.batch.cluster import Cluster
-    from ospc.batch.manifest import read_manifest
+    from ospc.batch.manifest import Entry, read_manifest
     from ospc.batch.run import run_batch
     from ospc.batch.work import Processes, cores
 
@@ -72,6 +72,10 @@ def command(
     left_out: list[str] = []
     found = read_manifest(manifest, camera, left_out.append)
     defaults = named(options, "rounds=4")
+    try:
+        Entry("--set", options=tuple(defaults.items())).checked()
+    except SettingError as error:
+        raise click.UsageError(str(error)) from None
     entries = [entry.with_defaults(defaults).checked() for entry in found]
     if not quiet:
         say_notes(_shortened(left_out, "folders"), "left out")

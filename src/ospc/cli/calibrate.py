@@ -69,12 +69,12 @@ class _Request:
     overrides: tuple[str, ...] = option("Change a setting of the preset; repeatable.", "--set", metavar="NAME=VALUE")
     truth: str | None = TRUTH
     resume: bool = option("Continue an earlier run into OUT that was stopped or killed, if there is one.")
-    checkpoint_s: float = option(
-        "Interval for saving OUT/state.ospc, from which --resume continues; 0 to save after every frame.",
+    checkpoint_s: float | None = option(
+        "Interval for saving OUT/state.ospc, from which --resume continues; 0 to save after every frame. By default "
+        "5 seconds, or longer if saving would take more than 2 % of the time.",
         "--checkpoint-every",
         metavar="SECONDS",
         type=click.FloatRange(min=0),
-        default=5.0,
     )
     rerun: bool = option("Show the run in the Rerun viewer; needs the extra rerun.")
     rerun_file: Path | None = option(

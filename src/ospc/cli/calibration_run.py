@@ -26,8 +26,8 @@ from ospc.throttle import Throttle
 from ospc.unknown_exposures import labelled
 from ospc.versions import versions
 
-_LARGEST_SHARE = 0.02
-"""Largest share of a run's time spent on checkpoints."""
+_EVERY_S, _LARGEST_SHARE = 5.0, 0.02
+"""Seconds between checkpoints, and largest share of the time spent on them, unless the user states an interval."""
 
 _SAME = ("frames", "size", "frames_sha256", "images_sha256")
 
@@ -35,14 +35,14 @@ _SAME = ("frames", "size", "frames_sha256", "images_sha256")
 class Checkpoints:
     """Writes the state of one run into its output folder, if it is ``wanted`` and the method has a state.
 
-    It is written at most every ``every_s`` seconds, or after every frame for 0; ``resume`` continues from an existing
-    one. ``prior`` is an earlier calibration of the camera.
+    It is written every ``every_s`` seconds, or after every frame for 0; by default, as often as is cheap. ``resume``
+    continues from an existing one. ``prior`` is an earlier calibration of the camera.
     """
 
     def __init__(
         self,
         folder: Path,
-        every_s: float = 5.0,
+        every_s: float | None = None,
         *,
         resume: bool = False,
         prior: PriorCalibration | None = None,
@@ -51,7 +51,7 @@ class Checkpoints:
         self.place = folder / STATE_NAME
         self._notes: list[str] = []
         self._resume, self._prior, self._kept = resume, prior, wanted
-        self._throttle = Throttle(every_s, _LARGEST_SHARE if every_s else math.inf)
+        self._throttle = Throttle(_EVERY_S, _LARGEST_SHARE) if every_s is None else Throttle(every_s, math.inf)
         self._failed = False
 
     def resumed(self, calibrator: OnlineCalibrator) -> OnlineCalibrator:

@@ -72,7 +72,8 @@ def command(
     width, height = report.size
     say(f"{path}: {counted(report.frames, 'frame')} {width}×{height}, {report.processed} of them processed")
     say_verdicts(report.verdicts)
-    for label, figure in _figures(report).items():
+    unit = "" if reading.options.unknown_exposures else " ms"
+    for label, figure in _figures(report, unit).items():
         say(f"{label:{_LABEL_COLUMNS}}{figure}")
     say()
     for note in report.notes:
@@ -82,13 +83,13 @@ def command(
     return code
 
 
-def _figures(report: RecordingReport) -> dict[str, str]:
+def _figures(report: RecordingReport, unit: str) -> dict[str, str]:
     """Return the known figures as text, by label."""
     exposure, pixels, motion, timing = report.exposures.course, report.pixels, report.motion, report.timing
     cycle = "" if exposure.cycle_frames is None else f", repeating every {exposure.cycle_frames} frames"
     rows = {
-        "exposure": f"{exposure.lowest_ms:.4g} to {exposure.highest_ms:.4g} ms (a factor of {exposure.ratio:.3g}), "
-        f"changes in {exposure.changed_share:.0%} of the frames{cycle}",
+        "exposure": f"{exposure.lowest_ms:.4g} to {exposure.highest_ms:.4g}{unit} "
+        f"(a factor of {exposure.ratio:.3g}), changes in {exposure.changed_share:.0%} of the frames{cycle}",
         "exposure lag": _lag(report),
     }
     brightness = report.exposures.brightness

@@ -62,8 +62,8 @@ def command(
 
     OUT/images gets the corrected images under their own names, with their EXIF (PNG and JPEG) and file times. OUT
     also gets correction.json, which describes the correction, the original camera.txt, and times.txt if stamps are
-    known, which makes OUT a recording. For 8- and 16-bit images, it gets a matching pcalib.txt and a constant
-    vignette.png.
+    known. For 8- and 16-bit images, it gets a matching pcalib.txt and a constant vignette.png, and is a recording if
+    exposures are known; 32-bit images are for other programs.
 
     Correct images before undistortion, rectification or scaling, never after it.
     """

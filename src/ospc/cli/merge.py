@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from ospc.cli.interruption import Interruption
 from ospc.cli.options import AS_JSON, QUIET, TRUTH, argument, declared, option, out_option
 from ospc.cli.terminal import COMPLETE, UNDETERMINED, concluded, say_notes
-from ospc.errors import FormatError
+from ospc.errors import FormatError, listed
 
 if TYPE_CHECKING:
     from ospc.pooling.summary import Summary
@@ -49,7 +49,11 @@ def command(
 
     known = None if truth is None else open_photometry(truth)
     folder = OutputFolder.at(out, force=force)
-    found = _distinctly_named([(place, summary) for place in states for summary in _summaries(place)])
+    given = [(place, _summaries(place)) for place in states]
+    empty = [str(place) for place, summaries in given if not summaries]
+    if len(empty) == len(given):
+        raise FormatError(f"{listed(empty)}: no usable observations; record the camera again")
+    found = _distinctly_named([(place, summary) for place, summaries in given for summary in summaries])
     pool = Pool.of(found)
     merged = merge(pool)
     differing = list(merged.agreement.differing.values())
@@ -60,12 +64,17 @@ def command(
         lambda: (Written((pool.save(folder.path / STATE_NAME),)), notes if repeated else []),
     )
     if not as_json:
+        say_notes((f"{place} contains no usable observations and was left out" for place in empty), "warning")
         say_notes((f"{d.name} differs from the others: {d.text}" for d in differing), "warning")
-    return concluded(content | {"differing": [vars(difference) for difference in differing]}, as_json=as_json)
+    content |= {"differing": [vars(difference) for difference in differing], "left_out": empty}
+    return concluded(content, as_json=as_json)
 
 
 def _summaries(place: Path) -> Sequence[Summary]:
-    """Return the summaries in a state; for the checkpoint of an unfinished run, that of the frames so far."""
+    """Return the summaries in a state; for the checkpoint of an unfinished run, that of the frames so far.
+
+    It is empty if there are no usable observations.
+    """
     from ospc.calibrator import OnlineCalibrator
     from ospc.pooling.pool import Pool
     from ospc.pooling.summary import Summary
@@ -76,9 +85,7 @@ def _summaries(place: Path) -> Sequence[Summary]:
     if kind_of(file) != KIND:
         return Pool.load(file).summaries
     summary = load_summary(file, Summary) or OnlineCalibrator.load_state(file).summary()
-    if summary is None:
-        raise FormatError(f"{file}: contains no usable observations; leave it out")
-    return [summary]
+    return [] if summary is None else [summary]
 
 
 def _distinctly_named(found: Sequence[tuple[Path, Summary]]) -> list[Summary]:

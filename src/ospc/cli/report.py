@@ -3,11 +3,19 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
 
 from ospc.cli.options import TRUTH, argument, declared, option
 from ospc.cli.reading import READING, Reading
 from ospc.cli.terminal import say, say_notes
-from ospc.errors import OspcError
+from ospc.errors import OspcError, RecordingError
+from ospc.recording import Recording, identity
+from ospc.recording.options import ReadingOptions
+
+if TYPE_CHECKING:
+    from ospc.photometry.calibration import Calibration
 
 
 @declared("report")
@@ -30,12 +38,34 @@ def command(
     if not folder.is_dir():
         raise OspcError(f"{folder}: not a folder; give the folder that contains calibration.json")
     calibration = Calibration.load(folder)
+    if recording is None and reading != Reading(ReadingOptions()):
+        raise click.UsageError("options for reading a recording need --recording")
     frames = None if recording is None else reading.open(recording)
+    about = "" if frames is None else _checked(frames, calibration)
     known = None if truth is None else open_photometry(truth)
     place = OutputFolder(folder)
-    written = place.report(place.findings(calibration, frames, known), frames, pdf=pdf)
+    written = place.report(place.findings(calibration, frames, known), frames, pdf=pdf, about=about)
+    say_notes([about] if about else [], "warning")
     say_notes(written.notes)
     if written.problems:
         raise OspcError("; ".join(written.problems))
     for file in written.files:
         say(str(file))
+
+
+def _checked(recording: Recording, calibration: Calibration) -> str:
+    """Return what the report says of a recording that the calibration was not made from; empty if it was.
+
+    RecordingError if its images have another size.
+    """
+    width, height = calibration.size
+    if recording.size != calibration.size:
+        raise RecordingError(
+            f"{recording.path}: has images of {recording.size[0]}x{recording.size[1]} pixels, but the calibration is "
+            f"for {width}x{height}; give a recording of this size"
+        )
+    known = calibration.source.get("images_sha256")
+    if known is None or known == identity(recording)["images_sha256"]:
+        return ""
+    name = calibration.source.get("name", "another recording")
+    return f"pictures and points are from {recording.path.name}, but the calibration was made from {name}"

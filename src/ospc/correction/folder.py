@@ -84,7 +84,7 @@ class CorrectedFolder:
         """
         planned = {"schema": SCHEMA, "finished": False, "files": [str(name) for name in files], **note}
         before = json_object(self.path / NOTE)
-        with _writing(self.path, "choose another folder"):
+        with _writing(self.path):
             done = self._done() if before == json.loads(json.dumps(planned)) else {}
             if before and not done:
                 # The folder counts as unfinished until everything is removed.
@@ -109,14 +109,14 @@ class CorrectedFolder:
         done, coded = cv2.imencode(suffix, image, _ENCODING.get(suffix, []))
         if not done:
             raise SettingError(f"{place}: the image cannot be encoded")
-        with _writing(place, "free some space"):
+        with _writing(place):
             write_atomically(place, with_metadata(coded.tobytes(), original), durable=False)
             if modified_ns is not None:
                 os.utime(place, ns=(modified_ns, modified_ns))
 
     def mark_written(self, index: int, counts: Counts) -> None:
         """Record that an image is complete, so that it need not be written again after an interruption."""
-        with _writing(self.path, "free some space"), (self.path / _DONE).open("a", encoding="ascii") as file:
+        with _writing(self.path), (self.path / _DONE).open("a", encoding="ascii") as file:
             # The line break comes first, so that a truncated line before it stays separate.
             file.write(f"\n{index} {counts.values} {counts.saturated} {counts.clipped} .")
 
@@ -158,8 +158,8 @@ class CorrectedFolder:
         return [self.path / name for name in ("times.txt", _DONE, *_PARAMETERS, *_GEOMETRY)] + inside
 
 
-def _writing(place: Path, remedy: str) -> AbstractContextManager[None]:
-    return os_error_as(SettingError, f"{place}: cannot be written", remedy)
+def _writing(place: Path) -> AbstractContextManager[None]:
+    return os_error_as(SettingError, f"{place}: cannot be written", "choose another folder")
 
 
 def _check_replaceable(place: Path, force: bool) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path, PurePosixPath
@@ -14,9 +15,9 @@ from ospc.arrays import FloatArray
 from ospc.correction.folder import CorrectedFolder, Counts
 from ospc.correction.settings import CorrectionSettings
 from ospc.correction.source import Source, ids_for
-from ospc.errors import ExposureError, NotObservableError, RecordingError, SettingError
+from ospc.errors import ExposureError, FrameError, NotObservableError, RecordingError, SettingError
 from ospc.formats.dso import parameter_files, write_times
-from ospc.formats.image_header import WITH_METADATA
+from ospc.formats.image_header import JPEG_START, WITH_METADATA, read_header
 from ospc.formats.opening import Photometry
 from ospc.photometry.correction import Corrector, wrong_size
 from ospc.photometry.response import Response
@@ -34,6 +35,9 @@ _REASONS_KEPT = 20
 _KEPT_8_BIT = frozenset({".png", ".jpg", ".jpeg", ".tif", ".tiff"})
 _KEPT_16_BIT = frozenset({".png", ".tif", ".tiff"})
 """Formats that re-encoded images keep; others become PNG."""
+
+_WITH_ALPHA = (2, 4)
+"""Numbers of channels of images with an alpha channel; a JPEG file with four has none."""
 
 _WIDE = 4.0
 """Ratio of exposures above which 8-bit output at one scale loses two of its bits."""
@@ -218,12 +222,24 @@ def _notes_on(source: Source, photometry: Photometry, settings: CorrectionSettin
         )
     if photometry.caveat:
         yield photometry.caveat
+    if _has_alpha(recording):
+        yield "images have an alpha channel, which is not written"
     low, high = np.nanmin(recording.exposures_ms), np.nanmax(recording.exposures_ms)
     if settings.output == "grey8" and settings.normalise_exposure and high > _WIDE * low:
         yield (
             f"8 bits are too few for exposures from {low:.3g} to {high:.3g} ms on one scale; use grey16 or irradiance"
         )
     yield from (n for n in recording.notes if source.unexposed is None or not n.endswith((NO_EXPOSURES, NO_STAMPS)))
+
+
+def _has_alpha(recording: Recording) -> bool:
+    """Return whether the first image has an alpha channel."""
+    if not isinstance(recording, ImageSequence) or format_of(recording.names[0]) is not None:
+        return False
+    with suppress(FrameError):
+        data = recording.stored_bytes(0)
+        return not data.startswith(JPEG_START) and read_header(data, recording.names[0]).channels in _WITH_ALPHA
+    return False
 
 
 @dataclass(frozen=True)

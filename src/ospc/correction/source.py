@@ -80,7 +80,13 @@ def open_source(paths: Sequence[str | Path], kind: str | None = None, options: R
         return Source(open_recording(places[0], kind, options))
     except (RecordingError, MissingExtraError) as error:
         # If it cannot be opened without exposures either, that error is raised.
-        return Source(open_recording(places[0], kind, replace(options, unknown_exposures=True)), error)
+        try:
+            return Source(open_recording(places[0], kind, replace(options, unknown_exposures=True)), error)
+        except RecordingError as problem:
+            images = places[0] / "images"
+            if not images.is_dir() or str(problem) != str(error):
+                raise
+            raise RecordingError(f"{problem}; to correct the images without exposures, give {images}") from None
 
 
 def _expanded(path: Path) -> list[Path]:

@@ -134,7 +134,7 @@ def difference_of(one: Summary | None, other: Summary | None) -> Difference | No
         return None
     curves, known = (_curves(solve(Information.of([s]))) for s in (one, other))
     found = _differing_parts(curves, known)
-    return _described(one, found, known, curves, other.unexplained, whose="before") if found else None
+    return _described(one, found, known, curves, other.unexplained, whose="the earlier one") if found else None
 
 
 def _differing_from_median(own: list[_Curves]) -> list[dict[Part, float]]:

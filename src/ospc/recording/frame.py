@@ -19,6 +19,9 @@ MAX_DECODED_BYTES = 512 * 2**20
 _MOST_GREY = 65535
 """Largest 16-bit grey value."""
 
+UNNAMED = "frame"
+"""Name of a frame in memory without an index; calibrators add its number in the run."""
+
 
 @dataclass(frozen=True)
 class Frame:
@@ -89,13 +92,14 @@ class Frame:
         image: npt.ArrayLike,
         exposure_ms: float | None,
         *,
-        index: int = 0,
+        index: int | None = None,
         stamp_s: float = 0.0,
         max_grey: int | None = None,
     ) -> Frame:
         """Return a frame with an image in memory, shape (height, width), uint8 or uint16.
 
-        The other parameters are the attributes of a frame. ``max_grey`` defaults to the maximum of the data type;
+        The other parameters are the attributes of a frame. Without an ``index``, a calibrator names the frame by its
+        number in the run. ``max_grey`` defaults to the maximum of the data type;
         larger 16-bit values count as saturated.
 
         Raises
@@ -105,7 +109,7 @@ class Frame:
         ExposureError
             If the exposure or the time stamp is not a number.
         """
-        name = f"frame {index}"
+        name = UNNAMED if index is None else f"frame {index}"
         checked = check_image(image, name)
         most = int(np.iinfo(checked.dtype).max)
         limit = most if max_grey is None else checked_max_grey(max_grey, name)
@@ -115,7 +119,7 @@ class Frame:
                 "the largest grey value of the sensor"
             )
         known_ms = math.nan if exposure_ms is None else exposure_ms
-        return cls(index, stamp_s, known_ms, name, lambda: checked, limit)
+        return cls(index or 0, stamp_s, known_ms, name, lambda: checked, limit)
 
     @property
     def image(self) -> Image:
@@ -199,8 +203,8 @@ def check_size(size: ImageSize, wanted: ImageSize, name: str) -> None:
     """Raise a FrameError unless an image has the size of its recording."""
     if size != wanted:
         raise FrameError(
-            f"{name}: is {size[0]}x{size[1]} pixels, but the recording has {wanted[0]}x{wanted[1]}; remove it or "
-            f"convert all images to one size"
+            f"{name}: is {size[0]}x{size[1]} pixels, but the first image is {wanted[0]}x{wanted[1]}; use only "
+            f"images of one size"
         )
 
 

@@ -51,7 +51,10 @@ def decode_stored(data: bytes, name: str, channel: Channel | None = None) -> Sto
     header = read_header(data, name)
     check_decoded_size((header.width, header.height), header.channels, header.bits, name)
     if header.bits > 16:
-        raise FrameError(f"{name}: has {header.bits} bits per channel; convert it to PNG with 8 or 16 bits")
+        raise FrameError(
+            f"{name}: has {header.bits} bits per channel; convert it to PNG with 8 or 16 bits, the output of "
+            "'ospc correct --output grey16'"
+        )
     damaged = FrameError(f"{name}: the image is damaged and cannot be decoded; copy or download it again")
     if not _can_hold(data, header):
         raise damaged

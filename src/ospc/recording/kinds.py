@@ -17,7 +17,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Protocol, runtime_checkable
 
-from ospc.errors import RecordingError, listed, os_error_as, quoted
+from ospc.errors import RecordingError, SettingError, listed, os_error_as, quoted
 from ospc.recording.image_source import why_unread
 from ospc.recording.options import DEFAULT, ReadingOptions
 from ospc.recording.recording import Recording
@@ -30,6 +30,9 @@ _EXPECTED = (
     "images with a list of their exposures or with EXIF, a EuRoC folder, folders named by exposure, a video file, "
     "or a ROS bag"
 )
+
+_VIDEOS_AND_BAGS = (".mp4", ".mov", ".avi", ".mkv", ".webm", ".bag", ".mcap", ".db3")
+"""Suffixes of files that are recordings unless they are damaged."""
 
 _MOST_LOOKED_INTO = 100
 """Maximum number of files in a folder that are checked to suggest those that are recordings."""
@@ -81,6 +84,8 @@ def open_recording(path: str | Path, kind: str | None = None, options: ReadingOp
         _check_exists(place)
         chosen = _chosen(place, kind)
     if chosen is not None:
+        if chosen.name != "rosbag" and (options.image_topic or options.exposure_topic):
+            raise SettingError(f"{place}: is not a ROS bag and has no topics; leave out --topic and --exposure-topic")
         try:
             return chosen.open(place, options)
         except RecordingError:
@@ -107,6 +112,9 @@ def _recordings_inside(place: Path) -> str | None:
 
 def _nothing_known(place: Path) -> str:
     reason = "a file of this kind is not a recording"
+    if place.is_file() and place.suffix.lower() in _VIDEOS_AND_BAGS:
+        damaged = "is damaged, or is not what its name says"
+        return f"{damaged if place.stat().st_size else 'is an empty file'}; copy or record it again"
     if place.is_dir():
         reason = "has no images" if any(place.iterdir()) else "the folder is empty"
     return f"{reason}; {_EXPECTED}"

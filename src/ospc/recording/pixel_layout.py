@@ -155,6 +155,8 @@ def find_layout(
     layout = PixelLayout(size_of(first.pixels), depth)
     notes = [] if depth.note is None else [depth.note]
     if first.channel is not None:
+        if options.bayer is not None:
+            raise SettingError(f"{place}: its images are in colour, not a Bayer mosaic; leave out --bayer")
         if first.channel is not Channel.ALL:
             notes.append(f"the {first.channel.value} of colour images is used; --channel selects another")
         return layout, notes

@@ -64,10 +64,10 @@ NOTHING_TRIED = Examples()
 """Examples without a recording."""
 
 
-def examples_of(calibration: Calibration, recording: Recording) -> Examples:
+def examples_of(calibration: Calibration, recording: Recording, about: str = "") -> Examples:
     """Apply a calibration to a recording of its camera; an unknown response or vignette is treated as the identity.
 
-    Points are tracked in the frames with the largest changes of exposure.
+    Points are tracked in the frames with the largest changes of exposure. ``about`` is a note on the recording.
     """
     if calibration.size != recording.size:
         return Examples(notes=("no pictures: the image size of the recording differs from that of the calibration",))
@@ -75,7 +75,7 @@ def examples_of(calibration: Calibration, recording: Recording) -> Examples:
         return Examples(notes=("no pictures: neither response nor vignette is known",))
     corrector = Corrector(calibration.response, calibration.vignette, recording.max_grey, assume_missing=True)
     reach = min(len(recording), _STREAM_REACH if recording.kind in _STREAMS else len(recording))
-    notes: list[str] = []
+    notes = [about] if about else []
     pictures: tuple[Pictures, ...] = ()
     try:
         if _stands_still(calibration.coverage):

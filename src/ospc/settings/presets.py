@@ -255,6 +255,9 @@ class FastSettings(DefaultSettings):
 
 Settings: TypeAlias = PaperSettings | DefaultSettings
 
+_ANY_SIZE, _ANY_GREY = (640, 480), 255
+"""Images for which a method is built only to check its settings."""
+
 _PRESETS: dict[str, Settings] = {"default": DefaultSettings(), "fast": FastSettings(), "paper": PaperSettings()}
 
 
@@ -277,7 +280,7 @@ def with_overrides(settings: Settings, overrides: dict[str, str]) -> Settings:
     Raises
     ------
     SettingError
-        If a name is unknown or a value has the wrong type.
+        If a name is unknown, or a value has the wrong type or names nothing that exists.
     """
     changes: dict[str, Any] = {}
     known = {f.name: type(getattr(settings, f.name)) for f in fields(settings)}
@@ -290,7 +293,10 @@ def with_overrides(settings: Settings, overrides: dict[str, str]) -> Settings:
             changes[name] = known[name](text)
         except ValueError:
             raise SettingError(f"setting {name} takes a value of type {known[name].__name__}, not '{text}'") from None
-    return replace(settings, **changes)
+    changed = replace(settings, **changes)
+    if any(isinstance(value, str) for value in changes.values()):
+        changed.build(_ANY_SIZE, _ANY_GREY)  # only the method knows which names there are
+    return changed
 
 
 def as_dict(settings: Settings) -> dict[str, Any]:
