@@ -16,9 +16,10 @@ PREPROCESS = Preprocessor()
 
 def observed(statistics: PixelStatistics, number: int, low: int, high: int, *, piled: bool = True) -> None:
     """Show an image whose grey values range from low to high, with many pixels at both ends."""
-    image = np.random.default_rng(number).integers(low, high, (48, 64), endpoint=True).astype(np.uint8)
+    level = np.random.default_rng(number).beta(2, 2, (192, 256))  # values at the ends are rare
+    image = (low + np.rint((high - low) * level)).astype(np.uint8)
     if piled:
-        image[:8], image[-8:] = low, high
+        image[:32], image[-32:] = low, high
     frame = Frame.of_array(image, 1.0, index=number)
     statistics.observe(frame, PREPROCESS.thumbnail(frame))
 
@@ -31,12 +32,12 @@ def test_what_was_known_at_each_frame_is_remembered() -> None:
     assert statistics.grey_range == FULL_RANGE
 
 
-@pytest.mark.parametrize("white", [60, 110, 200])
+@pytest.mark.parametrize(("black", "white"), [(0, 60), (0, 110), (0, 200), (0, 250), (0, 253), (2, 255), (5, 252)])
 @pytest.mark.parametrize("piled", [True, False])
-def test_white_is_wherever_grey_values_pile_up(white: int, piled: bool) -> None:
+def test_black_and_white_are_wherever_grey_values_pile_up(black: int, white: int, piled: bool) -> None:
     statistics = PixelStatistics()
-    observed(statistics, 0, 0, white, piled=piled)
-    assert statistics.grey_range == (GreyRange(0.0, white / 255) if piled else FULL_RANGE)
+    observed(statistics, 0, black, white, piled=piled)
+    assert statistics.grey_range == (GreyRange(black / 255, white / 255) if piled else FULL_RANGE)
 
 
 @pytest.mark.parametrize("step", [8, 16, 32])

@@ -19,7 +19,7 @@ from ospc.photometry.grey_range import FULL_RANGE, VIDEO_RANGE, GreyRange
 from ospc.recording.frame import Frame
 from ospc.settings.correspondence import (
     BLACK_PLACE_LEVEL,
-    CLIPPING_MARGIN,
+    CLIPPED_MARGIN,
     COUNTED_STRIDE,
     COVERAGE_GREY_CELLS,
     COVERAGE_RADIUS_CELLS,
@@ -193,9 +193,9 @@ class PixelStatistics:
         step_low, step_high = np.diff(used)[[0, -1]].tolist() if len(used) > 1 else (0, 0)
         many = counts > MIN_PILE_SHARE * counts.sum()
         below = counts[high - round(WHITE_NEIGHBOURHOOD * last) : high]
-        black_piles = low > max(CLIPPING_MARGIN * last, step_low) and many[low]
+        black_piles = low > max(CLIPPED_MARGIN * last, step_low) and many[low]
         white_piles = (
-            last - high > max(CLIPPING_MARGIN * last, step_high) and many[high] and counts[high] > below.sum()
+            last - high > max(CLIPPED_MARGIN * last, step_high) and many[high] and counts[high] > below.sum()
         )
         return bool(black_piles), bool(white_piles)
 

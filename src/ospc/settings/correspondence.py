@@ -311,9 +311,6 @@ RECTANGLE_FILL = 0.95
 MIN_PILE_SHARE = 0.005
 """Minimum share of pixels at an extreme grey value for values to be piled up there: noise would spread them."""
 
-CLIPPING_MARGIN = 0.02
-"""Minimum distance of that value from the end of the scale, as a share of it: closer, it is ordinary clipping."""
-
 WHITE_NEIGHBOURHOOD = 2 / 255
 """For values to be piled up at the highest grey value, all others within this distance below it must have fewer
 pixels in total: if only a few grey values occur, each has a large share. White had at least four times as many in 20
@@ -332,8 +329,8 @@ MIN_COMB_RANGE = 32
 # Observations (ospc.observations)
 
 CLIPPED_MARGIN = 1 / 255
-"""Distance from a black or white within the scale up to which a grey level counts as clipped: one 8-bit grey
-value."""
+"""Distance from black or white up to which a grey level counts as clipped: one 8-bit grey value. An extreme value
+this close to the end of the scale is ordinary clipping."""
 
 POSITION_TOLERANCE = 0.02
 """Share of the half diagonal by which a position may lie beyond the corner: half a pixel plus rounding."""
