@@ -364,5 +364,5 @@ def test_without_the_extra_it_is_named(camera: str, module: str, extra: str, mon
 
 @pytest.mark.parametrize("text", ["", "webcam", "opencv:x", "opencv:-1", "opencv:99999", "/dev/video0"])
 def test_what_is_no_camera(text: str) -> None:
-    with pytest.raises(SettingError, match="expected opencv:NUMBER"):
+    with pytest.raises(SettingError, match=r"nor an existing recording; .* name a camera: opencv:NUMBER"):
         open_camera(text, ReadingOptions())

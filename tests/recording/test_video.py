@@ -154,7 +154,7 @@ def test_a_file_that_only_begins_like_a_video_is_an_error(tmp_path: Path) -> Non
 def test_a_playlist_is_no_video_whatever_its_name(tmp_path: Path) -> None:
     (tmp_path / "walk.mp4").write_text("#EXTM3U\n/etc/passwd\n")
     (tmp_path / "walk.csv").write_text(LIST)
-    with pytest.raises(RecordingError, match="not a recording"):
+    with pytest.raises(RecordingError, match="is not what its name says"):
         open_recording(tmp_path / "walk.mp4")
     with pytest.raises(RecordingError, match="is not an MP4"):
         open_recording(tmp_path / "walk.mp4", "video")

@@ -16,7 +16,7 @@ from ospc.cli.main import cli
 from ospc.errors import NotObservableError, RecordingError
 from ospc.formats.dso import CAVEAT
 from ospc.output import OutputFolder
-from ospc.photometry.calibration import PROFILE_RADII, Calibration
+from ospc.photometry.calibration import PROFILE_RADII, Calibration, Verdict
 from ospc.photometry.response import Response
 from ospc.recording import ArrayRecording, Recording, open_recording
 from ospc.recording.options import ReadingOptions
@@ -24,7 +24,7 @@ from ospc.report.pictures import words_around
 from ospc.simulation import SimulationSettings, simulate, truth
 from ospc.unknown_exposures import calibrate_without_exposures, recover_exposures
 from ospc.unknown_exposures.joint_estimation import JointEstimate
-from ospc.unknown_exposures.recovery import EXPONENT_SIGMA, typical_exponent
+from ospc.unknown_exposures.recovery import EXPONENT_SIGMA, labelled, typical_exponent
 from ospc.unknown_exposures.response_model import SAMPLES, learned_model
 
 SETTINGS = SimulationSettings(
@@ -63,6 +63,14 @@ def test_exposures_are_found_up_to_a_factor_and_an_exponent(recovered: Recording
     assert np.std(estimated - exponent * true - factor) < 0.03
     assert abs(np.log(exponent)) < 2 * EXPONENT_SIGMA
     assert any("relative, and up to one exponent" in note for note in recovered.notes)
+
+
+def test_estimated_exposures_have_no_unit(recovered: Recording) -> None:
+    verdict = Verdict("not identifiable", "from exposures of 0.6 to 1.1 ms, assumed proportional to the light")
+    reason = (
+        labelled(Calibration(SETTINGS.size, verdicts={"response": verdict}), recovered).verdicts["response"].reason
+    )
+    assert reason == "from exposures of 0.6 to 1.1, assumed proportional to the light"
 
 
 def test_response_and_vignette_are_the_true_ones_to_one_power(found: Calibration) -> None:

@@ -15,7 +15,7 @@ from ospc.errors import FormatError, RecordingError, SettingError, needs_extra, 
 from ospc.exposures.lag_choice import LagChoice, lag_choice
 from ospc.recording.kinds import kinds, open_recording
 from ospc.recording.options import ReadingOptions, declared_options
-from ospc.settings import DefaultSettings, with_overrides
+from ospc.settings import DefaultSettings, check_names, with_overrides
 
 _OWN = ("kind", "correct_lag")
 _READING = tuple(declared_options())
@@ -68,7 +68,8 @@ class Entry:
     def checked(self) -> Entry:
         """Check the options and return the entry."""
         try:
-            _ = self.settings, self.reading, self.correct_lag
+            check_names(self.settings)
+            _ = self.reading, self.correct_lag
         except SettingError as error:
             raise SettingError(f"{self.recording}: {error}") from None
         return self

@@ -28,7 +28,7 @@ from ospc.cli.terminal import COMPLETE, FAILED, INTERRUPTED, UNDETERMINED, concl
 from ospc.errors import NotObservableError, OspcError, RecordingError, SettingError
 from ospc.recording import Recording
 from ospc.recording.image_source import is_image_name
-from ospc.settings import Settings, preset, with_overrides
+from ospc.settings import Settings, check_names, preset, with_overrides
 
 if TYPE_CHECKING:
     from ospc.cli.calibration_result import ResultFolder
@@ -131,9 +131,12 @@ class _Request:
     @property
     def settings(self) -> Settings:
         try:
-            return with_overrides(preset(self.preset_name), named(self.overrides, "max_points=20000"))
+            settings = with_overrides(preset(self.preset_name), named(self.overrides, "max_points=20000"))
+            if self.overrides:
+                check_names(settings)
         except SettingError as error:
             raise click.UsageError(str(error)) from None
+        return settings
 
     @property
     def prior(self) -> PriorCalibration | None:

@@ -12,8 +12,18 @@ from ospc.settings.presets import (
     PaperSettings,
     Settings,
     as_dict,
+    check_names,
     preset,
     with_overrides,
 )
 
-__all__ = ["DefaultSettings", "FastSettings", "PaperSettings", "Settings", "as_dict", "preset", "with_overrides"]
+__all__ = [
+    "DefaultSettings",
+    "FastSettings",
+    "PaperSettings",
+    "Settings",
+    "as_dict",
+    "check_names",
+    "preset",
+    "with_overrides",
+]

@@ -280,7 +280,7 @@ def with_overrides(settings: Settings, overrides: dict[str, str]) -> Settings:
     Raises
     ------
     SettingError
-        If a name is unknown, or a value has the wrong type or names nothing that exists.
+        If a name is unknown or a value has the wrong type.
     """
     changes: dict[str, Any] = {}
     known = {f.name: type(getattr(settings, f.name)) for f in fields(settings)}
@@ -293,10 +293,12 @@ def with_overrides(settings: Settings, overrides: dict[str, str]) -> Settings:
             changes[name] = known[name](text)
         except ValueError:
             raise SettingError(f"setting {name} takes a value of type {known[name].__name__}, not '{text}'") from None
-    changed = replace(settings, **changes)
-    if any(isinstance(value, str) for value in changes.values()):
-        changed.build(_ANY_SIZE, _ANY_GREY)  # only the method knows which names there are
-    return changed
+    return replace(settings, **changes)
+
+
+def check_names(settings: Settings) -> None:
+    """Raise a SettingError if a setting names a part of the method that does not exist; only building it tells."""
+    settings.build(_ANY_SIZE, _ANY_GREY)
 
 
 def as_dict(settings: Settings) -> dict[str, Any]:

@@ -104,8 +104,9 @@ def test_with_the_true_calibration_it_drifts_little_and_runs_differ_and_repeat(s
 
 
 def test_it_says_what_it_needs(tmp_path):
-    with pytest.raises(RecordingError, match="simulated"):
+    with pytest.raises(RecordingError, match="simulated") as raised:
         SceneDepth.of(tmp_path)
+    assert "FormatError" not in str(raised.value)
     (tmp_path / "truth.json").write_text('{"settings": {"seed": 1}}')
     with pytest.raises(RecordingError, match="--program"):
         SceneDepth.of(tmp_path)

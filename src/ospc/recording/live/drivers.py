@@ -189,7 +189,10 @@ _NUMBER = re.compile(r"\d{1,4}", re.ASCII)
 """Number of a device; more digits are a mistake."""
 
 _KINDS: dict[str, type[Camera]] = {"opencv": OpenCvCamera, "realsense": RealSenseCamera, "depthai": DepthAiCamera}
-_EXPECTED = "opencv:NUMBER, realsense, realsense:SERIAL, realsense:FILE (.db3 or .bag), or depthai:SENSOR"
+_EXPECTED = (
+    "check the path, or name a camera: opencv:NUMBER, realsense, realsense:SERIAL, realsense:FILE (.db3 or .bag), or "
+    "depthai:SENSOR"
+)
 
 
 def open_camera(text: str, options: ReadingOptions = DEFAULT) -> Camera:
@@ -215,5 +218,5 @@ def open_camera(text: str, options: ReadingOptions = DEFAULT) -> Camera:
     kind, _, which = text.partition(":")
     chosen = _KINDS.get(kind)
     if chosen is None or (chosen is OpenCvCamera and not _NUMBER.fullmatch(which or "0")):
-        raise SettingError(f"{quoted(text)}: there is no such file or folder, nor camera; a camera is {_EXPECTED}")
+        raise SettingError(f"{quoted(text)} is neither a camera nor an existing recording; {_EXPECTED}")
     return chosen.open(which, options)
