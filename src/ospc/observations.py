@@ -302,13 +302,12 @@ class ExposedObservations(Observations):
         low, high = self.log_exposure.min(initial=np.inf), self.log_exposure.max(initial=-np.inf)
         return float(np.exp(low)), float(np.exp(high))
 
-    @property
-    def log_exposure_change(self) -> float:
-        """Largest change of ln exposure between the observations of one scene point."""
-        if not len(self):
+    def log_exposure_change(self, points: int = 1) -> float:
+        """Change of ln exposure between the observations of a scene point that is reached by this many points."""
+        if len(self.starts) < points:
             return 0.0
         highest, lowest = (self.combined(end, self.log_exposure) for end in (np.maximum, np.minimum))
-        return float(np.max(highest - lowest))
+        return float(np.partition(highest - lowest, -points)[-points])
 
     def stretched(self, grey_range: GreyRange) -> ExposedObservations:
         """Return the observations between black and white, rescaled to black at 0 and white at 1."""

@@ -94,12 +94,22 @@ def test_too_few_points_are_refused():
 
 def test_constant_exposures_are_refused():
     exposed, exposures_ms = made(Camera(GAMMA))
-    with pytest.raises(NotObservableError, match="same exposure"):
+    with pytest.raises(NotObservableError, match="different exposures"):
         ospc.fit(exposed, np.full(len(exposures_ms), 8.0))
     # Exposures that change from pair to pair say nothing either.
     between = 2.0 ** (np.arange(len(exposures_ms)) // 2 % 5)
-    with pytest.raises(NotObservableError, match="same exposure"):
+    with pytest.raises(NotObservableError, match="different exposures"):
         ospc.fit(exposed, between)
+
+
+def test_a_few_points_at_different_exposures_do_not_determine_a_response():
+    exposed, _ = made(Camera(GAMMA), groups=15)
+    exposures_ms = np.full(int(exposed.frame.max()) + 1, 5.0)
+    exposures_ms[exposed.frame[0]] = 10.0  # only the points of its pair are seen at different exposures
+    changing = int(np.count_nonzero(np.diff(exposures_ms[exposed.frame].reshape(-1, 2))))
+    with pytest.raises(NotObservableError, match="different exposures"):
+        ospc.fit(exposed, exposures_ms, noise=NOISE, settings=DefaultSettings(min_points=changing + 1))
+    ospc.fit(exposed, exposures_ms, noise=NOISE, settings=DefaultSettings(min_points=changing))
 
 
 @pytest.mark.parametrize(

@@ -104,9 +104,9 @@ def _check_observable(observations: ExposedObservations, settings: DefaultSettin
         raise NotObservableError(
             f"only {counted(points, 'scene point')} with known exposures; at least {settings.min_points} are needed"
         )
-    if observations.log_exposure_change < settings.min_log_exposure_change:
+    if observations.log_exposure_change(settings.min_points) < settings.min_log_exposure_change:
         raise NotObservableError(
-            "every scene point has nearly the same exposure in all its frames, so the response cannot be determined; "
+            "hardly any scene point was seen at different exposures, so the response cannot be determined; "
             "add pairs of frames with different exposures"
         )
     if vignette and observations.radial_reach < settings.min_radial_reach:

@@ -53,21 +53,27 @@ def response_verdict(
 
     ``unexplained`` is the share of a typical change of exposure that is missing in the images.
     """
-    if observations is not None and observations.log_exposure_change < settings.min_log_exposure_change:
-        low, high = observations.exposure_range_ms
+    points = 0 if observations is None else len(observations.starts)
+    low, high = (1.0, np.inf) if observations is None else observations.exposure_range_ms
+    if high < low * np.exp(settings.min_log_exposure_change):
         return Verdict(
             "not identifiable",
             f"the exposure hardly changes ({low:.4g} to {high:.4g} ms), so the response cannot be determined",
             _CHANGE_EXPOSURE,
         )
-    if observations is None or fit is None:
-        points = 0 if observations is None else len(observations.starts)
+    if points < settings.min_points:
         return Verdict(
             "not identifiable",
             f"only {counted(points, 'scene point')} could be tracked (at least {settings.min_points} are needed)",
             "record a longer sequence of a well-exposed scene with uniform surfaces and some texture, moving slowly",
         )
-    return response_verdict_of_fit(fit, observations.exposure_range_ms, unexplained)
+    if fit is None:
+        return Verdict(
+            "not identifiable",
+            f"hardly any scene point was seen at different exposures (all are {low:.4g} to {high:.4g} ms)",
+            _CHANGE_EXPOSURE,
+        )
+    return response_verdict_of_fit(fit, (low, high), unexplained)
 
 
 def response_verdict_of_fit(fit: Fit, exposure_range_ms: tuple[float, float], unexplained: float) -> Verdict:

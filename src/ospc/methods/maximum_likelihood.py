@@ -111,7 +111,7 @@ class MaximumLikelihoodMethod:
         """Update the normalisation used by registration, with a quick fit to some of the observations."""
         if self._reservoir.points >= self._settings.min_points:
             some = self._reservoir.some(QUICK_FIT_POINTS).with_exposures(exposures)
-            if some.log_exposure_change >= self._settings.min_log_exposure_change:
+            if some.log_exposure_change() >= self._settings.min_log_exposure_change:
                 radius = self._circle.usable_radius()
                 self._quick_fit.refine(some, self._noise.model(), radius, trusts_stated=exposures.trusted)
                 if self._quick_fit.fit is not None and self._pairs >= REFERENCE_FIT_PAIRS:
@@ -273,7 +273,7 @@ class MaximumLikelihoodMethod:
         settings = self._settings
         if len(observations.starts) < settings.min_points:
             return None
-        if observations.log_exposure_change < settings.min_log_exposure_change:
+        if observations.log_exposure_change(settings.min_points) < settings.min_log_exposure_change:
             return None
         single_pixels = self._stationary.used_series is not None
         intervals = settings.series_intervals if single_pixels else settings.response_intervals
