@@ -58,6 +58,7 @@ def converted(bag: Path, out: Path, *options: object) -> list[np.ndarray]:
 def test_options_that_cannot_apply_are_refused(tmp_path: Path) -> None:
     simulate(tmp_path / "r", SimulationSettings(size=(64, 48), frames=3))
     assert "is not a ROS bag" in str(run("check", tmp_path / "r", "--topic", "/x").exception)
+    assert "has no gains" in str(run("check", tmp_path / "r", "--gain-unit", "db").exception)
     for file in (tmp_path / "r" / "images").iterdir():
         cv2.imwrite(str(file), np.full((48, 64, 3), (20, 90, 160), np.uint8))
     assert "not a Bayer mosaic" in str(run("check", tmp_path / "r", "--bayer", "rggb").exception)
@@ -90,7 +91,7 @@ def test_each_channel_is_calibrated_on_its_own(bag: Path, tmp_path: Path) -> Non
     told = json.loads(run("calibrate", bag, "-o", out, *options).stdout)
     assert set(told["cameras"]) == {"red", "green", "blue"}
     for name, cameras in told["cameras"].items():
-        assert any(f"the {name} channel of colour images is used" in note for note in cameras["notes"])
+        assert any(f"the {name} of colour images is used" in note for note in cameras["notes"])
         assert (out / name / "calibration.json").is_file()
     assert run("check", bag, "--channel", "each").exit_code == 2
 

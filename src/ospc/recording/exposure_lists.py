@@ -12,8 +12,8 @@ from pathlib import Path, PurePosixPath
 import numpy as np
 
 from ospc.arrays import FloatArray
-from ospc.errors import ExposureError, RecordingError, counted, listed
-from ospc.recording.exposure_units import Columns, ExposureUnit, infer_unit, name_columns
+from ospc.errors import ExposureError, RecordingError, SettingError, counted, listed
+from ospc.recording.exposure_units import Columns, ExposureUnit, GainUnit, infer_unit, name_columns
 from ospc.recording.frame_table import FrameTable, is_number, lines_of, make_table, parse_number, read_text
 from ospc.recording.options import DEFAULT, ReadingOptions
 
@@ -220,6 +220,8 @@ def _table(columns: Columns, rows: _Rows, source: str, options: ReadingOptions) 
             f"{source}: it is unclear which of the {columns.count} columns has the exposures; name the columns in "
             f"the first line, such as 'file,timestamp_s,exposure_ms'"
         )
+    if options.gain_unit not in (None, GainUnit.NONE) and not columns.gains:
+        raise SettingError(f"{source}: has no gains; leave out --gain-unit")
     for line, fields in rows:
         if len(fields) != columns.count:
             raise RecordingError(
