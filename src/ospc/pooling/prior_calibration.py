@@ -168,7 +168,8 @@ class PriorCalibration:
             return replace(own, source=source, verdicts=verdicts)
         together = merge(Pool.of([earlier] if today is None else [earlier, today])).calibration
         for name, verdict in together.verdicts.items():
-            reason = f"{verdict.reason.partition(', from ')[0]}, starting from {self.name}"
+            # Merging ends a reason with the number of recordings.
+            reason = f"{verdict.reason.rsplit(', from ', 1)[0]}, starting from {self.name}"
             doubts = tuple((what, own.verdicts[name].remedy) for what in own.warnings)
             verdicts[name] = judged(replace(verdict, reason=reason), doubts)
         return replace(
