@@ -91,7 +91,7 @@ def test_each_channel_is_calibrated_on_its_own(bag: Path, tmp_path: Path) -> Non
     told = json.loads(run("calibrate", bag, "-o", out, *options).stdout)
     assert set(told["cameras"]) == {"red", "green", "blue"}
     for name, cameras in told["cameras"].items():
-        assert any(f"the {name} of colour images is used" in note for note in cameras["notes"])
+        assert any(f"the {name} channel of colour images is used" in note for note in cameras["notes"])
         assert (out / name / "calibration.json").is_file()
     assert run("check", bag, "--channel", "each").exit_code == 2
 

@@ -52,11 +52,11 @@ def test_of_colour_the_green_channel_is_read_and_rounded_luma_on_request(tum_fol
     folder = tum_folder("0 1 1\n", {f"0{suffix}": encoded(colour, suffix)})
     recording = open_recording(folder)
     np.testing.assert_array_equal(next(iter(recording)).image, colour[:, :, 1])
-    assert "green of colour images" in recording.notes[0]
+    assert "green channel of colour images" in recording.notes[0]
     recording = open_recording(folder, options=ReadingOptions(channel=Channel.LUMINANCE))
     luma = colour @ np.array([0.114, 0.587, 0.299])
     assert np.abs(next(iter(recording)).image - luma).max() < 0.51
-    assert "luminance of colour images" in recording.notes[0]
+    assert "luminance channel of colour images" in recording.notes[0]
 
 
 def test_a_channel_of_grey_images_is_refused_with_a_remedy(tum_folder: Make) -> None:

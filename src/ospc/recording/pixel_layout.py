@@ -158,7 +158,7 @@ def find_layout(
         if options.bayer is not None:
             raise SettingError(f"{place}: its images are in colour, not a Bayer mosaic; leave out --bayer")
         if first.channel is not Channel.ALL:
-            notes.append(f"the {first.channel.value} of colour images is used; --channel selects another")
+            notes.append(f"the {first.channel.value} channel of colour images is used; --channel selects another")
         return layout, notes
     mosaic = options.bayer or first.mosaic or find_mosaic(first.pixels)
     if mosaic is None:

@@ -202,7 +202,7 @@ def _list_of(path: Path) -> Path:
 def _stamps(table: FrameTable, fps: float, path: Path, channel: Channel | None) -> tuple[FloatArray, tuple[str, ...]]:
     """Return the time stamps in the list, or from the frame rate if it has none, and the notes."""
     taken = (channel or DEFAULT_CHANNEL).value
-    converted = () if channel is Channel.ALL else (f"{path}: the 8-bit {taken} of its frames is used",)
+    converted = () if channel is Channel.ALL else (f"{path}: the {taken} channel of its frames is used, in 8 bits",)
     notes = (*table.notes, *converted)
     if table.stamped or not 0 < fps < _MAX_FPS:
         return table.stamps_s, notes
