@@ -1,4 +1,4 @@
-"""The bases against quadrature and finite differences, and the linear solver against another."""
+"""Bases checked against quadrature and finite differences, and the linear solver against SciPy."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ intervals = st.sampled_from([8, 16, 32])
 
 
 def gamma_at(basis, coefficients, grey):
-    """Return the local gamma by its definition: linear between the knots."""
+    """Evaluate the local gamma by linear interpolation between the knots, as in its definition."""
     return np.interp(grey, basis.knots, coefficients)
 
 
-# Response.
+# Response
 
 
 @given(intervals, st.floats(0.1, 5.0))
@@ -71,7 +71,7 @@ def test_rows_give_the_curve_anywhere(n, seed, grey):
     np.testing.assert_allclose(basis.log_rows(grey) @ coefficients, expected, atol=1e-10)
 
 
-# Vignette.
+# Vignette
 
 
 vignette_bases = st.builds(VignetteBasis, st.integers(0, 4), st.booleans(), st.booleans())
@@ -117,12 +117,12 @@ def test_the_jacobian_is_that_of_finite_differences(basis, seed):
     assert_jacobian(basis, seed)
 
 
-# The linear system.
+# Linear system
 
 
 @dataclass(frozen=True)
 class Belief:
-    """A normal distribution of parameters, whatever its hyperparameters is said to be."""
+    """A normal prior on the parameters that ignores the hyperparameters."""
 
     mean: np.ndarray
     matrix: np.ndarray
@@ -147,7 +147,7 @@ def test_the_solution_is_that_of_a_bounded_least_squares_solver(seed, bounded, i
     equations = NormalEquations(rows.T @ rows, rows.T @ target, np.eye(10), information_scale)
     found = equations.solve(prior, ANY, floor)
     assert np.all(found >= floor)
-    # The prior as rows of its own: precision = RᵀR, and R·mean on the right.
+    # Write the prior as extra rows: precision = RᵀR, with R·mean on the right-hand side.
     root = np.linalg.cholesky(prior.matrix).T
     system = np.vstack([np.sqrt(information_scale) * rows, root])
     right = np.concatenate([np.sqrt(information_scale) * target, root @ prior.mean])

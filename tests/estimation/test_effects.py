@@ -1,4 +1,4 @@
-"""Effects beside response and vignette are found, corrected and stated where they are there, and only there."""
+"""Effects other than response and vignette are detected and corrected when present, and only then."""
 
 from dataclasses import dataclass, replace
 from functools import cache
@@ -31,7 +31,7 @@ TYPICAL_MS = 10.0
 
 @dataclass(frozen=True)
 class Disturbed:
-    """A camera with effects, by the definitions of the documentation."""
+    """A camera with disturbing effects, simulated from their definitions in the documentation."""
 
     glare: float = 0.0
     most_white: float = 0.0
@@ -53,10 +53,10 @@ class Disturbed:
     light: float = 0.0
     slow_light: float = 0.0
     shortest: float = -1.0
-    """ln of the shortest exposure over the typical one."""
+    """ln of the shortest exposure relative to the typical one."""
 
     def pairs(self, seed: int = 0) -> ExposedObservations:
-        """Return points, each in two frames whose exposure, mean light and surroundings differ."""
+        """Return points, each seen in two frames that differ in exposure, mean light and surroundings."""
         random = np.random.default_rng(seed)
         n = FRAMES * POINTS
         group = np.repeat(np.arange(FRAMES), POINTS)
@@ -76,9 +76,9 @@ class Disturbed:
         attenuation = POLYNOMIAL.at_normalised(place + moved) * np.exp(self.vignette_drift * time * squared_radius)
         attenuation *= np.exp(time * (place @ np.array(self.vignette_motion)))
         attenuation *= 1 - self.smudge * np.exp(-np.sum((place - [0.3, 0.2]) ** 2, axis=2) / (2 * 0.1**2))
-        # A frame is one even patch for its mean, a place is surrounded by another: their moments are powers then.
+        # Mean light and surroundings are each simulated as a uniform patch, so the grey moments are plain powers.
         frame_light = np.exp(random.normal(-1.2, 0.4, (FRAMES, 2)))[group]
-        # The brightest frames have most pixels that are white, as bright as they usually are.
+        # The brightest frames have the most white pixels; white pixels have their usual brightness.
         white = self.most_white * np.clip(frame_light, 0, 1) ** 2
         frame_moments = (1 - white)[..., None] * GAMMA(frame_light)[..., None] ** np.arange(1, 6) + white[..., None]
         frame_moments = np.concatenate([frame_moments, white[..., None]], axis=2)
@@ -112,9 +112,9 @@ class Disturbed:
             log_exposure_rate=both(rate),
         )
 
-    @cache  # noqa: B019 - tests ask for the same fits
+    @cache  # noqa: B019 - several tests share the same fits
     def fit(self, seed: int = 0, frames: int = FRAMES) -> Fit:
-        """Return the fit to the first of these pairs of frames."""
+        """Fit the first ``frames`` pairs of frames."""
         everything = self.pairs(seed)
         observations = everything.of_points(everything.group[everything.starts] < frames)
         widest = VignetteBasis(3, free_centre=True, non_radial=True)
@@ -122,12 +122,12 @@ class Disturbed:
 
 
 def stated(fit: Fit) -> dict[str, float]:
-    """Return what a fit corrected or found to contradict the model."""
+    """Return the effects that a fit corrected or reports as contradicting the model."""
     return {one.name: one.value for one in fit.effect_estimates if one.corrected or one.contradicts}
 
 
 def is_right(fit: Fit) -> bool:
-    """Whether response and vignette are as accurate as corrected images need."""
+    """Return whether response and vignette are accurate enough for correcting images."""
     vignette = vignette_rmse(fit.vignette(SIZE), POLYNOMIAL, 1.0)
     return log_ratio_error(fit.response(), GAMMA) < 0.005 and vignette < 0.005
 
@@ -236,7 +236,7 @@ def test_an_uncertain_effect_widens_the_bands() -> None:
 
 
 def step_in_sigmas(fit: Fit) -> float:
-    """Return how far the step of ln g from grey level 1/4 to 3/4 is off, in its stated standard deviations."""
+    """Return the error of the step of ln g from grey level 1/4 to 3/4, in units of its reported sigma."""
     low, high = (float(np.log(fit.response().inverse(grey) / GAMMA.inverse(grey))) for grey in (0.25, 0.75))
     return (high - low) / fit.log_response_step_sigma(0.25, 0.75)
 
@@ -262,7 +262,7 @@ def test_the_bands_under_unsteady_light_match_the_errors() -> None:
 
 
 def test_slow_changes_of_light_cost_less_accuracy_than_fast_ones() -> None:
-    """What a pair of frames shows beside its gain, which resembles that of the pairs before, is the more certain."""
+    """Slow light correlates the gains of neighbouring pairs, so each gain is known better."""
     errors = {}
     for name, scale in (("light", 0.03), ("slow_light", 0.06)):
         fits = [Disturbed(**{name: scale}).fit(seed) for seed in range(6)]
@@ -272,7 +272,7 @@ def test_slow_changes_of_light_cost_less_accuracy_than_fast_ones() -> None:
 
 
 def test_unsteady_light_is_not_mistaken_for_an_exposure_offset() -> None:
-    """An exposure that is stated too short is in the equations twice: as exposure, and as what an offset adds to."""
+    """An exposure recorded too short enters the equations twice: as the exposure and in the offset term."""
     fits = [Disturbed(light=0.03).fit(seed) for seed in range(6)]
     offset = [one for fit in fits for one in fit.effect_estimates if one.name == "exposure offset"]
     mean = np.mean([one.value for one in offset])
@@ -291,7 +291,7 @@ def test_a_suspected_effect_widens_the_bands(offset: float) -> None:
 
 
 def test_an_effect_that_is_measured_does_not_widen_the_bands() -> None:
-    """Without moments of the frames glare is as likely as its prior says; with them it is known to be absent."""
+    """Without frame moments only the prior limits the glare; with them its absence is measured."""
     known = Disturbed().fit()
     sigma = {one.name: one.sigma for one in known.effect_estimates}
     assert sigma["veiling glare"] < 0.1 * EFFECTS["veiling glare"].sigma
@@ -300,7 +300,7 @@ def test_an_effect_that_is_measured_does_not_widen_the_bands() -> None:
 
 @pytest.mark.parametrize("name", ["srgb", "gamma2.2", "log", "filmic"])
 def test_moments_give_the_mean_irradiance(name: str) -> None:
-    """Dark and bright surroundings alike, whatever the response."""
+    """The mean is right for dark and bright surroundings and for every response."""
     basis = ResponseBasis(32)
     knots = np.clip(basis.knots, 1e-3, 1 - 1e-3)
     above, below = (np.log(RESPONSES[name]().inverse(knots + step)) for step in (1e-3, -0.99e-3))
@@ -323,7 +323,7 @@ def test_moments_give_the_mean_irradiance(name: str) -> None:
 )
 def test_the_jacobian_is_the_derivative(values: list[float], seed: int) -> None:
     everything = Disturbed().pairs(seed)
-    # In darker places additional light may be limited, where the derivative is not that of the formula.
+    # At dark points the additional light may be clipped, and the analytic derivative does not apply.
     bright = everything.of_points(np.minimum.reduceat(everything.grey, everything.starts) > 0.3)
     observations = bright.where(slice(0, 40))
     basis = ResponseBasis(32)

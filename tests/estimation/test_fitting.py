@@ -1,4 +1,4 @@
-"""Fitting to correspondences that somebody else made."""
+"""Fitting to correspondences supplied by the user."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ NOISE = NoiseModel((2 / 255) ** 2, (4 / 255) ** 2)
 
 
 def made(camera, seed=0, **size):
-    """Return observations as an outsider has them, by the truth's model, and the exposures by frame number."""
+    """Return observations simulated from the true model, and the exposures by frame number."""
     exposed = camera.pairs(seed, **size)
     exposures_ms = np.full(int(exposed.frame.max()) + 1, np.nan)
     exposures_ms[exposed.frame] = np.exp(exposed.log_exposure)
@@ -29,7 +29,7 @@ def made(camera, seed=0, **size):
 
 
 def columns(exposed):
-    """Return the arguments of ``of_pairs`` that describe pairs of observations."""
+    """Return the arguments of ``of_pairs`` for pairs of observations."""
     both = [(values[0::2], values[1::2]) for values in (exposed.grey, exposed.position, exposed.frame)]
     return [values for pair in both for values in pair]
 
@@ -96,7 +96,7 @@ def test_constant_exposures_are_refused():
     exposed, exposures_ms = made(Camera(GAMMA))
     with pytest.raises(NotObservableError, match="different exposures"):
         ospc.fit(exposed, np.full(len(exposures_ms), 8.0))
-    # Exposures that change from pair to pair say nothing either.
+    # Exposures that change only from pair to pair carry no information either.
     between = 2.0 ** (np.arange(len(exposures_ms)) // 2 % 5)
     with pytest.raises(NotObservableError, match="different exposures"):
         ospc.fit(exposed, between)
@@ -105,7 +105,7 @@ def test_constant_exposures_are_refused():
 def test_a_few_points_at_different_exposures_do_not_determine_a_response():
     exposed, _ = made(Camera(GAMMA), groups=15)
     exposures_ms = np.full(int(exposed.frame.max()) + 1, 5.0)
-    exposures_ms[exposed.frame[0]] = 10.0  # only the points of its pair are seen at different exposures
+    exposures_ms[exposed.frame[0]] = 10.0  # only the points of this pair are seen at different exposures
     changing = int(np.count_nonzero(np.diff(exposures_ms[exposed.frame].reshape(-1, 2))))
     with pytest.raises(NotObservableError, match="different exposures"):
         ospc.fit(exposed, exposures_ms, noise=NOISE, settings=DefaultSettings(min_points=changing + 1))
@@ -156,7 +156,7 @@ def test_points_observed_once_are_refused():
 
 
 class HatsCrowdedAtBlack:
-    """Hat functions on knots that are equidistant in the square root of the grey level."""
+    """Hat functions on knots equidistant in the square root of the grey level."""
 
     def knots(self, intervals):
         return np.linspace(0, 1, intervals + 1) ** 2

@@ -1,4 +1,4 @@
-"""Latent gains of frames, against gains that are known."""
+"""Latent gains of frames, checked against known gains."""
 
 import numpy as np
 import pytest
@@ -11,28 +11,28 @@ from ospc.estimation.frame_gains import FrameGains, gain_sigma
 from ospc.settings.estimation import GAIN_MEMORIES, PAIRS_PER_GAIN_BLOCK
 
 DISTANCE_FRAMES = 5
-"""Frames between the two of a pair."""
+"""Frames between the two frames of a pair."""
 
 CHANCE = 0.003
-"""Standard deviation of the mean residual of a pair, by chance."""
+"""Standard deviation of the mean residual of a pair due to noise."""
 
 NONE = (0.0,) * (1 + len(GAIN_MEMORIES))
 
 
 def frames_of_pairs(pairs: int) -> IntArray:
-    """Pairs as a film gives them: every second frame, each with the one five frames later."""
+    """Return pairs as in a recording: every second frame with the one five frames later."""
     first = 2 * np.arange(pairs)
     return np.stack([first, first + DISTANCE_FRAMES], axis=1)
 
 
 def seen(gains: FloatArray, frames: IntArray, seed: int = 0) -> FloatArray:
-    """Mean residuals of pairs of frames with known gains."""
+    """Simulate mean residuals of pairs of frames with known gains."""
     chance = CHANCE * np.random.default_rng([seed, 1]).standard_normal(len(frames))
     return np.asarray(gains[frames[:, 0]] - gains[frames[:, 1]] + chance)
 
 
 def fitted(gains: FloatArray, frames: IntArray, seed: int = 0) -> FrameGains:
-    """Gains whose variances are fitted to mean residuals."""
+    """Fit the variances of the gains to simulated mean residuals."""
     by_chance, mean = np.full(len(frames), CHANCE**2), seen(gains, frames, seed)
     found = FrameGains(frames, by_chance, mean)
     found = FrameGains(frames, by_chance, mean, found.significant_variances)
@@ -42,13 +42,13 @@ def fitted(gains: FloatArray, frames: IntArray, seed: int = 0) -> FrameGains:
 
 
 def covariance(gains: FrameGains) -> FloatArray:
-    """Covariance of the mean residuals that the gains stand for."""
+    """Return the covariance of the mean residuals that the gains imply."""
     inverse_root = gains.whitened(np.eye(len(gains.mean)), 1.0)
     return np.asarray(np.linalg.inv(inverse_root.T @ inverse_root))
 
 
 def slow(frames: int, memory: float, seed: int) -> FloatArray:
-    """Gains of standard deviation 1 that change smoothly within some frames."""
+    """Simulate gains of standard deviation 1 that change smoothly over ``memory`` frames."""
     decay = np.exp(-np.sqrt(3) / memory)
     noise = np.random.default_rng(seed).standard_normal(frames + 20 * int(memory))
     gains = lfilter([1.0], [1.0, -2 * decay, decay**2], noise)[-frames:]
@@ -117,7 +117,7 @@ def test_covariances_are_those_of_differences(ends: list[tuple[int, int]], kind:
     variances = tuple(float(number == kind) for number in range(1 + len(GAIN_MEMORIES)))
     found = covariance(FrameGains(frames, np.ones(len(ends)), np.zeros(len(ends)), variances))
     assert np.linalg.eigvalsh(found).min() > 1 - 1e-9
-    # A gain differs from itself by nothing, and from one long ago by twice its variance.
+    # The difference between two gains has a variance between zero and twice that of one gain.
     assert np.all(np.diag(found) <= 1 + 2 + 1e-9)
     turned = FrameGains(frames[:, ::-1], np.ones(len(ends)), np.zeros(len(ends)), variances)
     np.testing.assert_allclose(covariance(turned), found, atol=1e-12)

@@ -1,4 +1,4 @@
-"""The default estimator on observations made from the model: right, unbiased, monotone and honest."""
+"""The default estimator on observations from its model: accurate, unbiased, monotone, with correct sigmas."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def fitted(observations, radial=4, intervals=32, **vignette):
 
 @cache
 def fit_of_response(name, seed=0, outliers=0.0):
-    """Return the fit of a camera with a response, which several tests share."""
+    """Return a fit shared by several tests."""
     return fitted(Camera(RESPONSES[name](), outliers=outliers).pairs(seed))
 
 
@@ -55,7 +55,7 @@ def log_step(curve, low=0.25, high=0.75):
 
 
 def log_fall(fit, radius=1.0):
-    """Return ln V at a radius, along a diagonal."""
+    """Return ln V at a radius along a diagonal."""
     return float(fit.vignette_basis.log_value(fit.vignette_parameters, np.array([[radius, radius]]) / np.sqrt(2))[0])
 
 
@@ -63,7 +63,7 @@ def truly_fallen(vignette, radius=1.0):
     return float(np.log(vignette.profile(radius)))
 
 
-# Right.
+# Accuracy
 
 
 @pytest.mark.parametrize("outliers", [0.0, 0.1])
@@ -92,7 +92,7 @@ def test_a_tenth_of_outliers_hardly_changes_the_fit():
 
 
 def test_points_seen_many_times_are_used_as_a_whole():
-    # Four observations of a point: two pairs of one scene point joined.
+    # Four observations per point: two pairs of the same scene point joined.
     random = np.random.default_rng(3)
     n, log_exposure = 1500, np.log(10) + np.array([-0.9, -0.3, 0.3, 0.9])
     place = random.uniform(-1, 1, (n, 4, 2)) * np.array(SIZE) / np.hypot(*SIZE)
@@ -134,7 +134,7 @@ def test_the_simplest_vignette_that_explains_the_data_is_chosen():
 
 @dataclass(frozen=True)
 class Elliptic:
-    """A vignette that falls off in ellipses about a centre."""
+    """A vignette with elliptic contours around a centre."""
 
     centre: tuple[float, float]
 
@@ -146,7 +146,7 @@ class Elliptic:
 @pytest.mark.parametrize("centre", [(0.06, -0.08), (0.0, 0.0)])
 @pytest.mark.parametrize("seed", range(2))
 def test_the_centre_of_an_elliptic_vignette_stays_near_the_middle(seed, centre):
-    """Non-radial terms describe it in part only, and a shift of the centre is nearly a sum of them."""
+    """Non-radial terms describe it only partly, and a shift of the centre is nearly a combination of them."""
     widest = VignetteBasis(DefaultSettings().radial_terms, free_centre=True, non_radial=True)
     vignette = Elliptic(centre)
     everywhere = Camera(GAMMA, vignette).pairs(seed, points=150)
@@ -166,11 +166,11 @@ def test_a_flat_vignette_has_no_centre():
         assert not fit.vignette_basis.free_centre
 
 
-# Unbiased.
+# Bias
 
 
 def naive_step(observations):
-    """Return what the paper's estimator, with noisy grey values in its matrix, makes of the same pairs."""
+    """Return the step estimated by the paper's estimator, whose matrix contains noisy grey values."""
     ratio = np.exp(observations.log_exposure[::2] - observations.log_exposure[1::2])
     powers = np.arange(3)
     rows = observations.grey[::2, None] ** powers - ratio[:, None] * observations.grey[1::2, None] ** powers
@@ -179,12 +179,12 @@ def naive_step(observations):
 
 
 def test_noise_does_not_flatten_the_response_even_with_small_exposure_ratios():
-    # Ratios up to 8 %, which move a grey level by less than the noise of 3/255 does.
+    # Ratios of up to 8 % change a grey level by less than the noise of 3/255.
     faint = Camera(GAMMA, NONE, read=(3 / 255) ** 2, shot=0.0, registration_sigma_px=0.0, log_ratio=0.08)
     draws = [faint.pairs(seed, points=150) for seed in range(8)]
     fits = [fitted(s, 0, 16) for s in draws]
     truth = log_step(GAMMA)
-    # The naive fit could be exact: its model holds the truth.
+    # The naive model contains the truth, so its error is due to noise alone.
     naive = np.mean([naive_step(s) for s in draws]) - truth
     assert naive < -0.3
     ours = np.mean([log_step(fit) for fit in fits]) - truth
@@ -201,7 +201,7 @@ def test_the_fit_is_unbiased_for_the_response_of_the_prior():
     assert abs(np.mean(steps) - log_step(truth)) < 3 * np.std(steps, ddof=1) / np.sqrt(10)
 
 
-# Honest.
+# Uncertainty
 
 
 @pytest.mark.parametrize(
@@ -229,7 +229,7 @@ def test_stated_sigmas_match_the_errors(camera):
 
 
 def test_the_sigma_of_an_unseen_corner_covers_its_error():
-    """ln(1 − 0.35 R² + 0.05 R⁴ − 0.15 R⁶) about a centre beside that of the image: zero lies not far beyond."""
+    """V = 1 − 0.35 R² + 0.05 R⁴ − 0.15 R⁶ about a shifted centre; it reaches zero not far beyond the corner."""
     zeros = np.roots([-0.15, 0.05, -0.35, 1.0])
     truth = LogVignette(SIZE, tuple(-np.sum(zeros**-i).real / i for i in np.arange(1.0, 61.0)), (0.11, 0.08))
     corner = np.array([[-0.8, -0.6]])
@@ -245,7 +245,7 @@ def test_disagreement_of_halves_adds_uncertainty():
     camera = Camera(GAMMA)
     observations = camera.pairs(0, groups=60)
     first = fitted(observations, 3, 16)
-    # In the second half of the time exposures are a little wrong, by the same share in every pair.
+    # In the second half of the recording, all log exposures are wrong by the same factor.
     later = observations.group > np.median(observations.group)
     wrong = replace(observations, log_exposure=np.where(later, 1.04, 1.0) * observations.log_exposure)
     second = fitted(wrong, 3, 16)
@@ -305,11 +305,11 @@ def test_uncertainty_is_large_where_nothing_was_measured():
     assert fitted(still).vignette_sigma_at_corner > 0.2
 
 
-# The same whatever does not matter.
+# Invariance
 
 
 def assert_same_fit(a, b):
-    """Assert that two fits differ by no more than the rounds stop at: a tenth of a deviation in all directions."""
+    """Assert that two fits differ by no more than the stopping tolerance, 0.1 sigma in any direction."""
     change = a.parameters - b.parameters
     assert np.sqrt(change @ np.linalg.solve(a.covariance, change)) < 0.15
     np.testing.assert_allclose(np.sqrt(np.diag(a.covariance)), np.sqrt(np.diag(b.covariance)), rtol=0.05)
@@ -363,14 +363,14 @@ def test_a_fit_may_start_from_another_and_ends_at_the_same():
     assert log_fall(again) == pytest.approx(log_fall(first), abs=0.003)
 
 
-# Monotone whatever happens.
+# Monotonicity on arbitrary input
 
 values = st.one_of(st.sampled_from([0.0, 1.0, 0.5, 1 / 255]), st.floats(0, 1))
 
 
 @st.composite
 def nasty_observations(draw):
-    """Draw observations that nothing real would make."""
+    """Draw observations that no real camera would produce."""
     points = draw(st.integers(3, 60))
     seen = draw(st.integers(2, 4))
     n = points * seen
@@ -380,7 +380,7 @@ def nasty_observations(draw):
         grey = np.clip(grey + random.normal(0, 0.2, n), 0, 1)
     exposures = random.choice(draw(st.lists(st.floats(-8, 8), min_size=1, max_size=5)), n)
     if draw(st.booleans()):
-        # The brighter, the shorter the exposure: the opposite of any response.
+        # Brighter pixels get shorter exposures, contrary to any response.
         exposures = -5 * grey
     return ExposedObservations(
         grey=grey,

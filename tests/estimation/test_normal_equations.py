@@ -1,4 +1,4 @@
-"""The covariance of the parameters, by scores whose distribution is known."""
+"""The covariance of the parameters, checked with scores of known distribution."""
 
 import numpy as np
 import pytest
@@ -12,7 +12,7 @@ INTERVALS, SIGNAL = 8, 400.0
 
 
 def sigma_of_first(halves: FloatArray) -> FloatArray:
-    """Standard deviations of the parameters with as much information on each, and differences between halves."""
+    """Return the sigmas of the parameters with equal information on each, given differences between halves."""
     knots = ResponseBasis(INTERVALS).knots
     prior, flat = Prior(knots, typical_gamma(knots), np.empty(0)), PriorHyperparameters(1.0, 0.0)
     information = SIGNAL * np.eye(len(knots))
@@ -46,6 +46,6 @@ def test_a_covariance_is_widened_just_where_it_is_smaller_than_another(seed: int
     wider = at_least(one, other)
     for smaller in (one, other):
         assert np.linalg.eigvalsh(wider - smaller).min() > -1e-9 * np.trace(wider)
-    # Nothing is wider than it has to be: along each direction that both have in common it is one of the two.
+    # The bound is tight: if one covariance exceeds the other in all directions, it is returned.
     np.testing.assert_allclose(at_least(one, one / 2), one, rtol=1e-6, atol=1e-9)
     np.testing.assert_allclose(at_least(one / 2, one), one, rtol=1e-6, atol=1e-9)

@@ -1,4 +1,4 @@
-"""Where the response is bent, the mean of pixels is not the grey level of their mean irradiance."""
+"""If the response is curved, the mean of textured pixels is not the grey level of their mean irradiance."""
 
 from dataclasses import replace
 
@@ -21,14 +21,14 @@ PAIRS, POINTS, PIXELS = 60, 100, 28
 
 
 class Exposures:
-    """Two exposures in turn, up to a factor of three apart."""
+    """Alternating exposures that differ by a factor of up to three."""
 
     def log_exposure_of(self, frames):
         return np.log(10) - np.where(frames % 2, np.log(3) * (frames // 2 % 6) / 5, 0.0)
 
 
 def textured(contrast, response):
-    """Return points whose pixels scatter by a share of their irradiance."""
+    """Return points whose pixels vary in proportion to their irradiance."""
     random = np.random.default_rng(3)
     n = PAIRS * POINTS
     frame = 2 * np.repeat(np.arange(PAIRS), POINTS)[:, None] + [0, 1]
@@ -54,7 +54,7 @@ def error(observations, response):
 
 
 def test_grey_levels_are_predicted_by_the_exposures_however_strong_the_texture():
-    """No noise of a measured grey level gets into the rows: both predicted ones belong to the same radiance."""
+    """Both predicted grey levels of a point come from the same radiance, so no measurement noise enters the rows."""
     seen = textured(0.2, TOE_AND_SHOULDER)
     found = MaximumLikelihoodEstimator(ResponseBasis(32), VignetteBasis(0), NOISE).fit(seen)
     share = found.texture_share
@@ -80,7 +80,7 @@ def test_without_texture_nothing_changes():
 
 
 def test_variance_that_is_no_texture_is_left_alone():
-    """Variance of the pixels of even places, in proportion to their light as after sharpening, corrects nothing."""
+    """Variance proportional to the light at untextured points, as after sharpening, triggers no correction."""
     seen = textured(0.0, TOE_AND_SHOULDER)
     share = np.repeat(0.1 * np.random.default_rng(4).random(len(seen.starts)) ** 2, 2)
     false = replace(seen, grey_variance=seen.grey_variance + share * seen.grey**2)
