@@ -1,4 +1,4 @@
-"""What the methods' tests share: one recording, made once, and a run over frames."""
+"""Fixtures of the methods' tests: one shared recording and a calibration run."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from ospc.settings import Settings
 
 @pytest.fixture(scope="session")
 def walk() -> Recorded:
-    """A walk through the simulated room with auto exposure; its response is one of the paper's polynomials."""
+    """A simulated handheld recording with auto exposure; its response is one of the paper's polynomials."""
     return recorded(frames=105, noise="low", response=Response.gamma(2.0, 2041))
 
 
 @pytest.fixture(scope="session")
 def calibrated() -> Callable[..., Calibration]:
-    """Push frames one by one, all of which must be usable, and return the calibration."""
+    """Return a function that pushes frames, requires all to be usable, and returns the calibration."""
 
     def run(
         frames: Iterable[Frame], settings: Settings | str = "default", ask_after: tuple[int, ...] = ()

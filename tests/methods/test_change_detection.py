@@ -1,4 +1,4 @@
-"""What raises a suspicion, and how long it is followed: in time, whatever the frame rate."""
+"""What raises a suspicion of change, and how long it is pursued, independently of the frame rate."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ NEIGHBOURS, DISTANT = 1, 4
 
 @dataclass(frozen=True)
 class SeenPair:
-    """A pair of frames as observed, whose exposures are known already."""
+    """A pair of observed frames with known exposures."""
 
     exposed: ExposedObservations
     frame: tuple[int, int]
@@ -41,13 +41,13 @@ class SeenPair:
 
 @dataclass
 class Watched:
-    """A detector that knows a camera, and the number of its next frame."""
+    """A detector for a calibrated camera, and the number of its next frame."""
 
     detector: ChangeDetector
     frame: int = 0
 
     def see(self, camera: Camera, age: int, count: int, *, light: float = 0.0) -> None:
-        """Show pairs of an age in frames; light changes within each by up to so much, in ln."""
+        """Observe pairs ``age`` frames apart; the light changes within each by up to ``light`` in ln."""
         for number in range(self.frame, self.frame + count):
             exposed = camera.pairs(number, groups=1)
             brighter = np.tile([0.0, light * np.cos(number)], len(exposed.starts))

@@ -1,4 +1,4 @@
-"""A change of the camera is proven by what many pairs have in common; light and wrong registrations prove nothing."""
+"""Only evidence common to many pairs proves a change of the camera; light and wrong registrations do not."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ ANOTHER_RESPONSE = replace(CAMERA, response=make_response("filmic"))
 
 @pytest.fixture(scope="module")
 def fit():
-    """The fit to what was seen before."""
+    """The fit to the observations before the change."""
     settings = DefaultSettings()
     basis = ResponseBasis(settings.response_intervals, settings.response_functions)
     return fit_with_chosen_vignette(
@@ -40,14 +40,14 @@ def fit():
 
 
 def course(seed: int) -> FloatArray:
-    """Return ln of exposures that an automatic control might set, with some frames before and after."""
+    """Return ln of exposures as set by auto exposure, including some frames before and after."""
     random = np.random.default_rng(seed)
     return np.cumsum(np.convolve(random.normal(0, 0.06, FRAMES + 14), np.ones(5) / 5, mode="valid"))
 
 
 @dataclass(frozen=True)
 class Film:
-    """Neighbouring frames of a camera, and what is stated of their exposures."""
+    """Neighbouring frames of a camera with their recorded exposures."""
 
     camera: Camera = CAMERA
     moving_frames: int = FRAMES
@@ -96,7 +96,6 @@ class Film:
         return pairs, ExposureTable.of(np.log(10) + true)
 
     def explained(self, fit):
-        """Return what is said of it."""
         pairs, exposures = self.pairs(fit)
         return explain(pairs, fit, exposures, USUAL_ERROR, SPAN)
 
@@ -130,7 +129,7 @@ def test_a_few_pairs_prove_nothing(fit):
 
 
 def test_the_curve_of_a_response_is_finite_where_pairs_see_black():
-    """A line in ln g and a bend at the knots, both evaluated at a grey level of zero."""
+    """Both a line in ln g and bends at the knots are evaluated at grey level zero."""
     change = np.zeros(len(CHANGE_GREY_KNOTS) + 3)
     change[PARTS["response"]] = 0.1
     seen = ExplainedChange("response", change, np.eye(len(CHANGE_GREY_KNOTS) + 1), 1.0, 1.0, np.array([0.0, 0.5]))

@@ -1,4 +1,4 @@
-"""Tables of what observations cover and of their residuals."""
+"""Tables of the coverage of observations and of their residuals."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ SIZE = (640, 480)
 
 
 def observations(points: int = 4000, seed: int = 0) -> ExposedObservations:
-    """Return points seen twice, anywhere, at exposures of 2 and 8 ms."""
+    """Return points seen twice at random positions, at exposures of 2 and 8 ms."""
     random = np.random.default_rng(seed)
     n = 2 * points
     return ExposedObservations(

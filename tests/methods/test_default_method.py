@@ -1,4 +1,4 @@
-"""The default method on simulated recordings: right, honest about what it cannot know, and repeatable."""
+"""The default method on simulated recordings: accurate, open about what it cannot determine, and repeatable."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def as_text(calibration):
     return json.dumps(calibration.as_dict(), sort_keys=True)
 
 
-# Right.
+# Accuracy
 
 
 def test_response_and_vignette_are_found(result, walk):
@@ -67,7 +67,7 @@ def test_stated_sigmas_cover_the_errors(result, walk):
 
 def test_exposures_are_predicted(result):
     ratios = result.exposure_ratios
-    # Those of the first pairs are forgotten, others had nothing to compare.
+    # The ratios of the first pairs are discarded; some other pairs had nothing to compare.
     assert 0.7 * result.counts["pairs"] < len(ratios.metadata) <= result.counts["pairs"]
     assert abs(ratios.bias) < 0.01
     assert np.median(np.abs(ratios.log_residual)) < 0.02
@@ -124,7 +124,7 @@ def test_a_camera_with_white_at_half_scale_is_calibrated(calibrated):
     assert vignette_rmse(result.vignette, made.truth.vignette) < 0.03
 
 
-# Repeatable.
+# Repeatability
 
 
 def test_calibrating_in_between_does_not_change_the_result(walk, calibrated, quick):
@@ -135,7 +135,7 @@ def test_calibrating_in_between_does_not_change_the_result(walk, calibrated, qui
 @pytest.mark.parametrize("factor", [2.0])
 def test_a_factor_on_all_exposures_changes_nothing_but_the_exposures(walk, calibrated, quick, factor):
     scaled = calibrated([replace(f, exposure_ms=factor * f.exposure_ms) for f in walk.frames[:QUICK_FRAMES]], QUICK)
-    # Rounding may make a round more or less of a fit, each of which then changes next to nothing.
+    # Rounding may change the number of iterations of a fit by one, with almost no effect on the result.
     change = np.abs(scaled.response.inverse_table - quick.response.inverse_table)
     assert change.max() < 0.2 * quick.response.inverse_sigma.max()
     change = np.abs(scaled.vignette.image() - quick.vignette.image())
@@ -165,7 +165,7 @@ def test_unusable_frames_do_not_affect_the_result(walk, quick):
             assert not calibrator.push(bad[number // 10])
     mixed, clean = calibrator.calibration(), quick
     assert (mixed.counts["skipped"], mixed.counts["frames"]) == (4, QUICK_FRAMES + 4)
-    # The response is known to about what it takes to be identifiable: a little more or less changes its verdict.
+    # The response is just about identifiable, so small differences can change its verdict.
     for name in ("vignette", "exposures"):
         assert mixed.verdicts[name].state == clean.verdicts[name].state
     ends = np.array([0.25, 0.75])
@@ -177,7 +177,7 @@ def test_unusable_frames_do_not_affect_the_result(walk, quick):
     np.testing.assert_allclose(*steps, atol=0.02)
 
 
-# What cannot be known.
+# Limits of observability
 
 
 def test_a_constant_exposure_gives_no_response(calibrated):
@@ -255,7 +255,7 @@ def test_images_without_structure_give_no_calibration(calibrated):
     assert result.vignette is None
 
 
-# Which frames are processed.
+# Choice of processed frames
 
 
 def sampler(slowdown, dense=10**9, longest=10**9):
@@ -263,7 +263,7 @@ def sampler(slowdown, dense=10**9, longest=10**9):
 
 
 def processed(sampler, frames):
-    """Return the numbers of the frames that are processed."""
+    """Return the numbers of the processed frames."""
     numbers = []
     for number in range(frames):
         numbers += [number] if sampler.processes_next else []
@@ -277,7 +277,7 @@ def test_frames_are_processed_ever_more_rarely(slowdown, frames):
     numbers = processed(sampler(slowdown), frames)
     expected = np.cumsum([0, *(1 + count // slowdown for count in range(frames))])
     np.testing.assert_array_equal(numbers, expected[expected < frames])
-    # So the work grows with the square root of a recording's length.
+    # The work grows with the square root of a recording's length.
     assert len(numbers) <= slowdown + np.sqrt(2 * slowdown * frames)
 
 

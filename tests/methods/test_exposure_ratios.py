@@ -1,4 +1,4 @@
-"""Exposure ratios of pairs of frames, and how sure they are."""
+"""Exposure ratios of pairs of frames, and their sigmas."""
 
 from dataclasses import replace
 
@@ -15,7 +15,7 @@ CAMERA = Camera(Response.gamma(2.2, 256), outliers=0.01)
 
 
 def ratios_of_other_pairs(seed: int):
-    """Fit one set of pairs, and return the exposure ratios of another that the same camera saw."""
+    """Fit one set of pairs, and return the exposure ratios of other pairs from the same camera."""
     estimator = MaximumLikelihoodEstimator(ResponseBasis(32), VignetteBasis(3), None)
     fit = estimator.fit(CAMERA.pairs(2 * seed))
     return fit, exposure_ratios(fit, CAMERA.pairs(2 * seed + 1))

@@ -1,4 +1,4 @@
-"""Images that are lit only inside a circle: the surround is found, or masked, and tells nothing."""
+"""Images lit only inside a circle: the surround is detected or masked, and not used."""
 
 from __future__ import annotations
 

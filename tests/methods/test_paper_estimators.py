@@ -1,4 +1,4 @@
-"""The paper's estimators against independent solvers, and exact where nothing disturbs them."""
+"""The paper's estimators against independent solvers, and exact on undisturbed data."""
 
 from __future__ import annotations
 
@@ -40,13 +40,13 @@ TUNING = 1.345
 
 
 def inverse_of(coefficients, irradiance):
-    """Return the grey level at which the quadratic c₁M + c₂M² has a value."""
+    """Return the grey level at which the quadratic c₁M + c₂M² equals ``irradiance``."""
     c1, c2 = coefficients
     return 2 * irradiance / (c1 + np.sqrt(c1**2 + 4 * c2 * irradiance))
 
 
 def pairs_of(seed, *, c=(0.4, 0.6), v=(0.0, 0.0, 0.0), count=300, ratio=None, noise=0.0):
-    """Return the exposure ratio and correspondences of a camera with g = c₁M + c₂M² and a polynomial vignette."""
+    """Return correspondences of a camera with g = c₁M + c₂M² and a polynomial vignette, and the exposure ratio."""
     random = np.random.default_rng(seed)
     k = ratio or float(np.exp(random.uniform(0.1, 0.8) * random.choice([-1, 1])))
     vignette = PolynomialVignette(SIZE, v)
@@ -75,7 +75,7 @@ def constrained(gram, free):
     return start
 
 
-# The response.
+# Response
 
 
 @given(seeds, st.integers(2, 4))
@@ -139,7 +139,7 @@ def test_the_nonnegative_solution_is_the_best_of_all_active_sets(seed, degree, n
 
 
 def test_a_solution_that_falls_is_constrained_only_if_that_is_allowed():
-    # What noise does to weak contrast: the solution bends down towards white.
+    # With weak contrast, noise bends the solution down towards white.
     random = np.random.default_rng(0)
     rows = np.stack([np.full(50, -0.1), random.normal(0, 0.1, 50), random.normal(0, 0.1, 50)], axis=1)
     gram = rows.T @ rows + 10 * np.outer([0, 2, 1], [0, 2, 1])
@@ -164,10 +164,10 @@ def test_the_response_of_a_polynomial_is_the_polynomial(c1):
     np.testing.assert_allclose(response.resampled(256), c1 * grey + (1 - c1) * grey**2, atol=1e-12)
     assert response.model == {"name": "polynomial", "coefficients": coefficients.tolist()}
     assert response.support == (0.1, 0.9)
-    np.testing.assert_allclose(response.inverse_sigma, 0, atol=1e-12)  # estimates that all agree
+    np.testing.assert_allclose(response.inverse_sigma, 0, atol=1e-12)  # all estimates agree
 
 
-# The vignette.
+# Vignette
 
 
 def noisy_rows(seed, noise=0.01, outliers=0.0, count=400):
@@ -183,7 +183,7 @@ def noisy_rows(seed, noise=0.01, outliers=0.0, count=400):
 def test_every_solver_is_exact_without_noise(solver, seed):
     quadratic = np.polynomial.polynomial.polyval(np.linspace(0, 1, 4097), [0, 0.4, 0.6])
     rows, target = vignette_rows(*pairs_of(seed, v=V), Response.from_values(quadratic))
-    # What remains is the interpolation of the response between its levels.
+    # The remaining error comes from interpolating the response between its levels.
     np.testing.assert_allclose(solve_vignette(rows, target, solver, TUNING), V, atol=2e-4)
 
 
@@ -255,7 +255,7 @@ def test_a_perfect_fit_needs_no_scale():
         np.testing.assert_allclose(found, [1, 2, 3], rtol=1e-9)
 
 
-# Exposure ratios.
+# Exposure ratios
 
 
 @given(seeds)
@@ -306,7 +306,7 @@ def test_matches_that_no_increasing_response_allows_are_dropped(seed, noise):
     assert len(kept) == np.count_nonzero(np.sign(pairs.grey0 - pairs.grey1) == np.sign(ratio - 1))
 
 
-# Invariances.
+# Invariances
 
 
 @given(seeds)
@@ -342,7 +342,7 @@ def test_mirroring_the_images_does_not_matter(seed, across, down):
         np.testing.assert_allclose(*found, atol=1e-6)
 
 
-# Repetition.
+# Repeatability
 
 
 @given(seeds, st.integers(2, 8))

@@ -1,4 +1,4 @@
-"""The direction filter knows no preferred direction, and decides block by block."""
+"""The direction filter treats all directions equally and decides block by block."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ ANY_LENGTH = replace(SETTINGS, filter_length_sigmas=1e9)
 
 
 def matches(seed, count=150):
-    """Return points and displacements: a common motion with noise, and some that go anywhere."""
+    """Return points and displacements: a common noisy motion and some in random directions."""
     random = np.random.default_rng(seed)
     points = random.uniform(0, 1, (count, 2)) * SIZE
     direction = random.uniform(-np.pi, np.pi) + random.normal(0, 0.3, count)
@@ -59,7 +59,7 @@ def test_mirroring_the_images_changes_nothing(seed):
     points, direction, length = matches(seed)
     kept = survivors(points, direction, length)
     mirrored = survivors([SIZE[0], 0] + points * [-1, 1], np.pi - direction, length)
-    # Where the bins to either side of a block's mean direction tie in number, either may stay.
+    # If the bins on either side of a block's mean direction hold equally many matches, either may be kept.
     number = [np.bincount(blocks_of(points)[k], minlength=BLOCKS**2) for k in (kept, mirrored)]
     np.testing.assert_array_equal(*number)
     assert np.mean(kept == mirrored) > 0.75
@@ -92,7 +92,7 @@ def test_survivors_of_a_block_point_one_way_and_outnumber_any_other_such_group(s
         ways = direction[inside & kept]
         spread = np.angle(np.exp(1j * (ways - ways[0])))
         assert np.ptp(spread) <= 2 * np.pi / 10 + 1e-9
-        # Ten bins share the block's matches, so the fullest has a tenth of them at least.
+        # The block's matches fall into ten bins, so the fullest has at least a tenth of them.
         assert len(ways) * 10 >= inside.sum()
 
 

@@ -34,7 +34,7 @@ QUICK = replace(SMALL, features="orb", max_features=600, response_window=20, vig
 
 @pytest.fixture(scope="module")
 def run(walk):
-    """All 105 frames, and the progress after each."""
+    """Return the calibration from all 105 frames, and the progress after each."""
     calibrator, progress = OnlineCalibrator(SMALL), []
     for frame in walk.frames:
         assert calibrator.push(frame)
@@ -77,14 +77,14 @@ def test_estimates_are_repeated_and_their_spread_is_stated(run):
     result, progress = run
     assert result.response.inverse_sigma.shape == (256,)
     assert 0 < result.response.inverse_sigma.max() < 0.1
-    # Black is fixed, and the level in the middle is what the others are relative to.
+    # Black is fixed, and all levels are relative to the middle one.
     assert result.response.inverse_sigma[[0, 127, 128]] == pytest.approx(0, abs=1e-3)
     assert result.vignette_sigma.shape == PROFILE_RADII.shape
     assert 0 < result.vignette_sigma[-1] < 0.3
     assert result.covariance["response"]["parameters"] == ["c0", "c1", "c2"]
     assert result.covariance["vignette"]["parameters"] == ["v1", "v2", "v3"]
     assert np.shape(result.covariance["vignette"]["matrix"]) == (3, 3)
-    # Nothing is known of the spread of a single estimate; the second ends its window 35 frames later.
+    # A single estimate has no known spread; the second window ends 35 frames later.
     assert progress[60].response_sigma is None
     assert progress[100].response_sigma == pytest.approx(progress[101].response_sigma)
     assert progress[-1].response_sigma == pytest.approx(result.response.inverse_sigma.max())
@@ -103,7 +103,7 @@ def test_exposures_are_predicted(run):
     result, _ = run
     ratios = result.exposure_ratios
     assert np.median(np.abs(ratios.log_residual)) < SMALL.acceptance_tolerance
-    # The ratios of an accepted vignette are those of its pairs: so many frames apart.
+    # The ratios of an accepted vignette are those of its pairs, ``vignette_offset`` frames apart.
     np.testing.assert_array_equal(np.diff(ratios.frames, axis=1), SMALL.vignette_offset)
 
 
@@ -122,7 +122,7 @@ def test_calibrating_in_between_does_not_change_the_result(walk, calibrated, qui
 
 def test_a_factor_on_all_exposures_changes_nothing(walk, calibrated, quick):
     doubled = calibrated([replace(f, exposure_ms=2 * f.exposure_ms) for f in walk.frames[:45]], QUICK)
-    # Equal but for the rounding of ln e.
+    # Equal up to the rounding of ln e.
     np.testing.assert_allclose(doubled.response.inverse_table, quick.response.inverse_table, atol=1e-9)
     assert (doubled.vignette is None) == (quick.vignette is None)
     np.testing.assert_array_equal(doubled.exposure_ratios.frames, quick.exposure_ratios.frames)
@@ -139,7 +139,7 @@ def test_an_open_window_counts_only_without_a_full_one(walk, calibrated):
     assert "record longer" in alone.advice
     assert alone.response.inverse_sigma is None
     assert not alone.converged
-    # Twenty frames after a full window of twenty change nothing until their own window is full.
+    # The next frames change nothing until they fill a window of their own.
     full, more = (calibrated(walk.frames[:n], QUICK) for n in (20, 39))
     np.testing.assert_array_equal(full.response.inverse_table, more.response.inverse_table)
 
@@ -171,11 +171,11 @@ def test_estimates_that_do_not_predict_the_exposures_are_not_accepted(walk, cali
     assert "check that exposures belong" in strict.verdicts["response"].remedy
 
 
-# With matches that are exact, everything after the matching is, too.
+# Exact matches: everything after the matching must be exact as well.
 
 
 class PerfectMatcher:
-    """Matches without noise of a camera whose g is c₁M + c₂M² and whose vignette is a polynomial."""
+    """Noise-free matches of a camera with g = c₁M + c₂M² and a polynomial vignette."""
 
     def __init__(self, c1, v, size=(640, 480), astray=0.0):
         self.c1, self.c2 = c1, 1 - c1
@@ -188,7 +188,7 @@ class PerfectMatcher:
         random = np.random.default_rng((left.frame, right.frame))
         centre = (np.array(size) - 1) / 2
         points0, points1 = random.uniform(0, 1, (2, 60, 2)) * 2 * centre
-        # A third keeps its radius exactly, as does what would move little.
+        # A third of the points keep their radius exactly, as do those that would change it little.
         change = [np.linalg.norm(p - centre, axis=1) / np.linalg.norm(centre) for p in (points0, points1)]
         keeps = (np.arange(60) < 20) | (np.abs(change[0] - change[1]) < 0.02)
         points1[keeps] = 2 * centre - points0[keeps]
@@ -208,7 +208,7 @@ V = (-0.3, 0.05, -0.15)
 
 
 def after_matching(matcher, settings=None, frames=430, lag=0):
-    """Run the method on perfect matches, with exposures stated so many frames late until just before the end."""
+    """Run the method on perfect matches; exposures lag by ``lag`` frames until corrected at the last frame."""
     settings = settings or PaperSettings()
     method, known = PaperMethod(settings, matcher.size, 255, matcher), StatedExposures()
     image = np.zeros((1, 1), np.uint8)
@@ -238,7 +238,7 @@ def test_perfect_matches_give_the_truth(c1, positivity, solver):
     result = after_matching(PerfectMatcher(c1, V), settings)
     np.testing.assert_allclose(result.response.model["coefficients"], [0, c1, 1 - c1], atol=1e-6)
     profiles = [v.profile(PROFILE_RADII) for v in (result.vignette, PolynomialVignette((640, 480), V))]
-    # Between the 256 levels of its table the response is straight.
+    # The response is piecewise linear between the 256 levels of its table.
     np.testing.assert_allclose(*profiles, atol=1e-3)
     np.testing.assert_allclose(result.exposure_ratios.estimated, result.exposure_ratios.metadata, rtol=1e-3)
     assert result.verdicts["response"].reason.startswith("2 windows")
@@ -246,7 +246,7 @@ def test_perfect_matches_give_the_truth(c1, positivity, solver):
 
 
 def test_coefficients_that_may_not_be_negative_are_not():
-    """Of the quadratics with c ≥ 0 the straight line is the nearest to one with c₂ < 0."""
+    """Among the quadratics with c ≥ 0, the straight line is nearest to one with c₂ < 0."""
     result = after_matching(PerfectMatcher(1.4, V), replace(PaperSettings(), response_positivity="always"))
     np.testing.assert_allclose(result.response.model["coefficients"], [0, 1, 0], atol=1e-6)
 

@@ -1,4 +1,4 @@
-"""Which frames the paper's method compares, against the definition applied to all pairs there are."""
+"""Which frames the paper's method compares, checked against the definition applied to all possible pairs."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ windows = st.integers(2, 25)
 
 
 class NotingMatcher:
-    """Notes which frames it is asked to match, and finds nothing."""
+    """Records which frames it is asked to match, and finds no matches."""
 
     def __init__(self):
         self.asked = []
@@ -40,7 +40,7 @@ class NotingMatcher:
 
 
 def pushed(course, **settings):
-    """Return for each frame the pairs it completes."""
+    """Return the pairs that each frame completes."""
     matcher, known, pairs = NotingMatcher(), StatedExposures(), []
     method = PaperMethod(replace(PaperSettings(), **settings), SIZE, 255, matcher)
     for index, exposure_ms in enumerate(course):
@@ -98,7 +98,7 @@ def test_pairs_a_fixed_offset_apart_slide_over_the_whole_course(course, window, 
 
 
 def test_exposures_known_late_decide_for_the_frames_that_wait():
-    """Two frames stated with the same exposure, of which the first turns out to be wrong."""
+    """Two frames are recorded with the same exposure; the first one's turns out to be wrong."""
     matcher, known = NotingMatcher(), StatedExposures()
     method = PaperMethod(PaperSettings(), SIZE, 255, matcher)
     for index in range(3):

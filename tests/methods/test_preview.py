@@ -1,4 +1,4 @@
-"""What is known in the middle of a run is near the truth, and looking at it changes nothing."""
+"""A preview during a run is close to the truth, and taking it changes nothing."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ FRAMES = 30
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory):
-    """Return a calibrator that was looked at after every third frame, one that was not, the truth and previews."""
+    """Return a calibrator previewed after every third frame, one without previews, the truth and the previews."""
     place = tmp_path_factory.mktemp("simulated") / "r"
     settings = SimulationSettings(size=SIZE, frames=FRAMES, exposure="sweep", exposure_min_ms=2, exposure_max_ms=16)
     truth = simulate(place, settings)
