@@ -1,4 +1,4 @@
-"""Black and white of a recording, as they are found from frame to frame and from epoch to epoch."""
+"""Black and white levels of a recording, as determined from frame to frame and from epoch to epoch."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ PREPROCESS = Preprocessor()
 
 
 def observed(statistics: PixelStatistics, number: int, low: int, high: int, *, piled: bool = True) -> None:
-    """Show an image whose grey values range from low to high, with many pixels at both ends."""
-    level = np.random.default_rng(number).beta(2, 2, (192, 256))  # values at the ends are rare
+    """Observe an image with grey values from low to high, and many pixels at both ends if ``piled``."""
+    level = np.random.default_rng(number).beta(2, 2, (192, 256))  # the extreme values are rare
     image = (low + np.rint((high - low) * level)).astype(np.uint8)
     if piled:
         image[:32], image[-32:] = low, high

@@ -1,4 +1,4 @@
-"""Single pixels that are black or white leave the grey levels as they were; noise is left alone."""
+"""Single black or white pixels do not affect the grey levels; noise is left unchanged."""
 
 import numpy as np
 import pytest
@@ -30,7 +30,7 @@ def test_defective_pixels_do_not_count(max_grey: int, share: float) -> None:
 
 @pytest.mark.parametrize("sigma", [0.02, 0.05, 0.1])
 def test_noise_is_left_alone(sigma: float) -> None:
-    """Replaced by medians, its mean and its variance would be others, and both are used."""
+    """Replacing noisy pixels by medians would change their mean and variance, and both are used."""
     random = np.random.default_rng(2)
     noise = sigma * random.standard_normal(SHADES.shape)
     found = prepared(0.5 + noise, 4095)

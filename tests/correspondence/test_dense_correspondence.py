@@ -1,4 +1,4 @@
-"""Preprocessed frames, their registration, and what is sampled from a pair of them."""
+"""Preprocessed frames, their registration, and the samples taken from pairs."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def ramp(width, height, across, down, base, white=255, dtype=np.uint8):
     return np.rint((base + across * x + down * y) * white).astype(dtype)
 
 
-# Views.
+# Views
 
 
 @given(st.integers(2, 253), st.sampled_from([(64, 48), (90, 61), (33, 200)]), st.integers(20, 100))
@@ -95,7 +95,7 @@ def test_clipped_areas_are_marked_and_single_clipped_pixels_are_not(level):
 
 @pytest.mark.parametrize("longest", [160, 80])
 def test_the_tips_of_texture_keep_means_from_being_used_where_they_are_white_but_not_where_they_are_black(longest):
-    """Noise makes some pixels black, and that is corrected; how much light a white pixel lacks is unknown."""
+    """Black pixels are due to noise, which is corrected; the light that a white pixel lost is unknown."""
     white, black = (np.full((120, 160), 128, np.uint8) for _ in range(2))
     size = 3 * 160 // longest
     for image, level in ((white, 255), (black, 0)):
@@ -128,13 +128,13 @@ def test_deep_images_clip_where_their_eight_most_significant_bits_would():
     assert not frame.clipped[10, 90]
 
 
-# Registration.
+# Registration
 
 SHIFT = np.array([7.4, -4.3])
 
 
 def radiance_of(places):
-    """Return a scene of smooth structure at several scales, at places (x, y)."""
+    """Return a smooth scene with structure at several scales, at points (x, y)."""
     random = np.random.default_rng(5)
     angle, phase = random.uniform(0, 2 * np.pi, (2, 60))
     wavelength = np.geomspace(12, 120, 60)
@@ -142,12 +142,12 @@ def radiance_of(places):
     field = np.zeros(places.shape[:-1])
     for vector, offset, length in zip(wave, phase, wavelength, strict=True):
         field += np.sin(places @ vector + offset) * (length / 60) ** 0.5
-    deviation = np.sqrt(np.sum(wavelength / 60) / 2)  # not that of these places: all views show one scene
+    deviation = np.sqrt(np.sum(wavelength / 60) / 2)  # the same at all points, so that all views show one scene
     return 0.16 * np.exp(0.5 * field / deviation)
 
 
 def seen(shift, exposure, vignette=VIGNETTE, noise=0.003):
-    """Return a frame of the scene; what is at x in the scene is at x + shift in it."""
+    """Return a frame of the scene displaced by ``shift``."""
     irradiance = exposure * vignette.image() * radiance_of(pixel_grid(SIZE) - shift)
     random = np.random.default_rng(int(exposure * 10))
     grey = RESPONSE(np.clip(irradiance, 0, 1)) + random.normal(0, noise, SIZE[::-1])
@@ -206,7 +206,7 @@ def test_the_exposure_ratio_is_read_off_the_images(exposure):
 
 @pytest.mark.parametrize("angle", [0.0, 12.0])
 def test_displacements_that_grow_from_place_to_place_are_not_held_back(angle):
-    """As when the camera moves forward and turns: the smoothness of dense search prefers equal ones."""
+    """Forward motion and rotation cause such displacements, but dense registration favours uniform ones."""
     texture = cv2.GaussianBlur(np.random.default_rng(1).normal(0, 1, (SIZE[1], SIZE[0])), (0, 0), 4)
     image = np.clip(128 + 60 * texture / texture.std(), 0, 255).astype(np.uint8)
     centre = (np.array(SIZE) - 1) / 2
@@ -223,7 +223,7 @@ def test_displacements_that_grow_from_place_to_place_are_not_held_back(angle):
 
 @pytest.mark.parametrize("size", [(64, 48), (48, 48), (320, 240)])
 def test_images_of_every_size_are_registered(size):
-    """Few places of a small image are far enough apart to tell of its motion independently."""
+    """In a small image, few points are far enough apart to give independent evidence of its motion."""
     width, height = size
     texture = cv2.GaussianBlur(np.random.default_rng(2).normal(0, 1, (height, width + 2)), (0, 0), 2)
     image = np.clip(128 + 60 * texture / texture.std(), 0, 255).astype(np.uint8)
@@ -243,7 +243,7 @@ def test_what_leaves_the_image_has_a_large_forward_backward_error():
 
 def test_displacements_are_read_in_the_pixels_of_the_larger_image():
     grid = pixel_grid((40, 30)).astype(np.float32)
-    # A displacement that is affine in the place, so that reading it between pixels is exact.
+    # An affine displacement field makes interpolation between pixels exact.
     forward = grid * np.float32(0.1) + np.float32(1.0)
     registration = Registration(forward, np.full((30, 40), 0.25, np.float32))
     places = np.array([[10.0, 12.0], [31.5, 20.25]])
@@ -272,13 +272,13 @@ def test_slopes_of_places_follow_a_lens_that_magnifies_towards_the_border():
 
 
 def zoomed(magnification, turned=0.0):
-    """Return the true registration of a view with one magnified, about the first pixel, and turned."""
+    """Return the true registration of a view with a copy magnified about the first pixel and turned."""
     turn = np.array([[np.cos(turned), -np.sin(turned)], [np.sin(turned), np.cos(turned)]]) * magnification
     forward = pixel_grid(SIZE) @ (turn - np.eye(2)).T
     return Registration(forward.astype(np.float32), np.zeros(SIZE[::-1], np.float32))
 
 
-# Sampling.
+# Sampling
 
 
 def shifted_pair(shift=(6.0, -3.0), reduction=1, exposures=(1.0, 2.0)):
@@ -327,9 +327,9 @@ def test_samples_are_the_same_scene_point_in_both_frames(reduction):
 
 @pytest.mark.parametrize("magnification", [0.75, 1.3, (0.75, 1.1), (1.0, 1.4)])
 def test_a_magnified_extreme_is_read_as_if_it_were_not_magnified(magnification):
-    """Smoothing by so many pixels covers less of what is magnified: its extremes would be more extreme.
+    """Smoothing over a fixed number of pixels covers less of a magnified view, so its extremes are more pronounced.
 
-    A floor that comes nearer grows more along one direction than along the other.
+    An approaching floor is magnified more along one direction than along the other.
     """
     places = pixel_grid(SIZE)
     maker = Preprocessor(longest_side=SIZE[0], registration_side=SIZE[0])
@@ -382,7 +382,7 @@ def test_nothing_in_common_makes_no_samples():
 
 @pytest.mark.parametrize("seed", range(6))
 def test_views_of_different_scenes_make_no_samples(seed):
-    """Registration finds places in any two images; that they are alike says nothing about the exposures."""
+    """Registration finds matches in any two images; such chance similarity carries no information about exposures."""
     scenes = []
     for one in (2 * seed, 2 * seed + 1):
         noise = np.random.default_rng(one).random((240, 320))

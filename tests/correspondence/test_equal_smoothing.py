@@ -1,4 +1,4 @@
-"""Smoothing that covers the same part of the scene in two views."""
+"""Smoothing over the same part of the scene in both views."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def test_both_views_are_smoothed_over_the_same_part_of_the_scene(along, across, 
     further0, further1 = (further[0] for further in further_smoothing(jacobian[None], SIGMA_PX))
     usual = EFFECTIVE_VARIANCE * np.eye(2)
     np.testing.assert_allclose(jacobian @ (usual + further0) @ jacobian.T, usual + further1, atol=1e-9)
-    # No more than needed: along each axis, one of the two is smoothed as before.
+    # The smoothing is minimal: along each axis, one of the two views is smoothed as before.
     assert np.linalg.eigvalsh(further0).min() > -1e-9
     assert np.linalg.eigvalsh(further1).min() > -1e-9
     assert np.trace(jacobian @ further0 @ jacobian.T @ further1) == pytest.approx(0, abs=1e-9)
@@ -69,7 +69,7 @@ def test_smoothing_further_is_what_a_wider_gaussian_gives(stretch):
 
 
 def test_linear_interpolation_smooths_by_the_stated_covariance():
-    """Its weights are those of two neighbours along each axis, whose spread is their covariance."""
+    """The weights are those of two neighbours along each axis, and their spread is the covariance."""
     places = np.random.default_rng(4).uniform(0, 50, (20, 2))
     for place, covariance in zip(places, interpolation_smoothing(places), strict=True):
         share = place % 1

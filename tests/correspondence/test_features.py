@@ -1,4 +1,4 @@
-"""Features: what is matched between an image and its shifted copy has moved by the shift."""
+"""Feature matches between an image and its shifted copy are displaced by the shift."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def extractor(request):
 
 @pytest.mark.parametrize(("dtype", "factor", "max_grey"), [(np.uint8, 1, 255), (np.uint16, 16, 4080)])
 def test_a_shifted_copy_is_recognised_as_such(extractor, dtype, factor, max_grey):
-    # What is at x in the first window is at x − 13 in the one that begins 13 further right.
+    # A feature at x in the first window is at x − 13 in the second, which begins 13 pixels further right.
     frames = [
         Frame.of_array(cut(20, 20, dtype, factor), 2.0, index=4, max_grey=max_grey),
         Frame.of_array(cut(20 + 13, 20 - 7, dtype, factor), 4.0, index=9, max_grey=max_grey),
@@ -55,7 +55,7 @@ def test_a_shifted_copy_is_recognised_as_such(extractor, dtype, factor, max_grey
     assert len(index0) == len(index1) > 50
     assert len(np.unique(index1)) == len(index1)
     moved = features[1].points[index1] - features[0].points[index0]
-    # Points found in a reduced image lie on its pixel grid, which the shift is no multiple of.
+    # Points found in a reduced image lie on its pixel grid, and the shift is not a multiple of its step.
     right = np.linalg.norm(moved + SHIFT, axis=1) < 2
     assert right.mean() > 0.95
     np.testing.assert_allclose(np.median(moved, axis=0), -SHIFT, atol=0.05)
@@ -118,7 +118,7 @@ def test_matches_are_the_nearest_that_stand_out_and_no_partner_is_shared(seed, n
 
 
 def test_binary_descriptors_are_compared_by_their_bits():
-    # By value 128 is nearer to 127 than to 0; by bits it is nearer to 0.
+    # By value, 128 is nearer to 127 than to 0; by bits it is nearer to 0.
     index0, index1 = match(
         features_of([[128], [1]], np.uint8), features_of([[127], [0]], np.uint8), cv2.NORM_HAMMING, 0.75
     )

@@ -1,4 +1,4 @@
-"""How far the usable part of images reaches."""
+"""The radius of the usable part of images."""
 
 from __future__ import annotations
 

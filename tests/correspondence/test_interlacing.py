@@ -1,4 +1,4 @@
-"""Interlaced images are detected, and their exposures are not relied on."""
+"""Interlaced images are detected, and their exposures are not trusted."""
 
 from __future__ import annotations
 

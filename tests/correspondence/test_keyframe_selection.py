@@ -1,4 +1,4 @@
-"""Which keyframes are kept, and which is selected."""
+"""Which keyframes are kept, and which one is selected."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def frame(number):
 
 
 def kept_ages(capacity, count):
-    """Return, oldest first, how long ago the keyframes were added that are still held after so many."""
+    """Return the ages of the keyframes still kept after adding ``count``, oldest first."""
     keyframes, alive = KeyframeSelector(capacity), []
     for number in range(count):
         alive.append(weakref.ref(one := frame(number)))
@@ -47,7 +47,7 @@ def test_ages_of_the_keyframes_grow_geometrically(count):
     assert set(range(1, 6)) <= set(ages)
     assert ages[0] > count / 3
     assert np.all(ages[:-1] / ages[1:] <= 2.5)
-    # Half of the keyframes are for the recent past; the other half reaches back as far again and again.
+    # Half of the keyframes cover the recent past; the ages of the others grow geometrically.
     assert np.all(ages[:5] / ages[5:10] >= min(count / 50, 4))
 
 
@@ -81,7 +81,7 @@ def test_changes_beyond_the_limit_count_no_more_than_the_limit():
     frames = [frame(number) for number in range(5)]
     for one, log_exposure in zip(frames, [5.0, 0.0, 0.0, 0.0, 1.0], strict=True):
         keyframes.add(one, log_exposure)
-    # The newest overlaps best, and a change by e is as good as one by e⁵.
+    # The newest overlaps best, and an exposure change by e is as good as one by e⁵.
     for _ in range(12):
         keyframes.update(frames[0], 5, lost())
     assert [keyframes.select(5, 0.0).number for _ in range(3)][2] in (0, 4)
@@ -106,7 +106,7 @@ def test_pair_distances_without_matches_are_avoided():
 
 
 def test_frames_that_are_farther_apart_are_expected_to_overlap_no_more():
-    # Frames of a fast camera: only neighbours overlap. None of the others is worth many attempts.
+    # With a fast camera only neighbours overlap, so no other frame deserves many attempts.
     keyframes, attempts = KeyframeSelector(), []
     for number in range(0, 400, 4):
         for one in (number, number + 1):
@@ -117,7 +117,7 @@ def test_frames_that_are_farther_apart_are_expected_to_overlap_no_more():
                 found = replace(lost(), overlap=0.7, radial_motion=0.02) if overlaps else lost()
                 keyframes.update(selected, one, found)
             keyframes.add(frame(one), 0.0)
-    # Every second frame has a neighbour to be compared with.
+    # Every second frame has a neighbour to compare with.
     assert np.mean(np.array(attempts[100:]) == 1) > 0.45
     assert keyframes.best_age <= 2
 
@@ -135,7 +135,7 @@ def test_a_camera_that_stops_moving_is_detected():
 
 @given(st.lists(st.floats(-2, 2), min_size=2, max_size=40), st.floats(-3, 3))
 def test_the_unit_of_exposure_does_not_matter(course, shift):
-    # Of numbers with few binary digits a shift changes no difference, so that ties stay ties.
+    # Shifting numbers with few binary digits leaves their differences exact, so that ties remain ties.
     def selections(shift):
         keyframes, made = KeyframeSelector(6), []
         for number, log_exposure in enumerate(np.round(1024 * np.array(course)) / 1024):

@@ -1,4 +1,4 @@
-"""Lengths of vectors do not depend on where in memory their arrays are: results are the same in every run."""
+"""Lengths of vectors do not depend on the memory alignment of their arrays, so every run gives the same result."""
 
 import numpy as np
 
@@ -6,7 +6,7 @@ from ospc.correspondence.thumbnail import gradient_magnitude, magnitude
 
 
 def moved(image: np.ndarray, by: int) -> np.ndarray:
-    """Return a copy of an image that begins so many values later in memory."""
+    """Return a copy of an image that starts ``by`` values later in memory."""
     copy = np.empty(image.size + by, image.dtype)[by:].reshape(image.shape)
     copy[:] = image
     return copy

@@ -1,4 +1,4 @@
-"""Noise of single pixels: measured on images whose noise is known."""
+"""Pixel noise estimated on images with known noise."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def of_array(image):
 
 
 def scene(seed=0, texture=0.0):
-    """Return a smooth scene through all grey levels, optionally with edges in four fifths of it."""
+    """Return a smooth scene covering all grey levels, optionally with edges in four fifths of it."""
     x, y = np.meshgrid(np.linspace(0, 1, 640), np.linspace(0, 1, 480))
     level = 0.5 + 0.43 * np.sin(5 * x + 3 * y + seed)
     edges = np.repeat(np.random.default_rng(seed).random((480, 160)), 4, axis=1) - 0.5
@@ -43,7 +43,7 @@ def test_known_noise_is_measured(read, shot, max_grey):
 
 
 def test_small_images_measure_noise_together():
-    """One of 160×120 has some six blocks of each range of grey levels."""
+    """An image of 160×120 has only about six blocks per range of grey levels."""
     model = measured(2e-5, 1e-3, images=60, reduction=4)
     grey = np.array([0.15, 0.3, 0.5, 0.8])
     np.testing.assert_allclose(model.variance(grey), 2e-5 + 1e-3 * grey, rtol=0.2)

@@ -1,4 +1,4 @@
-"""Observations: joined, chosen, thinned out and kept in bounds, and pixels of a camera that stands still."""
+"""Observations: joining, selection, thinning and limits, and pixel series of a static camera."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ counts = st.lists(st.integers(1, 4), min_size=1, max_size=12)
 
 
 def observations(counts, group=0, start=0):
-    """Return scene points with so many observations each, whose grey level says which they are."""
+    """Return scene points with ``counts`` observations each, identified by their grey level."""
     point = np.repeat(np.arange(len(counts)), counts) + start
     n = len(point)
     tag = group + np.arange(n) / 1e6
@@ -110,7 +110,7 @@ def test_points_are_chosen_with_all_their_observations(counts, data):
     np.testing.assert_array_equal(chosen.counts, np.array(counts)[mask])
 
 
-# The reservoir.
+# Reservoir
 
 
 def filled(capacity, parts, points=50):
@@ -147,7 +147,7 @@ def test_old_and_new_points_are_thinned_alike():
     assert np.all(np.abs(left - left.mean()) < 5 * deviation)
     quarters = left.reshape(4, 50).sum(axis=1)
     assert np.all(np.abs(quarters - quarters.mean()) < 4 * np.sqrt(50) * deviation)
-    # Nor does it matter where in its pair a point comes.
+    # The position of a point within its pair does not matter either.
     place = np.bincount(np.rint(kept.grey % 1 * 1e6).astype(int) // 40, minlength=3)
     assert np.all(np.abs(place - place.mean()) < 5 * np.sqrt(place.mean()) + 200)
 
@@ -206,13 +206,13 @@ def test_an_empty_reservoir_gives_no_observations():
         Reservoir(10).some(1)
 
 
-# A camera that stands still.
+# Static camera
 
 SIZE = (40, 30)
 
 
 def still_frames(count, max_grey=255, seed=0):
-    """Return frames of a scene of many brightnesses, at exposures that double and halve."""
+    """Yield frames of a scene with many brightness levels, at exposures that double and halve."""
     radiance = np.random.default_rng(seed).uniform(0.02, 0.6, SIZE[::-1])
     exposures = 2.0 ** (np.arange(count) % 4 - 1.5)
     dtype = np.uint8 if max_grey == 255 else np.uint16
@@ -234,7 +234,7 @@ def test_a_series_holds_what_each_frame_shows_at_one_place(max_grey):
     by_index = {frame.index: frame for frame in still_frames(8, max_grey)}
     assert np.all(made.counts == 8)
     np.testing.assert_array_equal(made.frame.reshape(-1, 8), np.tile(sorted(by_index), (150, 1)))
-    # Undo the normalisation of the place.
+    # Undo the normalisation of the position.
     half = np.hypot(SIZE[0] - 1, SIZE[1] - 1) / 2
     column, row = np.rint(made.position * half + [(SIZE[0] - 1) / 2, (SIZE[1] - 1) / 2]).astype(int).T
     np.testing.assert_allclose(normalised(np.stack([column, row], axis=1), SIZE), made.position, atol=1e-12)
