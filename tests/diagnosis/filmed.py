@@ -1,4 +1,4 @@
-"""Recordings of a drawn wall, independent of the project's simulator, with exposures and all defects known."""
+"""Recordings of a drawn wall, independent of the project's simulator, with known exposures and defects."""
 
 from __future__ import annotations
 
@@ -20,34 +20,34 @@ _WALL_PX = 700
 
 @dataclass(frozen=True, eq=False)
 class Film:
-    """How the wall is filmed.
+    """Settings of a recording of the wall.
 
     Attributes
     ----------
     log_exposure
         ln of the true exposure of every frame, shape (frames,).
     lag
-        The metadata of frame i hold the exposure of frame i − lag.
+        The metadata of frame i contain the exposure of frame i − lag.
     gamma
         M = irradiance ** (1 / gamma).
     noise
         Standard deviation of the noise in grey levels.
     speed_px
-        About how far the image moves from one frame to the next.
+        Approximate motion of the image from one frame to the next.
     hidden_log_gain
-        ln of a gain that the metadata do not hold, of every frame.
+        ln of a gain missing from the metadata, for every frame.
     metadata_error
-        Standard deviation of ln of the exposures written about the true ones.
+        Standard deviation of the error of the recorded exposures, in ln.
     local_tone
-        Limit of the contrast of an equalisation in twelve tiles of each image; 0 for none.
+        Contrast limit of an adaptive equalisation in twelve tiles per image; 0 for none.
     black
         True where the image is always black, shape (h, w).
     movers
-        Number of discs that move in front of the wall.
+        Number of discs moving in front of the wall.
     size
         Width and height of the images.
     seed
-        Seeds everything.
+        Seed of all random numbers.
     """
 
     log_exposure: np.ndarray
@@ -65,7 +65,6 @@ class Film:
     seed: int = 0
 
     def recording(self) -> ArrayRecording:
-        """Film it."""
         rng = np.random.default_rng(self.seed)
         wall, place = _wall(rng), self._path()
         frames, signal = len(self.log_exposure), self.log_exposure + self.hidden_log_gain
@@ -103,7 +102,7 @@ class Film:
 
 @lru_cache(maxsize=16)
 def observed(film: Film) -> tuple[BrightnessHistory, np.ndarray]:
-    """Return what is seen of the exposures, and ln of those stated. Tests ask for the same film many times."""
+    """Return the brightness history of a film and ln of its recorded exposures; cached because tests share films."""
     recording, history = film.recording(), BrightnessHistory()
     preprocess = DefaultSettings().preprocessor()
     for frame in recording:
@@ -112,13 +111,13 @@ def observed(film: Film) -> tuple[BrightnessHistory, np.ndarray]:
 
 
 def found(film: Film, choice: LagChoice = "auto", stated_log_exposure: np.ndarray | None = None) -> ExposureFindings:
-    """Return what a run finds out about the exposures, without the rest of the run."""
+    """Assess the exposures of a film without the rest of a run."""
     history, stated = observed(film)
     return assess_exposures(history.changes, stated if stated_log_exposure is None else stated_log_exposure, choice)
 
 
 def _wall(rng: np.random.Generator) -> np.ndarray:
-    """Draw patches of many sizes with even insides, median brightness about 0.2."""
+    """Draw uniform patches of many sizes, with a median brightness of about 0.2."""
     wall = np.zeros((_WALL_PX, _WALL_PX), np.float32)
     for octave in range(2, 6):
         small = rng.standard_normal((2**octave, 2**octave)).astype(np.float32)
@@ -132,7 +131,7 @@ def _wall(rng: np.random.Generator) -> np.ndarray:
 
 
 def wandering(frames: int, seed: int = 0, step: float = 0.06) -> np.ndarray:
-    """ln of exposures that wander as an exposure control's do, shape (frames,)."""
+    """Return ln of exposures that drift as with auto exposure, shape (frames,)."""
     rng = np.random.default_rng(seed)
     log_exposure = np.zeros(frames)
     for i in range(1, frames):
@@ -141,6 +140,6 @@ def wandering(frames: int, seed: int = 0, step: float = 0.06) -> np.ndarray:
 
 
 def jumping(frames: int, seed: int = 0, every: int = 9) -> np.ndarray:
-    """ln of exposures that stay for some frames and jump, shape (frames,)."""
+    """Return ln of exposures that stay constant for some frames and then jump, shape (frames,)."""
     rng = np.random.default_rng(seed)
     return np.repeat(rng.uniform(-0.8, 0.7, frames // every + 1), every)[:frames]

@@ -1,4 +1,4 @@
-"""When the exposures of a run are judged, and what is relied on until then."""
+"""When the exposures of a run are assessed, and what is assumed until then."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ SIZE = (64, 48)
 
 
 def image(number: int) -> np.ndarray:
-    """Return a view of one large picture that wanders."""
+    """Return a view that moves across one large picture."""
     picture = np.random.default_rng(0).integers(40, 160, (12, 16)).repeat(16, 0).repeat(16, 1).astype(np.uint8)
     return picture[number % 90 : number % 90 + SIZE[1], number % 80 : number % 80 + SIZE[0]]
 
@@ -29,7 +29,7 @@ def thumbnail(number: int) -> Thumbnail:
 
 
 def after(frames: int, choice: LagChoice = "auto") -> ExposureMonitor:
-    """Return what is known after so many frames of equal exposure."""
+    """Return the monitor after ``frames`` frames of equal exposure."""
     exposures = ExposureMonitor(choice)
     for number in range(frames):
         exposures.table.append(1.0)
@@ -48,7 +48,7 @@ def test_a_long_run_goes_on_being_judged(monkeypatch: pytest.MonkeyPatch) -> Non
 
 
 def test_a_change_is_measured_against_the_latest_certain_lag(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The change itself makes the lag of all frames uncertain."""
+    """The change itself makes the lag over all frames uncertain."""
     film = Film(wandering(100, 5))
     certain = assess_exposures(observed(film)[0].changes, film.log_exposure)
     uncertain = assess_exposures((), np.zeros(3))

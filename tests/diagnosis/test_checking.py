@@ -1,4 +1,4 @@
-"""What a check says of recordings whose defects are known."""
+"""The report of a check on recordings with known defects."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def still() -> RecordingReport:
 
 @pytest.fixture
 def no_pairs(monkeypatch) -> None:
-    """Leave out the pairs of frames that response and vignette rest on, which is most of the work."""
+    """Skip the comparison of frame pairs, which takes most of the time."""
     monkeypatch.setattr(MaximumLikelihoodMethod, "push", lambda *_: None)
 
 
@@ -120,7 +120,7 @@ def test_flicker_is_found_with_its_frequency() -> None:
     report = check(hidden_log_gain=flicker)
     assert report.exposures.brightness is not None
     assert report.exposures.brightness.flicker[0].cycles_per_frame == pytest.approx(cycles, abs=0.005)
-    # Grey moves by the slope of the response times ln of the light.
+    # Grey changes by the slope of the response times the change of ln of the light.
     assert report.exposures.brightness.flicker[0].brightness_amplitude == pytest.approx(0.05 / 2.2, rel=0.25)
     assert said(report, "flickers")
 
@@ -212,7 +212,7 @@ def test_frames_that_cannot_be_read_are_passed_over() -> None:
 
 
 class _WithHoles:
-    """A recording some of whose images are damaged."""
+    """A recording with some damaged images."""
 
     def __init__(self, inner: ArrayRecording, damaged: frozenset[int]) -> None:
         self._inner, self._damaged = inner, damaged

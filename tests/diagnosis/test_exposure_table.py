@@ -1,4 +1,4 @@
-"""Exposures by frame number: summed up without copies, however many frames there are."""
+"""Exposures by frame number, summarised without copies for any number of frames."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a calibration says and does about its exposures: little where all is well, and no silence where it is not."""
+"""What a calibration reports and does about its exposures: little if they are right, and no silence if not."""
 
 from __future__ import annotations
 
@@ -105,7 +105,7 @@ def test_a_lag_correction_is_undone_if_the_fit_refutes_it(monkeypatch) -> None:
     right = exposure_findings.estimate_lag
 
     def one_late(seen: BrightnessSeries, log_exposure: np.ndarray) -> LagEstimate:
-        """Say that exposures are a frame late, unless they were already moved, which leaves one fewer."""
+        """Report exposures one frame late, unless they were already moved and one fewer remains."""
         return replace(right(seen, log_exposure), candidates=(int(len(log_exposure) == FRAMES),))
 
     monkeypatch.setattr(exposure_findings, "estimate_lag", one_late)
@@ -163,7 +163,7 @@ def test_a_stated_lag_settles_an_uncertain_one() -> None:
 
 
 def test_photographs_have_no_exposure_lag(monkeypatch: pytest.MonkeyPatch) -> None:
-    # Pairs of frames, which take most of the time, tell nothing of the exposures here.
+    # Comparing pairs of frames takes most of the time and is not needed here.
     monkeypatch.setattr(MaximumLikelihoodMethod, "push", lambda *_: None)
     recording = RISING.recording()
     assert OnlineCalibrator.of(recording).correct_lag == "auto"
@@ -174,7 +174,7 @@ def test_photographs_have_no_exposure_lag(monkeypatch: pytest.MonkeyPatch) -> No
 
 
 def test_a_lag_found_late_applies_to_all_that_was_observed_before() -> None:
-    """The exposures stay the same for a while, so that nothing tells the lag at first."""
+    """The exposures are constant at first, so the lag cannot be determined yet."""
     course = np.concatenate([np.zeros(30), wandering(50, 3, step=0.12)])
     true, late = (calibrate(Film(course, lag=lag).recording(), QUICK) for lag in (0, 2))
     assert late.source["exposure_lag_corrected_frames"] == 2

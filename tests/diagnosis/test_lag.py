@@ -1,4 +1,4 @@
-"""The estimate of the lag: found, or said not to be determinable, but never wrong."""
+"""The lag estimate is right or reported as not determinable, but never wrong."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def test_a_cycle_leaves_lags_that_differ_by_whole_cycles() -> None:
     exposures = found(Film(log_exposure=np.log([1.0, 2.0, 4.0])[np.arange(FRAMES) % 3] - 1, lag=1))
     assert exposures.lag_frames is None
     assert set(exposures.lag.candidates) == {-5, -2, 1, 4}
-    # Whichever of them it is, correcting by one corrects by all.
+    # All candidates lead to the same correction.
     assert exposures.lag.correction(exposures.course.cycle_frames) == 1
     assert exposures.lag.correction(None) is None
 
@@ -61,7 +61,7 @@ def test_exposures_that_chase_a_swinging_light_are_never_given_a_wrong_lag(gain:
 
 
 def simulated_observations(change: np.ndarray, scatter: float, rng: np.random.Generator) -> BrightnessSeries:
-    """Changes as an inexactly known exposure leaves them, in one grey bin."""
+    """Return brightness changes in one grey bin, with exposures that are known inexactly."""
     pairs = len(change)
     error = rng.normal(0, scatter, pairs + 1)
     seen = 0.5 * (change + np.diff(error)) + rng.normal(0, 0.002, pairs)

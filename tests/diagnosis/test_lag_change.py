@@ -1,4 +1,4 @@
-"""A change of the lag is found among the latest frames, and nothing else is taken for one."""
+"""A change of the lag is detected in the latest frames and not confused with anything else."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ WANDERING, JUMPING = (Film(course(FRAMES, 5)) for course in (wandering, jumping)
 
 
 def changes(film: Film) -> tuple[BrightnessChange, ...]:
-    """Return the changes of brightness of a film."""
+    """Return the brightness changes of a film."""
     return observed(film)[0].changes
 
 
 def stated(true: np.ndarray, before: int, after: int) -> np.ndarray:
-    """Return the exposures as written with one lag up to the switch, and with another from then on."""
+    """Return exposures recorded with lag ``before`` until the switch, and ``after`` from then on."""
     number = np.arange(len(true))
     return true[np.clip(number - np.where(number < SWITCH, before, after), 0, len(true) - 1)]
 
@@ -70,10 +70,10 @@ def test_a_few_frames_prove_nothing() -> None:
 
 
 def test_a_lag_that_slow_light_can_explain_is_only_suspected() -> None:
-    """Exposures that change slowly say nothing if the light can change as they do."""
+    """Slowly changing exposures prove nothing if the light can change in the same way."""
     number = np.arange(FRAMES)
     course = 0.4 * np.sin(2 * np.pi * number / 60)
-    # From the switch on, brightness follows the exposure of one frame later.
+    # From the switch on, brightness follows the exposure of the next frame.
     gain = (number >= SWITCH) * np.diff(course, append=course[-1])
     film = Film(course, hidden_log_gain=gain, noise=0.5, size=LARGE)
     change = detect_lag_change(changes(film), course, 0)
@@ -83,7 +83,7 @@ def test_a_lag_that_slow_light_can_explain_is_only_suspected() -> None:
 
 
 def test_a_little_evidence_is_a_suspicion() -> None:
-    """So that more frames are compared."""
+    """A suspicion makes the run compare more frames."""
     film, until = Film(WANDERING.log_exposure * 0.02, size=LARGE), SWITCH + 12
     little = [change for change in changes(film) if change.frame1 < until]
     change = detect_lag_change(little, stated(film.log_exposure, 0, 2)[:until], 0)
