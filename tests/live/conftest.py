@@ -1,4 +1,4 @@
-"""Two cameras in one scene: the same but for the lens."""
+"""Two cameras in the same scene that differ only in the lens."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from ospc.simulation import SimulationSettings, frames
 
 @dataclass(frozen=True)
 class Cameras:
-    """Frames of the same walk by two cameras."""
+    """Frames of the same path recorded by two cameras."""
 
     before: list[Frame]
     after: list[Frame]
@@ -20,7 +20,7 @@ class Cameras:
 
 @pytest.fixture(scope="session")
 def cameras() -> Cameras:
-    """A camera, and the same with a lens that loses much more light towards the corners."""
+    """A camera, and the same camera with a lens of much stronger vignetting."""
 
     def walk(*coefficients: float) -> list[Frame]:
         settings = SimulationSettings(size=(240, 180), frames=110, noise="low", response="srgb", seed=5, speed=1.3)

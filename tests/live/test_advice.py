@@ -33,10 +33,10 @@ def fitted(observations):
 
 
 def state(seen, *, camera=CAMERA, pairs=40, seed=1):
-    """Return the preview after filming points of which only some were seen."""
+    """Return the preview after recording only the points that ``seen`` selects."""
     everything = camera.pairs(seed, groups=pairs, points=400)
     observations = everything.of_points(np.logical_and.reduceat(seen(everything), everything.starts))
-    if camera.log_ratio < 0.1:  # nor does the exposure change from pair to pair
+    if camera.log_ratio < 0.1:  # no exposure changes from pair to pair either
         first = np.repeat(observations.log_exposure[observations.starts], observations.counts)
         observations = replace(observations, log_exposure=observations.log_exposure - first)
     return preview_of(observations, observations, fitted(observations), size=SIZE, max_grey=255, pairs=pairs)
@@ -82,7 +82,7 @@ def test_a_missing_corner_is_asked_for_with_an_arrow_that_leads_outwards():
     (x0, y0), (x1, y1) = found.arrow
     assert np.hypot(x1 - 0.5, y1 - 0.5) > np.hypot(x0 - 0.5, y0 - 0.5)
     assert found.radii[1] > 0.3
-    # What moves to the right and up in the picture does so because the camera turns to the left and down.
+    # Points move right and up in the image when the camera turns left and down.
     words = {(True, False): "left and down", (False, False): "right and down"}
     turn = words.get((x1 > 0.5, y1 > 0.5)) or {True: "left and up", False: "right and up"}[x1 > 0.5]
     assert turn in found.text

@@ -1,4 +1,4 @@
-"""A capture as its page and its caller see it: it ends when asked, and nothing of a recording is dropped."""
+"""A capture as seen by its page and its caller: it ends on request, and no frame of a recording is dropped."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Live: nothing waits, little is queued, nothing is lost; whatever thread, callback or coroutine frames come from."""
+"""The live calibrator never blocks, queues little and loses nothing, with threads, callbacks and coroutines."""
 
 import asyncio
 import multiprocessing
@@ -22,7 +22,7 @@ from ospc.settings import DefaultSettings
 
 
 class Held:
-    """Work on frames that waits until it is let go."""
+    """Blocks the processing of frames until released."""
 
     def __init__(self, monkeypatch):
         self.go, self.begun = threading.Event(), threading.Event()
@@ -54,7 +54,7 @@ def test_beyond_the_queue_images_are_dropped_and_counted(monkeypatch):
 
 
 def test_while_frames_wait_no_other_is_thought_unneeded(monkeypatch):
-    """Those that wait may raise a suspicion, after which every frame is needed."""
+    """A waiting frame may raise a suspicion, after which every frame is needed."""
     held = Held(monkeypatch)
     with LiveCalibrator() as live:
         assert live.push(grey(0))
@@ -88,7 +88,7 @@ def push_and_await(live, frame):
 
 @pytest.fixture(scope="module")
 def played(cameras):
-    """A recording played without a frame being dropped."""
+    """A recording played without dropped frames."""
     with LiveCalibrator() as live:
         for frame in at_20_frames_per_s(cameras.before):
             push_and_await(live, frame)
@@ -97,7 +97,7 @@ def played(cameras):
 
 @pytest.fixture(scope="module")
 def commanded(cameras):
-    """A calibrator driven over the same frames as commands drive it."""
+    """A calibrator driven over the same frames as by the commands."""
     calibrator = OnlineCalibrator()
     drive(calibrator, at_20_frames_per_s(cameras.before))
     return calibrator
@@ -114,7 +114,7 @@ def test_without_dropped_frames_the_result_is_that_of_the_command(played, comman
 
 
 def test_frames_that_cannot_be_used_are_counted_and_explained_as_by_the_command(cameras, monkeypatch):
-    """Some of them are not even needed."""
+    """This includes frames that are not needed."""
 
     def torn():
         raise FrameError("torn.png: cannot be decoded")
@@ -144,7 +144,7 @@ def test_an_unchanged_camera_is_known_and_stays_so(played):
 
 @pytest.fixture(scope="module")
 def changed(commanded, cameras, tmp_path_factory):
-    """A run that goes on with another lens."""
+    """A run that continues with another lens."""
     calibrator = OnlineCalibrator.load_state(commanded.save_state(tmp_path_factory.mktemp("halfway") / "state.ospc"))
     drive(calibrator, at_20_frames_per_s([*cameras.before, *cameras.before[::-1], *cameras.after]))
     return calibrator
@@ -312,7 +312,7 @@ def test_errors_in_the_background_are_reported(monkeypatch):
 
 @pytest.fixture
 def ask_together(monkeypatch):
-    """Threads that ask a calibrator for a calibration while it is busy, so that all are answered after that."""
+    """Return a function that requests calibrations from several threads while the calibrator is busy."""
 
     def ask(live, count):
         held, answers = Held(monkeypatch), []
@@ -413,7 +413,7 @@ def test_wait_raises_the_error_of_the_background(monkeypatch):
 
     waiting = threading.Thread(target=wait, daemon=True)
     waiting.start()
-    time.sleep(0.05)  # it waits by now, and nobody else wakes it
+    time.sleep(0.05)  # by now it is waiting, and nothing else wakes it
     held.go.set()
     waiting.join(10)
     assert answers == ["failed"]

@@ -1,4 +1,4 @@
-"""A guided capture in a real browser: bars fill, the instruction changes, and what is saved is what is calibrated."""
+"""A guided capture in a real browser: bars fill, the instruction changes, and the saved result is the calibration."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ def recording(tmp_path_factory):
 
 @pytest.fixture
 def live(monkeypatch, recording, tmp_path):
-    """Return a function that starts the command, and returns its page's address and what ends with its outcome."""
-    # Pictures and reports take most of the time, and have tests of their own.
+    """Return a function that starts the command and returns the page's address and a wait for the outcome."""
+    # Plots and reports take most of the time and have their own tests.
     leave_out(monkeypatch, "draw", "report")
     addresses = queue.Queue()
     monkeypatch.setattr("click.launch", addresses.put)
@@ -54,7 +54,7 @@ def live(monkeypatch, recording, tmp_path):
 
 
 def watched(chromium, until):
-    """Return what the page showed until it shows a text."""
+    """Return the states of the page until it shows a text."""
     seen, end_s = [], time.monotonic() + 40
     while not seen or until not in seen[-1]["text"]:
         assert time.monotonic() < end_s, seen[-1:]

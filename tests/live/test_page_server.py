@@ -1,4 +1,4 @@
-"""The page is for whoever started it: other machines, other users, and other sites get nothing."""
+"""Only the user who started the page can open it, not other machines, users or sites."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def server():
 
 
 def answer(server, path, host=None):
-    """Return status, headers and body of a request."""
+    """Return status, headers and body of the response."""
     connection = http.client.HTTPConnection("127.0.0.1", server.port, timeout=10)
     connection.putrequest("GET", path, skip_host=True)
     for value in [f"127.0.0.1:{server.port}"] if host is None else host:
@@ -73,7 +73,7 @@ def test_without_the_token_nothing_is_shown(server, path):
     "host", [["evil.example"], ["evil.example:{port}"], [], ["127.0.0.1"], ["127.0.0.1:{port}", "evil.example"]]
 )
 def test_under_another_name_nothing_is_shown(server, host):
-    """A site whose name was made to lead to this machine sends its own name."""
+    """A site that resolves its own name to this machine sends that name."""
     named = [name.format(port=server.port) for name in host]
     assert answer(server, f"/{token(server)}/", named)[0] in (400, 403)
 

@@ -1,4 +1,4 @@
-"""When a live calibrator estimates without being asked."""
+"""When a live calibrator estimates on its own."""
 
 import pytest
 
