@@ -1,4 +1,4 @@
-"""What the accuracy gate calibrates, and the errors it lets pass."""
+"""The recordings of the accuracy gate, and its error limits."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from ospc.simulation import SimulationSettings
 _SHORT = SimulationSettings(size=(320, 240), frames=110)
 
 RECORDINGS = {
-    # Edges everywhere, things that move, a lens that loses more than half of the light in the corners.
+    # Edges everywhere, moving objects, and a lens that loses more than half of the light in the corners.
     "texture": replace(_SHORT, seed=3, response="srgb", vignette_coefficients=(-0.45, 0.05, -0.15), moving_objects=6),
-    # Curved so much, and so noisy, that it matters where the model is linearised.
+    # So strongly curved and noisy that the point of linearisation matters.
     "curved": replace(_SHORT, seed=5, response="log", noise="high"),
-    # Dark, noisy and steep: the mean of noisy pixels isn't the grey level of their mean.
+    # Dark, noisy and steep: the mean of noisy pixels is not the grey level of their mean.
     "dark": replace(
         _SHORT,
         frames=180,
@@ -24,12 +24,12 @@ RECORDINGS = {
         full_well_electrons=1200.0,
         read_noise_electrons=10.0,
     ),
-    # A wide lens and little noise: whatever is wrong with the vignette shows.
+    # A wide lens and little noise: any error of the vignette shows.
     "wide": replace(_SHORT, seed=4, scene_seed=3, response="filmic", vignette="cos4", horizontal_fov_deg=90.0),
-    # So fast that most frames have nothing in common: what registration finds in these is alike by chance.
+    # So fast that most frames do not overlap: registration finds only chance matches in these.
     "fast": replace(_SHORT, seed=7, scene_seed=3, response="srgb", speed=12.0),
 }
-"""Recordings each of which is sensitive to something else."""
+"""Recordings, each sensitive to a different kind of error."""
 
 LIMITS: dict[str, dict[str, float]] = {
     "texture": {"shape": 0.0015, "kappa": 0.002, "vignette": 0.002},
@@ -38,4 +38,4 @@ LIMITS: dict[str, dict[str, float]] = {
     "wide": {"shape": 0.001, "kappa": 0.0024, "vignette": 0.0018},
     "fast": {"shape": 0.0018, "kappa": 0.0028, "vignette": 0.0022},
 }
-"""The largest errors that pass: twice those that were measured."""
+"""The largest accepted errors: twice the measured ones."""

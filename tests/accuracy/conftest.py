@@ -1,4 +1,4 @@
-"""Short simulated recordings on disk, calibrated once each as a user calibrates them, with their errors."""
+"""Short simulated recordings on disk, each calibrated once as a user would, with their errors."""
 
 from __future__ import annotations
 
@@ -15,20 +15,18 @@ from ospc.evaluation.metrics import log_ratio_error, response_shape_rmse, vignet
 from ospc.photometry.response import Response
 
 DARK_GREYS = np.array([40.0, 50.0, 64.0]) / 255
-"""Where noise shifts means the most, and the response is known well enough to tell."""
+"""Grey levels where noise shifts means the most and the response is known well enough to show it."""
 
 
 @dataclass(frozen=True)
 class Run:
-    """A calibration and its errors by name."""
-
     calibration: Calibration
     errors: dict[str, float]
 
 
 @pytest.fixture(scope="session")
 def run(tmp_path_factory) -> Callable[[str], Run]:
-    """Return the run over the recording of a name; it is made when first asked for."""
+    """Return a function that calibrates the named recording on first use."""
 
     @cache
     def made(name: str) -> Run:

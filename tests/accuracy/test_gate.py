@@ -1,7 +1,7 @@
-"""The accuracy gate: errors of whole runs over simulated recordings, each at most twice what they were when measured.
+"""The accuracy gate: errors of whole runs on simulated recordings, limited to twice their measured values.
 
-``benchmarks/mutations.py`` shows what the gate notices: it breaks the estimator in known ways, and a limit has to be
-exceeded each time.
+``benchmarks/mutations.py`` shows what the gate detects: it breaks the estimator in known ways, and each must
+exceed a limit.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ def test_there_are_no_warnings(run, name):
 
 
 def test_pairs_compared_before_the_vignette_was_known_are_given_up(run):
-    """A whole run can't show it: what these pairs spoil is less than what chance does."""
+    """The errors of a whole run cannot show this: these pairs change them by less than chance."""
     found = run("dark").calibration
     ratios, pairs = found.exposure_ratios, found.counts["pairs"]
     assert pairs >= 64
