@@ -1,4 +1,4 @@
-"""The state of a calibrator: going on from it changes nothing, and no wrong file is gone on from."""
+"""The state of a calibrator: resuming from it changes nothing, and wrong files are refused."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ MOST_BYTES = 5_000_000
 
 @pytest.fixture(scope="module", params=["handheld", "static"])
 def recording(request):
-    """A short recording, with a frame that cannot be read."""
+    """A short recording with an unreadable frame."""
     simulated = list(frames(SimulationSettings(size=(128, 96), frames=36, motion=request.param, noise="low")))
 
     def fail():
@@ -73,7 +73,7 @@ def test_interrupted_anywhere_and_resumed_it_ends_bit_identical(recording, unint
 @settings(max_examples=2)
 @given(gone=st.integers(0, 35))
 def test_saved_after_the_recording_was_removed_it_ends_the_same(recording, uninterrupted, tmp_path_factory, gone):
-    """From a frame on, none can be read, as when a disk is pulled out; later they are back."""
+    """All frames from one on are unreadable, as after removing a disk, and later readable again."""
 
     def fail():
         raise RecordingError("the folder was removed")
@@ -124,12 +124,12 @@ def test_without_the_earlier_frames_it_goes_on_all_the_same(recording, tmp_path)
         robot.push(frame)
     after = robot.calibration().counts
     assert after["frames"] == len(recording)
-    # The first new frame has no earlier one to be compared with.
+    # The first new frame has no earlier one to compare with.
     assert before + 13 <= after["pairs"] < before + 16
 
 
 def test_the_state_of_a_large_and_long_recording_is_small(tmp_path):
-    """As large as it ever gets: all points kept, noise in every digit, and the series of a camera standing still."""
+    """The largest possible state: all points kept, noise in every digit, and the series of a static camera."""
     random = np.random.default_rng(0)
     noise = random.integers(0, 65535, (600, 800), dtype=np.uint16)
     calibrator = OnlineCalibrator()
@@ -160,7 +160,7 @@ def seen_twice(random, points, pair):
 
 
 def test_everything_a_method_learns_is_in_its_state():
-    """An attribute that is neither saved nor made anew would be forgotten silently."""
+    """An attribute that is neither saved nor recreated would be lost silently."""
     made_anew = {"settings", "size", "max_grey", "register", "sample", "second"}
     not_needed = {"inputs", "restored_keyframes", "latest", "lost"}
     saved = {"reservoir", "noise", "pairs", "circle", "changes"}

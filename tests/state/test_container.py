@@ -1,4 +1,4 @@
-"""The container: what was put in comes out, and nothing else ever does."""
+"""The container returns exactly what was stored, and refuses everything else."""
 
 from __future__ import annotations
 
@@ -99,7 +99,7 @@ def test_an_earlier_file_survives_a_failure_to_write(saved, monkeypatch):
 
 
 def forged(*entries, method=zipfile.ZIP_DEFLATED):
-    """Return an archive of entries (name, bytes), with the checksum of what is in it."""
+    """Return an archive of entries (name, bytes) with a valid checksum."""
     packed = io.BytesIO()
     with zipfile.ZipFile(packed, "w", method) as archive:
         for name, data in entries:
@@ -113,7 +113,7 @@ def signed(data):
 
 
 def array_file(shape, dtype="<f8", data=b"", by_columns=False):
-    """Return an .npy file with any header."""
+    """Return an .npy file with an arbitrary header."""
     stream = io.BytesIO()
     header = {"descr": dtype, "fortran_order": by_columns, "shape": shape}
     np.lib.format.write_array_header_1_0(stream, header)
@@ -168,7 +168,7 @@ def test_content_that_would_fill_the_memory_is_never_unpacked(monkeypatch):
     bomb = forged(("any.json", json.dumps(HEAD)), ("x.npy", bytes(10**7)))
     with pytest.raises(FormatError, match="its content is too large"):
         container.from_bytes(bomb, "it")
-    # The same, with a central directory that claims less.
+    # The same archive, with a central directory that claims a smaller size.
     honest, claimed = (10**7).to_bytes(4, "little"), (10**3).to_bytes(4, "little")
     assert bomb.count(honest) >= 2
     with pytest.raises(FormatError, match="not readable as a state"):
@@ -197,7 +197,7 @@ def test_bytes_do_not_depend_on_the_day(monkeypatch):
 
 
 def test_the_format_can_be_read_by_its_description_alone(saved):
-    """As the documentation of the module has it, without the module."""
+    """Read the file as the module's documentation describes, without the module."""
     data = saved.read_bytes()
     assert hashlib.sha256(data[:-64]).hexdigest() == data[-64:].decode()
     with np.load(saved, allow_pickle=False) as arrays:

@@ -1,4 +1,4 @@
-"""A state with a valid checksum and impossible content: it is refused when loaded, or everything works with it."""
+"""States with a valid checksum and impossible content are refused on loading, or everything works with them."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ MOTIONS = ["handheld", "static"]
 
 @pytest.fixture(autouse=True)
 def uncompressed(monkeypatch):
-    """Compression takes most of the time of a state that is refused at once."""
+    """Compression takes most of the time when a state is refused."""
     monkeypatch.setattr(container, "_COMPRESSION", 0)
 
 
@@ -57,7 +57,7 @@ def saved(recording, tmp_path_factory):
 
 
 def leaves(content, path=()):
-    """Give the places of all values that hold no others."""
+    """Yield the paths of all values that are not containers."""
     if isinstance(content, dict | list) and content:
         items = content.items() if isinstance(content, dict) else list(enumerate(content))[:2]
         for key, value in items:
@@ -98,7 +98,7 @@ def arrays_instead_of(array):
 
 
 def use(place, recording):
-    """Go on from a state as far as it allows, and do with it whatever can be done with states."""
+    """Resume from a state as far as possible, and use it in every supported way."""
     try:
         calibrator = OnlineCalibrator.load_state(place)
     except OspcError:
@@ -112,7 +112,7 @@ def use(place, recording):
 
 
 def poisoned(state):
-    """Give the name of each array and value in turn, and a function that returns the state with that one changed."""
+    """Yield each array or value's name, and a function that returns the state with it changed."""
     for name, array in state.arrays.items():
         for other in arrays_instead_of(array):
             yield name, partial(replace, state, arrays={**state.arrays, name: other})
@@ -122,7 +122,7 @@ def poisoned(state):
 
 
 def test_a_poisoned_state_is_refused_or_everything_works_with_it(saved, motion, recording, tmp_path):
-    """Only some of the changes, others for each recording: all of them take minutes."""
+    """Each recording tests a different subset of the changes, because all of them take minutes."""
     for name, change in islice(poisoned(saved), 97 * MOTIONS.index(motion), None, 97 * len(MOTIONS)):
         place = container.save(change(), tmp_path / "state.ospc")
         if name.startswith("summary"):  # all that merging reads
@@ -203,7 +203,7 @@ def dataclasses_in(kind):
 
 
 def says_enough(hint):
-    """Whether a type says what a value can be: one number, truth value or text, JSON, or values of a state."""
+    """Return whether a type fully describes a value: a number, truth value, string, JSON, or values of a state."""
     if typing.get_origin(hint) is dict:
         return True
     parts = [part for part in (typing.get_args(hint) or (hint,)) if part is not type(None)]

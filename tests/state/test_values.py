@@ -1,4 +1,4 @@
-"""Dataclasses in files: by their declared types, and nothing that does not fit them."""
+"""Dataclasses stored by their declared types; values of other types are refused."""
 
 from __future__ import annotations
 
