@@ -1,4 +1,4 @@
-"""Starting from an earlier calibration: better from the first frames on, and never when the lens was changed."""
+"""Starting from an earlier calibration helps from the first frames on, and never applies after a lens change."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from summaries import CAMERA, OTHER_LENS, OTHER_RESPONSE, SIZE, fisheye_inputs_o
 
 @pytest.fixture(scope="module")
 def yesterday(tmp_path_factory):
-    """A state of four recordings, and the calibration of one, in files."""
+    """A saved state of four recordings, and a saved calibration of one."""
     place = tmp_path_factory.mktemp("yesterday")
     Pool.of([summary(CAMERA, seed) for seed in range(4)]).save(place / "state.ospc")
     summarise(inputs_of(CAMERA, 0, groups=80), DefaultSettings()).save(place / "calibration.json")
@@ -133,7 +133,7 @@ def test_a_calibrator_starts_from_what_was_known(yesterday):
     calibrator.prior = PriorCalibration.open(yesterday)
     calibrator.push(Frame.of_array(np.full(SIZE[::-1], 90, np.uint8), 5.0))
     found = calibrator.calibration()
-    # Of one frame nobody can tell whether its exposure is its own.
+    # A single frame cannot show whether its exposure belongs to it.
     states = {name: verdict.state for name, verdict in found.verdicts.items()}
     assert states == {"response": "identifiable", "vignette": "identifiable", "exposures": "marginal"}
     assert json.dumps(found.as_dict())

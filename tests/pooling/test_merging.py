@@ -1,4 +1,4 @@
-"""Merging: smaller errors than single recordings, the same in any order, and no averaging over contradictions."""
+"""Merging reduces errors, does not depend on the order, and does not average over contradictions."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def as_text(merged):
 def test_eight_recordings_have_less_than_half_the_errors_of_their_median(merged):
     alone = [summarise(inputs_of(CAMERA, seed), DefaultSettings()) for seed in range(RECORDINGS)]
     median = np.median([errors(calibration) for calibration in alone], axis=0)
-    ratios = errors(merged.calibration) / median  # 1 / √8 = 0.35 by chance
+    ratios = errors(merged.calibration) / median  # 1 / √8 = 0.35 expected
     assert np.exp(np.log(ratios).mean()) < 0.45
     assert ratios.max() < 0.6
     assert merged.calibration.vignette_sigma[-1] < np.median([c.vignette_sigma[-1] for c in alone])
@@ -101,7 +101,7 @@ def test_one_recording_alone_stays_as_uncertain_as_it_was(error):
 def test_merging_keeps_where_the_image_ends():
     inputs = fisheye_inputs_of(CAMERA, 0, 0.7)
     alone, seen = summarise(inputs, DefaultSettings()), summary_of(inputs, "frames", {}, 100)
-    dark = replace(seen, key="dark", usable_radius=1.0)  # too dark to show it
+    dark = replace(seen, key="dark", usable_radius=1.0)  # too dark to show the edge of the image circle
     for pool in ([seen], [seen, dark]):
         found = merge(Pool.of(pool)).calibration
         assert found.vignette.limit == pytest.approx(0.7, abs=0.02)

@@ -1,4 +1,4 @@
-"""Pools: the same whatever the order, a recording counts once, and files hold them to the bit."""
+"""Pools do not depend on the order, count each recording once, and are saved bit for bit."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ def test_files_of_other_kinds_and_damaged_ones_are_refused(tmp_path):
 
 @pytest.fixture(scope="module")
 def calibrator():
-    """A calibrator that has seen a short recording."""
+    """A calibrator after a short recording."""
     calibrator = OnlineCalibrator(replace(DefaultSettings(), points_per_pair=80, rounds=3, min_points=50))
     calibrator.source = {"name": "kitchen", "frames_sha256": "1", "images_sha256": "2"}
     exposures = (3.0, 6.0, 12.0, 24.0)
