@@ -1,4 +1,4 @@
-"""A real Dask cluster on this machine: what it finds is what this process finds, whatever happens to its workers."""
+"""A real Dask cluster on this machine gives the same results as this process, even if workers fail."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ pytestmark = pytest.mark.skipif(find_spec("distributed") is None, reason="Dask i
 
 RECORDINGS, CORRUPT, MISSING, WORKERS = 16, 7, 10, 2
 NO_FIT = (("min_points", "1000000"),)
-"""Nothing is estimated, which takes most of the time; counts, noise and coverage are found all the same."""
+"""Skips the estimation, which takes most of the time; counts, noise and coverage are still computed."""
 
 
 @dataclass
 class Machines:
-    """A scheduler and its workers, each a process of its own."""
+    """A scheduler and its workers, each in its own process."""
 
     address: str
     folder: str
@@ -54,7 +54,7 @@ class Machines:
 
 @contextmanager
 def scheduler(folder):
-    """Start a scheduler, and end it and its workers."""
+    """Start a scheduler, and stop it and its workers at the end."""
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
@@ -84,7 +84,7 @@ def machines(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def workers(machines):
-    """Workers that read nothing once there is a file ``blind`` with their process's number."""
+    """Workers that cannot read any file while ``blind<process id>`` exists."""
     Path(machines.folder, "sitecustomize.py").write_text(
         "import os\nfrom ospc.batch import cluster\nreadable_of = cluster._readable_of\n"
         "cluster._readable_of = lambda paths: [] if os.path.exists(f'blind{os.getpid()}') else readable_of(paths)\n"
@@ -143,7 +143,7 @@ def test_every_recording_is_done_though_one_of_two_workers_is_killed(machines, w
             for answer in super().run(tasks):
                 yield answer
                 answered.append(int(answer.worker.rsplit(":", 1)[1]))
-                # Before its first answer was fetched, nothing would be left of what it did.
+                # Killed before its first answer was fetched, the worker would leave no result to check.
                 if len(answered) >= 8 and workers[1].pid in answered and workers[1].poll() is None:
                     os.kill(workers[1].pid, signal.SIGKILL)
 

@@ -1,4 +1,4 @@
-"""Manifests: folders, patterns and tables name recordings, and nothing else."""
+"""Manifests name recordings by folders, patterns and tables only."""
 
 from __future__ import annotations
 

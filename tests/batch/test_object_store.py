@@ -1,4 +1,4 @@
-"""Recordings in object stores, of which a folder and memory are the nearest."""
+"""Recordings in object stores, emulated by a folder and by memory."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Batches: every recording accounted for, nothing done twice, failures said and never in the way."""
+"""Batches account for every recording, repeat no work, and report failures without stopping."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def nothing_drawn():
 
 @pytest.fixture(scope="module")
 def recordings(tmp_path_factory):
-    """Four recordings of two cameras, and one whose images are no images."""
+    """Four recordings of two cameras, and one with invalid image files."""
     place = tmp_path_factory.mktemp("recordings")
     first = simulated(place / "A" / "r0", 0)
     for number in (1, 2, 3):

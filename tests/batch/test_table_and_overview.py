@@ -1,4 +1,4 @@
-"""The table and the page of a batch: everything in them, nothing misread, nothing executed."""
+"""The table and page of a batch are complete, unambiguous and safe to open."""
 
 from __future__ import annotations
 
@@ -66,8 +66,6 @@ def test_the_csv_is_plain(tmp_path):
 
 
 class Order(HTMLParser):
-    """Collects headings and tags."""
-
     def __init__(self):
         super().__init__()
         self.headings, self.tags, self._inside = [], set(), False
