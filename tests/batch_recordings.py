@@ -1,4 +1,4 @@
-"""Very small recordings in very large numbers, and runners that only pretend."""
+"""Many very small recordings, and a fake runner."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ SIZE, FRAMES = (96, 72), 8
 
 
 def simulated(place: Path, seed: int, **settings: object) -> Path:
-    """Simulate a recording."""
+    """Simulate a small recording."""
     exposures = (3.0, 6.0, 12.0, 24.0)
     values = {
         "size": SIZE,
@@ -31,7 +31,7 @@ def simulated(place: Path, seed: int, **settings: object) -> Path:
 
 
 def variant(original: Path, place: Path, factor: float) -> Path:
-    """Make a recording with the images of another and exposures of its own."""
+    """Make a recording that has the images of another one but its own exposures."""
     place.parent.mkdir(parents=True, exist_ok=True)
     shutil.copytree(original, place, copy_function=os.link)
     lines = [line.split() for line in (original / "times.txt").read_text().splitlines() if line[:1] != "#"]
@@ -42,21 +42,21 @@ def variant(original: Path, place: Path, factor: float) -> Path:
 
 @dataclass
 class Pretending:
-    """A runner that fails as it is told to, and counts what it is asked.
+    """A runner that fails on demand and records its tasks.
 
     Attributes
     ----------
     failing
-        How often each task fails, by part of its recording's path.
+        Number of remaining failures, by name of the recording.
     asked
-        Tasks it was given: what and which recording.
+        Received tasks: kind and name of the recording.
     """
 
     failing: dict[str, int] = field(default_factory=dict)
     asked: list[tuple[str, str]] = field(default_factory=list)
 
     def run(self, tasks: Iterable[Task]) -> Generator[Answer, None, None]:
-        """Give the answers in order."""
+        """Yield the answers in order."""
         for task in tasks:
             name = Path(task.entry.recording).name
             self.asked.append((task.what, name))

@@ -1,4 +1,4 @@
-"""A browser without a window, told what to do through the DevTools protocol over a pair of pipes."""
+"""A headless browser, controlled by the DevTools protocol over a pair of pipes."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ CUT_OFF = """
   return box.width > 0 && (box.right > document.documentElement.clientWidth + 1 || box.left < -1);
 }).map(e => e.outerHTML.slice(0, 80))
 """
-"""Elements of a page that reach beyond its sides."""
+"""Script that returns the elements that extend beyond the sides of the page."""
 
 
 def find() -> str | None:
-    """Return the path of a browser of that family; None where there is none."""
+    """Return the path of an installed browser, or None."""
     return next((found for name in NAMES if (found := shutil.which(name))), None)
 
 
 class Browser:
-    """One page of a browser that runs until this is closed."""
+    """One page of a browser; the browser runs until ``close`` is called."""
 
     def __init__(self, program: str, profile: Path) -> None:
         their_in, self._out = os.pipe()
@@ -43,7 +43,7 @@ class Browser:
             "--remote-debugging-pipe",
             "--disable-dev-shm-usage",
         )
-        # The browser reads from descriptor 3 and writes to 4.
+        # The browser reads from descriptor 3 and writes to descriptor 4.
         shell = f'exec "$0" "$@" 3<&{their_in} 4>&{their_out}'
         self._process = subprocess.Popen(
             ["bash", "-c", shell, program, *options, f"--user-data-dir={profile}", "about:blank"],
@@ -65,7 +65,7 @@ class Browser:
             self.do(f"{domain}.enable")
 
     def do(self, method: str, **parameters: Any) -> dict[str, Any]:
-        """Call a method of the protocol and return its result."""
+        """Call a protocol method and return its result."""
         self._number += 1
         message: dict[str, Any] = {"id": self._number, "method": method, "params": parameters}
         if self._session:
@@ -80,7 +80,7 @@ class Browser:
             self.events.append(answer)
 
     def show(self, url: str, width: int, scheme: str = "light") -> None:
-        """Load a page at a width in pixels, light or dark."""
+        """Load a page at a width in pixels with a colour scheme, "light" or "dark"."""
         self.do("Emulation.setDeviceMetricsOverride", width=width, height=900, deviceScaleFactor=1, mobile=False)
         self.do("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": scheme}])
         self.events.clear()
@@ -89,31 +89,31 @@ class Browser:
             self.events.append(self._next())
 
     def value(self, expression: str) -> Any:
-        """Return what an expression of JavaScript is in the page."""
+        """Evaluate a JavaScript expression in the page."""
         return self.do("Runtime.evaluate", expression=expression, returnByValue=True)["result"].get("value")
 
     def complaints(self) -> list[str]:
-        """Return the errors and warnings since the page was loaded."""
+        """Return the errors and log entries since the page was loaded."""
         found = [str(e["params"]) for e in self.events if e.get("method") == "Runtime.exceptionThrown"]
         return found + [e["params"]["entry"]["text"] for e in self.events if e.get("method") == "Log.entryAdded"]
 
     def requests(self) -> list[str]:
-        """Return the addresses asked for since the page was loaded."""
+        """Return the URLs requested since the page was loaded."""
         asked = [e for e in self.events if e.get("method") == "Network.requestWillBeSent"]
         return [e["params"]["request"]["url"] for e in asked]
 
     def picture(self) -> bytes:
-        """Return the whole page as PNG."""
+        """Return a PNG screenshot of the whole page."""
         shot = self.do("Page.captureScreenshot", captureBeyondViewport=True)
         return base64.b64decode(shot["data"])
 
     def pdf(self) -> bytes:
-        """Return the page as printed."""
+        """Return the page printed as PDF."""
         printed = self.do("Page.printToPDF", printBackground=True, preferCSSPageSize=True)
         return base64.b64decode(printed["data"])
 
     def close(self) -> None:
-        """End the browser and everything it started."""
+        """Stop the browser and its child processes."""
         os.close(self._out)
         try:
             self._process.wait(5)

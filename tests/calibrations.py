@@ -1,4 +1,4 @@
-"""Calibrations for tests of what is done with them."""
+"""Calibrations for tests of the code that uses them."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ SIZE = (64, 48)
 
 
 def ratios(pairs: int = 40) -> ExposureRatios:
-    """Return ratios from 1/4 to 4 with some noise, every fifth from few samples."""
+    """Return noisy ratios from 1/4 to 4; every fifth one is based on few samples."""
     metadata = np.geomspace(0.25, 4, pairs)
     noise = np.random.default_rng(0).normal(0, 0.01, pairs)
     frames = np.stack([np.arange(pairs), np.arange(pairs) + 1], axis=1)
@@ -21,7 +21,7 @@ def ratios(pairs: int = 40) -> ExposureRatios:
 
 
 def calibration(*, response: bool = True, vignette: bool = True, max_grey: int = 255, **changes) -> Calibration:
-    """Return a calibration that knows the parts asked for."""
+    """Return a calibration with the requested parts."""
     levels = min(max_grey + 1, 4096)
     sigma = 0.01 * np.sin(np.pi * np.linspace(0, 1, levels))
     table = np.linspace(0, 1, levels) ** 2

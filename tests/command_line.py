@@ -1,4 +1,4 @@
-"""Calls the command as a user does."""
+"""Call the command as a user does."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from ospc.output import OutputFolder, Written
 
 
 def leave_out(patch: pytest.MonkeyPatch, *parts: str) -> None:
-    """Leave out parts of the output that are drawn, of "draw" and "report": they take most of the time."""
+    """Skip the plotted parts of the output, "draw" or "report", which take most of the time."""
     for part in parts:
         patch.setattr(OutputFolder, part, lambda *_, **__: Written())
 
 
 def ospc(*words: object) -> Result:
-    """Return the outcome of ``ospc WORDS``."""
+    """Return the result of ``ospc WORDS``."""
     return CliRunner().invoke(cli, [str(word) for word in words])

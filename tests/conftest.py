@@ -1,4 +1,4 @@
-"""What all tests share."""
+"""Settings and fixtures of all tests."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from collections.abc import Iterator
 from functools import lru_cache
 from pathlib import Path
 
-# Workers and the processes they start share the processor: their matrices are small, and threads only get in each
-# other's way. NumPy reads these when it is first imported.
+# Test workers and their child processes share the processor. Their matrices are small, so more threads only slow them
+# down. NumPy reads these variables when it is first imported.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
@@ -20,29 +20,29 @@ from hypothesis import settings
 import browser
 from ospc.simulation import scene
 
-cv2.setNumThreads(1)  # OpenCV reads none of these
+cv2.setNumThreads(1)  # OpenCV ignores these variables
 
-# How long an example takes says something about the machine, not about the property; and what is tested is the same
-# everywhere: to look for more, run with --hypothesis-seed and other profiles.
+# No deadline, because the time of an example depends on the machine. Examples are the same everywhere; to try others,
+# run with --hypothesis-seed and another profile.
 settings.register_profile("repeatable", deadline=None, derandomize=True, max_examples=40)
 settings.load_profile("repeatable")
 
 
-# Tests film the same few rooms in turn, and each takes longer to build than a short recording to film.
+# Tests use the same few rooms in turn, and building a room takes longer than simulating a short recording in it.
 scene._room = lru_cache(maxsize=6)(scene._room.__wrapped__)
 
-# Nothing that tests write has to survive a power failure, and each call waits for the disk.
+# Files written by tests need not survive a power failure, and each call waits for the disk.
 os.fsync = lambda _descriptor: None
 
-# What is imported and collected stays to the end. To look through it for garbage, again and again, takes a sixth of
-# the time of all tests.
+# Imported modules and collected tests stay in memory until the end. Searching them for garbage again and again takes
+# a sixth of the time of all tests.
 gc.disable()
 gc.set_threshold(10_000)
 
 
-# Each of two workers begins with half of the tests, and whoever is done takes over the last tests of the other. So
-# the last ones of each half are those that share little: what they share would be made by both workers. A dot stands
-# for the tests of all other folders.
+# Each of two workers starts with half of the tests. The one that finishes first takes over the last tests of the
+# other. So the last tests of each half should share little data, because both workers would have to create it. A dot
+# stands for the tests of all other folders.
 _FOLDERS = (
     *("accuracy", "batch", "cli", "diagnosis", "docs", "formats", "photometry", ".", "recording"),
     *("live", "methods", "pooling", "report", "research", "state", "unknown_exposures"),
@@ -66,7 +66,7 @@ def pytest_collection_finish() -> None:
 
 @pytest.fixture(scope="module")
 def one_room() -> Iterator[None]:
-    """Film the same room whatever the seed: it takes longer to build than most recordings of tests to film."""
+    """Use one room for every seed, because building a room takes longer than simulating most test recordings."""
     room = scene._room
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(scene, "_room", lambda _seed: room(0))
@@ -75,7 +75,7 @@ def one_room() -> Iterator[None]:
 
 @pytest.fixture(scope="session")
 def real_data() -> Path:
-    """Folder of real recordings; tests that need it skip where it is absent."""
+    """Folder of real recordings; tests that need it are skipped if it is missing."""
     place = Path(os.environ.get("OSPC_DATA", Path(__file__).parents[2] / "shared" / "data"))
     if not place.is_dir():
         pytest.skip(f"no real recordings at {place}; set OSPC_DATA to their folder")
@@ -84,7 +84,7 @@ def real_data() -> Path:
 
 @pytest.fixture(scope="session")
 def chromium(tmp_path_factory: pytest.TempPathFactory) -> Iterator[browser.Browser]:
-    """A page of a real browser; tests that need it skip where there is none."""
+    """A page of a real browser; tests that need it are skipped if no browser is installed."""
     program = browser.find()
     if program is None:
         pytest.skip(f"no browser of the names {', '.join(browser.NAMES)} on this machine")

@@ -1,4 +1,4 @@
-"""What a camera writes about a photograph, as segments of JPEG files."""
+"""EXIF metadata of photographs, as segments of JPEG files."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ def exif(
     model: str = "M1",
     orientation: int | None = None,
 ) -> bytes:
-    """A JPEG segment with the given EXIF."""
+    """Return a JPEG segment with the given EXIF fields."""
     entries: list[tuple[int, int, int, bytes]] = []
     if time is not None:
         entries.append((0x829A, 5, 1, struct.pack("<II", *time)))
@@ -36,7 +36,7 @@ def exif(
 
 
 def directory(entries: list[tuple[int, int, int, bytes]], start: int) -> bytes:
-    """A TIFF directory at the given offset, its longer values after it."""
+    """Return a TIFF directory at the given offset, followed by its longer values."""
     place = start + 2 + 12 * len(entries) + 4
     rows, values = b"", b""
     for tag, kind, count, value in entries:

@@ -1,4 +1,4 @@
-"""Small synthetic photographs of even surfaces, with known response and vignette."""
+"""Small synthetic photographs of uniform surfaces, with known response and vignette."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from ospc.photometry.response import Response
 from ospc.photometry.vignette import Vignette
 
 FINER = 4
-"""Factor by which polygons are drawn larger, so that pixels on their edges see both sides."""
+"""Oversampling factor of the drawn polygons, so that pixels on their edges mix both sides."""
 
 
 def picture(

@@ -1,4 +1,4 @@
-"""Summaries of recordings of known cameras, each made once, and others quickly made."""
+"""Cached summaries of recordings of known cameras, and random ones that are quick to make."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ OTHER_RESPONSE = replace(CAMERA, response=Response.gamma(2.2, 4097))
 
 @cache
 def inputs_of(camera: Camera, seed: int, groups: int = 40, points: int = 40) -> FitInputs:
-    """Return what a short recording of a camera shows."""
+    """Return the fit inputs of a short recording of a camera."""
     observations = camera.pairs(seed, groups, points)
     fit = fit_with_chosen_vignette(observations, ResponseBasis(32), VIGNETTE, NOISE, rounds=5).fit
     return FitInputs(SIZE, 255, NOISE, observations, fit, standing_still=False, pairs=groups)
@@ -32,7 +32,7 @@ def inputs_of(camera: Camera, seed: int, groups: int = 40, points: int = 40) -> 
 
 @cache
 def fisheye_inputs_of(camera: Camera, seed: int, radius: float) -> FitInputs:
-    """Return what a recording of a camera shows whose image ends at a radius, in half diagonals."""
+    """Return the fit inputs of a camera whose image circle has a radius, in half diagonals."""
     whole = camera.pairs(seed, groups=60, points=80)
     inside = np.logical_and.reduceat(np.linalg.norm(whole.position, axis=1) < radius, whole.starts)
     observations = whole.of_points(inside)
@@ -52,7 +52,7 @@ def summary(camera: Camera, seed: int, **amount: int) -> Summary:
 
 
 def plain(key: str, frames: int = 10, seed: int = 0) -> Summary:
-    """Return a summary of nothing real, without the time an estimate takes."""
+    """Return a random summary, which needs no estimation."""
     random = np.random.default_rng(seed)
     rows = random.standard_normal((PARAMETERS, PARAMETERS))
     matrix = rows.T @ rows

@@ -1,4 +1,4 @@
-"""Observations made straight from the model of a camera, so that the truth is known and nothing else disturbs."""
+"""Observations generated from the camera model, so that the truth is known and there are no other disturbances."""
 
 from __future__ import annotations
 
@@ -22,19 +22,19 @@ class Camera:
     Attributes
     ----------
     response, vignette
-        The truth.
+        True response and vignette.
     read, shot
-        Variance of a sampled grey level at black, and its growth to white, in full scale squared.
+        Variance of a sampled grey level at black, and its increase from black to white, in full scale squared.
     registration_sigma_px
-        Standard deviation of the registration in pixels; gradients are up to 0.006 per pixel.
+        Standard deviation of the registration error in pixels; gradients are up to 0.006 per pixel.
     outliers
-        Share of observations whose grey level is arbitrary.
+        Fraction of observations with a random grey level.
     log_ratio
-        Largest |ln k| of a pair; pairs are spread evenly up to it.
+        Largest |ln k| of a pair; the pairs are spread evenly up to it.
     spread
-        Standard deviation of the logarithm of radiance.
+        Standard deviation of log radiance.
     metadata_error
-        Standard deviation of ln k as the metadata have it: an error common to all samples of a pair.
+        Standard deviation of the error of ln k in the metadata, which all samples of a pair share.
     """
 
     response: Response
@@ -48,13 +48,13 @@ class Camera:
     metadata_error: float = 0.0
 
     def pairs(self, seed: int, groups: int = 40, points: int = 150) -> ExposedObservations:
-        """Return pairs of observations, so many to a pair of frames, that are exposed in both."""
+        """Return pairs of observations well exposed in both frames; ``points`` are drawn for each frame pair."""
         random = np.random.default_rng(seed)
         n = groups * points
         group = np.repeat(np.arange(groups), points)
         log_k = self.log_ratio * (np.arange(groups) + 0.5) / groups
         base = random.normal(0, 0.3, groups)
-        # Exposures in ms about 10, the brightest scene points of each pair just below white in the longer one.
+        # Exposures of about 10 ms; the brightest points of each pair are just below white in the longer exposure.
         log_exposure = np.log(10) + base[group, None] + np.stack([np.zeros(n), -log_k[group]], axis=1)
         log_radiance = np.log(0.25) - np.log(10) - base[group] + random.normal(0, self.spread, n)
         place = random.uniform(-1, 1, (n, 2, 2)) * np.array(SIZE) / np.hypot(*SIZE)
@@ -66,7 +66,7 @@ class Camera:
         astray = random.random((n, 2)) < self.outliers
         noisy = np.where(astray, random.uniform(0.05, 0.95, (n, 2)), noisy)
         log_exposure[:, 1] += (self.metadata_error * random.standard_normal(groups))[group]
-        # Chosen by the truth: to choose by the noisy values would be to choose by their noise.
+        # Select by the true values, because selecting by the noisy ones would bias the noise.
         exposed = np.all((grey > 4 / 255) & (grey < 0.985), axis=1)
         return ExposedObservations(
             grey=np.clip(noisy, 0, 1)[exposed].ravel(),
@@ -84,6 +84,6 @@ class Camera:
 
 
 def reordered(observations: ExposedObservations, order: np.ndarray) -> ExposedObservations:
-    """Return pairs of observations with their points in another order."""
+    """Return the pairs of observations with their points in another order."""
     index = (2 * order[:, None] + [0, 1]).ravel()
     return replace(observations.where(index), point=np.repeat(np.arange(len(order)), 2))

@@ -1,4 +1,4 @@
-"""Atomic writing: the old content or the new, whatever happens."""
+"""Atomic writing leaves either the old or the new content."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Values that hold arrays are compared by what they hold."""
+"""Objects that contain arrays are compared by value."""
 
 from __future__ import annotations
 
@@ -32,8 +32,6 @@ VALUE_TYPES = (
 
 @dataclass(frozen=True, eq=False)
 class Held(ByValue):
-    """Holds anything."""
-
     value: Any
     name: str = field(default="", compare=False)
 

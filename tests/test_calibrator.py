@@ -1,4 +1,4 @@
-"""The calibrator: what it passes on, what it refuses and counts, and what it returns when interrupted."""
+"""The calibrator: frames it uses, rejects and counts, and its result after an interruption."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ IMAGE = np.full((6, 8), 90, np.uint8)
 
 
 class Noting:
-    """A method that notes what it is given."""
+    """A method that records its frames."""
 
     def __init__(self, size, max_grey):
         self.size, self.max_grey, self.frames = size, max_grey, []
@@ -60,7 +60,7 @@ class Noting:
 
 @dataclass(frozen=True)
 class NotingSettings:
-    """Settings of a method that notes what it is given."""
+    """Settings of the recording method."""
 
     strength: float = 1.5
     made: list = field(default_factory=list, compare=False)
@@ -99,7 +99,7 @@ def unreadable(index):
 
 
 def in_colour(index):
-    """Make a frame as recordings give them that keep their colours, for correcting."""
+    """Make a colour frame, as recordings opened for correction return them."""
     return Frame(index, 0.0, 1.0, f"{index}.png", lambda: np.zeros((6, 8, 3), np.uint8), colour=True)
 
 
@@ -124,7 +124,7 @@ def test_a_lag_from_numpy_may_not_be_longer_than_the_recording_either():
         calibrate(ArrayRecording([IMAGE] * 3, [1.0] * 3), correct_lag=np.int64(2))
 
 
-# One frame after the other.
+# Frame by frame.
 
 
 def test_a_frame_prepared_ahead_is_not_prepared_again_and_any_other_is(monkeypatch):
@@ -135,9 +135,9 @@ def test_a_frame_prepared_ahead_is_not_prepared_again_and_any_other_is(monkeypat
     frames = [Frame.of_array(IMAGE + i, 1.0 + i) for i in range(4)]
     calibrator.push(frames[0])
     calibrator.prefetcher.prepare(1, frames[1])
-    calibrator.prefetcher.prepare(2, Frame.of_array(IMAGE, 1.0))  # not the frame that comes
+    calibrator.prefetcher.prepare(2, Frame.of_array(IMAGE, 1.0))  # not the next frame
     calibrator.prefetcher.prepare(3, Frame.of_array(IMAGE[:3], 1.0))  # of another size
-    calibrator.prefetcher.prepare(3, replace(frames[3], mask=np.ones((3, 3), bool)))  # cannot be used
+    calibrator.prefetcher.prepare(3, replace(frames[3], mask=np.ones((3, 3), bool)))  # unusable
     assert made == [0, 1, 2]
     for frame in frames[1:]:
         assert calibrator.push(frame)
@@ -166,7 +166,7 @@ def test_what_is_prepared_of_a_frame_that_was_not_waited_for_does_not_stay_in_me
 
 
 class GrowingWhileRead(list):
-    """A list that somebody appends to each time it has been read."""
+    """A list that grows after each iteration, as if another thread appended to it."""
 
     def __iter__(self):
         yield from tuple(super().__iter__())
@@ -183,7 +183,7 @@ def test_epochs_follow_each_other_while_another_thread_ends_one():
 
 @dataclass(frozen=True)
 class Comparing(NotingSettings):
-    """Settings that process the first frame, and compare the next."""
+    """Settings that process the first frame and compare the following ones."""
 
     def sampler(self):
         return FrameSampler(1, 1, 99, 100, 100, _pause=0, processed=99)
@@ -349,7 +349,7 @@ def test_a_wrong_setting_is_an_error_not_a_bad_frame():
         OnlineCalibrator(replace(PaperSettings(), features="brisk")).push(frame(0))
 
 
-# A whole recording.
+# Whole recordings.
 
 
 def recording(count=9, images=None):
@@ -447,7 +447,7 @@ def test_any_setting_can_be_given_as_text(name, data):
 @given(st.sampled_from(["default", "paper"]), st.data(), st.sampled_from(["0", "-1", "nan", "inf", "magic"]))
 def test_settings_that_make_no_sense_are_refused(name, data, text):
     settings = preset(name)
-    # What these two name may be added by anybody, and is looked up when the method is built.
+    # These two name plug-ins, which are looked up when the method is built.
     named = {"registration", "response_functions"}
     setting = data.draw(st.sampled_from([f.name for f in fields(settings) if f.name not in named]))
     with pytest.raises(SettingError, match=setting):

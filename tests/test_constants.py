@@ -1,4 +1,4 @@
-"""Every number of a module is explained by a docstring below it, and those of the method are settings."""
+"""A docstring explains every numeric constant, and the numbers of the method are settings."""
 
 from __future__ import annotations
 
@@ -17,23 +17,23 @@ STEPS_OF_THE_METHOD = ("correspondence", "estimation", "exposures", "methods")
 CORE = [path for path in MODULES if path.relative_to(ROOT).parts[0] in STEPS_OF_THE_METHOD]
 
 STAY_IN_THE_CODE = {
-    # Formulas: stencils, nodes, powers, directions, and sizes and indices that follow from settings.
+    # Parts of formulas: stencils, nodes, powers, directions, and sizes and indices that follow from settings.
     "NODES", "CENTRE", "(_VALUE, _SLOPE, _CURVATURE)", "_STENCILS", "_LAPLACIANS", "_NEIGHBOURS", "_CORNERS",
     "_VIGNETTE_POWERS", "RESPONSE_PARAMETERS", "PARTS", "_LATER", "_DIAGONALS", "_NORMAL",
-    # Effects, each by settings, where there is no negative light.
+    # Effects, which are defined by settings; their bound of 0 excludes negative light.
     "EFFECTS",
-    # Places at which curves are tabulated or drawn, and a displacement that is beyond any image.
+    # Points at which curves are tabulated or drawn, and a displacement larger than any image.
     "RESPONSE_LEVELS", "_STEPS", "OUTSIDE_PX",
-    # A value that is empty, and sizes of buffers.
+    # An empty value, and buffer sizes.
     "NOTHING_FOUND", "_MAX_COUNTED_BITS", "_MOST_PARTS", "_FIRST_CAPACITY", "_BLOCK", "_KEPT_TABLES",
 }  # fmt: skip
 
 MOST_TOGETHER = 3
-"""Most assignments that one docstring can explain."""
+"""Maximum number of assignments that one docstring can explain."""
 
 
 def holds_a_number(value):
-    """Tell whether an expression holds a number, alone or in a tuple, list, dictionary, array or sum."""
+    """Return whether an expression contains a number, alone or in a tuple, list, dictionary, array or sum."""
     if isinstance(value, ast.Lambda):
         return False
     return any(
@@ -45,7 +45,7 @@ def holds_a_number(value):
 def unexplained(source):
     """Return the names of module-level numeric constants without a docstring below them.
 
-    A docstring explains the assignments right before it, three of them at most.
+    A docstring explains up to three assignments directly above it.
     """
     missing, waiting, end = [], [], 0
     for node in ast.parse(source).body:
@@ -63,7 +63,7 @@ def unexplained(source):
 
 
 def numbers(source):
-    """Return the names of module-level constants that hold a number."""
+    """Return the names of module-level constants that contain a number."""
     assigned = [node for node in ast.parse(source).body if isinstance(node, ast.Assign | ast.AnnAssign)]
     return [
         ast.unparse(node.targets[0] if isinstance(node, ast.Assign) else node.target)

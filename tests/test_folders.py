@@ -1,4 +1,4 @@
-"""Output folders are found useless before the work, and written to by one process at a time."""
+"""Unusable output folders are rejected before the work starts, and only one process writes to a folder."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ with reserved(sys.argv[1]):
 
 @pytest.fixture
 def another_process_in():
-    """Give a function that lets another process reserve a folder until the test ends, and returns that process."""
+    """Return a function that starts another process, which reserves a folder until the test ends."""
     holders = []
 
     def hold(folder):

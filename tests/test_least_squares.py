@@ -1,4 +1,4 @@
-"""Non-negative least squares: its conditions, and agreement with another implementation."""
+"""Non-negative least squares: optimality conditions, and agreement with another implementation."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def test_no_other_solution_is_better(seed: int, shape: tuple[int, int]) -> None:
     found = non_negative_least_squares(matrix, target)
     descent = matrix.T @ (target - matrix @ found)
     assert np.all(found >= 0)
-    # The conditions of Karush, Kuhn and Tucker, which are enough since the problem is convex.
+    # The Karush-Kuhn-Tucker conditions, which are sufficient because the problem is convex.
     np.testing.assert_allclose(descent[found > 0], 0, atol=1e-10)
     assert np.all(descent[found == 0] <= 1e-10)
 

@@ -1,4 +1,4 @@
-"""The pinned environments: pip installs nothing but files whose hashes are known."""
+"""The pinned environments: pip installs only files with known hashes."""
 
 from __future__ import annotations
 

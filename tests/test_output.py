@@ -1,4 +1,4 @@
-"""The output folder: what is in it, what is not, and what never happens to it."""
+"""The output folder: the files written to it and removed from it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The public interface: what can be imported, at what cost, and that it is typed."""
+"""The public interface: exported names, cost of the import, and type annotations."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ HEAVY = ("numpy", "scipy", "cv2", "matplotlib", "mahotas", "rich")
 
 
 def modules_after(code):
-    """Return the names of the modules that a fresh interpreter holds after running code."""
+    """Return the names of the modules that a fresh interpreter has loaded after running code."""
     script = f"{code}\nimport sys, json\nprint(json.dumps(sorted(sys.modules)))"
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     return set(json.loads(done.stdout.splitlines()[-1]))
@@ -105,7 +105,7 @@ def member_file(value):
 
 
 def members_of(value):
-    """Give the functions that make up a public name: itself, or the public methods written for a class."""
+    """Yield the functions of a public name: the function itself, or the public methods defined by a class."""
     if inspect.isfunction(value):
         yield value
     for name, member in vars(value).items() if inspect.isclass(value) else ():

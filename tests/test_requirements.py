@@ -1,4 +1,4 @@
-"""What is stated beside the code about versions is true of it."""
+"""Versions, dependencies and licences are stated consistently outside the code."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def test_the_version_is_the_same_everywhere(name: str) -> None:
 
 
 CONDA = {"opencv-python-headless": "py-opencv", "matplotlib": "matplotlib-base"}
-"""Packages with another name in conda, whose \"matplotlib\" brings windows, too."""
+"""Packages with another name in conda; its \"matplotlib\" also installs GUI libraries."""
 
 
 def test_the_conda_recipe_follows_the_package() -> None:
@@ -73,15 +73,15 @@ def test_the_conda_recipe_follows_the_package() -> None:
 
 
 BUILDING = {"editables", "hatchling", "pathspec", "pluggy", "tomlkit", "trove-classifiers"}
-"""Packages of user.lock that only install this one."""
+"""Packages of user.lock that are only needed to build and install ospc."""
 
 
 def licence(name: str) -> str:
-    """Return what a package says of its licence, in one of three places."""
+    """Return the licence of a package from the three metadata fields that may contain it."""
     try:
         said = metadata(name)
     except PackageNotFoundError:
-        return ""  # needed on other systems only
+        return ""  # needed only on other systems
     classifiers = [text for text in said.get_all("Classifier", []) if text.startswith("License")]
     return " ".join([said.get("License-Expression", ""), *classifiers, said.get("License", "")[:200]]).strip()
 

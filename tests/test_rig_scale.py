@@ -1,4 +1,4 @@
-"""Rigs: where views overlap, the scales of their cameras are known against one another."""
+"""Rigs: overlapping views determine the relative scales of the cameras."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from ospc.simulation import SimulationSettings, simulate
 EXPOSURES = (3.0, 6.0, 12.0)
 FRAMES = 4
 CAMERAS = {
-    # Cameras whose sensors need a longer exposure for the same light have a smaller scale.
+    # A camera whose sensor needs a longer exposure for the same light has a smaller scale.
     "left": {"reference_exposure_ms": 10.0, "response": "srgb", "horizontal_fov_deg": 75.0},
     "right": {"reference_exposure_ms": 16.0, "response": "gamma2.2", "horizontal_fov_deg": 68.0},
     "rear": {"reference_exposure_ms": 10.0, "response": "srgb", "scene_seed": 1},
@@ -27,7 +27,7 @@ CAMERAS = {
 
 @pytest.fixture(scope="module")
 def rig(tmp_path_factory):
-    """Three cameras moving together; the third sees another place."""
+    """Three cameras that move together; the third one sees a different scene."""
     place = tmp_path_factory.mktemp("rig")
     recordings, calibrations = {}, {}
     for name, own in CAMERAS.items():
