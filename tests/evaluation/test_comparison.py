@@ -1,4 +1,4 @@
-"""Calibrations from whatever files are compared by the same figures; an exponent is aligned only on demand."""
+"""Calibrations from all file formats are compared by the same figures; an exponent is aligned only on request."""
 
 from __future__ import annotations
 

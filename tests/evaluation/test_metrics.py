@@ -1,4 +1,4 @@
-"""Metrics: zero at the truth, invariant under what is not observable, and equal to their definition spelt out."""
+"""Metrics: zero at the truth, invariant under unobservable changes, and equal to their written-out definitions."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def test_shape_and_ratios_ignore_an_end_that_only_changes_the_scale():
 
 @given(exponents, exponents)
 def test_log_ratio_error_of_powers_is_known(a, b):
-    # ln g(a)/g(b) = γ ln(a/b), and the median of |ln b/a| is 0.6745·0.3 but for the clipping
+    # ln g(a)/g(b) = γ ln(a/b), and the median of |ln b/a| is 0.6745·0.3 apart from the clipping
     kappa = log_ratio_error(Response.gamma(a), Response.gamma(b))
     assert kappa == pytest.approx(abs(a - b) * 0.6745 * 0.3, rel=0.12, abs=2e-4)
 

@@ -1,4 +1,4 @@
-"""Whether a calibration helps tracking: it does where exposures change, does nothing where nothing is to be done."""
+"""Effect of a calibration on tracking: it helps if exposures change, and does nothing if no correction is needed."""
 
 from __future__ import annotations
 
@@ -112,11 +112,11 @@ def test_on_a_real_recording_the_laboratory_calibration_helps(real_data):
     assert result.residual_ratio > 5
 
 
-# --- what cannot be told -----------------------------------------------------------------------------------------
+# --- unusable input ----------------------------------------------------------------------------------------------
 
 
 class _WithGaps:
-    """A recording of which some frames cannot be read."""
+    """A recording with some unreadable frames."""
 
     def __init__(self, whole, missing):
         self._whole, self._missing = whole, missing
@@ -206,7 +206,7 @@ lives = st.lists(st.tuples(st.integers(1, 12), st.booleans()), min_size=1, max_s
 
 
 def life_table(observed, horizon=10):
-    """Enter lives: the number of steps attempted, and whether the last one failed."""
+    """Return a life table of tracks, each given by its number of attempted steps and whether the last one failed."""
     table = LifeTable(horizon)
     for steps, lost in observed:
         ages = np.arange(min(steps, horizon))

@@ -27,7 +27,7 @@ seeds = st.integers(0, 2**32 - 1)
 
 
 def horn(points: np.ndarray, target: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
-    """Scale, rotation and translation by unit quaternions (Horn 1987): the largest eigenvector of a 4×4 matrix."""
+    """Return scale, rotation and translation by unit quaternions (Horn 1987): the largest eigenvector of a 4×4 matrix."""
     p, q = points - points.mean(0), target - target.mean(0)
     (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = p.T @ q
     matrix = np.array(
@@ -46,7 +46,7 @@ def horn(points: np.ndarray, target: np.ndarray) -> tuple[float, np.ndarray, np.
 
 
 def reference_e_align(estimate: np.ndarray, truth: np.ndarray) -> tuple[float, float, float]:
-    """e_align, e_s and e_r in degrees, row by row from their definition; both tables stamp, x, y, z first."""
+    """Return e_align, e_s and e_r (in degrees) from their definition; both tables start with stamp, x, y, z."""
     estimate = estimate[np.argsort(estimate[:, 0])]
     middle = (truth[len(truth) // 2 - 1, 0], truth[int(np.ceil(len(truth) / 2)) - 1, 0])
     halves: list[list[tuple[np.ndarray, np.ndarray]]] = [[], []]
@@ -259,7 +259,7 @@ PUBLISHED_RECOMPUTATION = {"08": 0.356, "16": 0.513, "24": 0.299, "28": 1.94, "3
 
 
 def drift_or_failure(run: Path, truth: Trajectory) -> float:
-    """e_align; infinite for a run that was lost before the truth begins again."""
+    """Return e_align, or infinity for a run that was lost before the second part of the truth."""
     try:
         return alignment_error(read_trajectory(run), truth).e_align
     except NotObservableError:
@@ -278,5 +278,5 @@ def test_real_runs_have_the_known_drift(real_data, sequence):
     assert np.count_nonzero(~complete) == (3 if sequence == "28" else 0)
     reference = [reference_e_align(np.loadtxt(run), table)[0] for run, c in zip(runs, complete, strict=True) if c]
     np.testing.assert_allclose(drift[complete], reference, rtol=1e-6)
-    # the recomputation compared with leaves the lost runs out
+    # the published recomputation omits the lost runs
     assert np.median(drift[complete]) == pytest.approx(PUBLISHED_RECOMPUTATION[sequence], rel=0.05)
