@@ -1,4 +1,4 @@
-"""Calibrations on disk: what is saved is what is loaded, and what is not a calibration is refused by name."""
+"""Calibration files: loading restores the saved values, and errors about other files name the file."""
 
 from __future__ import annotations
 
@@ -140,7 +140,7 @@ def test_what_differs_anywhere_is_not_equal(other):
 def test_an_empty_calibration_is_one_too(tmp_path):
     empty = Calibration(SIZE)
     assert not empty.complete
-    assert not FULL.complete  # its vignette is marginal
+    assert not FULL.complete  # its vignette is only marginal
     sure = Verdict("identifiable", "it was seen")
     assert replace(FULL, verdicts=dict.fromkeys(FULL.verdicts, sure), warnings=()).complete
     assert_same(Calibration.load(empty.save(tmp_path / "c.json")), empty)
@@ -198,7 +198,7 @@ def test_the_misfit_is_the_median_over_samples(pairs):
     assert ratios.misfit == pytest.approx(every[(len(every) - 1) // 2], abs=1e-12)
 
 
-# What is not a calibration.
+# Files that are not valid calibrations.
 
 
 def test_files_of_others_and_of_the_future_are_refused_by_name(saved):
@@ -248,7 +248,7 @@ DAMAGE = st.sampled_from(
 
 
 def places_in(content, path=()):
-    """Give the path of every value of a JSON document; of long lists, of the first only."""
+    """Yield the path of every value of a JSON document; of lists, only that of the first element."""
     yield path
     if isinstance(content, dict):
         for name, value in content.items():
@@ -296,11 +296,11 @@ def test_the_map_of_a_vignette_is_not_listed_with_the_rest():
     finally:
         tracemalloc.stop()
     assert sorted(content["vignette"]) == ["model", "profile", "profile_radius", "profile_sigma"]
-    assert peak < 20 * width * height  # a number in a list takes 32 bytes
+    assert peak < 20 * width * height  # a number in a list occupies 32 bytes
 
 
 def check_usable(loaded):
-    """Everything that a calibration is used for works."""
+    """Check that every use of a calibration works."""
     image = np.full(loaded.size[::-1], loaded.max_grey // 2, np.uint8 if loaded.max_grey < 256 else np.uint16)
     if max(loaded.size) < 1000:
         corrected = loaded.correct(image, 3.0, assume_missing=True)

@@ -1,4 +1,4 @@
-"""Correcting images gives back the light that made them, to quantisation, whatever their depth and shape."""
+"""Correction recovers the light of images up to quantisation, for all depths and shapes."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ def test_warped_frames_are_the_frames_at_that_exposure_to_quantisation():
     for i, j in [(0, 1), (2, 3), (4, 3), (3, 1)]:
         warped = corrector.warp_exposure(images[i], e[i], e[j])
         both = ~corrector.saturated(images[i]) & (images[i] > 25)
-        # half a grey value of the first, carried through the response, and half a grey value of the second
+        # tolerance: half a grey value of the first image, mapped by the response, plus half a one of the second
         low, high = (
             255 * known.response(known.response.inverse((images[i] + half) / 255) * e[j] / e[i])
             for half in (-0.51, 0.51)
@@ -94,7 +94,7 @@ def test_warped_frames_are_the_frames_at_that_exposure_to_quantisation():
         assert np.all((warped >= low - 0.51)[both] & (warped <= high + 0.51)[both])
 
 
-# --- against the formula, by another way -------------------------------------------------------------------------
+# --- against the formula, computed independently -----------------------------------------------------------------
 
 
 @given(seeds, depths, st.one_of(st.none(), exposures))
@@ -175,7 +175,7 @@ def test_releases_of_opencv_without_16_bit_tables_give_the_same(seed, shape):
     np.testing.assert_array_equal(correction.look_up(image, table), plain)
 
 
-# --- what is not known -------------------------------------------------------------------------------------------
+# --- saturation and missing parts --------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("max_grey", [255, 4095])
@@ -186,7 +186,7 @@ def test_saturated_pixels_are_marked_and_no_others(max_grey):
     np.testing.assert_array_equal(corrector.saturated(image), saturated)
     np.testing.assert_array_equal(np.isnan(corrector.correct(image)), saturated)
     for dtype in (np.uint8, np.uint16):
-        # a long exposure makes the bound small: only the mark tells
+        # a long exposure makes the bound small, so only marked pixels have the maximum
         assert np.all(corrector.correct(image, 50.0, dtype=dtype)[saturated] == np.iinfo(dtype).max)
         assert np.all(corrector.correct(image, 50.0, dtype=dtype, mark_saturated=False) < np.iinfo(dtype).max)
     bound = corrector.correct(image, mark_saturated=False)
@@ -268,7 +268,7 @@ def test_warping_twice_is_warping_once_to_quantisation(seed, first, second):
     twice = corrector.warp_exposure(middle, first, first * second)
     once = corrector.warp_exposure(image, 1.0, first * second)
     exact = ~corrector.saturated(middle)
-    # g grows at most 20 times as fast in one place as in another
+    # the largest slope of g is at most 20 times its smallest slope
     assert np.all(np.abs(twice.astype(int) - once)[exact] <= 1 + 20 * 3)
     assert np.all(twice[~exact] == 65535)
 
@@ -290,7 +290,7 @@ def test_what_was_saturated_stays_so_and_what_becomes_so_is_marked():
     assert corrector.warp_exposure(image, 2.0, 1.0).tolist() == [[71, 127, 128, 255]]
 
 
-# --- what is refused ---------------------------------------------------------------------------------------------
+# --- invalid input -----------------------------------------------------------------------------------------------
 
 
 def test_another_size_is_refused_with_both_sizes_and_the_remedy():

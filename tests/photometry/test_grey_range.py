@@ -1,4 +1,4 @@
-"""Black and white that are not the ends of the scale: found in histograms, and undone in observations."""
+"""Black and white levels inside the scale: found in histograms, and corrected in observations."""
 
 import numpy as np
 import pytest
@@ -17,7 +17,7 @@ NOTHING = type("Exposures", (), {"log_exposure_of": lambda self, frames: np.zero
 
 
 def observed(grey):
-    """Return points of two equal frames with these grey levels, evenly spread over the frame."""
+    """Return points of two equal frames with these grey levels, each covering an equal share of the frame."""
     powers = np.append(np.mean(np.asarray(grey)[:, None] ** np.arange(6), axis=0), 0.1)
     place = np.zeros((len(grey), 2))
     moments = {f"frame_moments{i}": powers[1:] for i in (0, 1)} | {

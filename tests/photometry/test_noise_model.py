@@ -1,4 +1,4 @@
-"""The noise of a grey value: an affine law, or a table of measured variances."""
+"""The noise of a grey value: an affine model, or a table of measured variances."""
 
 from __future__ import annotations
 

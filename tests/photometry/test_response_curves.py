@@ -1,4 +1,4 @@
-"""Responses: f and g undo each other, rise strictly, and begin and end where they must."""
+"""Responses: f and g are inverse to each other, strictly increasing, and correct at both ends."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def test_scale_and_shift_of_the_values_do_not_matter(increments, scale, shift):
 def test_gamma_is_a_power_at_its_levels_and_its_root_forwards(exponent, value):
     response = Response.gamma(exponent, 1025)
     np.testing.assert_allclose(response.inverse_table, response.levels**exponent, atol=1e-15)
-    # Between two levels the table is a chord; it bends most at black, by less than one step there.
+    # Between levels the table is linear; its largest error is at black and smaller than one step.
     assert response(value) == pytest.approx(value ** (1 / exponent), abs=1 / 1024)
 
 
@@ -123,7 +123,7 @@ def test_a_response_is_a_value_that_nobody_can_change():
 @given(st.floats(0.3, 3.0), st.floats(0.05, 0.95))
 def test_a_curve_in_another_scale_is_matched_exactly(exponent, reference):
     response = replace(Response.gamma(exponent), support=(reference, reference))
-    # The same shape, as another camera that saturates later would show it.
+    # The same shape, as seen by a camera that saturates later.
     other = Response.from_values(np.append(0.8 * response.inverse_table[:-1], 1.0))
     np.testing.assert_allclose(response.matched(other)[1:-1], response.inverse_table[1:-1], rtol=1e-9)
 

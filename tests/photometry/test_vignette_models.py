@@ -1,4 +1,4 @@
-"""Vignettes: one at the centre, symmetric, and the same value however it is asked for."""
+"""Vignettes: one at the centre, symmetric, and the same value from every accessor."""
 
 from __future__ import annotations
 
