@@ -1,4 +1,4 @@
-"""Trajectories: rigid, smooth, seeded, and where the scene has room for them."""
+"""Trajectories: rigid, smooth, seeded, and clear of the furniture."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Geometry of the rendering against an independent ray caster, and radiance against the scene itself."""
+"""Geometry of the rendering compared with an independent ray caster, and radiance compared with the scene."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def corners_of(place):
 
 
 def repainted(scene, paint):
-    """Replace the radiance of every face; paint gets its number and the face, or patch."""
+    """Replace the radiance of every face and patch; ``paint`` receives its number and the face or patch."""
     numbers = iter(range(1, 1000))
 
     def new(face):
@@ -52,7 +52,7 @@ def repainted(scene, paint):
 
 
 def nearest_face(scene, view, time_s):
-    """Cast a ray through every pixel; return the number (from 1) of the face it meets first, and where."""
+    """Cast a ray through every pixel; return the number (from 1) and the depth of the first face it hits."""
     x, y = np.meshgrid(np.arange(view.size[0]), np.arange(view.size[1]))
     centre = (np.array(view.size) - 1) / 2
     ray = np.stack([(x - centre[0]) / view.focal_px, (y - centre[1]) / view.focal_px, np.ones_like(x)], -1)
@@ -77,7 +77,7 @@ def room(request):
 
 
 def interior(number, reach=1):
-    """Pixels around which all show the same face; not the image's rim, whose neighbours are unknown."""
+    """Return a mask of pixels whose neighbours show the same face, without the image border."""
     kernel = np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)
     shown = number.astype(np.float32)
     same = cv2.dilate(shown, kernel) == cv2.erode(shown, kernel)
@@ -99,7 +99,7 @@ def test_every_pixel_shows_the_nearest_surface(room, kind, patches):
         assert number.min() > 0, "the room is closed"
         assert inside.mean() > 0.4
         shown = radiance(labelled, view, time_s)
-        # The blunt tip of an acute corner may cover some of the pixel before it.
+        # The blunt tip of an acute corner may cover part of a neighbouring pixel.
         assert np.count_nonzero(np.abs(shown / number - 1)[inside] > 1e-5) <= 3
 
 
@@ -171,7 +171,7 @@ def test_radiance_is_that_of_the_surface():
     centre = place.grid(1, 1)[0, 0]
     rotation = np.stack([place.across, place.down, -place.normal], axis=-1)
     texel_m = place.size_m[0] / wall.mips[0].shape[1]
-    # A pixel exactly as large as a texture element, looking straight at it: nothing is left to interpolate.
+    # A frontal view whose pixels are exactly as large as texture elements, so nothing is interpolated.
     view = View((640, 480), 400.0, centre + place.normal * texel_m * 400, rotation)
     corner = np.rint(np.array(wall.mips[0].shape[::-1]) / 2 - np.array([640, 480]) / 2).astype(int)
     shift = np.array(wall.mips[0].shape[::-1]) / 2 - np.array([640, 480]) / 2 - corner
@@ -238,7 +238,7 @@ def test_solids_are_parted_so_that_they_can_be_sorted(seed):
 
 
 def test_a_pixel_on_the_horizon_of_a_wall_shows_the_wall_before_it():
-    """The plane of the second wall has no finite depth there; the wall itself is elsewhere."""
+    """The plane of the second wall has no finite depth at this pixel, but the wall does not cover it."""
     settings = SimulationSettings(size=(640, 480), seed=77005, motion="handheld", speed=1.12)
     view = view_at(settings, Motion.of(settings), 739 / settings.fps)
     shown = radiance(Scene.of(settings), view, 739 / settings.fps)

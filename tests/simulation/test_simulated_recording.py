@@ -1,4 +1,4 @@
-"""Whole simulated recordings: photometric consistency, files and their rules, repeatability."""
+"""Whole simulated recordings: photometric consistency, file formats, repeatability."""
 
 from __future__ import annotations
 
@@ -103,7 +103,7 @@ def test_pcalib_keeps_the_rules_of_its_readers(tmp_path, name):
     assert values.shape == (256,)
     assert (values[0], values[-1]) == (0, 255)
     assert np.all(np.diff(values.astype(np.float32)) > 0)
-    # The programs read 32-bit floats, and as such the values are written.
+    # The values are written as 32-bit floats, because the readers use that type.
     np.testing.assert_allclose(values / 255, made.response.resampled(256), rtol=1e-7)
 
 

@@ -1,4 +1,4 @@
-"""What is true of a simulated recording: exposures, metadata, light."""
+"""Truth of a simulated recording: exposures, metadata, light."""
 
 from __future__ import annotations
 

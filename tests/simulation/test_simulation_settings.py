@@ -1,4 +1,4 @@
-"""Settings no camera can have are refused when they are made."""
+"""Impossible settings are refused on construction."""
 
 from __future__ import annotations
 
