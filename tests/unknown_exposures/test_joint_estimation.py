@@ -1,4 +1,4 @@
-"""Joint estimation: the least of its objective, ambiguous up to one exponent, near the truth with one known point."""
+"""Joint estimation: minimum of its objective, ambiguous up to an exponent, near the truth given one known point."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ C = np.array([0.05, 0.03, -0.01, 0.01])
 
 
 def observations(points=300, count=12, noise=0.0, seed=2, c=C, v=V) -> TrackObservations:
-    """Points that move through all frames, made from the model itself."""
+    """Return observations of points that move through all frames, generated from the model."""
     random = np.random.default_rng(seed)
     model = learned_model()
     log_e = 0.5 * np.sin(np.arange(count)) + 0.1 * random.normal(size=count)
@@ -56,7 +56,7 @@ def test_with_one_known_point_everything_is_found():
 
 
 def test_no_other_solver_finds_a_smaller_cost():
-    """All parameters at once by a general solver that begins where the alternation ends."""
+    """A general solver for all parameters starts from the result of the alternation."""
     seen = observations(points=40, count=6, noise=0.004)
     model = learned_model()
     found = estimate_jointly(seen, iterations=300)
@@ -81,7 +81,7 @@ def test_no_other_solver_finds_a_smaller_cost():
     )
     start = np.concatenate([found.coefficients, found.radial, found.log_exposures, start_l])
     best = least_squares(residual, start, loss="huber", f_scale=0.015, max_nfev=20)
-    # scipy's robust cost is half the sum of the function averaged here
+    # SciPy's robust cost is half the sum of the loss that is averaged here
     assert found.cost <= 2 * best.cost / seen.grey.size * 1.02
 
 

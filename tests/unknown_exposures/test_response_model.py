@@ -1,4 +1,4 @@
-"""The space of responses: curves from 0 to 1 that increase, near the responses cameras have."""
+"""The response model: increasing curves from 0 to 1, close to the responses of real cameras."""
 
 from __future__ import annotations
 

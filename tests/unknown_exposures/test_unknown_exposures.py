@@ -1,4 +1,4 @@
-"""Recordings without exposures: found up to one exponent, and labelled so in everything that is written."""
+"""Recordings without exposures: determined up to one exponent, and every output is labelled accordingly."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ GREYS = np.linspace(0.15, 0.85, 15)
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A recording whose times.txt has no exposures."""
+    """Return a recording whose times.txt has no exposures."""
     place = tmp_path_factory.mktemp("simulated") / "walk"
     simulate(place, SETTINGS)
     lines = [line.split()[:2] for line in (place / "times.txt").read_text().splitlines()]
@@ -83,7 +83,7 @@ def test_response_and_vignette_are_the_true_ones_to_one_power(found: Calibration
     profile = known.vignette.profile(PROFILE_RADII) ** power
     error = np.abs(found.vignette.profile(PROFILE_RADII) - profile)
     assert error[PROFILE_RADII <= 0.9].max() < 0.03
-    # Hardly any scene point reaches the corners in forty small frames, and the result says so.
+    # In forty small frames hardly any scene point reaches the corners, and the uncertainty reflects that.
     assert np.all(error <= 0.03 + found.vignette_sigma)
 
 
@@ -117,7 +117,7 @@ def test_the_exponent_is_that_of_the_mean_response() -> None:
     curve = learned_model().mean
     made = JointEstimate((2, 2), learned_model(), np.zeros(4), np.zeros(3), np.arange(2), np.zeros(2))
     assert typical_exponent(made) == pytest.approx(1, abs=0.01)
-    # Whatever power it comes out with, it is brought back.
+    # A response with any exponent is mapped back.
     assert typical_exponent(replace(made, exponent=1.7)) == pytest.approx(1 / 1.7, rel=0.02)
     assert isinstance(made.response, Response)
     assert len(curve) == SAMPLES
@@ -126,7 +126,7 @@ def test_the_exponent_is_that_of_the_mean_response() -> None:
 def test_the_command_needs_the_option_and_labels_every_output(
     folder: Path, recovered: Recording, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("ospc.unknown_exposures.recover_exposures", lambda *_: recovered)  # once is enough
+    monkeypatch.setattr("ospc.unknown_exposures.recover_exposures", lambda *_: recovered)  # avoid a second recovery
     leave_out(monkeypatch, "draw")
     out = tmp_path / "out"
     refused = CliRunner().invoke(cli, ["calibrate", str(folder), "-o", str(out)])
@@ -152,7 +152,7 @@ def test_the_command_needs_the_option_and_labels_every_output(
         ["correct", str(folder), str(out), "-o", str(tmp_path / "corrected")],
     ):
         assert "up to one common exponent" in CliRunner().invoke(cli, command).stderr
-    # Once exposures are known, nothing of it remains.
+    # Once exposures are known, the label is removed.
     OutputFolder.at(out).write(replace(Calibration.load(out), exponent_sigma=0.0))
     assert not (out / CAVEAT).exists()
 

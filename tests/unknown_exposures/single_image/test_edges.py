@@ -1,4 +1,4 @@
-"""Responses from edges against synthetic input made by the methods' own models."""
+"""Responses from edges, tested with synthetic input from the methods' own models."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ WINDOWS, PIXELS = 20, 40
 
 
 def patches(response: Response, channels: int) -> EdgePatches:
-    """Return windows whose edge pixels see their regions on evenly spread parts of their area."""
+    """Return windows whose edge pixels mix the two regions in evenly spaced proportions."""
     random = np.random.default_rng(1)
     first, second = np.exp(random.uniform(np.log(0.01), 0, (2, WINDOWS, channels)))
     share = np.tile((np.arange(PIXELS) + 0.5) / PIXELS, WINDOWS)[:, None]

@@ -1,4 +1,4 @@
-"""The fallback for single images, as a function and as a command."""
+"""The fallback for single images: the function and the command."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Vignettes of single images against synthetic input made by the methods' own models."""
+"""Vignettes of single images, tested with synthetic input from the methods' own models."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ RADIUS = np.linalg.norm(OFFSET, axis=-1)
 def test_the_vignette_remains_where_radiance_does_not_change_along_the_radius(coefficients):
     vignette = PolynomialVignette(SIZE, coefficients)
     scene = 0.4 + 0.2 * np.sin(3 * np.arctan2(OFFSET[..., 1], OFFSET[..., 0]))
-    # The published smoothness flattens ln V where it bends.
+    # The published smoothness weight flattens ln V where it is curved.
     assert vignette_rmse(radial_gradient_vignette([scene * vignette.image()]), vignette) < 0.025
 
 
@@ -33,7 +33,7 @@ def test_the_vignette_of_an_even_scene_is_found_without_smoothing(coefficients):
 
 def test_symmetric_gradients_do_not_matter():
     vignette = PolynomialVignette(SIZE, (-0.35, 0.05, -0.15))
-    # Where the scene rises along the radius on one side, it falls on the other.
+    # Where radiance increases along the radius on one side, it decreases on the opposite side.
     scene = np.exp(0.2 * np.sin(20 * OFFSET[..., 0]))
     assert vignette_rmse(radial_gradient_vignette([scene * vignette.image()]), vignette) < 0.025
 
