@@ -1,4 +1,4 @@
-"""What the tests of studies share: small recordings, simulated once."""
+"""Fixtures of the tests of studies."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from ospc.simulation import SimulationSettings, simulate
 
 @pytest.fixture(scope="session")
 def tiny_room(tmp_path_factory) -> Path:
-    """Return a simulated recording that is just long enough to be read."""
+    """Return a simulated recording that is just long enough to be opened."""
     place = tmp_path_factory.mktemp("studies") / "room"
     simulate(place, SimulationSettings(size=(96, 72), frames=6, speed=0.5))
     return place
@@ -20,7 +20,7 @@ def tiny_room(tmp_path_factory) -> Path:
 
 @pytest.fixture(scope="module", autouse=True)
 def no_real_data(one_room: None) -> Iterator[None]:
-    """Keep commands from adding real recordings where the machine has some."""
+    """Keep commands from adding real recordings of this machine."""
     with pytest.MonkeyPatch.context() as patch:
         patch.delenv("OSPC_DATA", raising=False)
         yield

@@ -1,4 +1,4 @@
-"""Tasks that cost nothing, in a module of their own so that other processes can import them."""
+"""Trivial tasks, in a separate module so that other processes can import them."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def _fake(name, shape, log: Path | None, error: type[BaseException] | None, wait
 
 
 def sleeping_program(program, source):
-    """Return a task that starts a program which does not end by itself, and notes its process id."""
+    """Return a task that runs a program which records its process id and does not end on its own."""
     return Task("sleeping", {"kind": "sleeping"}, partial(_track, program, source))
 
 

@@ -1,4 +1,4 @@
-"""Predicted exposure ratios: exact for the true calibration, wrong in the known way for wrong ones."""
+"""Predicted exposure ratios: exact for the true calibration, with the expected errors for wrong ones."""
 
 from __future__ import annotations
 

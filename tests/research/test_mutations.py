@@ -1,4 +1,4 @@
-"""Whether the mutations of ``benchmarks/mutations.py`` can be applied; running the gate on them takes long."""
+"""The mutations of ``benchmarks/mutations.py`` can be applied; running the gate on them takes too long."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Methods run over the same frames: matched once, the same results as each on its own."""
+"""Methods that share frames match them only once and give the same results as separate runs."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def test_solvers_give_the_same_together_and_alone(recording, monkeypatch):
     assert counting.extracted == list(range(len(recording)))
     assert len(set(counting.matched)) == len(counting.matched)
     assert shares[-1] == 1.0
-    # The same features and matches for all three, for these take most of the time.
+    # All three use the same features and matches, because these take most of the time.
     extract, match = FeatureMatcher.features, FeatureMatcher.correspondences
     features, matches = {}, {}
 

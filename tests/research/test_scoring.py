@@ -1,4 +1,4 @@
-"""Figures follow the metrics, and are missing where nothing is stated or known."""
+"""Figures agree with the metrics, and are missing if the estimate or the truth is missing."""
 
 from __future__ import annotations
 
@@ -98,7 +98,7 @@ def test_vignettes_of_other_sizes_are_compared_by_their_profiles():
 
 def test_coverage_counts_points_within_the_stated_uncertainty():
     estimate = response(2.1)
-    # Levels 0 and the reference have no error of shape, and level 0 no band either.
+    # Level 0 and the reference level have no shape error, and level 0 has no band.
     error = np.abs(1 - estimate.matched(TRUTH.response)[1:] / estimate.inverse_table[1:])
     sigma = float(np.median(error))
     figures = score(Estimate.of(calibration(sigma=sigma, vignette_sigma=1.0)), TRUTH)
@@ -129,7 +129,7 @@ def test_measurements_survive_the_way_through_json():
 
 
 def test_a_median_counts_failures_but_not_unknown_truths():
-    """Charts tell nothing of the vignette; a method without one elsewhere failed."""
+    """Charts have no true vignette; elsewhere, a method that gives no vignette has failed."""
     simulated = [
         measured("a", "one", 0.1),
         measured("b", "one", 0.3),

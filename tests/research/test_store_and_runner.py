@@ -1,4 +1,4 @@
-"""Results are kept, found again only for what they belong to, and survive interruptions."""
+"""Results are stored, found only under their own description, and survive interruptions."""
 
 from __future__ import annotations
 

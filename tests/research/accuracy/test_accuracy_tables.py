@@ -1,4 +1,4 @@
-"""Summaries and tables say what the results say."""
+"""Summaries and tables agree with the results."""
 
 from __future__ import annotations
 

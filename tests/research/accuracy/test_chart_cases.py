@@ -1,4 +1,4 @@
-"""Photographs of a chart: RAW gives exposures and the true response back; broken folders are errors."""
+"""Photographs of a chart: RAW recovers exposures and the true response; broken folders raise errors."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ WHITE_BALANCE = np.array([0.8, 1.0, 0.7])
 
 
 def write_chart(data, exposures=(1.0, 2.0, 4.0, 8.0)):
-    """Write a camera whose JPEG is f(white balance · RAW), with noise, and return the folder of all."""
+    """Write noisy images of a camera whose JPEG is f(white balance · RAW); return the data folder."""
     folder = data / "chart_cameras" / "camera"
     folder.mkdir(parents=True)
     random = np.random.default_rng(0)
@@ -77,7 +77,7 @@ def test_both_presets_are_judged_and_their_limits_reported(chart):
     limits = rows["paper"].limits
     assert limits["worst_exposure_error_percent"] == pytest.approx(12.5, abs=2)
     assert limits["truth_uncertainty"] < 0.02
-    # The quadratic holds the truth here, and wrong exposures hardly move it.
+    # A quadratic can represent the true response here, and wrong exposures hardly change the fit.
     assert rows["paper, pixels known"].figures["response_shape_rmse"] < 0.01
 
 

@@ -1,4 +1,4 @@
-"""Measured responses become responses, and broken databases errors."""
+"""Measured responses are read, and broken databases raise errors."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The independent sampler: right ratios from the true response, whatever the exposures."""
+"""The independent sampler gives correct ratios from the true response, for any exposures."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Methods run in one pass over a recording, and every failure is a line of the table."""
+"""Methods run in one pass over a recording, and every failure is a row of the table."""
 
 from __future__ import annotations
 

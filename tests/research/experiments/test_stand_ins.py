@@ -1,4 +1,4 @@
-"""Stand-ins have the camera and the exposures they are said to have."""
+"""Stand-ins have the specified camera and exposures."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ospc.simulation import SimulationSettings, simulate
 
 @pytest.fixture
 def data(tmp_path):
-    """A folder of reference data that was made up."""
+    """Return a folder of invented reference data."""
     (tmp_path / "params").mkdir()
     grey = np.linspace(0, 255, 256)
     (tmp_path / RESPONSE).write_text(" ".join(f"{v:.6f}" for v in grey**1.5 / 255**0.5) + "\n")

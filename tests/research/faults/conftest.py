@@ -1,4 +1,4 @@
-"""A tiny recording to put faults on."""
+"""A tiny recording to which faults are applied."""
 
 from __future__ import annotations
 

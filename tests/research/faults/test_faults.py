@@ -1,4 +1,4 @@
-"""Every fault changes a recording in the way it states, and nothing else."""
+"""Every fault changes a recording as described, and changes nothing else."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from ospc.research.faults.study import KINDS, chosen_faults
 FAULTS = {fault.name: fault for fault in chosen_faults(None)}
 IMAGES_ONLY = [f.name for kind in ("light, optics and scene", "grey values") for f in KINDS[kind]]
 SCENE = ("constant-exposure", "small-range")
-"""Faults of the scene that choose other exposures, and say so."""
+"""Scene faults that change the exposures and the metadata consistently."""
 
 COUNTS = (
     "lost-images", "lost-block", "dropped", "time-lapse", "short", "missing-files",
 )  # fmt: skip
-"""Faults that leave fewer images."""
+"""Faults that remove images."""
 
 
 def put(name: str, footage: Footage, strength: float) -> Footage:

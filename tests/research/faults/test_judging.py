@@ -1,4 +1,4 @@
-"""Outcomes are told apart by what was said and by the errors."""
+"""Outcomes are determined by the reported messages and the errors."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def test_a_power_of_the_exposures_is_indistinguishable(footage, name):
     (fault,) = (one for one in chosen_faults(name) if one.name == name)
     faulty = fault.put_on(footage, fault.strengths[1])
     stated = faulty.as_stated()
-    # The proof: some radiance, to the same power, gives the grey levels of the image in this frame and in another.
+    # Proof: radiance raised to the fault's power gives the same grey levels with the twin, in two different frames.
     (camera,), (twin,) = faulty.responses, stated.responses
     places, frames = np.array([[0.0, 0.0], [20.0, 11.0], [31.0, 20.0]]), [0, len(faulty) // 2]
     reaching = faulty.exposures_ms ** (1 / faulty.power)
@@ -113,7 +113,7 @@ def test_the_stated_deviation_agrees_with_the_bands(monkeypatch):
     low, high = np.interp([0.25, 0.75], found.response.levels, found.response.log_sigma)
     sigma = step_sigma(found)
     assert sigma is not None
-    # The bands are relative to a grey level between the two.
+    # The bands are relative to a grey level between these two.
     assert abs(high - low) <= sigma <= high + low
 
 

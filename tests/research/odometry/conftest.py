@@ -1,4 +1,4 @@
-"""A recording with truth, and programs that behave like an odometry program without being one."""
+"""A recording with truth, and fake odometry programs."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def recording(simulated):
 
 @pytest.fixture
 def make_program(tmp_path, simulated):
-    """Return a function that makes a program of the body of a Python script."""
+    """Return a function that makes a program from the body of a Python script."""
 
     def make(behaviour: str | None = None, part: str = ":", **settings) -> Program:
         if behaviour is None:
@@ -72,7 +72,7 @@ def make_program(tmp_path, simulated):
 
 @pytest.fixture
 def source(recording, tmp_path):
-    """Return a function that gives the recording under a condition."""
+    """Return a function that gives the input for a named condition."""
 
     def under(name: str) -> OdometryInput:
         (condition,) = chosen([name])

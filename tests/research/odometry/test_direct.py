@@ -1,4 +1,4 @@
-"""The odometry that is built in: exact geometry, motions recovered, and calibration makes it better."""
+"""The built-in odometry: the geometry is exact, motion is recovered, and calibration improves the result."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def test_a_small_motion_before_a_textured_plane_is_recovered(seed):
     truth = Pose(Rotation.from_rotvec(0.01 * random.normal(size=3)).as_matrix(), 0.02 * random.normal(size=3))
     x, y = np.meshgrid(np.arange(160.0), np.arange(120.0))
     first = texture(x, y).astype(np.float32)
-    # each pixel of the second image sees the plane z = 2 of the first camera along a ray from its own centre
+    # each pixel of the second image views the plane z = 2 of the first camera along its own ray
     back = truth.inverse
     rays = np.stack([(x - 79.5) / 120, (y - 59.5) / 120, np.ones_like(x)], axis=-1) @ back.rotation.T
     scale = (2 - back.translation[2]) / rays[..., 2]
@@ -72,7 +72,6 @@ def test_a_small_motion_before_a_textured_plane_is_recovered(seed):
 
 
 def test_depth_is_that_of_the_rendered_scene(simulated):
-    """Points lifted from one view fall in another onto the same radiance."""
     depth = SceneDepth.of(simulated)
     truth = read_trajectory(simulated / "groundtruthSync.txt")
     camera = depth.camera
@@ -82,9 +81,9 @@ def test_depth_is_that_of_the_rendered_scene(simulated):
     assert np.isfinite(found).all()
     assert found.min() > 0.3
     world = view(camera.lift(points, found))
-    # all of it lies within the room
+    # all points lie within the room
     assert (np.abs(world) < [4.3, 3.5, 2.9]).all()
-    # seen from the same place again it is where it was, and nothing hides it
+    # projected back into the same view, the points have the same depth and are not occluded
     again = depth.at(camera.project(view.inverse(world)), view)
     np.testing.assert_allclose(again, found)
 

@@ -1,4 +1,4 @@
-"""Recordings × conditions × runs: complete, resumable, with failures in the table."""
+"""Recordings × conditions × runs: the experiment is complete, resumable, and lists failures in the table."""
 
 from __future__ import annotations
 

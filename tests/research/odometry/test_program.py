@@ -1,4 +1,4 @@
-"""An external program gets what its mode asks for; whatever it does is a result."""
+"""An external program receives the input of its mode, and every outcome, even a failure, is a result."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Joint estimation as its publication runs it: online from a window, with and without one point of the truth."""
+"""Joint estimation as published: online in a window, with and without one point of the truth."""
 
 from __future__ import annotations
 

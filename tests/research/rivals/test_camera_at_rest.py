@@ -1,4 +1,4 @@
-"""Methods for a camera that stands still: near the truth, and equal to independent solutions."""
+"""Methods for a static camera: near the truth, and equal to independent solutions."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def test_the_unit_of_exposures_does_not_matter(series, method):
 
 
 def test_debevec_and_malik_by_their_linear_system(series):
-    """Their equations, set up and solved anew for the same pixels."""
+    """Sets up and solves the published equations independently for the same pixels."""
     grey = series.sampled(80)
     count, pixels = grey.shape
     weight = np.minimum(np.arange(256) + 1, 256 - np.arange(256)).astype(float)
@@ -85,7 +85,7 @@ def test_debevec_and_malik_by_their_linear_system(series):
 
 
 def test_robertson_by_its_own_turns(series):
-    """Radiances and the curve in turn with the publication's weights, in double precision."""
+    """Alternates between radiances and the curve with the published weights, in double precision."""
     grey = series.images.reshape(len(series.images), -1)
     t = (series.exposures_ms / series.exposures_ms.mean())[:, None]
     level = np.arange(256)
@@ -132,7 +132,7 @@ def test_the_linear_solution_is_the_least_of_its_objective(series):
 
 
 def test_engels_turns_by_loops():
-    """The two update rules written out pixel by pixel."""
+    """Writes out the two update rules pixel by pixel."""
     small = series_of(srgb(), exposures=(1, 2, 4), size=(12, 16), noise=1.0)
     t = small.exposures_ms / small.exposures_ms.mean()
     grey = small.images.reshape(3, -1)

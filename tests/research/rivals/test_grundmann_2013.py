@@ -1,4 +1,4 @@
-"""The time-varying mixture of responses against synthetic tracks made by its own model."""
+"""The time-varying mixture of responses, tested with synthetic tracks from its own model."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ FRAMES, POINTS = 101, 150
 
 
 def anchored(coefficients: list[float]) -> np.ndarray:
-    """Return coefficients whose curve has the anchor of the mean one."""
+    """Return coefficients whose curve agrees with the mean curve at the anchor."""
     column = MODEL.components[:, ANCHOR]
     free = np.array(coefficients)
     return free - column * (column @ free) / (column @ column)
@@ -28,7 +28,7 @@ EXPOSURES = np.exp(0.5 * np.sin(np.arange(FRAMES) / 4))
 
 
 def tracks(ends) -> TrackObservations:
-    """Return grey levels of points under a response that changes linearly from one end to the other."""
+    """Return tracks of points under a response that changes linearly from the first of ``ends`` to the second."""
     random = np.random.default_rng(2)
     radiance = np.exp(random.uniform(np.log(0.005), np.log(0.9), POINTS))
     grey = np.empty((FRAMES, POINTS))

@@ -1,4 +1,4 @@
-"""Joint tracking and radiometric calibration against synthetic input made by its own model."""
+"""Joint tracking and radiometric calibration, tested with synthetic input from its own model."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from ospc.research.rivals.log_response import log_model
 MODEL = log_model()
 TRUTH = MODEL.response(np.array([0.4, -0.3, 0.2, 0.0, 0.1]), "of the model")
 SHIFT = np.array([1.7, -1.2])
-"""Displacement from frame to frame in pixels."""
+"""Displacement between consecutive frames in pixels."""
 
 
 def frames(ratios: list[float]) -> list[Frame]:
-    """Return views of a smooth texture that moves, at these exposures."""
+    """Return views of a moving smooth texture at these exposures."""
     random = np.random.default_rng(3)
     texture = cv2.GaussianBlur(random.normal(size=(240, 320)), (0, 0), 3.0)
     light = np.exp(np.log(0.15) + 1.2 * texture / texture.std()).astype(np.float32)

@@ -1,4 +1,4 @@
-"""The decoupled method against synthetic correspondences with known truth."""
+"""The decoupled method, tested with synthetic correspondences of known truth."""
 
 from __future__ import annotations
 

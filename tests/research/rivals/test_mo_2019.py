@@ -1,4 +1,4 @@
-"""Rank minimisation and edge colours against synthetic input made by their own model."""
+"""Rank minimisation and edge colours, tested with synthetic input from their own model."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Splines from key frames against synthetic points made by their own model."""
+"""Splines from keyframes, tested with synthetic points from their own model."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ EXPOSURES = np.array([1.0, 1.6, 0.7, 1.2, 0.5, 2.0])
 
 
 def points(response: Response) -> KeyFramePoints:
-    """Return points that move all over the image, in key frames of several exposures."""
+    """Return points at random positions in keyframes of several exposures."""
     random = np.random.default_rng(1)
     radiance = np.exp(random.uniform(np.log(0.01), np.log(0.9), 250))
     frame, point = (index.ravel() for index in np.indices((len(EXPOSURES), radiance.size)))

@@ -1,4 +1,4 @@
-"""Measurements of speed: everything measured is there and adds up; how fast it is, a test cannot say."""
+"""Speed measurements are complete and consistent; the speed itself is not tested."""
 
 import json
 from dataclasses import replace
