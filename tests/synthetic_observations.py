@@ -66,7 +66,7 @@ class Camera:
         astray = random.random((n, 2)) < self.outliers
         noisy = np.where(astray, random.uniform(0.05, 0.95, (n, 2)), noisy)
         log_exposure[:, 1] += (self.metadata_error * random.standard_normal(groups))[group]
-        # Select by the true values, because selecting by the noisy ones would bias the noise.
+        # Select by the true values, because selecting by the noisy ones would bias the sample.
         exposed = np.all((grey > 4 / 255) & (grey < 0.985), axis=1)
         return ExposedObservations(
             grey=np.clip(noisy, 0, 1)[exposed].ravel(),

@@ -27,7 +27,7 @@ seeds = st.integers(0, 2**32 - 1)
 
 
 def horn(points: np.ndarray, target: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
-    """Return scale, rotation and translation by unit quaternions (Horn 1987): the largest eigenvector of a 4×4 matrix."""
+    """Return scale, rotation and translation by the unit quaternion of the largest eigenvalue (Horn 1987)."""
     p, q = points - points.mean(0), target - target.mean(0)
     (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = p.T @ q
     matrix = np.array(

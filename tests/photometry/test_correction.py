@@ -85,7 +85,7 @@ def test_warped_frames_are_the_frames_at_that_exposure_to_quantisation():
     for i, j in [(0, 1), (2, 3), (4, 3), (3, 1)]:
         warped = corrector.warp_exposure(images[i], e[i], e[j])
         both = ~corrector.saturated(images[i]) & (images[i] > 25)
-        # tolerance: half a grey value of the first image, mapped by the response, plus half a one of the second
+        # tolerance: half a grey value of the first image, mapped by the response, and half a grey value of the second
         low, high = (
             255 * known.response(known.response.inverse((images[i] + half) / 255) * e[j] / e[i])
             for half in (-0.51, 0.51)
