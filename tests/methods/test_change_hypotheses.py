@@ -122,6 +122,12 @@ def test_a_camera_that_pauses_does_not_hide_a_change(seed, fit):
     assert part == "vignette"
 
 
+def test_the_size_of_a_change_is_stated_unless_it_is_extrapolated(fit):
+    for vignette, size in ((DARKER_CORNERS.vignette, "by -"), (LogVignette(SIZE, (-3.0,)), "greatly")):
+        part, text = Film(replace(CAMERA, vignette=vignette)).explained(fit)
+        assert text.startswith(f"the {part} changed {size}")
+
+
 def test_a_few_pairs_prove_nothing(fit):
     pairs, exposures = Film(DARKER_CORNERS).pairs(fit)
     assert explain(pairs[:20], fit, exposures, USUAL_ERROR, SPAN) is None

@@ -15,6 +15,7 @@ from ospc.settings.methods import (
     ALIKE_RATIO,
     LIGHT_SLOPE,
     MAJORITY,
+    MAX_STATED_EFFECT_LOG,
     MIN_CHANGE_SIGMAS,
     MIN_CORRELATION,
     MIN_EFFECT_LOG,
@@ -76,7 +77,8 @@ def _other_curve(pairs: list[PairErrors], fit: Fit) -> Finding | None:
     if not best.agree:
         return None
     part = " or ".join(PARTS) if alike else whole.part
-    return part, f"the {part} changed by {np.expm1(whole.effect):+.0%}"
+    size = f"by {np.expm1(whole.effect):+.0%}" if abs(whole.effect) < MAX_STATED_EFFECT_LOG else "greatly"
+    return part, f"the {part} changed {size}"
 
 
 @dataclass(frozen=True)

@@ -109,6 +109,10 @@ MIN_HALF_PAIRS = 12
 MIN_EFFECT_LOG = 0.04
 """Smallest change, in ln of irradiance, that counts: refocusing a lens changes the corners by more, drift by less."""
 
+MAX_STATED_EFFECT_LOG = 1.0
+"""Size of a change, in ln, up to which it is stated: a larger one is extrapolated to corners that hardly any point
+shows."""
+
 MIN_EXPLAINED_LOG = 0.005
 """Root mean square error within pairs, in ln, that a change must explain. In simulated film, other responses and
 corners that lose a fifth soon explained at least 0.0055, and spurious changes at most 0.0047."""
