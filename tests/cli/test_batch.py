@@ -1,5 +1,3 @@
-"""``ospc batch`` as a user calls it."""
-
 from __future__ import annotations
 
 import json
@@ -19,7 +17,7 @@ SETTINGS = [part for name, value in QUICK for part in ("--set", f"{name}={value}
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """A folder with a camera's recordings."""
+    """A folder with two recordings of one camera."""
     place = tmp_path_factory.mktemp("data")
     first = simulated(place / "A" / "r0", 0)
     variant(first, place / "A" / "r1", 1.5)
@@ -28,7 +26,7 @@ def folder(tmp_path_factory):
 
 @pytest.fixture(autouse=True)
 def in_this_process(monkeypatch):
-    """Run in this process: other processes take seconds to start, and are tested elsewhere."""
+    """Run in this process: starting others takes seconds and is tested elsewhere."""
     monkeypatch.setattr("ospc.batch.work.Processes", lambda _count: ThisProcess())
 
 

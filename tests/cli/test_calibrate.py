@@ -1,5 +1,3 @@
-"""``ospc calibrate`` as a user calls it."""
-
 from __future__ import annotations
 
 import json
@@ -31,14 +29,14 @@ IN_MAIN_THREAD = threading.current_thread() is threading.main_thread()
 
 @pytest.fixture(scope="module")
 def recording(tmp_path_factory):
-    """A recording too short for an estimate, for tests of everything else."""
+    """A recording too short for an estimate."""
     place = tmp_path_factory.mktemp("simulated") / "r"
     simulate(place, SimulationSettings(size=SIZE, frames=FRAMES))
     return place
 
 
 class Method:
-    """A method that returns a given result, and lets a test interfere."""
+    """A method that returns a given result and calls or raises what a test sets for a frame or the end."""
 
     answer = calibration(counts={"pairs": 3, "samples": 100})
     at_frame: dict[int, object] = {}  # noqa: RUF012 (replaced by tests, never changed)
@@ -77,7 +75,7 @@ class Method:
 
 @pytest.fixture
 def method(monkeypatch):
-    """Replaces the real method, without drawing; set its class attributes."""
+    """Replace the real method and disable drawing; tests set the class attributes."""
 
     class OfThisTest(Method):
         pass
@@ -101,9 +99,9 @@ def stored(folder):
 
 @pytest.fixture(scope="module")
 def good_recording(tmp_path_factory):
-    """A small recording that determines everything."""
+    """A small recording that determines the response and the vignette."""
     place = tmp_path_factory.mktemp("simulated") / "good"
-    # Not periodic, so that each exposure belongs to one frame with certainty.
+    # Not periodic: in a periodic sequence, more than one lag would match.
     exposures = tuple(np.random.default_rng(0).choice([3.0, 6.0, 12.0, 24.0], 48).tolist())
     simulate(place, SimulationSettings(size=(240, 180), frames=48, exposure="file", exposures_ms=exposures))
     return place
@@ -131,7 +129,7 @@ def test_a_good_recording_becomes_a_complete_output_near_the_truth(good_recordin
 
 def test_the_output_states_verdict_reason_and_folder(recording, tmp_path, method):
     result = run(recording, "-o", tmp_path / "out")
-    assert result.exit_code == 3  # in so few frames it is not certain that exposures belong to them
+    assert result.exit_code == 3  # too few frames to confirm that the exposures match
     for expected in ("response", "vignette", "identifiable", "it was seen", str(tmp_path / "out"), "pcalib.txt"):
         assert expected in result.stdout
 
@@ -308,7 +306,7 @@ class TestFailures:
 class TestInterruptions:
     @staticmethod
     def press(times, monkeypatch):
-        """Press Ctrl-C this many times, slowly enough to count as separate requests."""
+        """Press Ctrl-C this many times, as separate requests."""
         monkeypatch.setattr("ospc.cli.interruption._SAME_S", 0.0)
         for _ in range(times):
             os.kill(os.getpid(), signal.SIGINT)
@@ -388,7 +386,7 @@ class TestInterruptions:
 
 
 def test_ctrl_c_on_the_real_command(good_recording, tmp_path):
-    """The real method in a real process, with a real signal between frames."""
+    """Run the real method in another process and send it real signals."""
     out = tmp_path / "out"
     code = (
         "import ospc.methods.maximum_likelihood as j, sys\n"
@@ -414,7 +412,7 @@ def test_ctrl_c_on_the_real_command(good_recording, tmp_path):
         assert p.stdout.readline() == "now\n"
         p.send_signal(signal.SIGINT)
         time.sleep(0.5)
-        p.send_signal(signal.SIGINT)  # the first waits for the frame, which takes a minute here
+        p.send_signal(signal.SIGINT)  # the first waits for the current frame, which takes a minute here
         output, errors = p.communicate(timeout=120)
     assert p.returncode == 130, errors
     assert "partial" in output

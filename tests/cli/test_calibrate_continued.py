@@ -1,4 +1,4 @@
-"""``ospc calibrate`` that goes on: from a checkpoint after a kill, and from an earlier calibration."""
+"""``ospc calibrate``, resumed from a checkpoint after a kill, or started from an earlier calibration."""
 
 from __future__ import annotations
 

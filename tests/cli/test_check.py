@@ -1,5 +1,3 @@
-"""``ospc check`` as a user calls it."""
-
 from __future__ import annotations
 
 import json
@@ -12,14 +10,14 @@ import cv2
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "diagnosis"))
-from filmed import LARGE, Film, wandering  # (made for the tests of checks)
+from filmed import LARGE, Film, wandering
 
 from command_line import ospc
 from ospc.errors import ExposureError, OspcError
 from ospc.recording.writing.conversion import convert_recording
 
 FRAMES = 60
-SIZE = (192, 144)  # large enough for a vignette that is known
+SIZE = (192, 144)  # large enough to determine the vignette
 STATES = ("identifiable", "marginal", "not identifiable")
 
 
@@ -99,7 +97,7 @@ def test_missing_exposures_suggest_unknown_exposures(late: Path, tmp_path: Path)
             assert isinstance(result.exception, ExposureError)
             assert "'ospc calibrate --unknown-exposures'" in str(result.exception)
     (tmp_path / "bare" / "times.txt").write_text(lines[0])
-    assert "--unknown-exposures" not in str(check(tmp_path / "bare").exception)  # it would not help
+    assert "--unknown-exposures" not in str(check(tmp_path / "bare").exception)  # it cannot help here
 
 
 def test_unknown_exposures_are_estimated_and_the_result_is_labelled(tmp_path: Path) -> None:

@@ -1,5 +1,3 @@
-"""``ospc compare``."""
-
 from __future__ import annotations
 
 import json

@@ -1,5 +1,3 @@
-"""``ospc convert`` as a user calls it."""
-
 from __future__ import annotations
 
 from functools import partial
@@ -45,7 +43,7 @@ def test_a_lag_is_corrected(recording: Path, tmp_path: Path) -> None:
     assert result.exit_code == 0, result.output
     assert "lag of -1" in result.stderr
     back = open_recording(tmp_path / "out")
-    # Image i was taken with the exposure recorded with image i − 1; that of the first image is unknown.
+    # The exposure of image i was recorded with image i − 1, so that of the first image is unknown.
     assert back.exposures_ms.tolist() == [1, 2, 3, 4]
     assert [round(float(np.median(frame.image))) for frame in back] == [40, 80, 120, 160]
 

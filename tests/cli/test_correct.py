@@ -1,4 +1,4 @@
-"""``ospc correct``: what it writes is true of the light, opens again, and never costs what was there before."""
+"""``ospc correct``: its output is the true irradiance, can be opened again, and never replaces other files."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def content_of(folder):
 
 
 def true_irradiances(made):
-    """Yield e·L without vignette, and the part of it that half a grey value corresponds to."""
+    """Yield for each image e·L without vignette, the step of one grey level in it, and the unsaturated pixels."""
     attenuation = made.vignette.image().astype(float)
     for irradiance in irradiances(made.settings):
         grey = np.rint(made.response(irradiance) * made.settings.max_grey)
@@ -169,7 +169,7 @@ def test_any_kind_of_calibration_works(made, calibration, tmp_path):
             np.testing.assert_allclose(a, b, rtol=1e-2)  # the true vignette's maximum is between two pixels
 
 
-# --- what is not whole -------------------------------------------------------------------------------------------
+# --- incomplete or mismatched input ------------------------------------------------------------------------------
 
 
 def test_frames_that_cannot_be_read_are_left_out_and_counted(made, calibration, tmp_path):
@@ -214,7 +214,7 @@ def test_another_bit_depth_is_reported(deep, calibration, tmp_path):
     assert "up to 255; its response is stretched to the grey values of the recording, up to 4095" in result.output
 
 
-# --- what was there before ---------------------------------------------------------------------------------------
+# --- existing output ---------------------------------------------------------------------------------------------
 
 
 def test_only_an_earlier_output_is_replaced_and_only_with_force(made, calibration, tmp_path):
@@ -305,12 +305,12 @@ def test_an_interrupted_run_is_not_continued_with_other_settings_or_calibration(
     assert "interrupted run" not in run(made.path, mine, "-o", tmp_path / "b").output
 
 
-# --- any source of images ----------------------------------------------------------------------------------------
+# --- other sources of images -------------------------------------------------------------------------------------
 
 
 @pytest.fixture(scope="module")
 def photographs(made, tmp_path_factory):
-    """A folder of colour JPEGs with a given file time and with EXIF, but without exposures."""
+    """A folder of colour JPEGs with EXIF and given modification times, but without exposures."""
     folder = tmp_path_factory.mktemp("photographs")
     exif = Image.Exif()
     exif[0x010F] = "Acme"

@@ -1,5 +1,3 @@
-"""``ospc demo`` as a user calls it."""
-
 from __future__ import annotations
 
 from functools import partial

@@ -1,5 +1,3 @@
-"""``ospc evaluate``."""
-
 from __future__ import annotations
 
 import json

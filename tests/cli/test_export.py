@@ -1,5 +1,3 @@
-"""``ospc export``."""
-
 from __future__ import annotations
 
 from functools import partial

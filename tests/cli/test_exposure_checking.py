@@ -1,4 +1,4 @@
-"""``ospc calibrate`` of recordings whose exposures are written beside other frames than theirs."""
+"""``ospc calibrate`` with recordings whose exposures lag behind their frames."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import pytest
 from click.testing import Result
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "diagnosis"))
-from filmed import Film, wandering  # (made for the tests of checks)
+from filmed import Film, wandering
 
 from command_line import leave_out, ospc
 from ospc.photometry.calibration import Calibration
@@ -27,7 +27,7 @@ def calibrated(recording: Path, out: Path, *options: str) -> tuple[Result, dict,
 
 
 def shape_error(calibration: Calibration) -> float:
-    """Return the RMSE of g after the best scale against the film's."""
+    """Return the RMSE of the inverse response against the film's, after the best scaling."""
     assert calibration.response is not None
     estimate, truth = calibration.response.inverse(GREY), GREY**2.2
     scale = estimate @ truth / (estimate @ estimate)

@@ -1,4 +1,4 @@
-"""Help texts: fast, and without formatter marks."""
+"""Help texts appear quickly and contain no markup."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from command_line import ospc
 from ospc.cli.main import cli
 
 HEAVY = ("scipy", "matplotlib", "rich", "ospc.estimation", "ospc.report")
-"""Packages that no help text needs, and whose import takes a noticeable time."""
+"""Packages that help texts do not need and that take noticeable time to import."""
 
 
 def commands(command: click.Command, words: tuple[str, ...] = ()) -> Iterator[tuple[str, ...]]:

@@ -1,4 +1,4 @@
-"""``ospc import``: somebody else's files become a calibration, and come back unchanged."""
+"""``ospc import`` turns other programs' files into a calibration; exporting it restores them unchanged."""
 
 from __future__ import annotations
 

@@ -10,7 +10,7 @@ from ospc.simulation import SimulationSettings, simulate
 
 
 def imported(program: str, *names: str, exit_code: int = 0) -> list[str]:
-    """Return the modules loaded when a program ends with an exit code in a new interpreter."""
+    """Run a program in a new interpreter; return which of the named modules it has loaded."""
     ask = f"import sys; print('imported', *[name for name in {names!r} if name in sys.modules])"
     script = f"try:\n {program}\nfinally:\n {ask}"
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)

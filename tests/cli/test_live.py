@@ -1,4 +1,4 @@
-"""A guided capture in the terminal: the display is correct and does not change the result."""
+"""Guided capture in the terminal: the display is correct and does not change the result."""
 
 from __future__ import annotations
 
@@ -179,7 +179,7 @@ def test_the_result_of_a_camera_is_written_whatever_happens(recording, tmp_path,
 
 @pytest.fixture
 def stalled(recording, tmp_path):
-    """A recording whose camera delivered nothing for an hour after the twelfth frame."""
+    """A recording with a gap of one hour after the twelfth frame."""
     shutil.copytree(recording.path, tmp_path / "stalled")
     lines = (tmp_path / "stalled" / "times.txt").read_text().splitlines()
     frames = [line.split() for line in lines if not line.startswith("#")]
@@ -189,7 +189,7 @@ def stalled(recording, tmp_path):
 
 
 def waiting_an_hour(then):
-    """Return a replacement of sleep that calls a function when the sleep would be long."""
+    """Return a replacement for sleep that calls a function before a long sleep."""
     sleep = time.sleep
 
     def slept(duration_s):
@@ -261,7 +261,7 @@ def test_a_closed_terminal_ends_the_capture_and_keeps_the_result(stalled, tmp_pa
     shown = b""
     while b"waiting" not in shown:
         shown += os.read(ours, 1000)
-    time.sleep(0.5)  # a signal between the words and the sleep would wait for its end
+    time.sleep(0.5)  # a signal before the sleep starts would be handled only after it
     os.close(ours)
     assert running.wait(30) == 130
     check_kept(tmp_path / "out")

@@ -14,7 +14,7 @@ PROGRAM = "from ospc.cli.main import main; main()"
 
 
 def limited(mebibytes, *command):
-    """Run Python with this memory limit."""
+    """Run Python code with a memory limit."""
     environment = {name: value for name, value in os.environ.items() if not name.endswith("_NUM_THREADS")}
     return subprocess.run(
         [sys.executable, "-c", *command],

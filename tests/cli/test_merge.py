@@ -1,5 +1,3 @@
-"""``ospc merge`` as a user calls it."""
-
 from __future__ import annotations
 
 import json
@@ -25,7 +23,7 @@ from summaries import CAMERA, OTHER_LENS, SIZE, summary
 
 @pytest.fixture(scope="module")
 def states(tmp_path_factory):
-    """Output folders of four recordings, the last of another lens."""
+    """Output folders of four recordings, the last with another lens."""
     place = tmp_path_factory.mktemp("states")
     folders = []
     for number, camera in enumerate((CAMERA, CAMERA, CAMERA, OTHER_LENS)):

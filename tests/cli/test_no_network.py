@@ -1,5 +1,3 @@
-"""No command uses the network."""
-
 from __future__ import annotations
 
 import socket
@@ -11,7 +9,7 @@ from command_line import ospc
 
 @pytest.fixture
 def no_network(monkeypatch):
-    """Make every socket and every name look-up an error that no command handles."""
+    """Make every socket and name look-up raise an error that no command handles."""
 
     def refused(*_arguments, **_options):
         raise AssertionError("a command reaches for the network")

@@ -1,4 +1,4 @@
-"""Reading options, as commands pass them on."""
+"""Commands pass reading options on to the readers."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "recording"))
-from bag_samples import FLIR, floats, images, metadata, write_bag1  # (made for the tests of readers)
+from bag_samples import FLIR, floats, images, metadata, write_bag1
 
 from command_line import leave_out, ospc
 from ospc.recording import open_recording

@@ -1,4 +1,4 @@
-"""``ospc record`` with a camera that is none."""
+"""``ospc record`` with a fake camera."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``ospc report``, and the report that ``ospc calibrate`` writes."""
+"""``ospc report``, and the report written by ``ospc calibrate``."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def test_calibrate_writes_a_pdf_on_request(recording, tmp_path, monkeypatch):
     ospc("calibrate", recording, "-o", tmp_path / "out", "--pdf")
     assert (tmp_path / "out" / "report.pdf").read_bytes().startswith(b"%PDF")
     ospc("calibrate", recording, "-o", tmp_path / "out")
-    assert not (tmp_path / "out" / "report.pdf").exists()  # of an earlier run
+    assert not (tmp_path / "out" / "report.pdf").exists()  # the earlier run's PDF is removed
 
 
 def test_the_report_can_be_written_again(folder):

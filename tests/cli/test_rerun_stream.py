@@ -27,7 +27,7 @@ def recording(tmp_path_factory):
 
 
 def read_back(place):
-    """Return the values of every entity over the frames, without static ones."""
+    """Return the values of every entity by frame, without static ones."""
     chunks = pytest.importorskip("rerun.chunk").RrdReader(str(place)).stream().to_chunks()
     found = {}
     for chunk in chunks:

@@ -1,5 +1,3 @@
-"""``ospc simulate`` as a user calls it."""
-
 from __future__ import annotations
 
 import json

@@ -1,4 +1,4 @@
-"""Untrusted content reaches terminals, spreadsheets and pages as text only."""
+"""Untrusted content reaches terminals, spreadsheets and pages only as text."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``ospc validate``: what it prints, returns and writes."""
+"""``ospc validate``: its output, exit codes and repaired files."""
 
 from __future__ import annotations
 
