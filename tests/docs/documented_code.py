@@ -28,11 +28,11 @@ class Block:
     language
         Language of the fence: ``console``, ``python``, …
     text
-        Its content.
+        Content of the block.
     exit_codes
         Accepted exit codes of the last command: 0 or 3, or those in a comment such as ``% exit 3`` before the block.
     not_run
-        Why a test cannot run it, as stated by ``% not run: …``; empty if it can.
+        Reason why a test cannot run it, from ``% not run: …``; empty if it can.
     """
 
     page: Path
@@ -49,14 +49,14 @@ class Block:
 
     @property
     def commands(self) -> list[list[str]]:
-        """The ``ospc`` commands of a block for a terminal, each as its arguments after ``ospc``."""
+        """The ``ospc`` commands of a shell block, each as its arguments after ``ospc``."""
         if self.language not in ("console", "bash", "sh"):
             return []
         return [words[1:] for words in _command_lines(self.text, self.language) if words[:1] == ["ospc"]]
 
 
 def _command_lines(text: str, language: str) -> Iterator[list[str]]:
-    """Yield the words of every command; in ``console`` blocks, lines without a dollar are output."""
+    """Yield the words of every command; in ``console`` blocks, lines without ``$`` are output."""
     for line in text.replace("\\\n", " ").splitlines():
         if language == "console" and not line.startswith("$ "):
             continue

@@ -39,13 +39,13 @@ _MESSAGES = ("std_msgs/msg/Header", "builtin_interfaces/msg/Time", "sensor_msgs/
 
 
 QUICK = replace(DefaultSettings(), points_per_pair=120, rounds=4, response_intervals=16)
-"""The default preset with less computation, which does not change what a reader sees."""
+"""The default preset with less computation; the documented behaviour is the same."""
 
 
 def run_command(arguments: list[str], exit_codes: tuple[int, ...] = (0, 3)) -> str:
-    """Run a command of ``ospc`` in this process and return its standard output.
+    """Run an ``ospc`` command in this process and return its standard output.
 
-    The recordings are short, so calibrations may be marginal: exit code 3.
+    The recordings are short, so calibrations may be marginal (exit code 3).
     """
     result = CliRunner().invoke(cli, arguments, prog_name="ospc")
     if result.exit_code not in exit_codes:
@@ -58,7 +58,7 @@ def run_command(arguments: list[str], exit_codes: tuple[int, ...] = (0, 3)) -> s
 
 @dataclass
 class Stage:
-    """A folder with everything that the pages mention; each part is created once.
+    """A folder with all files that the pages mention, each created only once.
 
     Attributes
     ----------
@@ -70,7 +70,7 @@ class Stage:
     _made: set[str] = field(default_factory=set)
 
     def set_for(self, text: str, folder: Path) -> None:
-        """Copy everything that a page mentions into a folder, where commands may modify it."""
+        """Copy all files that a page mentions into a folder, where commands may modify them."""
         for name, make in MAKERS.items():
             if re.search(rf"\b{re.escape(name)}\b", text):
                 self._ensure(name, make)
@@ -83,7 +83,6 @@ class Stage:
             self._made.add(name)
 
     def recording(self) -> Path:
-        """Return the recording of a hand-held camera."""
         self._ensure("my_recording", MAKERS["my_recording"])
         return self.root / "my_recording"
 
@@ -129,7 +128,7 @@ def _video(stage: Stage, to: Path) -> None:
 
 
 def _bag(stage: Stage, to: Path) -> None:
-    """Write a bag like RealSense's node: images on one topic, their metadata as text on another."""
+    """Write a bag like that of the RealSense node: images on one topic, their metadata as text on another."""
     store = get_typestore(Stores.ROS2_HUMBLE)
     kind = "realsense2_camera_msgs/msg/Metadata"
     store.register(get_types_from_msg("std_msgs/Header header\nstring json_data\n", kind))
@@ -197,4 +196,4 @@ MAKERS: dict[str, Callable[[Stage, Path], None]] = {
     "photographs": _photographs,
     "somebodys_files": _broken_files,
 }
-"""Functions that create what pages may mention, by name. Files with the same stem belong together."""
+"""Functions that create the files that pages mention, by name. Files with the same stem belong together."""

@@ -23,7 +23,7 @@ from ospc.settings import presets
 
 README = ROOT / "README.md"
 ELSEWHERE = {DOCS / "state.md", DOCS / "scaling.md"} | set((DOCS / "experiments").glob("*.md"))
-"""Pages with commands that take hours, or whose steps are tested elsewhere."""
+"""Pages whose commands take hours or are tested elsewhere."""
 
 RUN = [
     page
@@ -33,7 +33,7 @@ RUN = [
 
 
 FEWER_FRAMES = {"demo": ["--frames", "8"], "simulate": ["--frames", "24", "--size", "192x144"]}
-"""Options appended to commands, where the last value counts. Other tests use the full number of frames."""
+"""Options appended to commands; the last value counts. Other tests use the full number of frames."""
 
 
 @pytest.fixture(scope="session")
@@ -48,7 +48,7 @@ def quick(monkeypatch: pytest.MonkeyPatch, one_room: None) -> None:
 
 @pytest.fixture(autouse=True)
 def tables_as_before() -> Iterator[None]:
-    """Remove the names that a page registers."""
+    """Remove names registered by a page after its test."""
     before = [(table, set(table)) for table in (EXTRACTORS, REGISTRARS, FUNCTIONS)]
     yield
     for table, names in before:
@@ -77,12 +77,12 @@ def _run(block: Block, names: dict[str, object]) -> None:
     if block.language == "python":
         with contextlib.redirect_stdout(io.StringIO()):
             exec(compile(block.text, block.place, "exec", dont_inherit=True), names)
-    # The README uses recordings of its reader; its commands appear in full on the pages.
+    # The README uses the reader's own recordings; its commands appear in full on the pages.
     commands = [] if block.page == README else block.commands
     for number, words in enumerate(commands):
         arguments, output = (words[:-2], words[-1]) if ">" in words else (words, "")
         with pytest.MonkeyPatch.context() as patch:
-            # Pictures, reports and other processes take most of the time, and are tested elsewhere.
+            # Pictures, reports and other processes take most of the time and are tested elsewhere.
             leave_out(patch, *(["draw"] if words[0] == "report" else ["draw", "report"]))
             patch.setattr("ospc.batch.work.Processes", lambda _count: ThisProcess())
             arguments = [*arguments, *FEWER_FRAMES.get(words[0], [])]
@@ -96,7 +96,7 @@ def every_block() -> list[Block]:
 
 
 def resolved(words: list[str]) -> tuple[str, click.Command]:
-    """Return the name of the command that the words call, and the command."""
+    """Return the full name of the command that the words call, and the command."""
     command: click.Command = cli
     context = click.Context(cli, info_name="ospc")
     for word in words:
@@ -109,7 +109,7 @@ def resolved(words: list[str]) -> tuple[str, click.Command]:
 
 @pytest.mark.parametrize("block", [b for b in every_block() if b.commands], ids=lambda block: block.place)
 def test_commands_and_options_exist(block: Block) -> None:
-    """Including those that are not run."""
+    """This includes blocks that are not run."""
     for words in block.commands:
         name, command = resolved(words)
         options = {option for parameter in command.params for option in parameter.opts} | {
@@ -122,7 +122,7 @@ def test_commands_and_options_exist(block: Block) -> None:
 
 
 def test_every_command_is_shown_on_a_page() -> None:
-    """In an example, not only in the list of all commands."""
+    """The list of all commands does not count."""
     shown = {words[0] for block in every_block() for words in block.commands if words}
     assert set(cli.list_commands(click.Context(cli))) - shown == set()
 
@@ -149,7 +149,7 @@ def test_every_page_can_be_reached_from_the_index() -> None:
 
 
 def test_the_links_of_the_readme_exist() -> None:
-    """Links of the documentation are checked when the site is built."""
+    """Links on other pages are checked when the site is built."""
     links = [link for link in re.findall(r"\]\(([^)]+)\)", README.read_text(encoding="utf-8")) if ":" not in link]
     assert links
     assert [link for link in links if not (ROOT / link).exists()] == []

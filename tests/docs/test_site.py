@@ -1,4 +1,4 @@
-"""The site's extensions of Sphinx: docstrings with colons, and formulas that work offline."""
+"""The site's Sphinx extensions: docstrings with colons, and formulas that work offline."""
 
 from __future__ import annotations
 
@@ -28,5 +28,5 @@ def test_formulas_are_shown_offline(page: Path) -> None:
     text = re.sub(r"```.*?```|`[^`]*`", "", page.read_text(), flags=re.DOTALL)
     for block, inline in FORMULA.findall(text):
         assert latex2mathml.tex2mathml(block or inline, as_block=bool(block)).startswith("<math")
-        # latex2mathml reads the digits of \frac12 as one number, and the next term as the denominator.
+        # latex2mathml parses the digits of \frac12 as one number and takes the next term as the denominator.
         assert not re.search(r"frac\d|underbrace", block or inline)
