@@ -1,4 +1,4 @@
-"""The parts of rclpy and launch that the example uses, and messages made from their real definitions."""
+"""Stubs of rclpy and launch for the example, and messages created from their real definitions."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def exposure_message(frame: Any, gain_db: float = 0.0) -> Any:
 
 
 class Node:
-    """As rclpy.node.Node; its topics, timers and parameters are there to be looked at."""
+    """Stands in for rclpy.node.Node; tests can inspect its topics, timers and parameters."""
 
     parameters: ClassVar[dict[str, Any]] = {}
 
@@ -76,14 +76,14 @@ class Future:
 
 
 class Played:
-    """A stand-in of launch's classes that remembers how it was made."""
+    """Stands in for launch's classes and stores its arguments."""
 
     def __init__(self, *positional: Any, **named: Any) -> None:
         self.positional, self.named = positional, named
 
 
 def modules(spin: Any) -> dict[str, ModuleType]:
-    """Return the stubs by the names they are imported under; ``spin`` plays the messages to a node."""
+    """Return the stub modules by import name; ``spin`` sends the messages to a node."""
     contents = {
         "rclpy": {
             "init": lambda: None,
@@ -114,6 +114,6 @@ def modules(spin: Any) -> dict[str, ModuleType]:
 
 
 def install(monkeypatch: Any, spin: Any = None) -> None:
-    """Make the stubs importable for the time of a test."""
+    """Make the stubs importable during a test."""
     for name, module in modules(spin).items():
         monkeypatch.setitem(sys.modules, name, module)

@@ -1,4 +1,4 @@
-"""The ROS 2 example, against a stub of rclpy, and against rclpy itself where that is installed."""
+"""The ROS 2 example with stubs of rclpy, and with rclpy itself if it is installed."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def filmed() -> list[Frame]:
 
 @pytest.fixture
 def run(monkeypatch, tmp_path):
-    """Run the node's main with what the driver sends; return the node and the saved calibration."""
+    """Run the node's main with the driver's messages; return the node and the saved calibration."""
 
     def run(send, **parameters):
         nodes = []
