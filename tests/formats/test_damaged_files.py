@@ -1,4 +1,4 @@
-"""Damaged files that once ended in an error of Python's own; found by ``benchmarks/fuzz_parsers.py``."""
+"""Damaged files that once raised a built-in exception; found by ``benchmarks/fuzz_parsers.py``."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def test_the_middle_of_long_messages_is_left_out(tmp_path):
     with zipfile.ZipFile(place, "w") as archive:
         archive.writestr("vignette.npy", b"")
     forged = place.read_bytes().replace(b"\x0c\0", b"\x00\x40", 1).replace(b"vignette.npyPK", bytes(2**14) + b"PK", 1)
-    place.write_bytes(forged)  # the name in the entry itself is another one, and long
+    place.write_bytes(forged)  # the name in the member's own header is different, and long
     with pytest.raises(FormatError) as caught:
         RasterVignette.read_map(place, (2, 2), {})
     assert len(str(caught.value)) < 2000

@@ -1,4 +1,4 @@
-"""Parameter files of DSO: what is written passes its rules, and is read back as it was."""
+"""DSO's parameter files: written files meet its rules and are read back unchanged."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from ospc.photometry.vignette import LogVignette, PolynomialVignette, RasterVign
 
 
 def as_dso_reads(text: str) -> np.ndarray:
-    """The table DSO would use: first line, 32-bit floats, strictly increasing, remapped in its order of rounding."""
+    """Return the table DSO would use: first line, 32-bit floats, strictly increasing, remapped with its rounding."""
     values = np.array([float(word) for word in text.split("\n", maxsplit=1)[0].split()]).astype(np.float32)
     assert values.size >= 256
     assert np.all(np.diff(values) > 0)
@@ -43,7 +43,7 @@ def test_any_strictly_increasing_curve_survives(seed, decades, ordered):
     curve = np.cumsum(np.concatenate([[0.0], steps / steps.sum()]))
     assume(np.all(np.diff(curve) > 0))
     response = Response.from_values(curve)
-    # neighbours nearer than 32 bits resolve (6e-8 at the top) must be spread, 255 of them at most
+    # neighbours closer than the 32-bit resolution (6e-8 at the top) must be spread; there are at most 255
     tolerance = 1e-6 if np.diff(response.inverse_table).min() > 1e-7 else 1e-5
     with TemporaryDirectory() as folder:
         place = write_pcalib(response, Path(folder) / "pcalib.txt")
@@ -55,7 +55,7 @@ def test_any_strictly_increasing_curve_survives(seed, decades, ordered):
 @pytest.mark.parametrize("exponent", [0.05, 0.45, 1.0, 2.05, 5.0, 20.0, 100.0])
 @pytest.mark.parametrize("values", [256, 4096, 65536])
 def test_steep_and_flat_curves_survive(tmp_path, exponent, values):
-    # x**100 underflows 32 bits in its lower half: only the lift keeps it increasing
+    # the lower half of x**100 underflows in 32 bits; only the lift keeps it increasing
     levels = np.linspace(0, 1, 256)
     curve = np.maximum(levels**exponent, np.arange(256) * 1e-300)
     response = Response(curve / curve[-1])

@@ -1,4 +1,4 @@
-"""Exports go where they should, come back as they were, and say what they could not take along."""
+"""Exported files can be read back unchanged, and exports report what the format cannot store."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whatever a file holds, it is read or refused as the library refuses; nothing else ever comes out."""
+"""Whatever a file contains, it is read or refused with one of the library's own errors."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Metadata of photographs survive a change of the pixels, and damaged ones harm nothing."""
+"""A photograph's metadata survives changes to its pixels; damaged metadata does no harm."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""OpenCV's file storage: read back exactly, and usable by OpenCV's own functions."""
+"""OpenCV's file storage: read back exactly, and usable with OpenCV's own functions."""
 
 from __future__ import annotations
 

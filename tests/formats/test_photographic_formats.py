@@ -1,4 +1,4 @@
-"""lensfun, Adobe and hugin: what is written is read back within the format's nine digits, in the right unit."""
+"""lensfun, Adobe and hugin: coefficients are read back to the format's nine digits, in the right unit."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def test_lensfun_acm_and_adobe_measure_the_radius_in_focal_lengths(tmp_path):
     np.testing.assert_allclose(terms, expected, rtol=1e-7)
     focal_ratio = float(properties["FocalLengthX"])
     assert focal_ratio == pytest.approx(unit * half_diagonal(SIZE) / 96)
-    # the value at the corner, spelt out in the other program's units
+    # the value at the corner, computed in the other program's units
     corner = half_diagonal(SIZE) / (focal_ratio * 96)
     value = 1 + sum(a * corner ** (2 * n) for n, a in enumerate(terms, 1))
     assert value == pytest.approx(float(POLYNOMIAL.profile(1.0)), rel=1e-6)

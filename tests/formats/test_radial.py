@@ -1,4 +1,4 @@
-"""The shared polynomial: fitted where need be, converted between units of radius without changing a pixel."""
+"""The shared polynomial: fitted if necessary, and converted between units of radius without changing a pixel."""
 
 from __future__ import annotations
 

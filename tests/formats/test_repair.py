@@ -1,4 +1,4 @@
-"""A repaired copy keeps the rules and stays near the original; it names its changes; the original is untouched."""
+"""A repaired copy meets the rules, stays close to the original and lists its changes; the original is untouched."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""XML from strangers does no harm."""
+"""Untrusted XML does no harm."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Numbers are taken from text as C and C++ take them."""
+"""Numbers are parsed from text as in C and C++."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The checks say of every file what the programs would do with it; each broken rule is found, and nothing else."""
+"""Validation reports what the programs would do with a file: every broken rule is found, and nothing else."""
 
 from __future__ import annotations
 
@@ -20,20 +20,20 @@ CAMERA = "0.5 0.6 0.5 0.5 0.9\n640 480\ncrop\n640 480\n"
 
 
 def found(path: Path, program="dso", size=None) -> list[tuple[str, str]]:
-    """Severity and rule of everything found about one file, but for the note that its partner is missing."""
+    """Return severity and rule of all findings for one file, except the note that its partner is missing."""
     findings = validate([path], program, size).findings
     assert all(f.file == str(path) and f.rule and f.effect for f in findings)
     return [(f.severity, f.rule) for f in findings if "a vignette is used with" not in f.rule]
 
 
 def errors(path: Path, program="dso", size=None) -> str:
-    """All rules that are broken."""
+    """Return all broken rules."""
     return " / ".join(rule for severity, rule in found(path, program, size) if severity == "error")
 
 
 @pytest.fixture
 def folder(tmp_path) -> Path:
-    """A faultless recording."""
+    """A valid recording."""
     write_pcalib(Response.gamma(2.0), tmp_path / "pcalib.txt")
     write_vignette(PolynomialVignette((640, 480), (-0.3, 0.0, 0.0)), tmp_path / "vignette.png")
     write_times(tmp_path / "times.txt", [0, 1, 2], [0.0, 0.1, 0.2], [1.0, 2.0, 3.0])
@@ -95,7 +95,7 @@ def test_tables_that_are_taken_but_not_as_meant(tmp_path, text, complaint):
 
 
 def limited_range(straight_below=16, straight_above=235):
-    """A response measured between two grey levels, with straight lines beyond them."""
+    """Return a response measured between two grey levels, with straight lines beyond them."""
     levels = np.arange(256)
     curve = levels.astype(float) ** 2
     low, high = straight_below, straight_above
@@ -202,7 +202,7 @@ def test_times_that_are_taken_but_not_as_meant(folder, text, complaint):
 
 
 def test_run_of_zero_exposures_drops_all_of_them_only_in_dso(folder):
-    # the first of two zeros takes its left neighbour's value, then the second takes the first's
+    # the first zero is replaced by its left neighbour, then the second by the first
     (folder / "times.txt").write_text("0 0.0 1\n1 0.1 0\n2 0.2 0\n")
     assert errors(folder / "times.txt", "dso") == ""
     assert "2 of 3" in errors(folder / "times.txt", "mono")
