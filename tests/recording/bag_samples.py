@@ -1,4 +1,4 @@
-"""Bags made for the tests: by the package rosbags, and by the packages mcap, which know nothing of each other."""
+"""Sample bags written by independent packages: rosbags, and mcap with its ROS support."""
 
 from __future__ import annotations
 
@@ -29,9 +29,9 @@ Make = Callable[[str, Any], Any]
 
 @dataclass(frozen=True)
 class Sent:
-    """A message to be written.
+    """A message to write.
 
-    ``content`` has the fields of the message as nested dictionaries; ``kind`` is its type as ROS 2 writes it.
+    ``content`` has its fields as nested dictionaries; ``kind`` is its type as spelt in ROS 2.
     """
 
     topic: str
@@ -42,7 +42,7 @@ class Sent:
 
 @dataclass(frozen=True)
 class Definition:
-    """A type the packages do not know."""
+    """A message type unknown to the packages."""
 
     kind: str
     text: str
@@ -77,7 +77,7 @@ def header(stamp_ns: int, ros1: bool = False) -> dict[str, Any]:
 def image_message(
     image: Image, stamp_ns: int, encoding: str | None = None, pad: int = 0, swapped: bool = False
 ) -> dict[str, Any]:
-    """A raw image; rows may be longer than the pixels in them, and 16-bit values the wrong way round."""
+    """Return a raw image message; rows may be padded, and 16-bit values byte-swapped."""
     height, width = image.shape[:2]
     stored = image.astype(">u2") if swapped else image
     rows = np.frombuffer(np.ascontiguousarray(stored).tobytes(), np.uint8).reshape(height, -1)
@@ -104,7 +104,7 @@ def images(frames: Sequence[Image], topic: str = "/cam/image_raw", **how: Any) -
 def floats(
     values: Sequence[float], topic: str = "/cam/exposure", kind: str = "Float64", late_ns: int = 4_000_000
 ) -> list[Sent]:
-    """Plain numbers, without time stamps of their own."""
+    """Return messages of plain numbers, without time stamps of their own."""
     return [
         Sent(topic, f"std_msgs/msg/{kind}", {"data": value}, START_NS + i * STEP_NS + late_ns)
         for i, value in enumerate(values)
@@ -121,7 +121,7 @@ def metadata(values: Sequence[dict[str, Any]], definition: Definition, topic: st
 
 @dataclass
 class _Typed:
-    """Makes messages of the package rosbags from nested dictionaries."""
+    """Creates messages of the package rosbags from nested dictionaries."""
 
     store: Any
     ros1: bool
@@ -154,7 +154,7 @@ def _typed(ros1: bool) -> _Typed:
 
 
 def write_bag1(path: Path, sent: Sequence[Sent], compression: str | None = None) -> Path:
-    """A bag of ROS 1, by rosbags."""
+    """Write a ROS 1 bag with rosbags."""
     typed = _typed(ros1=True)
     path = path.with_suffix(".bag")
     writer = Bag1Writer(path)
@@ -171,7 +171,7 @@ def write_bag1(path: Path, sent: Sequence[Sent], compression: str | None = None)
 
 
 def write_bag2(path: Path, sent: Sequence[Sent], plugin: str = "SQLITE3", compression: str | None = None) -> Path:
-    """A bag of ROS 2, by rosbags; a folder."""
+    """Write a ROS 2 bag, a folder, with rosbags."""
     typed = _typed(ros1=False)
     writer = Bag2Writer(path, version=9, storage_plugin=StoragePlugin[plugin])
     if compression is not None:
@@ -199,7 +199,7 @@ def _namespaces(value: Any) -> Any:
 
 
 def write_mcap2(path: Path, sent: Sequence[Sent], compression: str = "ZSTD", chunk_size: int = 2000) -> Path:
-    """A bag of ROS 2, by mcap and mcap-ros2-support, which serialise on their own."""
+    """Write a ROS 2 bag with mcap and mcap-ros2-support, which have their own serialisation."""
     typed = _typed(ros1=False)
     path = path.with_suffix(".mcap")
     with path.open("wb") as file:
@@ -216,7 +216,7 @@ def write_mcap2(path: Path, sent: Sequence[Sent], compression: str = "ZSTD", chu
 
 
 def write_mcap1(path: Path, sent: Sequence[Sent]) -> Path:
-    """A bag of ROS 1 in MCAP, by mcap and mcap-ros1-support; messages are serialised by hand."""
+    """Write a ROS 1 bag in MCAP with mcap and mcap-ros1-support; messages are serialised by hand."""
     typed = _typed(ros1=True)
     path = path.with_suffix(".mcap")
     with path.open("wb") as file:

@@ -1,4 +1,4 @@
-"""Recordings made for the tests."""
+"""Sample recordings."""
 
 from __future__ import annotations
 

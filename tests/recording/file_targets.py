@@ -1,4 +1,4 @@
-"""Parsers of everything that is read beside recordings: calibrations, states, files of other programs, tables."""
+"""Parsers of all files other than recordings: calibrations, states, files of other programs, tables."""
 
 from __future__ import annotations
 
@@ -69,11 +69,11 @@ OPTICS = Optics(focal_mm=8.0, focal_px=400.0, crop_factor=5.0, aperture=2.8)
 Parse = Callable[[bytes, Path], Any]
 
 fitted_to = 1
-"""One in so many accepted states is fitted to, which takes ten times as long as loading it."""
+"""Fit only one in this many accepted states, because fitting takes ten times as long as loading."""
 
 
 def _in(name: str, parse: Callable[[Path], Any]) -> Parse:
-    """Parse a file of this name."""
+    """Return a parser that writes the data to a file of this name and reads it."""
 
     def written(data: bytes, folder: Path) -> None:
         place = folder / name
@@ -84,7 +84,7 @@ def _in(name: str, parse: Callable[[Path], Any]) -> Parse:
 
 
 def _photometry(place: Path) -> None:
-    """Open it, and use it as commands do."""
+    """Open a calibration and use it as commands do."""
     found = open_photometry(place, SIZE)
     if found.response is not None:
         assert np.all(np.isfinite(found.response.inverse([0.0, 0.3, 1.0])))
@@ -113,7 +113,7 @@ def _state_of(arrays: dict[str, Any]) -> Parse:
 
 
 def _stored(data: bytes) -> dict[str, Any]:
-    """Return the JSON object of a container; what no container can hold counts as refused."""
+    """Return the JSON object of a container; refuse what no container can hold."""
     with suppress(ValueError, RecursionError):
         content = json.loads(data)
         json.dumps(content, allow_nan=False)
@@ -123,7 +123,7 @@ def _stored(data: bytes) -> dict[str, Any]:
 
 
 def _arrays_of(content: dict[str, Any], shapes: dict[str, Any]) -> Parse:
-    """Return the parser of the arrays of a state, as many of them as the bytes are enough for."""
+    """Return the parser of the arrays of a state; the data may end within any of them."""
 
     def parse(data: bytes, folder: Path) -> None:
         arrays, begin = {}, 0
@@ -142,7 +142,7 @@ def _arrays_of(content: dict[str, Any], shapes: dict[str, Any]) -> Parse:
 
 
 def _go_on(state: Container, folder: Path, *, fitted: bool) -> None:
-    """Do with a state what is done, but for writing and reading its file: that takes long, and is tried elsewhere."""
+    """Load and use a state without writing and reading its file, which is slow and tested elsewhere."""
 
     def load(*_: Any) -> Container:
         return replace(state, arrays={name: array.copy() for name, array in state.arrays.items()})
@@ -173,7 +173,7 @@ def _camera(place: Path) -> None:
 
 
 def _batch_result(data: bytes, folder: Path) -> None:
-    """The JSON part of a result of a batch, sealed with a valid checksum."""
+    """Parse the JSON part of a batch result, sealed with a valid checksum."""
     packed = io.BytesIO()
     with ZipFile(packed, "w", ZIP_DEFLATED, compresslevel=0) as archive:
         archive.writestr("batch-result.json", b'{"version": %d, "content": %b}' % (RESULT_VERSION, data))
@@ -185,7 +185,7 @@ def _batch_result(data: bytes, folder: Path) -> None:
 
 
 def _thinned(calibrator: OnlineCalibrator) -> OnlineCalibrator:
-    """Return it with few of the places that its state is full of: what is small is loaded and damaged fast."""
+    """Return the calibrator with fewer samples: a small state is faster to load and to damage."""
     history, series = calibrator.brightness, calibrator._method._stationary.series
     history.changes = [
         replace(change, samples=PixelSamples(*(values[::20] for values in vars(change.samples).values())))
@@ -196,7 +196,7 @@ def _thinned(calibrator: OnlineCalibrator) -> OnlineCalibrator:
 
 
 def file_targets(folder: Path) -> dict[str, tuple[Parse, list[bytes], list[bytes]]]:
-    """Return parser, samples and words of each; samples are made in an empty folder."""
+    """Return parser, samples and words of each target; samples are created in the folder, which must be empty."""
     calibrator = OnlineCalibrator(QUICK)
     for frame in frames(SimulationSettings(size=SIZE, frames=10, exposure="sweep")):
         calibrator.push(frame)
@@ -286,7 +286,7 @@ def file_targets(folder: Path) -> dict[str, tuple[Parse, list[bytes], list[bytes
 
 
 def _map_parser(folder: Path) -> Parse:
-    """Return the parser of the map beside a calibration.json."""
+    """Return the parser of the vignette map that belongs to a calibration file."""
     calibration = (folder / "raster.json").read_bytes()
 
     def parse(data: bytes, place: Path) -> None:

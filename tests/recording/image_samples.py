@@ -1,4 +1,4 @@
-"""Images and image files made for the tests."""
+"""Sample images and image files."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from ospc.arrays import Image
 
 
 def grey(seed: int = 0, size: tuple[int, int] = (24, 16), dtype: type = np.uint8, top: int = 256) -> Image:
-    """Noise of the given width and height."""
+    """Return noise of the given width and height."""
     return np.random.default_rng(seed).integers(0, top, size[::-1]).astype(dtype)
 
 
 def encoded(image: Image, suffix: str = ".png") -> bytes:
-    """Bytes of an image file."""
+    """Return the bytes of an image file."""
     done, data = cv2.imencode(suffix, image)
     assert done
     return data.tobytes()
 
 
 def png_of_size(width: int, height: int) -> bytes:
-    """A small PNG file whose header states any size."""
+    """Return a small PNG file whose header states any size."""
 
     def chunk(kind: bytes, data: bytes) -> bytes:
         return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
@@ -35,7 +35,7 @@ def png_of_size(width: int, height: int) -> bytes:
 
 
 def jpeg_of_size(width: int, height: int) -> bytes:
-    """A JPEG file whose header states any size below 65536."""
+    """Return a JPEG file whose header states any size below 65536."""
     data = bytearray(encoded(grey(), ".jpg"))
     place = data.index(b"\xff\xc0") + 5
     data[place : place + 4] = struct.pack(">HH", height, width)

@@ -1,6 +1,6 @@
-"""Every parser of files, with valid inputs to damage: either an answer or one of our errors comes out.
+"""All file parsers, with valid inputs to damage: each must return a result or raise one of our errors.
 
-The tests try a few damaged inputs of each; ``benchmarks/fuzz_parsers.py`` a million.
+The tests try a few damaged inputs for each; ``benchmarks/fuzz_parsers.py`` tries a million.
 """
 
 from __future__ import annotations
@@ -55,9 +55,9 @@ from ospc.recording.video import VideoStream
 
 @dataclass(frozen=True)
 class Target:
-    """A parser and what to damage for it.
+    """A parser with samples to damage.
 
-    ``parse`` takes bytes, and a folder in which it may write them.
+    ``parse`` takes bytes and a folder to which it may write them.
     """
 
     parse: Callable[[bytes, Path], Any]
@@ -66,7 +66,7 @@ class Target:
 
 
 def attempt(target: Target, data: bytes, folder: Path) -> bool:
-    """Parse; tell whether it was accepted. Anything but one of our errors, on one line, comes through."""
+    """Return whether the parser accepts the data; it may raise only our own errors, with one-line messages."""
     try:
         target.parse(data, folder)
     except OspcError as error:
@@ -82,7 +82,7 @@ _HOW = "=+-*<"
 
 
 def damaged(target: Target) -> st.SearchStrategy[bytes]:
-    """Samples with a few bytes changed, removed, repeated or replaced by words, and cut off."""
+    """Generate samples that are truncated or have a few bytes changed, inserted, removed or repeated."""
     pieces = st.one_of(st.binary(min_size=1, max_size=4), st.sampled_from(_NUMBERS + target.words))
     edit = st.tuples(st.sampled_from(_HOW), st.floats(0, 1), pieces, st.integers(1, 40))
     return st.builds(_edited, st.sampled_from(target.samples), st.lists(edit, min_size=1, max_size=6))
@@ -121,7 +121,7 @@ def _image(data: bytes, _folder: Path) -> None:
 
 
 def _photo_of(name: str) -> Callable[[bytes, Path], None]:
-    """Return the parser of a photograph in the format of this name: its pixels, and its exposure."""
+    """Return the parser of a photograph's pixels and exposure, with the format of this file name."""
 
     def parse(data: bytes, folder: Path) -> None:
         assert decode_stored(data, name).pixels.ndim == 2
@@ -132,7 +132,7 @@ def _photo_of(name: str) -> Callable[[bytes, Path], None]:
 
 
 LIBRARIES = {"HEIC photograph": "pillow_heif", "raw photograph": "rawpy"}
-"""Parsers that need a library which may be missing."""
+"""Parsers that need an optional library."""
 
 
 def _photo_targets() -> dict[str, Target]:
@@ -194,14 +194,14 @@ def _image_message(encoding: Encoding) -> Callable[[bytes, Path], None]:
 
 
 def _reading(data: bytes, _folder: Path) -> None:
-    """The first byte says which of the known carriers it is."""
+    """Parse exposure metadata; the first byte selects the message type."""
     kind = (FLIR.kind, REALSENSE.kind, "diagnostic_msgs/msg/DiagnosticArray")[data[0] % 3 if data else 0]
     topic = Topic("/x", kind, 1, "cdr")
     carrier_of(topic, DEFAULT).readings()(data[1:])
 
 
 _DESCRIBED_MESSAGE = struct.pack("<I8xIB3xIIB4x", 0x100, 1, 0, 0, 1, 0)
-"""A header with an empty text, no numbers, an empty text, and four zeros, in little-endian CDR."""
+"""A header with an empty string, no numbers, an empty string and four zeros, in little-endian CDR."""
 
 
 def _described(data: bytes, _folder: Path) -> None:
@@ -217,7 +217,7 @@ def _video(data: bytes, folder: Path) -> None:
 
 
 def _videos(folder: Path) -> list[bytes]:
-    """Short videos of three frames, in each container that is read."""
+    """Return short videos of three frames in several containers."""
     found = []
     for name, code in (("a.mkv", "FFV1"), ("a.avi", "MJPG"), ("a.mp4", "mp4v")):
         writer = cv2.VideoWriter(str(folder / name), cv2.VideoWriter.fourcc(*code), 10.0, (64, 48))
@@ -266,7 +266,7 @@ def _zip_bytes() -> bytes:
 
 
 def _messages(folder: Path) -> list[bytes]:
-    """Serialised messages of the kinds that are understood, by the package mcap."""
+    """Return serialised messages of all supported types."""
     sent = images([grey(0, (8, 6))])
     sent += metadata([{"exposure_time": 1000, "gain": 1.0}], FLIR, "/flir")
     sent += metadata([{"json_data": json.dumps({"actual_exposure": 10, "gain_level": 16})}], REALSENSE, "/rs")
@@ -282,7 +282,7 @@ def _messages(folder: Path) -> list[bytes]:
 
 
 def _ros1_messages() -> list[bytes]:
-    """A raw and a compressed image as ROS 1 serialises them, after the byte that says which."""
+    """Return a raw and a compressed image as serialised by ROS 1, each after a byte that selects its type."""
 
     def text(data: bytes) -> bytes:
         return struct.pack("<I", len(data)) + data
@@ -294,7 +294,7 @@ def _ros1_messages() -> list[bytes]:
 
 
 def targets(folder: Path) -> dict[str, Target]:
-    """Return all parsers by name; samples are made in an empty folder."""
+    """Return all parsers by name; samples are created in the folder, which must be empty."""
     sent = images([grey(i, (12, 8)) for i in range(3)]) + floats([1.5, 3.0, 6.0])
     bags = {
         "bag1": [write_bag1(folder / "a", sent).read_bytes(), write_bag1(folder / "b", sent, "BZ2").read_bytes()],

@@ -1,4 +1,4 @@
-"""HEIC and raw photographs made for the tests."""
+"""Sample HEIC and raw photographs."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from exif_segments import directory, exif
 from ospc.arrays import Image
 
 _PHOTOMETRIC = {1: 32803, 3: 34892}
-"""Of the DNG specification: a mosaic, or linear colours."""
+"""PhotometricInterpretation in the DNG specification by number of channels: a mosaic, or linear colours."""
 
 
 def heic(image: Image, segment: bytes = b"", orientation: int = 1, quality: int = 100) -> bytes:
-    """A HEIC file of an image, shape (height, width) or (height, width, 3) in blue, green, red; uint8 or uint16."""
+    """Return a HEIC file of an image, (height, width) or (height, width, 3) in blue, green, red; uint8 or uint16."""
     import pillow_heif
 
     mode = ("BGR" if image.ndim == 3 else "L") + (";16" if image.dtype == np.uint16 else "")
@@ -35,7 +35,7 @@ def dng(
     iso: int = 100,
     taken: str = "2020:01:02 03:04:05",
 ) -> bytes:
-    """A DNG file of a mosaic, shape (height, width), or of colours, shape (height, width, 3) in red, green, blue."""
+    """Return a DNG file of a mosaic, (height, width), or of colours, (height, width, 3) in red, green, blue."""
     samples = 1 if pixels.ndim == 2 else 3
 
     def shorts(*values: int) -> tuple[int, int, bytes]:

@@ -1,4 +1,4 @@
-"""Decoding ahead gives the same frames and the same errors, bounded, whatever is foreseen."""
+"""Decoding ahead is bounded and gives the same frames and errors, whichever frames are predicted."""
 
 import threading
 from dataclasses import replace
@@ -14,7 +14,7 @@ from ospc.recording.stream import decoded_ahead
 
 
 class Counted:
-    """Frames that note when, and by which thread, they are looked at."""
+    """Frames that record when and by which threads they are decoded and verified."""
 
     def __init__(self, count, *, threads=True, broken=()):
         self.decoded, self.verified, self.by = [], [], set()
@@ -76,7 +76,7 @@ def test_wanted_images_are_decoded_once_and_by_another_thread():
     for frame in decoded_ahead(frames, lambda _places: True):
         assert frame.image[0, 0] == frame.index
     assert sorted(frames.decoded) == list(range(30))
-    assert threading.main_thread() in frames.by  # the very first, which nothing could be foreseen of
+    assert threading.main_thread() in frames.by  # the first frame, which could not be predicted
     assert len(frames.by) == 2
 
 

@@ -1,4 +1,4 @@
-"""Messages of bags: what a bag defines is understood, and cannot harm whoever reads it."""
+"""Bag messages: types that a bag defines are supported, and hostile definitions do no harm."""
 
 from __future__ import annotations
 
@@ -142,7 +142,7 @@ def test_attachments_are_skipped_and_neither_chunks_nor_a_summary_are_needed(tmp
     after_header = 8 + 9 + int.from_bytes(data[9:17], "little")
     with (tmp_path / "made.mcap").open("wb") as file:
         file.write(data[:after_header] + b"\x09" + size.to_bytes(8, "little"))
-        # A hole, which takes no space on the disk.
+        # A hole in a sparse file takes no disk space.
         file.seek(size, os.SEEK_CUR)
         file.write(data[after_header:])
     made = Bag.at(tmp_path / "made.mcap")

@@ -1,4 +1,4 @@
-"""Bayer mosaics: told from grey images, and their green pixels."""
+"""Bayer mosaics: they are distinguished from grey images, and their green pixels are found."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ from ospc.recording.image_source import decode_grey
 
 
 def smooth(seed: int, dtype: type = np.uint16) -> Image:
-    """A scene whose neighbouring pixels resemble each other."""
+    """Return a scene with similar neighbouring pixels."""
     noise = np.random.default_rng(seed).random((60, 80)).astype(np.float32)
     scene = cv2.GaussianBlur(noise, (0, 0), 2)
     return (50 + 150 * (scene - scene.min()) / np.ptp(scene)).astype(dtype)
 
 
 def mosaic(scene: Image, pattern: str, red: float = 0.8, blue: float = 0.4) -> Image:
-    """The scene behind red, green and blue filters."""
+    """Return the scene behind red, green and blue filters."""
     weights = np.ones((2, 2))
     others = [place for place in np.ndindex(2, 2) if place not in Mosaic(pattern).places(Channel.GREEN)]
     weights[others[0]], weights[others[1]] = red, blue

@@ -1,4 +1,4 @@
-"""Bits used of 16: found wherever they lie, and contradicted by a frame only with an error."""
+"""Used bits of 16-bit images: left- or right-aligned bits are found, and frames that contradict them are errors."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Any recording as a folder that DSO reads: the same frames come back, and its rules find nothing wrong."""
+"""Any recording can become a folder that DSO reads: the frames stay the same, and DSO's rules are met."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def recorded(max_grey: int = 255) -> ArrayRecording:
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """A folder of the layout itself, with a camera."""
+    """A folder that already has this layout, with a camera file."""
     place = tmp_path / "source"
     (place / "images").mkdir(parents=True)
     for i, image in enumerate(images()):
@@ -59,7 +59,7 @@ def assert_same(place: Path, expected: list[np.ndarray], first: int = 0) -> None
 
 
 def dso_rows(place: Path) -> list[tuple[int, float, float]]:
-    """Read times.txt as sscanf with "%d %lf %f" does, and leave out what it leaves out."""
+    """Read times.txt as sscanf with "%d %lf %f" does."""
     rows = []
     for line in (place / "times.txt").read_text().splitlines():
         fields = line.split()
@@ -168,7 +168,7 @@ def test_files_that_dso_rejects_are_reported(folder: Path, tmp_path: Path) -> No
 
 
 class _Spoiled:
-    """A recording in which some frames fail, or something happens on the way."""
+    """A recording with some frames that raise an exception."""
 
     def __init__(self, inner: ArrayRecording, fail: dict[int, BaseException]) -> None:
         self._inner, self._fail, self.alive = inner, fail, 0

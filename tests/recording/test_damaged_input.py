@@ -55,7 +55,7 @@ NAMES = (
 )
 
 MISSING = {name for name, library in LIBRARIES.items() if find_spec(library) is None}
-"""Those that cannot be tried here."""
+"""Parsers whose library is not installed."""
 
 
 @pytest.fixture(scope="module")

@@ -1,4 +1,4 @@
-"""Recordings derived from others: a selection of frames, other exposures, a mask."""
+"""Recordings derived from others: selected frames, other exposures, a mask."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Folders with mav0/cam0: exposures from where the TUM dataset has them, or from a list of one's own."""
+"""Folders with mav0/cam0: exposures from the TUM dataset's files, or from a list of exposures."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ EXPOSURES = "#timestamp [ns],exposure_us\n" + "".join(f"{s},{i + 1}000\n" for i,
 
 @pytest.fixture
 def euroc(tmp_path: Path) -> Callable[..., Path]:
-    """Make a recording with the given files beside the images."""
+    """Make a recording with the given files in addition to the images."""
 
     def make(files: dict[str, str], cameras: tuple[str, ...] = ("cam0",)) -> Path:
         for camera in cameras:

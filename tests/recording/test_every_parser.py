@@ -1,4 +1,4 @@
-"""No module begins to read files without its parser being tried with damaged input."""
+"""Every module that reads files has its parser tested with damaged input."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ READING = {
     *("ZipFile", "VideoCapture", "DictReader", "reader", "read_table", "process_file", "FileStorage", "ParserCreate"),
     *("open", "open_heif", "fromfile", "genfromtxt", "loadtxt"),
 }
-"""Names of functions by which the content of a file is read or taken apart."""
+"""Names of functions that read or parse the content of a file."""
 
 OURS = "only what this program wrote, or what is part of it"
 SAFE = "only passes bytes on, or refuses what others could not take"
@@ -67,7 +67,7 @@ PARSERS = {
         ("atomic.py", "folders.py", "report/page.py", "cli/rerun_stream.py", "live/page/server.py"), OURS
     ),
 }
-"""Of every module that reads: the parsers of it that are tried, or why none has to be."""
+"""The tested parsers of every module that reads files, or the reason why it needs no test."""
 
 
 def test_every_module_that_reads_files_has_a_parser_that_is_tried():
@@ -86,7 +86,7 @@ PASSING_ON = {
     "research/faults/greys.py",
     "unknown_exposures/single_image/fallback.py",
 }
-"""Modules that only call the readers of others, or read what they wrote themselves."""
+"""Modules that only call other readers, or read files they wrote themselves."""
 
 
 def test_the_parsers_named_are_those_that_are_tried():

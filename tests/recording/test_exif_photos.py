@@ -31,7 +31,7 @@ def photograph(seed: int, segment: bytes) -> bytes:
 
 
 def chained(entries: list[tuple[int, int, int, int]], directories: int = 1) -> bytes:
-    """TIFF directories that overlap: each has all these entries, and names the one that begins six bytes later."""
+    """Return overlapping TIFF directories: each has all entries and links to the one six bytes later."""
     content = bytearray(b"II*\0" + struct.pack("<I", 8) + bytes(12 * len(entries) + 6 * directories + 6))
     for number, entry in enumerate(entries):
         struct.pack_into("<HHII", content, 10 + 12 * number, *entry)
@@ -44,7 +44,7 @@ def chained(entries: list[tuple[int, int, int, int]], directories: int = 1) -> b
 
 @pytest.fixture
 def photos(tmp_path: Path) -> Folder:
-    """Make a folder with one photograph for each EXIF segment."""
+    """Make a folder with one photograph per EXIF segment."""
 
     def make(*segments: bytes) -> Path:
         for i, segment in enumerate(segments):
@@ -155,11 +155,11 @@ def test_real_overlapping_photographs(real_data: Path) -> None:
 
 
 GPS = (0x8825, 4, 1, 8)
-"""An entry that names a further directory: its own."""
+"""An entry that links to its own directory."""
 
 
 BEYOND = b"II*\0" + struct.pack("<IH", 8, 0xFFFF)
-"""A directory whose entries all lie beyond the end."""
+"""A directory whose entries all lie beyond the end of the data."""
 
 
 @pytest.mark.parametrize("hostile", [chained([(0, 0, 0, 0)] * 2000, 3000), chained([GPS] * 2000), BEYOND])

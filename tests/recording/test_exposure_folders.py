@@ -1,4 +1,4 @@
-"""One folder of images for each exposure."""
+"""Recordings with one folder of images per exposure."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ NS = 1_695_668_703_000_000_000
 
 @pytest.fixture
 def folders(tmp_path: Path) -> Callable[..., Path]:
-    """Make the given image files, each of its own noise."""
+    """Make the given image files, each with different noise."""
 
     def make(*names: str) -> Path:
         for i, name in enumerate(names):

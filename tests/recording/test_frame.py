@@ -1,4 +1,4 @@
-"""Frames made by hand: what is taken as what it means, and what is refused with a sentence."""
+"""Frames created by users: accepted values are interpreted correctly, others refused with a clear error."""
 
 from __future__ import annotations
 

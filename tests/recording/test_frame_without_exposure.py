@@ -1,4 +1,4 @@
-"""A frame whose exposure is unknown: skipped and counted, with the same note whatever way it comes."""
+"""A frame with unknown exposure is skipped and counted, with the same note for every kind of input."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ Road = Callable[[Recording], tuple[Calibration, tuple[str, ...]]]
 
 @pytest.fixture(scope="module")
 def recording(tmp_path_factory: pytest.TempPathFactory) -> Recording:
-    """A folder whose times.txt has a NaN."""
+    """A folder whose times.txt has one NaN as exposure."""
     made: SimulatedRecording = simulate(tmp_path_factory.mktemp("without") / "recording", SETTINGS)
     times = made.path / "times.txt"
     lines = times.read_text().splitlines()

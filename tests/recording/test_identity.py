@@ -1,4 +1,4 @@
-"""The identity of a recording: the same for the same content, another for any other."""
+"""The identity of a recording: equal for equal content, different for different content."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def test_an_unreadable_image_does_not_prevent_it(tum_folder: Make) -> None:
 
 
 class Unstored:
-    """A recording of a user, which has only what the protocol asks for."""
+    """A user's recording with only what the protocol requires."""
 
     path, kind, size, max_grey, notes = Path("mine"), "mine", (3, 2), 255, ()
 
@@ -92,7 +92,7 @@ def test_recordings_of_any_other_class_have_one_too() -> None:
     images = np.stack([grey(i) for i in range(9)])
 
     class Other:
-        """Knows only what every recording offers."""
+        """A recording without stored bytes."""
 
         def __init__(self, inner: ArrayRecording) -> None:
             self._inner = inner

@@ -1,4 +1,4 @@
-"""Folders of images with a list of exposures: columns, units, and what is refused as ambiguous."""
+"""Folders of images with a list of exposures: columns, units, and ambiguous lists, which are refused."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Headers of image files: right for what is written, and no bytes do harm."""
+"""Headers of image files: they are read correctly, and arbitrary bytes do no harm."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Recognition of the kind of a recording from its content."""
+"""The kind of a recording is recognised from its content."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Masks and regions of interest: what may be used, and that nothing else is."""
+"""Masks and regions of interest: no other pixels are used."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ SIZE = (160, 120)
 
 
 def scene(seed: int = 0) -> np.ndarray:
-    """Something with structure and even places, 160×120."""
+    """Return an image with structure and uniform regions, 160×120."""
     noise = np.random.default_rng(seed).normal(0, 1, SIZE[::-1])
     return np.clip(128 + 250 * cv2.GaussianBlur(noise, (0, 0), 6), 10, 240).astype(np.uint8)
 

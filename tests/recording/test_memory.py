@@ -1,4 +1,4 @@
-"""Whatever a recording's format, its length does not show in the memory that reading it takes."""
+"""The memory needed to read a recording of any format does not grow with its length."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from ospc.recording import ArrayRecording, open_recording
 from ospc.recording.stream import frames_of
 
 IMAGE_BYTES = SIZE[0] * SIZE[1]
-# Bags are read by chunks of a megabyte; both are longer than one.
+# Bags are read in chunks of one megabyte; both recordings are longer.
 FEW, SHORT, LONG = 8, 100, 200
 MOST_BYTES = 5 * 2**20
-# Names and numbers of frames are kept: far less than their images.
+# Frames' names and numbers are kept in memory; they are far smaller than the images.
 MOST_BYTES_MORE = 0.2 * (LONG - SHORT) * IMAGE_BYTES
 
 
@@ -32,15 +32,15 @@ def peak_of_reading(path: Path) -> int:
 
 
 SAME_READER = {"16 bit, left-aligned", "grey as colour", "ROS 2 bag, mcap by mcap", "ROS 2 bag, JPEG and s"}
-"""Formats whose frames are read as those of others are."""
+"""Formats that share a reader with another format."""
 
 
 @pytest.mark.parametrize("name", [name for name in FORMATS if name not in SAME_READER])
 def test_a_recording_twice_as_long_takes_no_more_memory(name: str, tmp_path: Path) -> None:
     paths = [FORMATS[name](tmp_path / f"{n}", filmed(n)) for n in (SHORT, LONG)]
     for _ in open_recording(FORMATS[name](tmp_path / "few", filmed(FEW))):
-        pass  # the first reading of a kind loads modules
-    # What threads of earlier tests allocate meanwhile is counted, too. If it is too much, it is read once more.
+        pass  # reading a format for the first time imports modules
+    # This also counts allocations by threads of earlier tests. If the total is too high, measure again.
     short, long = (peak_of_reading(path) for path in paths)
     if not (long - short < MOST_BYTES_MORE and short < MOST_BYTES):
         short, long = (min(peak_of_reading(path), before) for path, before in zip(paths, (short, long), strict=True))

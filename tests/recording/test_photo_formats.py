@@ -1,4 +1,4 @@
-"""HEIC and raw photographs: what optional libraries decode."""
+"""HEIC and raw photographs, which optional libraries decode."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ SIZE = (96, 64)
 
 
 def smooth(size: tuple[int, int] = SIZE, top: int = 255, channels: int = 3) -> np.ndarray:
-    """Slopes that no compression changes by much."""
+    """Return gradients, which compression changes only slightly."""
     x, y = np.meshgrid(*(np.linspace(0, 1, length) for length in size))
     planes = [x, y, (x + y) / 2][:channels]
     return np.rint(top * np.stack(planes, axis=2)).astype(np.uint8 if top == 255 else np.uint16).squeeze()
@@ -65,7 +65,7 @@ class TestHeic:
     def test_images_are_on_the_axes_of_the_sensor(self, orientation: int) -> None:
         image = smooth()
         image[:20, :30] = (0, 0, 255)
-        upright = {  # What a camera of this orientation stores: libheif turns its image for display.
+        upright = {  # What a camera in this orientation stores: libheif rotates the image for display.
             1: image,
             2: image[:, ::-1],
             3: image[::-1, ::-1],
@@ -151,7 +151,7 @@ class TestRaw:
         assert recording.kind == "exif_photos"
         assert recording.exposures_ms == pytest.approx(np.array([10, 40]) / 16, rel=1e-3)
         assert recording.size == (SIZE[0] // 2, SIZE[1] // 2)
-        assert recording.max_grey == 65535  # stated by the files, although these are dark
+        assert recording.max_grey == 65535  # stated by the files, although the images are dark
 
     def test_images_that_need_too_much_memory_are_refused(self, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(frame, "MAX_DECODED_BYTES", 1000)

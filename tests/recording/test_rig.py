@@ -1,4 +1,4 @@
-"""Several cameras of one rig, each a recording of its own."""
+"""Several cameras of one rig, each as a separate recording."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Frames from the messages of a ROS driver."""
+"""Frames from a ROS driver's messages."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from ospc.recording.options import ReadingOptions
 
 
 class Message(SimpleNamespace):
-    """As rclpy makes messages."""
+    """Behaves like a message of rclpy."""
 
     def get_fields_and_field_types(self) -> dict[str, str]:
         return dict.fromkeys(vars(self), "float64")

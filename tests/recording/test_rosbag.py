@@ -1,4 +1,4 @@
-"""Bags of both ROS, in every container, by writers that know nothing of each other."""
+"""ROS 1 and ROS 2 bags in every container, written by independent packages."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One recording written in every format: the same frames from each, and so the same calibration."""
+"""One recording in every format: each gives the same frames, and therefore the same calibration."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ SIZE = (160, 120)
 
 @dataclass(frozen=True)
 class Filmed:
-    """What is written: images that survive JPEG, for photographs are nothing else."""
+    """The content to write: images that survive JPEG compression, because photographs are JPEGs."""
 
     jpegs: list[bytes]
     images: list[Image]
@@ -54,7 +54,7 @@ class Filmed:
 
 @cache
 def filmed(frames: int) -> Filmed:
-    """Return eight images again and again, of four exposures in turn."""
+    """Return frames that cycle through eight images and four exposures."""
     noise = np.random.default_rng(0).integers(0, 255, (8, 6, 8), np.uint8)
     jpegs = [encoded(cv2.resize(part, SIZE), ".jpg") for part in noise]
     decoded = [cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_GRAYSCALE) for jpeg in jpegs]
@@ -111,7 +111,7 @@ def euroc(place: Path, filmed: Filmed) -> Path:
 
 
 def image_folder(place: Path, filmed: Filmed) -> Path:
-    """Times at half of their length, in µs, and the other half as a gain of 2, in dB."""
+    """Write each exposure as half its time in µs, with a gain of 2 in dB."""
     _put_images(place, filmed)
     rows = "".join(f"{i:05d}.png,{i * 0.05},{ms * 500!r},{20 * math.log10(2)!r}\n" for i, ms in enumerate(filmed.ms))
     (place / "exposures.csv").write_text("file,timestamp_s,exposure_us,gain_db\n" + rows)
@@ -119,7 +119,7 @@ def image_folder(place: Path, filmed: Filmed) -> Path:
 
 
 def deep_images(place: Path, filmed: Filmed) -> Path:
-    """Images of 16 bit whose grey values are left-aligned."""
+    """Write 16-bit images with left-aligned grey values."""
     place.mkdir()
     for i, image in enumerate(filmed.images):
         (place / f"{i}.png").write_bytes(encoded(image.astype(np.uint16) << 8))
@@ -143,7 +143,7 @@ def exposure_folders(place: Path, filmed: Filmed) -> Path:
 
 
 def photographs(place: Path, filmed: Filmed) -> Path:
-    """Times that are quarters of the exposures, at ISO 400."""
+    """Write each exposure as a quarter of its time, at ISO 400."""
     pytest.importorskip("exifread", reason="needs the extra 'exif'")
     place.mkdir()
     for i, (jpeg, ms) in enumerate(zip(filmed.jpegs, filmed.ms, strict=True)):
@@ -236,7 +236,7 @@ def test_a_field_and_unit_named_by_the_user(tmp_path: Path) -> None:
 
 
 def assert_same(recording: Recording) -> None:
-    """Assert that a recording shows what was filmed, whichever way its frames are asked for."""
+    """Assert that a recording has the filmed images and exposures."""
     expected = filmed(16)
     read = list(recording)
     assert [frame.index for frame in read] == list(range(16))

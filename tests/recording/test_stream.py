@@ -1,4 +1,4 @@
-"""Frames from any iterable, and from cameras that film."""
+"""Frames from any iterable and from live cameras."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ def test_a_generator_gives_the_calibration_of_the_recording() -> None:
 
 
 class Capture:
-    """Behaves like cv2.VideoCapture of a camera."""
+    """Behaves like cv2.VideoCapture with a camera."""
 
     def __init__(self, driver: str, states: list[tuple[float, float]], channels: int = 3) -> None:
         self.driver, self.states, self.channels = driver, states, channels
@@ -164,7 +164,7 @@ class TestOpenCv:
 
 
 def _realsense() -> Any:
-    """The vendor's library; it needs libusb, which the package libusb-package brings where the system does not."""
+    """Return the vendor's library; it needs libusb, from the package libusb-package if the system has none."""
     found = find_spec("libusb_package")
     for place in (found.submodule_search_locations or []) if found is not None else []:
         for library in Path(place).glob("libusb-1.0.so*"):
@@ -179,7 +179,7 @@ def _realsense() -> Any:
 
 
 def software_camera(rs: Any) -> tuple[Any, Any, Any]:
-    """The vendor's pretended device, its sensor, and the profile of its infrared stream."""
+    """Return the vendor's software device, its sensor and the profile of its infrared stream."""
     device = rs.software_device()
     sensor = device.add_sensor("Stereo Module")
     stream = rs.video_stream()
@@ -190,7 +190,7 @@ def software_camera(rs: Any) -> tuple[Any, Any, Any]:
 
 
 def send(rs: Any, sensor: Any, profile: Any, frames: int, pause_s: float = 0.0) -> None:
-    """Frames of 3, 6, 12 … ms, half of each a gain of two."""
+    """Send frames of 3, 6, 12 … ms, each as half its exposure time with a gain of 2."""
     for i in range(frames):
         sensor.set_metadata(rs.frame_metadata_value.actual_exposure, 1500 * 2**i)
         sensor.set_metadata(rs.frame_metadata_value.gain_level, 32)
@@ -217,7 +217,7 @@ class TestRealSense:
         send(rs, sensor, profile, 4, pause_s=0.05)
         recorded.stop()
         recorded.close()
-        # The file is closed when nothing holds the recorder any more.
+        # The file is closed once nothing references the recorder.
         del recorded, recorder, sensor, device
         gc.collect()
         with open_camera(f"realsense:{path}") as camera:
@@ -277,7 +277,7 @@ class TestRealSense:
 
 
 class Oak:
-    """Behaves like the documented part of DepthAI 3."""
+    """Behaves like the documented interface of DepthAI 3."""
 
     def __init__(self, exposures_us: list[int], iso: int) -> None:
         self.waiting = [self.frame(i, us, iso) for i, us in enumerate(exposures_us)]

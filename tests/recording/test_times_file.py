@@ -1,4 +1,4 @@
-"""times.txt: what is read, and that anything else is an error that names the line."""
+"""times.txt: valid lines are read, and anything else is an error that names the line."""
 
 from __future__ import annotations
 

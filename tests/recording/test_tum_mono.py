@@ -1,4 +1,4 @@
-"""Folders with images/ or images.zip beside times.txt."""
+"""Folders with times.txt and images/ or images.zip."""
 
 from __future__ import annotations
 
@@ -203,7 +203,7 @@ UNREADABLE = {
 }
 
 
-# The first readable frame says what size and depth the recording has, so it cannot be of another.
+# The first readable frame defines the recording's size and depth, so it cannot have others.
 CASES = [(case, place) for case in UNREADABLE for place in (0, 1) if place or not case.startswith("another")]
 
 

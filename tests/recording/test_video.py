@@ -1,4 +1,4 @@
-"""Videos with a list of exposures beside them."""
+"""Videos with a list of exposures."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ SIZE = (64, 48)
 
 
 def write_video(path: Path, frames: int = 6) -> None:
-    """A lossless video of noise."""
+    """Write a lossless video of noise."""
     code = cv2.VideoWriter.fourcc(*"FFV1")
     writer = cv2.VideoWriter(str(path), cv2.CAP_FFMPEG, code, 25.0, SIZE, [cv2.VIDEOWRITER_PROP_IS_COLOR, 0])
     if not writer.isOpened():
@@ -34,7 +34,7 @@ def write_video(path: Path, frames: int = 6) -> None:
 
 @pytest.fixture
 def video(tmp_path: Path) -> Callable[..., Path]:
-    """Make a video with the given text files beside it."""
+    """Make a video with the given text files next to it."""
 
     def make(files: dict[str, str] | None = None, name: str = "walk.mkv", frames: int = 6) -> Path:
         write_video(tmp_path / name, frames)

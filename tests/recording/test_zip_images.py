@@ -1,4 +1,4 @@
-"""Archives of images: hostile and damaged ones are refused, nothing is written to disk."""
+"""Archives of images: hostile and damaged ones are refused, and nothing is written to disk."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ def test_too_many_members_are_refused(tum_archive: Make, monkeypatch: pytest.Mon
 def test_a_member_that_lies_about_its_size_is_an_unreadable_frame(tum_archive: Make) -> None:
     place = tum_archive({"00000.png": PNG, "00001.png": bytes(5_000_000)}, "00000 1 1\n00001 2 1\n", 8)
     archive = place / "images.zip"
-    # Both headers of the second member state a small size: only its checksum can tell.
+    # Both headers of the second member state a small size; only its checksum reveals the error.
     archive.write_bytes(archive.read_bytes().replace((5_000_000).to_bytes(4, "little"), (500).to_bytes(4, "little")))
     frames = list(open_recording(place))
     with pytest.raises(FrameError, match=r"images\.zip/00001\.png"):
