@@ -1,4 +1,4 @@
-"""Recordings of a wall by a static camera at different exposures, with known grey values."""
+"""Recordings of a wall by a static camera with different exposures and known grey values."""
 
 from __future__ import annotations
 
@@ -42,7 +42,6 @@ def coverage(*, still=False, residuals=True):
 
 
 def calibration(**changes):
-    """Return the calibration of this camera."""
     pairs = np.stack([np.arange(11), np.arange(11) + 1], axis=1)
     k = np.geomspace(0.5, 2, 11)
     sigma = 0.02 * np.sin(np.pi * RESPONSE.levels)

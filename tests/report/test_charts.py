@@ -76,7 +76,7 @@ def test_outliers_with_few_samples_do_not_affect_the_axis_limits():
 
 
 def test_the_median_ratio_in_the_chart_matches_that_in_the_text():
-    """Both are over the same pairs, including those with few samples."""
+    """Both include pairs with few samples."""
     n = 21
     metadata = np.geomspace(0.5, 2, n)
     samples = np.where(np.arange(n) < 5, 4, 200)
@@ -93,7 +93,7 @@ def test_the_median_ratio_in_the_chart_matches_that_in_the_text():
 def test_exposures_from_images_follow_the_true_exposures():
     true_ms = np.geomspace(1, 4, 30)
     stated_ms = true_ms.copy()
-    stated_ms[20] = 9.0  # not what the images show
+    stated_ms[20] = 9.0  # contradicts the images
     frames = np.array([[i, i + d] for d in (1, 2, 3) for i in range(30 - d) if i != 20])
     k = stated_ms[frames[:, 0]] / stated_ms[frames[:, 1]]
     ratios = ExposureRatios(frames, k, true_ms[frames[:, 0]] / true_ms[frames[:, 1]], np.full(len(frames), 100))

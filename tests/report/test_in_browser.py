@@ -1,4 +1,4 @@
-"""The report in a real browser: no requests, no errors, nothing cut off, in light and dark mode, and printed."""
+"""The report in a real browser: no requests, errors or cut-off content, in light and dark mode and printed."""
 
 from __future__ import annotations
 

@@ -70,7 +70,7 @@ def test_the_page_needs_no_other_resources(report):
     outline = Outline(report)
     assert all(source.startswith(("data:image/", "#")) for source in outline.sources)
     assert "<script" not in report
-    assert set(re.findall(r"url\((.)", report)) == {"#"}  # clip paths
+    assert set(re.findall(r"url\((.)", report)) == {"#"}  # for clip paths
     assert "http" not in report.replace("http-equiv", "")
 
 
@@ -91,7 +91,7 @@ def test_the_summary_comes_first(report):
 
 @pytest.fixture
 def undrawn(monkeypatch):
-    """Leave out the charts, which take most of the time and contain no tested text."""
+    """Leave out the charts, which take most of the time and contain no text to test."""
     monkeypatch.setattr("ospc.report.charts.chart_as_svg", lambda _chart: "")
 
 

@@ -1,4 +1,4 @@
-"""The report as PDF, with the known parts."""
+"""The report as a PDF with all known parts."""
 
 from __future__ import annotations
 
