@@ -1,4 +1,4 @@
-"""Work on a stream: in order, bounded, and without losing errors."""
+"""Threads process a stream in order, with a bounded number of items, and pass on errors."""
 
 from __future__ import annotations
 
