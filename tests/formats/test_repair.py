@@ -172,7 +172,7 @@ def test_real_files_are_mended(real_data, tmp_path):
     expected = {
         "dji_pcalib.txt": "0.664 %",
         "denguetim_pcalib.txt": "vis_exponent",
-        "tum_vi_pcalib_65536.txt": "resampled to 256",
+        "tum_vi_pcalib_65536.txt": "resampled 65536 values to 256",
         "tum_vi_vignette_fisheye_512.png": "16891 pixels",
         "tum_vi_times.txt": "32-bit integers",
     }

@@ -336,7 +336,7 @@ def test_vignette_without_response_is_noted(folder):
             "dso",
             [("note", "512x512"), ("warning", "16891 pixels of 0 in a surround"), ("warning", "209 pixels")],
         ),
-        ("tum_vi_times.txt", "dso", [("warning", "32 bits"), ("note", "5990 lines")]),
+        ("tum_vi_times.txt", "dso", [("warning", "32-bit integers"), ("note", "5990 lines")]),
         ("camera_narrow.txt", "dso", [("error", "line 3")]),
         ("camera_wide.txt", "mono", [("error", "without a name"), ("error", "line 3")]),
     ],

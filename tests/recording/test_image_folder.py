@@ -52,7 +52,7 @@ def test_units_come_from_the_header(opened: Open, header: str, exposure_ms: floa
     recording = opened({"exposures.csv": f"{header}\na.png,2\nb.png,4\nc.png,8\n"})
     assert recording.kind == "image_folder"
     assert recording.exposures_ms == pytest.approx([exposure_ms, 2 * exposure_ms, 4 * exposure_ms], rel=1e-12)
-    assert not any("taken as ms" in note for note in recording.notes)
+    assert not any("assumed to be in ms" in note for note in recording.notes)
 
 
 def test_a_missing_unit_is_stated_as_assumed(opened: Open) -> None:
@@ -264,7 +264,7 @@ def test_real_exposure_series(real_data: Path, name: str, frames: int, longest_m
 def test_real_auto_exposures_of_an_industrial_camera(real_data: Path) -> None:
     table = read_list(real_data / "params" / "fomo_basler_exposures.csv")
     assert (len(table), table.exposures_ms.min(), table.exposures_ms.max()) == (1692, 171, 516)
-    assert any("taken as ms" in note for note in table.notes)
+    assert any("assumed to be in ms" in note for note in table.notes)
     assert any("microseconds" in note for note in table.notes)
 
 
