@@ -153,7 +153,7 @@ def export(
     if program not in get_args(Program):
         raise SettingError(f"{program!r} is not a program; known: {', '.join(get_args(Program))}")
     chosen, place = settings or ExportSettings(), Path(out)
-    files_of(program, place)
+    files_of(program, place)  # refuses a wrong suffix
     if program in ("lensfun", "adobe"):
         return _to_lens_profile(photometry, program, place, chosen)
     if program == "hugin":

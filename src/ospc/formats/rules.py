@@ -77,11 +77,18 @@ class Broken:
     repair: Callable[[Any, Context], tuple[Any, str]] | None = None
 
 
-def mark_before(text: str, effect: str, repair: Callable[[Any, Context], tuple[Any, str]]) -> Iterator[Broken]:
-    """Yield a broken rule if a text begins with a byte order mark; ``repair`` removes the mark."""
+def mark_before(text: str, effect: str, document: Callable[[str], Document]) -> Iterator[Broken]:
+    """Yield a broken rule if a text begins with a byte order mark; the repair makes the document without it.
+
+    This must be the first rule, because its repair starts from the text as it was read.
+    """
+
+    def without(_document: Document, _context: Context) -> tuple[Document, str]:
+        return document(text.removeprefix(BYTE_ORDER_MARK)), "removed the byte order mark"
+
     if text.startswith(BYTE_ORDER_MARK):
         rule = "no byte order mark at the beginning; there is one"
-        yield Broken("error", rule, effect, _WITHOUT_MARK, repair)
+        yield Broken("error", rule, effect, _WITHOUT_MARK, without)
 
 
 @dataclass(frozen=True)

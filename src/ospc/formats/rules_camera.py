@@ -67,7 +67,7 @@ def input_size(text: str) -> ImageSize | None:
 
 
 def _about_the_mark(text: str, context: Context) -> Iterator[Broken]:
-    return mark_before(text, _BAD_LINE[context.program], _remove_mark)
+    return mark_before(text, _BAD_LINE[context.program], str)
 
 
 def _about_the_intrinsics(text: str, context: Context) -> Iterator[Broken]:
@@ -148,10 +148,6 @@ def _about_the_output_size(text: str, context: Context) -> Iterator[Broken]:
         yield Broken("error", rule, "prints that it will probably crash", remedy)
     elif width > _SMALL_SIDE and height > _SMALL_SIDE:
         yield Broken("warning", rule, "warns about too few pyramid levels and loses track sooner", remedy)
-
-
-def _remove_mark(text: str, _context: Context) -> tuple[str, str]:
-    return text.removeprefix(BYTE_ORDER_MARK), "removed the byte order mark"
 
 
 def _strip_lines(text: str, _context: Context) -> tuple[str, str]:

@@ -110,7 +110,7 @@ def _has_decimal_commas(line: str) -> bool:
 
 
 def _about_the_mark(table: PcalibText, _context: Context) -> Iterator[Broken]:
-    return mark_before(table.text, "stops reading there, after 0 values", _remove_mark)
+    return mark_before(table.text, "stops reading there, after 0 values", PcalibText)
 
 
 def _about_the_line(table: PcalibText, context: Context) -> Iterator[Broken]:
@@ -191,10 +191,6 @@ def _about_the_range(table: PcalibText, _context: Context) -> Iterator[Broken]:
         rule = f"values run from {values[0]:g} to {values[-1]:g}"
         effect = "shifts and scales them to 0..255, which loses a black level"
         yield Broken("note", rule, effect, repair=_scale_to_255)
-
-
-def _remove_mark(table: PcalibText, _context: Context) -> tuple[PcalibText, str]:
-    return PcalibText(table.text.removeprefix(BYTE_ORDER_MARK)), "removed the byte order mark"
 
 
 def _put_on_one_line(table: PcalibText, _context: Context) -> tuple[PcalibText, str]:

@@ -100,7 +100,7 @@ def _neighbour_filled(exposures_ms: FloatArray) -> FloatArray:
 
 def _about_the_mark(times: TimesText, context: Context) -> Iterator[Broken]:
     effect = f"silently skips the first line; then the counts differ and it {_LOST[context.program]}"
-    return mark_before(times.text, effect, _remove_mark)
+    return mark_before(times.text, effect, TimesText)
 
 
 def _about_the_lines(times: TimesText, _context: Context) -> Iterator[Broken]:
@@ -198,10 +198,6 @@ def _about_the_stamps(times: TimesText, _context: Context) -> Iterator[Broken]:
         rule = f"time stamps are in seconds; they advance by {median:g}, as if they were in milli- or nanoseconds"
         effect = "cannot play images in real time, and its trajectory cannot be matched with a ground truth"
         yield Broken("warning", rule, effect, "convert them")
-
-
-def _remove_mark(times: TimesText, _context: Context) -> tuple[TimesText, str]:
-    return TimesText(times.text.removeprefix(BYTE_ORDER_MARK)), "removed the byte order mark"
 
 
 def _separate_by_spaces(times: TimesText, _context: Context) -> tuple[TimesText, str]:

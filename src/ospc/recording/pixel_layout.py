@@ -9,7 +9,7 @@ import numpy as np
 
 from ospc.arrays import FloatArray, Image, ImageSize
 from ospc.errors import FrameError, RecordingError, SettingError
-from ospc.recording.channel import Channel, Mosaic, find_mosaic
+from ospc.recording.channel import DEFAULT_CHANNEL, Channel, Mosaic, find_mosaic
 from ospc.recording.frame import check_size, size_of
 from ospc.recording.options import ReadingOptions
 
@@ -173,7 +173,7 @@ def find_layout(
             "images look like a Bayer mosaic, whose colours have different responses; choose one with --channel"
         )
         return layout, notes
-    channel = wanted or Channel.GREEN
+    channel = wanted or DEFAULT_CHANNEL
     if channel is not Channel.GREEN and not mosaic.complete:
         raise SettingError(
             f"{place}: the position of {channel.value} in the Bayer mosaic is unknown; state the pattern with "
