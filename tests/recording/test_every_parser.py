@@ -30,7 +30,7 @@ PARSERS = {
     "formats/hugin.py": ["hugin .pto", "emor.txt"],
     "formats/lens_profiles.py": ["Adobe .lcp", "lensfun .xml"],
     "formats/opencv.py": ["OpenCV .yml"],
-    "formats/png.py": ["vignette.png"],
+    "formats/image_files.py": ["vignette.png"],
     "formats/rules_camera.py": ["validate camera.txt"],
     "formats/rules_pcalib.py": ["pcalib.txt", "validate pcalib.txt"],
     "formats/rules_times.py": ["validate times.txt"],

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import Any, NamedTuple
 
-import cv2
 import numpy as np
 import numpy.typing as npt
 
@@ -19,6 +18,7 @@ from ospc.atomic import write_atomically
 from ospc.errors import OspcError, SettingError, os_error_as
 from ospc.folders import check_usable
 from ospc.formats.files import json_object, read_bytes, read_text, write_bytes, write_text
+from ospc.formats.image_files import encoded
 from ospc.formats.image_header import with_metadata
 
 NOTE = "correction.json"
@@ -31,16 +31,8 @@ _DONE = "written.txt"
 
 _PARAMETERS = ("pcalib.txt", "pcalib_16bit.txt", "vignette.png")
 _GEOMETRY = ("camera.txt", "groundtruthSync.txt")
-
-_ENCODING = {
-    ".png": [cv2.IMWRITE_PNG_COMPRESSION, 1],
-    ".tif": [cv2.IMWRITE_TIFF_COMPRESSION, 1],
-    ".tiff": [cv2.IMWRITE_TIFF_COMPRESSION, 1],
-    ".jpg": [cv2.IMWRITE_JPEG_QUALITY, 97],
-    ".jpeg": [cv2.IMWRITE_JPEG_QUALITY, 97],
-}
-"""PNG: higher zlib levels take several times as long for files a few per cent smaller. TIFF: 1 means uncompressed.
-JPEG: the quantisation error is about one grey level."""
+_PNG_COMPRESSION = 1
+"""The fastest level of zlib that uses its usual strategy."""
 
 
 class Counts(NamedTuple):
@@ -105,12 +97,9 @@ class CorrectedFolder:
         ``modified_ns`` becomes the modification time of the file; None for the current time.
         """
         place = self._place(name)
-        suffix = name.suffix.lower()
-        done, coded = cv2.imencode(suffix, image, _ENCODING.get(suffix, []))
-        if not done:
-            raise SettingError(f"{place}: the image cannot be encoded")
+        data = encoded(image, name.suffix.lower(), str(place), png_compression=_PNG_COMPRESSION)
         with _writing(place):
-            write_atomically(place, with_metadata(coded.tobytes(), original), durable=False)
+            write_atomically(place, with_metadata(data, original), durable=False)
             if modified_ns is not None:
                 os.utime(place, ns=(modified_ns, modified_ns))
 

@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from ospc.errors import ExposureError, FormatError, SettingError
 from ospc.formats.files import read_text, write_text
-from ospc.formats.png import read_png, write_png
+from ospc.formats.image_files import read_png, write_png
 from ospc.formats.rules import Context
 from ospc.formats.rules_pcalib import FEWEST_VALUES, MOST_VALUES, PCALIB, PcalibText, table_text
 from ospc.photometry.response import Response

@@ -9,7 +9,7 @@ import numpy as np
 
 from ospc.arrays import BoolArray, Image, ImageSize
 from ospc.errors import FormatError, counted
-from ospc.formats.png import read_png, write_png
+from ospc.formats.image_files import read_png, write_png
 from ospc.formats.resize import resampled, same_aspect
 from ospc.formats.rules import UNCORRECTED, Broken, Context, Format
 

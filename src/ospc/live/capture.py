@@ -13,6 +13,7 @@ import numpy as np
 
 from ospc.arrays import FloatArray, IntArray
 from ospc.errors import FrameError
+from ospc.formats.image_files import encoded
 from ospc.live.advice import Instruction
 from ospc.live.calibrator import LiveCalibrator, in_memory
 from ospc.live.knowledge import GOAL
@@ -182,8 +183,7 @@ class Capture:
         scale = min(1.0, _PICTURE_PX / max(image.shape))
         if scale < 1:
             image = cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
-        done, stored = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, _JPEG])
-        return stored.tobytes() if done else None
+        return encoded(image, ".jpg", frame.name, jpeg_quality=_JPEG)
 
 
 def replayed(frames: Iterable[Frame], pace: float) -> Iterator[Frame]:

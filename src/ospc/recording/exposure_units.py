@@ -110,23 +110,14 @@ def infer_unit(exposures: npt.ArrayLike, interval_ms: float | None, source: str)
     )
 
 
-_STAMP_UNITS_S = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "μs": 1e-6, "ns": 1e-9}
-"""Units of time stamps, in seconds."""
-
 _UNITS = {unit.value: unit for unit in ExposureUnit} | {
-    "sec": ExposureUnit.S,
-    "µs": ExposureUnit.US,
-    "μs": ExposureUnit.US,
+    **dict.fromkeys(("sec", "second"), ExposureUnit.S),
+    **dict.fromkeys(("msec", "millisecond"), ExposureUnit.MS),
+    **dict.fromkeys(("µs", "μs", "usec", "microsecond"), ExposureUnit.US),
+    "nanosecond": ExposureUnit.NS,
     "100µs": ExposureUnit.US100,
 }
-_LONG_UNITS = {
-    "second": "s",
-    "millisecond": "ms",
-    "msec": "ms",
-    "microsecond": "us",
-    "usec": "us",
-    "nanosecond": "ns",
-}
+"""Units of exposures and time stamps by their spelling, in lower case and without a plural."""
 
 # Words for each meaning; columns that match an earlier group take precedence over later groups.
 _EXPOSURE_WORDS = (("exposure", "exposuretime"), ("shutter", "shuttertime", "exptime", "integrationtime"))
@@ -175,7 +166,8 @@ def name_columns(header: Sequence[str], place: str) -> Columns:
         word, unit = parsed[i]
         gain_unit = GainUnit.ISO if word == "iso" else GainUnit.DB if unit == "db" else GainUnit.LINEAR
         gains.append((i, header[i], gain_unit))
-    to_s = 1.0 if stamp is None else _STAMP_UNITS_S.get(parsed[stamp][1], 1.0)
+    stamp_unit = None if stamp is None else _UNITS.get(parsed[stamp][1])
+    to_s = 1.0 if stamp_unit is None else 1e-3 * float(stamp_unit.to_ms(1.0))
     said = ", ".join(f"{quoted(name)} ({gain_unit.value})" for _, name, gain_unit in gains)
     notes = (f"exposures are multiplied by the gain in {said}",) if gains else ()
     return Columns(len(header), image, stamp, exposure, tuple(gains), _UNITS.get(parsed[exposure][1]), to_s, notes)
@@ -185,10 +177,9 @@ def _word_and_unit(name: str) -> tuple[str, str]:
     """Split ``Exposure Time [us]``, ``exposure_time_us`` or ``exposure(us)`` into word and unit."""
     plain = re.sub(r"log2[\s_(\[]*s(?=\W|$)", "log2s", name.strip().lower())
     words = [word for word in re.split(r"[\s_\-\[\](){}#:./]+", plain) if word]
-    last = words[-1].rstrip("s") if words else ""
-    unit = words[-1] if words and words[-1] in (*_UNITS, "db") else _LONG_UNITS.get(last, "")
-    if unit and len(words) > 1:
-        return "".join(words[:-1]), _LONG_UNITS.get(last, unit)
+    for unit in (words[-1], words[-1].rstrip("s")) if len(words) > 1 else ():
+        if unit in (*_UNITS, "db"):
+            return "".join(words[:-1]), unit
     return "".join(words), ""
 
 

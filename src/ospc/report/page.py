@@ -8,10 +8,9 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-import cv2
-
 from ospc.arrays import Image
 from ospc.formats.files import write_bytes
+from ospc.formats.image_files import encoded
 from ospc.photometry.calibration import Verdict
 from ospc.report.charts import Chart, Findings, charts_as_svg
 from ospc.report.examples import NOTHING_TRIED, Examples, Pictures
@@ -89,8 +88,8 @@ def _pictures(scene: Pictures) -> Html:
 
 
 def _as_jpeg(image: Image) -> str:
-    _done, encoded = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])
-    return f"data:image/jpeg;base64,{base64.b64encode(encoded.tobytes()).decode('ascii')}"
+    data = encoded(image, ".jpg", "picture", jpeg_quality=_JPEG_QUALITY)
+    return f"data:image/jpeg;base64,{base64.b64encode(data).decode('ascii')}"
 
 
 def _figures(rows: tuple[tuple[str, str, str, str], ...]) -> Html:

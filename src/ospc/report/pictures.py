@@ -11,7 +11,7 @@ import numpy as np
 
 from ospc.arrays import Image
 from ospc.errors import counted
-from ospc.formats.png import as_png
+from ospc.formats.image_files import encoded
 from ospc.photometry.calibration import PROFILE_RADII, Calibration
 from ospc.photometry.vignette import diagonal_profile
 from ospc.report.charts import Findings
@@ -77,7 +77,7 @@ def pictures_of(findings: Findings) -> dict[str, Image]:
 
 def pictures_as_png(findings: Findings) -> dict[str, bytes]:
     """Return the same pictures as PNG data."""
-    return {name: as_png(picture, name) for name, picture in pictures_of(findings).items()}
+    return {name: encoded(picture, ".png", name) for name, picture in pictures_of(findings).items()}
 
 
 def words_around(calibration: Calibration, width_in: float, height_in: float) -> Any:

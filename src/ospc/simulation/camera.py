@@ -14,9 +14,10 @@ import numpy as np
 from ospc.arrays import Float32Array, Image
 from ospc.errors import SettingError, os_error_as
 from ospc.formats.dso import write_pcalib, write_vignette
+from ospc.formats.image_files import encoded
 from ospc.photometry.response import Response
 from ospc.recording.frame import Frame
-from ospc.recording.writing.images import NumberedImages, encoded
+from ospc.recording.writing.images import NumberedImages
 from ospc.simulation.motion import Motion
 from ospc.simulation.rendering import radiance
 from ospc.simulation.scene import Scene
@@ -176,7 +177,7 @@ def simulate(
         with NumberedImages(place, settings.frames, archive=settings.archive) as images:
             for index, image in enumerate(exposed_images(Scene.of(settings), known, settings.seed)):
                 name, quality = f"image {index}", settings.jpg_quality
-                data = encoded(image, settings.image_format, name, png_compression=None, jpg_quality=quality)
+                data = encoded(image, f".{settings.image_format}", name, jpeg_quality=quality)
                 images.write(index, data)
                 progress(index + 1, settings.frames)
     return SimulatedRecording(**vars(known), path=place)

@@ -18,6 +18,7 @@ from ospc.folders import check_usable
 from ospc.formats.dso import write_times
 from ospc.formats.files import read_text, write_text
 from ospc.formats.rules_camera import input_size
+from ospc.formats.scanning import STREAM_NUMBER
 from ospc.formats.validation import validate
 from ospc.recording.euroc import FIRST_CAMERA
 from ospc.recording.recording import Recording
@@ -31,7 +32,6 @@ _MULTIPLE = 16
 """The sides of rectified images must be multiples of this, because DSO halves them several times."""
 
 _MODELS = {"radial-tangential": "RadTan", "radtan": "RadTan", "equidistant": "EquiDistant", "equi": "EquiDistant"}
-_NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
 
 
 def camera_text(recording: Recording) -> tuple[str | None, list[str]]:
@@ -89,7 +89,7 @@ def _numbers(text: str, name: str, source: Path) -> list[float]:
     found = re.search(rf"^\s*{name}:\s*\[([^\]\n]{{0,400}})\]", text, re.MULTILINE)
     if found is None:
         raise FormatError(f"{source}: has no line '{name}: […]'")
-    values = [float(number) for number in _NUMBER.findall(found[1])]
+    values = [float(number) for number in STREAM_NUMBER.findall(found[1])]
     if not all(math.isfinite(value) for value in values):
         raise FormatError(f"{source}: '{name}' has a number that is not finite")
     return values

@@ -8,12 +8,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-import cv2
 import numpy as np
 
-from ospc.arrays import Image
-from ospc.errors import FrameError, RecordingError, SettingError, os_error_as
+from ospc.errors import RecordingError, SettingError, os_error_as
 from ospc.formats.dso import write_times
+from ospc.formats.image_files import encoded
 from ospc.formats.image_header import JPEG_START, PNG_SIGNATURE, read_header
 from ospc.recording.channel import Channel
 from ospc.recording.derived import innermost
@@ -24,10 +23,8 @@ from ospc.recording.recording import Recording
 ImageFormat = Literal["png", "jpg"]
 
 _PNG_COMPRESSION = 3
-"""zlib level from 0 to 9: higher levels take several times as long for files a few per cent smaller."""
+"""zlib level: higher ones take several times as long for files a few per cent smaller."""
 
-_JPEG_QUALITY = 97
-"""JPEG quality with a quantisation error of about one grey value."""
 
 _EXIF_WITHIN = 65536
 """Number of bytes at the start of a JPEG that may contain its EXIF segment."""
@@ -104,29 +101,7 @@ def encode(frame: Frame, image_format: ImageFormat) -> bytes:
     if image.dtype != np.uint8:
         only_8_bit = image_format == "jpg" or bits == 8
         image = (image >> (bits - 8)).astype(np.uint8) if only_8_bit else np.left_shift(image, 16 - bits)
-    return encoded(image, image_format, frame.name)
-
-
-def encoded(
-    image: Image,
-    image_format: ImageFormat,
-    name: str,
-    *,
-    png_compression: int | None = _PNG_COMPRESSION,
-    jpg_quality: int = _JPEG_QUALITY,
-) -> bytes:
-    """Return the file of an image, called ``name`` in messages; FrameError if it cannot be encoded.
-
-    ``png_compression`` is the zlib level. None uses run-length encoding, which is fastest and best for noisy images.
-    """
-    options = {
-        "png": [] if png_compression is None else [cv2.IMWRITE_PNG_COMPRESSION, png_compression],
-        "jpg": [cv2.IMWRITE_JPEG_QUALITY, jpg_quality],
-    }[image_format]
-    done, data = cv2.imencode(f".{image_format}", image, options)
-    if not done:
-        raise FrameError(f"{name}: the image cannot be encoded as {image_format}; choose another format")
-    return bytes(data)
+    return encoded(image, f".{image_format}", frame.name, png_compression=_PNG_COMPRESSION)
 
 
 def encoding_notes(recording: Recording, number: int, image_format: ImageFormat | None) -> list[str]:

@@ -18,9 +18,9 @@ import cv2
 import numpy as np
 
 from ospc.arrays import Image, ImageSize
+from ospc.formats.image_files import encoded
 from ospc.recording import Frame
 from ospc.recording.image_source import decode_grey
-from ospc.recording.writing.images import encoded
 
 _DISTINCT, _QUALITY = 150, 92
 """Frames simulated and then repeated, because more would cost time and memory; JPEG quality of common cameras."""
@@ -44,7 +44,7 @@ class Reel:
         settings = SimulationSettings(size=size, frames=distinct, seed=_SEED, response="srgb", moving_objects=4)
         images, exposures_ms = [], []
         for frame in frames(settings):
-            images.append(encoded(frame.image, "jpg", frame.name, jpg_quality=_QUALITY))
+            images.append(encoded(frame.image, ".jpg", frame.name, jpeg_quality=_QUALITY))
             exposures_ms.append(frame.exposure_ms)
         return cls(tuple(images), tuple(exposures_ms))
 
