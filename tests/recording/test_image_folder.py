@@ -75,6 +75,14 @@ def test_a_commented_header_counts(opened: Open) -> None:
     assert recording.notes == ()
 
 
+@pytest.mark.parametrize(
+    ("unit", "unit_s"), [("s", 1.0), ("msec", 1e-3), ("µs", 1e-6), ("nanoseconds", 1e-9), ("100us", 1e-4)]
+)
+def test_time_stamps_may_have_the_units_of_exposures(opened: Open, unit: str, unit_s: float) -> None:
+    recording = opened({"exposures.csv": f"file,time_{unit},exposure_ms\na.png,1,1\nb.png,3,2\nc.png,4,4\n"})
+    assert recording.stamps_s == pytest.approx([unit_s, 3 * unit_s, 4 * unit_s], rel=1e-12)
+
+
 def test_columns_may_come_in_any_order_among_others(opened: Open) -> None:
     text = "brightness\texposure_us\tcomment\tfile\ttimestamp_ms\n1\t1000\tx\tc.png\t10\n1\t2000\tx\ta.png\t20\n"
     recording = opened({"exposures.csv": text}, ("a.png", "c.png"))
