@@ -43,6 +43,10 @@ def test_everything_known_is_written_in_formats_that_read_back(tmp_path, recordi
     assert Calibration.load(out).verdicts == known.verdicts
 
 
+def test_without_a_recording_and_times_there_are_no_exposures_to_draw(tmp_path):
+    assert OutputFolder.at(tmp_path).findings(calibration()).exposures_ms is None
+
+
 @pytest.mark.parametrize("bits", [10, 12, 16])
 def test_deep_images_get_a_table_with_one_value_a_grey_level(tmp_path, bits):
     OutputFolder.at(tmp_path).write(calibration(max_grey=2**bits - 1))
@@ -57,6 +61,7 @@ def test_what_is_unknown_is_not_written_and_does_not_remain_from_before(tmp_path
     lacking = calibration(**{part: False})
     folder = OutputFolder.at(tmp_path)
     folder.write(lacking, recording)
+    assert folder.findings(lacking).exposures_ms == pytest.approx(recording.exposures_ms)
     folder.draw(folder.findings(lacking))
     gone = {"response": {"pcalib.txt", "plot_response.png"}, "vignette": {"vignette.png", "plot_vignette.png"}}[part]
     absent = gone | {"pcalib_16bit.txt", "calibration.vignette.npz", CAVEAT}

@@ -30,11 +30,6 @@ __all__ = ["OnlineCalibrator", "Status", "calibrate", "drive", "remaining"]
 class OnlineCalibrator(Engine):
     """Calibrates a camera frame by frame in bounded memory. Its state can be saved to a file and loaded again.
 
-    Attributes
-    ----------
-    saved_by
-        Versions of the software that saved the loaded state; empty for a new calibrator.
-
     Examples
     --------
     >>> calibrator = OnlineCalibrator()
@@ -42,10 +37,6 @@ class OnlineCalibrator(Engine):
     ...     calibrator.push(frame)
     >>> calibrator.calibration().save("calibration.json")  # doctest: +SKIP
     """
-
-    def __init__(self, settings: Settings | str = "default", *, correct_lag: LagChoice = "auto") -> None:
-        super().__init__(settings, correct_lag=correct_lag)
-        self.saved_by: dict[str, Any] = {}
 
     @classmethod
     def of(

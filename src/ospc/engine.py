@@ -69,6 +69,8 @@ class Engine:
     ----------
     source
         Identification of the recording, saved in states; empty for a live camera.
+    saved_by
+        Versions of the software that saved the loaded state; empty for a new calibrator.
     prior
         An earlier calibration of the camera, or None. It is used as a prior as long as it agrees with the frames.
         It is not saved in states.
@@ -81,6 +83,7 @@ class Engine:
     def __init__(self, settings: Settings | str = "default", *, correct_lag: LagChoice = "auto") -> None:
         self.settings = preset(settings) if isinstance(settings, str) else settings
         self.source: dict[str, Any] = {}
+        self.saved_by: dict[str, Any] = {}
         self.prior: PriorCalibration | None = None
         self.pixels = PixelStatistics()
         self._lock = RLock()

@@ -73,24 +73,16 @@ class NotObservableError(OspcError):
 
 
 class MissingExtraError(OspcError):
-    """A feature needs an optional dependency, which an extra of this package installs.
-
-    ``feature`` is the subject of the message.
-    """
-
-    def __init__(self, feature: str, extra: str) -> None:
-        super().__init__(f"{feature} needs an optional dependency: pip install 'ospc[{extra}]'")
-        self.feature = feature
-        self.extra = extra
+    """A feature needs an optional dependency, which an extra of this package installs."""
 
 
 @contextmanager
 def needs_extra(feature: str, extra: str) -> Iterator[None]:
-    """Turn an ImportError into a :class:`MissingExtraError`."""
+    """Turn an ImportError into a :class:`MissingExtraError`; ``feature`` is the subject of its message."""
     try:
         yield
     except ImportError:
-        raise MissingExtraError(feature, extra) from None
+        raise MissingExtraError(f"{feature} needs an optional dependency: pip install 'ospc[{extra}]'") from None
 
 
 @contextmanager

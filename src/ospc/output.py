@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
@@ -16,9 +17,10 @@ from ospc.formats.opening import Photometry
 from ospc.photometry.calibration import Calibration
 from ospc.photometry.vignette import RasterVignette
 from ospc.recording import Recording
+from ospc.recording.exposure_lists import read_times
 from ospc.report.charts import Findings
 from ospc.report.drawing import Drawn
-from ospc.report.examples import NOTHING_TRIED, examples_of, exposures_beside
+from ospc.report.examples import NOTHING_TRIED, examples_of
 from ospc.report.page import write_page
 from ospc.report.pdf import write_pdf
 from ospc.report.pictures import PICTURES, pictures_as_png
@@ -114,7 +116,10 @@ class OutputFolder:
         self, calibration: Calibration, recording: Recording | None = None, truth: Photometry | None = None
     ) -> Findings:
         """Return the findings to draw, with the exposures of a recording or of times.txt, and a reference."""
-        exposures_ms = exposures_beside(self.path) if recording is None else recording.exposures_ms
+        exposures_ms = None if recording is None else recording.exposures_ms
+        if recording is None:
+            with suppress(OspcError):
+                exposures_ms = read_times(self.path / "times.txt").exposures_ms
         return Findings(calibration, exposures_ms, truth)
 
     def draw(

@@ -7,7 +7,6 @@ every point of radiance L, where s is the scale of the camera.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import combinations
@@ -22,7 +21,7 @@ from scipy.sparse.csgraph import connected_components
 from ospc.arrays import BoolArray, Float32Array, FloatArray, IntArray, nearest
 from ospc.correspondence.features import Features, SiftExtractor, match
 from ospc.errors import NotObservableError
-from ospc.formats.files import write_text
+from ospc.formats.files import json_text, write_text
 from ospc.photometry.calibration import Calibration
 from ospc.recording import Frame, Recording
 from ospc.recording.stream import usable_frames
@@ -122,7 +121,7 @@ class RigScale:
 
     def save(self, path: str | Path) -> Path:
         """Write a JSON file atomically and return its path; FormatError if that fails."""
-        return write_text(path, json.dumps(self.as_dict(), indent=1, allow_nan=False) + "\n")
+        return write_text(path, json_text(self.as_dict()) + "\n")
 
 
 def rig_scale(recordings: Mapping[str, Recording], calibrations: Mapping[str, Calibration]) -> RigScale:

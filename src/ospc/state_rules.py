@@ -33,7 +33,6 @@ from ospc.exposures.monitor import ExposureMonitorState
 from ospc.methods.change_detection import Baseline, ChangeDetector
 from ospc.methods.maximum_likelihood_state import MaximumLikelihoodState
 from ospc.methods.prediction_errors import PairErrors
-from ospc.observations import MOMENTS
 from ospc.photometry.geometry import MOST_PIXELS
 from ospc.photometry.grey_range import GreyRange
 from ospc.photometry.noise import NoiseModel
@@ -348,8 +347,6 @@ def _check_reservoir(found: Reservoir, frames: int, settings: DefaultSettings) -
     _require(kept.frame.max() < frames, "observations are of frames that do not exist")
     Numbers(0, 1, ("n",)).check("reservoir.grey_variance", kept.grey_variance)
     Numbers(0, 10, ("n",)).check("reservoir.gradient", kept.gradient)
-    Numbers(0, 1, ("n", MOMENTS)).check("reservoir.frame_moments", kept.frame_moments)
-    Numbers(0, 1, ("n", 1 + MOMENTS)).check("reservoir.surround_moments", kept.surround_moments)
 
 
 def _check_series(found: StaticSeries, run: EngineState, settings: DefaultSettings) -> None:

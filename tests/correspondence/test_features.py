@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 import sys
 
 import cv2
@@ -11,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ospc.correspondence.features import Features, extract, make_extractor, match, to_8bit
-from ospc.errors import MissingExtraError, SettingError
+from ospc.errors import MissingExtraError, SettingError, needs_extra
 from ospc.methods.paper import FeatureMatcher
 from ospc.recording.frame import Frame
 from ospc.settings import PaperSettings
@@ -89,6 +90,12 @@ def test_surf_without_its_extra_names_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "mahotas", None)
     with pytest.raises(MissingExtraError, match=r"^SURF needs an optional dependency: pip install 'ospc\[surf\]'$"):
         make_extractor("surf", 100)
+
+
+def test_the_error_for_a_missing_library_can_be_sent_from_another_process():
+    with pytest.raises(MissingExtraError) as caught, needs_extra("SURF", "surf"):
+        raise ImportError
+    assert str(pickle.loads(pickle.dumps(caught.value))) == str(caught.value)
 
 
 def test_an_unknown_extractor_is_named_with_the_known_ones():

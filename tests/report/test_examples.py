@@ -10,7 +10,7 @@ from ospc.errors import FrameError
 from ospc.photometry.calibration import ExposureRatios
 from ospc.photometry.response import Response
 from ospc.recording.recording import ArrayRecording
-from ospc.report.examples import Examples, examples_of, exposures_beside
+from ospc.report.examples import Examples, examples_of
 
 EXPOSURES_MS = np.geomspace(2, 10, 24)
 
@@ -101,6 +101,5 @@ def test_unreadable_or_textureless_frames_lose_only_their_own_examples():
     assert even.notes[0].startswith("no points were tracked")
 
 
-def test_examples_are_empty_by_default(tmp_path):
+def test_examples_are_empty_by_default():
     assert Examples().pictures == ()
-    assert exposures_beside(tmp_path) is None

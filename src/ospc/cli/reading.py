@@ -16,7 +16,7 @@ from ospc.errors import ExposureError, RecordingError, SettingError
 from ospc.recording import Recording, cameras_of
 from ospc.recording.channel import Channel
 from ospc.recording.derived import Region, masked, read_mask
-from ospc.recording.kinds import kinds
+from ospc.recording.kinds import Opener, kinds
 from ospc.recording.options import ReadingOptions, declared_options
 
 _EACH = "each"
@@ -25,8 +25,6 @@ _EACH = "each"
 _EACH_HELP = " With each, 'ospc calibrate' calibrates red, green and blue into OUT/red, OUT/green and OUT/blue."
 _WIDTH_WHEN_PIPED = 200
 """Characters per line of a table outside a terminal; long topic names fit."""
-
-_Opener = Callable[[], Recording]
 
 
 @dataclass(frozen=True)
@@ -47,7 +45,7 @@ class Reading:
 
         return self._opened(path, lambda options: open_recording(path, self.kind, options))
 
-    def cameras(self, path: Path) -> dict[str, _Opener]:
+    def cameras(self, path: Path) -> dict[str, Opener]:
         """Return an opener for each camera of a rig by name, or for each of its channels with ``--channel each``."""
         if not self.each_channel:
             return {name: partial(self._camera, path, name) for name in cameras_of(path, self.kind, self.options)}

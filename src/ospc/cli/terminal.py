@@ -5,8 +5,6 @@ Names of folders, topics and cameras, and texts in files, are untrusted and may 
 
 from __future__ import annotations
 
-import json
-import math
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, nullcontext
@@ -16,6 +14,7 @@ import click
 
 from ospc.cli.interruption import Interruption
 from ospc.errors import OspcError, escaped
+from ospc.formats.files import json_text
 
 if TYPE_CHECKING:
     from rich.console import Console, ConsoleOptions, RenderableType
@@ -65,16 +64,8 @@ def say_table(
 
 def print_json(content: Any) -> None:
     """Print one JSON document on standard output; non-finite numbers become null."""
-    for line in json.dumps(_finite(content), indent=1, allow_nan=False).split("\n"):
+    for line in json_text(content).split("\n"):
         say(line.replace("\x7f", "\\u007f"))  # the only control character that JSON does not escape
-
-
-def _finite(content: Any) -> Any:
-    if isinstance(content, dict):
-        return {name: _finite(value) for name, value in content.items()}
-    if isinstance(content, list | tuple):
-        return [_finite(value) for value in content]
-    return None if isinstance(content, float) and not math.isfinite(content) else content
 
 
 def concluded(content: dict[str, Any], *, as_json: bool) -> int:

@@ -17,7 +17,7 @@ import numpy.typing as npt
 from ospc.atomic import write_atomically
 from ospc.errors import OspcError, SettingError, os_error_as
 from ospc.folders import check_usable
-from ospc.formats.files import json_object, read_bytes, read_text, write_bytes, write_text
+from ospc.formats.files import json_object, json_text, read_bytes, read_text, write_bytes, write_text
 from ospc.formats.image_files import encoded
 from ospc.formats.image_header import with_metadata
 
@@ -130,7 +130,7 @@ class CorrectedFolder:
         return self.path / "images" / name
 
     def _write_note(self, content: dict[str, Any]) -> None:
-        write_text(self.path / NOTE, json.dumps(content, indent=1, allow_nan=False) + "\n")
+        write_text(self.path / NOTE, json_text(content) + "\n")
 
     def _done(self) -> dict[int, Counts]:
         """Return the finished images; truncated lines, which do not end with a full stop, are ignored."""

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ospc.arrays import FloatArray, Image, IntArray
-from ospc.errors import MissingExtraError, SettingError
+from ospc.errors import SettingError, needs_extra
 from ospc.recording.frame import Frame
 
 
@@ -87,10 +87,8 @@ class SurfExtractor:
     norm = cv2.NORM_L2
 
     def __init__(self, max_features: int) -> None:
-        try:
+        with needs_extra("SURF", "surf"):
             from mahotas.features import surf
-        except ImportError:
-            raise MissingExtraError("SURF", "surf") from None
         self._surf, self._max_features = surf.surf, max_features
 
     def detect(self, image: npt.NDArray[np.uint8]) -> tuple[FloatArray, npt.NDArray[Any]]:

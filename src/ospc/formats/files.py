@@ -74,6 +74,12 @@ def json_object(path: str | Path) -> dict[str, Any]:
     return content if isinstance(content, dict) else {}
 
 
+def json_text(content: Any, indent: int | None = 1) -> str:
+    """Return JSON-compatible values as text, with null for numbers that are not finite, which JSON does not have."""
+    finite = json.loads(json.dumps(content), parse_constant=lambda _name: None)
+    return json.dumps(finite, indent=indent, allow_nan=False)
+
+
 def write_bytes(path: str | Path, content: bytes) -> Path:
     """Write a file atomically and return its path; FormatError if that fails."""
     with os_error_as(FormatError, f"{path}: cannot be written", "check that the folder exists and is writable"):

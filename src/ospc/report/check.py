@@ -69,7 +69,6 @@ def _draw_brightness(report: RecordingReport, axes: Any) -> None:
 
 
 def _draw_score(report: RecordingReport, axes: Any) -> None:
-    from matplotlib.ticker import FuncFormatter
 
     lag = report.exposures.lag
     axes.set(
@@ -86,7 +85,7 @@ def _draw_score(report: RecordingReport, axes: Any) -> None:
     axes.plot(lag.lags[best], 0, "o", color=colours[best], clip_on=False, zorder=3)
     axes.set_xticks(lag.lags)
     axes.set_yscale("symlog", linthresh=_DECIDING)
-    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _position: f"{value:g}"))
+    axes.yaxis.set_major_formatter(lambda value, _position: f"{value:g}")
 
 
 def _draw_grey(report: RecordingReport, axes: Any) -> None:

@@ -6,6 +6,7 @@ Every function draws into a cell of a matplotlib grid (a ``SubplotSpec``) and re
 from __future__ import annotations
 
 import textwrap
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -160,7 +161,7 @@ def map_axes_in(cell: Any) -> tuple[Any, Any]:
 
 def logarithmic(axes: Any, name: str, low: float, high: float) -> None:
     """Scale an axis, "x" or "y", logarithmically between two limits, with a few round numbers as ticks."""
-    from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator, NullLocator
+    from matplotlib.ticker import MaxNLocator
 
     for multiples in ((1, 2, 5), (1, 3), (1,)):
         ticks = [m * 10.0**e for e in range(-9, 13) for m in multiples if low <= m * 10.0**e <= high]
@@ -170,9 +171,15 @@ def logarithmic(axes: Any, name: str, low: float, high: float) -> None:
     if len(ticks) < 3 and high < 10 * low:
         ticks = [tick for tick in MaxNLocator(5).tick_values(low, high) if low <= tick <= high]
     axes.set(**{f"{name}scale": "log", f"{name}lim": (low, high)})
-    axis = getattr(axes, f"{name}axis")
+    set_ticks(getattr(axes, f"{name}axis"), ticks)
+
+
+def set_ticks(axis: Any, ticks: Sequence[float]) -> None:
+    """Give an axis these ticks, and no others, with short labels."""
+    from matplotlib.ticker import FixedLocator, NullLocator
+
     axis.set_major_locator(FixedLocator(ticks))
-    axis.set_major_formatter(FuncFormatter(lambda value, _position: f"{value:g}"))
+    axis.set_major_formatter(lambda value, _position: f"{value:g}")
     axis.set_minor_locator(NullLocator())
 
 

@@ -13,7 +13,7 @@ from ospc.arrays import FloatArray, IntArray
 from ospc.errors import counted
 from ospc.photometry.calibration import ExposureRatios
 from ospc.photometry.coverage import Coverage
-from ospc.report.curves import axes_in, logarithmic, map_axes_in
+from ospc.report.curves import axes_in, logarithmic, map_axes_in, set_ticks
 from ospc.report.style import BLACK, GREEN, GREY
 from ospc.robust import weighted_median
 
@@ -111,7 +111,6 @@ def draw_place_residual(cell: Any, by_place: FloatArray) -> Any:
 
 def _draw_counts(cell: Any, counts: IntArray, extent: tuple[float, float, float, float]) -> Any:
     from matplotlib.colors import LogNorm
-    from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
     axes, bar = map_axes_in(cell)
     most = max(10, int(counts.max()))
@@ -125,9 +124,7 @@ def _draw_counts(cell: Any, counts: IntArray, extent: tuple[float, float, float,
         interpolation="none",
     )
     axes.figure.colorbar(shown, cax=bar, label="observations")
-    bar.yaxis.set_major_locator(FixedLocator([10**e for e in range(10) if 10**e <= most]))
-    bar.yaxis.set_major_formatter(FuncFormatter(lambda value, _position: f"{value:g}"))
-    bar.yaxis.set_minor_locator(NullLocator())
+    set_ticks(bar.yaxis, [10**e for e in range(10) if 10**e <= most])
     return axes
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TypeAlias
 
 import cv2
@@ -18,6 +17,7 @@ from ospc.photometry.correction import Corrector
 from ospc.photometry.coverage import Coverage
 from ospc.recording import Frame, Recording
 from ospc.recording.derived import DerivedRecording
+from ospc.report.evidence import FEW_SAMPLES
 
 _TRACKED_FRAMES = 12
 """Frames of the excerpt in which points are tracked: enough to show the effect, and quick to compute."""
@@ -32,8 +32,6 @@ _STREAMS = ("video", "rosbag")
 _STREAM_REACH = 300
 """Frames considered in a recording that can only be read from its beginning."""
 
-_LEAST_SAMPLES = 50
-"""Minimum number of samples of a pair of frames that show the same scene with certainty."""
 
 _STILL = 0.98
 """Share of observations within one class of radius above which the camera is considered static."""
@@ -95,16 +93,6 @@ def examples_of(calibration: Calibration, recording: Recording, about: str = "")
     return Examples(pictures, tracking, (first, first + len(excerpt)), tuple(notes))
 
 
-def exposures_beside(folder: Path) -> FloatArray | None:
-    """Return the exposures in the times.txt of an output folder; None if it does not exist or cannot be read."""
-    from ospc.recording.exposure_lists import read_times
-
-    try:
-        return read_times(folder / "times.txt").exposures_ms
-    except OspcError:
-        return None
-
-
 def _where_exposure_changes(recording: Recording, reach: int) -> DerivedRecording:
     """Return the successive frames with the largest range of exposures; the first ones if several are equal."""
     count = min(_TRACKED_FRAMES, reach)
@@ -117,7 +105,7 @@ def _where_exposure_changes(recording: Recording, reach: int) -> DerivedRecordin
 def _chosen_pairs(ratios: ExposureRatios, reach: int) -> list[tuple[int, ...]]:
     """Return the pairs with the largest exposure ratios among those with a large overlap."""
     inside = np.all(ratios.frames < reach, axis=1)
-    shared = ratios.samples >= max(_LEAST_SAMPLES, 0.5 * float(ratios.samples.max(initial=0)))
+    shared = ratios.samples >= max(FEW_SAMPLES, 0.5 * float(ratios.samples.max(initial=0)))
     chosen: list[tuple[int, ...]] = []
     for pair in np.argsort(-np.abs(np.log(ratios.metadata)), kind="stable"):
         first, second = (int(frame) for frame in ratios.frames[pair])

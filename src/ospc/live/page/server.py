@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hmac
-import json
 import logging
 import secrets
 import socket
@@ -12,6 +11,7 @@ from importlib.resources import files
 from typing import TYPE_CHECKING, Self
 
 from ospc.errors import SettingError, needs_extra, os_error_as
+from ospc.formats.files import json_text
 from ospc.live.capture import Capture
 
 if TYPE_CHECKING:
@@ -119,9 +119,7 @@ class PageServer:
             last = False
             while not last:
                 last = self._stopped.is_set()
-                # JSON has no NaN and no infinity.
-                view = json.loads(json.dumps(self._capture.view()), parse_constant=lambda _: None)
-                connection.send(json.dumps(view, allow_nan=False))
+                connection.send(json_text(self._capture.view(), indent=None))
                 picture = self._capture.picture()
                 if picture is not None:
                     connection.send(picture)

@@ -19,7 +19,7 @@ import cv2
 import numpy as np
 
 from ospc.arrays import Image
-from ospc.errors import ExposureError, MissingExtraError, RecordingError, SettingError, needs_extra, quoted
+from ospc.errors import ExposureError, RecordingError, SettingError, needs_extra, quoted
 from ospc.recording.exposure_units import REALSENSE_UNIT_GAIN, ExposureUnit, GainUnit
 from ospc.recording.live.source import Camera, said_by_driver
 from ospc.recording.options import DEFAULT, ReadingOptions
@@ -135,14 +135,15 @@ class RealSenseCamera(Camera):
 
 
 def _module() -> Any:
-    try:
-        import pyrealsense2
-    except ModuleNotFoundError:
-        raise MissingExtraError("reading from RealSense cameras", "realsense") from None
-    except ImportError as error:
-        raise RecordingError(
-            f"pyrealsense2 is installed but cannot be loaded ({said_by_driver(error)}); install what is missing"
-        ) from None
+    with needs_extra("reading from RealSense cameras", "realsense"):
+        try:
+            import pyrealsense2
+        except ModuleNotFoundError:
+            raise
+        except ImportError as error:
+            raise RecordingError(
+                f"pyrealsense2 is installed but cannot be loaded ({said_by_driver(error)}); install what is missing"
+            ) from None
     return pyrealsense2
 
 
