@@ -66,7 +66,10 @@ CUSTOM = Definition(
     "acme_msgs/msg/Frame",
     "std_msgs/Header header\nfloat32 shutter\nstring name\nsensor_msgs/RegionOfInterest window\n",
 )
-DEFINITIONS = (FLIR, REALSENSE, ARAVIS, SEQUENCE, CUSTOM)
+NAMED = Definition(
+    "acme_msgs/msg/Named", "std_msgs/Header header\nfloat64[1] shutter_100us\nfloat32 analog_gain_db\n"
+)
+DEFINITIONS = (FLIR, REALSENSE, ARAVIS, SEQUENCE, CUSTOM, NAMED)
 
 
 def header(stamp_ns: int, ros1: bool = False) -> dict[str, Any]:

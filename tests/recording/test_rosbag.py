@@ -12,6 +12,7 @@ from bag_samples import (
     ARAVIS,
     CUSTOM,
     FLIR,
+    NAMED,
     REALSENSE,
     SEQUENCE,
     START_NS,
@@ -238,6 +239,28 @@ def test_any_field_can_be_named_with_its_unit(tmp_path: Path) -> None:
         open_recording(path, options=ReadingOptions(exposure_topic="/z"))
     with pytest.raises(ExposureError, match="not a field name"):
         open_recording(path, options=ReadingOptions(exposure_topic="/x/y", exposure_field="a; b"))
+
+
+def test_units_in_the_names_of_fields_are_used(tmp_path: Path) -> None:
+    values = [{"shutter_100us": np.array([10 * ms]), "analog_gain_db": 6.0206 * i} for i, ms in enumerate(MS)]
+    path = write_mcap2(tmp_path / "made", images(FRAMES) + metadata(values, NAMED, "/own"))
+    stated: dict[str, Any] = {"exposure_topic": "/own", "exposure_field": "shutter_100us[0]"}
+    recording = open_recording(path, options=ReadingOptions(**stated, gain_field="analog_gain_db"))
+    assert recording.exposures_ms == pytest.approx([ms * 2**i for i, ms in enumerate(MS)], rel=1e-6)
+    said = "exposures are the gain analog_gain_db (db) times the field shutter_100us[0] in 100us"
+    assert any(note.endswith(said) for note in recording.notes), recording.notes
+    assert open_recording(path, options=ReadingOptions(**stated)).exposures_ms == pytest.approx(MS)
+    linear = ReadingOptions(**stated, gain_field="analog_gain_db", gain_unit=GainUnit.LINEAR)
+    with pytest.raises(ExposureError, match="image 0: the exposure must be"):  # a linear gain of 0
+        open_recording(path, options=linear)
+    with pytest.raises(ExposureError, match="--gain-field needs --exposure-field"):
+        open_recording(path, options=ReadingOptions(exposure_topic="/own", gain_field="analog_gain_db"))
+
+
+def test_a_unit_in_the_name_of_a_topic_with_plain_numbers_is_used(tmp_path: Path) -> None:
+    recording = open_recording(write_bag1(tmp_path / "made", images(FRAMES) + floats(MS, "/cam/exposure_us")))
+    assert recording.exposures_ms == pytest.approx([ms / 1000 for ms in MS])
+    assert any(note.endswith("exposures are its numbers in us") for note in recording.notes)
 
 
 @pytest.mark.parametrize(

@@ -161,16 +161,23 @@ def name_columns(header: Sequence[str], place: str) -> Columns:
         return Columns(len(header))
     stamp = _only(header, parsed, _STAMP_WORDS, place)
     image = _only(header, parsed, _IMAGE_WORDS, place)
-    gains = []
-    for i in _among(parsed, _GAIN_WORDS):
-        word, unit = parsed[i]
-        gain_unit = GainUnit.ISO if word == "iso" else GainUnit.DB if unit == "db" else GainUnit.LINEAR
-        gains.append((i, header[i], gain_unit))
-    stamp_unit = None if stamp is None else _UNITS.get(parsed[stamp][1])
+    gains = tuple((i, header[i], gain_unit_named(header[i])) for i in _among(parsed, _GAIN_WORDS))
+    stamp_unit = None if stamp is None else unit_named(header[stamp])
     to_s = 1.0 if stamp_unit is None else 1e-3 * float(stamp_unit.to_ms(1.0))
     said = ", ".join(f"{quoted(name)} ({gain_unit.value})" for _, name, gain_unit in gains)
     notes = (f"exposures are multiplied by the gain in {said}",) if gains else ()
-    return Columns(len(header), image, stamp, exposure, tuple(gains), _UNITS.get(parsed[exposure][1]), to_s, notes)
+    return Columns(len(header), image, stamp, exposure, gains, unit_named(header[exposure]), to_s, notes)
+
+
+def unit_named(name: str) -> ExposureUnit | None:
+    """Return the unit in the name of a column or field, such as ``exposure_us``; None if it has none."""
+    return _UNITS.get(_word_and_unit(name)[1])
+
+
+def gain_unit_named(name: str) -> GainUnit:
+    """Return the unit in the name of a gain, such as ``gain_db``; linear if it has none."""
+    word, unit = _word_and_unit(name)
+    return GainUnit.ISO if word == "iso" else GainUnit.DB if unit == "db" else GainUnit.LINEAR
 
 
 def _word_and_unit(name: str) -> tuple[str, str]:

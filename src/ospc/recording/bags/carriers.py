@@ -24,7 +24,13 @@ from ospc.recording.bags.messages import (
     stamp_ns_of,
     value_at,
 )
-from ospc.recording.exposure_units import REALSENSE_UNIT_GAIN, ExposureUnit, GainUnit
+from ospc.recording.exposure_units import (
+    REALSENSE_UNIT_GAIN,
+    ExposureUnit,
+    GainUnit,
+    gain_unit_named,
+    unit_named,
+)
 from ospc.recording.options import ReadingOptions
 
 _MAX_TEXT_CHARACTERS = 100_000
@@ -163,7 +169,9 @@ def candidates(topics: tuple[Topic, ...]) -> Iterator[Topic]:
 
 def _known(topic: Topic) -> Carrier | None:
     if topic.type in _NUMBERS:
-        return Carrier(topic, _fields("data", None), None, _LINEAR, "its numbers")
+        unit = unit_named(topic.name)
+        how = "" if unit is None else f" in {unit.value}"
+        return Carrier(topic, _fields("data", None), unit, _LINEAR, f"its numbers{how}")
     if topic.type == _TEXT and topic.name.endswith("/image/metadata"):
         return Carrier(topic, _realsense_text, _US, _LINEAR, f"Actual Exposure in µs, Gain Level / {_GAIN}")
     known = _KNOWN.get(topic.type.rpartition("/")[2])
@@ -180,11 +188,9 @@ def carrier_of(topic: Topic, options: ReadingOptions) -> Carrier:
     """
     carrier = _known(topic)
     if options.exposure_field is not None:
-        for field in filter(None, (options.exposure_field, options.gain_field)):
-            if not is_field(field):
-                raise ExposureError(f"{quoted(field)} is not a field name, such as exposure_time or info.shutter[0]")
-        extract = _fields(options.exposure_field, options.gain_field)
-        carrier = Carrier(topic, extract, None, _LINEAR, f"the field {options.exposure_field}")
+        carrier = _stated(topic, options.exposure_field, options.gain_field, options)
+    elif options.gain_field is not None:
+        raise ExposureError("--gain-field needs --exposure-field, the field of the same messages with the exposure")
     if carrier is None:
         try:
             numbers = shown(_type_of(topic).numbers())
@@ -197,3 +203,23 @@ def carrier_of(topic: Topic, options: ReadingOptions) -> Carrier:
     return replace(
         carrier, unit=options.exposure_unit or carrier.unit, gain_unit=options.gain_unit or carrier.gain_unit
     )
+
+
+def _stated(topic: Topic, exposure: str, gain: str | None, options: ReadingOptions) -> Carrier:
+    """Return the carrier with the fields that the user states; their names may contain units."""
+    for field in filter(None, (exposure, gain)):
+        if not is_field(field):
+            raise ExposureError(f"{quoted(field)} is not a field name, such as exposure_time or info.shutter[0]")
+    unit = options.exposure_unit or unit_named(_last_part(exposure))
+    summary = f"the field {exposure}" if unit is None else f"the field {exposure} in {unit.value}"
+    if gain is None:
+        return Carrier(topic, _fields(exposure, None), unit, _LINEAR, summary)
+    gain_unit = options.gain_unit or gain_unit_named(_last_part(gain))
+    return Carrier(
+        topic, _fields(exposure, gain), unit, gain_unit, f"the gain {gain} ({gain_unit.value}) times {summary}"
+    )
+
+
+def _last_part(field: str) -> str:
+    """Return ``shutter_us`` of ``info.shutter_us[0]``."""
+    return field.rpartition(".")[2].partition("[")[0]
