@@ -21,7 +21,7 @@ def folders(tmp_path: Path) -> Callable[..., Path]:
 
     def make(*names: str) -> Path:
         for i, name in enumerate(names):
-            (tmp_path / name).parent.mkdir(exist_ok=True)
+            (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
             (tmp_path / name).write_bytes(encoded(grey(i)))
         return tmp_path
 
@@ -53,6 +53,7 @@ BROKEN = {
     "named otherwise": (["1.0/1.png", "2.0/left.png"], r"2\.0/left\.png: is not named by its time stamp"),
     "no number": (["1.0/nan.png", "2.0/1.png"], r"1\.0/nan\.png: is not named by its time stamp"),
     "no exposures": (["left/1.png", "right/1.png"], "has images only in subfolders"),
+    "several recordings": (["left/images/1.png", "right/images/1.png"], "give one of them: left, right$"),
     "exposure zero": (["0/1.png", "0.0/2.png"], "has images only in subfolders"),
 }
 

@@ -55,6 +55,12 @@ def test_units_come_from_the_header(opened: Open, header: str, exposure_ms: floa
     assert not any("assumed to be in ms" in note for note in recording.notes)
 
 
+def test_umlauts_match_however_they_are_composed(opened: Open) -> None:
+    listed, stored = "Z\u00fcrich 1.png", "Zu\u0308rich 1.png"  # as typed, and as macOS names the file
+    recording = opened({"exposures.csv": f"file,exposure_ms\n{listed},2\nb.png,4\n"}, (stored, "b.png"))
+    assert [frame.name for frame in recording] == [stored, "b.png"]
+
+
 def test_a_missing_unit_is_stated_as_assumed(opened: Open) -> None:
     recording = opened({"anything.csv": "file;exposure\na.png;2\nb.png;4\nc.png;8\n"})
     assert recording.exposures_ms.tolist() == [2, 4, 8]

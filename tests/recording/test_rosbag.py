@@ -289,6 +289,13 @@ def test_images_without_exposure_are_left_out(tmp_path: Path) -> None:
         open_recording(write_bag1(tmp_path / "few", images(FRAMES) + sent[:1]))
 
 
+def test_an_exposure_of_zero_is_unknown(tmp_path: Path) -> None:
+    recording = open_recording(write_bag1(tmp_path / "made", images(FRAMES) + floats([0.0, *MS[1:]])))
+    assert recording.exposures_ms == pytest.approx([np.nan, *MS[1:]], nan_ok=True)
+    with pytest.raises(ExposureError, match="has no positive exposures; check that it is the right field"):
+        open_recording(write_bag2(tmp_path / "all", images(FRAMES) + floats([0.0] * 4)))
+
+
 def test_stamps_of_another_clock_are_replaced_by_times_of_recording(tmp_path: Path) -> None:
     sent = metadata([{"exposure_time": us, "gain": 0.0} for us in US], FLIR, "/cam/meta")
     other = [Sent(s.topic, s.kind, s.content | {"header": header(10**9 + i)}, s.log_ns) for i, s in enumerate(sent)]
@@ -335,7 +342,10 @@ BROKEN: dict[str, tuple[list[Sent], str]] = {
         images(FRAMES) + floats(MS, "/a/exposure") + floats(MS, "/b/exposure"),
         "several topics may have the exposures of /cam/image_raw",
     ),
-    "zero": (images(FRAMES) + floats([0.0, 1, 2, 3]), "must be a positive number of milliseconds, not 0"),
+    "too short": (
+        images(FRAMES) + floats([1e-12, 1, 2, 3]),
+        "must be a positive number of milliseconds, not 1e-12",
+    ),
     "nothing plausible": (images(FRAMES) + floats([-500.0] * 4), "not possible in any unit"),
 }
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import unicodedata
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
@@ -248,7 +249,7 @@ def match_images(table: FrameTable, names: Sequence[str], place: str) -> tuple[t
     detail = ""
     if table.ids:
         by_key, stems = _by_key(names, place), [PurePosixPath(name).stem for name in names]
-        found = [by_key.get(image) or by_key.get(_number(image)) for image in table.ids]
+        found = [by_key.get(_composed(image)) or by_key.get(_number(image)) for image in table.ids]
         missing = [image for image, name in zip(table.ids, found, strict=True) if name is None]
         unused = sorted(set(names) - set(found), key=by_name)
         if as_many and not missing and not unused:
@@ -270,12 +271,17 @@ def _number(text: str) -> str:
     return f"/{int(text)}" if _INTEGER.fullmatch(text) else ""
 
 
+def _composed(text: str) -> str:
+    """Return a text with composed characters: macOS writes ö as two characters."""
+    return unicodedata.normalize("NFC", text)
+
+
 def _by_key(names: Sequence[str], place: str) -> dict[str, str]:
     """Return the images by all keys that may name them; RecordingError if two images share a key."""
     keys: dict[str, str] = {}
     for name in names:
         path = PurePosixPath(name)
-        for key in {name, path.name, path.stem, _number(path.stem)} - {""}:
+        for key in {_composed(name), _composed(path.name), _composed(path.stem), _number(path.stem)} - {""}:
             if keys.setdefault(key, name) != name:
                 raise RecordingError(
                     f"{place}: {quoted(keys[key])} and {quoted(name)} cannot be distinguished by their names; "

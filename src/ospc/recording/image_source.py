@@ -276,7 +276,9 @@ def why_unread(place: Path) -> str | None:
     inner = _folders_with_images(place)
     if not inner:
         return None
-    names = listed([path.relative_to(place) for path in inner])
+    # A recording is the folder above images/, which may also have the list of exposures.
+    within = [path.relative_to(place) for path in inner]
+    names = listed([path.parent if path.name == "images" and len(path.parts) > 1 else path for path in within])
     return f"has images only in subfolders; give one of them: {names}"
 
 

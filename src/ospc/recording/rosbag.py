@@ -17,7 +17,7 @@ from ospc.recording.bags.carriers import Carrier, carrier_of
 from ospc.recording.bags.container import Topic
 from ospc.recording.bags.image_messages import ImageStream, read_stamp_ns
 from ospc.recording.bags.messages import NS_PER_S, DamagedMessageError
-from ospc.recording.exposure_units import GainUnit, infer_unit
+from ospc.recording.exposure_units import ExposureUnit, GainUnit, infer_unit
 from ospc.recording.frame import Frame
 from ospc.recording.frame_table import FrameTable, checked_exposures, unlisted
 from ospc.recording.options import DEFAULT, ReadingOptions
@@ -240,6 +240,8 @@ def _in_ms(
     """Return exposure times gain in milliseconds, and notes about the units."""
     values, gains = readings
     unit = carrier.unit or infer_unit(values, interval_ms, source)
+    if unit is not ExposureUnit.LOG2_S:
+        values = np.where(values == 0, np.nan, values)  # drivers send 0 while they do not know the exposure
     how = "" if carrier.unit is not None else f" in {unit.value}, inferred from their size and the frame rate"
     notes = [f"{source}: exposures are {carrier.summary}{how}"]
     gain_unit = carrier.gain_unit
