@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import signal
 import time
 from dataclasses import asdict
 from functools import partial
@@ -26,6 +28,15 @@ def _fake(name, shape, log: Path | None, error: type[BaseException] | None, wait
     progress(0.5)
     progress(1.0)
     return [asdict(Measurement(name, "default", {"response_shape_rmse": shape}))]
+
+
+def deadly_task():
+    """Return a task whose process is killed, as for lack of memory."""
+    return Task("deadly", {"kind": "deadly"}, _die)
+
+
+def _die(_progress):
+    os.kill(os.getpid(), signal.SIGKILL)
 
 
 def sleeping_program(program, source):

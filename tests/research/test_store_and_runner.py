@@ -5,9 +5,9 @@ from __future__ import annotations
 import json
 
 import pytest
-from fake_tasks import fake_task
+from fake_tasks import deadly_task, fake_task
 
-from ospc.errors import SettingError
+from ospc.errors import FrameError, OspcError, SettingError
 from ospc.research import runner as runner_module
 from ospc.research.runner import ResultStore, key_of, made_with, run
 from ospc.research.source import measured
@@ -99,6 +99,17 @@ def test_several_processes_give_the_same(tmp_path):
         task.name: task.compute(lambda _share: None) for task in tasks
     }
     assert {row.figures["response_shape_rmse"] for r in results for row in measured(r.result)} == {0.1, 0.2}
+
+
+def test_a_process_that_dies_ends_the_study_with_a_reason(tmp_path):
+    """A pool of processes would wait for its result for ever."""
+    with pytest.raises(OspcError, match=r"deadly: the process that worked on it died \(SIGKILL"):
+        list(run([deadly_task(), deadly_task()], ResultStore(tmp_path), 2))
+
+
+def test_errors_in_other_processes_are_raised(tmp_path):
+    with pytest.raises(FrameError, match="torn"):
+        list(run([fake_task(name, error=FrameError("torn")) for name in "ab"], ResultStore(tmp_path), 2))
 
 
 def test_progress_is_reported(tmp_path):

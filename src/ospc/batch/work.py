@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import json
-import multiprocessing
 import os
-import signal
 import socket
 import time
 from collections.abc import Generator, Iterable
-from contextlib import suppress
+from contextlib import closing
 from dataclasses import asdict, dataclass, replace
 from hashlib import sha256
 from itertools import islice
-from multiprocessing.connection import Connection, wait
 from pathlib import Path
 from typing import Literal, Protocol, TypeAlias
 
@@ -24,6 +21,7 @@ from ospc.batch.store import VERSION, Result
 from ospc.calibrator import OnlineCalibrator, drive
 from ospc.errors import RecordingError, one_line
 from ospc.library_threads import one_library_thread
+from ospc.processes import in_processes
 from ospc.recording import Recording, open_recording
 from ospc.recording.recording import identity
 
@@ -116,10 +114,6 @@ def _files(place: Path) -> str:
     return total.hexdigest()
 
 
-_PATIENCE_S = 5
-"""Time that an idle or terminated process has to exit before it is killed."""
-
-
 class Runner(Protocol):
     """Runs tasks, here or elsewhere."""
 
@@ -144,78 +138,13 @@ class Processes:
 
     def run(self, tasks: Iterable[Task]) -> Generator[Answer, None, None]:
         """Yield the answers as they arrive."""
-        waiting, idle, busy = iter(tasks), list[_Worker](), list[_Worker]()
-        try:
-            while True:
-                while len(busy) < self.count and (task := next(waiting, None)) is not None:
-                    busy.append(idle.pop() if idle else _Worker())
-                    busy[-1].give(task)
-                if not busy:
-                    return
-                ready = wait([worker.connection for worker in busy])
-                for worker in [each for each in busy if each.connection in ready]:
-                    answer = worker.answer()
-                    busy.remove(worker)
-                    if worker.process.is_alive():
-                        idle.append(worker)
-                    yield answer
-        finally:
-            for worker in (*idle, *busy):
-                worker.end(at_once=worker in busy)
+        with closing(in_processes(work, tasks, self.count, _lost)) as answers:
+            for _, answer in answers:
+                yield answer
 
 
-class _Worker:
-    """A process that runs tasks one after the other."""
-
-    def __init__(self) -> None:
-        # A fresh interpreter, because libraries with threads do not survive a fork.
-        context = multiprocessing.get_context("spawn")
-        self.connection, there = context.Pipe()
-        self.process = context.Process(target=_serve, args=(there,), daemon=True)
-        self.process.start()
-        there.close()
-        self._number = 0
-
-    def give(self, task: Task) -> None:
-        self._number = task.number
-        with suppress(OSError):  # if the process has died, waiting for its answer shows that
-            self.connection.send(task)
-
-    def answer(self) -> Answer:
-        try:
-            answer: Answer = self.connection.recv()
-        except (EOFError, OSError):
-            self.process.join()
-            why = f"the process that worked on it died ({_death(self.process.exitcode)})"
-            return Answer(self._number, error=why)
-        return answer
-
-    def end(self, *, at_once: bool) -> None:
-        self.connection.close()
-        if at_once:
-            self.process.terminate()
-        self.process.join(_PATIENCE_S)
-        if self.process.is_alive():
-            self.process.kill()
-            self.process.join()
-
-
-def _serve(connection: Connection) -> None:
-    """Answer tasks until there are no more."""
-    # Ctrl-C reaches all processes of a terminal, but only the parent process handles it.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    with suppress(EOFError, OSError):
-        while True:
-            connection.send(work(connection.recv()))
-
-
-def _death(exitcode: int | None) -> str:
-    if exitcode is None or exitcode >= 0:
-        return f"exit code {exitcode}"
-    with suppress(ValueError):
-        name = signal.Signals(-exitcode).name
-        return f"{name}, perhaps out of memory" if name == "SIGKILL" else name
-    return f"signal {-exitcode}"
+def _lost(task: Task, why: str) -> Answer:
+    return Answer(task.number, error=why)
 
 
 def cores() -> int:

@@ -4,19 +4,17 @@ from __future__ import annotations
 
 import json
 import re
-import signal
-import sys
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cache, partial
 from hashlib import sha256
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, TypeAlias
 
 import ospc
 from ospc.atomic import write_atomically
-from ospc.errors import SettingError, os_error_as
+from ospc.errors import OspcError, SettingError, os_error_as
+from ospc.processes import in_processes
 from ospc.versions import versions
 
 _SCHEMA = "ospc-research-result/1"
@@ -132,39 +130,26 @@ def run(
             missing.append(task)
         else:
             yield Finished(task, result, stored=True)
-    for number, result in _computed(missing, jobs, on_share):
-        task = missing[number]
+    for task, result in _computed(missing, jobs, on_share):
         store.put(task.name, task.depends_on, result)
         yield Finished(task, result, stored=False)
 
 
-def _computed(tasks: list[Task], jobs: int, on_share: OnShare) -> Iterable[tuple[int, Any]]:
+def _computed(tasks: list[Task], jobs: int, on_share: OnShare) -> Iterator[tuple[Task, Any]]:
     if jobs == 1 or len(tasks) < 2:
-        for number, task in enumerate(tasks):
-            yield number, task.run(partial(on_share, task))
-        return
-    pool = get_context("spawn").Pool(min(jobs, len(tasks)), _prepare)
-    try:
-        yield from pool.imap_unordered(_run, enumerate(tasks))
-        # Not terminated: a process about to wait for its next task may miss the signal and hang.
-        pool.close()
-    except BaseException:
-        pool.terminate()
-        raise
-    finally:
-        pool.join()
+        for task in tasks:
+            yield task, task.run(partial(on_share, task))
+    else:
+        yield from in_processes(_compute, tasks, jobs, _lost)
 
 
-def _prepare() -> None:
-    """Ignore Ctrl-C, which the parent handles, exit cleanly on SIGTERM, and use one core."""
+def _compute(task: Task) -> Any:
+    """Compute a result in a process of its own, on one core."""
     import cv2
 
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    # Exiting by an exception lets a task end a program it started.
-    signal.signal(signal.SIGTERM, lambda _signal, _frame: sys.exit(1))
     cv2.setNumThreads(1)
+    return task.run(lambda _share: None)
 
 
-def _run(entry: tuple[int, Task]) -> tuple[int, Any]:
-    number, task = entry
-    return number, task.run(lambda _share: None)
+def _lost(task: Task, why: str) -> Any:
+    raise OspcError(f"{task.name}: {why}; run the command again to continue")
