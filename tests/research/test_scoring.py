@@ -15,8 +15,8 @@ from ospc.photometry.response import Response
 from ospc.photometry.vignette import PolynomialVignette
 from ospc.research.measurement import METRICS, Measurement, medians
 from ospc.research.method import Estimate, Result
-from ospc.research.scoring import HeldOut, Truth, exposure_error, measurement, profile_along_diagonal, score
-from ospc.research.source import SimulatedSource
+from ospc.research.scoring import HeldOut, Truth, exposure_error, profile_along_diagonal, score
+from ospc.research.source import SimulatedSource, measurement
 from ospc.simulation import SimulationSettings
 
 SIZE = (64, 48)

@@ -91,6 +91,10 @@ class Trajectory:
         """Which poses have a position, shape (n,)."""
         return np.asarray(np.isfinite(self.positions).all(axis=1))
 
+    def select(self, poses: BoolArray | IntArray) -> Trajectory:
+        """Return some of the poses."""
+        return Trajectory(self.stamps_s[poses], self.positions[poses], self.quaternions[poses])
+
 
 @dataclass(frozen=True)
 class AlignmentError:
@@ -197,16 +201,15 @@ def half_alignments(estimate: Trajectory, truth: Trajectory) -> list[tuple[Simil
     NotObservableError
         If one half has too few poses with truth.
     """
-    matched, partners = _matched(estimate, truth)
-    stamps_s, target = estimate.stamps_s[matched], truth.positions[partners]
+    matched, true = _matched(estimate, truth)
     halves = {
-        "first": stamps_s <= truth.stamps_s[max(len(truth) // 2 - 1, 0)],
-        "second": stamps_s >= truth.stamps_s[(len(truth) + 1) // 2 - 1],
+        "first": matched.stamps_s <= truth.stamps_s[max(len(truth) // 2 - 1, 0)],
+        "second": matched.stamps_s >= truth.stamps_s[(len(truth) + 1) // 2 - 1],
     }
     alignments = []
     for name, half in halves.items():
         try:
-            found = align_similarity(estimate.positions[matched][half], target[half])
+            found = align_similarity(matched.positions[half], true.positions[half])
         except NotObservableError as error:
             raise NotObservableError(f"{name} half of the truth: {error}") from None
         alignments.append((found, int(np.count_nonzero(half))))
@@ -218,9 +221,9 @@ def absolute_trajectory_error(estimate: Trajectory, truth: Trajectory) -> float:
 
     FormatError if a position of the estimate is not finite, NotObservableError if too few poses have a truth.
     """
-    matched, partners = _matched(estimate, truth)
-    points, target = estimate.positions[matched], truth.positions[partners]
-    return _rms_length(align_similarity(points, target)(points) - target)
+    matched, true = _matched(estimate, truth)
+    alignment = align_similarity(matched.positions, true.positions)
+    return _rms_length(alignment(matched.positions) - true.positions)
 
 
 def relative_pose_error(estimate: Trajectory, truth: Trajectory, interval_s: float = 1.0) -> RelativeError:
@@ -240,28 +243,28 @@ def relative_pose_error(estimate: Trajectory, truth: Trajectory, interval_s: flo
     """
     if not interval_s > 0:
         raise SettingError(f"the interval of relative errors must be positive, not {interval_s}")
-    matched, partners = _matched(estimate, truth)
-    points, target = estimate.positions[matched], truth.positions[partners]
-    alignment = align_similarity(points, target)
-    turned = Rotation.from_matrix(alignment.rotation) * _rotations(estimate.quaternions[matched])
-    true_turned = _rotations(truth.quaternions[partners])
-    stamps = estimate.stamps_s[matched]
-    ends = np.searchsorted(stamps, stamps + interval_s - STAMP_TOLERANCE_S)
-    starts = np.flatnonzero(ends < stamps.size)
+    matched, true = _matched(estimate, truth)
+    alignment = align_similarity(matched.positions, true.positions)
+    turned = Rotation.from_matrix(alignment.rotation) * _rotations(matched.quaternions)
+    true_turned = _rotations(true.quaternions)
+    ends = np.searchsorted(matched.stamps_s, matched.stamps_s + interval_s - STAMP_TOLERANCE_S)
+    starts = np.flatnonzero(ends < len(matched))
     ends = ends[starts]
     if starts.size == 0:
         raise NotObservableError(f"no two poses with truth are {interval_s:g} s apart")
-    moved = alignment(points)
-    local = turned[starts].inv().apply(moved[ends] - moved[starts])
-    true_local = true_turned[starts].inv().apply(target[ends] - target[starts])
-    turn = turned[starts].inv() * turned[ends]
-    true_turn = true_turned[starts].inv() * true_turned[ends]
+
+    def motions(positions: FloatArray, rotations: Rotation) -> tuple[FloatArray, Rotation]:
+        back = rotations[starts].inv()
+        return back.apply(positions[ends] - positions[starts]), back * rotations[ends]
+
+    local, turn = motions(alignment(matched.positions), turned)
+    true_local, true_turn = motions(true.positions, true_turned)
     angles = np.degrees((true_turn.inv() * turn).magnitude())
     return RelativeError(_rms_length(local - true_local), float(np.sqrt(np.mean(angles**2))), int(starts.size))
 
 
-def _matched(estimate: Trajectory, truth: Trajectory) -> tuple[BoolArray, IntArray]:
-    """Return which poses have a truth, shape (n,), and the matching rows of the truth."""
+def _matched(estimate: Trajectory, truth: Trajectory) -> tuple[Trajectory, Trajectory]:
+    """Return the poses that have a truth, and their truth."""
     if not estimate.known.all():
         raise FormatError(
             f"{np.count_nonzero(~estimate.known)} of {counted(len(estimate), 'estimated position')} not finite; "
@@ -269,7 +272,7 @@ def _matched(estimate: Trajectory, truth: Trajectory) -> tuple[BoolArray, IntArr
         )
     partner = associate(estimate.stamps_s, truth.stamps_s)
     matched = (partner >= 0) & truth.known[partner]
-    return np.asarray(matched), partner[matched]
+    return estimate.select(matched), truth.select(partner[matched])
 
 
 def _rotations(quaternions: FloatArray) -> Rotation:

@@ -33,7 +33,7 @@ from ospc.settings.exposures import (
 )
 
 
-def estimate_lag(series: BrightnessSeries, log_exposure: FloatArray, max_lag: int = MAX_LAG) -> LagEstimate:
+def estimate_lag(series: BrightnessSeries, log_exposure: FloatArray) -> LagEstimate:
     """Estimate by how many frames the exposures are late.
 
     Every lag is fitted to the same pairs of frames: those whose exposures are known at all lags. The most likely lag
@@ -46,11 +46,9 @@ def estimate_lag(series: BrightnessSeries, log_exposure: FloatArray, max_lag: in
         Brightness changes between consecutive frames.
     log_exposure
         ln of the exposure of every frame of the recording, shape (frames,).
-    max_lag
-        Largest lag tried in either direction.
     """
-    lags = np.arange(-max_lag, max_lag + 1)
-    comparable = series.with_exposures(len(log_exposure), -max_lag, max_lag)
+    lags = np.arange(-MAX_LAG, MAX_LAG + 1)
+    comparable = series.with_exposures(len(log_exposure), -MAX_LAG, MAX_LAG)
     zeros = np.zeros(len(lags))
     unknown = LagEstimate("constant exposure", (), lags, zeros, zeros, frame=comparable.frame)
     constant = float(np.ptp(log_exposure)) < CONSTANT_EXPOSURE_LOG
@@ -59,7 +57,7 @@ def estimate_lag(series: BrightnessSeries, log_exposure: FloatArray, max_lag: in
     changes = np.stack([comparable.exposure_change(log_exposure, lag) for lag in lags.tolist()])
     if constant or np.abs(changes).max() < MIN_PAIR_LOG_CHANGE:
         tried = _with_flicker(LagHypotheses.fit(comparable, log_exposure, np.zeros(1, np.int64)))
-        (fit,) = fit_exposures(comparable, changes[max_lag : max_lag + 1])
+        (fit,) = fit_exposures(comparable, changes[MAX_LAG : MAX_LAG + 1])
         return replace(unknown, fit=fit, flicker=tried.flickers)
     tried = _with_flicker(LagHypotheses.fit(comparable, log_exposure, lags))
     return _with_fit_to_all_pairs(_select(tried, series), tried, comparable)

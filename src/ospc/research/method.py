@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import partial
 from time import process_time
-from typing import Protocol, TypeAlias
+from typing import Protocol, TypeAlias, TypeVar
 
 import numpy as np
 
@@ -54,6 +54,8 @@ class Estimate:
 Outcome: TypeAlias = Estimate | str
 """An estimate or the reason why there is none."""
 
+_Found = TypeVar("_Found")
+
 
 class Method(Protocol):
     """One method on one recording. It may have several variants that share work."""
@@ -86,19 +88,15 @@ def run_methods(
     for done, frame in enumerate(frames, start=1):
         for name in methods.keys() - broken.keys():
             began = process_time()
-            try:
-                methods[name].push(frame)
-            except Exception as error:  # one method's failure must not end the others
-                broken[name] = one_line(error)
+            if (failure := _attempted(partial(methods[name].push, frame))) is not None:
+                broken[name] = failure
             seconds[name] += process_time() - began
         progress(min(done / count, 1.0))
     results: list[Result] = []
     for name, method in methods.items():
         began = process_time()
-        try:
-            outcomes: dict[str, Outcome] = {name: broken[name]} if name in broken else method.found()
-        except Exception as error:
-            outcomes = {name: one_line(error)}
+        found = broken[name] if name in broken else _attempted(method.found)
+        outcomes: dict[str, Outcome] = {name: found} if isinstance(found, str) else found
         seconds[name] += process_time() - began
         results += [Result(variant, outcome, seconds[name]) for variant, outcome in outcomes.items()]
     return results
@@ -106,13 +104,15 @@ def run_methods(
 
 def outcomes_of(variants: Mapping[str, Callable[[], Estimate]]) -> dict[str, Outcome]:
     """Return the outcome of every variant by name; the failure of one does not affect the others."""
-    outcomes: dict[str, Outcome] = {}
-    for name, estimate in variants.items():
-        try:
-            outcomes[name] = estimate()
-        except Exception as error:
-            outcomes[name] = one_line(error)
-    return outcomes
+    return {name: _attempted(estimate) for name, estimate in variants.items()}
+
+
+def _attempted(step: Callable[[], _Found]) -> _Found | str:
+    """Return the result of a step of a method, or the reason for its failure, which must not end the others."""
+    try:
+        return step()
+    except Exception as error:
+        return one_line(error)
 
 
 def with_and_without(
@@ -160,10 +160,9 @@ class PaperVariants:
                 self._methods[name] = PaperMethod(settings, size_of(frame.image), frame.max_grey, matcher)
         self._exposures.append(frame.exposure_ms)
         for name, method in list(self._methods.items()):
-            try:
-                method.push(frame, None, self._exposures)
-            except Exception as error:
-                self._failures[name] = one_line(error)
+            failure = _attempted(partial(method.push, frame, None, self._exposures))
+            if isinstance(failure, str):
+                self._failures[name] = failure
                 del self._methods[name]
 
     def found(self) -> dict[str, Outcome]:

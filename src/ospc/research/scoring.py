@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,13 +17,10 @@ from ospc.photometry.calibration import PROFILE_RADII
 from ospc.photometry.geometry import half_diagonal
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import Vignette, radial_profile
-from ospc.research.measurement import METRICS, Measurement
-from ospc.research.method import Estimate, Result
+from ospc.research.measurement import METRICS
+from ospc.research.method import Estimate
 from ospc.simulation import SimulationSettings, irradiances
 from ospc.simulation.responses import make_response, make_vignette
-
-if TYPE_CHECKING:
-    from ospc.research.source import Source
 
 _COVERED_RADII = PROFILE_RADII > 0.1
 """Radii at which coverage is counted; V is 1 at the centre by definition."""
@@ -58,25 +54,6 @@ class Truth:
     greys: tuple[int, int] | None = None
     exposures_ms: Mapping[int, float] = field(default_factory=dict)
     limits: dict[str, float] = field(default_factory=dict)
-
-
-def measurement(source: Source, result: Result, truth: Truth, held_out: HeldOut) -> Measurement:
-    """Compare the outcome of a method on a recording with the truth."""
-    row = Measurement(source.name, result.variant, group=source.group, factors=source.factors)
-    row = replace(row, limits=truth.limits, seconds=result.seconds)
-    outcome = result.outcome
-    if isinstance(outcome, str):
-        return replace(row, failure=outcome)
-    row = replace(row, figures=score(outcome, truth, held_out), curves=curves_of(outcome))
-    if outcome.calibration is None:
-        return row
-    verdicts, ratios = outcome.calibration.verdicts, vars(outcome.calibration.exposure_ratios)
-    return replace(
-        row,
-        states={name: verdict.state for name, verdict in verdicts.items()},
-        reasons={name: verdict.reason for name, verdict in verdicts.items()},
-        ratios={name: values.tolist() for name, values in ratios.items() if values is not None},
-    )
 
 
 def score(estimate: Estimate, truth: Truth, held_out: HeldOut = HeldOut()) -> dict[str, float]:

@@ -23,7 +23,7 @@ from ospc.recording.recording import identity
 from ospc.research.measurement import Measurement
 from ospc.research.method import Estimate, Method, Outcome, Result, run_methods
 from ospc.research.runner import OnProgress, Task, made_with
-from ospc.research.scoring import HeldOut, Truth, measurement, simulated_pairs
+from ospc.research.scoring import HeldOut, Truth, curves_of, score, simulated_pairs
 from ospc.simulation import SimulationSettings
 from ospc.simulation import frames as simulated_frames
 from ospc.simulation import truth as simulated_truth
@@ -106,6 +106,25 @@ def judge(source: Source, results: Sequence[Result], held_out: HeldOut | None = 
     if any(isinstance(r.outcome, Estimate) and r.outcome.exposures is not None for r in results):
         truth = replace(truth, exposures_ms=source.exposures_ms())
     return [measurement(source, result, truth, held_out or HeldOut()) for result in results]
+
+
+def measurement(source: Source, result: Result, truth: Truth, held_out: HeldOut) -> Measurement:
+    """Compare the outcome of a method on a recording with the truth."""
+    row = Measurement(source.name, result.variant, group=source.group, factors=source.factors)
+    row = replace(row, limits=truth.limits, seconds=result.seconds)
+    outcome = result.outcome
+    if isinstance(outcome, str):
+        return replace(row, failure=outcome)
+    row = replace(row, figures=score(outcome, truth, held_out), curves=curves_of(outcome))
+    if outcome.calibration is None:
+        return row
+    verdicts, ratios = outcome.calibration.verdicts, vars(outcome.calibration.exposure_ratios)
+    return replace(
+        row,
+        states={name: verdict.state for name, verdict in verdicts.items()},
+        reasons={name: verdict.reason for name, verdict in verdicts.items()},
+        ratios={name: values.tolist() for name, values in ratios.items() if values is not None},
+    )
 
 
 def measured(stored: Sequence[dict[str, Any]]) -> list[Measurement]:

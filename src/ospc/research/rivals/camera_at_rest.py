@@ -182,29 +182,12 @@ _PIXELS, _FEWEST_PIXELS = 2000, 50
 """Pixels used, and fewest of them that must be well exposed in two successive images."""
 
 
-@dataclass(frozen=True)
-class MitsunagaNayar:
-    """c₀ … c_N of g(M) = Σ cₙMⁿ, and the root mean square of g(M₀) − R·g(M₁)."""
-
-    coefficients: FloatArray
-    error: float
-
-    @property
-    def response(self) -> Response:
-        """The polynomial as a response."""
-        levels = np.linspace(0, 1, LEVELS)
-        values = np.polynomial.polynomial.polyval(levels, self.coefficients)
-        return response_of_values(np.asarray(values - values[0]), "mitsunaga-nayar")
-
-
-def mitsunaga_nayar(series: ExposureSeries, degree: int | None = None) -> MitsunagaNayar:
-    """Return the polynomial of Mitsunaga and Nayar, "Radiometric self calibration", 1999, with known exposure ratios.
+def mitsunaga_nayar(series: ExposureSeries) -> Response:
+    """Return the response of Mitsunaga and Nayar, "Radiometric self calibration", 1999, with known exposure ratios.
 
     g(M) = Σ cₙMⁿ with g(1) = 1. For successive images with exposure ratio R, g(M₀) − R·g(M₁) = 0 is linear in the
-    coefficients. The degree is between 1 and 10; if None, the one with the smallest error.
+    coefficients. The degree is the one between 1 and 10 with the smallest error.
     """
-    if degree is not None and not 1 <= degree <= _MOST_DEGREES:
-        raise SettingError(f"the degree of the polynomial is {degree}; choose 1 to {_MOST_DEGREES}")
     grey = series.sampled(_PIXELS).astype(np.float64)
     exposed = (grey > _EXPOSED[0]) & (grey < _EXPOSED[1])
     pairs = exposed[:-1] & exposed[1:]
@@ -212,23 +195,25 @@ def mitsunaga_nayar(series: ExposureSeries, degree: int | None = None) -> Mitsun
         raise NotObservableError("hardly any pixel is well exposed in two successive images; use smaller steps")
     ratio = (series.exposures_ms[:-1] / series.exposures_ms[1:])[np.nonzero(pairs)[0]]
     grey0, grey1 = grey[:-1][pairs] / 255, grey[1:][pairs] / 255
-    degrees = range(1, _MOST_DEGREES + 1) if degree is None else (degree,)
-    return min((_polynomial(grey0, grey1, ratio, n) for n in degrees), key=lambda result: result.error)
+    fits = (polynomial(grey0, grey1, ratio, degree) for degree in range(1, _MOST_DEGREES + 1))
+    coefficients, _ = min(fits, key=lambda fit: fit[1])
+    values = np.polynomial.polynomial.polyval(np.linspace(0, 1, LEVELS), coefficients)
+    return response_of_values(np.asarray(values - values[0]), "mitsunaga-nayar")
 
 
-def _polynomial(grey0: FloatArray, grey1: FloatArray, ratio: FloatArray, degree: int) -> MitsunagaNayar:
-    """Solve for c₀ … c_{N−1} with c_N = 1 − Σ c."""
+def polynomial(grey0: FloatArray, grey1: FloatArray, ratio: FloatArray, degree: int) -> tuple[FloatArray, float]:
+    """Return c₀ … c_N, with c_N = 1 − Σ c of the others, and the root mean square of g(M₀) − R·g(M₁)."""
     power = np.arange(degree + 1)
     d = grey0[:, None] ** power - ratio[:, None] * grey1[:, None] ** power
     free = np.linalg.lstsq(d[:, :-1] - d[:, -1:], -d[:, -1], rcond=None)[0]
     coefficients = np.append(free, 1 - free.sum())
-    return MitsunagaNayar(coefficients, float(np.sqrt(np.mean((d @ coefficients) ** 2))))
+    return coefficients, float(np.sqrt(np.mean((d @ coefficients) ** 2)))
 
 
 AT_REST: dict[str, Callable[[ExposureSeries], Response]] = {
     "debevec-malik": debevec_malik,
     "robertson": robertson,
-    "mitsunaga-nayar": lambda series: mitsunaga_nayar(series).response,
+    "mitsunaga-nayar": mitsunaga_nayar,
     "engel": engel_response,
 }
 """The methods by name."""

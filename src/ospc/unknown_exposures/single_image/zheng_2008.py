@@ -80,9 +80,10 @@ def radial_gradient_vignette(
     """
     size = (images[0].shape[1], images[0].shape[0])
     rings, gradients = [], []
-    for number, image in enumerate(images):
-        small, exposed = _small(image, None if masks is None else masks[number])
-        ring, psi = _radial_gradients(np.log(small + _SHIFT))
+    for image, mask in zip(images, masks or [np.ones(image.shape, bool) for image in images], strict=True):
+        ring, psi = _radial_gradients(np.log(_reduced(image) + _SHIFT))
+        # Gradients involve neighbouring pixels.
+        exposed = cv2.erode(_reduced(mask), np.ones((3, 3), np.uint8)) > 1 - 1e-6
         kept = exposed & (ring > 0)
         rings.append(ring[kept])
         gradients.append(psi[kept])
@@ -93,16 +94,10 @@ def radial_gradient_vignette(
     return _polynomial(size, np.interp(_PLACES, np.arange(last + 1) / last, log_v))
 
 
-def _small(image: FloatArray, mask: BoolArray | None) -> tuple[FloatArray, BoolArray]:
-    """Return the reduced image, and its mask of well-exposed pixels."""
+def _reduced(image: FloatArray | BoolArray) -> FloatArray:
     shrink = max(1, min(_SHRINK, min(image.shape) // _SMALLEST_SIDE))
     size = (image.shape[1] // shrink, image.shape[0] // shrink)
-    small = cv2.resize(image.astype(np.float32), size, interpolation=cv2.INTER_AREA)
-    if mask is None:
-        return np.asarray(small, dtype=np.float64), np.ones(small.shape, dtype=bool)
-    whole = cv2.resize(mask.astype(np.float32), size, interpolation=cv2.INTER_AREA)
-    # Gradients involve neighbouring pixels.
-    return np.asarray(small, dtype=np.float64), cv2.erode(whole, np.ones((3, 3), np.uint8)) > 1 - 1e-6
+    return np.asarray(cv2.resize(image.astype(np.float32), size, interpolation=cv2.INTER_AREA), dtype=np.float64)
 
 
 def _radial_gradients(log: FloatArray) -> tuple[IntArray, FloatArray]:
@@ -148,7 +143,7 @@ def segment_vignette(image: FloatArray) -> PolynomialVignette:
     NotObservableError if there is no segment of even radiance.
     """
     size = (image.shape[1], image.shape[0])
-    small, _ = _small(image, None)
+    small = _reduced(image)
     radius = np.linalg.norm(normalised(pixel_grid(small.shape[::-1]), small.shape[::-1]), axis=-1)
     log = np.log(np.maximum(small, _DARKEST))
     found = np.array(_START)
