@@ -296,6 +296,15 @@ def test_an_exposure_of_zero_is_unknown(tmp_path: Path) -> None:
         open_recording(write_bag2(tmp_path / "all", images(FRAMES) + floats([0.0] * 4)))
 
 
+def test_unusable_exposures_may_be_ignored(tmp_path: Path) -> None:
+    few = metadata([{"exposure_time": US[0], "gain": 0.0}], FLIR, "/cam/meta")
+    for number, sent in enumerate((few, floats([-500.0] * 4), [])):
+        path = write_bag1(tmp_path / str(number), images(FRAMES) + sent)
+        recording = open_recording(path, options=ReadingOptions(unknown_exposures=True))
+        assert_same(recording, ms=[1.0] * 4)
+        assert any("has no usable exposures" in note for note in recording.notes)
+
+
 def test_stamps_of_another_clock_are_replaced_by_times_of_recording(tmp_path: Path) -> None:
     sent = metadata([{"exposure_time": us, "gain": 0.0} for us in US], FLIR, "/cam/meta")
     other = [Sent(s.topic, s.kind, s.content | {"header": header(10**9 + i)}, s.log_ns) for i, s in enumerate(sent)]

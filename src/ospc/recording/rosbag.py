@@ -43,16 +43,13 @@ class _Rosbag:
     def open(self, path: Path, options: ReadingOptions = DEFAULT) -> _BagRecording:
         bag = Bag.at(path)
         topic, notes = image_topic(bag, options)
-        carrying: Topic | None = None
         try:
-            carrying = exposure_topic(bag, topic, options)
+            log_ns, numbers, table = _exposed(bag, topic, carrier_of(exposure_topic(bag, topic, options), options))
         except ExposureError:
             if not options.unknown_exposures:
                 raise
-        carrier = None if carrying is None else carrier_of(carrying, options)
-        sent, exposures, readings = _read_through(bag, topic, carrier)
-        numbers, table = _table(sent, exposures, readings, carrier, str(path))
-        images = ImageStream(bag, topic, sent.log_ns, options.channel)
+            log_ns, numbers, table = _unexposed(bag, topic)
+        images = ImageStream(bag, topic, log_ns, options.channel)
         sampled = images.again()  # a stream keeps its file open and part of it in memory
         layout, pixel_notes = find_layout(
             lambda i: sampled.image(int(numbers[i])),
@@ -152,19 +149,22 @@ def _read_through(bag: Bag, images: Topic, carrier: Carrier | None) -> tuple[_Ti
     return images_at, exposures_at, np.array(readings, dtype=np.float64).reshape(-1, 2).T
 
 
-def _table(
-    images: _Times, exposures: _Times, readings: FloatArray, carrier: Carrier | None, path: str
-) -> tuple[IntArray, FrameTable]:
-    """Return the message numbers of the frames, and their table; with unknown exposures if there is no carrier."""
-    if carrier is None:
-        numbers, stamps_ns, stamp_notes = _increasing(images, np.arange(len(images.log_ns)), path)
-        table = unlisted(path, stamps_ns / NS_PER_S, stamped=True)
-        return numbers, replace(table, notes=(*table.notes, *stamp_notes))
-    source = f"{path}: {escaped(carrier.topic.name)}"
+def _unexposed(bag: Bag, images: Topic) -> tuple[IntArray, IntArray, FrameTable]:
+    """Return recording times and message numbers of all images, and their table with unknown exposures."""
+    times, _, _ = _read_through(bag, images, None)
+    numbers, stamps_ns, notes = _increasing(times, np.arange(len(times.log_ns)), str(bag.path))
+    table = unlisted(str(bag.path), stamps_ns / NS_PER_S, stamped=True)
+    return times.log_ns, numbers, replace(table, notes=(*table.notes, *notes))
+
+
+def _exposed(bag: Bag, images: Topic, carrier: Carrier) -> tuple[IntArray, IntArray, FrameTable]:
+    """Return recording times of all images, message numbers of those with an exposure, and their table."""
+    times, exposures, readings = _read_through(bag, images, carrier)
+    source = f"{bag.path}: {escaped(carrier.topic.name)}"
     if not readings.size:
         raise ExposureError(f"{source}: has no exposures ({carrier.summary}); choose another topic")
-    exposure, match_notes = _match(images, exposures, source)
-    numbers, stamps_ns, stamp_notes = _increasing(images, np.flatnonzero(exposure >= 0), path)
+    exposure, match_notes = _match(times, exposures, source)
+    numbers, stamps_ns, stamp_notes = _increasing(times, np.flatnonzero(exposure >= 0), str(bag.path))
     interval_ms = float(np.median(np.diff(stamps_ns))) / _NS_PER_MS if len(stamps_ns) > 1 else None
     values, unit_notes = _in_ms(readings, carrier, interval_ms, source)
     exposures_ms = checked_exposures(
@@ -174,7 +174,8 @@ def _table(
     )
     stamps_s = stamps_ns / NS_PER_S
     stamps_s.setflags(write=False)
-    return numbers, FrameTable(source, (), stamps_s, exposures_ms, (*unit_notes, *match_notes, *stamp_notes))
+    notes = (*unit_notes, *match_notes, *stamp_notes)
+    return times.log_ns, numbers, FrameTable(source, (), stamps_s, exposures_ms, notes)
 
 
 def _match(images: _Times, exposures: _Times, source: str) -> tuple[IntArray, list[str]]:
