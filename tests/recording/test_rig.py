@@ -13,7 +13,7 @@ from image_samples import encoded, grey
 
 from ospc.cli.main import cli
 from ospc.errors import ExposureError, RecordingError
-from ospc.recording import cameras_of, open_recording
+from ospc.recording import Recording, cameras_of, open_recording
 from ospc.recording.kinds import safe_name
 from ospc.recording.options import ReadingOptions
 
@@ -55,32 +55,37 @@ def folders(place: Path) -> Path:
     return place
 
 
+def opened(camera: tuple[Path, ReadingOptions]) -> Recording:
+    place, options = camera
+    return open_recording(place, options=options)
+
+
 RIGS = {"EuRoC": euroc, "bag": bag, "folders side by side": folders}
 
 
 def test_a_stated_topic_of_one_camera_serves_no_other(tmp_path: Path) -> None:
     options = ReadingOptions(exposure_topic="/cam1/exposure_ms")
     found = cameras_of(bag(tmp_path / "made"), options=options)
-    assert {name: opened().exposures_ms.tolist() for name, opened in found.items()} == MS
+    assert {name: opened(camera).exposures_ms.tolist() for name, camera in found.items()} == MS
     sent = [
         message for camera in MS for message in images([frame(camera, i) for i in range(3)], f"/{camera}/image_raw")
     ]
     only_one = write_bag1(tmp_path / "only", sent + floats(MS["cam0"], "/cam0/exposure_ms"))
     found = cameras_of(only_one, options=ReadingOptions(exposure_topic="/cam0/exposure_ms"))
-    assert found["cam0"]().exposures_ms.tolist() == MS["cam0"]
+    assert opened(found["cam0"]).exposures_ms.tolist() == MS["cam0"]
     with pytest.raises(ExposureError, match="the exposures of /cam1/image_raw"):
-        found["cam1"]()
+        opened(found["cam1"])
     shared = write_bag1(tmp_path / "shared", sent + floats(MS["cam0"], "/trigger/exposure_ms"))
     found = cameras_of(shared, options=ReadingOptions(exposure_topic="/trigger/exposure_ms"))
-    assert [opened().exposures_ms.tolist() for opened in found.values()] == [MS["cam0"]] * 3
+    assert [opened(camera).exposures_ms.tolist() for camera in found.values()] == [MS["cam0"]] * 3
 
 
 @pytest.mark.parametrize("name", RIGS)
 def test_every_camera_is_a_recording(name: str, tmp_path: Path) -> None:
     found = cameras_of(RIGS[name](tmp_path / "made"))
     assert set(found) == set(MS)
-    for camera, opened in found.items():
-        recording = opened()
+    for camera, place in found.items():
+        recording = opened(place)
         assert recording.exposures_ms == pytest.approx(MS[camera])
         np.testing.assert_array_equal([f.image for f in recording], [frame(camera, i) for i in range(3)])
 
@@ -98,9 +103,9 @@ def test_one_camera_without_exposures_does_not_hide_the_others(tmp_path: Path) -
     place = euroc(tmp_path / "made")
     (place / "mav0" / "cam1" / "exposures.csv").unlink()
     found = cameras_of(place)
-    assert found["cam10"]().exposures_ms == pytest.approx(MS["cam10"])
+    assert opened(found["cam10"]).exposures_ms == pytest.approx(MS["cam10"])
     with pytest.raises(ExposureError, match="has no list of exposures"):
-        found["cam1"]()
+        opened(found["cam1"])
 
 
 @pytest.mark.parametrize(

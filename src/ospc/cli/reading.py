@@ -13,10 +13,10 @@ import click
 from ospc.cli.options import Declared, Parsed, Several, option
 from ospc.cli.terminal import say, say_table
 from ospc.errors import ExposureError, RecordingError, SettingError
-from ospc.recording import Recording, cameras_of
+from ospc.recording import Recording, cameras_of, open_recording
 from ospc.recording.channel import Channel
 from ospc.recording.derived import Region, masked, read_mask
-from ospc.recording.kinds import Opener, kinds
+from ospc.recording.kinds import kinds
 from ospc.recording.options import ReadingOptions, declared_options
 
 _EACH = "each"
@@ -41,33 +41,29 @@ class Reading:
         """Open a recording; the error for missing exposures suggests ``--unknown-exposures``."""
         if self.each_channel:
             raise click.UsageError("only 'ospc calibrate' accepts --channel each; choose one channel")
-        from ospc.recording import open_recording
+        return self._opened(path, self.options)
 
-        return self._opened(path, lambda options: open_recording(path, self.kind, options))
-
-    def cameras(self, path: Path) -> dict[str, Opener]:
+    def cameras(self, path: Path) -> dict[str, Callable[[], Recording]]:
         """Return an opener for each camera of a rig by name, or for each of its channels with ``--channel each``."""
+        cameras = cameras_of(path, self.kind, self.options)
         if not self.each_channel:
-            return {name: partial(self._camera, path, name) for name in cameras_of(path, self.kind, self.options)}
-        openers = {}
-        for channel in (Channel.RED, Channel.GREEN, Channel.BLUE):
-            one = replace(self, options=replace(self.options, channel=channel), each_channel=False)
-            cameras = one.cameras(path)
-            for name, opener in cameras.items():
-                openers[f"{name}_{channel.value}" if len(cameras) > 1 else channel.value] = opener
-        return openers
+            return {name: partial(self._opened, *camera) for name, camera in cameras.items()}
+        return {
+            f"{name}_{channel.value}" if len(cameras) > 1 else channel.value: partial(
+                self._opened, place, replace(options, channel=channel)
+            )
+            for channel in (Channel.RED, Channel.GREEN, Channel.BLUE)
+            for name, (place, options) in cameras.items()
+        }
 
-    def _camera(self, path: Path, name: str) -> Recording:
-        return self._opened(path, lambda options: cameras_of(path, self.kind, options)[name]())
-
-    def _opened(self, path: Path, opener: Callable[[ReadingOptions], Recording]) -> Recording:
+    def _opened(self, path: Path, options: ReadingOptions) -> Recording:
         try:
-            recording = opener(self.options)
+            recording = open_recording(path, self.kind, options)
         except RecordingError as error:
-            if self.options.unknown_exposures:
+            if options.unknown_exposures:
                 raise
             # A problem that prevents opening it even without exposures takes precedence.
-            opener(replace(self.options, unknown_exposures=True))
+            open_recording(path, self.kind, replace(options, unknown_exposures=True))
             hint = "if there are none, 'ospc calibrate --unknown-exposures' estimates them from the images"
             raise ExposureError(f"{error}; {hint}") from error
         mask = None if self.mask is None else read_mask(self.mask, recording.size)

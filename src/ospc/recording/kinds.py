@@ -10,9 +10,8 @@ returns an :class:`~ospc.recording.image_sequence.ImageSequence` or a subclass o
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import suppress
-from functools import partial
 from importlib import import_module
 from pathlib import Path
 from typing import Protocol, runtime_checkable
@@ -137,9 +136,6 @@ _MAX_NAME_CHARACTERS = 80
 """Maximum length of a camera name, which is also the name of a folder."""
 _UNSAFE = re.compile(r"[^A-Za-z0-9_.-]+")
 
-Opener = Callable[[], Recording]
-"""Opens the recording of one camera."""
-
 
 @runtime_checkable
 class RigKind(Protocol):
@@ -149,8 +145,10 @@ class RigKind(Protocol):
         """Return path and options to open each camera, by its name; RecordingError if that fails."""
 
 
-def cameras_of(path: str | Path, kind: str | None = None, options: ReadingOptions = DEFAULT) -> dict[str, Opener]:
-    """Return a function for each camera of a rig that opens its recording, by the name of the camera.
+def cameras_of(
+    path: str | Path, kind: str | None = None, options: ReadingOptions = DEFAULT
+) -> dict[str, tuple[Path, ReadingOptions]]:
+    """Return the path and the options with which :func:`open_recording` opens each camera of a rig, by its name.
 
     Cameras are opened separately, so that one without exposures does not affect the others. The parameters are those
     of :func:`~ospc.recording.kinds.open_recording`; a single camera counts as a rig of one. The names consist of
@@ -168,15 +166,15 @@ def cameras_of(path: str | Path, kind: str | None = None, options: ReadingOption
         raise RecordingError(
             f"{place}: has {len(found)} cameras, more than the {_MAX_CAMERAS} allowed; open one of them"
         )
-    openers: dict[str, Opener] = {}
+    named: dict[str, tuple[Path, ReadingOptions]] = {}
     taken: set[str] = set()
-    for name, (camera, of_camera) in found.items():
+    for name, camera in found.items():
         safe, number = safe_name(name), 2
         while safe.lower() in taken:
             safe, number = f"{safe_name(name)}_{number}", number + 1
         taken.add(safe.lower())
-        openers[safe] = partial(open_recording, camera, kind, of_camera)
-    return openers
+        named[safe] = camera
+    return named
 
 
 def _cameras(place: Path, kind: str | None, options: ReadingOptions) -> dict[str, tuple[Path, ReadingOptions]]:
