@@ -1,8 +1,8 @@
-"""Array types shared between modules, and helpers for nearest times and group members."""
+"""Array types shared between modules, and helpers for read-only arrays, nearest times and group members."""
 
 from __future__ import annotations
 
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -24,6 +24,15 @@ Image: TypeAlias = npt.NDArray[Any]
 
 ImageSize: TypeAlias = tuple[int, int]
 """Width and height in pixels, in this order."""
+
+
+AnyArray = TypeVar("AnyArray", bound=npt.NDArray[Any])
+
+
+def read_only(array: AnyArray) -> AnyArray:
+    """Return an array after making it read-only, so that it can be shared."""
+    array.setflags(write=False)
+    return array
 
 
 def nearest(times: npt.NDArray[Any], wanted: npt.NDArray[Any]) -> IntArray:

@@ -7,7 +7,7 @@ from functools import cache
 
 import numpy as np
 
-from ospc.arrays import BoolArray, Float32Array, FloatArray, ImageSize, IntArray
+from ospc.arrays import BoolArray, Float32Array, FloatArray, ImageSize, IntArray, read_only
 from ospc.correspondence.equal_smoothing import (
     CENTRE,
     NODES,
@@ -194,9 +194,7 @@ class FlatSampler:
 def _grid(size: ImageSize, spacing_px: int, margin_px: int) -> FloatArray:
     """Return the grid points (x, y) of an image, with a spacing and a margin, shape (n, 2)."""
     x, y = np.meshgrid(*(np.arange(margin_px, side - margin_px, spacing_px, dtype=np.float64) for side in size))
-    places = np.stack([x.ravel(), y.ravel()], axis=1)
-    places.setflags(write=False)
-    return places
+    return read_only(np.stack([x.ravel(), y.ravel()], axis=1))
 
 
 def _typical_motion(places: FloatArray, displacement: FloatArray, gradient: FloatArray) -> float:

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from ospc.arrays import BoolArray, Float32Array, FloatArray, Image, ImageSize, IntArray
+from ospc.arrays import BoolArray, Float32Array, FloatArray, Image, ImageSize, IntArray, read_only
 from ospc.by_value import ByValue
 from ospc.correspondence.interlacing import row_alternation
 from ospc.correspondence.thumbnail import Thumbnail
@@ -236,9 +236,8 @@ def level_count(max_grey: int) -> int:
 def _radius_cells(size: ImageSize) -> IntArray:
     """Return the index of the range of R of each pixel of a small image, shape (h · w,)."""
     radius = np.linalg.norm(normalised(pixel_grid(size), size), axis=-1)
-    cell = np.minimum((radius * COVERAGE_RADIUS_CELLS).astype(np.int64), COVERAGE_RADIUS_CELLS - 1).ravel()
-    cell.setflags(write=False)
-    return np.asarray(cell)
+    cell = np.minimum((radius * COVERAGE_RADIUS_CELLS).astype(np.int64), COVERAGE_RADIUS_CELLS - 1)
+    return read_only(np.asarray(cell).ravel())
 
 
 def _counts(image: Image, max_grey: int) -> npt.NDArray[np.int64]:

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from ospc.arrays import BoolArray, Float32Array, FloatArray, ImageSize
+from ospc.arrays import BoolArray, Float32Array, FloatArray, ImageSize, read_only
 from ospc.correspondence.thumbnail import Thumbnail, magnitude
 from ospc.photometry.geometry import pixel_grid
 from ospc.settings.correspondence import (
@@ -70,9 +70,7 @@ def exposed_in_both(first: Thumbnail, second: Thumbnail, there: Float32Array, fo
 @cache
 def pixel_places(size: ImageSize) -> Float32Array:
     """Return the coordinates (x, y) of every pixel of a small image, shape (h, w, 2)."""
-    places = pixel_grid(size).astype(np.float32)
-    places.setflags(write=False)
-    return places
+    return read_only(pixel_grid(size).astype(np.float32))
 
 
 def optical_flow(preset: int, finest_scale: int) -> cv2.DISOpticalFlow:

@@ -10,7 +10,7 @@ from typing import Self
 
 import numpy as np
 
-from ospc.arrays import BoolArray, FloatArray, ImageSize, IntArray
+from ospc.arrays import BoolArray, FloatArray, ImageSize, IntArray, read_only
 from ospc.errors import FrameError, SettingError, counted, quoted
 from ospc.formats.files import read_bytes
 from ospc.recording.frame import Frame, checked_mask, size_of
@@ -180,6 +180,6 @@ def masked(recording: Recording, mask: BoolArray | None = None, region: Region |
             f"mask and region of interest leave {np.count_nonzero(usable)} of the {width}x{height} pixels; "
             f"usable pixels are inside the region and not black in the mask"
         )
-    usable.setflags(write=False)
     note = f"{1 - usable.mean():.0%} of every image is masked and not used"
-    return DerivedRecording.of(recording, np.arange(len(recording)), recording.exposures_ms, mask=usable, note=note)
+    every = np.arange(len(recording))
+    return DerivedRecording.of(recording, every, recording.exposures_ms, mask=read_only(usable), note=note)

@@ -11,7 +11,7 @@ from pathlib import Path, PurePosixPath
 import numpy as np
 import numpy.typing as npt
 
-from ospc.arrays import FloatArray
+from ospc.arrays import FloatArray, read_only
 from ospc.errors import ExposureError, MissingExtraError, RecordingError, counted, listed, quoted
 from ospc.formats.files import by_name, read_bytes
 from ospc.formats.scanning import NUMBER
@@ -159,7 +159,7 @@ def make_table(
     said = list(notes)
     for least, scale, unit in _EPOCH_UNITS:
         if stamps[0] >= least:
-            stamps = _read_only(stamps * scale)
+            stamps = read_only(stamps * scale)
             said.append(f"{source}: time stamps are assumed to be in {unit}, inferred from their size")
             break
     return FrameTable(source, tuple(ids), stamps, exposures, tuple(said), stamped)
@@ -186,7 +186,7 @@ def checked_exposures(
         )
     if unknown.all():
         raise ExposureError(f"{where(np.flatnonzero(unknown).tolist())}: no exposure is known; {remedy}")
-    return _read_only(exposures)
+    return read_only(exposures)
 
 
 def checked_stamps(stamps_s: npt.ArrayLike, where: Where) -> FloatArray:
@@ -200,12 +200,7 @@ def checked_stamps(stamps_s: npt.ArrayLike, where: Where) -> FloatArray:
         before = int(wrong[0])
         how = "the same time stamp" if stamps[before] == stamps[before + 1] else "time goes back"
         raise RecordingError(f"{where([before, before + 1])}: {how}; frames must be in the order they were taken")
-    return _read_only(stamps)
-
-
-def _read_only(values: FloatArray) -> FloatArray:
-    values.setflags(write=False)
-    return values
+    return read_only(stamps)
 
 
 def table_or_unlisted(
@@ -227,7 +222,7 @@ NO_STAMPS = "has no time stamps; frames are numbered, one per second"
 
 def unlisted(source: str, stamps_s: FloatArray, *, stamped: bool) -> FrameTable:
     """Return frames with unknown exposures, 1 ms each."""
-    ones = _read_only(np.ones(len(stamps_s)))
+    ones = read_only(np.ones(len(stamps_s)))
     return FrameTable(source, (), stamps_s, ones, (f"{source}: {NO_EXPOSURES}",), stamped)
 
 

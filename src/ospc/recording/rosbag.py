@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ospc.arrays import FloatArray, Image, IntArray, nearest
+from ospc.arrays import FloatArray, Image, IntArray, nearest, read_only
 from ospc.errors import ExposureError, RecordingError, counted, escaped, listed
 from ospc.recording.bags.bag import Bag, exposure_topic, image_topic, image_topics, is_bag, own_exposure_topic
 from ospc.recording.bags.carriers import Carrier, carrier_of
@@ -172,8 +172,7 @@ def _exposed(bag: Bag, images: Topic, carrier: Carrier) -> tuple[IntArray, IntAr
         lambda frames: f"{source}, image {listed(frames)}",
         "state the unit or the gain, or ignore it with --gain-unit none",
     )
-    stamps_s = stamps_ns / NS_PER_S
-    stamps_s.setflags(write=False)
+    stamps_s = read_only(stamps_ns / NS_PER_S)
     notes = (*unit_notes, *match_notes, *stamp_notes)
     return times.log_ns, numbers, FrameTable(source, (), stamps_s, exposures_ms, notes)
 

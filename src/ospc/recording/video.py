@@ -15,7 +15,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from ospc.arrays import FloatArray, Image
+from ospc.arrays import FloatArray, Image, read_only
 from ospc.errors import FrameError, RecordingError, counted, escaped, os_error_as
 from ospc.recording.channel import DEFAULT_CHANNEL, Channel
 from ospc.recording.exposure_lists import only_list, read_list
@@ -206,9 +206,8 @@ def _stamps(table: FrameTable, fps: float, path: Path, channel: Channel | None) 
     notes = (*table.notes, *converted)
     if table.stamped or not 0 < fps < _MAX_FPS:
         return table.stamps_s, notes
-    stamps_s = np.arange(len(table)) / fps
-    stamps_s.setflags(write=False)
-    return stamps_s, (*notes, f"{path}: time stamps are computed from the frame rate of {fps:g} per second")
+    notes = (*notes, f"{path}: time stamps are computed from the frame rate of {fps:g} per second")
+    return read_only(np.arange(len(table)) / fps), notes
 
 
 KIND = _Video()
