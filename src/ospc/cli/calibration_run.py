@@ -13,7 +13,7 @@ from typing import Any
 
 from ospc.calibrator import OnlineCalibrator, Status, drive
 from ospc.cli.calibration_result import Outcome, ResultFolder, Saved
-from ospc.cli.terminal import progress_line, say, say_notes
+from ospc.cli.terminal import progress_line, say, say_notes, spreads_in_words
 from ospc.errors import FormatError, OspcError, SettingError, counted, one_line
 from ospc.exposures.lag_choice import LagChoice
 from ospc.output import Written
@@ -219,9 +219,8 @@ class CalibrationRun:
 
 def figures(status: Status) -> str:
     """Return the method's own figures in one line."""
-    sigmas = {"g": status.progress.response_sigma, "V": status.progress.vignette_sigma}
-    known = [f"{name} ±{sigma:.2g}" for name, sigma in sigmas.items() if sigma is not None]
-    return "  ".join([counted(status.progress.pairs, "pair"), *known])
+    now = status.progress
+    return "  ".join([counted(now.pairs, "pair"), *spreads_in_words(now.response_sigma, now.vignette_sigma)])
 
 
 def identification(recording: Recording) -> dict[str, Any]:

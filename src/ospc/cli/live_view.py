@@ -16,7 +16,7 @@ from rich.table import Table
 from rich.text import Text
 
 from ospc.arrays import FloatArray, IntArray
-from ospc.cli.terminal import console, say
+from ospc.cli.terminal import console, say, spreads_in_words
 from ospc.errors import counted
 from ospc.live.capture import Capture
 from ospc.live.status import LiveStatus
@@ -197,10 +197,8 @@ def _figures(status: LiveStatus) -> str:
     parts = [counted(status.frames, "frame"), counted(status.progress.pairs, "pair")]
     if status.dropped:
         parts.append(f"{status.dropped} dropped")
-    for name, sigma in (("g", status.instruction.response_sigma), ("V", status.instruction.vignette_sigma)):
-        if sigma is not None:
-            parts.append(f"{name} ±{sigma:.2g}")
-    return "  ".join(parts)
+    now = status.instruction
+    return "  ".join([*parts, *spreads_in_words(now.response_sigma, now.vignette_sigma)])
 
 
 def _coverage(preview: Preview) -> RenderableType:

@@ -12,9 +12,7 @@ from ospc.cli.reading import STATED_OF_CAMERA
 from ospc.cli.terminal import progress_line, say, say_notes
 from ospc.errors import counted
 from ospc.recording.options import ReadingOptions
-
-_MAX_FRAMES = 1_000_000
-"""Most frames of one recording: nine hours at 30 per second."""
+from ospc.recording.writing.images import MOST_FRAMES, film
 
 
 @declared("record")
@@ -24,7 +22,7 @@ def command(
     camera: str = argument(),
     out: Path = out_option("Folder to write, new or empty."),
     frames: int | None = option(
-        "Stop after this many frames; otherwise with Ctrl-C.", "-n", "--frames", type=click.IntRange(1, _MAX_FRAMES)
+        "Stop after this many frames; otherwise with Ctrl-C.", "-n", "--frames", type=click.IntRange(1, MOST_FRAMES)
     ),
     stated: ReadingOptions = STATED_OF_CAMERA,
     quiet: bool = QUIET,
@@ -39,7 +37,6 @@ def command(
     OUT gets images/ and times.txt. Ctrl-C stops the recording; the frames recorded so far are complete.
     """
     from ospc.recording.live import open_camera
-    from ospc.recording.writing.images import film
 
     with open_camera(camera, stated) as source:
         if not quiet:
@@ -48,7 +45,7 @@ def command(
             filmed = film(
                 source,
                 out,
-                most=frames or _MAX_FRAMES,
+                most=frames or MOST_FRAMES,
                 stop=lambda: interruption.requested,
                 progress=lambda done, _most: show("recording", done, frames or 0),
             )

@@ -48,6 +48,12 @@ def say_notes(notes: Iterable[str], label: str = "note") -> None:
         say(f"{label}: {note}", err=True)
 
 
+def spreads_in_words(response_sigma: float | None, vignette_sigma: float | None) -> list[str]:
+    """Return the standard deviations of response and vignette that are known."""
+    sigmas = {"g": response_sigma, "V": vignette_sigma}
+    return [f"{name} ±{sigma:.2g}" for name, sigma in sigmas.items() if sigma is not None]
+
+
 def say_table(
     headings: Iterable[str], rows: Iterable[Iterable[Any]], *, right: str | None = None, columns_when_piped: int
 ) -> None:

@@ -56,6 +56,12 @@ def read_bytes(path: str | Path, limit: int = LARGEST_TEXT, error: type[OspcErro
     return content
 
 
+def beginning(path: Path, count: int) -> bytes:
+    """Return the first bytes of a file, by which its format is recognised; OSError if it cannot be read."""
+    with path.open("rb") as stream:
+        return stream.read(count)
+
+
 def read_text(path: str | Path, limit: int = LARGEST_TEXT, *, keep_mark: bool = False) -> str:
     """Return the content of a text file with the errors of :func:`read_bytes`; invalid UTF-8 is replaced.
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from ospc.errors import ExposureError, FrameError, RecordingError, listed, os_error_as
-from ospc.formats.files import read_bytes
+from ospc.formats.files import beginning, read_bytes
 from ospc.formats.image_header import EXIF
 from ospc.photometry.correction import EXPOSURE_RANGE_MS
 from ospc.recording.exposure_lists import lists_in
@@ -66,9 +66,8 @@ def _photo(path: Path) -> tuple[float, Shot]:
 
 
 def _head(path: Path) -> bytes:
-    unread = os_error_as(RecordingError, f"{path}: cannot be read", "check the file and its permissions")
-    with unread, path.open("rb") as file:
-        return file.read(_HEAD_BYTES)
+    with os_error_as(RecordingError, f"{path}: cannot be read", "check the file and its permissions"):
+        return beginning(path, _HEAD_BYTES)
 
 
 def _table(path: Path, names: tuple[str, ...]) -> FrameTable:

@@ -17,6 +17,7 @@ import numpy as np
 
 from ospc.arrays import FloatArray, Image, read_only
 from ospc.errors import FrameError, RecordingError, counted, escaped, os_error_as
+from ospc.formats.files import beginning
 from ospc.recording.channel import DEFAULT_CHANNEL, Channel
 from ospc.recording.exposure_lists import only_list, read_list
 from ospc.recording.frame import MAX_DECODED_BYTES, Frame, check_size, size_of
@@ -128,10 +129,7 @@ class _Video:
     name = "video"
 
     def recognises(self, path: Path) -> bool:
-        if not path.is_file():
-            return False
-        with path.open("rb") as file:
-            head = file.read(_HEAD_BYTES)
+        head = beginning(path, _HEAD_BYTES) if path.is_file() else b""
         return any(head[place : place + len(text)] == text for place, text in _SIGNATURES)
 
     def open(self, path: Path, options: ReadingOptions = DEFAULT) -> _VideoRecording:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from ospc.errors import ExposureError, RecordingError, escaped, listed, quoted
-from ospc.formats.files import by_name
+from ospc.formats.files import beginning, by_name
 from ospc.recording.bags.carriers import candidates
 from ospc.recording.bags.container import ROS1_START, SQLITE_START, BagFile, Message, Ros1File, Sqlite3File, Topic
 from ospc.recording.bags.mcap_file import MCAP_START, McapFile
@@ -94,10 +94,7 @@ def _files_of(folder: Path) -> list[Path]:
 
 
 def _opener(path: Path) -> Callable[[Path], BagFile] | None:
-    if not path.is_file():
-        return None
-    with path.open("rb") as file:
-        head = file.read(_HEAD_BYTES)
+    head = beginning(path, _HEAD_BYTES) if path.is_file() else b""
     return next((opener for start, opener in _OPENERS.items() if head.startswith(start)), None)
 
 

@@ -114,7 +114,7 @@ def encoding_notes(recording: Recording, number: int, image_format: ImageFormat 
     return [f"{bits}-bit grey values are left-aligned in 16-bit images"] if bits < 16 else []
 
 
-_MOST_FRAMES = 1_000_000
+MOST_FRAMES = 1_000_000
 """Maximum number of frames in a recording: nine hours at 30 per second."""
 
 
@@ -135,7 +135,7 @@ def film(
     frames: Iterable[Frame],
     out: str | Path,
     *,
-    most: int = _MOST_FRAMES,
+    most: int = MOST_FRAMES,
     stop: Callable[[], bool] = lambda: False,
     progress: Callable[[int, int], None] = lambda _done, _most: None,
 ) -> Filmed:
@@ -160,7 +160,7 @@ def film(
     exposures_ms: list[float] = []
     repeated = 0
     try:
-        with writing, NumberedImages(place, min(most, _MOST_FRAMES), archive=False) as images:
+        with writing, NumberedImages(place, most, archive=False) as images:
             for frame in frames:
                 if stamps_s and round(frame.stamp_s, 9) <= round(stamps_s[-1], 9):
                     repeated += 1
