@@ -12,7 +12,7 @@ import ospc
 READING = {
     *("read_bytes", "read_text", "loads", "frombuffer", "imdecode", "imread", "loadmat", "json_object", "read_xml"),
     *("ZipFile", "VideoCapture", "DictReader", "reader", "read_table", "process_file", "FileStorage", "ParserCreate"),
-    *("open", "open_heif", "fromfile", "genfromtxt", "loadtxt"),
+    *("open", "beginning", "open_heif", "fromfile", "genfromtxt", "loadtxt"),
 }
 """Names of functions that read or parse the content of a file."""
 
