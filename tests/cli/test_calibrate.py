@@ -365,7 +365,7 @@ class TestInterruptions:
         assert OnlineCalibrator.load_state(tmp_path / "out" / "state.ospc").frames == 5
 
     def test_before_the_first_frame(self, recording, tmp_path, monkeypatch):
-        monkeypatch.setattr("ospc.recording.open_recording", lambda *_: os.kill(os.getpid(), signal.SIGINT))
+        monkeypatch.setattr("ospc.cli.reading.open_recording", lambda *_: os.kill(os.getpid(), signal.SIGINT))
         result = run(recording, "-o", tmp_path / "out")
         assert result.exit_code == 130
         assert not (tmp_path / "out").exists()
