@@ -9,6 +9,7 @@ import sys
 from contextlib import suppress
 from importlib import import_module
 from io import TextIOWrapper
+from keyword import iskeyword
 
 import click
 
@@ -37,10 +38,7 @@ _COMMANDS = {
     "simulate": "Simulate a recording with known truth.",
     "validate": "Check parameter files against the rules of the programs that read them.",
 }
-"""Commands and their lines in the overview; each module has the name of its command."""
-
-_MODULES = {"import": "import_"}
-"""Modules of commands whose name is a Python keyword."""
+"""Commands and their lines in the overview; each module has the name of its command, keywords with a ``_``."""
 
 
 _LEAST_MEMORY_MIB = 1024
@@ -67,7 +65,8 @@ class _Commands(click.Group):
     def get_command(self, _ctx: click.Context, name: str) -> click.Command | None:
         if name not in _COMMANDS:
             return None
-        command: click.Command = import_module(f"ospc.cli.{_MODULES.get(name, name)}").command
+        module = f"{name}_" if iskeyword(name) else name
+        command: click.Command = import_module(f"ospc.cli.{module}").command
         return command
 
     def format_commands(self, _ctx: click.Context, formatter: click.HelpFormatter) -> None:
