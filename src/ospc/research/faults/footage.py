@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
-from importlib import import_module
 from pathlib import Path
-from typing import Any
 from zlib import crc32
 
 import numpy as np
@@ -147,18 +145,9 @@ class Fault:
         """Return a recording with the fault; deterministic."""
         return self.change(footage, strength, np.random.default_rng(crc32(self.name.encode())))
 
-    def __reduce__(self) -> tuple[Any, ...]:
-        """Pickle the fault as a reference to its table, because lambdas cannot be pickled."""
-        return _in_table, (self.change.__module__, self.name)
-
     def in_words(self, strength: float) -> str:
         """Return the description for a strength."""
         return self.text.format(f"{strength:g}")
-
-
-def _in_table(module: str, name: str) -> Fault:
-    faults: tuple[Fault, ...] = import_module(module).FAULTS
-    return next(fault for fault in faults if fault.name == name)
 
 
 def some(count: int, share: float, random: np.random.Generator) -> BoolArray:

@@ -21,6 +21,7 @@ from ospc.evaluation.metrics import log_ratio_error, vignette_rmse
 from ospc.photometry.calibration import PROFILE_RADII, Calibration
 from ospc.photometry.response import Response
 from ospc.recording import Frame
+from ospc.research.faults import exposures, greys, light, sequence
 from ospc.research.faults.footage import STRENGTHS, Fault, Footage, GoodSource, good_footage
 from ospc.research.runner import OnProgress, Task, made_with
 from ospc.research.scoring import profile_along_diagonal
@@ -28,6 +29,15 @@ from ospc.research.scoring import profile_along_diagonal
 Outcome = Literal[
     "detected", "corrected", "harmless", "uncertain", "indistinguishable", "confident and wrong", "crashed"
 ]
+
+KINDS: dict[str, tuple[Fault, ...]] = {
+    "light, optics and scene": light.FAULTS,
+    "grey values": greys.FAULTS,
+    "exposures": exposures.FAULTS,
+    "sequence and files": sequence.FAULTS,
+}
+FAULTS = {fault.name: fault for faults in KINDS.values() for fault in faults}
+"""All faults by kind, and by name."""
 
 CLEAN = "none"
 """Name that stands for no fault."""
@@ -96,13 +106,14 @@ def fault_task(source: GoodSource, fault: Fault | None = None, strength: int = 0
     put = None if fault is None else [fault.name, run.value]
     depends_on = {"recording": source.describe(), "fault": put, "made_with": made_with()}
     name = f"{source.name} ({run.fault} {run.strength}".rstrip() + ")"
-    return Task(name, depends_on, partial(_run, source, fault, run))
+    # The fault is found by its name, because functions without a name cannot be pickled.
+    return Task(name, depends_on, partial(_run, source, run))
 
 
-def _run(source: GoodSource, fault: Fault | None, run: Run, progress: OnProgress) -> dict[str, Any]:
+def _run(source: GoodSource, run: Run, progress: OnProgress) -> dict[str, Any]:
     footage = good_footage(source)
-    if fault is not None and run.value is not None:
-        footage = fault.put_on(footage, run.value)
+    if run.value is not None:
+        footage = FAULTS[run.fault].put_on(footage, run.value)
     progress(0.5)
     began = process_time()
     try:

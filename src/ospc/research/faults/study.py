@@ -8,21 +8,12 @@ from typing import Any, get_args
 
 from ospc.formats.files import csv_text
 from ospc.research.accuracy.design import select
-from ospc.research.faults import exposures, greys, light, sequence
 from ospc.research.faults.footage import STRENGTHS, Fault, GoodSource
-from ospc.research.faults.judging import CLEAN, Outcome, Run, fault_task
+from ospc.research.faults.judging import CLEAN, FAULTS, KINDS, Outcome, Run, fault_task
 from ospc.research.runner import Task
 from ospc.research.tables import StudyReport, Table, as_json, benchmark_content, document
 
 SCHEMA = "ospc-benchmark-faults/1"
-
-KINDS: dict[str, tuple[Fault, ...]] = {
-    "light, optics and scene": light.FAULTS,
-    "grey values": greys.FAULTS,
-    "exposures": exposures.FAULTS,
-    "sequence and files": sequence.FAULTS,
-}
-"""All faults by kind."""
 
 OUTCOMES: tuple[Outcome, ...] = get_args(Outcome)
 
@@ -36,7 +27,7 @@ _NOTE = (
 
 def chosen_faults(pattern: str | None) -> list[Fault]:
     """Return the fault with this name, or those whose names match a shell pattern or contain a word."""
-    return select({fault.name: fault for faults in KINDS.values() for fault in faults}, pattern, "fault")
+    return select(FAULTS, pattern, "fault")
 
 
 def fault_tasks(
