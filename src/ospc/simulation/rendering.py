@@ -46,8 +46,7 @@ class View:
 
     def homography(self, place: Rectangle) -> FloatArray:
         """Return the map from metres (across, down, 1) on a rectangle to homogeneous pixels, shape (3, 3)."""
-        columns = np.empty((3, 3))
-        columns[:, 0], columns[:, 1], columns[:, 2] = place.across, place.down, place.corner_m - self.position_m
+        columns = np.column_stack([place.across, place.down, place.corner_m - self.position_m])
         return np.asarray(self.projection @ columns)
 
     @cached_property
@@ -70,16 +69,6 @@ class View:
                 [0.0, -1.0, bottom, 0.0],
             ]
         )
-
-    @cached_property
-    def world_half_spaces(self) -> FloatArray:
-        """The same bounds in world coordinates: rows (a, b, c, d) with a·x + b·y + c·z + d >= 0 inside."""
-        normals = self.half_spaces[:, :3] @ self.projection
-        return np.column_stack([normals, self.half_spaces[:, 3] - normals @ self.position_m])
-
-    def misses(self, place: Rectangle) -> bool:
-        """Return whether a rectangle lies entirely beyond one of the bounds of the view."""
-        return bool((self.world_half_spaces @ place.corners).max(axis=1).min() < 0)
 
 
 def radiance(scene: Scene, view: View, time_s: float) -> Float32Array:
@@ -125,8 +114,6 @@ _Piece = tuple[tuple[slice, slice], Float32Array, Float32Array]
 
 def _pieces(face: Face, view: View) -> Iterable[_Piece]:
     """Yield the image area of a face, its radiance there, and the share of each pixel that it covers."""
-    if view.misses(face.place):
-        return
     to_image = view.homography(face.place)
     outline = _outline(face.place.size_m, to_image, view.half_spaces)
     if outline is None:
@@ -185,11 +172,9 @@ def _sampled(face: Face, to_metres: FloatArray, shape: tuple[int, int], outline:
     """Return the radiance of a face over an area of the image, blended between pyramid levels, shape ``shape``."""
     height, width = shape
     rows, columns = max(2, -(-height // _CELL_PX)), max(2, -(-width // _CELL_PX))
-    points = np.empty((len(outline) + rows * columns, 2))
-    points[: len(outline)] = outline
-    cells = points[len(outline) :].reshape(rows, columns, 2)
-    cells[:, :, 0] = (np.arange(columns) + 0.5) * width / columns - 0.5
-    cells[:, :, 1] = ((np.arange(rows) + 0.5) * height / rows - 0.5)[:, None]
+    x = (np.arange(columns) + 0.5) * width / columns - 0.5
+    y = (np.arange(rows) + 0.5) * height / rows - 0.5
+    points = np.concatenate([outline, np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)])
     texel_m = face.place.size_m[0] / face.mips[0].shape[1]
     detail = np.minimum(np.maximum(_detail(to_metres, points, texel_m), 0), len(face.mips) - 1)
     bounds, detail = detail[: len(outline)], detail[len(outline) :].reshape(rows, columns)

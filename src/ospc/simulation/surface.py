@@ -57,14 +57,6 @@ class Rectangle:
         """Unit normal on the side from which the texture is not mirrored."""
         return np.asarray(np.cross(self.down, self.across))
 
-    @cached_property
-    def corners(self) -> FloatArray:
-        """Corners in the world as homogeneous columns, shape (4, 4)."""
-        corners = np.ones((4, 4))
-        for column, (a, d) in enumerate(((0, 0), (1, 0), (1, 1), (0, 1))):
-            corners[:3, column] = self.corner_m + a * self.size_m[0] * self.across + d * self.size_m[1] * self.down
-        return corners
-
     def grid(self, columns: int, rows: int) -> FloatArray:
         """Return the centres of a grid of equal cells, shape (rows, columns, 3)."""
         a = (np.arange(columns) + 0.5) / columns * self.size_m[0]
