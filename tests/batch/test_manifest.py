@@ -75,6 +75,7 @@ def test_options_of_an_entry_go_before_those_of_the_command():
     ("content", "error", "said"),
     [
         (b"camera\nA\n", FormatError, "no column recording"),
+        (b"recording;camera\nr0;A\n", FormatError, "'recording;camera'.*separated by commas"),
         (b"", FormatError, "no column recording"),
         (b'recording\n""\n', FormatError, "row 2: names no recording"),
         (b"recording\na\0b\n", FormatError, "names no recording|cannot be read as CSV"),

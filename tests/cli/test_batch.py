@@ -1,7 +1,10 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
+import signal
+import time
 from functools import partial
 
 import pytest
@@ -115,3 +118,19 @@ def test_the_reason_for_a_missing_calibration_is_printed(folder, tmp_path):
     assert "0 of 1 camera fully calibrated" in result.stdout
     assert "warning: data: " in result.stderr
     assert "pixels" in result.stderr
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_an_interruption_ends_the_wait_for_an_answer(folder, tmp_path, monkeypatch):
+    class Stuck:
+        def run(self, _tasks):
+            os.kill(os.getpid(), signal.SIGINT)
+            time.sleep(60)
+            yield
+
+    monkeypatch.setattr("ospc.batch.work.Processes", lambda _count: Stuck())
+    begun_s = time.monotonic()
+    result = run(folder, "-o", tmp_path / "out", *SETTINGS)
+    assert time.monotonic() - begun_s < 30
+    assert result.exit_code == 130
+    assert "run the same command again to continue" in result.stdout

@@ -5,13 +5,13 @@ from __future__ import annotations
 import csv
 import glob
 import io
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from ospc.batch.object_store import is_address, matches
-from ospc.errors import FormatError, RecordingError, SettingError, needs_extra, os_error_as, said_by
+from ospc.errors import FormatError, RecordingError, SettingError, listed, needs_extra, os_error_as, quoted, said_by
 from ospc.exposures.lag_choice import LagChoice, lag_choice
 from ospc.recording.kinds import kinds, open_recording
 from ospc.recording.options import ReadingOptions, declared_options
@@ -220,6 +220,10 @@ def _of_parquet(place: Path) -> list[dict[str, str]]:
     return [{name: "" if value is None else str(value) for name, value in row.items()} for row in table.to_pylist()]
 
 
-def _check_columns(place: Path, names: Any) -> None:
+def _check_columns(place: Path, names: Sequence[str]) -> None:
     if "recording" not in names:
-        raise FormatError(f"{place}: has no column recording; add it (columns camera and options are optional)")
+        found = listed([quoted(name) for name in names]) or "none"
+        raise FormatError(
+            f"{place}: has no column recording (its columns: {found}); name the columns in the first line, separated "
+            "by commas; camera and options are optional"
+        )

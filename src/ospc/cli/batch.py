@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Generator, Iterable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +16,7 @@ from ospc.errors import SettingError, counted
 
 if TYPE_CHECKING:
     from ospc.batch.run import Outcome, Stage
+    from ospc.batch.work import Answer, Runner, Task
 
 _SOME_FAILED = 4
 """Exit code if some recordings failed."""
@@ -86,7 +89,8 @@ def command(
             show(stage.name, stage.done, stage.total, f"{stage.failed} failed" if stage.failed else "")
             interruption.check()
 
-        outcome = run_batch(entries, out, runner, retries=retries, force=force, progress=progress)
+        waiting = _Interruptible(runner, interruption)
+        outcome = run_batch(entries, out, waiting, retries=retries, force=force, progress=progress)
     code = INTERRUPTED if outcome.interrupted else _SOME_FAILED if outcome.failed else 0
     if as_json:
         print_json({"exit_code": code, **_as_json(outcome, out), "left_out": left_out})
@@ -95,6 +99,18 @@ def command(
         if not quiet:
             _say(outcome, out)
     return code
+
+
+@dataclass(frozen=True)
+class _Interruptible:
+    """A runner whose wait for the next answer, which may take minutes, ends with Ctrl-C."""
+
+    runner: Runner
+    interruption: Interruption
+
+    def run(self, tasks: Iterable[Task]) -> Generator[Answer, None, None]:
+        yield from self.interruption.until_requested(self.runner.run(tasks))
+        self.interruption.check()
 
 
 def _shortened(lines: list[str], what: str) -> list[str]:
