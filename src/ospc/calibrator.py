@@ -10,7 +10,7 @@ from typing import Any
 
 from ospc.engine import Engine, Status
 from ospc.engine_state import EngineState, epoch_content, epoch_of
-from ospc.errors import FormatError, SettingError
+from ospc.errors import FormatError, FrameError, SettingError
 from ospc.exposures.lag_choice import LagChoice, check_lag, checked_lag_choice, lag_choice, lag_choice_for
 from ospc.frame_checks import image_of_size
 from ospc.library_threads import one_library_thread
@@ -142,11 +142,15 @@ class OnlineCalibrator(Engine):
     def replay(self, frame: Frame) -> None:
         """Process an earlier frame again, so that new frames can be compared with it.
 
+        Its index is its number in the run, one of :attr:`frames_to_replay`.
+
         Raises
         ------
         FrameError
-            If its image can no longer be read, or its size has changed.
+            If its number is not one of these, its image can no longer be read, or its size has changed.
         """
+        if frame.index not in self.frames_to_replay:
+            raise FrameError(f"{frame.name}: is not one of frames_to_replay; set its index to its number in the run")
         if self._method is not None:
             shown = replace(frame, load=partial(image_of_size, frame, self._size))
             prepared = self._preprocess(shown, self.pixels.range_before(frame.index))

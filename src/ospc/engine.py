@@ -17,7 +17,7 @@ from ospc.exposures.findings import ExposureFindings
 from ospc.exposures.lag_choice import LagChoice, lag_in_words
 from ospc.exposures.monitor import ExposureMonitor
 from ospc.exposures.table import ExposureTable
-from ospc.frame_checks import check_is_frame, checked_frame, why_most_are_lost
+from ospc.frame_checks import check_is_frame, checked_frame, why_greys_are_unused, why_most_are_lost
 from ospc.methods.change_detection import Change
 from ospc.methods.method import Method, Progress
 from ospc.methods.preview import Preview
@@ -281,10 +281,12 @@ class Engine:
         verdicts = {name: found.limited(verdict) for name, verdict in known.verdicts.items()}
         advice = (found.verdict.remedy, *known.advice) if found.warnings else known.advice
         verdicts["exposures"] = found.verdict
-        lost = why_most_are_lost(self._skipped, self.frames, self._first_reasons)
-        if lost:  # the usual remedies ask for more frames, which would be lost as well
-            verdicts = {n: v if v.state == "identifiable" else replace(v, remedy=lost) for n, v in verdicts.items()}
-            advice = (lost, *advice)
+        cause = why_most_are_lost(self._skipped, self.frames, self._first_reasons) or why_greys_are_unused(
+            self.pixels.highest_grey, self._max_grey
+        )
+        if cause:  # the usual remedies ask for more frames, which would not help
+            verdicts = {n: v if v.state == "identifiable" else replace(v, remedy=cause) for n, v in verdicts.items()}
+            advice = (cause, *advice)
         source: dict[str, Any] = {"exposure_lag_frames": found.lag_frames}
         if found.corrected_frames:
             source["exposure_lag_corrected_frames"] = found.corrected_frames

@@ -6,9 +6,12 @@ from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 
+import numpy as np
+
 from ospc.arrays import Image, ImageSize
 from ospc.errors import FrameError, counted
 from ospc.recording.frame import Frame, check_exposure, size_of
+from ospc.settings.correspondence import USED_SHARE
 
 
 def check_is_frame(pushed: object, number: int) -> None:
@@ -74,6 +77,16 @@ def image_of_size(frame: Frame, size: ImageSize) -> Image:
 def skipped_in_words(skipped: int, frames: int, reasons: Sequence[str]) -> str:
     """Return how many frames were skipped, and the first reasons."""
     return f"{skipped} of {counted(frames, 'frame')} skipped: {'; '.join(reasons)}" + "; …" * (skipped > len(reasons))
+
+
+def why_greys_are_unused(highest: int, max_grey: int) -> str:
+    """Return that most of the range of grey values is unused, as with a wrong largest one, or "" if it is not."""
+    if max_grey <= np.iinfo(np.uint8).max or highest > USED_SHARE * max_grey:
+        return ""
+    return (
+        f"no grey value is above {highest} of {max_grey}: state the largest one that the sensor delivers "
+        f"(max_grey), or film with longer exposures"
+    )
 
 
 def why_most_are_lost(skipped: int, frames: int, reasons: Sequence[str]) -> str:

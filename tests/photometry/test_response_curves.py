@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ospc.errors import FormatError
+from ospc.errors import FormatError, SettingError
 from ospc.photometry.response import Response
 
 steps = st.lists(st.floats(0.01, 1.0), min_size=1, max_size=60)
@@ -131,3 +131,11 @@ def test_a_curve_in_another_scale_is_matched_exactly(exponent, reference):
 def test_the_band_is_that_of_the_shape_in_units_of_irradiance():
     response = Response(np.linspace(0, 1, 5), log_sigma=np.full(5, 0.1), scale_sigma=7.0)
     np.testing.assert_allclose(response.inverse_sigma, 0.1 * np.linspace(0, 1, 5))
+
+
+@pytest.mark.parametrize("grey", [200, np.uint8(200), np.full((2, 3), 200, np.uint8)])
+def test_grey_values_in_place_of_grey_levels_are_refused(grey):
+    with pytest.raises(SettingError, match="divide grey values by the largest possible value"):
+        Response.gamma(2.2).inverse(grey)
+    assert Response.gamma(2.2).inverse([0, 1]).tolist() == [0, 1]
+    assert Response.gamma(2.2).inverse([]).size == 0

@@ -94,6 +94,30 @@ def test_what_is_no_image_is_refused(value: Any) -> None:
         replace(FRAME, load=value)
 
 
+def test_an_image_in_colour_or_of_another_type_is_refused_with_a_remedy() -> None:
+    with pytest.raises(FrameError, match=r"shape \(\d+, \d+, 3\); pass one channel, such as image\[:, :, 1\]$"):
+        Frame.of_array(np.dstack([IMAGE] * 3), 1.0)
+    with pytest.raises(FrameError, match=r"not float32; pass them as the camera delivers them$"):
+        Frame.of_array(IMAGE.astype(np.float32), 1.0)
+
+
+def test_the_order_of_bytes_does_not_matter() -> None:
+    deep = IMAGE.astype(np.uint16) * 257
+    frame = Frame.of_array(deep.astype(">u2"), 1.0)
+    assert frame.image.dtype == np.uint16
+    np.testing.assert_array_equal(frame.image, deep)
+
+
+def test_a_largest_grey_value_that_most_of_the_range_does_not_reach_is_doubted() -> None:
+    calibrator = OnlineCalibrator()
+    for number in range(3):
+        calibrator.push(Frame.of_array(np.tile(IMAGE, (4, 4)).astype(np.uint16) * 16, 1.0 + number))
+    calibration = calibrator.calibration()
+    why = "no grey value is above 3215 of 65535: state the largest one"
+    assert calibration.verdicts["response"].remedy.startswith(why)
+    assert calibration.advice[0].startswith(why)
+
+
 def test_frames_without_an_index_are_named_by_their_number_in_the_run() -> None:
     calibrator = OnlineCalibrator()
     large = np.tile(IMAGE, (4, 4))

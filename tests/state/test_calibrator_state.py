@@ -120,6 +120,8 @@ def test_without_the_earlier_frames_it_goes_on_all_the_same(recording, tmp_path)
     calibrator.save_state(tmp_path / "state.ospc")
     robot = OnlineCalibrator.load_state(tmp_path / "state.ospc")
     assert robot.frames_to_replay
+    with pytest.raises(FrameError, match="not one of frames_to_replay; set its index to its number in the run"):
+        robot.replay(Frame.of_array(recording[10].image, 1.0))  # without an index it would pass as the first frame
     for frame in recording[20:]:
         robot.push(frame)
     after = robot.calibration().counts

@@ -156,6 +156,14 @@ class PixelStatistics:
             np.quantile(alternations, INTERLACED_QUANTILE) > MIN_INTERLACED_ALTERNATION
         )
 
+    @property
+    def highest_grey(self) -> int:
+        """Upper bound of all grey values so far; that of the sensor before the first frame."""
+        if self._histogram is None:
+            return self._max_grey
+        last = int(np.flatnonzero(self._histogram)[-1])
+        return min(self._max_grey, (last + 1) * (self._max_grey + 1) // len(self._histogram) - 1)
+
     def of_next_epoch(self) -> PixelStatistics:
         """Return the statistics to continue with after a camera change, with the grey range determined anew."""
         return PixelStatistics(_max_grey=self._max_grey, _ranges=self._ranges, _inherited=self.grey_range)

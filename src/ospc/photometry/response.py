@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from ospc.arrays import FloatArray
 from ospc.by_value import ByValue
-from ospc.errors import FormatError
+from ospc.errors import FormatError, SettingError
 
 _END_TOLERANCE = 1e-9
 """Largest deviation of g(0) from 0 and of g(1) from 1: the rounding in files with ten digits."""
@@ -118,8 +118,17 @@ class Response(ByValue):
         return np.interp(np.asarray(irradiance, dtype=np.float64), self.inverse_table, self.levels)
 
     def inverse(self, grey: npt.ArrayLike) -> FloatArray:
-        """Return g, the irradiance in [0, 1] of a grey level in [0, 1]."""
-        return np.interp(np.asarray(grey, dtype=np.float64), self.levels, self.inverse_table)
+        """Return g, the irradiance in [0, 1] of a grey level in [0, 1].
+
+        Raises
+        ------
+        SettingError
+            If ``grey`` has integers above 1, such as the grey values of an 8-bit image.
+        """
+        levels = np.asarray(grey)
+        if levels.dtype.kind in "iu" and levels.max(initial=0) > 1:
+            raise SettingError("grey levels must be in [0, 1]; divide grey values by the largest possible value")
+        return np.interp(levels.astype(np.float64), self.levels, self.inverse_table)
 
     def matched(self, other: Response) -> FloatArray:
         """Return g of another response at the levels of this table, scaled to agree at the reference grey.

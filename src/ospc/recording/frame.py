@@ -151,10 +151,15 @@ def check_image(pixels: npt.ArrayLike, name: str, *, colour: bool = False) -> Im
         raise FrameError(f"{name}: its image is {image}; give an array of shape (height, width)")
     three = colour and image.ndim == 3 and image.shape[2] == 3
     if not (image.ndim == 2 or three) or image.size == 0:
-        raise FrameError(f"{name}: a grey image must have two dimensions, but this array has shape {image.shape}")
-    if image.dtype not in (np.uint8, np.uint16):
-        raise FrameError(f"{name}: grey values must be uint8 or uint16, not {image.dtype}")
-    return image
+        channel = "; pass one channel, such as image[:, :, 1]" if image.ndim == 3 and image.shape[2] > 1 else ""
+        raise FrameError(
+            f"{name}: a grey image must have two dimensions, but this array has shape {image.shape}{channel}"
+        )
+    if image.dtype.newbyteorder("=") not in (np.uint8, np.uint16):
+        raise FrameError(
+            f"{name}: grey values must be uint8 or uint16, not {image.dtype}; pass them as the camera delivers them"
+        )
+    return image.astype(image.dtype.newbyteorder("="), copy=False)
 
 
 def checked_number(value: Any, what: str, name: str) -> float:

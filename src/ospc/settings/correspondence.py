@@ -298,6 +298,10 @@ BLACK_PLACE_LEVEL = 0.045
 """Grey level of a thumbnail below which a point is black: stray light, noise and a black level of a few grey values
 stay below it."""
 
+USED_SHARE = 0.25
+"""Highest grey value, relative to the largest one stated for a sensor of more than 8 bits, up to which that statement
+is doubted: two bits or more are unused."""
+
 MIN_MEDIAN_LEVEL = 0.15
 """Median of the points' largest grey levels below which black points are not assessed, because the scene is dark."""
 
