@@ -1,12 +1,13 @@
-"""Many tasks in several processes of this machine; if a process dies, only its task is lost."""
+"""Work in other processes of this machine; if a process dies, only its task is lost."""
 
 from __future__ import annotations
 
 import multiprocessing
 import signal
 import sys
-from collections.abc import Callable, Generator, Iterable
-from contextlib import suppress
+from collections.abc import Callable, Generator, Iterable, Iterator
+from contextlib import contextmanager, suppress
+from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection, wait
 from typing import Any, Generic, TypeVar
 
@@ -29,11 +30,11 @@ def in_processes(
     task whose process died, and the reason, and returns the result or raises an error. Ending the iteration early
     ends all processes; in those that are busy, SystemExit is raised.
     """
-    waiting, idle, busy = iter(tasks), list[_Worker[_Task]](), list[_Worker[_Task]]()
+    waiting, idle, busy = iter(tasks), list[Worker[_Task]](), list[Worker[_Task]]()
     try:
         while True:
             while len(busy) < count and (task := next(waiting, None)) is not None:
-                busy.append(idle.pop() if idle else _Worker(function))
+                busy.append(idle.pop() if idle else Worker(function))
                 busy[-1].give(task)
             if not busy:
                 return
@@ -54,8 +55,8 @@ def in_processes(
             worker.end(at_once=worker in busy)
 
 
-class _Worker(Generic[_Task]):
-    """A process that works on one task after the other."""
+class Worker(Generic[_Task]):
+    """A process that works on one task after the other; ``connection`` receives the result of each, or its error."""
 
     task: _Task
 
@@ -64,15 +65,18 @@ class _Worker(Generic[_Task]):
         context = multiprocessing.get_context("spawn")
         self.connection, there = context.Pipe()
         self.process = context.Process(target=_serve, args=(function, there), daemon=True)
-        self.process.start()
+        with _without_interruption():
+            self.process.start()
         there.close()
 
     def give(self, task: _Task) -> None:
+        """Send a task."""
         self.task = task
         with suppress(OSError):  # if the process has died, waiting for its result shows that
             self.connection.send(task)
 
     def death(self) -> str:
+        """Return why the process died."""
         self.process.join()
         code = self.process.exitcode or 0
         if code >= 0:
@@ -83,6 +87,7 @@ class _Worker(Generic[_Task]):
         return f"signal {-code}"
 
     def end(self, *, at_once: bool) -> None:
+        """End the process, and interrupt its task if ``at_once``."""
         self.connection.close()
         if at_once:
             self.process.terminate()
@@ -90,6 +95,20 @@ class _Worker(Generic[_Task]):
         if self.process.is_alive():
             self.process.kill()
             self.process.join()
+
+
+@contextmanager
+def _without_interruption() -> Iterator[None]:
+    """Block Ctrl-C, also in processes started within: they would end with a traceback until they ignore it."""
+    if sys.platform == "win32":
+        yield
+        return
+    resource_tracker.ensure_running()  # otherwise starting a process does this, and unblocks the signal
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _serve(function: Callable[[Any], Any], connection: Connection) -> None:

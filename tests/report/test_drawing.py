@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import os
-import subprocess
-import sys
 import threading
 
 import pytest
@@ -46,18 +44,15 @@ def test_errors_in_the_process_are_raised_here():
 def test_work_continues_here_if_the_process_dies():
     dying = DrawingProcess()
     assert dying.submit(os.getpid).result() != os.getpid()
-    dying._process.kill()
+    dying._worker.process.kill()
     assert dying.submit(os.getpid).result() == os.getpid()
 
 
 def test_work_runs_here_if_no_process_can_be_started(monkeypatch):
-    monkeypatch.setattr(drawing.sys, "executable", "/nowhere/python")
+    def refused(_function):
+        raise OSError
+
+    monkeypatch.setattr(drawing, "Worker", refused)
     without = DrawingProcess()
     assert without.submit(os.getpid).result() == os.getpid()
     assert without.submit(threading.get_ident).result() != threading.get_ident()
-
-
-@pytest.mark.parametrize("rest", [b"", b"cut off"])
-def test_the_process_ends_with_its_input(rest):
-    program = [sys.executable, "-c", "from ospc.report.drawing import serve; serve()"]
-    assert subprocess.run(program, input=rest, capture_output=True, timeout=60, check=True).stdout == b""

@@ -5,29 +5,22 @@ Matplotlib holds the interpreter lock while it is loaded and while it draws, and
 
 from __future__ import annotations
 
-import atexit
 import gc
 import os
-import pickle
-import subprocess
 import sys
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
 from functools import cache, partial
-from typing import NamedTuple, ParamSpec, TypeAlias, TypeVar
+from typing import Any, NamedTuple, ParamSpec, TypeAlias, TypeVar
 
+from ospc.processes import Worker
 from ospc.report.charts import Findings, charts_as_svg
 from ospc.report.pictures import pictures_as_png
 from ospc.report.style import load
 
 _Arguments = ParamSpec("_Arguments")
 _Result = TypeVar("_Result")
-
-_PROGRAM = (
-    "import gc, sys; gc.set_threshold{threshold}; sys.path[:] = {path}; "
-    "from ospc.report.drawing import serve; serve()"
-)
 
 
 class Drawings(NamedTuple):
@@ -54,7 +47,11 @@ class DrawingProcess:
 
     def __init__(self) -> None:
         self._thread = ThreadPoolExecutor(1, "ospc-drawing")
-        self._process = _started()
+        self._worker: Worker[Callable[[], Any]] | None = None
+        if not getattr(sys, "frozen", False):  # otherwise the executable is this program, not an interpreter
+            with suppress(OSError, ValueError, AssertionError):  # the last within a worker process
+                self._worker = Worker(_call)
+        self.submit(_prepare, gc.get_threshold(), os.getpid())
 
     def submit(
         self, function: Callable[_Arguments, _Result], *args: _Arguments.args, **kwargs: _Arguments.kwargs
@@ -64,15 +61,12 @@ class DrawingProcess:
 
     def _result(self, work: Callable[[], _Result]) -> _Result:
         try:
-            assert self._process is not None
-            assert self._process.stdin is not None
-            assert self._process.stdout is not None
-            pickle.dump(work, self._process.stdin)
-            self._process.stdin.flush()
-            result: _Result = pickle.load(self._process.stdout)  # noqa: S301 - from a process of this program
+            assert self._worker is not None
+            self._worker.give(work)
+            result = self._worker.connection.recv()
         except Exception:
             return work()
-        return result
+        return work() if isinstance(result, Exception) else result
 
 
 @cache
@@ -81,38 +75,17 @@ def drawing_process() -> DrawingProcess:
     return DrawingProcess()
 
 
-def _started() -> subprocess.Popen[bytes] | None:
-    """Start a process that serves; return None if it cannot be started."""
-    if getattr(sys, "frozen", False):  # the executable is this program, not an interpreter
-        return None
-    try:
-        process = subprocess.Popen(  # noqa: S603 - this program
-            [sys.executable, "-c", _PROGRAM.format(path=sys.path, threshold=gc.get_threshold())],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL,
-            # Only this process handles Ctrl-C in the terminal.
-            start_new_session=True,
-            creationflags=getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0),
-        )
-    except (OSError, ValueError):
-        return None
-    atexit.register(_end, process)
-    return process
+def _call(function: Callable[[], _Result]) -> _Result:
+    return function()
 
 
-def _end(process: subprocess.Popen[bytes]) -> None:
-    process.kill()
-    process.wait()  # so that its processor time is counted as that of a child
-
-
-def serve() -> None:
-    """Run functions sent to standard input, until its end or a failure, and send results to standard output."""
-    results = os.fdopen(os.dup(1), "wb")
-    os.dup2(2, 1)  # keep other output out of the results
+def _prepare(threshold: tuple[int, int, int], parent: int) -> None:
+    """Load what drawing needs, without output; do nothing in the process that asked for it."""
+    if os.getpid() == parent:
+        return
+    nothing = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nothing, 1)
+    os.dup2(nothing, 2)
+    gc.set_threshold(*threshold)
     load()
     gc.freeze()  # imported objects are never collected
-    with suppress(Exception):
-        while True:
-            pickle.dump(pickle.load(sys.stdin.buffer)(), results)  # noqa: S301 - from a process of this program
-            results.flush()
