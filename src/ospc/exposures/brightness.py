@@ -7,7 +7,7 @@ from functools import cache
 
 import numpy as np
 
-from ospc.arrays import BoolArray, Float32Array, FloatArray, ImageSize, IntArray
+from ospc.arrays import BoolArray, Float32Array, FloatArray, ImageSize, IntArray, read_only
 from ospc.correspondence.thumbnail import Thumbnail
 from ospc.correspondence.thumbnail_registration import ThumbnailRegistration, exposed_in_both, pixel_places, values_at
 from ospc.observations import MOMENTS, Observations
@@ -161,10 +161,7 @@ def _median_motion_px(first: Thumbnail, places1: Float32Array, visible: BoolArra
 @cache
 def _squared_radius(size: ImageSize) -> Float32Array:
     """Return R² at every pixel of a thumbnail, shape (h, w)."""
-    offset = normalised(pixel_grid(size), size)
-    squared = np.sum(offset**2, axis=-1).astype(np.float32)
-    squared.setflags(write=False)
-    return np.asarray(squared)
+    return read_only(np.sum(normalised(pixel_grid(size), size) ** 2, axis=-1).astype(np.float32))
 
 
 def _binned(

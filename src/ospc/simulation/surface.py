@@ -12,11 +12,10 @@ from functools import cached_property
 import cv2
 import numpy as np
 
-from ospc.arrays import Float32Array, FloatArray
+from ospc.arrays import Float32Array, FloatArray, read_only
 
-UP = np.array([0.0, 0.0, 1.0])
+UP = read_only(np.array([0.0, 0.0, 1.0]))
 """Unit vector pointing up in the world."""
-UP.setflags(write=False)
 
 _AMBIENT = 0.008
 """Ambient irradiance at every point, relative to 1/d² from a lamp of strength 1, so that no surface is black."""
@@ -116,6 +115,4 @@ def pyramid(image: Float32Array) -> tuple[Float32Array, ...]:
         height, width = levels[-1].shape
         smaller = cv2.resize(levels[-1], (width // 2, height // 2), interpolation=cv2.INTER_AREA)
         levels.append(np.asarray(smaller, dtype=np.float32))
-    for level in levels:
-        level.setflags(write=False)
-    return tuple(levels)
+    return tuple(map(read_only, levels))

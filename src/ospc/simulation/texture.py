@@ -8,7 +8,7 @@ from importlib.resources import files
 import cv2
 import numpy as np
 
-from ospc.arrays import Float32Array, FloatArray
+from ospc.arrays import Float32Array, FloatArray, read_only
 
 TEXEL_M = 0.004
 """Edge of a texel in metres: the footprint of a pixel of a 640-pixel-wide camera at about 1.7 m."""
@@ -35,9 +35,7 @@ def photograph(name: str) -> Float32Array:
     content = (files("ospc.simulation") / "textures" / f"{name}.png").read_bytes()
     coded = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_GRAYSCALE)
     linear = srgb_decoded(np.asarray(coded, dtype=np.float64) / 255)
-    result = (_DARKEST + (_BRIGHTEST - _DARKEST) * linear).astype(np.float32)
-    result.setflags(write=False)
-    return result
+    return read_only((_DARKEST + (_BRIGHTEST - _DARKEST) * linear).astype(np.float32))
 
 
 def srgb_decoded(grey: FloatArray) -> FloatArray:

@@ -16,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ospc.arrays import read_only
 from ospc.calibrator import calibrate
 from ospc.errors import FrameError, NotObservableError, counted
 from ospc.photometry.calibration import PROFILE_RADII, Calibration, Verdict
@@ -68,8 +69,7 @@ def recover_exposures(
             f"{recording.path}: exposures cannot be estimated from its images: {error}"
         ) from None
     log_e = typical_exponent(found) * found.log_exposures
-    exposures = np.exp(log_e - np.median(log_e))
-    exposures.setflags(write=False)
+    exposures = read_only(np.exp(log_e - np.median(log_e)))
     missing = len(recording) - len(exposures)
     left_out = f"; {counted(missing, 'frame')} left out because no exposure was estimated" if missing else ""
     note = f"exposures are estimated from the images: relative, and up to one exponent{left_out}"

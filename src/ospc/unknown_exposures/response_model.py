@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from ospc.arrays import FloatArray
+from ospc.arrays import FloatArray, read_only
 from ospc.formats.hugin import EMOR_SAMPLES, read_emor
 from ospc.photometry.response import Response
 
@@ -86,10 +86,7 @@ def learned_model(count: int = 4) -> ResponseModel:
     curves = np.array(list(_family()))
     mean = curves.mean(axis=0)
     _, _, directions = np.linalg.svd(curves - mean, full_matrices=False)
-    components = directions[:count] * np.sqrt(len(curves))
-    for array in (mean, components):
-        array.setflags(write=False)
-    return ResponseModel(mean, components)
+    return ResponseModel(read_only(mean), read_only(directions[:count] * np.sqrt(len(curves))))
 
 
 def read_model(path: str | Path, count: int = 4) -> ResponseModel:
