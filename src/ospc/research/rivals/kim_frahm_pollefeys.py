@@ -81,7 +81,7 @@ def track(image0: Image, image1: Image, points: FloatArray, curve: FloatArray) -
     for level in reversed(range(_PYRAMID)):
         first, second = pyramid[level]
         scaled = (points + 0.5) / 2**level - 0.5
-        displacement *= 1.0 if level == _PYRAMID - 1 else 2.0
+        displacement *= 2
         for _ in range(_STEPS):
             pair = _windows(first, second, scaled, displacement, ratio)
             step, ratio = _solve_displacements(pair, curve)
