@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ospc.correspondence.features import Features, extract, make_extractor, match, to_8bit
+from ospc.correspondence.features import Features, extract, make_extractor, match
 from ospc.errors import MissingExtraError, SettingError, needs_extra
 from ospc.methods.paper import FeatureMatcher
 from ospc.recording.frame import Frame
@@ -130,14 +130,6 @@ def test_binary_descriptors_are_compared_by_their_bits():
         features_of([[128], [1]], np.uint8), features_of([[127], [0]], np.uint8), cv2.NORM_HAMMING, 0.75
     )
     assert dict(zip(index0.tolist(), index1.tolist(), strict=True)) == {0: 1}
-
-
-def test_images_of_more_bits_are_scaled_to_eight():
-    image = np.array([[0, 2048, 4095]], dtype=np.uint16)
-    np.testing.assert_array_equal(to_8bit(image, 4095), [[0, 128, 255]])
-    ten_bits = np.array([[0, 60, 255]], dtype=np.uint8)
-    assert to_8bit(ten_bits, 255) is not None
-    np.testing.assert_array_equal(to_8bit(ten_bits, 255), ten_bits)
 
 
 def test_the_matcher_puts_features_matches_and_filter_together():

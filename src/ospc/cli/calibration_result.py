@@ -26,7 +26,7 @@ from ospc.frame_checks import skipped_in_words
 from ospc.output import OutputFolder, Times, Written
 from ospc.photometry.calibration import Calibration, Verdict
 from ospc.recording import Recording
-from ospc.report.drawing import DrawingProcess, drawings_of
+from ospc.report.drawing import drawings_of
 from ospc.second_thread import SecondThread
 
 _STYLES = {"identifiable": "green", "marginal": "yellow", "not identifiable": "red"}
@@ -97,7 +97,7 @@ class ResultFolder:
     truth: Photometry | None = None
     pdf: bool = False
     times: Times | None = None
-    second: SecondThread | DrawingProcess = field(default_factory=SecondThread)
+    second: SecondThread = field(default_factory=SecondThread)
 
     @property
     def talkative(self) -> bool:

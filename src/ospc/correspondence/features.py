@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from ospc.arrays import FloatArray, Image, IntArray
+from ospc.arrays import FloatArray, IntArray
 from ospc.errors import SettingError, needs_extra
 from ospc.recording.frame import Frame
 
@@ -121,16 +121,9 @@ def make_extractor(name: str, max_features: int) -> FeatureExtractor:
     return EXTRACTORS[name](max_features)
 
 
-def to_8bit(image: Image, max_grey: int) -> npt.NDArray[np.uint8]:
-    """Return the image in 8 bits, as detectors require."""
-    if image.dtype == np.uint8 and max_grey == 255:
-        return np.asarray(image, dtype=np.uint8)
-    return np.asarray(cv2.convertScaleAbs(image, alpha=255.0 / max_grey), dtype=np.uint8)
-
-
 def extract(frame: Frame, extractor: FeatureExtractor) -> Features:
     """Return the features of a frame, with the grey levels of the pixels nearest to them."""
-    points, descriptors = extractor.detect(to_8bit(frame.image, frame.max_grey))
+    points, descriptors = extractor.detect(frame.image_8_bit)
     height, width = frame.image.shape
     column, row = np.clip(np.rint(points).astype(np.int64), 0, (width - 1, height - 1)).T
     if frame.mask is not None:

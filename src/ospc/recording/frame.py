@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
+import cv2
 import numpy as np
 import numpy.typing as npt
 
@@ -141,7 +142,7 @@ class Frame:
         """The image scaled to 8 bits, shape (height, width), uint8."""
         if self.max_grey == 255 and self.image.dtype == np.uint8:
             return self.image
-        return np.rint(np.minimum(self.image, self.max_grey) * (255 / self.max_grey)).astype(np.uint8)
+        return np.asarray(cv2.convertScaleAbs(self.image, alpha=255 / self.max_grey))
 
 
 def check_image(pixels: npt.ArrayLike, name: str, *, colour: bool = False) -> Image:

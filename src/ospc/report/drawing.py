@@ -9,7 +9,7 @@ import gc
 import os
 import sys
 from collections.abc import Callable
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Future
 from contextlib import suppress
 from functools import cache, partial
 from typing import Any, NamedTuple, ParamSpec, TypeAlias, TypeVar
@@ -18,6 +18,7 @@ from ospc.processes import Worker
 from ospc.report.charts import Findings, charts_as_svg
 from ospc.report.pictures import pictures_as_png
 from ospc.report.style import load
+from ospc.second_thread import SecondThread
 
 _Arguments = ParamSpec("_Arguments")
 _Result = TypeVar("_Result")
@@ -39,14 +40,14 @@ def drawings_of(findings: Findings) -> Drawings:
     return Drawings(charts_as_svg(findings), pictures_as_png(findings))
 
 
-class DrawingProcess:
-    """Runs functions one after the other in a second process, which ends with this one.
+class DrawingProcess(SecondThread):
+    """A thread that has its work done by a second process, which ends with this one.
 
-    If a function fails there or cannot be sent, or if no process can be started, it runs in this process instead.
+    If a function fails there or cannot be sent, or if no process can be started, it runs in the thread instead.
     """
 
     def __init__(self) -> None:
-        self._thread = ThreadPoolExecutor(1, "ospc-drawing")
+        super().__init__()
         self._worker: Worker[Callable[[], Any]] | None = None
         if not getattr(sys, "frozen", False):  # otherwise the executable is this program, not an interpreter
             with suppress(OSError, ValueError, AssertionError):  # the last within a worker process
@@ -57,7 +58,7 @@ class DrawingProcess:
         self, function: Callable[_Arguments, _Result], *args: _Arguments.args, **kwargs: _Arguments.kwargs
     ) -> Future[_Result]:
         """Call a module-level function in the process."""
-        return self._thread.submit(self._result, partial(function, *args, **kwargs))
+        return super().submit(self._result, partial(function, *args, **kwargs))
 
     def _result(self, work: Callable[[], _Result]) -> _Result:
         try:
