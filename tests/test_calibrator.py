@@ -344,6 +344,11 @@ def test_an_unknown_preset_is_named_with_the_known_ones():
         OnlineCalibrator("hasty")
 
 
+def test_settings_of_another_type_are_refused():
+    with pytest.raises(SettingError, match=r"settings are of type dict; .*DefaultSettings\(max_points=5000\)"):
+        OnlineCalibrator({"max_points": 5000})
+
+
 def test_a_wrong_setting_is_an_error_not_a_bad_frame():
     with pytest.raises(SettingError, match="brisk"):
         OnlineCalibrator(replace(PaperSettings(), features="brisk")).push(frame(0))

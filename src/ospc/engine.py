@@ -10,7 +10,7 @@ from typing import Any
 from ospc.arrays import ImageSize
 from ospc.correspondence.pixel_statistics import PixelStatistics
 from ospc.engine_state import Epoch
-from ospc.errors import ExposureError, FrameError, OspcError, RecordingError
+from ospc.errors import ExposureError, FrameError, OspcError, RecordingError, SettingError
 from ospc.exposures.brightness import BrightnessChange
 from ospc.exposures.brightness_history import BrightnessHistory
 from ospc.exposures.findings import ExposureFindings
@@ -82,6 +82,11 @@ class Engine:
 
     def __init__(self, settings: Settings | str = "default", *, correct_lag: LagChoice = "auto") -> None:
         self.settings = preset(settings) if isinstance(settings, str) else settings
+        if not hasattr(self.settings, "sampler"):
+            raise SettingError(
+                f"settings are of type {type(settings).__name__}; give the name of a preset, or settings such as "
+                "DefaultSettings(max_points=5000)"
+            )
         self.source: dict[str, Any] = {}
         self.saved_by: dict[str, Any] = {}
         self.prior: PriorCalibration | None = None

@@ -57,8 +57,8 @@ def test_an_odd_image_is_an_unreadable_frame() -> None:
     ("images", "exposures", "stamps", "error", "message"),
     [
         ([], [], None, RecordingError, "has no images"),
-        (IMAGES.astype(float), [1, 1, 1], None, RecordingError, "must be uint8 or uint16, not float64; convert"),
-        (np.zeros((2, 4, 4, 3), np.uint8), [1, 1], None, RecordingError, "convert the images to grey"),
+        (IMAGES.astype(float), [1, 1, 1], None, RecordingError, "must be uint8 or uint16, not float64; pass them as"),
+        (np.zeros((2, 4, 4, 3), np.uint8), [1, 1], None, RecordingError, "pass one channel, such as"),
         (IMAGES, [1, 2], None, ExposureError, "one per frame, 3 in all"),
         (IMAGES, [[1, 2, 3]], None, ExposureError, "one per frame"),
         (IMAGES, ["a", "b", "c"], None, ExposureError, "must be numbers"),

@@ -43,6 +43,13 @@ def test_frames_and_tuples_are_taken_as_they_come() -> None:
     assert deep.max_grey == 4095
 
 
+def test_the_remedies_fit_the_mistakes() -> None:
+    with pytest.raises(FrameError, match="item 0: grey values must be uint8 or uint16, not float64"):
+        next(frames_of([(grey() / 255, 1.0)]))
+    with pytest.raises(FrameError, match=r"item 0: has more than 8 bits; .* max_grey=4095\)$"):
+        next(frames_of([(grey().astype(np.uint16), 1.0)]))
+
+
 @pytest.mark.parametrize(
     ("item", "error"),
     [

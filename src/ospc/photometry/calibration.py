@@ -251,7 +251,10 @@ class Calibration(ByValue):
         except FileNotFoundError:
             raise FormatError(f"{place}: there is no such calibration; give calibration.json or its folder") from None
         except (OSError, ValueError, RecursionError) as error:
-            raise FormatError(f"{place}: not readable as a calibration ({error})") from None
+            raise FormatError(
+                f"{place}: not readable as a calibration ({error}); give calibration.json, or convert the file with "
+                "'ospc import'"
+            ) from None
         found = content.get("schema") if isinstance(content, dict) else None
         if found != SCHEMA:
             raise FormatError(

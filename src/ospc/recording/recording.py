@@ -216,7 +216,7 @@ class ArrayRecording(StoredRecording):
         try:
             first = check_image(images[0], f"{name}[0]")
         except FrameError as error:
-            raise RecordingError(f"{error}; convert the images to grey with shape (frames, height, width)") from None
+            raise RecordingError(str(error)) from None
         notes: tuple[str, ...] = ()
         if max_grey is None:
             # Arrays are used unchanged, so unused low bits of left-aligned data remain.

@@ -13,7 +13,7 @@ import numpy as np
 
 from ospc.arrays import Image
 from ospc.errors import ExposureError, FrameError
-from ospc.recording.frame import Frame, check_exposure
+from ospc.recording.frame import Frame, check_exposure, check_image
 
 Item: TypeAlias = Frame | tuple[Image, float | None] | tuple[Image, float | None, float]
 """A frame, an image with its exposure in ms, or an image with its exposure in ms and time stamp in s."""
@@ -53,10 +53,11 @@ def frames_of(items: Iterable[Item], *, max_grey: int | None = None) -> Iterator
 def _frame(item: Any, index: int, max_grey: int | None) -> Frame:
     if not isinstance(item, tuple | list) or len(item) not in (2, 3):
         raise FrameError(f"item {index}: must be a frame, (image, exposure_ms) or (image, exposure_ms, stamp_s)")
-    image, exposure_ms, stamp_s = np.asarray(item[0]), *(*item[1:], index)[:2]
+    image, exposure_ms, stamp_s = check_image(item[0], f"item {index}"), *(*item[1:], index)[:2]
     if image.dtype != np.uint8 and max_grey is None:
         raise FrameError(
-            f"item {index}: has grey values of type {image.dtype}; pass max_grey, the largest value of the sensor"
+            f"item {index}: has more than 8 bits; give the largest grey value of the sensor, as in "
+            "Frame.of_array(image, exposure_ms, max_grey=4095)"
         )
     frame = Frame.of_array(image, exposure_ms, index=index, stamp_s=stamp_s, max_grey=max_grey)
     if not np.isnan(frame.exposure_ms):
