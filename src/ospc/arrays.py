@@ -1,4 +1,4 @@
-"""Array types shared between modules, and helpers for read-only arrays, nearest times and group members."""
+"""Array types shared between modules, and helpers for sizes, read-only arrays, nearest times and group members."""
 
 from __future__ import annotations
 
@@ -24,6 +24,11 @@ Image: TypeAlias = npt.NDArray[Any]
 
 ImageSize: TypeAlias = tuple[int, int]
 """Width and height in pixels, in this order."""
+
+
+def size_of(image: Image) -> ImageSize:
+    """Return width and height of an image, with or without channels."""
+    return image.shape[1], image.shape[0]
 
 
 AnyArray = TypeVar("AnyArray", bound=npt.NDArray[Any])

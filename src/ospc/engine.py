@@ -7,7 +7,7 @@ from hashlib import sha256
 from threading import RLock
 from typing import Any
 
-from ospc.arrays import ImageSize
+from ospc.arrays import ImageSize, size_of
 from ospc.correspondence.pixel_statistics import PixelStatistics
 from ospc.engine_state import Epoch
 from ospc.errors import ExposureError, FrameError, OspcError, RecordingError, SettingError
@@ -27,7 +27,7 @@ from ospc.photometry.grey_range import GreyRange
 from ospc.pooling.prior_calibration import PriorCalibration
 from ospc.pooling.summary import Summary, summary_of
 from ospc.prefetching import Prefetcher
-from ospc.recording.frame import UNNAMED, Frame, check_exposure, size_of
+from ospc.recording.frame import UNNAMED, Frame, check_exposure
 from ospc.second_thread import SecondThread
 from ospc.settings import Settings, as_dict, preset
 from ospc.versions import versions

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager, nullcontext, suppress
+from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from pathlib import Path
 
 from ospc.atomic import UNFINISHED
@@ -55,6 +55,11 @@ def _holds(recording: Path, place: Path) -> bool:
     return place in (recording, (recording / "images").resolve()) or (
         recording.is_file() and place == recording.parent
     )
+
+
+def writing(place: Path) -> AbstractContextManager[None]:
+    """Turn an OSError into a SettingError that a file or folder cannot be written."""
+    return os_error_as(SettingError, f"{place}: cannot be written", "choose another folder")
 
 
 @contextmanager

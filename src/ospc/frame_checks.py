@@ -8,9 +8,9 @@ from functools import partial
 
 import numpy as np
 
-from ospc.arrays import Image, ImageSize
+from ospc.arrays import Image, ImageSize, size_of
 from ospc.errors import FrameError, counted
-from ospc.recording.frame import Frame, check_exposure, size_of
+from ospc.recording.frame import Frame, check_exposure
 from ospc.settings.correspondence import USED_SHARE
 
 

@@ -6,7 +6,6 @@ import json
 import os
 import re
 from collections.abc import Sequence
-from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import Any, NamedTuple
@@ -15,8 +14,8 @@ import numpy as np
 import numpy.typing as npt
 
 from ospc.atomic import write_atomically
-from ospc.errors import OspcError, SettingError, os_error_as
-from ospc.folders import check_usable
+from ospc.errors import OspcError, SettingError
+from ospc.folders import check_usable, writing
 from ospc.formats.files import json_object, json_text, read_bytes, read_text, write_bytes, write_text
 from ospc.formats.image_files import encoded
 from ospc.formats.image_header import with_metadata
@@ -76,7 +75,7 @@ class CorrectedFolder:
         """
         planned = {"schema": SCHEMA, "finished": False, "files": [str(name) for name in files], **note}
         before = json_object(self.path / NOTE)
-        with _writing(self.path):
+        with writing(self.path):
             done = self._done() if before == json.loads(json.dumps(planned)) else {}
             if before and not done:
                 # The folder counts as unfinished until everything is removed.
@@ -98,14 +97,14 @@ class CorrectedFolder:
         """
         place = self._place(name)
         data = encoded(image, name.suffix.lower(), str(place), png_compression=_PNG_COMPRESSION)
-        with _writing(place):
+        with writing(place):
             write_atomically(place, with_metadata(data, original), durable=False)
             if modified_ns is not None:
                 os.utime(place, ns=(modified_ns, modified_ns))
 
     def mark_written(self, index: int, counts: Counts) -> None:
         """Record that an image is complete, so that it need not be written again after an interruption."""
-        with _writing(self.path), (self.path / _DONE).open("a", encoding="ascii") as file:
+        with writing(self.path), (self.path / _DONE).open("a", encoding="ascii") as file:
             # The line break comes first, so that a truncated line before it stays separate.
             file.write(f"\n{index} {counts.values} {counts.saturated} {counts.clipped} .")
 
@@ -145,10 +144,6 @@ class CorrectedFolder:
         inside = [self._place(name) for name in images if not name.is_absolute() and ".." not in name.parts]
         # times.txt first: a partly removed recording must not look complete.
         return [self.path / name for name in ("times.txt", _DONE, *_PARAMETERS, *_GEOMETRY)] + inside
-
-
-def _writing(place: Path) -> AbstractContextManager[None]:
-    return os_error_as(SettingError, f"{place}: cannot be written", "choose another folder")
 
 
 def _check_replaceable(place: Path, force: bool) -> None:

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from ospc.arrays import BoolArray, Float32Array, FloatArray, Image, ImageSize, IntArray, read_only
+from ospc.arrays import BoolArray, Float32Array, FloatArray, Image, ImageSize, IntArray, read_only, size_of
 from ospc.by_value import ByValue
 from ospc.correspondence.interlacing import row_alternation
 from ospc.correspondence.thumbnail import Thumbnail
@@ -123,7 +123,7 @@ class PixelStatistics:
         self._bits |= int(np.bitwise_or.reduce(image, axis=None))
         level = np.arange(len(counts)) * COVERAGE_GREY_CELLS // len(counts)
         self._grey_share.append(np.bincount(level, weights=counts, minlength=COVERAGE_GREY_CELLS) / counts.sum())
-        cell = _radius_cells((small.grey.shape[1], small.grey.shape[0]))
+        cell = _radius_cells(size_of(small.grey))
         places = np.bincount(cell, minlength=COVERAGE_RADIUS_CELLS)
         exposed = np.bincount(cell[small.exposed.ravel()], minlength=COVERAGE_RADIUS_CELLS)
         unknown = np.full(COVERAGE_RADIUS_CELLS, np.nan)

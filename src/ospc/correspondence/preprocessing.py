@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from ospc.arrays import BoolArray, Float32Array, FloatArray, Image, ImageSize, IntArray
+from ospc.arrays import BoolArray, Float32Array, FloatArray, Image, ImageSize, IntArray, size_of
 from ospc.correspondence.thumbnail import Thumbnail, gradient_magnitude, thumbnail_of
 from ospc.correspondence.thumbnail_registration import rescaled, values_at
 from ospc.observations import POWERS
@@ -108,7 +108,7 @@ class Preprocessor:
     def __call__(self, frame: Frame, grey_range: GreyRange = FULL_RANGE) -> PreprocessedFrame:
         """Preprocess a frame, given the currently known grey range."""
         image, white = frame.image, frame.max_grey
-        size = image.shape[1], image.shape[0]
+        size = size_of(image)
         reduction = self._reduction(size)
         reduced = _reduced(image, reduction)
         # Not used for registration, which needs fine lines that look like defects.
@@ -141,7 +141,7 @@ class Preprocessor:
 
     def thumbnail(self, frame: Frame, grey_range: GreyRange = FULL_RANGE) -> Thumbnail:
         """Reduce a frame to its thumbnail only, given the currently known grey range."""
-        size = frame.image.shape[1], frame.image.shape[0]
+        size = size_of(frame.image)
         reduced = _reduced(frame.image, self._reduction(size))
         return thumbnail_of(frame, reduced, size, grey_range)
 

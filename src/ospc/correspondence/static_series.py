@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ospc.arrays import BoolArray, FloatArray, Image, IntArray
+from ospc.arrays import BoolArray, FloatArray, Image, IntArray, size_of
 from ospc.observations import MOMENTS, Observations
 from ospc.photometry.geometry import normalised
 from ospc.photometry.noise import BRIGHTEST_EXPOSED, DARKEST_EXPOSED
@@ -39,7 +39,7 @@ class StaticSeries:
             return
         image = frame.image
         if self._places is None:
-            self._size, self._max_grey = (image.shape[1], image.shape[0]), frame.max_grey
+            self._size, self._max_grey = size_of(image), frame.max_grey
             usable = np.arange(image.size) if frame.mask is None else np.flatnonzero(frame.mask)
             count = min(self.pixels, usable.size)
             self._places = np.sort(np.random.default_rng(0).choice(usable, count, replace=False))

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import cv2
 import numpy as np
 
-from ospc.arrays import BoolArray, Image, ImageSize
+from ospc.arrays import BoolArray, Image, size_of
 from ospc.errors import FormatError, counted
 from ospc.formats.image_files import read_png, write_png
 from ospc.formats.resize import resampled, same_aspect
@@ -21,7 +21,7 @@ _8_TO_16_BITS = 257
 
 
 def _about_the_size(image: Image, context: Context) -> Iterator[Broken]:
-    size, wanted = _size_of(image), context.size
+    size, wanted = size_of(image), context.size
     if wanted is None:
         rule = f"exactly the size of the input image, before rectification; this one is {size[0]}x{size[1]}"
         effect = "was not compared, because the size of the images is unknown"
@@ -72,7 +72,7 @@ def _about_the_values(image: Image, context: Context) -> Iterator[Broken]:
 
 
 def _resize(image: Image, context: Context) -> tuple[Image, str]:
-    size = _size_of(image)
+    size = size_of(image)
     wanted = context.size or size
     before, after = f"{size[0]}x{size[1]}", f"{wanted[0]}x{wanted[1]}"
     if not same_aspect(size, wanted):
@@ -94,10 +94,6 @@ def _widen(image: Image, _context: Context) -> tuple[Image, str]:
 
 def _raise_zeros(image: Image, _context: Context) -> tuple[Image, str]:
     return np.maximum(image, 1), f"set {counted(np.count_nonzero(image == 0), 'pixel')} of 0 to 1"
-
-
-def _size_of(image: Image) -> ImageSize:
-    return image.shape[1], image.shape[0]
 
 
 def _connected_to_border(zeros: BoolArray) -> BoolArray:

@@ -10,10 +10,10 @@ from typing import Self
 
 import numpy as np
 
-from ospc.arrays import BoolArray, FloatArray, ImageSize, IntArray, read_only
+from ospc.arrays import BoolArray, FloatArray, ImageSize, IntArray, read_only, size_of
 from ospc.errors import FrameError, SettingError, counted, quoted
 from ospc.formats.files import read_bytes
-from ospc.recording.frame import Frame, checked_mask, size_of
+from ospc.recording.frame import Frame, checked_mask
 from ospc.recording.image_source import MAX_FILE_BYTES, decode_grey
 from ospc.recording.recording import Recording, StoredRecording, stored_bytes
 

@@ -200,11 +200,6 @@ def checked_mask(mask: BoolArray, name: str) -> BoolArray:
     return values.astype(bool, copy=False)
 
 
-def size_of(image: Image) -> ImageSize:
-    """Return width and height."""
-    return image.shape[1], image.shape[0]
-
-
 def check_size(size: ImageSize, wanted: ImageSize, name: str) -> None:
     """Raise a FrameError unless an image has the size of its recording."""
     if size != wanted:

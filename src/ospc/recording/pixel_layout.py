@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ospc.arrays import FloatArray, Image, ImageSize
+from ospc.arrays import FloatArray, Image, ImageSize, size_of
 from ospc.errors import FrameError, RecordingError, SettingError
 from ospc.recording.channel import DEFAULT_CHANNEL, Channel, Mosaic, find_mosaic
-from ospc.recording.frame import check_size, size_of
+from ospc.recording.frame import check_size
 from ospc.recording.options import ReadingOptions
 
 _SENSOR_BITS = (8, 10, 12, 14, 16)

@@ -14,10 +14,10 @@ from typing import Any, Protocol, Self, runtime_checkable
 import numpy as np
 import numpy.typing as npt
 
-from ospc.arrays import FloatArray, Image, ImageSize
+from ospc.arrays import FloatArray, Image, ImageSize, size_of
 from ospc.errors import ExposureError, FrameError, RecordingError, escaped, listed
 from ospc.recording.channel import Channel
-from ospc.recording.frame import Frame, check_image, check_size, checked_max_grey, size_of
+from ospc.recording.frame import Frame, check_image, check_size, checked_max_grey
 from ospc.recording.frame_table import checked_exposures, checked_stamps
 from ospc.recording.pixel_layout import detect_bit_depth
 

@@ -15,12 +15,12 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from ospc.arrays import FloatArray, Image, read_only
+from ospc.arrays import FloatArray, Image, read_only, size_of
 from ospc.errors import FrameError, RecordingError, counted, escaped, os_error_as
 from ospc.formats.files import beginning
 from ospc.recording.channel import DEFAULT_CHANNEL, Channel
 from ospc.recording.exposure_lists import only_list, read_list
-from ospc.recording.frame import MAX_DECODED_BYTES, Frame, check_size, size_of
+from ospc.recording.frame import MAX_DECODED_BYTES, Frame, check_size
 from ospc.recording.frame_table import FrameTable, table_or_unlisted
 from ospc.recording.options import DEFAULT, ReadingOptions
 from ospc.recording.recording import StoredRecording

@@ -11,7 +11,7 @@ from typing import Protocol, TypeAlias, TypeVar
 
 import numpy as np
 
-from ospc.arrays import FloatArray, ImageSize
+from ospc.arrays import FloatArray, ImageSize, size_of
 from ospc.calibrator import OnlineCalibrator
 from ospc.correspondence.features import Features
 from ospc.errors import one_line
@@ -27,7 +27,7 @@ from ospc.methods.paper import (
 from ospc.photometry.calibration import Calibration
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import PolynomialVignette, Vignette
-from ospc.recording.frame import Frame, size_of
+from ospc.recording.frame import Frame
 from ospc.research.runner import OnProgress
 from ospc.settings import PaperSettings
 

@@ -12,7 +12,8 @@ from pathlib import Path
 import numpy as np
 
 from ospc.arrays import Float32Array, Image
-from ospc.errors import SettingError, os_error_as
+from ospc.errors import SettingError
+from ospc.folders import writing
 from ospc.formats.dso import write_pcalib, write_vignette
 from ospc.formats.image_files import encoded
 from ospc.photometry.response import Response
@@ -169,7 +170,7 @@ def simulate(
     if not overwrite and place.exists() and (not place.is_dir() or any(place.iterdir())):
         raise SettingError(f"{place}: is not an empty folder; choose another, or empty it")
     known = truth(settings)
-    with os_error_as(SettingError, f"{place}: cannot be written", "choose another folder"):
+    with writing(place):
         if overwrite:
             remove_recording(place)
         place.mkdir(parents=True, exist_ok=True)

@@ -14,7 +14,7 @@ import numpy as np
 
 from ospc.arrays import ImageSize
 from ospc.errors import FormatError, RecordingError, SettingError, counted, os_error_as
-from ospc.folders import check_usable
+from ospc.folders import check_usable, writing
 from ospc.formats.dso import write_times
 from ospc.formats.files import read_text, write_text
 from ospc.formats.rules_camera import input_size
@@ -159,7 +159,7 @@ def convert_recording(
     place = Path(out)
     existed = _check(place, recording.path, overwrite=overwrite)
     try:
-        with os_error_as(SettingError, f"{place}: cannot be written", "choose another folder"):
+        with writing(place):
             place.mkdir(parents=True, exist_ok=True)
             with TemporaryDirectory(prefix=_STAGE_PREFIX, dir=place, ignore_cleanup_errors=True) as stage:
                 converted = _write(recording, Path(stage), place, image_format, archive=archive, progress=progress)

@@ -10,7 +10,8 @@ from typing import Literal
 
 import numpy as np
 
-from ospc.errors import RecordingError, SettingError, os_error_as
+from ospc.errors import RecordingError, SettingError
+from ospc.folders import writing
 from ospc.formats.dso import write_times
 from ospc.formats.image_files import encoded
 from ospc.formats.image_header import JPEG_START, PNG_SIGNATURE, read_header
@@ -155,12 +156,11 @@ def film(
     place = Path(out)
     if place.exists() and not (place.is_dir() and not any(place.iterdir())):
         raise SettingError(f"{place}: is not an empty folder; choose another folder")
-    writing = os_error_as(SettingError, f"{place}: cannot be written", "choose another folder")
     stamps_s: list[float] = []
     exposures_ms: list[float] = []
     repeated = 0
     try:
-        with writing, NumberedImages(place, most, archive=False) as images:
+        with writing(place), NumberedImages(place, most, archive=False) as images:
             for frame in frames:
                 if stamps_s and round(frame.stamp_s, 9) <= round(stamps_s[-1], 9):
                     repeated += 1

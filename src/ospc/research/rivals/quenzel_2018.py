@@ -23,12 +23,12 @@ from itertools import product
 import numpy as np
 from scipy.optimize import least_squares
 
-from ospc.arrays import FloatArray, ImageSize, IntArray
+from ospc.arrays import FloatArray, ImageSize, IntArray, size_of
 from ospc.errors import NotObservableError
 from ospc.photometry.geometry import normalised, pixel_grid
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import RasterVignette
-from ospc.recording.frame import Frame, size_of
+from ospc.recording.frame import Frame
 from ospc.research.method import Estimate, Outcome, with_and_without
 from ospc.unknown_exposures.tracking import GainRobustTracker
 

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ospc.arrays import FloatArray, Image, ImageSize
+from ospc.arrays import FloatArray, Image, ImageSize, size_of
 from ospc.errors import FrameError, NotObservableError, counted
 from ospc.formats.files import read_bytes
 from ospc.photometry.calibration import PROFILE_RADII, Calibration, Verdict
@@ -23,7 +23,6 @@ from ospc.photometry.response import Response
 from ospc.photometry.vignette import PolynomialVignette
 from ospc.recording import open_recording
 from ospc.recording.channel import Channel
-from ospc.recording.frame import size_of
 from ospc.recording.image_source import MAX_FILE_BYTES, decode_stored, is_image_name
 from ospc.recording.options import DEFAULT, ReadingOptions
 from ospc.recording.pixel_layout import detect_bit_depth
