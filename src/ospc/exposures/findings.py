@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,33 +17,19 @@ from ospc.exposures.lag_choice import LagChoice, check_lag, lag_in_words
 from ospc.exposures.lag_selection import LagEstimate
 from ospc.exposures.table import ExposureReport, filled
 from ospc.exposures.tone_mapping import NO_LOCAL_TONE, LocalTone, local_tone
+from ospc.exposures.verdicts import CHANGE_IRREGULARLY, either, verdicts
 from ospc.photometry.verdict import LATE_EXPOSURES, EffectEstimate, Verdict
 from ospc.settings.exposures import (
     DOUBTED_LAG_FRAMES,
     DOUBTED_LAG_SIGMAS,
-    DRIFT_FRAMES,
     MAX_UNEXPLAINED_SHARE,
     MIN_CHECKED_FRAMES,
     NOTABLE_RMS_LOG,
     REFUTED_LAG_FRAMES,
 )
 
-_CHANGE_IRREGULARLY = (
-    "record for a minute with abrupt, irregular exposure changes: briefly cover the lens, point at a window, or "
-    "switch a lamp"
-)
-_FIX_METADATA = (
-    "read exposure and gain from each frame's own metadata, not from the driver's settings, and switch off tone "
-    "mapping"
-)
-_STEADY_LIGHT = "record under light that does not flicker; if there was no flicker, " + _FIX_METADATA
 _NO_DENOISING = "switch off temporal noise reduction and anything else that blends frames"
 _PROGRESSIVE = "record progressive video, or use one field of each frame as a recording of half the height"
-_GIVE_TIMES = (
-    "give exposure times, not their inverses: 1/250 s is 4 ms, not 250; if they are times, record the gain as well"
-)
-_SLOWER = "record a well-exposed scene with even surfaces and some texture, and move slowly"
-_MORE_FRAMES = "record at least sixty consecutive frames"
 
 
 @dataclass(frozen=True)
@@ -112,7 +98,7 @@ class ExposureFindings:
             "but the fit shows that they belong to their frames"
         )
         lag = replace(self.lag, state="refuted", candidates=(0, *self.lag.candidates))
-        verdict = Verdict("marginal", reason, _CHANGE_IRREGULARLY)
+        verdict = Verdict("marginal", reason, CHANGE_IRREGULARLY)
         return replace(self, lag=lag, corrected_frames=0, verdict=verdict, notes=(_uncertain(reason),))
 
     def of_interlaced_images(self) -> ExposureFindings:
@@ -133,7 +119,7 @@ class ExposureFindings:
         if abs(lateness.value) + DOUBTED_LAG_SIGMAS * lateness.sigma > REFUTED_LAG_FRAMES:
             return self
         lag = replace(self.lag, state="determined", candidates=(0,))
-        alone = f"brightness changes alone allow lags of {_either(self.lag)} frames"
+        alone = f"brightness changes alone allow lags of {either(self.lag)} frames"
         reason = f"exposures belong to their frames, as the fit shows; {alone}"
         notes = tuple(note for note in self.notes if note != _uncertain(self.verdict.reason))
         return replace(self, lag=lag, verdict=Verdict("identifiable", reason), notes=notes)
@@ -152,7 +138,7 @@ class ExposureFindings:
             mixed = f"each image seems to contain part of the previous one: exposures are {lag}"
             return self.with_warning(mixed, _NO_DENOISING)
         reason = f"{self.verdict.reason}, but the fit shows that they are {lag}"
-        return replace(self, verdict=Verdict("marginal", reason, _CHANGE_IRREGULARLY))
+        return replace(self, verdict=Verdict("marginal", reason, CHANGE_IRREGULARLY))
 
     def with_warning(self, reason: str, remedy: str) -> ExposureFindings:
         """Return the findings, marginal at best, with a warning that also applies to response and vignette."""
@@ -253,96 +239,10 @@ def _assess(series: BrightnessSeries, written: FloatArray) -> ExposureFindings:
         and brightness.unexplained_rms_log > NOTABLE_RMS_LOG
     )
     inverse_share = explained_by_inverse(lag, series, written)
-    verdict = next(_verdicts(course, lag, brightness, len(written), inverse_share, fits_badly=fits_badly))
+    verdict = next(verdicts(course, lag, brightness, len(written), inverse_share, fits_badly=fits_badly))
     late = bool(lag.candidates) and 0 not in lag.candidates
     contradicted = not verdict.known or late or fits_badly
     warnings = (verdict.reason,) if contradicted and not few else ()
     open_question = lag.frames is None and verdict.state == "marginal" and not few and not warnings
     notes = (_uncertain(verdict.reason),) if open_question else ()
     return ExposureFindings(course, lag, 0, brightness, verdict, notes, warnings)
-
-
-def _verdicts(
-    course: ExposureReport,
-    lag: LagEstimate,
-    brightness: BrightnessReport | None,
-    frames: int,
-    inverse_share: float,
-    *,
-    fits_badly: bool,
-) -> Iterator[Verdict]:
-    """Yield all verdicts that apply, the most important first."""
-    if brightness is None and frames < MIN_CHECKED_FRAMES:
-        few = f"the recording has only {counted(frames, 'frame')}, too few to check whether exposures belong to them"
-        yield Verdict("marginal", few, _MORE_FRAMES)
-        return
-    if brightness is None:
-        few = f"only {counted(lag.pairs, 'pair')} of consecutive frames could be compared"
-        yield Verdict("marginal", f"{few}, too few to check the exposures", _SLOWER)
-        return
-    if brightness.stale:
-        stay = "stay constant" if course.values == 1 else "often stay constant"
-        yield Verdict(
-            "not identifiable",
-            f"the recorded exposures {stay} while the brightness of the same objects changes by "
-            f"{_percent(brightness.unexplained_drift_log)} within {DRIFT_FRAMES} frames: the metadata are stale or "
-            "lack a gain",
-            _FIX_METADATA,
-        )
-    if lag.state == "constant exposure":
-        yield Verdict("identifiable", f"the exposure is constant at {course.in_words()}, and the images agree")
-    if inverse_share > 1 - MAX_UNEXPLAINED_SHARE:
-        yield Verdict(
-            "not identifiable",
-            "the images get darker when the recorded exposures get longer: the inverse of the exposures explains "
-            f"{inverse_share:.0%} of the brightness changes",
-            _GIVE_TIMES,
-        )
-    if lag.state == "no response to exposure":
-        text = f"exposures range from {course.in_words()}, but the brightness of the scene does not follow them"
-        yield Verdict("not identifiable", text, _FIX_METADATA)
-    explained = f"{1 - brightness.unexplained_share:.0%} of the brightness changes"
-    if fits_badly and not lag.frames:
-        rest = f"the rest, {_percent(brightness.unexplained_rms_log)} per frame, may be flicker or an unrecorded gain"
-        yield Verdict("marginal", f"exposures fit badly: they explain only {explained}; {rest}", _STEADY_LIGHT)
-    certain = lag.correction(course.cycle_frames)
-    if certain is None:
-        yield _unknown_lag(course, lag)
-    if certain:
-        yield Verdict(
-            "marginal",
-            f"exposures are recorded {lag_in_words(certain)}; once moved to their frames, they explain {explained}",
-            f"leave --correct-lag at auto, or set it to {certain}",
-        )
-    text = "exposures belong to their frames"
-    if lag.frames is None:
-        text += f", or to others with the same exposure, because they repeat every {course.cycle_frames} frames"
-    yield Verdict("identifiable", f"{text}: they explain {explained}")
-
-
-def _either(lag: LagEstimate) -> str:
-    """Return the candidate lags as text, such as "0 or 1" or "-1 to 2"."""
-    lags = sorted(lag.candidates)
-    is_range = len(lags) > 2 and lags[-1] - lags[0] == len(lags) - 1
-    return f"{lags[0]} to {lags[-1]}" if is_range else " or ".join(map(str, lags))
-
-
-def _unknown_lag(course: ExposureReport, lag: LagEstimate) -> Verdict:
-    either = _either(lag)
-    reasons = {
-        "changes too small": "the exposures change too little between the compared frames to check them",
-        "too few pairs": f"only {counted(lag.pairs, 'pair')} of consecutive frames could be compared",
-        "follows flicker": "the exposures follow a flickering light, which hides their lag",
-        "between frames": f"the exposures fit best between two frames ({lag.fraction_frames:+.1f})",
-        "out of range": f"the exposures fit best with a lag of {either} frames, the largest tried and implausible",
-        "changing": "the lag of the exposures differs between the two halves of the recording",
-    }
-    reason = reasons.get(lag.state, f"lags of {either} frames fit the images equally well")
-    if lag.state == "ambiguous" and course.cycle_frames is not None:
-        reason = f"the exposures repeat every {course.cycle_frames} frames: lags of {either} cannot be distinguished"
-    return Verdict("marginal", reason, _CHANGE_IRREGULARLY)
-
-
-def _percent(log_change: float) -> str:
-    """Return a change in per cent, with one decimal below 10 %."""
-    return f"{np.expm1(log_change):.1%}" if log_change < 0.1 else f"{np.expm1(log_change):.0%}"

@@ -1,0 +1,128 @@
+"""Verdicts on the recorded exposures: whether they agree with the images, and what to do if they do not."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from ospc.errors import counted
+from ospc.exposures.brightness_report import BrightnessReport
+from ospc.exposures.lag_choice import lag_in_words
+from ospc.exposures.lag_selection import LagEstimate
+from ospc.exposures.table import ExposureReport
+from ospc.photometry.verdict import Verdict
+from ospc.settings.exposures import DRIFT_FRAMES, MAX_UNEXPLAINED_SHARE, MIN_CHECKED_FRAMES
+
+CHANGE_IRREGULARLY = (
+    "record for a minute with abrupt, irregular exposure changes: briefly cover the lens, point at a window, or "
+    "switch a lamp"
+)
+_FIX_METADATA = (
+    "read exposure and gain from each frame's own metadata, not from the driver's settings, and switch off tone "
+    "mapping"
+)
+_STEADY_LIGHT = "record under light that does not flicker; if there was no flicker, " + _FIX_METADATA
+_GIVE_TIMES = (
+    "give exposure times, not their inverses: 1/250 s is 4 ms, not 250; if they are times, record the gain as well"
+)
+_SLOWER = "record a well-exposed scene with even surfaces and some texture, and move slowly"
+_MORE_FRAMES = "record at least sixty consecutive frames"
+
+
+def verdicts(
+    course: ExposureReport,
+    lag: LagEstimate,
+    brightness: BrightnessReport | None,
+    frames: int,
+    inverse_share: float,
+    *,
+    fits_badly: bool,
+) -> Iterator[Verdict]:
+    """Yield all verdicts on the exposures of a recording that apply, the most important first.
+
+    Parameters
+    ----------
+    course, lag, brightness
+        The parts of :class:`~ospc.exposures.findings.ExposureFindings`.
+    frames
+        Number of frames of the recording.
+    inverse_share
+        Share of the brightness changes that the inverse of the exposures explains.
+    fits_badly
+        Whether the exposures leave much of the brightness unexplained, even at the lag that fits best.
+    """
+    if brightness is None and frames < MIN_CHECKED_FRAMES:
+        few = f"the recording has only {counted(frames, 'frame')}, too few to check whether exposures belong to them"
+        yield Verdict("marginal", few, _MORE_FRAMES)
+        return
+    if brightness is None:
+        few = f"only {counted(lag.pairs, 'pair')} of consecutive frames could be compared"
+        yield Verdict("marginal", f"{few}, too few to check the exposures", _SLOWER)
+        return
+    if brightness.stale:
+        stay = "stay constant" if course.values == 1 else "often stay constant"
+        yield Verdict(
+            "not identifiable",
+            f"the recorded exposures {stay} while the brightness of the same objects changes by "
+            f"{_percent(brightness.unexplained_drift_log)} within {DRIFT_FRAMES} frames: the metadata are stale or "
+            "lack a gain",
+            _FIX_METADATA,
+        )
+    if lag.state == "constant exposure":
+        yield Verdict("identifiable", f"the exposure is constant at {course.in_words()}, and the images agree")
+    if inverse_share > 1 - MAX_UNEXPLAINED_SHARE:
+        yield Verdict(
+            "not identifiable",
+            "the images get darker when the recorded exposures get longer: the inverse of the exposures explains "
+            f"{inverse_share:.0%} of the brightness changes",
+            _GIVE_TIMES,
+        )
+    if lag.state == "no response to exposure":
+        text = f"exposures range from {course.in_words()}, but the brightness of the scene does not follow them"
+        yield Verdict("not identifiable", text, _FIX_METADATA)
+    explained = f"{1 - brightness.unexplained_share:.0%} of the brightness changes"
+    if fits_badly and not lag.frames:
+        rest = f"the rest, {_percent(brightness.unexplained_rms_log)} per frame, may be flicker or an unrecorded gain"
+        yield Verdict("marginal", f"exposures fit badly: they explain only {explained}; {rest}", _STEADY_LIGHT)
+    certain = lag.correction(course.cycle_frames)
+    if certain is None:
+        yield _unknown_lag(course, lag)
+    if certain:
+        yield Verdict(
+            "marginal",
+            f"exposures are recorded {lag_in_words(certain)}; once moved to their frames, they explain {explained}",
+            f"leave --correct-lag at auto, or set it to {certain}",
+        )
+    text = "exposures belong to their frames"
+    if lag.frames is None:
+        text += f", or to others with the same exposure, because they repeat every {course.cycle_frames} frames"
+    yield Verdict("identifiable", f"{text}: they explain {explained}")
+
+
+def either(lag: LagEstimate) -> str:
+    """Return the candidate lags as text, such as "0 or 1" or "-1 to 2"."""
+    lags = sorted(lag.candidates)
+    is_range = len(lags) > 2 and lags[-1] - lags[0] == len(lags) - 1
+    return f"{lags[0]} to {lags[-1]}" if is_range else " or ".join(map(str, lags))
+
+
+def _unknown_lag(course: ExposureReport, lag: LagEstimate) -> Verdict:
+    lags = either(lag)
+    reasons = {
+        "changes too small": "the exposures change too little between the compared frames to check them",
+        "too few pairs": f"only {counted(lag.pairs, 'pair')} of consecutive frames could be compared",
+        "follows flicker": "the exposures follow a flickering light, which hides their lag",
+        "between frames": f"the exposures fit best between two frames ({lag.fraction_frames:+.1f})",
+        "out of range": f"the exposures fit best with a lag of {lags} frames, the largest tried and implausible",
+        "changing": "the lag of the exposures differs between the two halves of the recording",
+    }
+    reason = reasons.get(lag.state, f"lags of {lags} frames fit the images equally well")
+    if lag.state == "ambiguous" and course.cycle_frames is not None:
+        reason = f"the exposures repeat every {course.cycle_frames} frames: lags of {lags} cannot be distinguished"
+    return Verdict("marginal", reason, CHANGE_IRREGULARLY)
+
+
+def _percent(log_change: float) -> str:
+    """Return a change in per cent, with one decimal below 10 %."""
+    return f"{np.expm1(log_change):.1%}" if log_change < 0.1 else f"{np.expm1(log_change):.0%}"
