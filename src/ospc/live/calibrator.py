@@ -7,11 +7,11 @@ import threading
 from collections import deque
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any, Self
+from typing import Any
 
 from ospc.calibrator import OnlineCalibrator
 from ospc.errors import FrameError, OspcError, SettingError, said_by
@@ -32,7 +32,7 @@ ADVICE_S, ADVICE_SHARE = 0.8, 0.05
 """Shortest interval between two updates of the advice in seconds, and the largest share of the time they may take."""
 
 
-class LiveCalibrator:
+class LiveCalibrator(AbstractContextManager["LiveCalibrator"]):
     """Calibrates a camera while it runs: frames are accepted at once and processed by a background thread.
 
     It drives the same engine as :class:`~ospc.calibrator.OnlineCalibrator`. If no frame is dropped, the result is
@@ -181,9 +181,6 @@ class LiveCalibrator:
             self._changed.notify_all()
         if threading.current_thread() is not self._worker:
             self._worker.join()
-
-    def __enter__(self) -> Self:
-        return self
 
     def __exit__(self, *_: object) -> None:
         self.close()

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from functools import partial
 from hashlib import sha256
 from itertools import islice
 from pathlib import Path
-from typing import Any, Protocol, Self, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 import numpy.typing as npt
@@ -79,7 +80,7 @@ def stored_bytes(recording: Recording, index: int) -> bytes:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class StoredRecording(ABC):
+class StoredRecording(AbstractContextManager["StoredRecording"]):
     """Base class of the readers in this package: a recording whose images are decoded on demand.
 
     ``channel`` is the channel of colour images to use, None for the default; ``ALL`` keeps them in colour.
@@ -105,13 +106,10 @@ class StoredRecording(ABC):
     def __len__(self) -> int:
         return len(self.exposures_ms)
 
-    def __enter__(self) -> Self:
-        return self
-
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def close(self) -> None:  # noqa: B027 (most recordings keep no file open)
+    def close(self) -> None:
         """Close open files; images cannot be read afterwards."""
 
     def _frame(

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Iterator
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -26,7 +27,7 @@ from ospc.recording.options import DEFAULT, ReadingOptions
 from ospc.recording.recording import StoredRecording
 
 
-class VideoStream:
+class VideoStream(AbstractContextManager["VideoStream"]):
     """Frames of a video by number, as one channel (green if None); reading an earlier frame restarts the video.
 
     It is thread-safe; reads are serialised.
@@ -43,9 +44,6 @@ class VideoStream:
         self._lock = threading.Lock()
         self._next = 0
         self._capture = _capture(path)
-
-    def __enter__(self) -> VideoStream:
-        return self
 
     def __exit__(self, *_: object) -> None:
         self._capture.release()

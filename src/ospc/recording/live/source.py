@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager
 from itertools import count
 from typing import Any, Self
 
@@ -21,7 +22,7 @@ _QUOTED_CHARACTERS = 160
 """Maximum length of a driver message that an error quotes."""
 
 
-class Camera(ABC):
+class Camera(AbstractContextManager["Camera"]):
     """A live camera. Iterating yields frames until it stops. Use it in a ``with`` statement to release the device.
 
     Parameters
@@ -92,9 +93,6 @@ class Camera(ABC):
     def close(self) -> None:
         """Release the device."""
         self._stop()
-
-    def __enter__(self) -> Self:
-        return self
 
     def __exit__(self, *_: object) -> None:
         self.close()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import zipfile
 from collections.abc import Callable, Iterable
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -39,7 +40,7 @@ def numbered(number: int, count: int) -> str:
     return f"{number:0{max(_DIGITS, len(str(count - 1)))}d}"
 
 
-class NumberedImages:
+class NumberedImages(AbstractContextManager["NumberedImages"]):
     """Writes at most ``count`` numbered images to a folder ``images`` or an archive ``images.zip``."""
 
     def __init__(self, place: Path, count: int, *, archive: bool) -> None:
@@ -57,9 +58,6 @@ class NumberedImages:
         else:
             # A fixed date makes archives of the same recording identical.
             self._archive.writestr(zipfile.ZipInfo(name, (1980, 1, 1, 0, 0, 0)), data)
-
-    def __enter__(self) -> NumberedImages:
-        return self
 
     def __exit__(self, *_: object) -> None:
         if self._archive is not None:
