@@ -103,11 +103,10 @@ class Task:
 
 @dataclass(frozen=True)
 class Finished:
-    """The result of a task, and whether it was already in the store."""
+    """A task and its result."""
 
     task: Task
     result: Any
-    stored: bool
 
 
 OnShare: TypeAlias = Callable[[Task, float], None]
@@ -129,10 +128,10 @@ def run(
         if result is None:
             missing.append(task)
         else:
-            yield Finished(task, result, stored=True)
+            yield Finished(task, result)
     for task, result in _computed(missing, jobs, on_share):
         store.put(task.name, task.depends_on, result)
-        yield Finished(task, result, stored=False)
+        yield Finished(task, result)
 
 
 def _computed(tasks: list[Task], jobs: int, on_share: OnShare) -> Iterator[tuple[Task, Any]]:

@@ -116,11 +116,12 @@ def align(
     frame of the first camera; ``reference`` is their brightness on each level, shape (levels, n). With ``affine``,
     the brightness of the second image is a·I + b, and a and b are estimated as well.
     """
-    problem = _Problem(points_m, reference, image, camera, affine)
     motion, gain, agreeing = start, np.zeros(2), 0.0
     for level in reversed(range(LEVELS)):
         for _ in range(_ITERATIONS):
-            step = problem.step(level, motion, gain)
+            moved_m = motion(points_m)
+            sampled = image.at(level, camera.project(moved_m))
+            step = _step(moved_m, sampled, reference[level], camera.focal_px / 2**level, gain, affine=affine)
             if step is None:
                 break
             change, agreeing = step
@@ -135,36 +136,35 @@ def align(
     return Aligned(motion, agreeing, float(np.median(np.linalg.norm(moved, axis=1))))
 
 
-@dataclass(frozen=True)
-class _Problem:
-    points_m: FloatArray
-    reference: FloatArray
-    image: Brightness
-    camera: Camera
-    affine: bool
+def _step(
+    points_m: FloatArray,
+    sampled: FloatArray,
+    reference: FloatArray,
+    focal_px: float,
+    gain: FloatArray,
+    *,
+    affine: bool,
+) -> tuple[FloatArray, float] | None:
+    """Return a Gauss-Newton step (translation, rotation, ln a, b) and the share of inliers; None with too few points.
 
-    def step(self, level: int, motion: Pose, gain: FloatArray) -> tuple[FloatArray, float] | None:
-        """Return a Gauss-Newton step (translation, rotation, ln a, b) and the share of inliers."""
-        moved = motion(self.points_m)
-        sampled = self.image.at(level, self.camera.project(moved))
-        reference = self.reference[level]
-        good = np.isfinite(sampled).all(axis=1) & np.isfinite(reference)
-        if np.count_nonzero(good) < _FEWEST:
-            return None
-        x, y, z = moved[good].T
-        value, dx, dy = sampled[good].T
-        scaled = np.exp(gain[0]) * reference[good]
-        residual = value - scaled - gain[1]
-        focal = self.camera.focal_px / 2**level
-        along = np.column_stack([dx * focal / z, dy * focal / z, -focal * (dx * x + dy * y) / z**2])
-        jacobian = np.column_stack([along, np.cross(moved[good], along)])
-        if self.affine:
-            jacobian = np.column_stack([jacobian, -scaled, -np.ones_like(scaled)])
-        size = np.abs(residual)
-        sigma = robust_scale(residual) + 1e-6
-        weight = np.minimum(1, _HUBER * sigma / np.maximum(size, 1e-12))
-        weight *= _GRADIENT**2 / (_GRADIENT**2 + dx**2 + dy**2)
-        normal = (jacobian * weight[:, None]).T @ jacobian
-        normal[np.diag_indices_from(normal)] *= 1 + 1e-6
-        change = np.linalg.lstsq(normal, -jacobian.T @ (weight * residual), rcond=None)[0]
-        return np.asarray(change), float(np.count_nonzero(size < _AGREEING_SIGMAS * sigma) / len(self.points_m))
+    The points are in the frame of the second camera, which samples their brightness and its derivatives.
+    """
+    good = np.isfinite(sampled).all(axis=1) & np.isfinite(reference)
+    if np.count_nonzero(good) < _FEWEST:
+        return None
+    x, y, z = points_m[good].T
+    value, dx, dy = sampled[good].T
+    scaled = np.exp(gain[0]) * reference[good]
+    residual = value - scaled - gain[1]
+    along = np.column_stack([dx * focal_px / z, dy * focal_px / z, -focal_px * (dx * x + dy * y) / z**2])
+    jacobian = np.column_stack([along, np.cross(points_m[good], along)])
+    if affine:
+        jacobian = np.column_stack([jacobian, -scaled, -np.ones_like(scaled)])
+    size = np.abs(residual)
+    sigma = robust_scale(residual) + 1e-6
+    weight = np.minimum(1, _HUBER * sigma / np.maximum(size, 1e-12))
+    weight *= _GRADIENT**2 / (_GRADIENT**2 + dx**2 + dy**2)
+    normal = (jacobian * weight[:, None]).T @ jacobian
+    normal[np.diag_indices_from(normal)] *= 1 + 1e-6
+    change = np.linalg.lstsq(normal, -jacobian.T @ (weight * residual), rcond=None)[0]
+    return np.asarray(change), float(np.count_nonzero(size < _AGREEING_SIGMAS * sigma) / len(points_m))
