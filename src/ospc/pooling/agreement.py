@@ -118,7 +118,8 @@ def agreement(summaries: Sequence[Summary]) -> Agreement:
         before, apart = apart, [_differing_parts(one, other) for one, other in zip(own, rest, strict=True)]
         if [set(a) for a in apart] == [set(a) for a in before]:
             break
-    rest = _joint_curves_of_others(ordered, apart)
+    else:
+        rest = _joint_curves_of_others(ordered, apart)
     majority = {part: 2 * sum(part in found for found in apart) < len(ordered) for part in _PLACES}
     compared = list(zip(ordered, own, rest, apart, strict=True))
     typical = float(np.median([s.unexplained for s in ordered]))
