@@ -96,10 +96,10 @@ def image_message(
     }
 
 
-def images(frames: Sequence[Image], topic: str = "/cam/image_raw", **how: Any) -> list[Sent]:
+def images(frames: Sequence[Image], topic: str = "/cam/image_raw", stamped: bool = True, **how: Any) -> list[Sent]:
     stamps = [START_NS + i * STEP_NS for i in range(len(frames))]
     return [
-        Sent(topic, "sensor_msgs/msg/Image", image_message(image, stamp, **how), stamp + 3_000_000)
+        Sent(topic, "sensor_msgs/msg/Image", image_message(image, stamp * stamped, **how), stamp + 3_000_000)
         for image, stamp in zip(frames, stamps, strict=True)
     ]
 

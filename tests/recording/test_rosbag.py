@@ -289,6 +289,29 @@ def test_images_without_exposure_are_left_out(tmp_path: Path) -> None:
         open_recording(write_bag1(tmp_path / "few", images(FRAMES) + sent[:1]))
 
 
+@pytest.mark.parametrize("late_ns", [0, 3_000_000])  # the images are recorded 3 ms after their time stamps
+@pytest.mark.parametrize("write", [write_bag1, write_bag2])
+def test_exposures_may_be_in_a_list_next_to_the_bag(write: Any, late_ns: int, tmp_path: Path) -> None:
+    path = write(tmp_path / "made", images(FRAMES, stamped=not late_ns) + floats([9.0] * 4))
+    lines = [f"{START_NS + i * STEP_NS + late_ns},{us}" for i, us in enumerate(US)]
+    own_list = tmp_path / "made.csv"
+    own_list.write_text("\n".join(["timestamp_ns,exposure_us", "17,5", *lines, ""]))
+    recording = open_recording(path)
+    assert recording.exposures_ms == pytest.approx(MS)
+    np.testing.assert_array_equal([frame.image for frame in recording], FRAMES)
+    assert f"{own_list}: exposures are read from this list" in recording.notes
+    stated = open_recording(path, options=ReadingOptions(exposure_topic="/cam/exposure"))
+    assert stated.exposures_ms == pytest.approx([9.0] * 4)
+    own_list.write_text("x,y\n1,2\n")  # another list
+    assert open_recording(path).exposures_ms == pytest.approx([9.0] * 4)
+    own_list.write_text("exposure_us\n1\n2\n")
+    with pytest.raises(ExposureError, match="has no time stamps; add a column timestamp_s or timestamp_ns"):
+        open_recording(path)
+    own_list.write_text("timestamp_s,exposure_us\n1,1\n2,2\n")
+    with pytest.raises(ExposureError, match="has exposures for only 0 of 4 images"):
+        open_recording(path)
+
+
 def test_an_exposure_of_zero_is_unknown(tmp_path: Path) -> None:
     recording = open_recording(write_bag1(tmp_path / "made", images(FRAMES) + floats([0.0, *MS[1:]])))
     assert recording.exposures_ms == pytest.approx([np.nan, *MS[1:]], nan_ok=True)

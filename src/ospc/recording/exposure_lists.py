@@ -43,11 +43,11 @@ def lists_in(folder: Path) -> list[Path]:
     """Return the lists of exposures in a folder, recognised by name or header."""
     named = [folder / name for name in _NAMES if (folder / name).is_file()]
     csv_files = [p for p in sorted(folder.glob("*.csv")) if p.is_file() and p not in named][:_MAX_CSV_FILES]
-    return named + [p for p in csv_files if _names_exposures(p)]
+    return named + [p for p in csv_files if names_exposures(p)]
 
 
-def _names_exposures(path: Path) -> bool:
-    """Return whether the header of a file, which may be a comment, names a column of exposures."""
+def names_exposures(path: Path) -> bool:
+    """Return whether a file exists whose header, which may be a comment, names a column of exposures."""
     try:
         columns, _ = _split(read_text(path), str(path))
     except ExposureError:

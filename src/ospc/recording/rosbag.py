@@ -17,6 +17,7 @@ from ospc.recording.bags.carriers import Carrier, carrier_of
 from ospc.recording.bags.container import Topic
 from ospc.recording.bags.image_messages import ImageStream, read_stamp_ns
 from ospc.recording.bags.messages import NS_PER_S, DamagedMessageError
+from ospc.recording.exposure_lists import names_exposures, read_list
 from ospc.recording.exposure_units import ExposureUnit, GainUnit, infer_unit
 from ospc.recording.frame import Frame
 from ospc.recording.frame_table import FrameTable, checked_exposures, unlisted
@@ -44,7 +45,12 @@ class _Rosbag:
         bag = Bag.at(path)
         topic, notes = image_topic(bag, options)
         try:
-            log_ns, numbers, table = _exposed(bag, topic, carrier_of(exposure_topic(bag, topic, options), options))
+            if options.exposure_topic is None and names_exposures(bag.exposure_list):
+                log_ns, numbers, table = _listed(bag, topic, read_list(bag.exposure_list, options))
+            else:
+                log_ns, numbers, table = _exposed(
+                    bag, topic, carrier_of(exposure_topic(bag, topic, options), options)
+                )
         except ExposureError:
             if not options.unknown_exposures:
                 raise
@@ -175,6 +181,19 @@ def _exposed(bag: Bag, images: Topic, carrier: Carrier) -> tuple[IntArray, IntAr
     stamps_s = read_only(stamps_ns / NS_PER_S)
     notes = (*unit_notes, *match_notes, *stamp_notes)
     return times.log_ns, numbers, FrameTable(source, (), stamps_s, exposures_ms, notes)
+
+
+def _listed(bag: Bag, images: Topic, table: FrameTable) -> tuple[IntArray, IntArray, FrameTable]:
+    """Return the same as :func:`_exposed` with the exposures of a list."""
+    if not table.stamped:
+        raise ExposureError(f"{table.source}: has no time stamps; add a column timestamp_s or timestamp_ns")
+    times, _, _ = _read_through(bag, images, None)
+    at_ns = np.rint(table.stamps_s * NS_PER_S).astype(np.int64)
+    exposure, match_notes = _match(times, _Times(at_ns, at_ns), table.source)
+    numbers, stamps_ns, stamp_notes = _increasing(times, np.flatnonzero(exposure >= 0), str(bag.path))
+    exposures_ms = read_only(table.exposures_ms[exposure[numbers]])
+    notes = (f"{table.source}: exposures are read from this list", *table.notes, *match_notes, *stamp_notes)
+    return times.log_ns, numbers, FrameTable(table.source, (), read_only(stamps_ns / NS_PER_S), exposures_ms, notes)
 
 
 def _match(images: _Times, exposures: _Times, source: str) -> tuple[IntArray, list[str]]:

@@ -51,6 +51,11 @@ class Bag:
         return cls(path, tuple(_file(p) for p in paths))
 
     @property
+    def exposure_list(self) -> Path:
+        """Place of a list of exposures for the bag."""
+        return self.path.with_name(f"{self.path.name if self.path.is_dir() else self.path.stem}.csv")
+
+    @property
     def topics(self) -> tuple[Topic, ...]:
         """The topics of all files, sorted by name."""
         found: dict[str, Topic] = {}
@@ -159,7 +164,8 @@ def exposure_topic(bag: Bag, images: Topic, options: ReadingOptions) -> Topic:
     if not found:
         raise ExposureError(
             f"{bag.path}: no topic is known to have the exposures of {images.name}; state it with "
-            f"--exposure-topic and --exposure-field; topics are {_names(bag.topics)}"
+            f"--exposure-topic and --exposure-field, or give a list, {bag.exposure_list}, with a header "
+            f"'timestamp_ns,exposure_ms'; topics are {_names(bag.topics)}"
         )
     shared = [_shared(t.name, images.name) for t in found]
     best = [t for t, count in zip(found, shared, strict=True) if count == max(shared)]
