@@ -101,6 +101,22 @@ def test_an_image_in_colour_or_of_another_type_is_refused_with_a_remedy() -> Non
         Frame.of_array(IMAGE.astype(np.float32), 1.0)
 
 
+def test_a_frame_whose_file_cannot_be_read_is_skipped() -> None:
+    def load() -> Any:
+        raise OSError(5, "Input/output error")
+
+    calibrator = OnlineCalibrator()
+    assert not calibrator.push(Frame(0, 0.0, 1.0, "a.png", load))
+    assert calibrator.status.skipped == ("a.png: its image cannot be read ([Errno 5] Input/output error)",)
+
+
+def test_a_frame_in_memory_may_have_a_mask() -> None:
+    mask = IMAGE > 0
+    assert Frame.of_array(IMAGE, 1.0, mask=mask).mask is mask
+    with pytest.raises(FrameError, match="a mask must be a two-dimensional array of bool or uint8"):
+        Frame.of_array(IMAGE, 1.0, mask=mask.astype(float))
+
+
 def test_the_order_of_bytes_does_not_matter() -> None:
     deep = IMAGE.astype(np.uint16) * 257
     frame = Frame.of_array(deep.astype(">u2"), 1.0)

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ospc.arrays import BoolArray, Image, ImageSize
-from ospc.errors import ExposureError, FrameError
+from ospc.errors import ExposureError, FrameError, said_by
 
 MAX_DECODED_BYTES = 512 * 2**20
 """Images that need more, including all stored channels, are rejected before decoding."""
@@ -42,7 +42,7 @@ class Frame:
     name
         Name of the frame in messages, usually its file name.
     load
-        Reads the image; raises :class:`~ospc.errors.FrameError` if that fails.
+        Reads the image; raises :class:`~ospc.errors.FrameError` or ``OSError`` if that fails.
     max_grey
         Largest grey value the sensor delivers: 255 for 8 bits, 4095 for 12 bits; at most 65535.
     verify
@@ -96,6 +96,7 @@ class Frame:
         index: int | None = None,
         stamp_s: float = 0.0,
         max_grey: int | None = None,
+        mask: BoolArray | None = None,
     ) -> Frame:
         """Return a frame with an image in memory, shape (height, width), uint8 or uint16.
 
@@ -106,7 +107,8 @@ class Frame:
         Raises
         ------
         FrameError
-            If the array is not a grey image with 8 or 16 bits, or ``max_grey`` does not match it.
+            If the array is not a grey image with 8 or 16 bits, ``max_grey`` does not match it, or ``mask`` is not a
+            mask.
         ExposureError
             If the exposure or the time stamp is not a number.
         """
@@ -120,7 +122,7 @@ class Frame:
                 "the largest grey value of the sensor"
             )
         known_ms = math.nan if exposure_ms is None else exposure_ms
-        return cls(index or 0, stamp_s, known_ms, name, lambda: checked, limit)
+        return cls(index or 0, stamp_s, known_ms, name, lambda: checked, limit, mask=mask)
 
     @property
     def image(self) -> Image:
@@ -133,7 +135,11 @@ class Frame:
         """
         # Not functools.cached_property: in Python 3.11, all frames share its lock, so that threads would deadlock.
         if "_decoded" not in self.__dict__:
-            self.__dict__["_decoded"] = check_image(self.load(), self.name, colour=self.colour)
+            try:
+                pixels = self.load()
+            except OSError as error:
+                raise FrameError(f"{self.name}: its image cannot be read ({said_by(error)})") from None
+            self.__dict__["_decoded"] = check_image(pixels, self.name, colour=self.colour)
         decoded: Image = self.__dict__["_decoded"]
         return decoded
 
