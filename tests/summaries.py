@@ -36,7 +36,8 @@ def fisheye_inputs_of(camera: Camera, seed: int, radius: float) -> FitInputs:
     whole = camera.pairs(seed, groups=60, points=80)
     inside = np.logical_and.reduceat(np.linalg.norm(whole.position, axis=1) < radius, whole.starts)
     observations = whole.of_points(inside)
-    fit = fit_with_chosen_vignette(observations, ResponseBasis(32), VIGNETTE, NOISE, rounds=5).fit
+    vignette = replace(VIGNETTE, usable_radius=radius)
+    fit = fit_with_chosen_vignette(observations, ResponseBasis(32), vignette, NOISE, rounds=5).fit
     return replace(
         inputs_of(camera, seed, groups=6), observations=observations, fit=fit, pairs=60, usable_radius=radius
     )

@@ -182,7 +182,7 @@ RULES: Mapping[type, Mapping[str, Numbers | str]] = {
         "factors": Numbers(1e-6, 1e6, ("factors",)),
         "gain_variances": Numbers(0, 100, ("gain variances",)),
     },
-    PriorHyperparameters: {"walk": Numbers(1e-6, 1e6), "drift": Numbers(0, 1e6)},
+    PriorHyperparameters: {"walk": Numbers(1e-6, 1e6), "drift vignette_walk": Numbers(0, 1e6)},
     ImageCircle: {"brightest allowed": ELSEWHERE},
     Baseline: {
         "errors": Numbers(0, _LARGEST, ("errors",), most=MAX_BASELINE_PAIRS),

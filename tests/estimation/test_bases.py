@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -12,12 +12,11 @@ from scipy.integrate import quad
 from scipy.optimize import lsq_linear
 
 from ospc.estimation.normal_equations import NormalEquations
-from ospc.estimation.prior import CANDIDATES, Prior
+from ospc.estimation.prior import START, Prior
 from ospc.estimation.response_basis import ResponseBasis
 from ospc.estimation.vignette_basis import VignetteBasis
 from ospc.photometry.geometry import normalised, pixel_grid
 
-ANY = CANDIDATES[0]
 seeds = st.integers(0, 2**32 - 1)
 intervals = st.sampled_from([8, 16, 32])
 
@@ -117,6 +116,33 @@ def test_the_jacobian_is_that_of_finite_differences(basis, seed):
     assert_jacobian(basis, seed)
 
 
+@given(st.integers(1, 16), seeds)
+def test_a_vignette_keeps_its_values_in_a_basis_with_the_same_knots(radial, seed):
+    whole = VignetteBasis(radial, free_centre=True, non_radial=True, usable_radius=0.7)
+    parameters, position = parameters_of(whole, seed)
+    finer = replace(whole, radial=2 * radial - 1)
+    if radial > 1:
+        converted = finer.conversion(whole) @ parameters
+        np.testing.assert_allclose(
+            finer.log_value(converted, position), whole.log_value(parameters, position), atol=1e-12
+        )
+        np.testing.assert_allclose(whole.conversion(finer) @ converted, parameters, atol=1e-12)
+    simpler = replace(whole, free_centre=False, non_radial=False)
+    np.testing.assert_array_equal(simpler.conversion(whole) @ parameters, parameters[:radial])
+
+
+@given(st.integers(2, 20), st.floats(0.3, 1.0), st.floats(0.0, 10.0))
+def test_the_prior_of_the_vignette_is_a_smooth_curve_and_a_random_walk_of_its_slope(radial, usable_radius, walk):
+    basis = VignetteBasis(radial, usable_radius=usable_radius)
+    precision, log_determinant = basis.prior_precision(walk)
+    knots, order = basis.spline.knots, np.arange(1, 200)
+    # ln V = Σ aₖ R²ᵏ with standard deviations 2 / (k D^(2(k - 1))) has the slopes Σ k aₖ R^(2(k - 1)).
+    slopes = 2 * (knots[:, None] / (1.2 * usable_radius) ** 2) ** (order - 1)
+    covariance = slopes @ slopes.T + walk**2 / usable_radius**6 * np.minimum.outer(knots, knots)
+    np.testing.assert_allclose(np.linalg.inv(precision), covariance, atol=1e-3, rtol=1e-3)
+    assert log_determinant == pytest.approx(np.linalg.slogdet(precision)[1])
+
+
 # Linear system
 
 
@@ -145,7 +171,7 @@ def test_the_solution_is_that_of_a_bounded_least_squares_solver(seed, bounded, i
     if bounded:
         floor[:7] = 0.3
     equations = NormalEquations(rows.T @ rows, rows.T @ target, np.eye(10), information_scale)
-    found = equations.solve(prior, ANY, floor)
+    found = equations.solve(prior, START, floor)
     assert np.all(found >= floor)
     # Write the prior as extra rows: precision = RᵀR, with R·mean on the right-hand side.
     root = np.linalg.cholesky(prior.matrix).T
@@ -155,26 +181,30 @@ def test_the_solution_is_that_of_a_bounded_least_squares_solver(seed, bounded, i
     np.testing.assert_allclose(found, reference.x, atol=1e-5)
     cost = [np.sum((system @ x - right) ** 2) for x in (found, reference.x)]
     assert cost[0] <= cost[1] * (1 + 1e-9)
-    np.testing.assert_allclose(equations.posterior_precision(prior, ANY), system.T @ system, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(equations.posterior_precision(prior, START), system.T @ system, rtol=1e-9, atol=1e-9)
 
 
 def test_the_roughness_chosen_is_the_one_under_which_the_data_are_most_probable():
-    basis = ResponseBasis(8)
+    basis, vignette = ResponseBasis(8), VignetteBasis(6)
     random = np.random.default_rng(0)
     for bend in (0.0, 0.3, 1.0):
-        prior = Prior(basis.knots, np.full(9, 2.0), np.full(1, 2.0))
-        truth = np.append(2 + bend * np.sin(9 * basis.knots), -0.3)
-        rows = random.normal(0, 1, (40, 10))
+        prior = Prior(basis.knots, np.full(9, 2.0), vignette, np.full(1, 2.0))
+        slopes = -0.4 - bend * (vignette.spline.knots > 0.5)
+        truth = np.concatenate([2 + bend * np.sin(9 * basis.knots), slopes, [-0.3]])
+        rows = random.normal(0, 1, (40, len(truth)))
         target = rows @ truth + random.normal(0, 1, 40)
-        equations = NormalEquations(rows.T @ rows, rows.T @ target, np.eye(10))
+        equations = NormalEquations(rows.T @ rows, rows.T @ target, np.eye(len(truth)))
 
         def log_probability(hyperparameters, prior=prior, rows=rows, target=target):
             spread = np.eye(40) + rows @ np.linalg.inv(prior.precision(hyperparameters)) @ rows.T
             rest = target - rows @ prior.mean
             return -0.5 * (rest @ np.linalg.solve(spread, rest) + np.linalg.slogdet(2 * np.pi * spread).logabsdet)
 
-        best = max(map(log_probability, CANDIDATES))
-        assert log_probability(equations.maximize_evidence(prior)) == pytest.approx(best, abs=1e-6)
+        chosen = equations.maximize_evidence(prior, START)
+        best = max(map(log_probability, START.of_response))
+        of_response = replace(chosen, vignette_walk=START.vignette_walk)
+        assert log_probability(of_response) == pytest.approx(best, abs=1e-6)
+        assert log_probability(chosen) == pytest.approx(max(map(log_probability, chosen.of_vignette)), abs=1e-6)
 
 
 def test_errors_common_to_a_group_leave_as_little_information_as_there_are_groups():

@@ -27,9 +27,10 @@ from synthetic_observations import NONE, POLYNOMIAL, SIZE, Camera, reordered
 
 NOISE = NoiseModel(1e-5, 0.0)
 GAMMA = Response.gamma(2.0, 2041)
+RADIAL_TERMS = DefaultSettings().radial_terms
 
 
-def fitted(observations, radial=4, intervals=32, **vignette):
+def fitted(observations, radial=RADIAL_TERMS, intervals=32, **vignette):
     return MaximumLikelihoodEstimator(ResponseBasis(intervals), VignetteBasis(radial, **vignette), NOISE).fit(
         observations
     )
@@ -118,7 +119,7 @@ def test_points_seen_many_times_are_used_as_a_whole():
 
 
 def test_the_simplest_vignette_that_explains_the_data_is_chosen():
-    widest = VignetteBasis(4, free_centre=True, non_radial=True)
+    widest = VignetteBasis(RADIAL_TERMS, free_centre=True, non_radial=True)
     plain = fit_with_chosen_vignette(Camera(GAMMA).pairs(4), ResponseBasis(32), widest, NOISE, 8).fit
     assert not plain.vignette_basis.non_radial
     truth = LogVignette(SIZE, (-0.5, 0.05, -0.2), (0.1, -0.06))
@@ -147,7 +148,7 @@ class Elliptic:
 @pytest.mark.parametrize("seed", range(2))
 def test_the_centre_of_an_elliptic_vignette_stays_near_the_middle(seed, centre):
     """Non-radial terms describe it only partly, and a shift of the centre is nearly a combination of them."""
-    widest = VignetteBasis(DefaultSettings().radial_terms, free_centre=True, non_radial=True)
+    widest = VignetteBasis(RADIAL_TERMS, free_centre=True, non_radial=True)
     vignette = Elliptic(centre)
     everywhere = Camera(GAMMA, vignette).pairs(seed, points=150)
     seen = everywhere.seen_twice(np.linalg.norm(everywhere.position, axis=1) < 0.8)
@@ -158,8 +159,36 @@ def test_the_centre_of_an_elliptic_vignette_stays_near_the_middle(seed, centre):
     assert vignette_pixel_rmse(fit.vignette(SIZE), truth) < 0.006
 
 
+@dataclass(frozen=True)
+class Mechanical:
+    """The shadow of a round stop, which enters a round pupil at a radius: the common area of two circles."""
+
+    begins: float
+
+    def at_normalised(self, place):
+        distance = np.maximum(1.5 * (np.linalg.norm(place, axis=-1) - self.begins), 0) / 2
+        return 2 / np.pi * (np.arccos(distance) - distance * np.sqrt(1 - distance**2))
+
+
+@pytest.mark.parametrize("begins", [0.4, 0.6, 0.8])
+def test_the_kink_of_a_mechanical_vignette_is_found(begins):
+    widest = VignetteBasis(RADIAL_TERMS, free_centre=True, non_radial=True)
+    vignette = Mechanical(begins)
+    seen = Camera(GAMMA, vignette).pairs(2, points=150)
+    fit = fit_with_chosen_vignette(seen, ResponseBasis(32), widest, NOISE, 8).fit
+    truth = RasterVignette(vignette.at_normalised(normalised(pixel_grid(SIZE), SIZE)))
+    assert vignette_pixel_rmse(fit.vignette(SIZE), truth) < 0.004
+    radii = np.linspace(0.05, 1, 96)
+    along = np.stack([radii, np.zeros_like(radii)], axis=1)
+    found = fit.vignette_basis.log_value(fit.vignette_parameters, along)
+    deviation = (found - np.log(vignette.at_normalised(along))) / fit.log_vignette_sigma(radii)
+    assert np.sqrt(np.mean(deviation**2)) < 2
+    plain = fitted(Camera(GAMMA).pairs(2, points=150))
+    assert fit.log_vignette_sigma(np.ones(1)) > plain.log_vignette_sigma(np.ones(1))
+
+
 def test_a_flat_vignette_has_no_centre():
-    widest = VignetteBasis(DefaultSettings().radial_terms, free_centre=True, non_radial=True)
+    widest = VignetteBasis(RADIAL_TERMS, free_centre=True, non_radial=True)
     flat = Camera(GAMMA, LogVignette(SIZE, (0.0,)))
     for seed in range(8):
         fit = fit_with_chosen_vignette(flat.pairs(seed), ResponseBasis(32), widest, NOISE, 8).fit
@@ -214,7 +243,7 @@ def test_the_fit_is_unbiased_for_the_response_of_the_prior():
     ids=["independent errors", "outliers", "errors common to a pair"],
 )
 def test_stated_sigmas_match_the_errors(camera):
-    fits = [fitted(camera.pairs(seed, groups=24, points=70), 3, 16) for seed in range(20)]
+    fits = [fitted(camera.pairs(seed, groups=24, points=70), intervals=16) for seed in range(20)]
     steps = [(0.25, 0.75), (0.15, 0.5)]
     radii = np.array([0.6, 0.9])
     z = []
@@ -244,11 +273,11 @@ def test_the_sigma_of_an_unseen_corner_covers_its_error():
 def test_disagreement_of_halves_adds_uncertainty():
     camera = Camera(GAMMA)
     observations = camera.pairs(0, groups=60)
-    first = fitted(observations, 3, 16)
+    first = fitted(observations, intervals=16)
     # In the second half of the recording, all log exposures are wrong by the same factor.
     later = observations.group > np.median(observations.group)
     wrong = replace(observations, log_exposure=np.where(later, 1.04, 1.0) * observations.log_exposure)
-    second = fitted(wrong, 3, 16)
+    second = fitted(wrong, intervals=16)
     assert second.log_response_step_sigma(0.25, 0.75) > 1.5 * first.log_response_step_sigma(0.25, 0.75)
 
 
@@ -289,7 +318,7 @@ def test_error_bounds_are_neither_exceeded_nor_too_wide(name):
 
 
 def test_more_points_make_smaller_deviations():
-    few, many = (fitted(Camera(GAMMA).pairs(0, groups=g), 3, 16) for g in (15, 120))
+    few, many = (fitted(Camera(GAMMA).pairs(0, groups=g), intervals=16) for g in (15, 120))
     ratio = chance_step_sigma(few, 0.25, 0.75) / chance_step_sigma(many, 0.25, 0.75)
     assert 1.7 < ratio < 5
     assert many.log_vignette_sigma(np.array([1.0]))[0] < few.log_vignette_sigma(np.array([1.0]))[0]

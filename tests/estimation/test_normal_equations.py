@@ -7,6 +7,7 @@ from ospc.arrays import FloatArray
 from ospc.estimation.normal_equations import NormalEquations, at_least
 from ospc.estimation.prior import Prior, PriorHyperparameters
 from ospc.estimation.response_basis import ResponseBasis, typical_gamma
+from ospc.estimation.vignette_basis import VignetteBasis
 
 INTERVALS, SIGNAL = 8, 400.0
 
@@ -14,7 +15,10 @@ INTERVALS, SIGNAL = 8, 400.0
 def sigma_of_first(halves: FloatArray) -> FloatArray:
     """Return the sigmas of the parameters with equal information on each, given differences between halves."""
     knots = ResponseBasis(INTERVALS).knots
-    prior, flat = Prior(knots, typical_gamma(knots), np.empty(0)), PriorHyperparameters(1.0, 0.0)
+    prior, flat = (
+        Prior(knots, typical_gamma(knots), VignetteBasis(0), np.empty(0)),
+        PriorHyperparameters(1.0, 0.0, 0.0),
+    )
     information = SIGNAL * np.eye(len(knots))
     equations = NormalEquations(information, np.zeros(len(knots)), information)
     return np.asarray(np.sqrt(np.diag(equations.covariance(prior, flat, halves))))

@@ -101,7 +101,7 @@ def test_one_recording_alone_stays_as_uncertain_as_it_was(error):
 def test_merging_keeps_where_the_image_ends():
     inputs = fisheye_inputs_of(CAMERA, 0, 0.7)
     alone, seen = summarise(inputs, DefaultSettings()), summary_of(inputs, "frames", {}, 100)
-    dark = replace(seen, key="dark", usable_radius=1.0)  # too dark to show the edge of the image circle
+    dark = replace(seen.with_usable_radius(1.0), key="dark")  # too dark to show the edge of the image circle
     for pool in ([seen], [seen, dark]):
         found = merge(Pool.of(pool)).calibration
         assert found.vignette.limit == pytest.approx(0.7, abs=0.02)

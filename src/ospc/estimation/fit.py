@@ -18,7 +18,7 @@ from ospc.photometry.grey_range import FULL_RANGE, GreyRange
 from ospc.photometry.noise import BRIGHTEST_EXPOSED, DARKEST_EXPOSED, NoiseModel
 from ospc.photometry.response import Response
 from ospc.photometry.verdict import EffectEstimate
-from ospc.photometry.vignette import LogVignette
+from ospc.photometry.vignette import LogSplineVignette
 from ospc.settings.estimation import (
     CONFIDENCE,
     ERROR_DRAWS,
@@ -181,7 +181,7 @@ class Fit(Model):
             model=model,
         )
 
-    def vignette(self, size: ImageSize, usable_radius: float = 1.0) -> LogVignette:
+    def vignette(self, size: ImageSize, usable_radius: float = 1.0) -> LogSplineVignette:
         """Return the vignette for an image size; beyond the usable radius it is constant."""
         return self.vignette_basis.vignette(self.vignette_parameters, size, usable_radius)
 
@@ -239,11 +239,12 @@ class Fit(Model):
         """Return the root mean square error of the profile of V up to a radius that is exceeded in 5 % of cases."""
         radii = np.linspace(0, radius, PROFILE_POINTS)
         along = (radii[:, None, None] * _DIAGONALS).reshape(-1, 2)
-        slope = self.vignette_basis.jacobian(self.vignette_parameters, along)
-        slope *= np.exp(self.vignette_basis.log_value(self.vignette_parameters, along))[:, None]
+        value = np.exp(self.vignette_basis.log_value(self.vignette_parameters, along))
+        slope = self.vignette_basis.jacobian(self.vignette_parameters, along) * value[:, None]
         profile = slope.reshape(len(radii), len(_DIAGONALS), -1).mean(axis=1)
         drawn = self._drawn_errors(profile, self.vignette_part, np.random.default_rng(0))
-        return float(np.quantile(np.sqrt(np.mean(drawn**2, axis=0)), CONFIDENCE))
+        unresolved = value * self.vignette_basis.unresolved(self.vignette_parameters, along)
+        return float(np.quantile(np.sqrt(np.mean(drawn**2, axis=0) + np.mean(unresolved**2)), CONFIDENCE))
 
     def _log_vignette_variance(self, radius: FloatArray, covariance: FloatArray) -> FloatArray:
         """Return the variance of ln V at radii, shape (n,), along the half diagonals, shape (4, n)."""
@@ -251,6 +252,7 @@ class Fit(Model):
         along = (radius[None, :, None] * _DIAGONALS[:, None, :]).reshape(-1, 2)
         rows = self.vignette_basis.jacobian(self.vignette_parameters, along)
         variance = np.einsum("ij,jk,ik->i", rows, covariance[part, part], rows)
+        variance += self.vignette_basis.unresolved(self.vignette_parameters, along) ** 2
         return np.asarray(variance.reshape(len(_DIAGONALS), -1))
 
     @property

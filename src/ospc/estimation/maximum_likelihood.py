@@ -20,7 +20,7 @@ from ospc.estimation.fit import Fit
 from ospc.estimation.latent import Latent, LatentModel
 from ospc.estimation.model import LinearSystem, Model
 from ospc.estimation.normal_equations import NormalEquations, at_least
-from ospc.estimation.prior import PriorHyperparameters
+from ospc.estimation.prior import START
 from ospc.estimation.response_basis import ResponseBasis
 from ospc.estimation.vignette_basis import VignetteBasis
 from ospc.library_threads import one_blas_thread
@@ -34,8 +34,6 @@ from ospc.settings.estimation import (
     MIN_BLOCKS,
     MIN_SANDWICH_FACTOR,
     SETTLED_SIGMAS,
-    START_DRIFT,
-    START_WALK,
     TEXTURE_SHARE_INFORMATION,
     WEIGHT_CUT_SIGMAS,
     WEIGHT_SCALE_SIGMAS,
@@ -116,7 +114,7 @@ class MaximumLikelihoodEstimator:
         model = self.model
         parameters = self.model.typical if start is None else self.parameters_of(start)
         errors, texture_share = (start.errors, start.texture_share) if start else (ErrorModel(), 0.0)
-        hyperparameters = start.hyperparameters if start else PriorHyperparameters(START_WALK, START_DRIFT)
+        hyperparameters = start.hyperparameters if start else START
         weight, sandwich_factor = np.ones(len(observations)), 1.0
         index = self.response_basis.index_of(observations.grey)
         for round_number in range(self.rounds + 1):
@@ -147,7 +145,7 @@ class MaximumLikelihoodEstimator:
                 in_units = of_prior / equations.information_scale
                 change = with_share.last_fitted(in_units, prior.mean, TEXTURE_SHARE_INFORMATION, 1 - texture_share)
                 texture_share = float(np.clip(texture_share + change, 0.0, 1.0))
-            hyperparameters = equations.maximize_evidence(prior)
+            hyperparameters = equations.maximize_evidence(prior, hyperparameters)
             parameters = model.limited(equations.solve(prior, hyperparameters, model.floor), system.about)
             precision = equations.posterior_precision(prior, hyperparameters)
             moved = parameters - system.about
@@ -238,11 +236,7 @@ class MaximumLikelihoodEstimator:
 
     def parameters_of(self, start: Fit) -> FloatArray:
         """Convert the parameters of a fit with the same response basis to this model, shape (p,)."""
-        vignette = np.zeros(len(self.vignette_basis))
-        shared = min(self.vignette_basis.radial, start.vignette_basis.radial)
-        vignette[:shared] = start.vignette_parameters[:shared]
-        if self.vignette_basis.free_centre and start.vignette_basis.free_centre:
-            vignette[self.vignette_basis.radial :][:2] = start.vignette_basis.centre(start.vignette_parameters)
+        vignette = self.vignette_basis.conversion(start.vignette_basis) @ start.vignette_parameters
         known = dict(zip(start.effects.chosen, start.effect_parameters, strict=True))
         effects = [known.get(effect, 0.0) for effect in self.effects.chosen]
         return np.concatenate([start.response_parameters, vignette, effects])

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ospc.arrays import FloatArray, IntArray
-from ospc.estimation.prior import CANDIDATES, Prior, PriorHyperparameters
+from ospc.estimation.prior import Prior, PriorHyperparameters
 from ospc.least_squares import non_negative_least_squares
 from ospc.settings.estimation import DISAGREEMENT_SHARE
 
@@ -120,18 +120,26 @@ class NormalEquations:
         found = bread @ (meat + prior.precision(hyperparameters)) @ bread
         return np.asarray((found + found.T) / 2)  # symmetric but for rounding
 
-    def maximize_evidence(self, prior: Prior) -> PriorHyperparameters:
-        """Return the hyperparameters of the prior with the largest marginal likelihood (empirical Bayes)."""
+    def maximize_evidence(self, prior: Prior, present: PriorHyperparameters) -> PriorHyperparameters:
+        """Return the hyperparameters of the prior with the largest marginal likelihood (empirical Bayes).
+
+        Those of the response are chosen first, with the present one of the vignette.
+        """
+        response = self._most_probable(prior, present.of_response)
+        return self._most_probable(prior, response.of_vignette) if prior.vignette.radial else response
+
+    def _most_probable(self, prior: Prior, candidates: list[PriorHyperparameters]) -> PriorHyperparameters:
+        """Return the candidate with the largest marginal likelihood."""
         mean = prior.mean
         # All candidates at once: a loop over small matrices takes several times as long.
-        of_prior, log_determinant_of_prior = prior.of_candidates()
+        of_prior, log_determinant_of_prior = prior.of_candidates(candidates)
         precision = self.information_scale * self.matrix + of_prior
         target = self.information_scale * self.vector + of_prior @ mean
         factor = np.linalg.cholesky(precision)
         solution = np.linalg.solve(precision, target[:, :, None])[:, :, 0]
         fit = np.sum(target * solution, axis=1) - of_prior @ mean @ mean
         log_determinant = 2 * np.sum(np.log(np.diagonal(factor, axis1=1, axis2=2)), axis=1)
-        return CANDIDATES[int(np.argmax(fit - log_determinant + log_determinant_of_prior))]
+        return candidates[int(np.argmax(fit - log_determinant + log_determinant_of_prior))]
 
     def solve(self, prior: Prior, hyperparameters: PriorHyperparameters, floor: FloatArray) -> FloatArray:
         """Return the most probable parameters, shape (p,), by non-negative least squares.

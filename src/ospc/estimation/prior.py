@@ -1,14 +1,16 @@
-"""The prior of response and vignette: a normal distribution whose roughness is selected by the data."""
+"""The prior of response and vignette: a normal distribution whose hyperparameters are selected by the data."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
 
 from ospc.arrays import FloatArray
 from ospc.estimation.response_basis import typical_gamma
+from ospc.estimation.vignette_basis import VignetteBasis
 from ospc.settings.estimation import (
     BLACK_SIGMA,
     DRIFT_CANDIDATES,
@@ -19,6 +21,10 @@ from ospc.settings.estimation import (
     SHOULDER_GREY,
     SHOULDER_SIGMA,
     SLOPE_SIGMA,
+    START_DRIFT,
+    START_VIGNETTE_WALK,
+    START_WALK,
+    VIGNETTE_WALK_CANDIDATES,
     WALK_CANDIDATES,
     WHITE_SIGMA,
 )
@@ -26,22 +32,31 @@ from ospc.settings.estimation import (
 
 @dataclass(frozen=True)
 class PriorHyperparameters:
-    """Expected roughness of ln γ.
+    """Expected roughness of ln γ and of ln V.
 
     ``walk`` is the standard deviation of a random walk over the whole range of grey levels, which allows kinks
-    anywhere; ``drift`` is that of a random walk of the slope, which allows smooth bends.
+    anywhere; ``drift`` is that of a random walk of the slope, which allows smooth bends. ``vignette_walk`` is that of
+    the slope of ln V in R², see :meth:`VignetteBasis.prior_precision`.
     """
 
     walk: float
     drift: float
+    vignette_walk: float
+
+    @property
+    def of_response(self) -> list[PriorHyperparameters]:
+        """All candidates for the response, with this roughness of the vignette."""
+        walks = np.geomspace(*WALK_CANDIDATES).tolist()
+        return [replace(self, walk=walk, drift=drift) for walk in walks for drift in DRIFT_CANDIDATES]
+
+    @property
+    def of_vignette(self) -> list[PriorHyperparameters]:
+        """All candidates for the vignette, with this roughness of the response."""
+        return [replace(self, vignette_walk=walk) for walk in VIGNETTE_WALK_CANDIDATES]
 
 
-CANDIDATES = tuple(
-    PriorHyperparameters(float(walk), float(drift))
-    for walk in np.geomspace(*WALK_CANDIDATES)
-    for drift in DRIFT_CANDIDATES
-)
-"""The hyperparameters from which :meth:`NormalEquations.maximize_evidence` selects."""
+START = PriorHyperparameters(START_WALK, START_DRIFT, START_VIGNETTE_WALK)
+"""The hyperparameters until they are first selected."""
 
 
 @dataclass(frozen=True)
@@ -52,68 +67,64 @@ class Prior:
     ----------
     knots, about
         Grey levels of the response's knots, and the coefficients at which ln γ is linearised, shape (n,).
-    further_sigma
-        Standard deviation about zero of each other parameter, those of the vignette and of effects, shape (q,).
+    vignette
+        Basis of the vignette.
+    effect_sigma
+        Standard deviation about zero of each effect, shape (e,).
     """
 
     knots: FloatArray
     about: FloatArray
-    further_sigma: FloatArray
+    vignette: VignetteBasis
+    effect_sigma: FloatArray
 
     @property
     def mean(self) -> FloatArray:
         """Expected parameters, shape (p,)."""
         response = self.about * (1 + np.log(typical_gamma(self.knots)) - np.log(self.about))
-        return np.concatenate([response, np.zeros(len(self.further_sigma))])
+        return np.concatenate([response, np.zeros(len(self.vignette) + len(self.effect_sigma))])
 
     def precision(self, hyperparameters: PriorHyperparameters) -> FloatArray:
         """Return the precision matrix of the parameters, shape (p, p)."""
-        return self._with_further(_precision(len(self.knots), hyperparameters)[0])
+        matrices, _ = self.of_candidates([hyperparameters])
+        return np.asarray(matrices[0])
 
-    def of_candidates(self) -> tuple[FloatArray, FloatArray]:
-        """Return the precision matrix for each of :data:`CANDIDATES`, shape (c, p, p), and the log determinant, (c,).
+    def of_candidates(self, candidates: Sequence[PriorHyperparameters]) -> tuple[FloatArray, FloatArray]:
+        """Return the precision matrix for each candidate, shape (c, p, p), and the log determinant, (c,).
 
         The log determinant contains only the part that depends on the hyperparameters.
         """
-        precisions, log_determinants = _of_candidates(len(self.knots))
-        return self._with_further(precisions), log_determinants
-
-    def _with_further(self, precision: FloatArray) -> FloatArray:
-        """Return the precision of all parameters, (..., p, p), from that of ln γ at the knots, (..., n, n)."""
-        n, p = len(self.knots), len(self.knots) + len(self.further_sigma)
-        matrix = np.zeros((*precision.shape[:-2], p, p))
-        matrix[..., :n, :n] = precision / np.outer(self.about, self.about)
-        matrix[..., n:, n:] = np.diag(1 / self.further_sigma**2)
-        return matrix
+        n, m = len(self.knots), len(self.knots) + len(self.vignette)
+        p = m + len(self.effect_sigma)
+        matrices, log_determinants = np.zeros((len(candidates), p, p)), np.empty(len(candidates))
+        for i, candidate in enumerate(candidates):
+            response, of_response = _precision(n, candidate.walk, candidate.drift)
+            matrices[i, :n, :n] = response / np.outer(self.about, self.about)
+            matrices[i, n:m, n:m], of_vignette = self.vignette.prior_precision(candidate.vignette_walk)
+            np.fill_diagonal(matrices[i, m:, m:], self.effect_sigma**-2.0)
+            log_determinants[i] = of_response + of_vignette
+        return matrices, log_determinants
 
 
 @cache
-def _precision(knots: int, hyperparameters: PriorHyperparameters) -> tuple[FloatArray, float]:
+def _precision(knots: int, walk: float, drift: float) -> tuple[FloatArray, float]:
     """Return the precision of ln γ at equidistant knots, shape (knots, knots), and its log determinant."""
-    grey = np.linspace(0, 1, knots)
-    covariance = _covariance(grey, hyperparameters) + PRIOR_NUGGET * np.eye(knots)
+    covariance = _covariance(np.linspace(0, 1, knots), walk, drift) + PRIOR_NUGGET * np.eye(knots)
     precision: FloatArray = np.linalg.inv(covariance).astype(np.float64)
     precision.setflags(write=False)
     return precision, -float(np.linalg.slogdet(covariance)[1])
 
 
-@cache
-def _of_candidates(knots: int) -> tuple[FloatArray, FloatArray]:
-    """Return the result of :func:`_precision` for each candidate, shapes (c, knots, knots) and (c,)."""
-    precisions, log_determinants = zip(*(_precision(knots, candidate) for candidate in CANDIDATES), strict=True)
-    return np.stack(precisions), np.array(log_determinants)
-
-
-def _covariance(grey: FloatArray, hyperparameters: PriorHyperparameters) -> FloatArray:
+def _covariance(grey: FloatArray, walk: float, drift: float) -> FloatArray:
     """Return the covariance of ln γ at grey levels, shape (n,) -> (n, n): random walks from the middle outwards."""
     offset = grey - PRIOR_MIDDLE_GREY
     same_side = offset[:, None] * offset > 0
     distance = np.abs(offset)
     near, far = np.minimum(distance[:, None], distance), np.maximum(distance[:, None], distance)
-    walk = np.where(same_side, near, 0.0)
-    drift = np.where(same_side, near**2 * (3 * far - near) / 6, 0.0)
+    of_walk = np.where(same_side, near, 0.0)
+    of_drift = np.where(same_side, near**2 * (3 * far - near) / 6, 0.0)
     level = LEVEL_SIGMA**2 + SLOPE_SIGMA**2 * offset[:, None] * offset
-    return np.asarray(level + hyperparameters.walk**2 * walk + hyperparameters.drift**2 * drift + _ends(grey))
+    return np.asarray(level + walk**2 * of_walk + drift**2 * of_drift + _ends(grey))
 
 
 def _ends(grey: FloatArray) -> FloatArray:

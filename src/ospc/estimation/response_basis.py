@@ -23,6 +23,7 @@ import numpy.typing as npt
 
 from ospc.arrays import FloatArray, IntArray
 from ospc.errors import SettingError
+from ospc.estimation.bends import sharpest_bend
 from ospc.settings.estimation import (
     BEND_SMOOTHING,
     DARKEST_GREY,
@@ -163,8 +164,7 @@ class ResponseBasis:
         The possible size of a jump is estimated from the largest bend of the fitted γ at the surrounding knots.
         """
         knots = self.knots
-        bend = np.pad(np.abs(np.diff(coefficients, 2)), 2)
-        sharpest = np.interp(grey, knots, np.maximum.reduce([bend[:-2], bend[1:-1], bend[2:]]))
+        sharpest = sharpest_bend(coefficients, knots, grey)
         width = np.interp(grey, knots[1:], np.diff(knots))
         return np.asarray(UNRESOLVED_JUMP * sharpest * width / np.maximum(grey, width))
 

@@ -3,27 +3,36 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
 from ospc.arrays import FloatArray, ImageSize
-from ospc.photometry.vignette import NON_RADIAL, LogVignette, non_radial_terms
+from ospc.estimation.bends import sharpest_bend
+from ospc.photometry.radial_spline import RadialSpline
+from ospc.photometry.vignette import NON_RADIAL, LogSplineVignette, non_radial_terms
 from ospc.settings.estimation import (
     CENTRE_SIGMA,
     DARK_RADIUS,
     MAX_DECENTRING,
     NON_RADIAL_SIGMA,
+    UNRESOLVED_JUMP,
+    VIGNETTE_NUGGET,
+    VIGNETTE_REACH,
     VIGNETTE_SIGMA,
 )
+
+_KEPT_TABLES = 64
+"""Number of prior precisions kept: those of all candidates for several models."""
 
 
 @dataclass(frozen=True)
 class VignetteBasis:
-    """A number of radial terms R², R⁴, …, optionally about a free centre and with non-radial terms.
+    """A radial spline of ln V in R², optionally about a free centre and with non-radial terms.
 
-    A free centre adds two parameters, in which ln V is not linear; the non-radial terms are those of
-    :data:`~ospc.photometry.vignette.NON_RADIAL`. The usable radius, in half diagonals, is the radius that the image
-    reaches.
+    The parameters are the slopes d ln V / d(R²) at a number of knots, the free centre, in which ln V is not linear,
+    and the coefficients of the terms :data:`~ospc.photometry.vignette.NON_RADIAL`. The usable radius, in half
+    diagonals, is the radius that the image reaches.
     """
 
     radial: int
@@ -35,24 +44,45 @@ class VignetteBasis:
         """Return the number of parameters."""
         return self.radial + 2 * self.free_centre + len(NON_RADIAL) * self.non_radial
 
-    @property
-    def prior_sigma(self) -> FloatArray:
-        """Prior standard deviation of each parameter about zero, shape (len,).
+    def prior_precision(self, walk: float) -> tuple[FloatArray, float]:
+        """Return the prior precision of the parameters about zero, shape (len, len), and its log determinant.
 
-        For the radial terms it decreases like the coefficients of ln(1 − R²/D²), where D is the radius at which V may
-        reach zero, so that a few samples do not determine the corners through high orders.
+        The slopes of ln V = Σ aₖ R²ᵏ, where the standard deviation of each aₖ is proportional to the coefficient of
+        ln(1 − R²/D²), have a covariance that decreases with the distance of both radii from D, the radius at which V
+        may reach zero. This prior only allows smooth curves; that of mechanical vignetting, which begins at some
+        radius, needs a random walk of the slope in R². ``walk`` is its standard deviation at the usable radius, times
+        the square of that radius.
         """
-        order = np.arange(1, self.radial + 1)
-        radial = VIGNETTE_SIGMA / (order * (DARK_RADIUS * self.usable_radius) ** (2.0 * (order - 1)))
         further = [CENTRE_SIGMA] * (2 * self.free_centre) + [NON_RADIAL_SIGMA] * (len(NON_RADIAL) * self.non_radial)
-        return np.concatenate([radial, further])
+        precision = np.diag(np.concatenate([np.ones(self.radial), np.array(further) ** -2.0]))
+        radial, log_determinant = _radial_precision(self.radial, self.usable_radius, walk)
+        precision[: self.radial, : self.radial] = radial
+        return precision, log_determinant
 
     @property
     def names(self) -> list[str]:
         """Names of the parameters."""
-        names = [f"a{i + 1}" for i in range(self.radial)]
+        names = [f"slope({radius:.4f})" for radius in np.sqrt(self.spline.knots)]
         names += ["centre_x", "centre_y"] if self.free_centre else []
         return names + (list(NON_RADIAL) if self.non_radial else [])
+
+    @property
+    def spline(self) -> RadialSpline:
+        """The radial part."""
+        return RadialSpline(self.radial, VIGNETTE_REACH * self.usable_radius)
+
+    def conversion(self, other: VignetteBasis) -> FloatArray:
+        """Return the matrix that converts the parameters of another basis to this one, shape (len, len of other).
+
+        The slopes are taken at this basis's knots. What this basis lacks is dropped.
+        """
+        matrix = np.zeros((len(self), len(other)))
+        matrix[: self.radial, : other.radial] = other.spline.slopes_at(self.spline.knots)
+        if self.free_centre and other.free_centre:
+            matrix[self.radial : self.radial + 2, other.radial : other.radial + 2] = np.eye(2)
+        if self.non_radial and other.non_radial:
+            matrix[-len(NON_RADIAL) :, -len(NON_RADIAL) :] = np.eye(len(NON_RADIAL))
+        return matrix
 
     def log_value(self, parameters: FloatArray, position: FloatArray) -> FloatArray:
         """Return ln V at positions in half diagonals from the image centre, shape (n, 2) -> (n,)."""
@@ -61,14 +91,20 @@ class VignetteBasis:
     def jacobian(self, parameters: FloatArray, position: FloatArray) -> FloatArray:
         """Return the derivative of ln V by the parameters, shape (n, 2) -> (n, len)."""
         offset = position - self.centre(parameters)
-        squared, order = np.sum(offset**2, axis=1), np.arange(1, self.radial + 1)
-        columns = [squared[:, None] ** order]
+        squared, spline = np.sum(offset**2, axis=1), self.spline
+        columns = [spline.jacobian(squared)]
         if self.free_centre:
-            by_squared = (squared[:, None] ** (order - 1)) @ (order * parameters[: self.radial])
-            columns.append(-2 * offset * by_squared[:, None] - self._slope_of_non_radial(parameters, offset))
+            slope = spline.slope(parameters[: self.radial], squared)
+            columns.append(-2 * offset * slope[:, None] - self._slope_of_non_radial(parameters, offset))
         if self.non_radial:
             columns.append(np.stack(non_radial_terms(*offset.T), axis=1))
         return np.concatenate(columns, axis=1)
+
+    def unresolved(self, parameters: FloatArray, position: FloatArray) -> FloatArray:
+        """Return the standard deviation of ln V due to jumps of its slope between knots, shape (n, 2) -> (n,)."""
+        squared, spline = np.sum((position - self.centre(parameters)) ** 2, axis=1), self.spline
+        bend = sharpest_bend(parameters[: self.radial], spline.knots, squared)
+        return np.asarray(UNRESOLVED_JUMP * bend * np.minimum(squared, spline.spacing))
 
     def _slope_of_non_radial(self, parameters: FloatArray, offset: FloatArray) -> FloatArray:
         """Return the derivative of the non-radial part by the offset from the centre, shape (n, 2)."""
@@ -91,14 +127,27 @@ class VignetteBasis:
         within[centre] = np.clip(within[centre], -MAX_DECENTRING, MAX_DECENTRING)
         return within
 
-    def vignette(self, parameters: FloatArray, size: ImageSize, usable_radius: float = 1.0) -> LogVignette:
+    def vignette(self, parameters: FloatArray, size: ImageSize, usable_radius: float = 1.0) -> LogSplineVignette:
         """Return the vignette for an image size; beyond the usable radius it is constant."""
         model = self._model(parameters, size)
         if usable_radius >= 1:
             return model
         return replace(model, limit=usable_radius + float(np.hypot(*model.centre)))
 
-    def _model(self, parameters: FloatArray, size: ImageSize) -> LogVignette:
+    def _model(self, parameters: FloatArray, size: ImageSize) -> LogSplineVignette:
         non_radial = parameters[len(self) - len(NON_RADIAL) :].tolist() if self.non_radial else ()
         x, y = self.centre(parameters).tolist()
-        return LogVignette(size, tuple(parameters[: self.radial].tolist()), (x, y), tuple(non_radial))
+        slopes = tuple(parameters[: self.radial].tolist())
+        return LogSplineVignette(size, slopes, (x, y), tuple(non_radial), reach=self.spline.reach)
+
+
+@lru_cache(maxsize=_KEPT_TABLES)
+def _radial_precision(knots: int, usable_radius: float, walk: float) -> tuple[FloatArray, float]:
+    """Return the prior precision of the slopes, shape (knots, knots), and its log determinant."""
+    squared = VignetteBasis(knots, usable_radius=usable_radius).spline.knots
+    smooth = VIGNETTE_SIGMA**2 / (1 - np.outer(squared, squared) / (DARK_RADIUS * usable_radius) ** 4)
+    random_walk = (walk / usable_radius**3) ** 2 * np.minimum.outer(squared, squared)
+    covariance = smooth + random_walk + VIGNETTE_NUGGET * np.eye(knots)
+    precision: FloatArray = np.linalg.inv(covariance).astype(np.float64)
+    precision.setflags(write=False)
+    return precision, -float(np.linalg.slogdet(covariance)[1])

@@ -16,16 +16,13 @@ from ospc.arrays import Image, ImageSize
 from ospc.errors import SettingError
 from ospc.photometry.calibration import PROFILE_RADII, Calibration
 from ospc.photometry.geometry import half_diagonal, pixel_grid
-from ospc.photometry.vignette import LogVignette, PolynomialVignette, RasterVignette, Vignette
+from ospc.photometry.vignette import LogVignette, PolynomialVignette, RasterVignette, Vignette, powers_in_unit
 
 _ASPECT_TOLERANCE = 0.01
 """Largest difference between logarithms of aspect ratios for the same field of view; it allows for rounding."""
 
 _CENTRED_PX = 1.0
 """Largest difference between the margins of a centred part: they cannot be equal for an odd number of pixels."""
-
-_DEGREES = (1, 1, 2, 2, 3, 3)
-"""Degrees of the terms :data:`~ospc.photometry.vignette.NON_RADIAL` in x and y."""
 
 
 def same_aspect(first: ImageSize, second: ImageSize) -> bool:
@@ -59,9 +56,9 @@ def resize_vignette(vignette: Vignette, size: ImageSize) -> Vignette:
     unit = scale * half_diagonal(size) / half_diagonal(vignette.size)
     if isinstance(vignette, LogVignette):
         centre = (vignette.centre[0] / unit, vignette.centre[1] / unit)
-        return _in_unit(vignette, size, unit, centre)
+        return vignette.moved(size, centre, unit)
     if isinstance(vignette, PolynomialVignette):
-        return PolynomialVignette(size, _powers(vignette.coefficients, unit))
+        return PolynomialVignette(size, powers_in_unit(vignette.coefficients, unit))
     at = (pixel_grid(size) + 0.5) * scale - 0.5
     return RasterVignette(vignette.at(at).astype(np.float32), vignette.as_dict())
 
@@ -88,9 +85,9 @@ def crop_vignette(vignette: Vignette, offset: tuple[int, int], size: ImageSize) 
     shift = [(w - 1) / 2 - o - (s - 1) / 2 for w, o, s in zip(vignette.size, offset, size, strict=True)]
     if isinstance(vignette, LogVignette):
         centre = tuple((c * half + move) / new_half for c, move in zip(vignette.centre, shift, strict=True))
-        return _in_unit(vignette, size, new_half / half, (centre[0], centre[1]))
+        return vignette.moved(size, (centre[0], centre[1]), new_half / half)
     if isinstance(vignette, PolynomialVignette) and math.hypot(*shift) == 0:
-        return PolynomialVignette(size, _powers(vignette.coefficients, new_half / half))
+        return PolynomialVignette(size, powers_in_unit(vignette.coefficients, new_half / half))
     values = vignette.at(pixel_grid(size) + np.array(offset, dtype=np.float64))
     return RasterVignette(values.astype(np.float32), {**vignette.as_dict(), "crop": [*offset, *size]})
 
@@ -137,21 +134,6 @@ def bin_calibration(calibration: Calibration, factor: int) -> Calibration:
     whole = (size[0] * factor, size[1] * factor)
     cut = calibration if whole == calibration.size else crop_calibration(calibration, (0, 0), whole)
     return cut if factor == 1 else resize_calibration(cut, size)
-
-
-def _in_unit(vignette: LogVignette, size: ImageSize, unit: float, centre: tuple[float, float]) -> LogVignette:
-    """Return a log-polynomial for a unit of radius that is ``unit`` times as long."""
-    return LogVignette(
-        size,
-        _powers(vignette.coefficients, unit),
-        centre,
-        tuple(c * unit**degree for c, degree in zip(vignette.non_radial, _DEGREES, strict=False)),
-        vignette.limit / unit,
-    )
-
-
-def _powers(coefficients: tuple[float, ...], unit: float) -> tuple[float, ...]:
-    return tuple(c * unit ** (2 * n) for n, c in enumerate(coefficients, start=1))
 
 
 def _changed(

@@ -184,5 +184,9 @@ def covariance_of(fit: Fit, response: bool, vignette: bool) -> dict[str, dict[st
         found["response"] = {"parameters": names, "matrix": fit.covariance[:n, :n].tolist()}
     if vignette:
         part = fit.vignette_part
-        found["vignette"] = {"parameters": fit.vignette_basis.names, "matrix": fit.covariance[part, part].tolist()}
+        found["vignette"] = {
+            "parameters": fit.vignette_basis.names,
+            "matrix": fit.covariance[part, part].tolist(),
+            "prior_walk": fit.hyperparameters.vignette_walk,
+        }
     return found

@@ -20,6 +20,7 @@ from ospc.photometry.verdict import EffectEstimate, State, Verdict
 from ospc.photometry.vignette import (
     LARGEST_ATTENUATION,
     NON_RADIAL,
+    LogSplineVignette,
     LogVignette,
     PolynomialVignette,
     RasterVignette,
@@ -38,6 +39,9 @@ _SMALLEST_RATIO = 1e-12
 
 _MOST_COEFFICIENTS = 32
 """Maximum number of vignette coefficients that are read, far more than any model has."""
+
+_LEAST_REACH = 1e-3
+"""Smallest radius of the last knot of a vignette that is read, in half diagonals: less than a pixel."""
 
 _PROBES_PER_SIDE = 33
 """Grid points per side of the image at which a vignette model is checked; a polynomial has no peaks between them."""
@@ -153,7 +157,7 @@ def _vignette_from_dict(model: dict[str, Any], size: ImageSize, place: Path) -> 
     vignette: Vignette
     if model["name"] == "polynomial":
         vignette = PolynomialVignette(size, coefficients)
-    elif model["name"] == "log_polynomial":
+    elif model["name"] in {"log_polynomial", "log_spline"}:
         non_radial = tuple(_signed(model["non_radial"], "non_radial", (None,)).tolist())
         if len(non_radial) not in (0, len(NON_RADIAL)):
             raise FormatError(
@@ -162,6 +166,11 @@ def _vignette_from_dict(model: dict[str, Any], size: ImageSize, place: Path) -> 
         x, y = _signed(model["centre"], "centre", (2,)).tolist()
         limit = _number(model, "limit") if "limit" in model else math.inf
         vignette = LogVignette(size, coefficients, (x, y), non_radial, limit)
+        if model["name"] == "log_spline":
+            if not coefficients:
+                raise FormatError("a spline has no coefficients")
+            reach = _number(model, "reach", low=_LEAST_REACH)
+            vignette = LogSplineVignette(size, coefficients, (x, y), non_radial, limit, reach)
     else:
         raise FormatError(f"unknown vignette model {model['name']!r}")
     x_px, y_px = (np.linspace(0, side - 1, _PROBES_PER_SIDE) for side in size)

@@ -5,9 +5,9 @@ from __future__ import annotations
 import io
 import math
 import zipfile
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Protocol, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -17,6 +17,7 @@ from ospc.atomic import write_atomically
 from ospc.by_value import ByValue
 from ospc.errors import UNREADABLE, FormatError
 from ospc.photometry.geometry import image_of, normalised, pixel_grid
+from ospc.photometry.radial_spline import RadialSpline
 
 LARGEST_ATTENUATION = 1e3
 """Models that exceed this anywhere in the image are rejected: V is normalised to 1."""
@@ -106,6 +107,10 @@ def non_radial_terms(x: FloatArray, y: FloatArray) -> tuple[FloatArray, ...]:
     return x, y, x * y, x**2 - y**2, x * squared, y * squared
 
 
+_DEGREES = (1, 1, 2, 2, 3, 3)
+"""Degrees of the terms :data:`NON_RADIAL` in x and y."""
+
+
 @dataclass(frozen=True)
 class LogVignette(VignetteModel):
     """ln V = Σ aᵢ R²ⁱ about its own centre, plus non-radial terms; zero at that centre."""
@@ -126,6 +131,23 @@ class LogVignette(VignetteModel):
         """Return ln V at positions relative to the image centre in half diagonals, (..., 2) -> (...)."""
         return self._log_values(position[..., 0], position[..., 1])
 
+    def moved(self, size: ImageSize, centre: tuple[float, float], unit: float) -> Self:
+        """Return the same vignette in images of another size.
+
+        ``centre`` is its centre in them, and ``unit`` the length of their half diagonal in present ones.
+        """
+        non_radial = tuple(c * unit**degree for c, degree in zip(self.non_radial, _DEGREES, strict=False))
+        moved = replace(self, size=size, centre=centre, non_radial=non_radial, limit=self.limit / unit)
+        return moved._in_unit(unit)
+
+    def _in_unit(self, unit: float) -> Self:
+        """Return the radial part for a unit of radius that is ``unit`` times as long."""
+        return replace(self, coefficients=powers_in_unit(self.coefficients, unit))
+
+    def _radial(self, squared: FloatArray) -> FloatArray:
+        """Return the radial part of ln V at squared radii."""
+        return np.asarray(np.polynomial.polynomial.polyval(squared, [0.0, *self.coefficients]))
+
     def _values(self, x: FloatArray, y: FloatArray) -> FloatArray:
         return np.asarray(np.exp(np.clip(self._log_values(x, y), -_LARGEST_LOG, _LARGEST_LOG)))
 
@@ -135,7 +157,7 @@ class LogVignette(VignetteModel):
         if squared.size and squared.max() > self.limit**2:
             inwards = np.minimum(1.0, self.limit / np.sqrt(np.maximum(squared, 1e-300)))
             x, y, squared = x * inwards, y * inwards, squared * inwards**2
-        log_v = np.polynomial.polynomial.polyval(squared, [0.0, *self.coefficients])
+        log_v = self._radial(squared)
         if self.non_radial:
             log_v = log_v + sum(c * t for c, t in zip(self.non_radial, non_radial_terms(x, y), strict=True))
         return np.asarray(log_v)
@@ -150,6 +172,32 @@ class LogVignette(VignetteModel):
             "non_radial": list(self.non_radial),
             **({"limit": self.limit} if math.isfinite(self.limit) else {}),
         }
+
+
+@dataclass(frozen=True)
+class LogSplineVignette(LogVignette):
+    """ln V whose radial part is a :class:`~ospc.photometry.radial_spline.RadialSpline`.
+
+    The coefficients are its slopes d ln V / d(R²) at the knots.
+    """
+
+    reach: float = 1.0
+    """Radius of the last knot in half diagonals, measured from ``centre``."""
+
+    def _in_unit(self, unit: float) -> Self:
+        return replace(self, coefficients=tuple(c * unit**2 for c in self.coefficients), reach=self.reach / unit)
+
+    def _radial(self, squared: FloatArray) -> FloatArray:
+        return RadialSpline(len(self.coefficients), self.reach).values(np.array(self.coefficients), squared)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return name and parameters."""
+        return {**super().as_dict(), "name": "log_spline", "reach": self.reach}
+
+
+def powers_in_unit(coefficients: tuple[float, ...], unit: float) -> tuple[float, ...]:
+    """Return coefficients of R², R⁴, … for a unit of radius that is ``unit`` times as long."""
+    return tuple(c * unit ** (2 * n) for n, c in enumerate(coefficients, start=1))
 
 
 @dataclass(frozen=True, eq=False)

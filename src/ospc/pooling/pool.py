@@ -19,7 +19,7 @@ from ospc.methods.identifiability import response_verdict_of_fit, vignette_verdi
 from ospc.methods.summary import covariance_of, vignette_sigma
 from ospc.photometry.calibration import Calibration, Verdict
 from ospc.pooling.agreement import Agreement, Part, agreement
-from ospc.pooling.solution import Information, solve_with_chosen_vignette
+from ospc.pooling.solution import Information, solve, solve_with_chosen_vignette
 from ospc.pooling.summary import PARAMETERS, VIGNETTE_PART, Summary, joint_range, triangle_of
 from ospc.settings import DefaultSettings
 from ospc.settings.methods import IDENTIFIABLE_CORNER_SIGMA
@@ -30,11 +30,14 @@ from ospc.state.run import load_summary
 from ospc.state.values import pack, unpack
 from ospc.versions import versions
 
-KIND, VERSION = "pool", 5
+KIND, VERSION = "pool", 6
 """Kind and version that pool files declare."""
 
 _FREE = 1e-4
 """Precision of each parameter of a free part: a standard deviation of 100, far beyond any value, but not singular."""
+
+_ROUGH_VIGNETTE_WALK = 1.0
+"""Hyperparameter ``vignette_walk`` of typical mechanical vignetting: what it leaves unknown was not observed."""
 
 _MOST_NAMED = 5
 """Most recordings named in a reason; all are listed in the calibration's ``source``."""
@@ -157,8 +160,8 @@ def merge(pool: Pool) -> Merged:
         raise SettingError("there is nothing to merge: give at least one state")
     agreed = agreement(pool.summaries)
     used = agreeing(pool, agreed)
-    fit = solve_with_chosen_vignette(Information.of(used).weakened(agreed.scatter))
-    radius = usable_radius(fit, used)
+    radius = usable_radius(used)
+    fit = solve_with_chosen_vignette(Information.of(used, radius).weakened(agreed.scatter))
     verdicts = {
         "response": _judged("response", _response_verdict(fit, used), agreed, len(pool)),
         "vignette": _judged("vignette", _vignette_verdict(fit, used, radius), agreed, len(pool)),
@@ -209,17 +212,21 @@ def agreeing(pool: Pool, agreed: Agreement) -> list[Summary]:
     return [_response_alone(s) if agreed.differs(s, "vignette") else s for s in used]
 
 
-def usable_radius(fit: Fit, used: Sequence[Summary]) -> float:
-    """Return the radius, in half diagonals, up to which a fit to agreeing recordings determines the vignette.
+def usable_radius(used: Sequence[Summary]) -> float:
+    """Return the radius, in half diagonals, up to which agreeing recordings determine the vignette.
 
     This is the largest usable radius of the recordings if V is known there, because a mask may hide what other
     recordings show. Otherwise it is the smallest, because a dark or short recording does not show where a fisheye's
-    image ends.
+    image ends. A smooth prior would extrapolate V from the smaller radius, so a rough one decides.
     """
-    largest = max((s.usable_radius for s in used if not s.standing_still), default=1.0)
-    # The basis of the fit uses the smallest.
-    known = fit.worst_log_vignette_sigma(largest) <= IDENTIFIABLE_CORNER_SIGMA
-    return largest if known else fit.vignette_basis.usable_radius
+    radii = {s.usable_radius for s in used if not s.standing_still} or {1.0}
+    if len(radii) == 1:
+        return radii.pop()
+    information = Information.of(used)
+    fit = solve(information)
+    rough = replace(fit, hyperparameters=replace(fit.hyperparameters, vignette_walk=_ROUGH_VIGNETTE_WALK))
+    known = solve(information, start=rough).worst_log_vignette_sigma(max(radii)) <= IDENTIFIABLE_CORNER_SIGMA
+    return max(radii) if known else min(radii)
 
 
 def _response_alone(summary: Summary) -> Summary:

@@ -11,12 +11,13 @@ import numpy as np
 
 from ospc.arrays import FloatArray
 from ospc.errors import FormatError, NotObservableError, SettingError
-from ospc.estimation.prior import Prior, PriorHyperparameters
+from ospc.estimation.prior import START, Prior
+from ospc.estimation.vignette_basis import VignetteBasis
 from ospc.methods.identifiability import judged
 from ospc.photometry.calibration import Calibration
 from ospc.photometry.grey_range import GreyRange
 from ospc.photometry.noise import NoiseModel
-from ospc.photometry.vignette import LogVignette, Vignette
+from ospc.photometry.vignette import LogSplineVignette, Vignette
 from ospc.pooling.agreement import Difference, agreement, difference_of
 from ospc.pooling.pool import Pool, agreeing, merge, usable_radius
 from ospc.pooling.solution import Information, solve
@@ -31,10 +32,15 @@ from ospc.pooling.summary import (
     recording_key,
     triangle_of,
 )
+from ospc.settings.estimation import VIGNETTE_REACH
 from ospc.state.container import STATE_NAME
 
 _LEAST_INFORMATION = 1e-9
 """Smallest relative information in any direction: subtracting a prior may otherwise make it negative by rounding."""
+
+_LEAST_OBSERVED = 0.05
+"""Information on a direction of the vignette, relative to that of the prior, below which it counts as unobserved:
+rounding and disagreement between halves would otherwise look like an observation that contradicts the prior."""
 
 _GIVEN_UP_SIGMA = 0.005
 """Standard deviation, around zero, of vignette parameters that a calibration omits: it would have included larger
@@ -87,7 +93,7 @@ class PriorCalibration:
         used = agreeing(self.pool, agreed)
         if not (used and agreed.majority["response"]):
             return None
-        information = Information.of(used).weakened(agreed.scatter)
+        information = Information.of(used, usable_radius(used)).weakened(agreed.scatter)
         fit = solve(information)
         return replace(
             used[0],
@@ -106,7 +112,7 @@ class PriorCalibration:
             standing_still=all(s.standing_still for s in used),
             support=joint_range(s.support for s in used),
             unexplained=float(np.median([s.unexplained for s in used])),
-            usable_radius=usable_radius(fit, used),
+            usable_radius=information.usable_radius,
         )
 
     def check_size(self, size: tuple[int, int]) -> None:
@@ -249,10 +255,8 @@ def _response_model(calibration: Calibration) -> dict[str, Any]:
 
 
 def _usable_radius(vignette: Vignette | None) -> float:
-    """Return the radius about the image centre to which a vignette is valid; its limit is about its own centre."""
-    if not isinstance(vignette, LogVignette):
-        return 1.0
-    return min(1.0, vignette.limit - float(np.hypot(*vignette.centre)))
+    """Return the usable radius of the image to which a vignette was fitted."""
+    return min(1.0, vignette.reach / VIGNETTE_REACH) if isinstance(vignette, LogSplineVignette) else 1.0
 
 
 def _of_response(calibration: Calibration) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -262,20 +266,20 @@ def _of_response(calibration: Calibration) -> tuple[FloatArray, FloatArray, Floa
     covariance = np.array(calibration.covariance["response"]["matrix"], dtype=np.float64)
     if coefficients.shape != (len(RESPONSE),) or covariance.shape != (len(RESPONSE), len(RESPONSE)):
         raise ValueError("another number of knots")
-    prior = Prior(RESPONSE.knots, coefficients, np.empty(0))
-    hyperparameters = PriorHyperparameters(float(model["prior_walk"]), float(model["prior_drift"]))
+    prior = Prior(RESPONSE.knots, coefficients, VignetteBasis(0), np.empty(0))
+    hyperparameters = replace(START, walk=float(model["prior_walk"]), drift=float(model["prior_drift"]))
     plausible = all(0 <= sigma <= _ROUGHEST for sigma in (hyperparameters.walk, hyperparameters.drift))
     if not (plausible and coefficients.min() > 0 and coefficients.max() < _STEEPEST):
         raise ValueError("not coefficients of a response")
     information = _positive(np.linalg.inv(covariance).astype(np.float64) - prior.precision(hyperparameters))
-    # The roughness of the prior is estimated anew, so its share of the estimate cannot be subtracted from b.
+    # The roughness of the prior is selected anew, so its share of the estimate cannot be subtracted from b.
     return coefficients, information, information @ coefficients
 
 
 def _of_vignette(calibration: Calibration) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the estimated vignette parameters, and A and b of their likelihood."""
     vignette = calibration.vignette
-    if not isinstance(vignette, LogVignette):
+    if not isinstance(vignette, LogSplineVignette):
         raise TypeError("another model of the vignette")
     covariance = np.array(calibration.covariance["vignette"]["matrix"], dtype=np.float64)
     given = [*vignette.coefficients]
@@ -289,14 +293,24 @@ def _of_vignette(calibration: Calibration) -> tuple[FloatArray, FloatArray, Floa
         raise ValueError("another number of terms")
     estimate, matrix = np.zeros(len(VIGNETTE)), np.eye(len(VIGNETTE)) / _GIVEN_UP_SIGMA**2
     estimate[place] = given
+    walk = float(calibration.covariance["vignette"]["prior_walk"])
+    if not 0 <= walk <= _ROUGHEST:
+        raise ValueError("not a vignette of the default method")
     precision = np.linalg.inv(covariance).astype(np.float64)
-    # In units of the prior, so that terms of all orders have the same scale.
-    sigma = replace(VIGNETTE, usable_radius=_usable_radius(vignette)).prior_sigma[place]
-    unit = np.outer(sigma, sigma)
-    matrix[np.ix_(place, place)] = _positive(precision * unit - np.eye(len(place))) / unit
-    # The prior is centred on zero: it contributes to the precision, but not to b.
+    basis = replace(VIGNETTE, usable_radius=_usable_radius(vignette))
+    of_prior, _ = basis.prior_precision(walk)
+    of_prior = of_prior[np.ix_(place, place)]
+    # In units of the prior, so that all parameters have the same scale.
+    root = np.linalg.cholesky(of_prior)
+    posterior, directions = np.linalg.eigh(np.linalg.solve(root, np.linalg.solve(root, precision).T))
+    across = root @ directions
+    own = np.maximum(posterior - 1, _LEAST_INFORMATION * posterior.max())
+    matrix[np.ix_(place, place)] = (across * own) @ across.T
+    # The prior is centred on zero: it contributes to the precision, but not to b = A θ of the likelihood.
     vector = np.zeros(len(VIGNETTE))
-    vector[place] = precision @ estimate[place]
+    vector[place] = across @ (
+        np.where(posterior > 1 + _LEAST_OBSERVED, posterior, 0.0) * (across.T @ estimate[place])
+    )
     return estimate, matrix, vector
 
 

@@ -14,6 +14,7 @@ from ospc.estimation.fit import Fit
 from ospc.estimation.model import Model
 from ospc.estimation.model_choice import supported
 from ospc.estimation.normal_equations import NormalEquations
+from ospc.estimation.prior import START
 from ospc.estimation.vignette_basis import VignetteBasis
 from ospc.library_threads import one_blas_thread
 from ospc.pooling.summary import PARAMETERS, RESPONSE, VIGNETTE, Summary
@@ -33,7 +34,7 @@ class Information:
 
     The matrix A and ``systematic``, the sum of A S A, have shape (p, p), the vector b (p,). The errors of different
     recordings are independent. ``points`` and ``groups`` count the scene points and their groups. The usable radius
-    is the smallest of the summaries.
+    determines the knots of the vignette.
     """
 
     matrix: FloatArray
@@ -44,20 +45,27 @@ class Information:
     usable_radius: float = 1.0
 
     @classmethod
-    def of(cls, summaries: Sequence[Summary]) -> Information:
-        """Return the sum over summaries; their order only affects the last bits."""
+    def of(cls, summaries: Sequence[Summary], usable_radius: float | None = None) -> Information:
+        """Return the sum over summaries; their order only affects the last bits.
+
+        By default, the usable radius is the largest of the summaries.
+        """
         nothing = np.zeros((PARAMETERS, PARAMETERS))
+        if usable_radius is None:
+            usable_radius = max((s.usable_radius for s in summaries if not s.standing_still), default=1.0)
+        summaries = [s.with_usable_radius(usable_radius) for s in summaries]
         return cls(
             np.sum([nothing, *(s.matrix for s in summaries)], axis=0),
             np.sum([nothing[0], *(s.vector for s in summaries)], axis=0),
             np.sum([nothing, *(s.systematic_matrix for s in summaries)], axis=0),
             sum(s.points for s in summaries),
             sum(s.groups for s in summaries),
-            min((s.usable_radius for s in summaries if not s.standing_still), default=1.0),
+            usable_radius,
         )
 
     def without(self, summary: Summary) -> Information:
         """Return the information without one of the summaries."""
+        summary = summary.with_usable_radius(self.usable_radius)
         matrix, vector = self.matrix - summary.matrix, self.vector - summary.vector
         systematic = self.systematic - summary.systematic_matrix
         points, groups = self.points - summary.points, self.groups - summary.groups
@@ -82,9 +90,11 @@ def solve(information: Information, vignette: VignetteBasis = VIGNETTE, start: F
         p = len(parameters)
         equations = NormalEquations(information.matrix[:p, :p], information.vector[:p], np.zeros((p, p)))
         # The prior is on ln γ, linearised at the result of the previous round.
+        hyperparameters = START if start is None else start.hyperparameters
         for _ in range(_MOST_ROUNDS):
             prior = model.prior(parameters)
-            hyperparameters = equations.maximize_evidence(prior) if start is None else start.hyperparameters
+            if start is None:
+                hyperparameters = equations.maximize_evidence(prior, hyperparameters)
             found = model.limited(equations.solve(prior, hyperparameters, model.floor), parameters)
             change, parameters = found - parameters, found
             precision = equations.posterior_precision(prior, hyperparameters)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from hashlib import sha256
 from typing import Any
 
@@ -27,13 +27,12 @@ from ospc.photometry.calibration_content import LARGEST_GREY
 from ospc.photometry.geometry import image_size
 from ospc.photometry.grey_range import FULL_RANGE, GreyRange
 from ospc.photometry.noise import NoiseModel
-from ospc.photometry.vignette import NON_RADIAL
 from ospc.settings.estimation import MIN_USABLE_RADIUS
 
 RESPONSE = ResponseBasis(32)
-VIGNETTE = VignetteBasis(10, free_centre=True, non_radial=True)
+VIGNETTE = VignetteBasis(16, free_centre=True, non_radial=True)
 """The models whose parameters all summaries share, whatever settings their recordings used: the richest models of the
-default settings, so that usually nothing is lost."""
+default settings, so that usually nothing is lost. The knots of the vignette depend on the usable radius."""
 
 RESPONSE_PART = slice(0, len(RESPONSE))
 VIGNETTE_PART = slice(len(RESPONSE), len(RESPONSE) + len(VIGNETTE))
@@ -50,9 +49,6 @@ do not come close to them, and nothing within them overflows."""
 
 _ROUNDING = 1e-6
 """Share of the largest eigenvalue of A by which rounding may make another eigenvalue negative."""
-
-_RADII = np.linspace(0, 1, 101)
-"""Radii, in half diagonals, at which a different number of radial terms is fitted: many more than there are terms."""
 
 
 @dataclass(frozen=True)
@@ -164,6 +160,27 @@ class Summary:
         """A S A, shape (p, p), symmetric."""
         return _full(self.systematic)
 
+    def with_usable_radius(self, usable_radius: float) -> Summary:
+        """Return the summary in the parameters of the common models for another usable radius.
+
+        Its likelihood is that of the curves between the new knots.
+        """
+        if usable_radius == self.usable_radius:
+            return self
+        own, other = (replace(VIGNETTE, usable_radius=radius) for radius in (self.usable_radius, usable_radius))
+        whole = np.eye(PARAMETERS)
+        whole[VIGNETTE_PART, VIGNETTE_PART] = own.conversion(other)
+        estimate = self.estimate.copy()
+        estimate[VIGNETTE_PART] = other.conversion(own) @ estimate[VIGNETTE_PART]
+        return replace(
+            self,
+            estimate=estimate,
+            triangle=triangle_of(whole.T @ self.matrix @ whole),
+            vector=whole.T @ self.vector,
+            systematic=triangle_of(whole.T @ self.systematic_matrix @ whole),
+            usable_radius=usable_radius,
+        )
+
     @property
     def rank(self) -> tuple[int, int, str]:
         """Total order of summaries of the same recording; the largest is kept."""
@@ -233,38 +250,29 @@ def _information(
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return A, b, A S A and the estimate, all in the common parameters."""
     noise = None if inputs.single_pixels else inputs.grey_range.stretched_noise(inputs.noise)
-    estimator = MaximumLikelihoodEstimator(RESPONSE, VIGNETTE, noise, effects=fit.effects)
-    estimate = _in_common(fit, fit.parameters)
+    vignette = replace(VIGNETTE, usable_radius=inputs.usable_radius)
+    estimator = MaximumLikelihoodEstimator(RESPONSE, vignette, noise, effects=fit.effects)
+    in_common = _in_common(fit, vignette)
+    estimate = in_common @ fit.parameters[: fit.vignette_part.stop]
     equations = estimator.information(observations, fit, np.concatenate([estimate, fit.effect_parameters]))
     equations = equations.without_last(len(fit.effects), 1 / fit.effects.sigma**2)
     matrix = equations.information_scale * equations.matrix
-    systematic = matrix @ _systematic_errors(fit)
+    systematic = matrix @ in_common @ _systematic_errors(fit)
     return matrix, equations.information_scale * equations.vector, systematic @ systematic.T, estimate
 
 
 def _systematic_errors(fit: Fit) -> FloatArray:
-    """Return a square root of the covariance S of errors that more samples do not reduce, shape (p, k)."""
+    """Return a square root of the covariance of errors that more samples do not reduce, shape (q, q)."""
     curves = fit.vignette_part.stop
     variance, directions = np.linalg.eigh(fit.covariance[:curves, :curves] - fit.chance[:curves, :curves])
-    in_common = np.stack([_in_common(fit, parameter) for parameter in np.eye(curves)], axis=1)
-    return np.asarray(in_common @ (directions * np.sqrt(np.maximum(variance, 0.0))))
+    return np.asarray(directions * np.sqrt(np.maximum(variance, 0.0)))
 
 
-def _in_common(fit: Fit, parameters: FloatArray) -> FloatArray:
-    """Convert the parameters of a fit's curves to the common models."""
-    gamma = fit.response_basis.gamma_of(parameters[: len(fit.response_basis)])
-    response = np.interp(RESPONSE.knots, fit.response_basis.grid, gamma)
-    return np.concatenate([response, _vignette_in_common(fit.vignette_basis, parameters[fit.vignette_part])])
-
-
-def _vignette_in_common(own: VignetteBasis, given: FloatArray) -> FloatArray:
-    """Convert vignette parameters to the common model, refitting the radial terms if their number differs."""
-    common = np.zeros(len(VIGNETTE))
-    if own.free_centre:
-        common[VIGNETTE.radial : VIGNETTE.radial + 2] = own.centre(given)
-    if own.non_radial:
-        common[-len(NON_RADIAL) :] = given[-len(NON_RADIAL) :]
-    if own.radial:
-        own_terms, terms = ((_RADII**2)[:, None] ** np.arange(1, n + 1) for n in (own.radial, VIGNETTE.radial))
-        common[: VIGNETTE.radial] = np.linalg.lstsq(terms, own_terms @ given[: own.radial], rcond=None)[0]
-    return common
+def _in_common(fit: Fit, vignette: VignetteBasis) -> FloatArray:
+    """Return the matrix that converts the q parameters of a fit's curves to the common models, shape (p, q)."""
+    own, n = fit.response_basis, len(fit.response_basis)
+    matrix = np.zeros((PARAMETERS, fit.vignette_part.stop))
+    gammas = [np.interp(RESPONSE.knots, own.grid, own.gamma_of(one)) for one in np.eye(n)]
+    matrix[RESPONSE_PART, :n] = np.stack(gammas, axis=1)
+    matrix[VIGNETTE_PART, n:] = vignette.conversion(fit.vignette_basis)
+    return matrix

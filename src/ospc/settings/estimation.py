@@ -29,10 +29,9 @@ responses of Grossberg and Nayar (2003) up to grey level 0.8."""
 # The vignette basis (ospc.estimation.vignette_basis, model_choice)
 
 VIGNETTE_SIGMA = 2.0
-"""Prior standard deviation of the vignette's first radial term, in ln V at the corner; for the other terms it
-decreases with their order, see :data:`DARK_RADIUS`. This is wide compared to real lenses: cos⁴ at a half angle of 45°
-has a first coefficient of -2. On 42 simulated recordings, 1 and 4 changed the mean vignette error by about a
-tenth."""
+"""Prior standard deviation of the slope of ln V in R² at the centre; further out it increases, see
+:data:`DARK_RADIUS`. This is wide compared to real lenses: cos⁴ at a half angle of 45° has a slope of -2. On 42
+simulated recordings, 1 and 4 changed the mean vignette error by about a tenth."""
 
 CENTRE_SIGMA, NON_RADIAL_SIGMA = 0.1, 0.1
 """Prior standard deviations of the vignette's centre along each axis, in half diagonals, and of the non-radial terms,
@@ -41,10 +40,25 @@ centres of decentred elliptic vignettes were wrong by up to 0.46 and the RMSE of
 these values it is at most 0.007."""
 
 DARK_RADIUS = 1.2
-"""Distance from the vignette's centre, in usable radii of the image, at which the prior lets V reach zero, as V does
-at the edge of the image circle. The far corner is at 1.15 if the centre is off by 0.15. On 42 simulated recordings,
-28 of them decentred, 1.3 raised the error of these from 1.25 to 1.7 standard deviations, and 1.1 raised the vignette
-error of the centred ones by a tenth."""
+"""Distance from the vignette's centre, in usable radii of the image, at which the smooth part of the prior lets V
+reach zero, as V does at the edge of the image circle. The far corner is at 1.15 if the centre is off by 0.15. With
+powers of R² instead of a spline, on 42 simulated recordings, 28 of them decentred, 1.3 raised the error of these from
+1.25 to 1.7 standard deviations, and 1.1 raised the vignette error of the centred ones by a tenth."""
+
+VIGNETTE_WALK_CANDIDATES = (0.01, 0.1, 0.3, 1.0, 3.0, 10.0)
+"""Candidate standard deviations of the random walk of the slope over the usable image. 0.01 leaves a smooth curve,
+which the cos⁴ vignettes of five recordings selected; mechanical ones selected 1."""
+
+START_VIGNETTE_WALK = 0.1
+"""That standard deviation until it is first selected, in the first round. Chosen by hand."""
+
+VIGNETTE_REACH = 1.1
+"""Radius of the last knot of ln V, in usable radii: the far corner if the centre is off by 0.1. Beyond, the slope is
+constant. Chosen by hand."""
+
+VIGNETTE_NUGGET = 1e-6
+"""Independent variance of the slopes of ln V, which keeps their prior covariance invertible: a standard deviation of
+0.001, far below that of any slope."""
 
 ASYMMETRY_SIGMA = 0.0015
 """Apparent asymmetry caused by registration errors common to all samples, in ln V over a half diagonal; for the
@@ -285,7 +299,8 @@ other draws change the stated error by a twentieth."""
 
 UNRESOLVED_JUMP = 1 / 12
 """Standard deviation of ln g for a unit jump of γ within an interval of ln M of unit length, in which γ is fitted by
-a straight line. The error is 1/8 for a jump in the middle, and less elsewhere."""
+a straight line, and of ln V for a jump of its slope in R². The error is 1/8 for a jump in the middle, and less
+elsewhere."""
 
 BEND_SMOOTHING = 0.06
 """Standard deviation, in grey levels, of the smoothing of γ before differentiation. Without it, the texture

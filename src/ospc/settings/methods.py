@@ -27,7 +27,7 @@ QUICK_FIT_ROUNDS = 3
 """Rounds of a quick fit that starts from the previous one."""
 
 QUICK_FIT_RADIAL_TERMS = 5
-"""Number of radial vignette terms of a quick fit: more would take longer to determine, and pairs registered until
+"""Number of knots of the vignette in a quick fit: more would take longer to determine, and pairs registered until
 then are worse."""
 
 MAX_VIGNETTE_SIGMA = 0.05

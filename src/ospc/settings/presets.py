@@ -169,7 +169,7 @@ class DefaultSettings:
         Number of intervals between the knots of the response, for a moving and for a stationary camera. A stationary
         camera observes each point many times and so resolves more.
     radial_terms
-        Number of radial terms of ln V.
+        Number of knots of ln V in R².
     rounds
         Maximum number of rounds of the final fit after the first, convex one.
     still_px
@@ -202,7 +202,7 @@ class DefaultSettings:
     response_functions: str = "hats"
     response_intervals: int = 32
     series_intervals: int = 64
-    radial_terms: int = 10
+    radial_terms: int = 16
     rounds: int = 8
     still_px: float = 0.7
     series_points: int = 1_500
