@@ -73,13 +73,13 @@ def test_files_of_other_kinds_and_versions_are_refused_by_name(saved, tmp_path):
         container.load(saved, "calibrator", 2)
     other = tmp_path / "calibration.json"
     other.write_text("{}")
-    with pytest.raises(FormatError, match="not a state file"):
+    with pytest.raises(FormatError, match=r"not a state file.*; give the state\.ospc of 'ospc calibrate'"):
         container.load(other, "calibrator", 3)
     foreign = tmp_path / "foreign.npz"
     np.savez(foreign, x=np.arange(3))
-    with pytest.raises(FormatError, match="not a state file"):
+    with pytest.raises(FormatError, match=r"not a state file.*; give the state\.ospc of 'ospc calibrate'"):
         container.load(foreign, "calibrator", 3)
-    with pytest.raises(FormatError, match="there is no such state"):
+    with pytest.raises(FormatError, match="there is no such state; give the folder of 'ospc calibrate'"):
         container.load(tmp_path / "none", "calibrator", 3)
     with pytest.raises(FormatError, match="cannot be read"):
         container.load(tmp_path, "calibrator", 3)

@@ -102,7 +102,9 @@ def load(path: str | Path, kind: str, version: int) -> Container:
             with place.open("rb") as stream:
                 data = stream.read(_MAX_FILE_BYTES + 1)
         except FileNotFoundError:
-            raise FormatError(f"{place}: there is no such state; check the path") from None
+            raise FormatError(
+                f"{place}: there is no such state; give the folder of 'ospc calibrate' or its state.ospc"
+            ) from None
     if len(data) > _MAX_FILE_BYTES:
         raise FormatError(f"{place}: no state is larger than {_MAX_FILE_BYTES // 2**20} MB; give another file")
     found = from_bytes(data, str(place))
@@ -121,7 +123,7 @@ def from_bytes(data: bytes, name: str) -> Container:
     """Return the container in the bytes of a file; FormatError with ``name`` if it is not a complete container."""
     kind = _kind(data)
     if not kind:
-        raise FormatError(f"{name}: is not a state file of this program; give one written by 'ospc calibrate'")
+        raise FormatError(f"{name}: is not a state file of this program; give the state.ospc of 'ospc calibrate'")
     if sha256(data[:-_CHECKSUM_BYTES]).hexdigest().encode() != data[-_CHECKSUM_BYTES:]:
         raise FormatError(f"{name}: truncated or damaged (its checksum is wrong); create it again from the recording")
     try:
