@@ -64,7 +64,15 @@ PARSERS = {
     "simulation/texture.py": OURS,
     "state/container.py": ["state.ospc", "values of a state", "arrays of a state", "result of a batch"],
     **dict.fromkeys(
-        ("atomic.py", "folders.py", "report/page.py", "cli/rerun_stream.py", "live/page/server.py"), OURS
+        (
+            "atomic.py",
+            "cli/rerun_stream.py",
+            "folders.py",
+            "live/page/server.py",
+            "report/drawing.py",
+            "report/page.py",
+        ),
+        OURS,
     ),
 }
 """The tested parsers of every module that reads files, or the reason why it needs no test."""
