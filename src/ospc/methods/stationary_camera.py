@@ -6,7 +6,7 @@ import numpy as np
 
 from ospc.correspondence.static_series import StaticSeries
 from ospc.recording.frame import Frame
-from ospc.settings.methods import MAX_MOTIONS, MIN_MOVING_PAIRS, MOVING_FACTOR, UNDECIDED_PAIRS
+from ospc.settings.methods import MAX_MOTIONS, MIN_MOVING_PAIRS, MOVING_FACTOR, MOVING_SHARE, UNDECIDED_PAIRS
 
 
 class StationaryCamera:
@@ -44,10 +44,14 @@ class StationaryCamera:
 
     @property
     def stands_still(self) -> bool:
-        """Whether the camera did not move recently."""
-        return len(self.motions) > 0 and float(np.median(self.motions)) <= self._still_px
+        """Whether the camera has never clearly moved and does not move now."""
+        if self.series is None or not self.motions:
+            return False
+        typical_px, largest_px = np.quantile(self.motions, [0.5, 1 - MOVING_SHARE])
+        # A pan-tilt unit rests most of the time.
+        return bool(typical_px <= self._still_px and largest_px <= MOVING_FACTOR * self._still_px)
 
     @property
     def used_series(self) -> StaticSeries | None:
         """The series of grey values used instead of pairs of frames; None if the camera moves."""
-        return self.series if self.series is not None and self.stands_still else None
+        return self.series if self.stands_still else None

@@ -38,6 +38,10 @@ MIN_MOVING_PAIRS, MOVING_FACTOR = 8, 4.0
 """Number of pairs, and displacement relative to the limit for a stationary camera, after which a camera permanently
 counts as moving."""
 
+MOVING_SHARE = 0.15
+"""Share of pairs with such a displacement from which a camera is not stationary although most pairs show no motion: a
+pan-tilt unit in steps. Misregistered pairs of a stationary camera are fewer or less displaced."""
+
 UNDECIDED_PAIRS = 60
 """Pairs after which a camera that is not stationary counts as moving. Dark frames register poorly at first."""
 
