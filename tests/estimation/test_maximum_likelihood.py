@@ -127,7 +127,7 @@ def test_the_simplest_vignette_that_explains_the_data_is_chosen():
     assert moved.vignette_basis.free_centre
     np.testing.assert_allclose(moved.vignette_basis.centre(moved.vignette_parameters), truth.centre, atol=0.006)
     assert vignette_pixel_rmse(moved.vignette(SIZE), truth) < 0.004
-    skew = LogVignette(SIZE, (-0.5, 0.05, -0.2), (0.0, 0.0), (0.05, -0.04, 0.1, -0.05, 0.08, 0.0))
+    skew = LogVignette(SIZE, (-0.5, 0.05, -0.2), (0.0, 0.0), (0.05, -0.04, 0.1, -0.05, 0.08, 0.0, 0.05, -0.1))
     wide = fit_with_chosen_vignette(Camera(GAMMA, skew).pairs(4), ResponseBasis(32), widest, NOISE, 8).fit
     assert wide.vignette_basis.non_radial
     assert vignette_pixel_rmse(wide.vignette(SIZE), skew) < 0.006
@@ -142,6 +142,24 @@ class Elliptic:
     def at_normalised(self, place):
         x, y = np.moveaxis(place - np.array(self.centre), -1, 0)
         return (1 + 0.55 * ((x + 0.3 * y) ** 2 + (y - 0.3 * x) ** 2 / 0.8)) ** -2
+
+
+@dataclass(frozen=True)
+class StronglyElliptic:
+    """A vignette with elongated contours that reaches a fifth in the corners."""
+
+    def at_normalised(self, place):
+        x, y = np.moveaxis(place, -1, 0)
+        return (1 + 0.8 * ((x + 0.3 * y) ** 2 + 1.4 * (y - 0.3 * x) ** 2)) ** -2
+
+
+def test_a_strongly_elliptic_vignette_is_followed():
+    widest = VignetteBasis(RADIAL_TERMS, free_centre=True, non_radial=True)
+    fit = fit_with_chosen_vignette(
+        Camera(GAMMA, StronglyElliptic()).pairs(5, points=150), ResponseBasis(32), widest, NOISE, 8
+    ).fit
+    truth = RasterVignette(StronglyElliptic().at_normalised(normalised(pixel_grid(SIZE), SIZE)))
+    assert vignette_pixel_rmse(fit.vignette(SIZE), truth) < 0.0025
 
 
 @pytest.mark.parametrize("centre", [(0.06, -0.08), (0.0, 0.0)])

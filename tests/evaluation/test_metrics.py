@@ -96,7 +96,7 @@ def test_vignette_scale_is_not_observable():
 
 def test_non_radial_errors_show_in_pixels_but_not_in_the_profile():
     radial = LogVignette((160, 120), (-0.3,))
-    skew = LogVignette((160, 120), (-0.3,), non_radial=(0.0, 0.0, 0.4, 0.0, 0.0, 0.0))
+    skew = LogVignette((160, 120), (-0.3,), non_radial=(0.0, 0.0, 0.4, 0.0, 0.0, 0.0, 0.0, 0.0))
     assert vignette_rmse(skew, radial) < 0.02
     assert vignette_pixel_rmse(skew, radial) > 0.03
 

@@ -134,7 +134,7 @@ def test_missing_file_is_one_clear_error(tmp_path):
     "vignette",
     [
         PolynomialVignette((64, 48), (-0.3, 0.1, -0.15)),
-        LogVignette((63, 49), (-0.4, -0.2), (0.1, -0.05), (0.01, -0.02, 0.02, 0.01, 0.0, 0.03)),
+        LogVignette((63, 49), (-0.4, -0.2), (0.1, -0.05), (0.01, -0.02, 0.02, 0.01, 0.0, 0.03, 0.02, -0.01)),
     ],
 )
 def test_vignette_survives_to_its_resolution(tmp_path, vignette):

@@ -13,7 +13,7 @@ from ospc.photometry.vignette import LogVignette
 
 SIZE = (64, 48)
 RESPONSE = Response.gamma(2.2)
-VIGNETTE = LogVignette(SIZE, (-0.3, -0.1), (0.1, 0.0), (0.03, -0.02, 0.05, 0.0, 0.0, 0.02))
+VIGNETTE = LogVignette(SIZE, (-0.3, -0.1), (0.1, 0.0), (0.03, -0.02, 0.05, 0.0, 0.0, 0.02, 0.0, 0.02))
 
 
 def test_round_trip(tmp_path):

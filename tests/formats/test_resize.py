@@ -22,7 +22,7 @@ from ospc.photometry.vignette import LogSplineVignette, LogVignette, PolynomialV
 
 SIZE = (96, 72)
 POLYNOMIAL = PolynomialVignette(SIZE, (-0.3, 0.1, -0.15))
-LOG = LogVignette(SIZE, (-0.3, -0.1), (0.2, -0.1), (0.06, -0.05, 0.05, -0.03, 0.02, 0.04))
+LOG = LogVignette(SIZE, (-0.3, -0.1), (0.2, -0.1), (0.06, -0.05, 0.05, -0.03, 0.02, 0.04, -0.05, 0.03))
 SPLINE = LogSplineVignette(SIZE, (-0.1, -0.3, -0.9, 0.2), LOG.centre, LOG.non_radial, reach=0.9)
 RASTER = RasterVignette(LOG.image())
 EVERY = pytest.mark.parametrize(

@@ -25,7 +25,9 @@ from ospc.photometry.vignette import LogSplineVignette, LogVignette, PolynomialV
 SIZE = (12, 9)
 VIGNETTES = {
     "polynomial": PolynomialVignette(SIZE, (-0.31, 0.07, -0.1 / 3)),
-    "log": LogVignette(SIZE, (-0.31, 0.07, -0.1 / 3, 1e-9), (0.05, -0.02), (0.02, -0.01, 0.01, -0.02, 0.03, -0.04)),
+    "log": LogVignette(
+        SIZE, (-0.31, 0.07, -0.1 / 3, 1e-9), (0.05, -0.02), (0.02, -0.01, 0.01, -0.02, 0.03, -0.04, 0.05, -0.06)
+    ),
     "spline": LogSplineVignette(SIZE, (-0.31, 0.07, -0.1 / 3), (0.05, -0.02), limit=0.9, reach=1.1),
     "raster": RasterVignette(
         np.random.default_rng(0).uniform(0.2, 1, SIZE[::-1]).astype(np.float32), {"file": "vignette.png"}

@@ -110,10 +110,13 @@ class VignetteBasis:
         """Return the derivative of the non-radial part by the offset from the centre, shape (n, 2)."""
         if not self.non_radial:
             return np.zeros_like(offset)
-        tilt_x, tilt_y, saddle, ellipse, slope_x, slope_y = parameters[-len(NON_RADIAL) :]
+        tilt_x, tilt_y, saddle, ellipse, *growing = parameters[-len(NON_RADIAL) :]
+        slope_x, slope_y, saddle_slope, ellipse_slope = growing
         x, y = offset.T
         by_x = tilt_x + saddle * y + 2 * ellipse * x + slope_x * (3 * x**2 + y**2) + 2 * slope_y * x * y
         by_y = tilt_y + saddle * x - 2 * ellipse * y + 2 * slope_x * x * y + slope_y * (x**2 + 3 * y**2)
+        by_x += saddle_slope * y * (3 * x**2 + y**2) + 4 * ellipse_slope * x**3
+        by_y += saddle_slope * x * (x**2 + 3 * y**2) - 4 * ellipse_slope * y**3
         return np.stack([by_x, by_y], axis=1)
 
     def centre(self, parameters: FloatArray) -> FloatArray:

@@ -97,17 +97,18 @@ _LARGEST_LOG = 50.0
 """Limit of |ln V| that keeps the exponential finite: a fit to wrong exposures may reach any value."""
 
 
-NON_RADIAL = ("x", "y", "xy", "x2-y2", "xR2", "yR2")
-"""Names of the terms of ln V that depend on the direction: a tilt, a saddle, an ellipse, and a growing slope."""
+NON_RADIAL = ("x", "y", "xy", "x2-y2", "xR2", "yR2", "xyR2", "(x2-y2)R2")
+"""Names of the terms of ln V that depend on the direction: a tilt and an ellipse, and both growing outwards."""
 
 
 def non_radial_terms(x: FloatArray, y: FloatArray) -> tuple[FloatArray, ...]:
     """Return the terms :data:`NON_RADIAL` at positions relative to the centre of the vignette; x and y broadcast."""
     squared = x**2 + y**2
-    return x, y, x * y, x**2 - y**2, x * squared, y * squared
+    xy, difference = x * y, x**2 - y**2
+    return x, y, xy, difference, x * squared, y * squared, xy * squared, difference * squared
 
 
-_DEGREES = (1, 1, 2, 2, 3, 3)
+_DEGREES = (1, 1, 2, 2, 3, 3, 4, 4)
 """Degrees of the terms :data:`NON_RADIAL` in x and y."""
 
 
