@@ -236,13 +236,15 @@ class Fit(Model):
         return float(np.sqrt(self._log_vignette_variance(np.array([radius]), self.covariance).max()))
 
     def vignette_error_bound(self, radius: float) -> float:
-        """Return the root mean square error of the profile of V up to a radius that is exceeded in 5 % of cases."""
+        """Return the root mean square error of V up to a radius that is exceeded in 5 % of cases.
+
+        It is taken along the half diagonals, not of their mean, in which the errors of a tilt cancel.
+        """
         radii = np.linspace(0, radius, PROFILE_POINTS)
         along = (radii[:, None, None] * _DIAGONALS).reshape(-1, 2)
         value = np.exp(self.vignette_basis.log_value(self.vignette_parameters, along))
         slope = self.vignette_basis.jacobian(self.vignette_parameters, along) * value[:, None]
-        profile = slope.reshape(len(radii), len(_DIAGONALS), -1).mean(axis=1)
-        drawn = self._drawn_errors(profile, self.vignette_part, np.random.default_rng(0))
+        drawn = self._drawn_errors(slope, self.vignette_part, np.random.default_rng(0))
         unresolved = value * self.vignette_basis.unresolved(self.vignette_parameters, along)
         return float(np.quantile(np.sqrt(np.mean(drawn**2, axis=0) + np.mean(unresolved**2)), CONFIDENCE))
 
