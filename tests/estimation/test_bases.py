@@ -138,7 +138,7 @@ def test_the_prior_of_the_vignette_is_a_smooth_curve_and_a_random_walk_of_its_sl
     knots, order = basis.spline.knots, np.arange(1, 200)
     # ln V = Σ aₖ R²ᵏ with standard deviations 2 / (k D^(2(k - 1))) has the slopes Σ k aₖ R^(2(k - 1)).
     slopes = 2 * (knots[:, None] / (1.2 * usable_radius) ** 2) ** (order - 1)
-    covariance = slopes @ slopes.T + walk**2 / usable_radius**6 * np.minimum.outer(knots, knots)
+    covariance = slopes @ slopes.T + walk**2 / usable_radius**5 * np.sqrt(np.minimum.outer(knots, knots))
     np.testing.assert_allclose(np.linalg.inv(precision), covariance, atol=1e-3, rtol=1e-3)
     assert log_determinant == pytest.approx(np.linalg.slogdet(precision)[1])
 

@@ -117,7 +117,7 @@ class Disturbed:
         """Fit the first ``frames`` pairs of frames."""
         everything = self.pairs(seed)
         observations = everything.of_points(everything.group[everything.starts] < frames)
-        widest = VignetteBasis(3, free_centre=True, non_radial=True)
+        widest = VignetteBasis(8, free_centre=True, non_radial=True)
         return fit_with_chosen_effects(observations, ResponseBasis(32), widest, NOISE, 8)
 
 

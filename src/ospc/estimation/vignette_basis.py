@@ -49,9 +49,9 @@ class VignetteBasis:
 
         The slopes of ln V = Σ aₖ R²ᵏ, where the standard deviation of each aₖ is proportional to the coefficient of
         ln(1 − R²/D²), have a covariance that decreases with the distance of both radii from D, the radius at which V
-        may reach zero. This prior only allows smooth curves; that of mechanical vignetting, which begins at some
-        radius, needs a random walk of the slope in R². ``walk`` is its standard deviation at the usable radius, times
-        the square of that radius.
+        may reach zero. This prior only allows smooth curves. That of mechanical vignetting, which begins at some
+        radius, needs a random walk of the slope over R. ``walk`` is its standard deviation at the usable radius,
+        times the square of that radius.
         """
         further = [CENTRE_SIGMA] * (2 * self.free_centre) + [NON_RADIAL_SIGMA] * (len(NON_RADIAL) * self.non_radial)
         precision = np.diag(np.concatenate([np.ones(self.radial), np.array(further) ** -2.0]))
@@ -104,7 +104,7 @@ class VignetteBasis:
         """Return the standard deviation of ln V due to jumps of its slope between knots, shape (n, 2) -> (n,)."""
         squared, spline = np.sum((position - self.centre(parameters)) ** 2, axis=1), self.spline
         bend = sharpest_bend(parameters[: self.radial], spline.knots, squared)
-        return np.asarray(UNRESOLVED_JUMP * bend * np.minimum(squared, spline.spacing))
+        return np.asarray(UNRESOLVED_JUMP * bend * np.minimum(squared, spline.width_at(squared)))
 
     def _slope_of_non_radial(self, parameters: FloatArray, offset: FloatArray) -> FloatArray:
         """Return the derivative of the non-radial part by the offset from the centre, shape (n, 2)."""
@@ -149,7 +149,8 @@ def _radial_precision(knots: int, usable_radius: float, walk: float) -> tuple[Fl
     """Return the prior precision of the slopes, shape (knots, knots), and its log determinant."""
     squared = VignetteBasis(knots, usable_radius=usable_radius).spline.knots
     smooth = VIGNETTE_SIGMA**2 / (1 - np.outer(squared, squared) / (DARK_RADIUS * usable_radius) ** 4)
-    random_walk = (walk / usable_radius**3) ** 2 * np.minimum.outer(squared, squared)
+    radius = np.sqrt(squared)
+    random_walk = walk**2 / usable_radius**5 * np.minimum.outer(radius, radius)
     covariance = smooth + random_walk + VIGNETTE_NUGGET * np.eye(knots)
     precision: FloatArray = np.linalg.inv(covariance).astype(np.float64)
     precision.setflags(write=False)

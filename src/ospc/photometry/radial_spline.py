@@ -9,13 +9,16 @@ import numpy as np
 
 from ospc.arrays import FloatArray, IntArray
 
+_KNOT_EXPONENT = 1.5
+"""The knots are at equal steps of R² to the power of 1 / 1.5: closer in the middle than equal steps of R², where
+vignettes of large apertures already bend, and closer at the edge than equal steps of R."""
+
 
 @dataclass(frozen=True)
 class RadialSpline:
     """A space of such functions, each given by its slopes d/d(R²) at the knots.
 
-    The knots are equidistant in R², so each covers the same area of the image. Beyond the last knot the slope is
-    constant.
+    The knots are at R = reach · (i / (terms − 1))^0.75. Beyond the last one the slope is constant.
 
     Attributes
     ----------
@@ -31,14 +34,14 @@ class RadialSpline:
     @cached_property
     def knots(self) -> FloatArray:
         """R² of the knots, shape (terms,)."""
-        return np.asarray(np.arange(self.terms) * self.spacing)
+        return np.asarray(self.reach**2 * (np.arange(self.terms) / max(self.terms - 1, 1)) ** _KNOT_EXPONENT)
 
     def values(self, slopes: FloatArray, squared: FloatArray) -> FloatArray:
         """Return the values at R², any shape, given the slopes, shape (terms,)."""
         if not self.terms:
             return np.zeros_like(squared)
-        at_knots = np.concatenate([[0.0], np.cumsum((slopes[1:] + slopes[:-1]) / 2) * self.spacing])
         lower, upper, by_lower, by_upper = self._within_interval(squared)
+        at_knots = self._at_knots @ slopes
         return np.asarray(at_knots[lower] + slopes[lower] * by_lower + slopes[upper] * by_upper)
 
     def slope(self, slopes: FloatArray, squared: FloatArray) -> FloatArray:
@@ -60,24 +63,33 @@ class RadialSpline:
         weights = [np.interp(squared, self.knots, one) for one in np.eye(self.terms)]
         return np.reshape(weights, (self.terms, len(squared))).T
 
-    @property
-    def spacing(self) -> float:
-        """Distance between neighbouring knots, in R²."""
-        return self.reach**2 / max(self.terms - 1, 1)
+    def width_at(self, squared: FloatArray) -> FloatArray:
+        """Return the width in R² of the interval between knots that contains R², shape (n,) -> (n,)."""
+        return self._widths[self._interval(squared)]
+
+    @cached_property
+    def _widths(self) -> FloatArray:
+        """Width of each interval in R², shape (max(terms - 1, 1),)."""
+        return np.diff(self.knots) if self.terms > 1 else np.full(1, self.reach**2)
 
     @cached_property
     def _at_knots(self) -> FloatArray:
         """Derivative of the values at the knots by the slopes, shape (terms, terms)."""
         eye = np.eye(self.terms)
-        return np.concatenate([0 * eye[:1], np.cumsum((eye[1:] + eye[:-1]) / 2, axis=0) * self.spacing])
+        trapezia = (eye[1:] + eye[:-1]) / 2 * self._widths[: self.terms - 1, None]
+        return np.concatenate([0 * eye[:1], np.cumsum(trapezia, axis=0)])
+
+    def _interval(self, squared: FloatArray) -> IntArray:
+        """Return the number of the interval that contains R², the last one beyond the last knot."""
+        place = (squared / self.reach**2) ** (1 / _KNOT_EXPONENT) * max(self.terms - 1, 1)
+        return np.minimum(place, max(self.terms - 2, 0)).astype(np.int64)
 
     def _within_interval(self, squared: FloatArray) -> tuple[IntArray, IntArray, FloatArray, FloatArray]:
         """Return the knots below and above R², and the integral of either one's weight from the lower knot to R²."""
-        place = squared / self.spacing
-        lower = np.minimum(place, max(self.terms - 2, 0)).astype(np.int64)
-        upper = np.minimum(lower + 1, self.terms - 1)
-        offset = place - lower
+        lower = self._interval(squared)
+        upper, width = np.minimum(lower + 1, self.terms - 1), self._widths[lower]
+        offset = (squared - self.knots[lower]) / width
         inside = np.minimum(offset, 1.0)
         by_upper = inside**2 / 2
         by_lower = inside - by_upper
-        return lower, upper, by_lower * self.spacing, (by_upper + offset - inside) * self.spacing
+        return lower, upper, by_lower * width, (by_upper + offset - inside) * width
