@@ -24,6 +24,8 @@ from ospc.settings.estimation import (
     START_DRIFT,
     START_VIGNETTE_WALK,
     START_WALK,
+    TOE_GREY,
+    TOE_SIGMA,
     VIGNETTE_WALK_CANDIDATES,
     WALK_CANDIDATES,
     WHITE_SIGMA,
@@ -129,8 +131,12 @@ def _covariance(grey: FloatArray, walk: float, drift: float) -> FloatArray:
 
 def _ends(grey: FloatArray) -> FloatArray:
     """Return the covariance of ln γ at both ends that is independent of the curve in the middle, shape (n, n)."""
+    toe = TOE_SIGMA * np.clip((TOE_GREY - grey) / TOE_GREY, 0.0, 1.0)
     shoulder = SHOULDER_SIGMA * np.clip((grey - SHOULDER_GREY) / (1 - SHOULDER_GREY), 0.0, 1.0)
     white, black = WHITE_SIGMA**2 * grey**END_EXPONENT, BLACK_SIGMA**2 * (1 - grey) ** END_EXPONENT
     return np.asarray(
-        np.outer(shoulder, shoulder) + np.minimum(white[:, None], white) + np.minimum(black[:, None], black)
+        np.outer(toe, toe)
+        + np.outer(shoulder, shoulder)
+        + np.minimum(white[:, None], white)
+        + np.minimum(black[:, None], black)
     )
