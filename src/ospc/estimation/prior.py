@@ -97,15 +97,15 @@ class Prior:
         The log determinant contains only the part that depends on the hyperparameters.
         """
         n, m = len(self.knots), len(self.knots) + len(self.vignette)
-        p = m + len(self.effect_sigma)
-        matrices, log_determinants = np.zeros((len(candidates), p, p)), np.empty(len(candidates))
-        for i, candidate in enumerate(candidates):
-            response, of_response = _precision(n, candidate.walk, candidate.drift)
-            matrices[i, :n, :n] = response / np.outer(self.about, self.about)
-            matrices[i, n:m, n:m], of_vignette = self.vignette.prior_precision(candidate.vignette_walk)
-            np.fill_diagonal(matrices[i, m:, m:], self.effect_sigma**-2.0)
-            log_determinants[i] = of_response + of_vignette
-        return matrices, log_determinants
+        response, of_response = zip(*(_precision(n, c.walk, c.drift) for c in candidates), strict=True)
+        vignette, of_vignette = zip(
+            *(self.vignette.prior_precision(c.vignette_walk) for c in candidates), strict=True
+        )
+        matrices = np.zeros((len(candidates), m + len(self.effect_sigma), m + len(self.effect_sigma)))
+        matrices[:, :n, :n] = np.stack(response) / np.outer(self.about, self.about)
+        matrices[:, n:m, n:m] = vignette
+        matrices[:, m:, m:] = np.diag(self.effect_sigma**-2.0)
+        return matrices, np.add(of_response, of_vignette)
 
 
 @cache
