@@ -28,7 +28,7 @@ CAMERA = Camera(Response.gamma(2.2))
 
 
 def fitted(observations):
-    estimator = MaximumLikelihoodEstimator(ResponseBasis(16), VignetteBasis(4), rounds=3)
+    estimator = MaximumLikelihoodEstimator(ResponseBasis(16), VignetteBasis(16), rounds=3)
     return estimator.fit(observations)
 
 

@@ -15,11 +15,12 @@ from hypothesis import strategies as st
 
 from ospc.errors import FrameError, RecordingError, SettingError
 from ospc.formats.validation import validate
-from ospc.recording import ArrayRecording, Frame, open_recording
+from ospc.recording import ArrayRecording, Frame, Recording, open_recording
 from ospc.recording.channel import Channel
 from ospc.recording.derived import with_exposure_lag
 from ospc.recording.options import ReadingOptions
 from ospc.recording.writing.conversion import convert_recording
+from ospc.recording.writing.images import NumberedImages
 
 COUNT, SIZE = 7, (170, 128)
 EXPOSURES = np.array([0.123456789, 1, 2.5, 1 / 3, 12, 0.02, 40])
@@ -199,17 +200,36 @@ def test_frames_that_cannot_be_read_are_left_out_with_their_times(tmp_path: Path
     assert not (tmp_path / "none").exists()
 
 
-@pytest.mark.parametrize("happening", [KeyboardInterrupt(), MemoryError(), OSError(28, "No space left on device")])
-def test_an_early_end_leaves_everything_unchanged(happening: BaseException, tmp_path: Path) -> None:
-    spoiled = _Spoiled(recorded(), {3: happening})
-    convert_recording(recorded(), tmp_path / "there")
-    before = {p: p.read_bytes() for p in (tmp_path / "there").rglob("*") if p.is_file()}
-    expected = SettingError if isinstance(happening, OSError) else type(happening)
+def files_in(place: Path) -> dict[Path, bytes]:
+    return {p: p.read_bytes() for p in place.rglob("*") if p.is_file()}
+
+
+def assert_unchanged_by(error: type[BaseException], recording: Recording, tmp_path: Path) -> None:
+    before = files_in(tmp_path / "there")
     for place in ("new", "there"):
-        with pytest.raises(expected):
-            convert_recording(spoiled, tmp_path / place, overwrite=True)
+        with pytest.raises(error):
+            convert_recording(recording, tmp_path / place, overwrite=True)
     assert not (tmp_path / "new").exists()
-    assert {p: p.read_bytes() for p in (tmp_path / "there").rglob("*") if p.is_file()} == before
+    assert files_in(tmp_path / "there") == before
+
+
+@pytest.mark.parametrize("happening", [KeyboardInterrupt(), MemoryError()])
+def test_an_early_end_leaves_everything_unchanged(happening: BaseException, tmp_path: Path) -> None:
+    convert_recording(recorded(), tmp_path / "there")
+    assert_unchanged_by(type(happening), _Spoiled(recorded(), {3: happening}), tmp_path)
+
+
+def test_a_full_disk_leaves_everything_unchanged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    convert_recording(recorded(), tmp_path / "there")
+    write = NumberedImages.write
+
+    def write_until_full(images: NumberedImages, number: int, data: bytes) -> None:
+        if number == 3:
+            raise OSError(28, "No space left on device")
+        write(images, number, data)
+
+    monkeypatch.setattr(NumberedImages, "write", write_until_full)
+    assert_unchanged_by(SettingError, recorded(), tmp_path)
 
 
 def test_a_folder_in_use_is_only_replaced_on_request_and_other_files_stay(tmp_path: Path) -> None:
