@@ -9,7 +9,7 @@ import numpy as np
 
 from ospc.arrays import FloatArray, ImageSize
 from ospc.estimation.bends import sharpest_bend
-from ospc.photometry.radial_spline import RadialSpline
+from ospc.photometry.radial_spline import RadialSpline, radial_spline
 from ospc.photometry.vignette import NON_RADIAL, LogSplineVignette, non_radial_terms
 from ospc.settings.estimation import (
     CENTRE_SIGMA,
@@ -69,7 +69,7 @@ class VignetteBasis:
     @property
     def spline(self) -> RadialSpline:
         """The radial part."""
-        return RadialSpline(self.radial, VIGNETTE_REACH * self.usable_radius)
+        return radial_spline(self.radial, VIGNETTE_REACH * self.usable_radius)
 
     def conversion(self, other: VignetteBasis) -> FloatArray:
         """Return the matrix that converts the parameters of another basis to this one, shape (len, len of other).

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -41,8 +41,8 @@ class RadialSpline:
         if not self.terms:
             return np.zeros_like(squared)
         lower, upper, by_lower, by_upper = self._within_interval(squared)
-        at_knots = self._at_knots @ slopes
-        return np.asarray(at_knots[lower] + slopes[lower] * by_lower + slopes[upper] * by_upper)
+        at_lower = (self._at_knots @ slopes).take(lower)
+        return np.asarray(at_lower + slopes.take(lower) * by_lower + slopes.take(upper) * by_upper)
 
     def slope(self, slopes: FloatArray, squared: FloatArray) -> FloatArray:
         """Return the derivative by R² at R², any shape, given the slopes at the knots, shape (terms,)."""
@@ -53,7 +53,8 @@ class RadialSpline:
         if not self.terms:
             return np.zeros((len(squared), 0))
         lower, upper, by_lower, by_upper = self._within_interval(squared)
-        rows, found = np.arange(len(squared)), self._at_knots[lower]
+        # Indexing with an array would take twice as long.
+        rows, found = np.arange(len(squared)), self._at_knots.take(lower, axis=0)
         found[rows, lower] += by_lower
         found[rows, upper] += by_upper
         return found
@@ -65,7 +66,7 @@ class RadialSpline:
 
     def width_at(self, squared: FloatArray) -> FloatArray:
         """Return the width in R² of the interval between knots that contains R², shape (n,) -> (n,)."""
-        return self._widths[self._interval(squared)]
+        return self._widths.take(self._interval(squared))
 
     @cached_property
     def _widths(self) -> FloatArray:
@@ -87,9 +88,15 @@ class RadialSpline:
     def _within_interval(self, squared: FloatArray) -> tuple[IntArray, IntArray, FloatArray, FloatArray]:
         """Return the knots below and above R², and the integral of either one's weight from the lower knot to R²."""
         lower = self._interval(squared)
-        upper, width = np.minimum(lower + 1, self.terms - 1), self._widths[lower]
-        offset = (squared - self.knots[lower]) / width
+        upper, width = np.minimum(lower + 1, self.terms - 1), self._widths.take(lower)
+        offset = (squared - self.knots.take(lower)) / width
         inside = np.minimum(offset, 1.0)
         by_upper = inside**2 / 2
         by_lower = inside - by_upper
         return lower, upper, by_lower * width, (by_upper + offset - inside) * width
+
+
+@lru_cache(maxsize=64)
+def radial_spline(terms: int, reach: float) -> RadialSpline:
+    """Return a spline that is shared by all callers, because its tables take longer than a few values."""
+    return RadialSpline(terms, reach)

@@ -17,7 +17,7 @@ from ospc.atomic import write_atomically
 from ospc.by_value import ByValue
 from ospc.errors import UNREADABLE, FormatError
 from ospc.photometry.geometry import image_of, normalised, pixel_grid
-from ospc.photometry.radial_spline import RadialSpline
+from ospc.photometry.radial_spline import radial_spline
 
 LARGEST_ATTENUATION = 1e3
 """Models that exceed this anywhere in the image are rejected: V is normalised to 1."""
@@ -189,7 +189,7 @@ class LogSplineVignette(LogVignette):
         return replace(self, coefficients=tuple(c * unit**2 for c in self.coefficients), reach=self.reach / unit)
 
     def _radial(self, squared: FloatArray) -> FloatArray:
-        return RadialSpline(len(self.coefficients), self.reach).values(np.array(self.coefficients), squared)
+        return radial_spline(len(self.coefficients), self.reach).values(np.array(self.coefficients), squared)
 
     def as_dict(self) -> dict[str, Any]:
         """Return name and parameters."""
