@@ -229,11 +229,11 @@ class Fit(Model):
 
         It is the root mean square over the directions to the four corners, which differ for a decentred vignette.
         """
-        return np.asarray(np.sqrt(self._log_vignette_variance(radius, self.covariance).mean(axis=0)))
+        return np.asarray(np.sqrt(self._total_log_vignette_variance(radius).mean(axis=0)))
 
     def worst_log_vignette_sigma(self, radius: float) -> float:
         """Return the largest standard deviation of ln V towards any of the corners, at a radius in half diagonals."""
-        return float(np.sqrt(self._log_vignette_variance(np.array([radius]), self.covariance).max()))
+        return float(np.sqrt(self._total_log_vignette_variance(np.array([radius])).max()))
 
     def vignette_error_bound(self, radius: float) -> float:
         """Return the root mean square error of V up to a radius that is exceeded in 5 % of cases.
@@ -254,12 +254,17 @@ class Fit(Model):
         along = (radius[None, :, None] * _DIAGONALS[:, None, :]).reshape(-1, 2)
         rows = self.vignette_basis.jacobian(self.vignette_parameters, along)
         variance = np.einsum("ij,jk,ik->i", rows, covariance[part, part], rows)
-        variance += self.vignette_basis.unresolved(self.vignette_parameters, along) ** 2
         return np.asarray(variance.reshape(len(_DIAGONALS), -1))
+
+    def _total_log_vignette_variance(self, radius: FloatArray) -> FloatArray:
+        """Return the variance of ln V including what a jump of its slope between knots may hide, shape (4, n)."""
+        along = (radius[None, :, None] * _DIAGONALS[:, None, :]).reshape(-1, 2)
+        unresolved = self.vignette_basis.unresolved(self.vignette_parameters, along)
+        return self._log_vignette_variance(radius, self.covariance) + unresolved.reshape(len(_DIAGONALS), -1) ** 2
 
     @property
     def vignette_sigma_at_corner(self) -> float:
-        """Standard deviation of V at the corner."""
+        """Standard deviation of V at the corner that more samples can reduce, which excludes unresolved kinks."""
         return self._sigma_at_corner(self.covariance)
 
     @property
