@@ -85,7 +85,7 @@ def why_greys_are_unused(highest: int, max_grey: int) -> str:
         return ""
     return (
         f"no grey value is above {highest} of {max_grey}: state the largest one that the sensor delivers "
-        f"(max_grey), or film with longer exposures"
+        "(max_grey), or film with longer exposures"
     )
 
 

@@ -12,7 +12,7 @@ from scipy.integrate import quad
 from scipy.optimize import lsq_linear
 
 from ospc.estimation.normal_equations import NormalEquations
-from ospc.estimation.prior import START, Prior
+from ospc.estimation.prior import START, Prior, vignette_precision
 from ospc.estimation.response_basis import ResponseBasis
 from ospc.estimation.vignette_basis import VignetteBasis
 from ospc.photometry.geometry import normalised, pixel_grid
@@ -134,7 +134,7 @@ def test_a_vignette_keeps_its_values_in_a_basis_with_the_same_knots(radial, seed
 @given(st.integers(2, 20), st.floats(0.3, 1.0), st.floats(0.0, 10.0))
 def test_the_prior_of_the_vignette_is_a_smooth_curve_and_a_random_walk_of_its_slope(radial, usable_radius, walk):
     basis = VignetteBasis(radial, usable_radius=usable_radius)
-    precision, log_determinant = basis.prior_precision(walk)
+    precision, log_determinant = vignette_precision(basis, walk)
     knots, order = basis.spline.knots, np.arange(1, 200)
     # ln V = Σ aₖ R²ᵏ with standard deviations 2 / (k D^(2(k - 1))) has the slopes Σ k aₖ R^(2(k - 1)).
     slopes = 2 * (knots[:, None] / (1.2 * usable_radius) ** 2) ** (order - 1)

@@ -250,16 +250,14 @@ class Fit(Model):
 
     def _log_vignette_variance(self, radius: FloatArray, covariance: FloatArray) -> FloatArray:
         """Return the variance of ln V at radii, shape (n,), along the half diagonals, shape (4, n)."""
-        part = self.vignette_part
-        along = (radius[None, :, None] * _DIAGONALS[:, None, :]).reshape(-1, 2)
+        part, along = self.vignette_part, _along_diagonals(radius)
         rows = self.vignette_basis.jacobian(self.vignette_parameters, along)
         variance = np.einsum("ij,jk,ik->i", rows, covariance[part, part], rows)
         return np.asarray(variance.reshape(len(_DIAGONALS), -1))
 
     def _total_log_vignette_variance(self, radius: FloatArray) -> FloatArray:
         """Return the variance of ln V including what a jump of its slope between knots may hide, shape (4, n)."""
-        along = (radius[None, :, None] * _DIAGONALS[:, None, :]).reshape(-1, 2)
-        unresolved = self.vignette_basis.unresolved(self.vignette_parameters, along)
+        unresolved = self.vignette_basis.unresolved(self.vignette_parameters, _along_diagonals(radius))
         return self._log_vignette_variance(radius, self.covariance) + unresolved.reshape(len(_DIAGONALS), -1) ** 2
 
     @property
@@ -276,6 +274,11 @@ class Fit(Model):
         corner = np.array([[1.0, 1.0]]) / np.sqrt(2)
         value = float(np.exp(self.vignette_basis.log_value(self.vignette_parameters, corner))[0])
         return value * float(np.sqrt(self._log_vignette_variance(np.array([1.0]), covariance).mean()))
+
+
+def _along_diagonals(radius: FloatArray) -> FloatArray:
+    """Return the positions at radii, shape (n,), along each half diagonal in turn, shape (4 n, 2)."""
+    return np.asarray((radius[None, :, None] * _DIAGONALS[:, None, :]).reshape(-1, 2))
 
 
 def measured_greys(observations: Observations) -> tuple[float, float]:

@@ -4,18 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, lru_cache
 
 import numpy as np
 
-from ospc.arrays import FloatArray
+from ospc.arrays import FloatArray, read_only
 from ospc.estimation.response_basis import typical_gamma
 from ospc.estimation.vignette_basis import VignetteBasis
+from ospc.photometry.vignette import NON_RADIAL
 from ospc.settings.estimation import (
     BLACK_SIGMA,
+    CENTRE_SIGMA,
+    DARK_RADIUS,
     DRIFT_CANDIDATES,
     END_EXPONENT,
     LEVEL_SIGMA,
+    NON_RADIAL_SIGMA,
     PRIOR_MIDDLE_GREY,
     PRIOR_NUGGET,
     SHOULDER_GREY,
@@ -26,10 +30,15 @@ from ospc.settings.estimation import (
     START_WALK,
     TOE_GREY,
     TOE_SIGMA,
+    VIGNETTE_NUGGET,
+    VIGNETTE_SIGMA,
     VIGNETTE_WALK_CANDIDATES,
     WALK_CANDIDATES,
     WHITE_SIGMA,
 )
+
+_KEPT_TABLES = 64
+"""Number of precisions of vignettes kept: those of all candidates for several models."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +47,7 @@ class PriorHyperparameters:
 
     ``walk`` is the standard deviation of a random walk over the whole range of grey levels, which allows kinks
     anywhere; ``drift`` is that of a random walk of the slope, which allows smooth bends. ``vignette_walk`` is that of
-    the slope of ln V in R², see :meth:`VignetteBasis.prior_precision`.
+    the slope of ln V in R², see :func:`vignette_precision`.
     """
 
     walk: float
@@ -97,9 +106,9 @@ class Prior:
         The log determinant contains only the part that depends on the hyperparameters.
         """
         n, m = len(self.knots), len(self.knots) + len(self.vignette)
-        response, of_response = zip(*(_precision(n, c.walk, c.drift) for c in candidates), strict=True)
+        response, of_response = zip(*(_response_precision(n, c.walk, c.drift) for c in candidates), strict=True)
         vignette, of_vignette = zip(
-            *(self.vignette.prior_precision(c.vignette_walk) for c in candidates), strict=True
+            *(vignette_precision(self.vignette, c.vignette_walk) for c in candidates), strict=True
         )
         matrices = np.zeros((len(candidates), m + len(self.effect_sigma), m + len(self.effect_sigma)))
         matrices[:, :n, :n] = np.stack(response) / np.outer(self.about, self.about)
@@ -108,13 +117,42 @@ class Prior:
         return matrices, np.add(of_response, of_vignette)
 
 
+def vignette_precision(basis: VignetteBasis, walk: float) -> tuple[FloatArray, float]:
+    """Return the prior precision of a vignette's parameters about zero, shape (v, v), and its log determinant.
+
+    The slopes of ln V = Σ aₖ R²ᵏ, where the standard deviation of each aₖ is proportional to the coefficient of
+    ln(1 − R²/D²), have a covariance that decreases with the distance of both radii from D, the radius at which V may
+    reach zero. This prior only allows smooth curves. That of mechanical vignetting, which begins at some radius,
+    needs a random walk of the slope over R. ``walk`` is its standard deviation at the usable radius, times the square
+    of that radius. The log determinant contains only the part that depends on it.
+    """
+    further = [CENTRE_SIGMA] * (2 * basis.free_centre) + [NON_RADIAL_SIGMA] * (len(NON_RADIAL) * basis.non_radial)
+    precision = np.diag(np.concatenate([np.ones(basis.radial), np.array(further) ** -2.0]))
+    radial, log_determinant = _radial_precision(basis.radial, basis.usable_radius, walk)
+    precision[: basis.radial, : basis.radial] = radial
+    return precision, log_determinant
+
+
+@lru_cache(maxsize=_KEPT_TABLES)
+def _radial_precision(knots: int, usable_radius: float, walk: float) -> tuple[FloatArray, float]:
+    """Return the precision of the slopes of ln V at the knots, shape (knots, knots), and its log determinant."""
+    squared = VignetteBasis(knots, usable_radius=usable_radius).spline.knots
+    smooth = VIGNETTE_SIGMA**2 / (1 - np.outer(squared, squared) / (DARK_RADIUS * usable_radius) ** 4)
+    radius = np.sqrt(squared)
+    random_walk = walk**2 / usable_radius**5 * np.minimum.outer(radius, radius)
+    return _inverted(smooth + random_walk + VIGNETTE_NUGGET * np.eye(knots))
+
+
 @cache
-def _precision(knots: int, walk: float, drift: float) -> tuple[FloatArray, float]:
+def _response_precision(knots: int, walk: float, drift: float) -> tuple[FloatArray, float]:
     """Return the precision of ln γ at equidistant knots, shape (knots, knots), and its log determinant."""
-    covariance = _covariance(np.linspace(0, 1, knots), walk, drift) + PRIOR_NUGGET * np.eye(knots)
+    return _inverted(_covariance(np.linspace(0, 1, knots), walk, drift) + PRIOR_NUGGET * np.eye(knots))
+
+
+def _inverted(covariance: FloatArray) -> tuple[FloatArray, float]:
+    """Return the precision matrix of a covariance, to be shared, and its log determinant."""
     precision: FloatArray = np.linalg.inv(covariance).astype(np.float64)
-    precision.setflags(write=False)
-    return precision, -float(np.linalg.slogdet(covariance)[1])
+    return read_only(precision), -float(np.linalg.slogdet(covariance)[1])
 
 
 def _covariance(grey: FloatArray, walk: float, drift: float) -> FloatArray:

@@ -21,7 +21,7 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-from ospc.arrays import FloatArray, IntArray
+from ospc.arrays import FloatArray, IntArray, read_only
 from ospc.errors import SettingError
 from ospc.estimation.bends import sharpest_bend
 from ospc.settings.estimation import (
@@ -174,12 +174,12 @@ class ResponseBasis:
 
 @cache
 def _grid() -> FloatArray:
-    return _read_only(np.linspace(0.0, 1.0, RESPONSE_GRID_STEPS + 1))
+    return read_only(np.linspace(0.0, 1.0, RESPONSE_GRID_STEPS + 1))
 
 
 @lru_cache(maxsize=_KEPT_TABLES)
 def _gamma_table(functions: LocalFunctions, intervals: int) -> FloatArray:
-    return _read_only(functions.values(_grid(), intervals))
+    return read_only(functions.values(_grid(), intervals))
 
 
 @lru_cache(maxsize=_KEPT_TABLES)
@@ -194,7 +194,7 @@ def _log_table(functions: LocalFunctions, intervals: int) -> FloatArray:
     steps = half * sum(weight * value for weight, value in zip(weights, values, strict=True))
     table = np.zeros((RESPONSE_GRID_STEPS + 1, intervals + 1))
     table[:-1] = -steps[::-1].cumsum(axis=0)[::-1]
-    return _read_only(table)
+    return read_only(table)
 
 
 @lru_cache(maxsize=2 * _KEPT_TABLES)
@@ -209,12 +209,7 @@ def _smooth_gamma_table(functions: LocalFunctions, intervals: int, smoothing: fl
     window = np.exp(-0.5 * (np.arange(-reach, reach + 1) / sigma) ** 2)
     continued = np.pad(_gamma_table(functions, intervals), ((reach, reach), (0, 0)), mode="edge")
     spectrum = np.fft.rfft(continued, axis=0) * np.fft.rfft(window / window.sum(), len(continued))[:, None]
-    return _read_only(np.fft.irfft(spectrum, len(continued), axis=0)[2 * reach :])
-
-
-def _read_only(table: FloatArray) -> FloatArray:
-    table.setflags(write=False)
-    return table
+    return read_only(np.fft.irfft(spectrum, len(continued), axis=0)[2 * reach :])
 
 
 def typical_gamma(grey: npt.ArrayLike) -> FloatArray:

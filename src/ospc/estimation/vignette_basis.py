@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import lru_cache
 
 import numpy as np
 
@@ -12,18 +11,10 @@ from ospc.estimation.bends import sharpest_bend
 from ospc.photometry.radial_spline import RadialSpline, radial_spline
 from ospc.photometry.vignette import NON_RADIAL, LogSplineVignette, non_radial_terms
 from ospc.settings.estimation import (
-    CENTRE_SIGMA,
-    DARK_RADIUS,
     MAX_DECENTRING,
-    NON_RADIAL_SIGMA,
     UNRESOLVED_JUMP,
-    VIGNETTE_NUGGET,
     VIGNETTE_REACH,
-    VIGNETTE_SIGMA,
 )
-
-_KEPT_TABLES = 64
-"""Number of prior precisions kept: those of all candidates for several models."""
 
 
 @dataclass(frozen=True)
@@ -43,21 +34,6 @@ class VignetteBasis:
     def __len__(self) -> int:
         """Return the number of parameters."""
         return self.radial + 2 * self.free_centre + len(NON_RADIAL) * self.non_radial
-
-    def prior_precision(self, walk: float) -> tuple[FloatArray, float]:
-        """Return the prior precision of the parameters about zero, shape (len, len), and its log determinant.
-
-        The slopes of ln V = Σ aₖ R²ᵏ, where the standard deviation of each aₖ is proportional to the coefficient of
-        ln(1 − R²/D²), have a covariance that decreases with the distance of both radii from D, the radius at which V
-        may reach zero. This prior only allows smooth curves. That of mechanical vignetting, which begins at some
-        radius, needs a random walk of the slope over R. ``walk`` is its standard deviation at the usable radius,
-        times the square of that radius.
-        """
-        further = [CENTRE_SIGMA] * (2 * self.free_centre) + [NON_RADIAL_SIGMA] * (len(NON_RADIAL) * self.non_radial)
-        precision = np.diag(np.concatenate([np.ones(self.radial), np.array(further) ** -2.0]))
-        radial, log_determinant = _radial_precision(self.radial, self.usable_radius, walk)
-        precision[: self.radial, : self.radial] = radial
-        return precision, log_determinant
 
     @property
     def names(self) -> list[str]:
@@ -142,16 +118,3 @@ class VignetteBasis:
         x, y = self.centre(parameters).tolist()
         slopes = tuple(parameters[: self.radial].tolist())
         return LogSplineVignette(size, slopes, (x, y), tuple(non_radial), reach=self.spline.reach)
-
-
-@lru_cache(maxsize=_KEPT_TABLES)
-def _radial_precision(knots: int, usable_radius: float, walk: float) -> tuple[FloatArray, float]:
-    """Return the prior precision of the slopes, shape (knots, knots), and its log determinant."""
-    squared = VignetteBasis(knots, usable_radius=usable_radius).spline.knots
-    smooth = VIGNETTE_SIGMA**2 / (1 - np.outer(squared, squared) / (DARK_RADIUS * usable_radius) ** 4)
-    radius = np.sqrt(squared)
-    random_walk = walk**2 / usable_radius**5 * np.minimum.outer(radius, radius)
-    covariance = smooth + random_walk + VIGNETTE_NUGGET * np.eye(knots)
-    precision: FloatArray = np.linalg.inv(covariance).astype(np.float64)
-    precision.setflags(write=False)
-    return precision, -float(np.linalg.slogdet(covariance)[1])

@@ -13,6 +13,9 @@ _KNOT_EXPONENT = 1.5
 """The knots are at equal steps of R² to the power of 1 / 1.5: closer in the middle than equal steps of R², where
 vignettes of large apertures already bend, and closer at the edge than equal steps of R."""
 
+_KEPT_SPLINES = 64
+"""Number of splines kept with their tables: several numbers of knots for each of several usable radii."""
+
 
 @dataclass(frozen=True)
 class RadialSpline:
@@ -96,7 +99,7 @@ class RadialSpline:
         return lower, upper, by_lower * width, (by_upper + offset - inside) * width
 
 
-@lru_cache(maxsize=64)
+@lru_cache(maxsize=_KEPT_SPLINES)
 def radial_spline(terms: int, reach: float) -> RadialSpline:
     """Return a spline that is shared by all callers, because its tables take longer than a few values."""
     return RadialSpline(terms, reach)

@@ -11,7 +11,7 @@ import numpy as np
 
 from ospc.arrays import FloatArray
 from ospc.errors import FormatError, NotObservableError, SettingError
-from ospc.estimation.prior import START, Prior
+from ospc.estimation.prior import START, Prior, vignette_precision
 from ospc.estimation.vignette_basis import VignetteBasis
 from ospc.methods.identifiability import judged
 from ospc.photometry.calibration import Calibration
@@ -298,7 +298,7 @@ def _of_vignette(calibration: Calibration) -> tuple[FloatArray, FloatArray, Floa
         raise ValueError("not a vignette of the default method")
     precision = np.linalg.inv(covariance).astype(np.float64)
     basis = replace(VIGNETTE, usable_radius=_usable_radius(vignette))
-    of_prior, _ = basis.prior_precision(walk)
+    of_prior, _ = vignette_precision(basis, walk)
     of_prior = of_prior[np.ix_(place, place)]
     # In units of the prior, so that all parameters have the same scale.
     root = np.linalg.cholesky(of_prior)
