@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import numpy.typing as npt
 
@@ -14,9 +16,21 @@ ERROR_OF_SCALE = 1.17
 """Relative standard deviation of :func:`robust_scale` of n normal values, multiplied by √n."""
 
 
+def median(values: FloatArray | Float32Array) -> FloatArray | Float32Array:
+    """Return the median of finite values along the last axis, shape (..., n) -> (...).
+
+    NumPy's function, which also looks for NaN, takes up to ten times as long.
+    """
+    n = values.shape[-1]
+    parted: Any = np.partition(values, n // 2, axis=-1)
+    upper = parted[..., n // 2]
+    lower = upper if n % 2 else parted[..., : n // 2].max(axis=-1)
+    return np.asarray((lower + upper) / 2)
+
+
 def robust_scale(residuals: FloatArray | Float32Array) -> float:
     """Return the standard deviation of the normal distribution with the same median absolute value; 0 if empty."""
-    return float(np.median(np.abs(residuals)) * SIGMA_OF_MEDIAN) if residuals.size else 0.0
+    return float(median(np.abs(residuals).ravel()) * SIGMA_OF_MEDIAN) if residuals.size else 0.0
 
 
 def weighted_median(values: FloatArray, weights: npt.ArrayLike) -> float:

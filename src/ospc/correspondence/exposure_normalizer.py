@@ -10,7 +10,7 @@ from ospc.correspondence.preprocessing import ReducedFrame
 from ospc.correspondence.thumbnail_registration import ThumbnailRegistration, exposed_in_both, values_at
 from ospc.photometry.geometry import pixel_grid
 from ospc.photometry.vignette import Vignette
-from ospc.robust import robust_scale
+from ospc.robust import median, robust_scale
 from ospc.settings.correspondence import (
     BRIGHTEST_COMPARED_GREY,
     CLEAR_LOG_RATIO_AGREEMENT,
@@ -81,7 +81,7 @@ class ExposureNormalizer:
         log0 = self._log_radiance(small0.grey, frame0.size)
         log1 = values_at(self._log_radiance(small1.grey, frame1.size), there)
         difference = (log1 - log0)[shared]
-        middle = np.median(difference)
+        middle = median(difference)
         return float(middle), robust_scale(difference - middle) < MAX_LOG_RATIO_SPREAD
 
     def _log_ratio_of_quantiles(self, frame0: ReducedFrame, frame1: ReducedFrame) -> float:

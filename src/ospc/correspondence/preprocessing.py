@@ -171,7 +171,9 @@ class Preprocessor:
         # In bytes for speed: these shares need no higher resolution.
         black_share = _mean_nearby(_means(at_black, reduction), self.black_margin_px)
         white_share = _mean_nearby(_means(at_white, reduction), self.white_margin_px)
-        clipped = np.asarray((black_share > 255 * self.max_black_share) | (white_share > 255 * self.max_white_share))
+        # Compared with whole numbers: with others, NumPy would convert the images to floats.
+        most_black, most_white = int(255 * self.max_black_share), int(255 * self.max_white_share)
+        clipped = np.asarray((black_share > most_black) | (white_share > most_white))
         if frame.mask is None:
             return clipped
         # Not in bytes, where a single masked pixel could be rounded to zero.

@@ -9,6 +9,7 @@ import numpy as np
 
 from ospc.arrays import FloatArray, IntArray
 from ospc.least_squares import non_negative_least_squares
+from ospc.robust import median
 from ospc.settings.estimation import (
     FACTOR_GREYS,
     FACTOR_RANGE,
@@ -95,9 +96,9 @@ class ErrorModel:
         by_cell, squared_by_cell = regressors[:, order], squared[order]
         rows, targets = [], []
         for inside in cells.values():
-            variance = float(np.median(squared_by_cell[inside])) / MEDIAN_OF_SQUARED_NORMAL
+            variance = float(median(squared_by_cell[inside])) / MEDIAN_OF_SQUARED_NORMAL
             targets.append(max(variance, MIN_CELL_SIGMA**2))
-            rows.append([1.0, *np.median(by_cell[:, inside], axis=1)])
+            rows.append([1.0, *median(by_cell[:, inside])])
         if len(rows) <= len(regressors):
             return self
         relative = np.array(rows) / np.array(targets)[:, None]
@@ -131,7 +132,7 @@ def _factors(ratio: FloatArray, grey: FloatArray) -> tuple[float, ...]:
     by_grey = ratio[order]
     factors = np.full(len(greys), np.nan)
     for number, inside in near.items():
-        factors[number] = np.clip(np.median(by_grey[inside]) / MEDIAN_OF_SQUARED_NORMAL, *FACTOR_RANGE)
+        factors[number] = np.clip(median(by_grey[inside]) / MEDIAN_OF_SQUARED_NORMAL, *FACTOR_RANGE)
     known = np.isfinite(factors)
     if not known.any():
         return ()

@@ -9,7 +9,7 @@ maximum likelihood with latent irradiance.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -127,7 +127,14 @@ class LatentModel:
             # One Newton step: looking up all values in the table takes five times as long.
             grey = latent.grey + (expected_log - self.log_response[latent.index]) / latent.log_response_slope
             latent = self._linearised(observations, grey, latent.log_exposure, log_gain, weight)
-        return latent
+        return self._with_texture(observations, latent) if self.trusted else latent
+
+    def _with_texture(self, observations: ExposedObservations, latent: Latent) -> Latent:
+        """Return the observations with their reduction by texture, which only the linear system needs."""
+        means = self._pixel_means
+        texture = means.texture(observations, latent.index)
+        equal_texture = weighted_means(texture, np.ones(len(texture)), observations)[1]
+        return replace(latent, texture=latent.log_response_slope * means.by_texture(equal_texture, latent.index))
 
     def _log_gain_of_frames(
         self, observations: ExposedObservations, latent: Latent, log_gain: FloatArray
@@ -184,19 +191,18 @@ class LatentModel:
         # The grid is much finer than the noise, so the nearest grid point serves as the point of linearisation.
         index = self.basis.index_of(grey)
         level, slope, irradiance = self.basis.grid[index], self._log_response_slope[index], self._irradiance[index]
-        excess, equal_texture = np.clip(observations.grey, DARKEST_GREY, 1.0) - level, np.zeros(len(level))
+        excess = np.clip(observations.grey, DARKEST_GREY, 1.0) - level
         flat, factor = (table[index] for table in self._flat_variance)
         variance = self.errors.with_gradient(flat, factor, observations.gradient)
         if self.trusted:
             # Noise and texture shift the mean of pixels away from the grey level of their mean irradiance.
             means, texture = self._pixel_means, self._pixel_means.texture(observations, index)
             excess = excess - means.by_noise[index] + self.texture_share * means.by_texture(texture, index)
-            equal_texture = means.by_texture(weighted_means(texture, np.ones(len(texture)), observations)[1], index)
         linear_log = self.log_response[index] + slope * excess
-        precision, offset, lowered = 1 / (variance * slope**2), log_exposure + log_gain, slope * equal_texture
+        precision, offset, zero = 1 / (variance * slope**2), log_exposure + log_gain, np.zeros(len(level))
         total, mean = weighted_means(linear_log - offset, weight * precision, observations)
         return Latent(
-            index, level, slope, irradiance, linear_log, precision, weight, lowered, log_exposure, offset, total, mean
+            index, level, slope, irradiance, linear_log, precision, weight, zero, log_exposure, offset, total, mean
         )
 
 

@@ -130,8 +130,9 @@ def _lowering_at(level: FloatArray, grid: FloatArray, log_response: FloatArray, 
     irradiance = np.exp(np.interp(coarse, grid, log_response))[:, None, None]
     textured = irradiance * (1 + np.multiply.outer(TEXTURE_SPREADS, _NORMAL))
     grey = np.interp(np.log(np.maximum(textured, _TINY)), log_response, mean)
-    lowering = (np.interp(coarse, grid, mean)[:, None] - grey.mean(axis=2)) / np.maximum(grey.var(axis=2), _TINY)
-    width = grey.std(axis=2) / coarse[:, None]
+    variance = grey.var(axis=2)
+    lowering = (np.interp(coarse, grid, mean)[:, None] - grey.mean(axis=2)) / np.maximum(variance, _TINY)
+    width = np.sqrt(variance) / coarse[:, None]
     by_width = np.stack([np.interp(TEXTURE_WIDTHS, *each) for each in zip(width, lowering, strict=True)])
     return np.stack([np.interp(level, coarse, each) for each in by_width.T], axis=1)
 

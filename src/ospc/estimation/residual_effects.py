@@ -14,7 +14,7 @@ import numpy as np
 from ospc.arrays import BoolArray, FloatArray, IntArray, members_of
 from ospc.observations import ExposedObservations
 from ospc.photometry.verdict import EffectEstimate
-from ospc.robust import robust_scale
+from ospc.robust import median, robust_scale
 from ospc.settings.estimation import (
     DARKEST_GREY,
     MOST_RADIANCE_SIGMA,
@@ -148,7 +148,7 @@ def _slope(x: FloatArray, change: FloatArray) -> tuple[float, float] | None:
     # Late in a long run most pairs have only one or two points left, and their medians would be slow.
     if len(x) < UNSTEADY_FEWEST_POINTS:
         return None
-    deviation = change - np.median(change)
+    deviation = change - median(change)
     usual = np.abs(deviation) <= WEIGHT_CUT_SIGMAS * robust_scale(deviation)
     x, y = x[usual] - x[usual].mean(), change[usual] - change[usual].mean()
     spread = float(x @ x)

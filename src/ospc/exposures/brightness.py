@@ -12,7 +12,7 @@ from ospc.correspondence.thumbnail import Thumbnail
 from ospc.correspondence.thumbnail_registration import ThumbnailRegistration, exposed_in_both, pixel_places, values_at
 from ospc.observations import MOMENTS, Observations
 from ospc.photometry.geometry import normalised, pixel_grid
-from ospc.robust import robust_scale
+from ospc.robust import median, robust_scale
 from ospc.settings.correspondence import MIN_OVERLAP
 from ospc.settings.exposures import (
     BIN_OUTLIER_SIGMAS,
@@ -154,7 +154,7 @@ def _median_motion_px(first: Thumbnail, places1: Float32Array, visible: BoolArra
     distance = np.hypot(*displacement.T)
     if distance.size < MIN_BIN_PIXELS:
         return float("nan")
-    median_px = float(np.median(distance))
+    median_px = float(median(distance))
     return median_px * first.frame_width_px / int(width)
 
 
@@ -176,7 +176,7 @@ def _binned(
         if len(inside) < MIN_BIN_PIXELS:
             continue
         values = log_ratio[inside]
-        deviation = np.abs(values - np.median(values))
+        deviation = np.abs(values - median(values))
         # In single precision, like the values that are compared with it.
         scatter = np.float32(robust_scale(deviation)) + MIN_BIN_SCATTER_LOG
         kept = inside[deviation <= BIN_OUTLIER_SIGMAS * scatter]

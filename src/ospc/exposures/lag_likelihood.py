@@ -17,7 +17,7 @@ import numpy as np
 
 from ospc.arrays import FloatArray, IntArray
 from ospc.exposures.brightness_series import BrightnessSeries
-from ospc.robust import SIGMA_OF_MEDIAN
+from ospc.robust import SIGMA_OF_MEDIAN, median
 from ospc.settings.exposures import (
     AR_ORDER,
     AR_RIDGE,
@@ -232,5 +232,5 @@ def _robust_scales(values: FloatArray) -> FloatArray:
     """Return the robust scale of the values of each lag, bounded below, shape (lags, n) -> (lags, 1)."""
     if not values.size:
         return np.full((len(values), 1), MIN_NOISE_SCALE_LOG)
-    found = SIGMA_OF_MEDIAN * np.median(np.abs(values), axis=1, keepdims=True)
+    found = SIGMA_OF_MEDIAN * median(np.abs(values))[:, None]
     return np.asarray(np.maximum(found, MIN_NOISE_SCALE_LOG))

@@ -9,6 +9,7 @@ import numpy as np
 from ospc.arrays import FloatArray
 from ospc.estimation.fit import Fit
 from ospc.observations import ExposedObservations
+from ospc.robust import median
 from ospc.settings.estimation import DARKEST_GREY
 from ospc.settings.methods import CHANGE_GREY_KNOTS, NO_CHANGE_POINTS, OUTLIER_ERROR_LOG, SEEN_QUANTILES
 
@@ -70,7 +71,7 @@ class PairErrors:
         columns = np.column_stack([-np.interp(grey, basis.grid, log_g), -hats, squared, squared**2])
         # The second observation of each point minus the first.
         error, change, parameter = (values[1::2] - values[0::2] for values in (log_radiance, columns, -rows))
-        middle = float(np.median(error))
+        middle = float(median(error))
         # Relative to the median, so that an error common to the pair keeps full weight however large it is.
         weight = (1 / (1 + ((error - middle) / OUTLIER_ERROR_LOG) ** 2))[:, None]
         root = np.sqrt(weight)
