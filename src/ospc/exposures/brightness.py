@@ -117,7 +117,9 @@ class BrightnessComparer:
             _flat_places(first, second, places1, mean) & exposed_in_both(first, second, places1, found)
         )
         log_ratio = np.log(grey1.ravel()[flat] / first.grey.ravel()[flat])
-        mean_log_ratio, weight, mean_terms = _binned(log_ratio, mean.ravel()[flat], _vignette_terms(places1, flat))
+        shift = places1 - pixel_places(places1.shape[1::-1])
+        terms = _vignette_terms(places1, shift, flat)
+        mean_log_ratio, weight, mean_terms = _binned(log_ratio, mean.ravel()[flat], terms)
         return BrightnessChange(
             frame0=first.frame,
             frame1=second.frame,
@@ -125,7 +127,7 @@ class BrightnessComparer:
             weight=weight,
             vignette_terms=mean_terms,
             overlap=float(visible.mean()),
-            motion_px=_median_motion_px(first, places1, visible),
+            motion_px=_median_motion_px(first, shift, visible),
             samples=_samples(first, second, places1, flat),
         )
 
@@ -137,25 +139,22 @@ def _flat_places(first: Thumbnail, second: Thumbnail, places1: Float32Array, mea
     return np.asarray(flat & (mean > GREY_BIN_EDGES[0]) & (mean < GREY_BIN_EDGES[-1]))
 
 
-def _vignette_terms(places1: Float32Array, flat: IntArray) -> Float32Array:
-    """Return the changes of R², R⁴, x and y at the flat pixels, in half diagonals, shape (n, 4)."""
+def _vignette_terms(places1: Float32Array, shift: Float32Array, flat: IntArray) -> Float32Array:
+    """Return the changes of R², R⁴, x and y at the flat pixels, in half diagonals, shape (4, n)."""
     height, width = places1.shape[:2]
     squared = _squared_radius((width, height))
     squared0, squared1 = (image.ravel()[flat] for image in (squared, values_at(squared, places1)))
-    shift = (places1 - pixel_places((width, height))).reshape(-1, 2)[flat] / np.float32(np.hypot(width, height) / 2)
-    return np.column_stack([squared1 - squared0, squared1**2 - squared0**2, shift])
+    x, y = shift.reshape(-1, 2).take(flat, axis=0).T / np.float32(np.hypot(width, height) / 2)
+    return np.stack([squared1 - squared0, squared1**2 - squared0**2, x, y])
 
 
-def _median_motion_px(first: Thumbnail, places1: Float32Array, visible: BoolArray) -> float:
+def _median_motion_px(first: Thumbnail, shift: Float32Array, visible: BoolArray) -> float:
     """Return the median displacement of textured points in pixels of the frame; NaN if there are too few."""
-    height, width = visible.shape
-    structured = visible & (first.gradient > MIN_MOTION_GRADIENT)
-    displacement = (places1 - pixel_places((width, height)))[structured][::MOTION_STRIDE]
-    distance = np.hypot(*displacement.T)
-    if distance.size < MIN_BIN_PIXELS:
+    structured = np.flatnonzero(visible & (first.gradient > MIN_MOTION_GRADIENT))[::MOTION_STRIDE]
+    if structured.size < MIN_BIN_PIXELS:
         return float("nan")
-    median_px = float(median(distance))
-    return median_px * first.frame_width_px / int(width)
+    median_px = float(median(np.hypot(*shift.reshape(-1, 2).take(structured, axis=0).T)))
+    return median_px * first.frame_width_px / int(visible.shape[1])
 
 
 @cache
@@ -169,7 +168,7 @@ def _binned(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return robust means of the log ratio per grey bin, the bin weights, and the means of the vignette terms."""
     bins = len(GREY_BIN_EDGES) - 1
-    mean, weight, mean_terms = np.zeros(bins), np.zeros(bins), np.zeros((bins, terms.shape[1]))
+    mean, weight, mean_terms = np.zeros(bins), np.zeros(bins), np.zeros((bins, len(terms)))
     number = np.digitize(grey, GREY_BIN_EDGES) - 1
     for b in range(bins):
         inside = np.flatnonzero(number == b)
@@ -181,7 +180,7 @@ def _binned(
         scatter = np.float32(robust_scale(deviation)) + MIN_BIN_SCATTER_LOG
         kept = inside[deviation <= BIN_OUTLIER_SIGMAS * scatter]
         mean[b] = log_ratio[kept].mean()
-        mean_terms[b] = terms[kept].mean(axis=0)
+        mean_terms[b] = terms.take(kept, axis=1).mean(axis=1)
         weight[b] = min(float(len(inside)), MAX_BIN_WEIGHT)
     return mean, weight, mean_terms
 
