@@ -9,8 +9,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ospc.arrays import FloatArray
+from ospc.estimation.effect_trials import trial_of
 from ospc.estimation.effects import CONTRADICTIONS, CORRECTED, EFFECTS, Effects
 from ospc.estimation.fit import Fit
+from ospc.estimation.maximum_likelihood import MaximumLikelihoodEstimator
 from ospc.estimation.model_choice import fit_with_chosen_effects
 from ospc.estimation.response_basis import ResponseBasis, typical_gamma
 from ospc.estimation.vignette_basis import VignetteBasis
@@ -18,7 +20,7 @@ from ospc.evaluation.metrics import log_ratio_error, vignette_rmse
 from ospc.methods.identifiability import contradictions_of
 from ospc.observations import ExposedObservations
 from ospc.photometry.noise import NoiseModel
-from ospc.settings.estimation import BEYOND_WHITE
+from ospc.settings.estimation import ADDED_LIGHT_MODEL_ERROR, BEYOND_WHITE
 from ospc.simulation.responses import RESPONSES
 from synthetic_observations import POLYNOMIAL, SIZE
 
@@ -283,6 +285,35 @@ def test_effects_are_found_although_the_light_changes() -> None:
     found = Disturbed(offset=-0.05, light=0.01).fit()
     assert stated(found).keys() == {"exposure offset", "unsteady light"}
     assert stated(found)["exposure offset"] == pytest.approx(-0.05, rel=0.3)
+
+
+@pytest.mark.parametrize(
+    ("camera", "value"),
+    [(Disturbed(glare=0.03), 0.03), (Disturbed(scatter=0.04), 0.04), (Disturbed(dark=0.02), 0.02)],
+)
+def test_the_bands_allow_for_an_inexact_model_of_corrected_light(camera: Disturbed, value: float) -> None:
+    found = camera.fit()
+    (sigma,) = (one.sigma for one in found.effect_estimates if one.corrected)
+    assert sigma == pytest.approx(ADDED_LIGHT_MODEL_ERROR * value, rel=0.15)
+    by_chance = replace(found, covariance=found.chance)
+    assert found.log_response_sigma(np.array([0.1]), 0.5) > 2 * by_chance.log_response_sigma(np.array([0.1]), 0.5)
+
+
+def test_the_trial_of_a_joint_fit_leads_back_to_the_fit_without_the_effect() -> None:
+    observations = Disturbed(offset=0.006).pairs()
+    none = Effects.none_of(observations)
+    without, joint = (
+        MaximumLikelihoodEstimator(ResponseBasis(32), VignetteBasis(8), NOISE, effects=effects).fit(observations)
+        for effects in (none, none.and_("exposure offset"))
+    )
+    trial = trial_of(joint)
+    assert (trial.name, trial.value) == ("exposure offset", joint.parameters[-1])
+    assert trial.value == pytest.approx(0.006, abs=4 * trial.sigma)
+    back = joint.parameters[:-1] - trial.value * trial.parameter_slope
+    sigma = np.sqrt(np.diag(without.chance))
+    moved = np.abs(joint.parameters[:-1] - without.parameters) / sigma
+    assert moved.max() > 1
+    assert np.all(np.abs(back - without.parameters) / sigma < 0.3 * moved.max())
 
 
 @pytest.mark.parametrize("offset", [-0.006, -0.003, 0.003, 0.006])

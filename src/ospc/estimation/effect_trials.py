@@ -1,4 +1,4 @@
-"""One-step estimates of effects: a single Newton step from a fit without them."""
+"""Estimates of effects that a fit leaves out: by a single Newton step from it, or by a joint fit."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from ospc.settings.estimation import CONTRADICTION_PROBABILITY, EFFECT_PROBABILI
 
 @dataclass(frozen=True)
 class Trial:
-    """The one-step estimate of an effect that a fit leaves out.
+    """The estimate of an effect that a fit leaves out.
 
     Attributes
     ----------
@@ -86,6 +86,14 @@ def estimate_effects(fitted: Fitted, names: Sequence[str]) -> list[Trial]:
         parameter_slope = covariance[:p, p] / covariance[p, p]
         trials.append(Trial(name, float(found[p]), float(np.sqrt(covariance[p, p])), parameter_slope, fit.groups))
     return trials
+
+
+def trial_of(fit: Fit) -> Trial:
+    """Return the estimate of the last effect of a joint fit, which is left out because it is not significant."""
+    value, covariance = float(fit.parameters[-1]), fit.chance
+    parameter_slope = covariance[:-1, -1] / covariance[-1, -1]
+    sigma = float(np.sqrt(covariance[-1, -1]))
+    return Trial(fit.effects.chosen[-1], value, sigma, parameter_slope, fit.groups)
 
 
 def after_newton_step(fit: Fit, trial: Trial) -> Fit:

@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from ospc.arrays import FloatArray
-from ospc.estimation.effect_trials import Trial, after_newton_step, estimate_effects, slope_of_left_out
+from ospc.estimation.effect_trials import Trial, after_newton_step, estimate_effects, slope_of_left_out, trial_of
 from ospc.estimation.effects import CONTRADICTIONS, CORRECTED, EFFECTS, Effects
 from ospc.estimation.fit import Fit
 from ospc.estimation.frame_gains import gain_sigma
@@ -26,6 +26,7 @@ from ospc.photometry.noise import NoiseModel
 from ospc.photometry.verdict import LATE_EXPOSURES, EffectEstimate
 from ospc.robust import ERROR_OF_SCALE
 from ospc.settings.estimation import (
+    ADDED_LIGHT_MODEL_ERROR,
     ASYMMETRY_SIGMA,
     CONTRADICTING_SIGMAS,
     FIRST_FIT_POINTS,
@@ -152,7 +153,7 @@ def fit_with_chosen_effects(
         plain_trials = estimate_effects(plain, tuple(EFFECTS))
         fitted = plain if found_none else _with_gains(fitted, variances, rounds)
         trials = plain_trials if found_none else estimate_effects(fitted, _left_out(fitted.fit))
-    fit = fitted.fit
+    fit = _with_model_errors(fitted.fit)
     if any(name in CONTRADICTIONS for name in fit.effects.chosen):
         return _with_estimates(plain.fit, plain_trials, _estimates(fit, observations)[-1:])
     if fit.groups < MIN_GROUPS:
@@ -178,6 +179,8 @@ def _with_effects(
         start = after_newton_step(fitted.fit, suspect)
         wider = _estimator(start, noise, rounds).fit(observations, start)
         if not _significant(wider, -1):
+            better = trial_of(wider)  # one step is a weak test
+            trials = [better if trial.name == better.name else trial for trial in trials]
             continue
         if suspect.name in CONTRADICTIONS:
             return replace(fitted, fit=wider), trials
@@ -260,6 +263,17 @@ def _estimates(fit: Fit, observations: ExposedObservations) -> tuple[EffectEstim
         for name, value, deviation in zip(fit.effects.chosen, fit.effect_parameters, sigma, strict=True)
     )
     return (of_gains, *of_effects) if gain else tuple(of_effects)
+
+
+def _with_model_errors(fit: Fit) -> Fit:
+    """Return a fit whose covariance includes how much real added light differs from its model."""
+    covariance = fit.covariance
+    for number, name in enumerate(fit.effects.chosen, fit.vignette_part.stop):
+        if EFFECTS[name].adds == "light":
+            error = ADDED_LIGHT_MODEL_ERROR * fit.parameters[number]
+            change = error * fit.chance[:, number] / fit.chance[number, number]
+            covariance = covariance + np.outer(change, change)
+    return replace(fit, covariance=covariance)
 
 
 def _with_estimates(fit: Fit, trials: Sequence[Trial], found: tuple[EffectEstimate, ...]) -> Fit:
