@@ -114,7 +114,7 @@ class PixelStatistics:
 
     def observe(self, frame: Frame, small: Thumbnail) -> None:
         """Add a frame, whose image is already decoded, with its thumbnail."""
-        image = frame.image[::COUNTED_STRIDE, ::COUNTED_STRIDE]
+        image = np.ascontiguousarray(frame.image[::COUNTED_STRIDE, ::COUNTED_STRIDE])
         if frame.mask is not None:
             image = frame.image[frame.mask][:: COUNTED_STRIDE**2]
         self._max_grey = frame.max_grey
@@ -250,11 +250,12 @@ def _radius_cells(size: ImageSize) -> IntArray:
 
 def _counts(image: Image, max_grey: int) -> npt.NDArray[np.int64]:
     """Return the number of pixels of each grey value; above 12 bits, of each value of the upper 12."""
-    levels = level_count(max_grey)
-    values = image >> max(0, max_grey.bit_length() - _MAX_COUNTED_BITS)
+    levels, dropped_bits = level_count(max_grey), max(0, max_grey.bit_length() - _MAX_COUNTED_BITS)
+    values = image >> dropped_bits if dropped_bits else image
     if levels <= np.iinfo(image.dtype).max:
         values = np.minimum(values, levels - 1)
-    return np.bincount(values.ravel(), minlength=levels).astype(np.int64)
+    counts = cv2.calcHist([values], [0], None, [levels], [0, levels])
+    return np.asarray(counts.ravel(), dtype=np.int64)
 
 
 def _lit_places(brightest: Float32Array) -> tuple[BoolArray, str]:
