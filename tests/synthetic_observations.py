@@ -47,7 +47,7 @@ class Camera:
     spread: float = 0.8
     metadata_error: float = 0.0
 
-    def pairs(self, seed: int, groups: int = 40, points: int = 150) -> ExposedObservations:
+    def pairs(self, seed: int, groups: int = 40, points: int = 100) -> ExposedObservations:
         """Return pairs of observations well exposed in both frames; ``points`` are drawn for each frame pair."""
         random = np.random.default_rng(seed)
         n = groups * points

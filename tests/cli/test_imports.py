@@ -27,7 +27,7 @@ def test_a_missing_recording_is_refused_before_heavy_imports(tmp_path: Path) -> 
 
 def test_a_default_calibration_does_not_import_scipy(tmp_path: Path) -> None:
     recording = tmp_path / "recording"
-    simulate(recording, SimulationSettings(size=(240, 180), frames=40))
+    simulate(recording, SimulationSettings(size=(160, 120), frames=24, exposure="sweep", speed=2.0))
     program = f"import ospc; assert ospc.calibrate({str(recording)!r}).vignette is not None"
     names = ("scipy.linalg", "scipy.ndimage", "scipy.optimize", "scipy.special", "ospc.estimation.fit")
     assert imported(program, *names) == ["ospc.estimation.fit"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import deepcopy
 from dataclasses import dataclass, field
 from functools import lru_cache
 
@@ -65,8 +66,8 @@ class Film:
     seed: int = 0
 
     def recording(self) -> ArrayRecording:
-        rng = np.random.default_rng(self.seed)
-        wall, place = _wall(rng), self._path()
+        wall, rng = deepcopy(_wall(self.seed))
+        place = self._path()
         frames, signal = len(self.log_exposure), self.log_exposure + self.hidden_log_gain
         width, height = self.size
         dtype = np.uint8 if self.max_grey == 255 else np.uint16
@@ -116,8 +117,10 @@ def found(film: Film, choice: LagChoice = "auto", stated_log_exposure: np.ndarra
     return assess_exposures(history.changes, stated if stated_log_exposure is None else stated_log_exposure, choice)
 
 
-def _wall(rng: np.random.Generator) -> np.ndarray:
-    """Draw uniform patches of many sizes, with a median brightness of about 0.2."""
+@lru_cache(maxsize=16)
+def _wall(seed: int) -> tuple[np.ndarray, np.random.Generator]:
+    """Draw uniform patches of many sizes, with a median brightness of about 0.2; return the generator too."""
+    rng = np.random.default_rng(seed)
     wall = np.zeros((_WALL_PX, _WALL_PX), np.float32)
     for octave in range(2, 6):
         small = rng.standard_normal((2**octave, 2**octave)).astype(np.float32)
@@ -127,7 +130,7 @@ def _wall(rng: np.random.Generator) -> np.ndarray:
         w, h = rng.integers(8, 70, 2).tolist()
         cv2.rectangle(wall, (x, y), (x + w, y + h), float(rng.normal(0, 0.8)), -1)
     wall = cv2.GaussianBlur(wall, (0, 0), 0.8)
-    return 0.2 * np.exp(0.6 * (wall - np.median(wall)) / wall.std())
+    return 0.2 * np.exp(0.6 * (wall - np.median(wall)) / wall.std()), rng
 
 
 def wandering(frames: int, seed: int = 0, step: float = 0.06) -> np.ndarray:

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.integrate import quad
 from scipy.optimize import lsq_linear
 
 from ospc.estimation.normal_equations import NormalEquations
@@ -41,6 +40,8 @@ def test_a_constant_local_gamma_is_a_power(n, exponent):
 
 @pytest.mark.parametrize("n", [8, 16, 32])
 def test_tables_are_the_integrals_they_stand_for(n):
+    from scipy.integrate import quad  # slow to import
+
     basis = ResponseBasis(n)
     coefficients = np.random.default_rng(n).uniform(0.2, 3, len(basis))
     at = np.array([1, 2, 40, 77, 1000, 2048, 2049, 3500, 4095])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 from itertools import pairwise
 
 import numpy as np
@@ -46,12 +47,32 @@ def radius(observations):
     return np.hypot(*observations.position.T)
 
 
-NO_DARK = state(lambda o: o.grey > 0.35, camera=replace(CAMERA, response=Response.gamma(1.0)))
-NO_BRIGHT = state(lambda o: o.grey < 0.6)
-NO_OUTER = state(lambda o: radius(o) < 0.3)
-NO_EXPOSURES = state(lambda o: o.grey < 0.95, camera=replace(CAMERA, log_ratio=0.06))
-EVERYTHING = state(lambda o: o.grey > 0.02, pairs=100)
-ALL_STATES = (NO_DARK, NO_BRIGHT, NO_OUTER, NO_EXPOSURES)
+@cache
+def no_dark():
+    return state(lambda o: o.grey > 0.35, camera=replace(CAMERA, response=Response.gamma(1.0)))
+
+
+@cache
+def no_bright():
+    return state(lambda o: o.grey < 0.6)
+
+
+@cache
+def no_outer():
+    return state(lambda o: radius(o) < 0.3)
+
+
+@cache
+def no_exposures():
+    return state(lambda o: o.grey < 0.95, camera=replace(CAMERA, log_ratio=0.06))
+
+
+@cache
+def everything():
+    return state(lambda o: o.grey > 0.02, pairs=100)
+
+
+STATES = (no_dark, no_bright, no_outer, no_exposures)
 
 
 def advice(preview, goal=GOAL):
@@ -63,21 +84,21 @@ def test_before_anything_is_known_it_says_how_to_begin():
 
 
 def test_a_missing_bright_end_asks_for_something_almost_white():
-    found = advice(NO_BRIGHT)
+    found = advice(no_bright())
     assert (found.kind, found.part, found.exposure) == ("bright", "response", 1)
     assert found.greys[1] > 0.7
     assert "almost white" in found.text
 
 
 def test_a_missing_dark_end_asks_for_something_almost_black():
-    found = advice(NO_DARK)
+    found = advice(no_dark())
     assert (found.kind, found.part, found.exposure) == ("dark", "response", -1)
     assert found.greys[0] < 0.25
     assert "almost black" in found.text
 
 
 def test_a_missing_corner_is_asked_for_with_an_arrow_that_leads_outwards():
-    found = advice(NO_OUTER)
+    found = advice(no_outer())
     assert (found.kind, found.part) == ("move", "vignette")
     (x0, y0), (x1, y1) = found.arrow
     assert np.hypot(x1 - 0.5, y1 - 0.5) > np.hypot(x0 - 0.5, y0 - 0.5)
@@ -89,7 +110,7 @@ def test_a_missing_corner_is_asked_for_with_an_arrow_that_leads_outwards():
 
 
 def test_exposures_that_hardly_change_are_asked_to_change():
-    for preview in (NO_EXPOSURES, replace(NO_EXPOSURES, fit=None)):
+    for preview in (no_exposures(), replace(no_exposures(), fit=None)):
         found = advice(preview)
         assert (found.kind, found.part) == ("vary", "response")
         assert "exposure changes" in found.text
@@ -97,13 +118,14 @@ def test_exposures_that_hardly_change_are_asked_to_change():
 
 def test_without_matches_it_asks_for_slower_motion():
     adviser = Adviser()
-    kinds = [adviser.look(replace(NO_BRIGHT, pairs=40 + 2 * i), 0.5 * i).kind for i in range(20)]
+    kinds = [adviser.look(replace(no_bright(), pairs=40 + 2 * i), 0.5 * i).kind for i in range(20)]
     assert kinds[0] == "bright"
     assert kinds[-1] == "slower"
 
 
-@pytest.mark.parametrize("preview", ALL_STATES)
-def test_the_advice_has_the_largest_expected_gain(preview):
+@pytest.mark.parametrize("made", STATES)
+def test_the_advice_has_the_largest_expected_gain(made):
+    preview = made()
     knowledge, found = knowledge_of(preview), advice(preview)
     if found.greys is not None:
         wanted = np.mean(found.greys)
@@ -112,22 +134,24 @@ def test_the_advice_has_the_largest_expected_gain(preview):
         assert gain >= knowledge.gain_of_exposure(other, knowledge.grey_after(other, 1.5), GOAL)
 
 
-KNOWLEDGE = knowledge_of(NO_BRIGHT)
+@cache
+def without_bright():
+    return knowledge_of(no_bright())
 
 
 @given(st.floats(0.05, 0.95), st.floats(0.05, 0.95))
 def test_no_view_makes_anything_less_known(one, other):
-    assert KNOWLEDGE.gain_of_exposure(one, other, GOAL) >= 0
-    assert KNOWLEDGE.gain_of_motion(one, other, 0.4, GOAL) >= 0
-    assert KNOWLEDGE.gain_of_exposure(one, one, GOAL) == pytest.approx(0)
+    assert without_bright().gain_of_exposure(one, other, GOAL) >= 0
+    assert without_bright().gain_of_motion(one, other, 0.4, GOAL) >= 0
+    assert without_bright().gain_of_exposure(one, one, GOAL) == pytest.approx(0)
 
 
 @settings(max_examples=3)
-@given(st.lists(st.sampled_from(range(len(ALL_STATES))), min_size=8, max_size=20))
+@given(st.lists(st.sampled_from(range(len(STATES))), min_size=8, max_size=20))
 def test_an_instruction_stays_long_enough_to_be_followed(states):
     adviser, changes, before = Adviser(), [], None
     for number, which in enumerate(states):
-        found = adviser.look(ALL_STATES[which], 0.4 * number)
+        found = adviser.look(STATES[which](), 0.4 * number)
         if found.kind != before:
             changes.append(0.4 * number)
             before = found.kind
@@ -136,7 +160,7 @@ def test_an_instruction_stays_long_enough_to_be_followed(states):
 
 def test_an_instruction_without_effect_is_replaced():
     adviser = Adviser()
-    kinds = [adviser.look(NO_BRIGHT, 1.0 * second).kind for second in range(int(PATIENCE_S + 3))]
+    kinds = [adviser.look(no_bright(), 1.0 * second).kind for second in range(int(PATIENCE_S + 3))]
     assert kinds[0] == "bright"
     assert kinds[-1] != "bright"
 
@@ -152,38 +176,39 @@ def calibrated(pairs, *, seed=3):
 def test_it_says_done_when_both_are_known_to_the_goal_and_not_before():
     known = calibrated(100)
     goal = 1.01 * max(certainty(known))
-    found = Adviser(goal).look(NO_BRIGHT, 0.0, known)
+    found = Adviser(goal).look(no_bright(), 0.0, known)
     assert found.kind == "done"
     assert found.text.startswith("Done")
-    assert Bars.of(NO_BRIGHT, found).certainty == 1.0
-    assert Adviser(0.9 * goal).look(NO_BRIGHT, 0.0, known).kind != "done"
+    assert Bars.of(no_bright(), found).certainty == 1.0
+    assert Adviser(0.9 * goal).look(no_bright(), 0.0, known).kind != "done"
     few = replace(known, counts=known.counts | {"pairs": 10})
-    assert Adviser(goal).look(NO_BRIGHT, 0.0, few).kind != "done"
+    assert Adviser(goal).look(no_bright(), 0.0, few).kind != "done"
 
 
 def test_exposures_that_contradict_the_images_come_first():
     known = calibrated(30)
     stale = Verdict("not identifiable", "the exposures are stale", "switch gain control off")
     doubted = replace(known, verdicts=known.verdicts | {"exposures": stale})
-    assert Adviser().look(NO_BRIGHT, 0.0, doubted).text == "switch gain control off"
+    assert Adviser().look(no_bright(), 0.0, doubted).text == "switch gain control off"
     changed_before = replace(known, warnings=("the vignette changed at frame 7",))
-    assert Adviser().look(NO_BRIGHT, 0.0, changed_before).kind == "bright"
+    assert Adviser().look(no_bright(), 0.0, changed_before).kind == "bright"
 
 
 def test_findings_of_the_full_estimate_only_are_shown_as_missing():
     known = calibrated(100)
-    quick = advice(EVERYTHING)
+    quick = advice(everything())
     adviser = Adviser(1.01 * max(quick.response_sigma, quick.vignette_sigma, *certainty(known)))
-    found = adviser.look(EVERYTHING, 0.0, replace(known, vignette_sigma=known.vignette_sigma + 1))
+    found = adviser.look(everything(), 0.0, replace(known, vignette_sigma=known.vignette_sigma + 1))
     assert adviser.expects_end
     assert found.vignette_sigma > 1
     assert found.kind == "move"
 
 
-@pytest.mark.parametrize("preview", ALL_STATES)
-def test_bars_are_shares(preview):
+@pytest.mark.parametrize("made", STATES)
+def test_bars_are_shares(made):
+    preview = made()
     bars = vars(Bars.of(preview, advice(preview)))
     assert set(bars) == {"exposures", "greys", "radii", "certainty"}
     assert all(0 <= value <= 1 for value in bars.values())
     assert Bars.of(None, advice(None)) == Bars()
-    assert Bars.of(NO_OUTER, advice(NO_OUTER)).radii < 0.5
+    assert Bars.of(no_outer(), advice(no_outer())).radii < 0.5

@@ -22,7 +22,7 @@ def ratios_of_other_pairs(seed: int):
 
 
 def test_stated_deviations_hold_for_pairs_that_were_not_used():
-    found = [ratios_of_other_pairs(seed)[1] for seed in range(8)]
+    found = [ratios_of_other_pairs(seed)[1] for seed in range(5)]
     sigmas = np.abs(np.concatenate([one.log_residual / one.log_sigma for one in found]))
     assert 0.6 < np.mean(sigmas < 1) < 0.85
     assert np.mean(sigmas < 2) > 0.92

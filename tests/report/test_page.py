@@ -203,6 +203,7 @@ def test_any_combination_of_known_parts_gives_a_page_with_finite_numbers(finding
         assert "inf" not in drawn
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_the_page_states_what_is_missing():
     content = page(Findings(CASES["no vignette"]))
     assert "Unknown: it was seen." in content

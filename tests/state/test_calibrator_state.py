@@ -25,7 +25,8 @@ from ospc.simulation import SimulationSettings, frames
 from ospc.state import container
 from ospc.state.run import KIND, VERSION
 
-QUICK = replace(DefaultSettings(), points_per_pair=80, max_points=1500, rounds=4, keyframes=6)
+SMALL = {"points_per_pair": 80, "max_points": 1500, "keyframes": 6, "response_intervals": 8, "radial_terms": 4}
+QUICK = replace(DefaultSettings(), rounds=2, **SMALL)
 MOST_BYTES = 5_000_000
 
 

@@ -24,7 +24,8 @@ from ospc.state import container
 from ospc.state.run import KIND, VERSION
 from ospc.state_rules import RULES
 
-QUICK = replace(DefaultSettings(), points_per_pair=80, max_points=1500, rounds=4, keyframes=6)
+SMALL = {"points_per_pair": 80, "max_points": 1500, "keyframes": 6, "response_intervals": 8, "radial_terms": 4}
+QUICK = replace(DefaultSettings(), rounds=2, **SMALL)
 NUMBERS = [-1, 0, 2**62, 10**400, 1e300, -1e300, "nan", "inf", "1e999", None, True, [], {}, "x"]
 
 
