@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import gc
 import os
+import sys
 from collections.abc import Iterator
 from functools import lru_cache
 from pathlib import Path
+from weakref import ref
 
 # Test workers and their child processes share the processor. Their matrices are small, so more threads only slow them
 # down. NumPy reads these variables when it is first imported.
@@ -18,7 +20,9 @@ import pytest
 from hypothesis import settings
 
 import browser
-from ospc.simulation import scene
+from ospc.arrays import Float32Array
+from ospc.simulation import camera, rendering, scene
+from ospc.simulation.surface import Face
 
 cv2.setNumThreads(1)  # OpenCV ignores these variables
 
@@ -30,6 +34,30 @@ settings.load_profile("repeatable")
 
 # Tests use the same few rooms in turn, and building a room takes longer than simulating a short recording in it.
 scene._room = lru_cache(maxsize=6)(scene._room.__wrapped__)
+
+# Most tests film the same walk through the same room, and differ only in what the camera makes of its light. So what
+# is seen of a room is kept as long as the room, except large images and scenes in which something moves.
+_MOST_VIEWS, _WIDEST_PX = 500, 240
+_VIEWS: dict[int, tuple[ref[Face], dict[tuple[object, ...], Float32Array]]] = {}
+
+
+def _radiance(room: scene.Scene, view: rendering.View, time_s: float) -> Float32Array:
+    if room.patches or view.size[0] > _WIDEST_PX:
+        return rendering.radiance(room, view, time_s)
+    wall = room.walls[0]
+    number = id(wall)
+    if number not in _VIEWS:
+        _VIEWS[number] = ref(wall, lambda _: _VIEWS.pop(number, None)), {}
+    views = _VIEWS[number][1]
+    what = (room.scale, view.size, view.focal_px, view.position_m.tobytes(), view.rotation.tobytes())
+    if what not in views:
+        if len(views) == _MOST_VIEWS:
+            views.clear()
+        views[what] = rendering.radiance(room, view, time_s)
+    return views[what].copy()
+
+
+camera.radiance = sys.modules["ospc.simulation.truth"].radiance = _radiance
 
 # Files written by tests need not survive a power failure, and each call waits for the disk.
 os.fsync = lambda _descriptor: None
