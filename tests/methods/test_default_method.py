@@ -224,7 +224,9 @@ def test_unsteady_light_leads_to_advice_for_steadier_light(walk, calibrated):
     result = calibrated(frames, QUICK)
     for name in ("response", "vignette"):
         assert result.verdicts[name].state != "identifiable"
-        assert result.verdicts[name].remedy.startswith("film in steadier light or provide more accurate exposures")
+        assert result.verdicts[name].remedy.startswith(
+            "film in steadier light with a fixed white balance, or provide"
+        )
         assert result.verdicts[name].remedy in result.advice
 
 

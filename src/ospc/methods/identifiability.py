@@ -20,6 +20,7 @@ from ospc.settings import DefaultSettings
 from ospc.settings.methods import (
     CONTRADICTING_UNEXPLAINED_SHARE,
     DOUBTED_UNEXPLAINED_SHARE,
+    FAR_RADIAL_REACH,
     IDENTIFIABLE_CORNER_SIGMA,
     IDENTIFIABLE_ERROR,
     MIN_COMPARED_LOG_K,
@@ -34,20 +35,34 @@ _SEE_MORE = (
 )
 _CHANGE_EXPOSURE = (
     "record with auto exposure on while moving between dark and bright places, or sweep the exposure by a factor of "
-    "four or more"
+    f"{WIDE_EXPOSURE_RATIO:g} or more"
 )
 _MOVE_RADIALLY = (
     "pan and tilt the camera so that the same objects cross the image between centre and corners, by a fifth of the "
     "half diagonal or more"
 )
-_STEADIER = (
-    "film in steadier light or provide more accurate exposures, and record more frames with very different "
-    "exposures: frames are brighter or darker than their exposures predict"
+_SEE_MORE_MOVING = (
+    "record more frames of uniform surfaces that cross the image between centre and corners: they move far enough"
 )
+_STEADIER = (
+    "film in steadier light with a fixed white balance, or provide more accurate exposures, and record more frames: "
+    "frames are brighter or darker than their exposures predict"
+)
+_CHECK_EXPOSURES = (
+    "check that each exposure is a time and belongs to its frame, film in steady light, and switch off gain control "
+    "and tone mapping"
+)
+
+Contradictions = tuple[tuple[str, str], ...]
+"""The description and the remedy of each contradiction, the clearest first."""
 
 
 def response_verdict(
-    settings: DefaultSettings, fit: Fit | None, observations: ExposedObservations | None, unexplained: float
+    settings: DefaultSettings,
+    fit: Fit | None,
+    observations: ExposedObservations | None,
+    unexplained: float,
+    contradictions: Contradictions = (),
 ) -> Verdict:
     """Return whether the response is known, and what to record if it is not.
 
@@ -73,11 +88,13 @@ def response_verdict(
             f"hardly any scene point was seen at different exposures (all are {low:.4g} to {high:.4g} ms)",
             _CHANGE_EXPOSURE,
         )
-    return response_verdict_of_fit(fit, (low, high), unexplained)
+    return response_verdict_of_fit(fit, (low, high), unexplained, contradictions)
 
 
-def response_verdict_of_fit(fit: Fit, exposure_range_ms: tuple[float, float], unexplained: float) -> Verdict:
-    """Return whether a fit determines the response; ``unexplained`` as in :func:`response_verdict`."""
+def response_verdict_of_fit(
+    fit: Fit, exposure_range_ms: tuple[float, float], unexplained: float, contradictions: Contradictions = ()
+) -> Verdict:
+    """Return whether a fit determines the response; the others as in :func:`response_verdict`."""
     error = fit.log_ratio_error_bound
     low, high = exposure_range_ms
     # If all exposures were raised to a power, so would g and V be, and no image would differ.
@@ -85,19 +102,15 @@ def response_verdict_of_fit(fit: Fit, exposure_range_ms: tuple[float, float], un
         f"ratios of irradiance are known to within {100 * error:.2g}% (95% confidence) "
         f"from exposures of {low:.4g} to {high:.4g} ms, assumed proportional to the light"
     )
-    contradiction = f"{min(unexplained, 1):.0%} of a typical change of exposure does not show in the images"
-    check_exposures = (
-        "check that each exposure is a time and belongs to its frame, film in steady light, and switch off gain "
-        "control and tone mapping"
-    )
+    missing = f"{min(unexplained, 1):.0%} of a typical change of exposure does not show in the images"
     if unexplained > CONTRADICTING_UNEXPLAINED_SHARE:
-        return Verdict("not identifiable", contradiction, check_exposures)
+        return Verdict("not identifiable", missing, _CHECK_EXPOSURES)
     remedy = _CHANGE_EXPOSURE if high < WIDE_EXPOSURE_RATIO * low else _SEE_MORE
     remedy = _STEADIER if _is_unsteady(fit) else remedy
-    relative = error / IDENTIFIABLE_ERROR
-    if relative <= UNIDENTIFIABLE_FACTOR and unexplained > DOUBTED_UNEXPLAINED_SHARE:
-        return Verdict("marginal", f"{figure}, but {contradiction}", check_exposures)
-    return _graded(fit, relative, figure, remedy)
+    verdict = _graded(fit, error / IDENTIFIABLE_ERROR, figure, remedy)
+    if unexplained > DOUBTED_UNEXPLAINED_SHARE:
+        verdict = judged(verdict, ((missing, _CHECK_EXPOSURES),))
+    return judged(verdict, contradictions)
 
 
 def vignette_verdict(
@@ -107,6 +120,7 @@ def vignette_verdict(
     standing_still: bool,
     unexplained: float,
     *,
+    contradictions: Contradictions = (),
     usable_radius: float = 1.0,
 ) -> Verdict:
     """Return whether the vignette is known, and what to record if it is not.
@@ -140,8 +154,11 @@ def vignette_verdict(
         f"V is known to within {100 * error:.2g}% (95% confidence), and ln V {where} to ±{sigma:.2g}, "
         f"from radial motion of {reach:.2f} half diagonals"
     )
-    remedy = _STEADIER if _is_unsteady(fit) else _MOVE_RADIALLY
-    return _graded(fit, max(error / IDENTIFIABLE_ERROR, sigma / IDENTIFIABLE_CORNER_SIGMA), figure, remedy)
+    # The reason shows two decimals, so the remedy must not ask for what they already show.
+    remedy = _MOVE_RADIALLY if round(reach, 2) < FAR_RADIAL_REACH else _SEE_MORE_MOVING
+    remedy = _STEADIER if _is_unsteady(fit) else remedy
+    relative = max(error / IDENTIFIABLE_ERROR, sigma / IDENTIFIABLE_CORNER_SIGMA)
+    return judged(_graded(fit, relative, figure, remedy), contradictions)
 
 
 def _is_unsteady(fit: Fit) -> bool:
@@ -191,24 +208,30 @@ _CONTRADICTIONS = {
         "let the camera warm up, and switch off automatic contrast",
     ),
     "black level by exposure": (
-        "the black level differs between long and short exposures",
-        "fix the gain of the camera, and let it control the exposure time alone",
+        "the black level differs between long and short exposures, or the light changed",
+        "fix the gain of the camera, let it control the exposure time alone, and film in steady light",
     ),
     UNSTEADY_VIGNETTE: (
-        "the vignette has a different position in each frame, as with stabilisation or glossy surfaces",
-        "switch off electronic stabilisation and cropping of the camera, and avoid glossy floors and walls",
+        "the vignette has a different position in each frame, as with stabilisation, glossy surfaces or a lamp on "
+        "the camera",
+        "switch off electronic stabilisation and cropping of the camera, and avoid glossy floors and walls, and "
+        "lamps that move with the camera",
     ),
     UNSTEADY_RESPONSE: (
-        "the response differs from frame to frame, or the frames show too little texture to be registered",
-        "switch off automatic contrast and scene modes of the camera, and film scenes with texture",
+        "the response differs from frame to frame (automatic contrast, sun or lamps in or near the view, haze, fog), "
+        "or the frames show too little texture to be registered",
+        "switch off automatic contrast and scene modes of the camera, keep sun and lamps out of the view, and film "
+        "scenes with texture in clear air",
     ),
     UNSTEADY_RADIANCE: (
         "the same points differ in brightness between frames by more than noise and exposure explain, in ln",
         _SAME_FOR_ALL_PLACES,
     ),
     UNEVEN: (
-        "a region of the image is darker or brighter than a smooth vignette predicts, in ln V",
-        "clean lens and sensor, and switch off shading correction",
+        "a region of the image is darker or brighter than a smooth vignette predicts (dirt, wipers, reflections in a "
+        "window), in ln V",
+        "clean lens and sensor, avoid wipers and reflections of the dashboard or in a window, and switch off shading "
+        "correction",
     ),
     "drifting vignette": (
         "the vignette changes during the recording",
@@ -221,13 +244,13 @@ _CONTRADICTIONS = {
 
 
 def notes_of(fit: Fit) -> tuple[str, ...]:
-    """Return a sentence for each effect that was found and corrected."""
+    """Return a sentence for each effect that was found and corrected or accounted for."""
     typical_ms = float(np.exp(fit.effects.log_typical_exposure))
     return tuple(_corrected(found, typical_ms) for found in fit.effect_estimates if found.corrected)
 
 
-def contradictions_of(fit: Fit) -> tuple[tuple[str, str], ...]:
-    """Return the description and the remedy of each contradiction, the clearest first."""
+def contradictions_of(fit: Fit) -> Contradictions:
+    """Return what contradicts the model of one response and one vignette."""
     found = [estimate for estimate in fit.effect_estimates if estimate.contradicts]
     found.sort(key=lambda estimate: -abs(estimate.value) / estimate.sigma)
     return tuple(
@@ -236,12 +259,12 @@ def contradictions_of(fit: Fit) -> tuple[tuple[str, str], ...]:
     )
 
 
-def judged(verdict: Verdict, contradictions: tuple[tuple[str, str], ...]) -> Verdict:
-    """Return the verdict, at best marginal if anything contradicts the model."""
-    if not contradictions or not verdict.known:
+def judged(verdict: Verdict, contradictions: Contradictions) -> Verdict:
+    """Return the verdict by the error of a curve, at best marginal if anything contradicts the model."""
+    if not contradictions:
         return verdict
     what, remedy = contradictions[0]
-    return Verdict("marginal", f"{verdict.reason}, but {what}", remedy)
+    return Verdict("marginal" if verdict.known else verdict.state, f"{verdict.reason}, but {what}", remedy)
 
 
 def _corrected(found: EffectEstimate, typical_ms: float) -> str:
@@ -258,7 +281,7 @@ def _corrected(found: EffectEstimate, typical_ms: float) -> str:
     if found.name == UNSTEADY_LIGHT:
         return (
             f"frames are brighter or darker than their exposures predict, by {found.value:.1%} between pairs; "
-            "this was corrected"
+            "this was accounted for"
         )
     offset = f"{abs(found.value) * typical_ms:.3g} ± {found.sigma * typical_ms:.1g} ms"
     too = "short" if found.value > 0 else "long"

@@ -12,7 +12,6 @@ from ospc.estimation.fit import Fit, measured_greys
 from ospc.methods.coverage import coverage_of
 from ospc.methods.identifiability import (
     contradictions_of,
-    judged,
     notes_of,
     response_verdict,
     unexplained_share,
@@ -85,16 +84,21 @@ def summarise(inputs: FitInputs, settings: DefaultSettings) -> Calibration:
     points = 0 if observations is None else len(observations.starts)
     low, high = inputs.grey_range.grey((0.0, 1.0) if observations is None else measured_greys(observations)).tolist()
     unexplained = unexplained_share(ratios)
+    # With exposures that the images contradict, a fit is meaningless, and so are its effects.
+    trusted = None if unexplained > CONTRADICTING_UNEXPLAINED_SHARE else fit
+    contradictions = () if trusted is None else contradictions_of(trusted)
     verdicts = {
-        "response": response_verdict(settings, fit, observations, unexplained),
+        "response": response_verdict(settings, fit, observations, unexplained, contradictions),
         "vignette": vignette_verdict(
-            settings, fit, reach, inputs.standing_still, unexplained, usable_radius=inputs.usable_radius
+            settings,
+            fit,
+            reach,
+            inputs.standing_still,
+            unexplained,
+            contradictions=contradictions,
+            usable_radius=inputs.usable_radius,
         ),
     }
-    # With exposures that the images contradict, a fit is meaningless.
-    refuted = unexplained > CONTRADICTING_UNEXPLAINED_SHARE
-    contradictions = () if fit is None or refuted else contradictions_of(fit)
-    verdicts = {name: judged(verdict, contradictions) for name, verdict in verdicts.items()}
     response_known, vignette_known = (verdicts[name].known and fit is not None for name in ("response", "vignette"))
     coverage = None if observations is None else coverage_of(observations, fit, inputs.size)
     return Calibration(
@@ -114,8 +118,11 @@ def summarise(inputs: FitInputs, settings: DefaultSettings) -> Calibration:
             *(verdict.remedy for verdict in verdicts.values() if verdict.remedy),
             *(() if coverage is None else coverage.gaps(inputs.max_grey)),
         ),
-        effects=inputs.effects,
-        notes=() if fit is None else (*filter(None, [inputs.grey_range.note]), *notes_of(fit)),
+        effects=() if trusted is None else trusted.effect_estimates,
+        notes=(
+            *(() if fit is None else filter(None, [inputs.grey_range.note])),
+            *(() if trusted is None else notes_of(trusted)),
+        ),
         warnings=tuple(what for what, _ in contradictions),
         coverage=coverage,
     )

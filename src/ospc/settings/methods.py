@@ -177,7 +177,10 @@ doubted; beyond the second, the response has no basis. Noise alone leaves less t
 over nine frames, 0.44 were missing, and κ was 0.16 at a stated 0.03."""
 
 WIDE_EXPOSURE_RATIO = 8.0
-"""Ratio of the longest to the shortest exposure beyond which a wider range is no longer the first advice."""
+"""Ratio of the longest to the shortest exposure beyond which a wider range is no longer advised."""
+
+FAR_RADIAL_REACH = 0.2
+"""Radial motion, in half diagonals, beyond which more motion is no longer advised: the fifth that is asked for."""
 
 MIN_COMPARED_LOG_K = 0.05
 """Minimum change of ln exposure of a pair with which its misfit is compared; below it, noise is as large."""

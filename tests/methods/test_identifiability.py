@@ -1,0 +1,111 @@
+"""Reasons and remedies of verdicts: they name the cause, and never ask for what a recording already had."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from ospc.methods.identifiability import notes_of, response_verdict_of_fit, vignette_verdict
+from ospc.methods.summary import summarise
+from ospc.photometry.verdict import EffectEstimate
+from ospc.settings import DefaultSettings
+from summaries import CAMERA, inputs_of
+
+INPUTS = inputs_of(CAMERA, 0)
+FIT = INPUTS.fit
+UNCERTAIN = replace(FIT, covariance=1e4 * FIT.covariance)
+TONE = EffectEstimate("local tone mapping", -0.1, 0.01, contradicts=True)
+GLARE = EffectEstimate("veiling glare", 0.02, 0.001, corrected=True)
+
+
+def response(*, times, unexplained=0.0, contradictions=()):
+    return response_verdict_of_fit(UNCERTAIN, (1.0, times), unexplained, contradictions)
+
+
+def vignette(*, reach, standing_still=False, contradictions=()):
+    return vignette_verdict(DefaultSettings(), UNCERTAIN, reach, standing_still, 0.0, contradictions=contradictions)
+
+
+@pytest.mark.parametrize("covariance", [1.0, 1e4])
+def test_a_contradiction_is_the_reason_and_has_the_remedy_of_every_curve(covariance):
+    fit = replace(FIT, covariance=covariance * FIT.covariance, effect_estimates=(TONE,))
+    found = summarise(replace(INPUTS, fit=fit), DefaultSettings())
+    (warning,) = found.warnings
+    for verdict in (found.verdicts["response"], found.verdicts["vignette"]):
+        assert verdict.state == ("marginal" if covariance == 1 else "not identifiable")
+        assert verdict.reason.endswith(f", but {warning}")
+        assert verdict.remedy.startswith("switch off local contrast")
+    assert found.advice[0] == found.verdicts["response"].remedy
+    assert not any("sweep the exposure" in text or "pan and tilt" in text for text in found.advice)
+
+
+def test_a_contradiction_is_not_why_a_stationary_camera_shows_no_vignette():
+    verdict = vignette(reach=0.0, standing_still=True, contradictions=(("the response changes", "fix it"),))
+    assert verdict.reason.startswith("the camera is stationary")
+    assert verdict.remedy.startswith("pan and tilt")
+
+
+@pytest.mark.parametrize(("times", "asks"), [(3.0, True), (7.9, True), (8.0, False), (100.0, False)])
+def test_wider_exposures_are_only_asked_for_if_they_were_narrower(times, asks):
+    verdict = response(times=times)
+    assert verdict.state == "not identifiable"
+    assert ("sweep the exposure by a factor of 8 or more" in verdict.remedy) is asks
+    assert verdict.remedy
+
+
+@pytest.mark.parametrize(("reach", "asks"), [(0.1, True), (0.194, True), (0.197, False), (0.3, False)])
+def test_more_motion_is_only_asked_for_if_there_was_less(reach, asks):
+    verdict = vignette(reach=reach)
+    assert verdict.state == "not identifiable"
+    assert ("by a fifth of the half diagonal or more" in verdict.remedy) is asks
+    assert verdict.remedy
+
+
+def test_missing_changes_of_exposure_are_the_reason_however_uncertain_the_response():
+    verdict = response(times=3.0, unexplained=0.2)
+    assert verdict.state == "not identifiable"
+    assert verdict.reason.endswith("but 20% of a typical change of exposure does not show in the images")
+    assert verdict.remedy.startswith("check that each exposure")
+    both = response(times=3.0, unexplained=0.2, contradictions=(("the response changes", "fix it"),))
+    assert (both.reason, both.remedy) == (f"{verdict.reason}, but the response changes", "fix it")
+
+
+def test_unsteady_light_is_accounted_for_and_its_remedy_asks_for_no_wider_exposures():
+    unsteady = replace(UNCERTAIN, errors=replace(FIT.errors, gain_variances=(1e-4,)))
+    remedy = response_verdict_of_fit(unsteady, (1.0, 100.0), 0.0).remedy
+    assert "steadier light with a fixed white balance" in remedy
+    assert "different exposures" not in remedy
+    light = EffectEstimate("unsteady light", 0.02, 0.001, corrected=True)
+    (note,) = notes_of(replace(FIT, effect_estimates=(light,)))
+    assert note.endswith("by 2.0% between pairs; this was accounted for")
+
+
+def test_a_fit_to_exposures_that_the_images_contradict_states_no_effects():
+    """A contradiction of such a fit would be an effect of the wrong exposures."""
+    fit = replace(FIT, effect_estimates=(TONE, GLARE))
+    observations = INPUTS.observations
+    inverse = replace(observations, log_exposure=-observations.log_exposure)
+    wrong, right = (
+        summarise(replace(INPUTS, fit=fit, observations=o), DefaultSettings()) for o in (inverse, observations)
+    )
+    assert "does not show in the images" in wrong.verdicts["response"].reason
+    assert (wrong.effects, wrong.warnings, wrong.notes) == ((), (), ())
+    assert right.effects == (TONE, GLARE)
+    assert len(right.warnings) == len(right.notes) == 1
+
+
+@pytest.mark.parametrize(
+    ("name", "causes"),
+    [
+        ("unsteady response", ("sun or lamps in or near the view", "haze", "fog")),
+        ("unsteady vignette", ("glossy", "a lamp on the camera")),
+        ("black level by exposure", ("or the light changed",)),
+        ("uneven vignette", ("wipers", "reflections in a window")),
+    ],
+)
+def test_a_contradiction_names_its_causes(name, causes):
+    fit = replace(FIT, effect_estimates=(EffectEstimate(name, 0.1, 0.01, contradicts=True),))
+    (warning,) = summarise(replace(INPUTS, fit=fit), DefaultSettings()).warnings
+    assert all(cause in warning for cause in causes)
+    assert warning.endswith(": 0.1 ± 0.01")
