@@ -32,6 +32,22 @@ def test_a_folder_is_searched_and_folders_name_cameras(recordings):
     assert {entry.camera for entry in read_manifest(str(recordings), camera="mine")} == {"mine"}
 
 
+def test_videos_are_found_in_their_folders(tmp_path):
+    for place in ("a/film.avi", "b/c/d/film.avi", "b/c/d/e/film.avi"):
+        (tmp_path / place).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / place).write_bytes(b"RIFF\0\0\0\0AVI ")
+    reasons = []
+    found = read_manifest(str(tmp_path), left_out=reasons.append)
+    assert [(entry.recording, entry.camera) for entry in found] == [
+        (str(tmp_path / "a" / "film.avi"), "a"),
+        (str(tmp_path / "b" / "c" / "d" / "film.avi"), "d"),
+    ]
+    (reason,) = reasons
+    assert reason.startswith(
+        f"{tmp_path / 'b' / 'c' / 'd' / 'e'}: is not searched, because its content is more than 4"
+    )
+
+
 def test_a_pattern_is_expanded(recordings):
     found = read_manifest(str(recordings / "left" / "?"))
     assert [entry.recording for entry in found] == [str(recordings / "left" / name) for name in "ab"]

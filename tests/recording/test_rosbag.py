@@ -312,6 +312,17 @@ def test_exposures_may_be_in_a_list_next_to_the_bag(write: Any, late_ns: int, tm
         open_recording(path)
 
 
+@pytest.mark.parametrize("write", [write_bag1, write_bag2])
+def test_the_list_of_a_bag_may_be_next_to_its_file_in_a_folder(write: Any, tmp_path: Path) -> None:
+    (tmp_path / "folder").mkdir()
+    folder = write(tmp_path / "folder" / "made", images(FRAMES))
+    folder = folder if folder.is_dir() else folder.parent
+    (file,) = (path for path in folder.iterdir() if path.suffix in (".bag", ".db3", ".mcap"))
+    lines = [f"{START_NS + i * STEP_NS},{us}" for i, us in enumerate(US)]
+    file.with_suffix(".csv").write_text("\n".join(["timestamp_ns,exposure_us", *lines, ""]))
+    assert_same(open_recording(folder))
+
+
 def test_an_exposure_of_zero_is_unknown(tmp_path: Path) -> None:
     recording = open_recording(write_bag1(tmp_path / "made", images(FRAMES) + floats([0.0, *MS[1:]])))
     assert recording.exposures_ms == pytest.approx([np.nan, *MS[1:]], nan_ok=True)

@@ -11,7 +11,7 @@ import pytest
 from image_samples import grey
 
 from ospc.errors import ExposureError, FrameError, OspcError, RecordingError
-from ospc.recording import identity, open_recording
+from ospc.recording import cameras_of, identity, open_recording
 from ospc.recording import video as video_module
 from ospc.recording.channel import Channel
 from ospc.recording.options import ReadingOptions
@@ -138,10 +138,35 @@ def test_frames_missing_at_the_end_are_unreadable(
             _ = frames[index].image
 
 
-def test_for_a_folder_with_videos_the_message_names_them(video: Callable[..., Path]) -> None:
-    folder = video().parent
+@pytest.mark.parametrize("kind", [None, "video"])
+@pytest.mark.parametrize("beside", ["walk.csv", "exposures.csv"])
+def test_a_folder_stands_for_its_only_video(video: Callable[..., Path], beside: str, kind: str | None) -> None:
+    path = video({beside: LIST, "notes.txt": "rainy"})
+    (path.parent / "plots").mkdir()
+    recording = open_recording(path.parent, kind)
+    assert (recording.kind, recording.path) == ("video", path)
+    assert recording.exposures_ms.tolist() == [1, 2, 3, 4, 5, 6]
+    assert cameras_of(path.parent, kind) == {"walk": (path, ReadingOptions())}
+
+
+def test_for_a_folder_with_several_recordings_the_message_names_them(video: Callable[..., Path]) -> None:
+    path = video()
+    (path.parent / "run.mkv").write_bytes(path.read_bytes())
+    for kind, said in ((None, r"give one of them: run\.mkv, walk\.mkv"), ("video", "is not an MP4")):
+        with pytest.raises(RecordingError, match=said):
+            open_recording(path.parent, kind)
+    (path.parent / "run.mkv").unlink()
+    (path.parent / "photos" / "images").mkdir(parents=True)
     with pytest.raises(RecordingError, match=r"give one of them: walk\.mkv"):
-        open_recording(folder)
+        open_recording(path.parent)
+
+
+def test_a_folder_with_many_files_does_not_stand_for_a_video(video: Callable[..., Path]) -> None:
+    path = video()
+    for number in range(100):
+        (path.parent / f"x{number}.dat").touch()
+    with pytest.raises(RecordingError, match=r"give one of them: walk\.mkv"):
+        open_recording(path.parent)
 
 
 def test_a_file_that_only_begins_like_a_video_is_an_error(tmp_path: Path) -> None:

@@ -150,7 +150,7 @@ def _recordings_in(folder: Path, left_out: Callable[[str], None], depth: int = 0
     for place in sorted(folder.iterdir()):
         if place.name.startswith("."):
             continue
-        if any(kind.recognises(place) for kind in kinds()):
+        if _is_recording(place):
             yield place
         elif place.is_dir():
             below: list[Path] = []
@@ -163,11 +163,15 @@ def _recordings_in(folder: Path, left_out: Callable[[str], None], depth: int = 0
                 left_out(reason)
 
 
+def _is_recording(place: Path) -> bool:
+    return any(kind.recognises(place) for kind in kinds())
+
+
 def _why_unknown(place: Path, depth: int) -> str:
     if place.is_symlink():
         return f"{place}: a link that does not point to a recording"
-    if depth + 1 >= _DEEPEST and any(inner.is_dir() for inner in place.iterdir()):
-        return f"{place}: its folders are not searched, because they are more than {_DEEPEST} levels deep"
+    if depth + 1 >= _DEEPEST and any(inner.is_dir() or _is_recording(inner) for inner in place.iterdir()):
+        return f"{place}: is not searched, because its content is more than {_DEEPEST} levels deep"
     try:
         open_recording(place)
     except RecordingError as error:

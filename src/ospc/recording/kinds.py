@@ -64,7 +64,8 @@ def open_recording(path: str | Path, kind: str | None = None, options: ReadingOp
     Parameters
     ----------
     path, kind
-        Folder or file, and name of the kind; None to recognise it from the content.
+        Folder or file, and name of the kind; None to recognise it from the content. A folder that only contains one
+        recording, such as a video with its list of exposures, stands for it.
     options
         Settings that are missing or wrong in the content, such as units, topics and the channel.
 
@@ -81,7 +82,7 @@ def open_recording(path: str | Path, kind: str | None = None, options: ReadingOp
     place = Path(path)
     with os_error_as(RecordingError, f"{place}: cannot be read", "check the path and its permissions"):
         _check_exists(place)
-        chosen = _chosen(place, kind)
+        place, chosen = _located(place, kind)
     if chosen is not None:
         if chosen.name != "rosbag" and (options.image_topic or options.exposure_topic):
             raise SettingError(f"{place}: is not a ROS bag and has no topics; leave out --topic and --exposure-topic")
@@ -100,13 +101,27 @@ def open_recording(path: str | Path, kind: str | None = None, options: ReadingOp
 
 def _recordings_inside(place: Path) -> str | None:
     """Return which files in a folder, such as videos, are recordings; None if there are none."""
-    inner = sorted(path for path in place.iterdir() if path.is_file()) if place.is_dir() else []
-    names = []
-    for path in inner[:_MOST_LOOKED_INTO]:
-        with suppress(OSError):  # a file without read permission
-            if _chosen(path, None) is not None:
-                names.append(path.name)
+    names = [path.name for path in _inside(place)[:_MOST_LOOKED_INTO] if path.is_file() and _recognised(path)]
     return f"is not a recording, but contains some; give one of them: {listed(names)}" if names else None
+
+
+def _only_file_inside(place: Path, kind: str | None) -> Path | None:
+    """Return the file in a folder that is its only recording; None if there is none, or others cannot be excluded."""
+    inner = _inside(place)
+    found = [path for path in inner if _recognised(path)] if len(inner) <= _MOST_LOOKED_INTO else []
+    if len(found) == 1 and found[0].is_file() and _recognised(found[0], kind):
+        return found[0]
+    return None
+
+
+def _inside(place: Path) -> list[Path]:
+    return sorted(place.iterdir(), key=lambda path: (path.is_dir(), path)) if place.is_dir() else []
+
+
+def _recognised(place: Path, kind: str | None = None) -> bool:
+    with suppress(OSError):  # a file without read permission
+        return any(k.recognises(place) for k in kinds() if kind in (None, k.name))
+    return False
 
 
 def _nothing_known(place: Path) -> str:
@@ -122,6 +137,16 @@ def _nothing_known(place: Path) -> str:
 def _check_exists(place: Path) -> None:
     if not place.exists():
         raise RecordingError(f"{place}: there is no such file or folder; check the path")
+
+
+def _located(place: Path, kind: str | None) -> tuple[Path, Kind | None]:
+    """Return the path, or that of the only recording in a folder that is not one itself, and its kind."""
+    chosen = _chosen(place, kind)
+    if chosen is None or (kind is not None and not chosen.recognises(place)):
+        inner = _only_file_inside(place, kind)
+        if inner is not None:
+            return inner, _chosen(inner, kind)
+    return place, chosen
 
 
 def _chosen(place: Path, kind: str | None) -> Kind | None:
@@ -178,7 +203,7 @@ def cameras_of(
 
 
 def _cameras(place: Path, kind: str | None, options: ReadingOptions) -> dict[str, tuple[Path, ReadingOptions]]:
-    chosen = _chosen(place, kind)
+    place, chosen = _located(place, kind)
     single = {place.stem: (place, options)}
     if chosen is not None and chosen.recognises(place):
         return chosen.cameras(place, options) if isinstance(chosen, RigKind) else single

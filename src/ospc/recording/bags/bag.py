@@ -52,7 +52,10 @@ class Bag:
 
     @property
     def exposure_list(self) -> Path:
-        """Place of a list of exposures for the bag."""
+        """Place of a list of exposures for the bag: next to it, or next to the only file in its folder."""
+        own = self.files[0].path.with_suffix(".csv")
+        if len(self.files) == 1 and own.is_file():
+            return own
         return self.path.with_name(f"{self.path.name if self.path.is_dir() else self.path.stem}.csv")
 
     @property
