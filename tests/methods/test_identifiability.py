@@ -67,8 +67,9 @@ def test_missing_changes_of_exposure_are_the_reason_however_uncertain_the_respon
     assert verdict.state == "not identifiable"
     assert verdict.reason.endswith("but 20% of a typical change of exposure does not show in the images")
     assert verdict.remedy.startswith("check that each exposure")
+    assert "light that does not move with the camera" in verdict.remedy
     both = response(times=3.0, unexplained=0.2, contradictions=(("the response changes", "fix it"),))
-    assert (both.reason, both.remedy) == (f"{verdict.reason}, but the response changes", "fix it")
+    assert (both.reason, both.remedy) == (f"{verdict.reason}; the response changes", "fix it")
 
 
 def test_unsteady_light_is_accounted_for_and_its_remedy_asks_for_no_wider_exposures():

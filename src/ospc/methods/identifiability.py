@@ -49,8 +49,8 @@ _STEADIER = (
     "frames are brighter or darker than their exposures predict"
 )
 _CHECK_EXPOSURES = (
-    "check that each exposure is a time and belongs to its frame, film in steady light, and switch off gain control "
-    "and tone mapping"
+    "check that each exposure is a time and belongs to its frame, film in steady light that does not move with the "
+    "camera, and switch off gain control and tone mapping"
 )
 
 Contradictions = tuple[tuple[str, str], ...]
@@ -107,10 +107,11 @@ def response_verdict_of_fit(
         return Verdict("not identifiable", missing, _CHECK_EXPOSURES)
     remedy = _CHANGE_EXPOSURE if high < WIDE_EXPOSURE_RATIO * low else _SEE_MORE
     remedy = _STEADIER if _is_unsteady(fit) else remedy
-    verdict = _graded(fit, error / IDENTIFIABLE_ERROR, figure, remedy)
     if unexplained > DOUBTED_UNEXPLAINED_SHARE:
-        verdict = judged(verdict, ((missing, _CHECK_EXPOSURES),))
-    return judged(verdict, contradictions)
+        # What contradicts the model may be why the changes are missing, and has the more specific remedy.
+        doubts = (missing, *(what for what, _ in contradictions[:1]))
+        contradictions = (("; ".join(doubts), contradictions[0][1] if contradictions else _CHECK_EXPOSURES),)
+    return judged(_graded(fit, error / IDENTIFIABLE_ERROR, figure, remedy), contradictions)
 
 
 def vignette_verdict(
@@ -209,7 +210,8 @@ _CONTRADICTIONS = {
     ),
     "black level by exposure": (
         "the black level differs between long and short exposures, or the light changed",
-        "fix the gain of the camera, let it control the exposure time alone, and film in steady light",
+        "fix the gain of the camera, let it control the exposure time alone, and film in steady light without sun or "
+        "lamps in or near the view",
     ),
     UNSTEADY_VIGNETTE: (
         "the vignette has a different position in each frame, as with stabilisation, glossy surfaces or a lamp on "
