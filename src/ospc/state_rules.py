@@ -21,7 +21,8 @@ from ospc.correspondence.static_series import StaticSeries
 from ospc.correspondence.thumbnail import thumbnail_size
 from ospc.engine_state import EngineState, epoch_of
 from ospc.errors import FormatError
-from ospc.estimation.effects import AbsorbedLight, Effects
+from ospc.estimation.effect_models import AbsorbedLight
+from ospc.estimation.effects import Effects
 from ospc.estimation.error_model import ErrorModel
 from ospc.estimation.fit import Fit
 from ospc.estimation.prior import PriorHyperparameters

@@ -9,8 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ospc.arrays import FloatArray
+from ospc.estimation.effect_models import CONTRADICTIONS, CORRECTED, EFFECTS, GAIN_STEPS
 from ospc.estimation.effect_trials import trial_of
-from ospc.estimation.effects import CONTRADICTIONS, CORRECTED, EFFECTS, Effects
+from ospc.estimation.effects import Effects
 from ospc.estimation.fit import Fit
 from ospc.estimation.maximum_likelihood import MaximumLikelihoodEstimator
 from ospc.estimation.model_choice import fit_with_chosen_effects
@@ -39,6 +40,10 @@ class Disturbed:
     most_white: float = 0.0
     scatter: float = 0.0
     dark: float = 0.0
+    stray: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Stray light at the corners, and its gradients along x and y."""
+    step: float = 0.0
+    """Step of ln of the gain, at 1.2 times the typical exposure."""
     offset: float = 0.0
     late: float = 0.0
     power_of_logarithm: float = 0.0
@@ -70,7 +75,7 @@ class Disturbed:
         stretched = np.log(stated_ms / TYPICAL_MS)
         stated_ms = TYPICAL_MS * np.exp(stretched - self.power_of_logarithm * stretched**2)
         log_light = self.light * random.standard_normal((FRAMES, 2)) + self.slow_light * np.sin(12 * time_of) * [0, 1]
-        lit_ms = true_ms * np.exp(log_light)[group]
+        lit_ms = true_ms * np.exp(log_light)[group] * np.exp(self.step * (true_ms > 1.2 * TYPICAL_MS))
         radiance = np.exp(random.normal(-1.5, 0.9, n))[:, None] / TYPICAL_MS
         place = random.uniform(-1, 1, (n, 2, 2)) * np.array(SIZE) / np.hypot(*SIZE)
         squared_radius = np.sum(place**2, axis=2)
@@ -86,7 +91,9 @@ class Disturbed:
         frame_moments = np.concatenate([frame_moments, white[..., None]], axis=2)
         frame_light = (1 - white) * frame_light + white * (1 + BEYOND_WHITE)
         nearby = np.exp(random.normal(-1.2, 0.6, (n, 2)))
-        added = self.glare * frame_light + self.scatter * nearby + self.dark * true_ms / TYPICAL_MS
+        corners, sideways, vertically = self.stray
+        fixed = self.dark + corners * squared_radius + sideways * place[..., 0] + vertically * place[..., 1]
+        added = self.glare * frame_light + self.scatter * nearby + fixed * true_ms / TYPICAL_MS
         grey = GAMMA(lit_ms * radiance * attenuation + added)
         around = GAMMA(nearby)
         own = self.unsteady * random.standard_normal((FRAMES, 2))[group]
@@ -139,7 +146,7 @@ def test_a_camera_without_effects_has_none(seed: int) -> None:
     found = Disturbed().fit(seed)
     assert not stated(found)
     assert is_right(found)
-    assert [one.name for one in found.effect_estimates] == list(CORRECTED)
+    assert [one.name for one in found.effect_estimates] == [name for name in CORRECTED if name not in GAIN_STEPS]
     assert all(abs(one.value) < 4 * one.sigma for one in found.effect_estimates)
 
 
@@ -149,7 +156,7 @@ def test_a_camera_without_effects_has_none(seed: int) -> None:
         (Disturbed(glare=0.03), "veiling glare", 0.03),
         (Disturbed(glare=0.03, most_white=0.3), "veiling glare", 0.03),
         (Disturbed(scatter=0.04), "light scattered nearby", 0.04),
-        (Disturbed(dark=0.02), "dark current", 0.02),
+        (Disturbed(stray=(0.01, 0, 0)), "stray light at the corners", 0.01),
         (Disturbed(offset=0.05), "exposure offset", 0.05),
         (Disturbed(offset=-0.05), "exposure offset", -0.05),
         (Disturbed(late=0.4), "late exposures", 0.4),
@@ -161,9 +168,45 @@ def test_an_effect_of_a_camera_is_measured_and_corrected(camera: Disturbed, name
     assert is_right(found)
 
 
+def test_a_leak_at_one_side_does_not_bend_the_vignette() -> None:
+    found = Disturbed(stray=(0, 0.003, -0.01)).fit()
+    assert stated(found) == {
+        "stray light sideways": pytest.approx(0.003, rel=0.15),
+        "stray light vertically": pytest.approx(-0.01, rel=0.15),
+    }
+    assert is_right(found)
+
+
+def test_a_uniform_dark_signal_counts_only_where_the_lens_is_darker() -> None:
+    """A share of V would look like a brighter scene, so only d (1 - V) is observable."""
+    found = Disturbed(dark=0.02).fit()
+    assert stated(found).keys() == {"stray light at the corners"}
+    assert 0 < stated(found)["stray light at the corners"] < 0.02
+    assert is_right(found)
+
+
+@pytest.mark.parametrize("step", [-0.01, 0.005, 0.05])
+def test_a_step_of_the_gain_is_measured_and_corrected(step: float) -> None:
+    found = Disturbed(step=step).fit()
+    ((name, value),) = stated(found).items()
+    place = found.effects.step_exposures[GAIN_STEPS.index(name)]
+    assert place * np.exp(found.effects.log_typical_exposure) == pytest.approx(1.2 * TYPICAL_MS, rel=0.15)
+    assert value == pytest.approx(step, rel=0.2)
+    assert is_right(found)
+    assert abs(step_in_sigmas(found)) < 3
+
+
+def test_two_exposures_show_no_step_of_the_gain() -> None:
+    """It cannot be distinguished from a power of the exposures, so it would only widen the bands."""
+    pairs = Disturbed().pairs()
+    of_two = replace(pairs, log_exposure=np.where(pairs.log_exposure > np.log(TYPICAL_MS), 2.5, 1.5))
+    assert np.all(np.isnan(Effects.none_of(of_two).step_exposures))
+    assert np.all(np.isfinite(Effects.none_of(pairs).step_exposures))
+
+
 def test_levels_darker_than_the_typical_dark_signal_are_right_too() -> None:
     fit = Disturbed(dark=0.02, shortest=-3.0).fit()
-    assert list(stated(fit)) == ["dark current"]
+    assert list(stated(fit)) == ["stray light at the corners"]
     dark, middle = fit.response().inverse([25 / 255, 128 / 255])
     true_dark, true_middle = GAMMA.inverse([25 / 255, 128 / 255])
     assert true_dark < 0.02
@@ -287,10 +330,7 @@ def test_effects_are_found_although_the_light_changes() -> None:
     assert stated(found)["exposure offset"] == pytest.approx(-0.05, rel=0.3)
 
 
-@pytest.mark.parametrize(
-    ("camera", "value"),
-    [(Disturbed(glare=0.03), 0.03), (Disturbed(scatter=0.04), 0.04), (Disturbed(dark=0.02), 0.02)],
-)
+@pytest.mark.parametrize(("camera", "value"), [(Disturbed(glare=0.03), 0.03), (Disturbed(scatter=0.04), 0.04)])
 def test_the_bands_allow_for_an_inexact_model_of_corrected_light(camera: Disturbed, value: float) -> None:
     found = camera.fit()
     (sigma,) = (one.sigma for one in found.effect_estimates if one.corrected)

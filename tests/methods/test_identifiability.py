@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
+from ospc.estimation.effects import Effects
 from ospc.methods.identifiability import notes_of, response_verdict_of_fit, vignette_verdict
 from ospc.methods.summary import summarise
 from ospc.photometry.verdict import EffectEstimate
@@ -80,6 +82,23 @@ def test_unsteady_light_is_accounted_for_and_its_remedy_asks_for_no_wider_exposu
     light = EffectEstimate("unsteady light", 0.02, 0.001, corrected=True)
     (note,) = notes_of(replace(FIT, effect_estimates=(light,)))
     assert note.endswith("by 2.0% between pairs; this was accounted for")
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "words"),
+    [
+        ("gain step 3 of 15", -0.007, "images are 0.7% ± 0.1% darker beyond exposures of 8 ms than"),
+        ("gain step 3 of 15", 0.02, "images are 2.0% ± 0.1% brighter beyond exposures of 8 ms than"),
+        ("stray light at the corners", 0.01, "1.0% ± 0.1% of white at 4 ms, more at the corners than in the centre"),
+        ("stray light sideways", -0.01, "1.0% ± 0.1% of white at 4 ms, more at one side than in the centre"),
+    ],
+)
+def test_a_note_states_size_and_place_of_what_was_corrected(name, value, words):
+    effects = Effects(log_typical_exposure=np.log(4.0), step_exposures=(0.5, 1.0, 2.0))
+    found = EffectEstimate(name, value, 0.001, corrected=True)
+    (note,) = notes_of(replace(FIT, effects=effects, effect_estimates=(found,)))
+    assert words in note
+    assert note.endswith("this was corrected")
 
 
 def test_a_fit_to_exposures_that_the_images_contradict_states_no_effects():

@@ -13,8 +13,9 @@ from dataclasses import replace
 import numpy as np
 
 from ospc.arrays import FloatArray
+from ospc.estimation.effect_models import CONTRADICTIONS, CORRECTED, EFFECTS, GAIN_STEPS
 from ospc.estimation.effect_trials import Trial, after_newton_step, estimate_effects, slope_of_left_out, trial_of
-from ospc.estimation.effects import CONTRADICTIONS, CORRECTED, EFFECTS, Effects
+from ospc.estimation.effects import Effects
 from ospc.estimation.fit import Fit
 from ospc.estimation.frame_gains import gain_sigma
 from ospc.estimation.maximum_likelihood import Fitted, MaximumLikelihoodEstimator
@@ -26,7 +27,6 @@ from ospc.photometry.noise import NoiseModel
 from ospc.photometry.verdict import LATE_EXPOSURES, EffectEstimate
 from ospc.robust import ERROR_OF_SCALE
 from ospc.settings.estimation import (
-    ADDED_LIGHT_MODEL_ERROR,
     ASYMMETRY_SIGMA,
     CONTRADICTING_SIGMAS,
     FIRST_FIT_POINTS,
@@ -179,8 +179,8 @@ def _with_effects(
         start = after_newton_step(fitted.fit, suspect)
         wider = _estimator(start, noise, rounds).fit(observations, start)
         if not _significant(wider, -1):
-            better = trial_of(wider)  # one step is a weak test
-            trials = [better if trial.name == better.name else trial for trial in trials]
+            if EFFECTS[suspect.name].adds != "exposure":  # of an offset of the exposures, one step sees as much
+                trials = [trial_of(wider) if trial is suspect else trial for trial in trials]
             continue
         if suspect.name in CONTRADICTIONS:
             return replace(fitted, fit=wider), trials
@@ -266,13 +266,12 @@ def _estimates(fit: Fit, observations: ExposedObservations) -> tuple[EffectEstim
 
 
 def _with_model_errors(fit: Fit) -> Fit:
-    """Return a fit whose covariance includes how much real added light differs from its model."""
+    """Return a fit whose covariance includes how much the real effects differ from their models."""
     covariance = fit.covariance
     for number, name in enumerate(fit.effects.chosen, fit.vignette_part.stop):
-        if EFFECTS[name].adds == "light":
-            error = ADDED_LIGHT_MODEL_ERROR * fit.parameters[number]
-            change = error * fit.chance[:, number] / fit.chance[number, number]
-            covariance = covariance + np.outer(change, change)
+        error = EFFECTS[name].model_error * fit.parameters[number]
+        change = error * fit.chance[:, number] / fit.chance[number, number]
+        covariance = covariance + np.outer(change, change)
     return replace(fit, covariance=covariance)
 
 
@@ -282,7 +281,9 @@ def _with_estimates(fit: Fit, trials: Sequence[Trial], found: tuple[EffectEstima
     fit = _without_absorbed_light(fit)
     covariance = fit.covariance + sum(np.outer(one, one) for one in missing)
     estimates = (
-        EffectEstimate(trial.name, trial.value, trial.total_sigma) for trial in trials if trial.name in CORRECTED
+        EffectEstimate(trial.name, trial.value, trial.total_sigma)
+        for trial in trials
+        if trial.name in CORRECTED and trial.name not in GAIN_STEPS
     )
     return replace(fit, covariance=covariance, effect_estimates=(*found, *estimates))
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from ospc.errors import counted
+from ospc.estimation.effect_models import GAIN_STEPS
+from ospc.estimation.effects import Effects
 from ospc.estimation.fit import Fit
 from ospc.estimation.residual_effects import (
     UNEVEN,
@@ -245,10 +247,21 @@ _CONTRADICTIONS = {
 """The description and the remedy of each contradiction."""
 
 
+_STRAY = "light that is fixed to the camera (dark signal, a leak, a reflection) adds {share} of white at {typical}"
+
+_ADDED_LIGHT = {
+    "veiling glare": "veiling glare of {share} of the mean irradiance of each frame was found and corrected",
+    "light scattered nearby": "{share} of the light is scattered nearby; this was corrected",
+    "stray light at the corners": f"{_STRAY}, more at the corners than in the centre; this was corrected",
+    "stray light sideways": f"{_STRAY}, more at one side than in the centre; this was corrected",
+    "stray light vertically": f"{_STRAY}, more at the top or bottom than in the centre; this was corrected",
+}
+"""The note on each kind of light that was added; the second figure is the exposure."""
+
+
 def notes_of(fit: Fit) -> tuple[str, ...]:
     """Return a sentence for each effect that was found and corrected or accounted for."""
-    typical_ms = float(np.exp(fit.effects.log_typical_exposure))
-    return tuple(_corrected(found, typical_ms) for found in fit.effect_estimates if found.corrected)
+    return tuple(_corrected(found, fit.effects) for found in fit.effect_estimates if found.corrected)
 
 
 def contradictions_of(fit: Fit) -> Contradictions:
@@ -269,14 +282,18 @@ def judged(verdict: Verdict, contradictions: Contradictions) -> Verdict:
     return Verdict("marginal" if verdict.known else verdict.state, f"{verdict.reason}, but {what}", remedy)
 
 
-def _corrected(found: EffectEstimate, typical_ms: float) -> str:
+def _corrected(found: EffectEstimate, effects: Effects) -> str:
+    typical_ms = float(np.exp(effects.log_typical_exposure))
     share = f"{abs(found.value):.1%} ± {found.sigma:.1%}"
-    if found.name == "veiling glare":
-        return f"veiling glare of {share} of the mean irradiance of each frame was found and corrected"
-    if found.name == "light scattered nearby":
-        return f"{share} of the light is scattered nearby; this was corrected"
-    if found.name == "dark current":
-        return f"a dark signal of {share} of white at {typical_ms:.3g} ms was found and corrected"
+    if found.name in _ADDED_LIGHT:
+        return _ADDED_LIGHT[found.name].format(share=share, typical=f"{typical_ms:.3g} ms")
+    if found.name in GAIN_STEPS:
+        limit_ms = effects.step_exposures[GAIN_STEPS.index(found.name)] * typical_ms
+        than = "brighter" if found.value > 0 else "darker"
+        return (
+            f"images are {share} {than} beyond exposures of {limit_ms:.3g} ms than their exposures predict, as with "
+            "a gain that is not exact; this was corrected"
+        )
     if found.name == LATE_EXPOSURES:
         when, lag = ("late" if found.value > 0 else "early"), f"{abs(found.value):.2f} ± {found.sigma:.1g}"
         return f"exposures are {lag} frames {when}; this was corrected"

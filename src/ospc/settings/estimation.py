@@ -370,14 +370,27 @@ ADDED_LIGHT_MODEL_ERROR = 0.07
 veiling glare of 0.01 to 0.05 was found to within 0.05 of its amount with three cameras, and 0.08 to 0.19 too low with
 a fourth; 0.1 of light scattered nearby was found to within 0.05."""
 
-DARK_CURRENT = (0.03, 0.005, 0.001)
-"""Dark signal at a typical exposure, as a share of the irradiance at white."""
+STRAY_LIGHT = (0.03, 0.0, 0.0004)
+"""Light that is fixed to the camera, at a typical exposure, as a share of the irradiance at white. Clean recordings
+had at most 0.0004."""
 
 OFFSET = (0.1, 0.001, 0.001)
 """Constant error of all exposures, as a share of a typical one: 25 µs at 5 ms is common, and 5 µs goes unnoticed.
 With 0.1 for the second value, exposures with random errors of 1 per cent gave bands four times as wide as the errors.
 With 0.005, 82 per cent of the response's shape were within one standard deviation in 28 clean recordings, with this
 value 79."""
+
+GAIN_STEP = (0.03, 0.0, 0.0006)
+"""Step of ln of the gain at one exposure: a conversion gain or an entry of a gain table that is not exact. Clean
+recordings had at most 0.0012, and 0.0003 on average."""
+
+STEP_EXPOSURES, GAIN_STEP_MODEL_ERROR = 15, 0.1
+"""Number of exposures at which a step of the gain is looked for; they divide the observations into sixteen equal
+parts. And standard deviation of a step that is found, as a share of it, because it may lie between two of them."""
+
+DIFFERENT_LOG_EXPOSURE, MIN_STEP_EXPOSURES = 0.02, 3
+"""Difference of ln of the exposure at which two exposures count as different, and number of different ones that is
+needed on both sides of a step: with two exposures, any step is also a power of the exposures."""
 
 LATENESS = (0.3, 0.03, 0.01)
 """Lag of all exposures in frames, after correction by whole frames: exposures that are time-stamped, interpolated or
@@ -425,16 +438,14 @@ SUSPECTED_SIGMAS = 1.5
 """Significance, in standard deviations, above which an effect is fitted jointly with all other parameters. A single
 Newton step is a weak test, because the effect itself adds to the scatter by which it is judged."""
 
-ABSORBED_FRAME_LIGHT, ABSORBED_NEARBY_LIGHT, ABSORBED_DARK = 0.35, 0.5, 0.25
-"""Quantiles of the additional light that the response contains while effects are fitted: of the mean light of frames,
-of the light of the surroundings, and of the dark signal. With 0.5 for all, nothing was left of grey levels darker
-than that: with a dark signal of 0.012 of white, ln g at grey 30 was off by 0.6 instead of 0.02. Smaller quantiles
-make fits converge more slowly: with the minimum, glare of 0.05 was estimated as 0.03."""
+ABSORBED_FRAME_LIGHT, ABSORBED_NEARBY_LIGHT = 0.35, 0.5
+"""Quantiles of the additional light that the response contains while effects are fitted: of the mean light of frames
+and of the light of the surroundings. Smaller quantiles make fits converge more slowly: with the minimum, glare of
+0.05 was estimated as 0.03."""
 
 SUSPECTED_LIGHT_SIGMAS = 2.0
 """The same for added light, by chance alone. Near black, ln g is so nonlinear in added light that one step may go
-only a tenth of the way: for a dark signal of 0.008 of white it gave 0.0008 ± 0.0004, and the vignette was off by
-0.009."""
+only a tenth of the way."""
 
 MIN_GROUPS = 30
 """Minimum number of pairs of frames for judging effects. None were found in 170 parts, of 45 to 90 pairs, of clean

@@ -83,6 +83,8 @@ FAULTS = (
         lambda e, x, _: np.maximum(e, np.quantile(e, x))),
     _stated("dual-gain", "a hidden gain of {} above the median exposure", (1.05, 1.2, 2),
         lambda e, x, _: np.where(e > np.median(e), e / x, e)),
+    _stated("gain-step", "a hidden gain of {} for the longest two fifths of the exposures", (1.005, 1.01, 1.02),
+        lambda e, x, _: np.where(e > np.quantile(e, 0.6), e / x, e)),
     _stated("gain-when-dark", "a hidden gain of {} for the longest fifth of the exposures", (1.1, 1.5, 4),
         lambda e, x, _: np.where(e > np.quantile(e, 0.8), e / x, e)),
     _stated("hidden-gain", "a hidden gain of ±{} that switches every 10 frames", (0.02, 0.05, 0.1),

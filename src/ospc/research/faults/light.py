@@ -53,6 +53,12 @@ def _near_glare(footage: Footage, share: float, _random: np.random.Generator) ->
     return footage.relit(spread)
 
 
+def _stray_light(footage: Footage, share: float, _random: np.random.Generator) -> Footage:
+    squared_radius = np.sum(footage.from_centre() ** 2, axis=-1)
+    stray = share * squared_radius / squared_radius.max() / np.median(footage.camera.exposures_ms)
+    return footage.relit(lambda light, i: np.asarray(light + stray * footage.camera.exposures_ms[i]))
+
+
 def _row_flicker(footage: Footage, amplitude: float, _random: np.random.Generator) -> Footage:
     rows = np.linspace(0, _READOUT_CYCLES, footage.images[0].shape[0])[:, None]
 
@@ -181,6 +187,8 @@ FAULTS = (
         lambda f, x, _: f.relit(
             lambda light, i: light + np.float32(x * f.camera.exposures_ms[i] / np.median(f.camera.exposures_ms))
         )),
+    Fault("stray-light", "light fixed to the camera, at the corners {} of saturation at the median exposure",
+        (0.003, 0.01, 0.03), _stray_light),
     Fault("persistence", "{} of the frame before remains", (0.02, 0.05, 0.1),
         lambda f, x, _: f.relit(
             lambda light, i: light + np.float32(x) * np.minimum(f.camera.irradiance[max(0, i - 1)], 1)

@@ -1,0 +1,217 @@
+"""The models of effects of optics, sensors and metadata other than response and vignette.
+
+With the corrected effects, the irradiance of an observation is ``g(M) = a(e) (e + δ ē) V L + γ Ḡ + d(x) e/ē``, where
+a is an unrecorded gain, Ḡ the mean of g over the frame, ē a typical exposure and d light that is fixed to the camera.
+The other effects are not properties of a camera: they show that the recording contradicts the model.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from ospc.arrays import FloatArray
+from ospc.observations import MOMENTS, ExposedObservations
+from ospc.photometry.verdict import LATE_EXPOSURES
+from ospc.settings.estimation import (
+    ADDED_LIGHT_MODEL_ERROR,
+    BLACK_BY_EXPOSURE,
+    BLACK_DRIFT,
+    CURVATURE,
+    DARKEST_GREY,
+    GAIN_STEP,
+    GAIN_STEP_MODEL_ERROR,
+    GLARE,
+    LATENESS,
+    LOCAL_TONE,
+    MOST_ADDED_LIGHT,
+    MOST_LATE_FRAMES,
+    MOST_OFFSET,
+    OFFSET,
+    RESPONSE_DRIFT,
+    SCATTER,
+    STEP_EXPOSURES,
+    STRAY_LIGHT,
+    VIGNETTE_DRIFT,
+)
+
+Addition = Literal["light", "exposure", "log"]
+"""The quantity that an effect adds to: the light on the sensor, the exposure, or ln g."""
+
+
+@dataclass(frozen=True)
+class AbsorbedLight:
+    """Additional light contained in the response, as that of a rather dark observation: its moments."""
+
+    frame_moments: tuple[float, ...] = (0.0,) * MOMENTS
+    surround_moments: tuple[float, ...] = (0.0,) * (1 + MOMENTS)
+
+
+@dataclass(frozen=True)
+class Circumstances:
+    """Quantities that determine the amount of an effect, for n observations and a response.
+
+    Attributes
+    ----------
+    observations
+        The observations.
+    exposure, time
+        Exposure relative to the typical one, and time from −1 in the first group to 1 in the last, shape (n,).
+    grey, gamma
+        Expected grey levels, and the local gamma there, shape (n,).
+    light_of_moments
+        Factors on the moments of grey levels; the weighted sum is their mean irradiance, shape (6,).
+    absorbed
+        The additional light contained in the response.
+    step_exposures
+        Exposures relative to the typical one, beyond which the gain may differ, shape (15,).
+    """
+
+    observations: ExposedObservations
+    exposure: FloatArray
+    time: FloatArray
+    grey: FloatArray
+    gamma: FloatArray
+    light_of_moments: FloatArray
+    absorbed: AbsorbedLight
+    step_exposures: tuple[float, ...]
+
+    @property
+    def position(self) -> FloatArray:
+        """Positions of the observations, in half diagonals, shape (n, 2)."""
+        return self.observations.position
+
+    @property
+    def light_of_frame(self) -> FloatArray:
+        """Mean irradiance of the frame in excess of that contained in the response, shape (n,)."""
+        return (self.observations.frame_moments - self.absorbed.frame_moments) @ self.light_of_moments
+
+    @property
+    def light_around(self) -> FloatArray:
+        """Mean irradiance of the surroundings in excess of that contained in the response, shape (n,)."""
+        return (self.observations.surround_moments - self.absorbed.surround_moments)[:, 1:] @ self.light_of_moments
+
+    @property
+    def grey_around(self) -> FloatArray:
+        """Mean grey level of the surroundings that receive light, 1 if none do, shape (n,)."""
+        share, total = self.observations.surround_moments[:, :2].T.astype(np.float64)
+        return np.maximum(np.where(share > 0, total / np.maximum(share, DARKEST_GREY), 1.0), DARKEST_GREY)
+
+
+@dataclass(frozen=True)
+class Effect:
+    """One effect.
+
+    Attributes
+    ----------
+    adds
+        The quantity it adds to.
+    amount
+        The amount that a parameter of 1 adds to each of n observations, in irradiance, typical exposures or ln g,
+        shape (n,).
+    sigma, usual_sigma
+        Prior standard deviations of the parameter: in cameras with the effect, and in all others.
+    systematic
+        Standard deviation of spurious values of the parameter in clean recordings.
+    model_error
+        Standard deviation of the parameter of a real effect, which its model only approximates, as a share of it.
+    least, most
+        Plausible range of the parameter: there is no negative light.
+    """
+
+    adds: Addition
+    amount: Callable[[Circumstances], FloatArray]
+    sigma: float
+    usual_sigma: float
+    systematic: float
+    model_error: float = 0.0
+    least: float = -np.inf
+    most: float = np.inf
+
+    def allows(self, value: float) -> bool:
+        """Return whether a value of the parameter is plausible."""
+        return self.least <= value <= self.most
+
+
+def _light(
+    amount: Callable[[Circumstances], FloatArray], sigmas: tuple[float, float, float], least: float = 0.0
+) -> Effect:
+    """Return an effect that adds light."""
+    return Effect("light", amount, *sigmas, ADDED_LIGHT_MODEL_ERROR, least, MOST_ADDED_LIGHT)
+
+
+def _gain_step(number: int) -> Effect:
+    """Return the effect of a gain that differs beyond one of the step exposures."""
+    return Effect(
+        "log",
+        lambda seen: (seen.exposure > seen.step_exposures[number]).astype(np.float64),
+        *GAIN_STEP,
+        GAIN_STEP_MODEL_ERROR,
+    )
+
+
+def _step_name(number: int) -> str:
+    return f"gain step {number + 1} of {STEP_EXPOSURES}"
+
+
+GAIN_STEPS = tuple(map(_step_name, range(STEP_EXPOSURES)))
+"""The gain differs beyond an exposure, which so many sixteenths of the observations do not exceed."""
+
+EFFECTS = {
+    # Light is relative to that contained in the response.
+    "veiling glare": _light(lambda seen: seen.light_of_frame, GLARE),
+    "light scattered nearby": _light(lambda seen: seen.light_around, SCATTER),
+    "stray light at the corners": _light(lambda seen: seen.exposure * np.sum(seen.position**2, axis=1), STRAY_LIGHT),
+    "stray light sideways": _light(lambda seen: seen.exposure * seen.position[:, 0], STRAY_LIGHT, -MOST_ADDED_LIGHT),
+    "stray light vertically": _light(
+        lambda seen: seen.exposure * seen.position[:, 1], STRAY_LIGHT, -MOST_ADDED_LIGHT
+    ),
+    "exposure offset": Effect(
+        "exposure", lambda seen: np.ones_like(seen.exposure), *OFFSET, least=-MOST_OFFSET, most=MOST_OFFSET
+    ),
+    LATE_EXPOSURES: Effect(
+        "log",
+        lambda seen: seen.observations.log_exposure_rate,
+        *LATENESS,
+        least=-MOST_LATE_FRAMES,
+        most=MOST_LATE_FRAMES,
+    ),
+    **{name: _gain_step(number) for number, name in enumerate(GAIN_STEPS)},
+    # The grey level is multiplied by a power θ of that of the surroundings.
+    "local tone mapping": Effect("log", lambda seen: seen.gamma * np.log(seen.grey_around), *LOCAL_TONE),
+    "curved exposures": Effect("log", lambda seen: np.log(seen.exposure) ** 2, *CURVATURE),
+    # The grey level has a power of 1 + θ; it rises by θ.
+    "drifting response": Effect("log", lambda seen: seen.time * seen.gamma * np.log(seen.grey), *RESPONSE_DRIFT),
+    "drifting black level": Effect("log", lambda seen: seen.time * seen.gamma / seen.grey, *BLACK_DRIFT),
+    "black level by exposure": Effect(
+        "log", lambda seen: np.log(seen.exposure) * seen.gamma / seen.grey, *BLACK_BY_EXPOSURE
+    ),
+    "drifting vignette": Effect("log", lambda seen: seen.time * np.sum(seen.position**2, axis=1), *VIGNETTE_DRIFT),
+    "vignette moving sideways": Effect("log", lambda seen: seen.time * seen.position[:, 0], *VIGNETTE_DRIFT),
+    "vignette moving vertically": Effect("log", lambda seen: seen.time * seen.position[:, 1], *VIGNETTE_DRIFT),
+}
+"""All effects by name."""
+
+LIGHT_FIXED_TO_CAMERA = (
+    "stray light at the corners",
+    "stray light sideways",
+    "stray light vertically",
+)
+"""Light that grows with the exposure but does not come from the scene: leaks, reflections, dark signal. A part that
+is distributed like V cannot be distinguished from the scene, so the amount in the centre counts as zero."""
+
+CORRECTED = (
+    "veiling glare",
+    "light scattered nearby",
+    *LIGHT_FIXED_TO_CAMERA,
+    "exposure offset",
+    LATE_EXPOSURES,
+    *GAIN_STEPS,
+)
+"""Effects of real cameras. Those that the observations show are corrected in the result."""
+
+CONTRADICTIONS = tuple(name for name in EFFECTS if name not in CORRECTED)
+"""Effects that contradict a camera with one response and one vignette."""
