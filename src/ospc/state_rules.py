@@ -174,7 +174,7 @@ RULES: Mapping[type, Mapping[str, Numbers | str]] = {
     GreyRange: {"black white": UNIT},
     NoiseModel: {"read_variance": UNIT, "shot_variance": Numbers(-1, 1), "table": Numbers(0, 1, ("levels",))},
     ResponseBasis: {"intervals": Numbers(1, _MOST_INTERVALS)},
-    Effects: {"chosen groups": ELSEWHERE},
+    Effects: {"chosen groups step_exposures": ELSEWHERE},
     AbsorbedLight: {"frame_moments surround_moments": ELSEWHERE},
     VignetteBasis: {"radial": Numbers(0, _MOST_RADIAL), "usable_radius": Numbers(MIN_USABLE_RADIUS, 1)},
     ErrorModel: {
