@@ -179,7 +179,7 @@ def _with_effects(
         start = after_newton_step(fitted.fit, suspect)
         wider = _estimator(start, noise, rounds).fit(observations, start)
         if not _significant(wider, -1):
-            if EFFECTS[suspect.name].adds != "exposure":  # of an offset of the exposures, one step sees as much
+            if suspect.name == "local tone mapping":  # one step sees half of it: the response has taken up the rest
                 trials = [trial_of(wider) if trial is suspect else trial for trial in trials]
             continue
         if suspect.name in CONTRADICTIONS:
