@@ -89,8 +89,12 @@ def test_unsteady_light_is_accounted_for_and_its_remedy_asks_for_no_wider_exposu
     [
         ("gain step 3 of 15", -0.007, "images are 0.7% ± 0.1% darker beyond exposures of 8 ms than"),
         ("gain step 3 of 15", 0.02, "images are 2.0% ± 0.1% brighter beyond exposures of 8 ms than"),
-        ("stray light at the corners", 0.01, "1.0% ± 0.1% of white at 4 ms, more at the corners than in the centre"),
-        ("stray light sideways", -0.01, "1.0% ± 0.1% of white at 4 ms, more at one side than in the centre"),
+        (
+            "stray light at the corners",
+            0.01,
+            "1.00% ± 0.10% of white at 4 ms, more at the corners than in the centre",
+        ),
+        ("stray light sideways", -0.01, "1.00% ± 0.10% of white at 4 ms, more at one side than in the centre"),
     ],
 )
 def test_a_note_states_size_and_place_of_what_was_corrected(name, value, words):

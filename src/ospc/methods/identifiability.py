@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ospc.errors import counted
-from ospc.estimation.effect_models import GAIN_STEPS
+from ospc.estimation.effect_models import GAIN_STEPS, LIGHT_FIXED_TO_CAMERA
 from ospc.estimation.effects import Effects
 from ospc.estimation.fit import Fit
 from ospc.estimation.residual_effects import (
@@ -284,7 +284,8 @@ def judged(verdict: Verdict, contradictions: Contradictions) -> Verdict:
 
 def _corrected(found: EffectEstimate, effects: Effects) -> str:
     typical_ms = float(np.exp(effects.log_typical_exposure))
-    share = f"{abs(found.value):.1%} ± {found.sigma:.1%}"
+    digits = 2 if found.name in LIGHT_FIXED_TO_CAMERA else 1
+    share = f"{abs(found.value):.{digits}%} ± {found.sigma:.{digits}%}"
     if found.name in _ADDED_LIGHT:
         return _ADDED_LIGHT[found.name].format(share=share, typical=f"{typical_ms:.3g} ms")
     if found.name in GAIN_STEPS:
