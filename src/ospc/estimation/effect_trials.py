@@ -81,20 +81,19 @@ def estimate_effects(fitted: Fitted, names: Sequence[str]) -> list[Trial]:
     p = len(fit.parameters)
     about = np.concatenate([fit.parameters, np.zeros(len(names))])
     choices = [np.append(np.arange(p), p + i) for i in range(len(names))]
-    trials = []
-    for name, step in zip(names, estimator.newton_steps(fitted, about, choices), strict=True):
-        found, covariance = step
-        parameter_slope = covariance[:p, p] / covariance[p, p]
-        trials.append(Trial(name, float(found[p]), float(np.sqrt(covariance[p, p])), parameter_slope, fit.groups))
-    return trials
+    steps = estimator.newton_steps(fitted, about, choices)
+    return [_trial(name, *step, fit.groups) for name, step in zip(names, steps, strict=True)]
 
 
 def trial_of(fit: Fit) -> Trial:
     """Return the estimate of the last effect of a joint fit, which is left out because it is not significant."""
-    value, covariance = float(fit.parameters[-1]), fit.chance
-    parameter_slope = covariance[:-1, -1] / covariance[-1, -1]
-    sigma = float(np.sqrt(covariance[-1, -1]))
-    return Trial(fit.effects.chosen[-1], value, sigma, parameter_slope, fit.groups)
+    return _trial(fit.effects.chosen[-1], fit.parameters, fit.chance, fit.groups)
+
+
+def _trial(name: str, parameters: FloatArray, covariance: FloatArray, groups: int) -> Trial:
+    """Return the estimate of the effect whose parameter is the last one."""
+    variance = covariance[-1, -1]
+    return Trial(name, float(parameters[-1]), float(np.sqrt(variance)), covariance[:-1, -1] / variance, groups)
 
 
 def after_newton_step(fit: Fit, trial: Trial) -> Fit:

@@ -55,8 +55,13 @@ def _near_glare(footage: Footage, share: float, _random: np.random.Generator) ->
 
 def _stray_light(footage: Footage, share: float, _random: np.random.Generator) -> Footage:
     squared_radius = np.sum(footage.from_centre() ** 2, axis=-1)
-    stray = share * squared_radius / squared_radius.max() / np.median(footage.camera.exposures_ms)
-    return footage.relit(lambda light, i: np.asarray(light + stray * footage.camera.exposures_ms[i]))
+    return _fixed_light(footage, share * squared_radius / squared_radius.max())
+
+
+def _fixed_light(footage: Footage, light: float | FloatArray) -> Footage:
+    """Add light that does not come from the scene, given at the median exposure, shape () or (height, width)."""
+    relative = footage.camera.exposures_ms / np.median(footage.camera.exposures_ms)
+    return footage.relit(lambda scene, i: scene + np.asarray(light * relative[i], np.float32))
 
 
 def _row_flicker(footage: Footage, amplitude: float, _random: np.random.Generator) -> Footage:
@@ -184,9 +189,7 @@ FAULTS = (
     Fault("bloom", "{} of the light beyond saturation spills over", (0.1, 0.3, 1),
         lambda f, x, _: f.relit(lambda light, _i: light + x * cv2.GaussianBlur(np.maximum(light - 1, 0), (0, 0), 8))),
     Fault("dark-current", "dark current of {} of saturation at the median exposure", (0.005, 0.01, 0.02),
-        lambda f, x, _: f.relit(
-            lambda light, i: light + np.float32(x * f.camera.exposures_ms[i] / np.median(f.camera.exposures_ms))
-        )),
+        lambda f, x, _: _fixed_light(f, x)),
     Fault("stray-light", "light fixed to the camera, at the corners {} of saturation at the median exposure",
         (0.003, 0.01, 0.03), _stray_light),
     Fault("persistence", "{} of the frame before remains", (0.02, 0.05, 0.1),
