@@ -278,6 +278,38 @@ def test_frames_that_cannot_be_used_are_counted_with_their_reason(exposure_ms):
         assert "exposure" in live.status.reasons[-1]
 
 
+@pytest.mark.parametrize("threads", [False, True])
+def test_a_loader_that_fails_in_any_way_costs_one_frame_and_not_the_run(threads):
+    def lost():
+        raise RuntimeError("the driver does not answer")
+
+    with LiveCalibrator() as live:
+        for load in (grey().load, lost, grey().load):
+            live.push(replace(grey(), load=load, threads=threads))
+        live.wait(0)
+        assert (live.status.frames, live.status.unusable) == (3, 1)
+        assert "the driver does not answer" in live.status.reasons[-1]
+
+
+def test_the_advice_says_why_most_of_the_latest_frames_cannot_be_used():
+    with LiveCalibrator() as live:
+        live.push(grey(size=(40, 64)))
+        for _ in range(20):
+            live.push(grey())
+        live.wait(0)
+        assert live.status.instruction.kind == "unusable"
+        assert "64×48 pixels, but the first frame has 64×40" in live.status.advice
+
+
+def test_a_driver_that_hesitates_does_not_change_the_advice():
+    with LiveCalibrator() as live:
+        for number in range(30):
+            live.push(replace(grey(), exposure_ms=float("nan") if number % 3 == 0 else 1.0))
+        live.wait(0)
+        assert live.status.unusable == 10
+        assert live.status.instruction.kind == "begin"
+
+
 def test_both_threads_count_only_while_they_hold_the_lock():
     held = []
 

@@ -1,19 +1,28 @@
 """When a live calibrator estimates on its own."""
 
+from dataclasses import replace
+
 import pytest
 
 from calibrations import calibration
 from ospc.calibrator import OnlineCalibrator
-from ospc.live.status import ESTIMATE_GROWTH, FIRST_ESTIMATE, Findings
+from ospc.live.status import ESTIMATE_GROWTH, FIRST_ESTIMATE, UNKNOWN_GROWTH, Findings
 
 
-@pytest.mark.parametrize(("asked_at", "next_at"), [((), FIRST_ESTIMATE), ((30,), ESTIMATE_GROWTH * 30)])
-def test_an_estimate_that_was_asked_for_puts_off_the_next(asked_at, next_at, monkeypatch):
+@pytest.mark.parametrize(
+    ("asked_at", "converged", "next_at"),
+    [
+        ((), True, FIRST_ESTIMATE),
+        ((30,), True, ESTIMATE_GROWTH * 30),
+        # The status must not say for long that something is not identifiable if it has become so.
+        ((40,), False, int(UNKNOWN_GROWTH * 40)),
+    ],
+)
+def test_an_estimate_puts_off_the_next_one(asked_at, converged, next_at, monkeypatch):
     engine, estimated_at = OnlineCalibrator(), []
+    known = replace(calibration(), converged=converged)
     found = Findings(engine, 0.005)
-    monkeypatch.setattr(
-        OnlineCalibrator, "calibration", lambda engine: estimated_at.append(processed) or calibration()
-    )
+    monkeypatch.setattr(OnlineCalibrator, "calibration", lambda engine: estimated_at.append(processed) or known)
     for processed in range(1, next_at + 2):
         monkeypatch.setattr(OnlineCalibrator, "processed", processed)
         monkeypatch.setattr(OnlineCalibrator, "frames", processed)

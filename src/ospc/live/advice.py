@@ -13,7 +13,7 @@ from ospc.live.knowledge import GOAL, Knowledge, certainty, knowledge_of
 from ospc.methods.preview import Preview
 from ospc.photometry.calibration import Calibration
 
-Kind = Literal["begin", "slower", "move", "bright", "dark", "vary", "exposures", "done"]
+Kind = Literal["begin", "unusable", "slower", "move", "bright", "dark", "vary", "exposures", "done"]
 
 _CHOSEN = ("move", "bright", "dark", "vary")
 """Kinds that are chosen by their gain."""
@@ -153,13 +153,16 @@ class Adviser:
         self._set_aside: dict[Kind, float] = {}
         self._found: deque[tuple[int, int]] = deque()
 
-    def look(self, preview: Preview | None, time_s: float, known: Calibration | None = None) -> Instruction:
+    def look(
+        self, preview: Preview | None, time_s: float, known: Calibration | None = None, unusable: str = ""
+    ) -> Instruction:
         """Update the instruction from a preview at a time in seconds (of any origin), and return it.
 
-        Only ``known``, the latest complete estimate, can show that the goal is reached.
+        Only ``known``, the latest complete estimate, can show that the goal is reached. ``unusable`` is the reason
+        why most of the latest frames cannot be used; empty if they can.
         """
         self.expects_end = False
-        urgent = self._urgent(preview, known)
+        urgent = self._urgent(preview, known, unusable)
         if urgent is not None:
             return self._switched(urgent, time_s)
         knowledge = knowledge_of(preview)
@@ -175,7 +178,7 @@ class Adviser:
         )
         return self.instruction
 
-    def _urgent(self, preview: Preview | None, known: Calibration | None) -> Instruction | None:
+    def _urgent(self, preview: Preview | None, known: Calibration | None, unusable: str) -> Instruction | None:
         """Return the instruction that overrides all others, if any."""
         if known is not None:
             response, vignette = certainty(known, 1.0 if preview is None else preview.usable_radius)
@@ -183,6 +186,9 @@ class Adviser:
             if enough and response is not None and vignette is not None and max(response, vignette) <= self._goal:
                 text = f"Done: response and vignette are known to ±{self._goal:g}."
                 return Instruction("done", text, response_sigma=response, vignette_sigma=vignette)
+        if unusable:
+            return Instruction("unusable", f"Most of the latest frames cannot be used. {unusable}")
+        if known is not None:
             exposures = known.verdicts.get("exposures")
             if exposures is not None and exposures.state == "not identifiable":
                 return Instruction("exposures", exposures.remedy or exposures.reason)

@@ -13,6 +13,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from ospc.arrays import Image
 from ospc.calibrator import OnlineCalibrator
 from ospc.errors import FrameError, OspcError, SettingError, said_by
 from ospc.exposures.lag_choice import LagChoice
@@ -109,8 +110,9 @@ class LiveCalibrator(AbstractContextManager["LiveCalibrator"]):
             # Queued frames may change which frames are needed, so the prediction counts only if the queue is empty.
             if not full and (needed or self._queue):
                 try:
-                    own = frame if frame.threads else in_memory(frame)
-                    work, size, kept = partial(self._engine.push, own), 0 if own is frame else own.image.nbytes, True
+                    safe = _with_safe_load(frame)
+                    own = safe if frame.threads else in_memory(safe)
+                    work, size, kept = partial(self._engine.push, own), 0 if own is safe else own.image.nbytes, True
                 except FrameError as error:
                     work = partial(work, str(error))
             self._frames += 1
@@ -242,7 +244,7 @@ class LiveCalibrator(AbstractContextManager["LiveCalibrator"]):
             self._queue.popleft()
             self._waiting_bytes -= size
             self._changed.notify_all()
-        self._found.follow(self._frames)
+        self._found.follow(self._frames, used=used)
 
     def _advise(self) -> None:
         with self._throttle.timed():
@@ -266,6 +268,20 @@ def in_memory(frame: Frame) -> Frame:
     """Return a frame with its own copy of the image, for any thread; FrameError if it cannot be read."""
     image = frame.image.copy()
     return replace(frame, load=lambda: image, verify=None, threads=True)
+
+
+def _with_safe_load(frame: Frame) -> Frame:
+    """Return a frame whose image cannot be read if its loader fails in any way: one bad frame must not end a run."""
+
+    def load() -> Image:
+        try:
+            return frame.image
+        except OspcError:
+            raise
+        except Exception as error:
+            raise FrameError(f"{frame.name}: its image cannot be read ({said_by(error)})") from error
+
+    return replace(frame, load=load)
 
 
 def _failed(failure: BaseException) -> OspcError:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections import deque
 from dataclasses import dataclass, replace
 
 from ospc.calibrator import OnlineCalibrator
@@ -17,8 +18,16 @@ FIRST_ESTIMATE, ESTIMATE_GROWTH = 48, 4
 """Number of processed frames before the first automatic estimate, and factor by which that number grows from one
 estimate to the next: with a factor of 2, they took a quarter of the processor time of the first half minute."""
 
+UNKNOWN_GROWTH = 1.5
+"""That factor while something is not identifiable. With a factor of 4, the status was outdated for half a minute,
+because few frames are processed late in a run."""
+
 CONFIRMING = 12
 """Number of processed frames before the next estimate if quick estimates indicate that the goal is reached."""
+
+LATEST_FRAMES, MOST_UNUSABLE = 20, 10
+"""Number of latest frames considered, and number of unusable ones among them above which the advice says so: a driver
+that starts or hesitates loses fewer."""
 
 MOST_NOTES = 20
 """Number of latest notes to keep."""
@@ -83,6 +92,7 @@ class Findings:
         self._estimated_after = self._estimated_frames = 0
         self._next_estimate = FIRST_ESTIMATE
         self._known_epochs = 1
+        self._used: deque[bool] = deque(maxlen=LATEST_FRAMES)
 
     def status(self, pushed: int, dropped: int, unusable: int) -> LiveStatus:
         """Return the status after this many frames."""
@@ -111,11 +121,13 @@ class Findings:
             self._converged_after = self._converged_after or pushed
         self.latest = self._confirmed = found
         self._estimated_after, self._estimated_frames = self._engine.processed, self._engine.frames
-        self._next_estimate = max(FIRST_ESTIMATE, ESTIMATE_GROWTH * self._estimated_after)
+        growth = ESTIMATE_GROWTH if found.converged else UNKNOWN_GROWTH
+        self._next_estimate = max(FIRST_ESTIMATE, int(growth * self._estimated_after))
         return found
 
-    def follow(self, pushed: int) -> None:
-        """After a processed frame, check for a change of the camera, and estimate if due."""
+    def follow(self, pushed: int, *, used: bool = True) -> None:
+        """After a frame, used or not, check for a change of the camera, and estimate if due."""
+        self._used.append(used)
         epochs, processed = self._engine.epochs, self._engine.processed
         if len(epochs) > self._known_epochs:
             change, self._known_epochs = epochs[-2].change, len(epochs)
@@ -130,7 +142,8 @@ class Findings:
     def advise(self, pushed: int) -> None:
         """Choose what to film next from quick estimates."""
         self.preview = self._engine.preview()
-        now = self._adviser.look(self.preview, time.monotonic(), self._confirmed)
+        reasons = self._engine.status.skipped if self._used.count(False) > MOST_UNUSABLE else ()
+        now = self._adviser.look(self.preview, time.monotonic(), self._confirmed, "".join(reasons[-1:]))
         due = self._engine.processed >= self._estimated_after + CONFIRMING
         if due and now.kind != "done" and self._adviser.expects_end:
             self.estimate(pushed)  # quick estimates omit errors that only a complete one finds
