@@ -57,6 +57,27 @@ def test_noise_clouds_and_lamps_are_none(film: Film, lag: int) -> None:
     assert proven(changes(film), stated(film.log_exposure, lag, lag), lag) is None
 
 
+def test_flicker_that_the_exposure_control_begins_to_follow_is_none() -> None:
+    """The exposure was at its limit before, so the flicker did not change it."""
+    frames, limited = 300, 130
+    number = np.arange(frames)
+    light = 0.046 * np.sin(2 * np.pi * 0.161 * number)
+    course = np.zeros(frames)
+    for i in range(limited, frames):
+        course[i] = course[i - 1] - 0.29 * (light[i - 1] + course[i - 1])
+    course += np.where(number < limited, 0.0, 0.016 * wandering(frames, 33))
+    film = Film(course, hidden_log_gain=light, size=LARGE, movers=2, noise=2.34)
+    assert proven(changes(film), course, 0) is None
+
+
+@pytest.mark.parametrize("after", [1, 2])
+def test_periodic_exposures_are_not_taken_for_flicker(after: int) -> None:
+    film = Film(0.2 * np.sin(2 * np.pi * np.arange(FRAMES) / 8.7) + 0.02 * WANDERING.log_exposure)
+    change = proven(changes(film), stated(film.log_exposure, 0, after), 0)
+    assert change is not None
+    assert change.later_frames == after
+
+
 @pytest.mark.parametrize(("seed", "size"), [(5, 0.015), (6, 0.012)])
 def test_a_change_to_earlier_exposures_needs_stronger_evidence(seed: int, size: float) -> None:
     film = Film(wandering(FRAMES, seed) * size, noise=2.0, size=LARGEST)

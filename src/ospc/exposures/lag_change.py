@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ospc.arrays import FloatArray, IntArray
 from ospc.exposures.brightness import BrightnessChange
 from ospc.exposures.brightness_series import BrightnessSeries
-from ospc.exposures.lag_likelihood import fit_exposures
+from ospc.exposures.flicker import find_flicker, waves
+from ospc.exposures.lag_likelihood import LagFit, fit_exposures
 from ospc.exposures.table import filled
 from ospc.settings.exposures import (
     EARLIER_LAG_LEAD,
@@ -51,7 +52,7 @@ def detect_lag_change(
     """Return the change of the lag that the latest brightness changes show, or None.
 
     A change is suspected if another lag fits all pairs since some frame better than the known one. It is proven if
-    all pairs together, fitted with a slow change of light, are much more likely with another lag since that frame
+    all pairs together, fitted with slow and flickering light, are much more likely with another lag since that frame
     than with the known lag throughout, and if all lags that are nearly as likely lie on the same side of the known
     one.
 
@@ -77,18 +78,40 @@ def detect_lag_change(
     if lead < SUSPECTED_LAG_CHANGE_LEAD or pairs_before < MIN_PAIRS_BEFORE_LAG_CHANGE:
         return None
     since_change = np.where(series.frame < first_frame, exposure_changes[_UNCHANGED], exposure_changes)
-    leads = _leads(series, since_change, _slow_light(series.frame)).sum(axis=1)
+    later_frames = _proven_change(series, since_change)
+    return replace(suspected, later_frames=later_frames, proven=True) if later_frames else suspected
+
+
+def _proven_change(series: BrightnessSeries, changes: FloatArray) -> int:
+    """Return by how many frames exposures are provably later if the light varies slowly and may flicker; 0 if none.
+
+    Flicker that an exposure control follows looks like exposures of another lag. If even the best lag leaves a
+    flicker unexplained, the proof must hold with and without fitting it.
+    """
+    light = _slow_light(series.frame)
+    fits = fit_exposures(series, changes, light)
+    found = _clearly_later(fits)
+    flicker = find_flicker(series.frame, max(fits, key=lambda fit: fit.total).unexplained) if found else None
+    if flicker is not None:
+        flickering = np.hstack([light, waves(series.frame, [flicker.cycles_per_frame])])
+        beside_flicker = _clearly_later(fit_exposures(series, changes, flickering))
+        found = beside_flicker if beside_flicker * found > 0 else 0
+    return found
+
+
+def _clearly_later(fits: Sequence[LagFit]) -> int:
+    """Return the change of the lag that is most likely if all likely ones have its sign; 0 otherwise."""
+    totals = np.array([fit.total for fit in fits])
+    leads = totals - totals[_UNCHANGED]
     likely = _LATER[leads > leads.max() - MIN_LAG_LEAD]
     later = leads.max() > LATER_LAG_LEAD and likely.min() > 0
     earlier = leads.max() > EARLIER_LAG_LEAD and likely.max() < 0
-    if not (later or earlier):
-        return suspected
-    return LagChange(suspected.frame, int(_LATER[leads.argmax()]), proven=True)
+    return int(_LATER[leads.argmax()]) if later or earlier else 0
 
 
-def _leads(series: BrightnessSeries, changes: FloatArray, light: FloatArray | None = None) -> FloatArray:
+def _leads(series: BrightnessSeries, changes: FloatArray) -> FloatArray:
     """Return the log likelihood of each row of exposure changes relative to the known lag, shape (lags, pairs)."""
-    log_likelihood = np.array([fit.log_likelihood for fit in fit_exposures(series, changes, light)])
+    log_likelihood = np.array([fit.log_likelihood for fit in fit_exposures(series, changes)])
     return np.asarray(log_likelihood - log_likelihood[_UNCHANGED])
 
 
