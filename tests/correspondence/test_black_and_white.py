@@ -72,10 +72,11 @@ def test_a_new_epoch_keeps_them_until_something_is_darker_or_brighter(
     assert later.grey_range == expected
 
 
-def test_the_share_of_white_pixels_is_known_of_a_frame_and_around_a_place():
+@pytest.mark.parametrize("white", [200, 236, 255])
+def test_white_pixels_are_counted_wherever_white_is(white: int) -> None:
     image = np.full((240, 320), 100, np.uint8)
-    image[:, :80] = 255
-    prepared = Preprocessor()(Frame.of_array(image, 1.0, index=0, max_grey=255))
+    image[:, :80] = white
+    prepared = PREPROCESS(Frame.of_array(image, 1.0, index=0, max_grey=255), GreyRange(0.0, white / 255))
     assert prepared.moments[-1] == pytest.approx(0.25, abs=0.01)
     inside, outside = prepared.values_at(prepared.surround_moments, np.array([[20.0, 120.0], [300.0, 120.0]]))
     assert inside[-1] > 0.9 * inside[0]
@@ -92,3 +93,43 @@ def test_saturated_places_are_not_compared_wherever_white_is(white: int) -> None
     assert not exposed[:, : columns // 4].any()
     assert exposed[:, columns // 4 + 4 :].all()
     assert PREPROCESS.thumbnail(frame).exposed.all()
+
+
+def film_with_scattered_white(white: int, scatter: float, exposures_ms: list[float]) -> PixelStatistics:
+    """Return the statistics of a bright scene, clipped at ``white`` before noise of ``scatter`` is added."""
+    random = np.random.default_rng(0)
+    radiance = 60 * np.exp(random.normal(0, 1, (96, 128)))
+    statistics = PixelStatistics()
+    for number, exposure_ms in enumerate(exposures_ms):
+        clipped = np.minimum(radiance * exposure_ms, white) + random.normal(0, scatter, radiance.shape)
+        frame = Frame.of_array(np.clip(np.rint(clipped), 0, 255).astype(np.uint8), exposure_ms, index=number)
+        statistics.observe(frame, PREPROCESS.thumbnail(frame))
+    return statistics
+
+
+@pytest.mark.parametrize("white", [220, 235, 248])
+@pytest.mark.parametrize("scatter", [0.5, 1.0, 1.7])
+@pytest.mark.parametrize("exposures_ms", [[1.0, 2.0, 4.0], [0.5, 1.0, 1.02]])
+def test_white_may_scatter(white: int, scatter: float, exposures_ms: list[float]) -> None:
+    found = film_with_scattered_white(white, scatter, exposures_ms).grey_range
+    assert found.black == 0
+    assert white - 2 * scatter - 1 <= 255 * found.white <= white
+
+
+def film_of_a_wall(exposures_ms: list[float], shading: float) -> PixelStatistics:
+    """Return the statistics of frames of a bright wall in front of a dark scene, which are never clipped."""
+    random = np.random.default_rng(0)
+    radiance = 20 * np.exp(random.normal(0, 0.5, (96, 128)))
+    radiance[:40] = 50 * (1 - shading * random.random((40, 128)))
+    statistics = PixelStatistics()
+    for number, exposure_ms in enumerate(exposures_ms):
+        noisy = np.rint(np.minimum(radiance * exposure_ms, 255) + random.normal(0, 1, radiance.shape))
+        frame = Frame.of_array(np.clip(noisy, 0, 255).astype(np.uint8), exposure_ms, index=number)
+        statistics.observe(frame, PREPROCESS.thumbnail(frame))
+    return statistics
+
+
+@pytest.mark.parametrize("exposures_ms", [[4.0], [1.0, 2.0, 4.0], [2.0, 4.0, 4.0, 4.1]])
+@pytest.mark.parametrize("shading", [0.0, 0.02])
+def test_a_wall_is_not_white(exposures_ms: list[float], shading: float) -> None:
+    assert film_of_a_wall(exposures_ms, shading).grey_range == FULL_RANGE

@@ -91,6 +91,19 @@ def test_a_reservoir_is_split_at_a_frame_and_drops_what_crosses_it():
     assert reservoir.points + later.points == 10
 
 
+def test_points_above_a_grey_level_are_forgotten():
+    reservoir = Reservoir(100)
+    grey0, grey1 = [0.2, 0.5, 0.9], [0.3, 0.8, 0.1]
+    place = np.zeros((3, 2))
+    reservoir.add(Observations.of_pairs(grey0, grey1, place, place, 0, 1))
+    reservoir.forget_above(0.7)
+    np.testing.assert_allclose(reservoir.kept.grey, [0.2, 0.3])
+    reservoir.add(replace(Observations.of_pairs(grey0, grey1, place, place, 1, 2), group=np.ones(6, int)))
+    assert reservoir.points == 4
+    reservoir.forget_above(0.0)
+    assert reservoir.kept is None
+
+
 @given(counts, st.integers(0, 5))
 def test_the_observations_of_a_point_follow_one_another(counts, start):
     made = observations(counts, start=start)

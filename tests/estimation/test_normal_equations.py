@@ -47,9 +47,9 @@ def test_halves_that_differ_by_more_widen_the_band_by_the_difference(sigmas: flo
 def test_a_covariance_is_widened_just_where_it_is_smaller_than_another(seed: int) -> None:
     random = np.random.default_rng(seed)
     one, other = (root @ root.T for root in random.normal(size=(2, 6, 6)))
-    wider = at_least(one, other)
+    wider = at_least(one, np.linalg.inv(other))
     for smaller in (one, other):
         assert np.linalg.eigvalsh(wider - smaller).min() > -1e-9 * np.trace(wider)
     # The bound is tight: if one covariance exceeds the other in all directions, it is returned.
-    np.testing.assert_allclose(at_least(one, one / 2), one, rtol=1e-6, atol=1e-9)
-    np.testing.assert_allclose(at_least(one / 2, one), one, rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(at_least(one, np.linalg.inv(one / 2)), one, rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(at_least(one / 2, np.linalg.inv(one)), one, rtol=1e-6, atol=1e-9)

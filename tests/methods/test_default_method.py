@@ -124,6 +124,22 @@ def test_a_camera_with_white_at_half_scale_is_calibrated(calibrated):
     assert vignette_rmse(result.vignette, made.truth.vignette) < 0.03
 
 
+@pytest.mark.parametrize("white", [235, 248])
+def test_a_camera_whose_white_scatters_is_calibrated(white, calibrated):
+    made, random = recorded(frames=48, seed=31, scene_seed=0), np.random.default_rng(0)
+    processed = []
+    for frame in made.frames:
+        noisy = np.rint(np.minimum(frame.image / 200, 1) * white + random.normal(0, 1, frame.image.shape))
+        image = np.clip(noisy, 0, 255).astype(np.uint8)
+        processed.append(Frame.of_array(image, frame.exposure_ms, index=frame.index, stamp_s=frame.stamp_s))
+    result = calibrated(processed, QUICK)
+    assert any("of 255 for white" in note for note in result.notes)
+    seen = np.array([0.2, 0.4, 0.6, 0.8, 0.95])
+    estimate, truth = result.response.inverse(white / 255 * seen), made.truth.response.inverse(200 / 255 * seen)
+    np.testing.assert_allclose(np.diff(np.log(estimate)), np.diff(np.log(truth)), atol=0.03)
+    assert vignette_rmse(result.vignette, made.truth.vignette) < 0.03
+
+
 # Repeatability
 
 

@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from ospc.arrays import BoolArray, Float32Array, FloatArray, Image, ImageSize, IntArray, read_only, size_of
 from ospc.by_value import ByValue
+from ospc.correspondence.black_and_white import black_of, scattered_white_of, shared_white_of
 from ospc.correspondence.interlacing import row_alternation
 from ospc.correspondence.thumbnail import Thumbnail
 from ospc.photometry.geometry import normalised, pixel_grid
@@ -19,16 +20,17 @@ from ospc.photometry.grey_range import FULL_RANGE, VIDEO_RANGE, GreyRange
 from ospc.recording.frame import Frame
 from ospc.settings.correspondence import (
     BLACK_PLACE_LEVEL,
-    CLIPPED_MARGIN,
+    BRIGHTEST_SHARES,
     COUNTED_STRIDE,
     COVERAGE_GREY_CELLS,
     COVERAGE_RADIUS_CELLS,
-    HIGHEST_BLACK,
     INTERLACED_QUANTILE,
-    LOWEST_WHITE,
+    LOG_EXPOSURES_OF_WHITE,
     MAX_COUNTED_FRAMES,
     MAX_GREY_RANGES,
+    MAX_LOG_EXPOSURE_BELOW_WHITE,
     MIN_BORDER_SHARE,
+    MIN_CELLS_OF_CLIPPED,
     MIN_COMB_RANGE,
     MIN_COVERED_SHARE,
     MIN_INTERLACED_ALTERNATION,
@@ -36,7 +38,6 @@ from ospc.settings.correspondence import (
     MIN_MISSING_LEVELS_SHARE,
     MIN_PILE_SHARE,
     RECTANGLE_FILL,
-    WHITE_NEIGHBOURHOOD,
 )
 
 _CORNERS = 4
@@ -72,10 +73,10 @@ class PixelReport(ByValue):
     """Number of lowest bits that are zero in every grey value."""
     missing_levels_share: float
     """Share of the grey values between the extremes that never occur; 0 unless the images have 8 bits."""
-    piled_low: bool
-    """Whether many pixels share the lowest value although it is not the end of the scale."""
-    piled_high: bool
-    """The same of the highest value."""
+    black: int | None
+    """Grey value of black if many pixels have it and it is not the end of the scale, else None."""
+    white: int | None
+    """The same of white: the lowest grey value that counts as white."""
     lit: BoolArray
     """Small image of the region that shows the scene, shape (h, w)."""
     surround: str
@@ -169,43 +170,48 @@ class PixelStatistics:
         return PixelStatistics(_max_grey=self._max_grey, _ranges=self._ranges, _inherited=self.grey_range)
 
     def _found_range(self) -> GreyRange:
-        """Return black and white: the extreme grey values if many pixels share them, else the ends of the scale.
+        """Return black and white if many pixels have them, else the ends of the scale.
 
         If values pile up at one end of the limited range of video and stay within it, both ends are used. If none
         does, the range of the previous epoch is kept as long as all values lie within it.
         """
         assert self._histogram is not None
         last = len(self._histogram) - 1
-        black, white = (end / last for end in np.flatnonzero(self._histogram)[[0, -1]].tolist())
-        black_piles, white_piles = self._piles
-        inside = black >= VIDEO_RANGE.black and white <= VIDEO_RANGE.white
-        if inside and ((black_piles and black == VIDEO_RANGE.black) or (white_piles and white == VIDEO_RANGE.white)):
+        lowest, highest = (end / last for end in np.flatnonzero(self._histogram)[[0, -1]].tolist())
+        black, white = (None if end is None else end / last for end in self._piles)
+        inside = lowest >= VIDEO_RANGE.black and highest <= VIDEO_RANGE.white
+        if inside and (black == VIDEO_RANGE.black or white == VIDEO_RANGE.white):
             return VIDEO_RANGE
-        found = GreyRange(
-            black if black_piles and black < HIGHEST_BLACK else 0.0,
-            white if white_piles and white > LOWEST_WHITE else 1.0,
-        )
+        found = GreyRange(black or 0.0, white or 1.0)
         usual = self._inherited
-        return usual if found.is_full and usual.black <= black and white <= usual.white else found
+        return usual if found.is_full and usual.black <= lowest and highest <= usual.white else found
 
     @property
-    def _piles(self) -> tuple[bool, bool]:
-        """Whether many pixels share the lowest and the highest grey value, if these are not the ends of the scale.
-
-        If few grey values occur, those next to the ends count as the ends.
-        """
+    def _piles(self) -> tuple[int | None, int | None]:
         assert self._histogram is not None
-        counts, last = self._histogram, len(self._histogram) - 1
-        used = np.flatnonzero(counts)
-        low, high = used[[0, -1]].tolist()
-        step_low, step_high = np.diff(used)[[0, -1]].tolist() if len(used) > 1 else (0, 0)
-        many = counts > MIN_PILE_SHARE * counts.sum()
-        below = counts[high - round(WHITE_NEIGHBOURHOOD * last) : high]
-        black_piles = low > max(CLIPPED_MARGIN * last, step_low) and many[low]
-        white_piles = (
-            last - high > max(CLIPPED_MARGIN * last, step_high) and many[high] and counts[high] > below.sum()
-        )
-        return bool(black_piles), bool(white_piles)
+        white = shared_white_of(self._histogram)
+        if white is None:
+            white = scattered_white_of(self._histogram)
+            white = white if white is not None and self._clips_at(white / len(self._histogram)) else None
+        return black_of(self._histogram), white
+
+    def _clips_at(self, white: float) -> bool:
+        """Return whether a peak of the histogram is white, and not a uniform object at its brightest.
+
+        Clipped pixels have the same value at different exposures, or very different ones if they are not clipped.
+        """
+        share, log_exposure = np.array(self._grey_share), np.array(self._log_exposure)
+        bright = share[:, int(white * COVERAGE_GREY_CELLS) :].sum(axis=1)
+        there = bright > MIN_PILE_SHARE
+        if not there.any() or np.ptp(log_exposure[there]) > LOG_EXPOSURES_OF_WHITE:
+            return bool(there.any())
+        shorter = log_exposure.min(where=there, initial=np.inf) - log_exposure
+        brightest = bright[there].mean() * np.array(BRIGHTEST_SHARES)
+        reaching = np.cumsum(share[(shorter > 0) & (shorter < MAX_LOG_EXPOSURE_BELOW_WHITE), ::-1], axis=1)
+        if not len(reaching):
+            return False
+        first, last = ((reaching < limit).sum(axis=1) for limit in brightest)
+        return bool(np.median(last - first) >= MIN_CELLS_OF_CLIPPED)
 
     def report(self) -> PixelReport | None:
         """Return the report; None if no frame was observed."""
@@ -218,18 +224,20 @@ class PixelStatistics:
         low, high = (int(end) for end in np.flatnonzero(counts)[[0, -1]])
         gaps = float(np.mean(counts[low : high + 1] == 0)) if white == 255 and high - low > MIN_COMB_RANGE else 0.0
         lit, surround = _lit_places(self._brightest)
+        black, clipped = (None if end is None else int(level[end]) for end in self._piles)
         return PixelReport(
             np.array(self._grey_share),
             np.array(self._log_exposure),
             np.array(self._radius_share),
-            float(share[level >= white - margin].sum()),
+            float(share[level >= (white if clipped is None else clipped) - margin].sum()),
             float(share[level <= margin].sum()),
             int(level[low]),
             int(level[high]),
             white,
             (self._bits & -self._bits).bit_length() - 1 if self._bits else 0,
             gaps if gaps >= MIN_MISSING_LEVELS_SHARE else 0.0,
-            *self._piles,
+            black,
+            clipped,
             lit,
             surround,
         )

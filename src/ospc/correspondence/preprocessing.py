@@ -45,6 +45,8 @@ class ReducedFrame:
     """Means of M … M⁵ over the small image, and the share of white pixels, shape (6,)."""
     surround_moments: Float32Array
     """Weighted sums of 1, M … M⁵ and white pixels around each pixel of a coarse image, shape (h'', w'', 7)."""
+    grey_range: GreyRange
+    """Black and white as they were known then."""
 
     @property
     def reduced_size(self) -> ImageSize:
@@ -123,6 +125,7 @@ class Preprocessor:
         small = _reduced(reduced, further)
         levels = cv2.convertScaleAbs(small, alpha=255.0 / white)
         counts = cv2.calcHist([levels], [0], None, [256], [0, 256]).ravel().astype(np.int64)
+        brightest = float(grey_range.grey(BRIGHTEST_EXPOSED))
         return PreprocessedFrame(
             frame.index,
             size,
@@ -130,8 +133,9 @@ class Preprocessor:
             levels,
             thumbnail_of(frame, reduced, size, grey_range),
             _quantiles(counts),
-            _moments(counts),
-            _surround_moments(levels),
+            _moments(counts, brightest),
+            _surround_moments(levels, brightest),
+            grey_range,
             grey,
             squares,
             self.smoothing_px,
@@ -236,24 +240,27 @@ def _quantiles(counts: IntArray) -> FloatArray:
     return np.asarray(np.interp(COMPARED_QUANTILES * total[-1], total, np.arange(256)))
 
 
-def _moments(counts: IntArray) -> FloatArray:
-    """Return the mean powers and the share of white pixels, from the number of pixels of each level, shape (256,)."""
-    return np.asarray(counts @ _powers_of_grey() / counts.sum())
+def _moments(counts: IntArray, brightest: float) -> FloatArray:
+    """Return the mean powers and the share of white pixels, from the number of pixels of each level, shape (256,).
+
+    Pixels are white beyond the ``brightest`` exposed grey level.
+    """
+    return np.asarray(counts @ _powers_of_grey(brightest) / counts.sum())
 
 
 @cache
-def _powers_of_grey() -> FloatArray:
+def _powers_of_grey(brightest: float) -> FloatArray:
     """Return M … M⁵ of each grey level, and whether it is white, shape (256, 6)."""
     grey = np.linspace(0, 1, 256)
-    return np.column_stack([grey[:, None] ** np.arange(1, POWERS + 1), grey > BRIGHTEST_EXPOSED])
+    return np.column_stack([grey[:, None] ** np.arange(1, POWERS + 1), grey > brightest])
 
 
-def _surround_moments(small: npt.NDArray[np.uint8]) -> Float32Array:
+def _surround_moments(small: npt.NDArray[np.uint8], brightest: float) -> Float32Array:
     """Return the sums of powers and of white pixels around each pixel, (h', w') -> (h'', w'', 7)."""
     height, width = small.shape
     size = (SURROUND_WIDTH_PX, max(1, round(SURROUND_WIDTH_PX * height / width)))
     coarse = cv2.resize(small, size, interpolation=cv2.INTER_AREA).astype(np.float32) / np.float32(255)
-    white = (small > 255 * BRIGHTEST_EXPOSED).astype(np.float32)
+    white = (small > 255 * brightest).astype(np.float32)
     white = cv2.resize(white, size, interpolation=cv2.INTER_AREA)
     powers = np.stack([*(coarse**power for power in range(1 + POWERS)), white], axis=-1)
     sigma = SURROUND_SIGMA * SURROUND_WIDTH_PX

@@ -53,6 +53,11 @@ class Reservoir:
             self._columns = {name: column[first:] for name, column in self._columns.items()}
             self._show(len(self.kept) - first)
 
+    def forget_above(self, grey: float) -> None:
+        """Drop the scene points that were observed above a grey level in any frame."""
+        if self.kept is not None:
+            self._keep(self.kept.of_points(self.kept.combined(np.maximum, self.kept.grey) <= grey))
+
     @property
     def points(self) -> int:
         """Number of scene points kept."""

@@ -162,7 +162,7 @@ class MaximumLikelihoodEstimator:
         # Fitted gain variances follow the means of pairs, whose scatter then underestimates that of the gains; the
         # scatter of few groups is hardly known.
         if errors.gain_variances or groups < MIN_BLOCKS:
-            covariance = at_least(covariance, chance)
+            covariance = at_least(covariance, precision)
         return Fit(
             self.response_basis,
             self.vignette_basis,

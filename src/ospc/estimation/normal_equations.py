@@ -165,10 +165,9 @@ class NormalEquations:
         return found
 
 
-def at_least(covariance: FloatArray, least: FloatArray) -> FloatArray:
-    """Return a covariance, shape (p, p), widened in every direction in which it is smaller than another."""
-    root = np.linalg.cholesky(least)
-    relative = np.linalg.solve(root, np.linalg.solve(root, covariance).T)
-    ratio, directions = np.linalg.eigh(relative)
-    across = root @ directions
+def at_least(covariance: FloatArray, precision: FloatArray) -> FloatArray:
+    """Return a covariance, shape (p, p), widened where it is smaller than the inverse of a precision."""
+    lower = np.linalg.cholesky(precision)
+    ratio, directions = np.linalg.eigh(lower.T @ covariance @ lower)
+    across = np.linalg.solve(lower.T, directions)
     return np.asarray((across * np.maximum(ratio, 1.0)) @ across.T)

@@ -34,7 +34,13 @@ from ospc.photometry.grey_range import FULL_RANGE, GreyRange
 from ospc.recording.frame import Frame
 from ospc.second_thread import SecondThread
 from ospc.settings import DefaultSettings
-from ospc.settings.methods import DROPPED_PAIRS, FIRST_QUICK_FIT_PAIRS, QUICK_FIT_POINTS, REFERENCE_FIT_PAIRS
+from ospc.settings.methods import (
+    DROPPED_PAIRS,
+    FIRST_QUICK_FIT_PAIRS,
+    NEAR_WHITE,
+    QUICK_FIT_POINTS,
+    REFERENCE_FIT_PAIRS,
+)
 
 
 class MaximumLikelihoodMethod:
@@ -76,6 +82,9 @@ class MaximumLikelihoodMethod:
         self._stationary.observe(frame)
         new_keyframe = self._second.submit(self._sample.keyframe, prepared)
         keyframe = self._select_keyframe.select(prepared.number, log_exposure)
+        if keyframe is not None and not keyframe.grey_range.resembles(prepared.grey_range):
+            self._forget_clipped_before(prepared)
+            keyframe = None
         samples = NOTHING_FOUND
         registration = None
         if keyframe is not None:
@@ -100,6 +109,11 @@ class MaximumLikelihoodMethod:
         return self._detect_change(brightness.samples.observations(brightness.frame0, brightness.frame1), exposures)
 
     # Steps of push.
+
+    def _forget_clipped_before(self, frame: PreprocessedFrame) -> None:
+        """Forget what was taken from earlier frames near white, which was not known then."""
+        self._select_keyframe.forget_before(frame.number)
+        self._reservoir.forget_above(frame.grey_range.white - NEAR_WHITE)
 
     def _accumulate(self, samples: Samples) -> None:
         self._pairs += 1

@@ -14,6 +14,10 @@ _NOISE_LEVELS = 256
 """Grey levels at which the noise of stretched images is tabulated: those of 8 bits."""
 
 
+_UNCERTAINTY = 2.5 / 255
+"""Accuracy of black and white whose values scatter: two 8-bit grey values."""
+
+
 @dataclass(frozen=True)
 class GreyRange:
     """Black and white, the grey levels in [0, 1] at which values are clipped; 0 and 1 for the full scale."""
@@ -25,6 +29,10 @@ class GreyRange:
     def is_full(self) -> bool:
         """Whether black and white are the ends of the scale."""
         return self == GreyRange()
+
+    def resembles(self, other: GreyRange) -> bool:
+        """Whether both ends are the same within the uncertainty of scattered values."""
+        return max(abs(self.black - other.black), abs(self.white - other.white)) < _UNCERTAINTY
 
     @property
     def note(self) -> str:

@@ -313,16 +313,36 @@ RECTANGLE_FILL = 0.95
 """Share of its bounding box above which the lit region is a rectangle in a black border; a disc fills π/4 of it."""
 
 MIN_PILE_SHARE = 0.005
-"""Minimum share of pixels at an extreme grey value for values to be piled up there: noise would spread them."""
+"""Minimum share of pixels at black or white inside the scale."""
 
 WHITE_NEIGHBOURHOOD = 2 / 255
-"""For values to be piled up at the highest grey value, all others within this distance below it must have fewer
-pixels in total: if only a few grey values occur, each has a large share. White had at least four times as many in 20
-films."""
+"""For the highest grey value to be white, all others within this distance below it must have fewer pixels in total:
+if only a few grey values occur, each has a large share. White had at least four times as many in 20 films."""
 
 HIGHEST_BLACK = LOWEST_WHITE = 0.2
 """Upper limit of black and lower limit of white. White between grey values 76 and 128 had at least 0.009 of all
 pixels; in 39 dark films without clipping, the highest grey value had less than 0.0005."""
+
+WHITE_LEVELS = 256
+"""Number of grey levels at which scattered values of white are counted: those of 8 bits."""
+
+LOWEST_SCATTERED_WHITE, MAX_WHITE_SCATTER, WHITE_EDGE = 0.75, 8, 0.25
+"""Lower limit of white whose values scatter, the largest width of their peak in the histogram in 8-bit grey values,
+and the height of its edges relative to the top. A real camera's white was 249 ± 1, a quarter as frequent at 248 and
+251 as at the top. Uniform objects have wider peaks, because of the vignette and because exposures differ."""
+
+MIN_WHITE_CONTRAST, MAX_BEYOND_WHITE_SHARE = 4, 0.02
+"""Minimum height of this peak relative to the histogram below it, and maximum number of pixels beyond it relative to
+those in it: 7 and 0.005 with the real camera."""
+
+LOG_EXPOSURES_OF_WHITE = 0.2
+"""Range of ln exposure of the frames with this peak beyond which it is white: other grey levels change with the
+exposure."""
+
+MAX_LOG_EXPOSURE_BELOW_WHITE, BRIGHTEST_SHARES, MIN_CELLS_OF_CLIPPED = 1.2, (0.1, 0.9), 2
+"""If all frames with this peak have about the same exposure, those with exposures shorter by up to this in ln are
+compared: there, the quantiles of the clipped pixels at these shares have to be at least this many of the 32 ranges of
+grey apart. They are 2 or 3 apart in a real video; those of a uniform object are at most 1 apart."""
 
 MIN_MISSING_LEVELS_SHARE = 0.05
 """Share of missing grey values between the extremes above which they are reported: a few rare ones miss by chance."""

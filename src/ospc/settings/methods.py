@@ -20,6 +20,10 @@ REFERENCE_FIT_PAIRS = 64
 DROPPED_PAIRS = 32
 """Number of first pairs that the final fit omits: they were registered before the vignette was known."""
 
+NEAR_WHITE = 32 / 255
+"""Distance from white within which grey levels of frames are forgotten if white was not known then: the mean over a
+partly clipped place is at most about this far below it if the place is flat."""
+
 QUICK_FIT_POINTS = 5000
 """Scene points of a quick fit: enough for registration, which needs the vignette to within a few per cent."""
 

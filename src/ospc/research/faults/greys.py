@@ -21,6 +21,10 @@ _WHITE, _RANGE = 255.0, 219.0
 """Largest grey value, and that of limited range (16 to 235) above its black."""
 
 
+_SCATTERED_WHITE = 245.0
+"""White of the fault whose white scatters: like that of a real camera, it leaves room for the scatter above it."""
+
+
 def _filtered(footage: Footage, change: Callable[[FloatArray], FloatArray]) -> Footage:
     """Change every image as floats, then round and clip it."""
     return footage.with_images(_bytes(change(image.astype(np.float64))) for image in footage.images)
@@ -161,6 +165,12 @@ def _pedestal_by_exposure(footage: Footage, grey_levels: float, _random: np.rand
     return _looked_up(footage, lambda i: _GREYS + rise[i])
 
 
+def _white_scattered(footage: Footage, grey_levels: float, random: np.random.Generator) -> Footage:
+    """Lower white, and add noise after clipping."""
+    lowered = _curved(footage, _GREYS * (_SCATTERED_WHITE / _WHITE))
+    return _filtered(lowered, lambda image: image + random.normal(0, grey_levels, image.shape))
+
+
 FAULTS = (
     Fault("limited-range", "limited-range video that is not expanded, black at {}", (8, 16, 32),
         lambda f, black, _: _curved(f, black + _GREYS * _limited_scale(black))),
@@ -173,6 +183,7 @@ FAULTS = (
         (5, 10, 20), _pedestal_by_exposure),
     Fault("white-clipped", "grey values end at {}", (250, 235, 200),
         lambda f, x, _: _looked_up(f, lambda _i: np.minimum(_GREYS, x))),
+    Fault("white-scattered", "white at 245 that scatters by {} grey levels", (0.5, 1, 2), _white_scattered),
     Fault("gamma-midway", "an exponent of {} in the second half", (1.1, 1.2, 1.5),
         lambda f, x, _: _gammas(f, np.where(np.arange(len(f)) >= f.half, x, 1.0))),
     Fault("gamma-drift", "an exponent that drifts to {}", (1.1, 1.2, 1.5),
