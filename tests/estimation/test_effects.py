@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ospc.arrays import FloatArray
-from ospc.estimation.effect_models import CONTRADICTIONS, CORRECTED, EFFECTS, GAIN_STEPS
+from ospc.estimation.effect_models import CONTRADICTIONS, CORRECTED, EFFECTS, GAIN_STEPS, ONLY_IF_FOUND
 from ospc.estimation.effect_trials import trial_of
 from ospc.estimation.effects import Effects
 from ospc.estimation.fit import Fit
@@ -44,6 +44,8 @@ class Disturbed:
     """Stray light at the corners, and its gradients along x and y."""
     step: float = 0.0
     """Step of ln of the gain, at 1.2 times the typical exposure."""
+    speeds: tuple[int, ...] = ()
+    """Nominal shutter speeds, such as 60 for 1/60 s, used at random; any exposures if empty."""
     offset: float = 0.0
     late: float = 0.0
     power_of_logarithm: float = 0.0
@@ -72,6 +74,9 @@ class Disturbed:
         true_ms = TYPICAL_MS * np.exp(random.uniform(self.shortest, 1, (FRAMES, 2)))[group]
         rate = random.normal(0, 0.1, (FRAMES, 2))[group]
         stated_ms = true_ms * np.exp(-self.late * rate) - self.offset * TYPICAL_MS
+        if self.speeds:
+            stated_ms = 1000 / random.choice(self.speeds, (FRAMES, 2))[group]
+            true_ms = 1000 * 2 ** (np.round(3 * np.log2(stated_ms / 1000)) / 3)
         stretched = np.log(stated_ms / TYPICAL_MS)
         stated_ms = TYPICAL_MS * np.exp(stretched - self.power_of_logarithm * stretched**2)
         log_light = self.light * random.standard_normal((FRAMES, 2)) + self.slow_light * np.sin(12 * time_of) * [0, 1]
@@ -146,7 +151,7 @@ def test_a_camera_without_effects_has_none(seed: int) -> None:
     found = Disturbed().fit(seed)
     assert not stated(found)
     assert is_right(found)
-    assert [one.name for one in found.effect_estimates] == [name for name in CORRECTED if name not in GAIN_STEPS]
+    assert [one.name for one in found.effect_estimates] == [name for name in CORRECTED if name not in ONLY_IF_FOUND]
     assert all(abs(one.value) < 4 * one.sigma for one in found.effect_estimates)
 
 
@@ -192,6 +197,15 @@ def test_a_step_of_the_gain_is_measured_and_corrected(step: float) -> None:
     place = found.effects.step_exposures[GAIN_STEPS.index(name)]
     assert place * np.exp(found.effects.log_typical_exposure) == pytest.approx(1.2 * TYPICAL_MS, rel=0.15)
     assert value == pytest.approx(step, rel=0.2)
+    assert is_right(found)
+    assert abs(step_in_sigmas(found)) < 3
+
+
+@pytest.mark.parametrize("speeds", [(400, 320, 250, 200, 160, 125, 100, 80), (500, 250, 125, 60)])
+def test_nominal_shutter_speeds_are_replaced_by_exact_ones(speeds: tuple[int, ...]) -> None:
+    """Most steps between them are right, and the others look like outliers."""
+    found = Disturbed(speeds=speeds).fit()
+    assert stated(found) == {"nominal exposures": pytest.approx(1, abs=0.05)}
     assert is_right(found)
     assert abs(step_in_sigmas(found)) < 3
 

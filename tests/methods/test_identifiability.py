@@ -105,6 +105,11 @@ def test_a_note_states_size_and_place_of_what_was_corrected(name, value, words):
     assert note.endswith("this was corrected")
 
 
+def test_a_note_says_that_nominal_exposures_were_replaced():
+    (note,) = notes_of(replace(FIT, effect_estimates=(EffectEstimate("nominal exposures", 1.0, 0.01, True),)))
+    assert "1/60 s for 1/64 s" in note
+
+
 def test_a_fit_to_exposures_that_the_images_contradict_states_no_effects():
     """A contradiction of such a fit would be an effect of the wrong exposures."""
     fit = replace(FIT, effect_estimates=(TONE, GLARE))

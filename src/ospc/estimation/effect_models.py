@@ -7,6 +7,7 @@ The other effects are not properties of a camera: they show that the recording c
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
@@ -15,7 +16,7 @@ import numpy as np
 
 from ospc.arrays import FloatArray
 from ospc.observations import MOMENTS, ExposedObservations
-from ospc.photometry.verdict import LATE_EXPOSURES
+from ospc.photometry.verdict import LATE_EXPOSURES, NOMINAL_EXPOSURES
 from ospc.settings.estimation import (
     ADDED_LIGHT_MODEL_ERROR,
     BLACK_BY_EXPOSURE,
@@ -26,10 +27,13 @@ from ospc.settings.estimation import (
     GAIN_STEP_MODEL_ERROR,
     GLARE,
     LATENESS,
+    LEAST_NOMINAL,
     LOCAL_TONE,
     MOST_ADDED_LIGHT,
     MOST_LATE_FRAMES,
+    MOST_NOMINAL,
     MOST_OFFSET,
+    NOMINAL,
     OFFSET,
     RESPONSE_DRIFT,
     SCATTER,
@@ -153,6 +157,12 @@ def _gain_step(number: int) -> Effect:
     )
 
 
+def _missing_of_thirds(seen: Circumstances) -> FloatArray:
+    """Return ln of the closest 2^(n/3) s relative to the exposure: cameras call 1/64 s 1/60 s."""
+    thirds = 3 * (seen.observations.log_exposure - math.log(1000)) / math.log(2)  # in s
+    return (np.rint(thirds) - thirds) * math.log(2) / 3
+
+
 def _step_name(number: int) -> str:
     return f"gain step {number + 1} of {STEP_EXPOSURES}"
 
@@ -179,6 +189,7 @@ EFFECTS = {
         least=-MOST_LATE_FRAMES,
         most=MOST_LATE_FRAMES,
     ),
+    NOMINAL_EXPOSURES: Effect("log", _missing_of_thirds, *NOMINAL, least=LEAST_NOMINAL, most=MOST_NOMINAL),
     **{name: _gain_step(number) for number, name in enumerate(GAIN_STEPS)},
     # The grey level is multiplied by a power θ of that of the surroundings.
     "local tone mapping": Effect("log", lambda seen: seen.gamma * np.log(seen.grey_around), *LOCAL_TONE),
@@ -209,9 +220,13 @@ CORRECTED = (
     *LIGHT_FIXED_TO_CAMERA,
     "exposure offset",
     LATE_EXPOSURES,
+    NOMINAL_EXPOSURES,
     *GAIN_STEPS,
 )
 """Effects of real cameras. Those that the observations show are corrected in the result."""
+
+ONLY_IF_FOUND = (NOMINAL_EXPOSURES, *GAIN_STEPS)
+"""Effects of which a small amount has no meaning."""
 
 CONTRADICTIONS = tuple(name for name in EFFECTS if name not in CORRECTED)
 """Effects that contradict a camera with one response and one vignette."""

@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from ospc.arrays import FloatArray
-from ospc.estimation.effect_models import CONTRADICTIONS, CORRECTED, EFFECTS, GAIN_STEPS
+from ospc.estimation.effect_models import CONTRADICTIONS, CORRECTED, EFFECTS, ONLY_IF_FOUND
 from ospc.estimation.effect_trials import Trial, after_newton_step, estimate_effects, slope_of_left_out, trial_of
 from ospc.estimation.effects import Effects
 from ospc.estimation.fit import Fit
@@ -283,7 +283,7 @@ def _with_estimates(fit: Fit, trials: Sequence[Trial], found: tuple[EffectEstima
     estimates = (
         EffectEstimate(trial.name, trial.value, trial.total_sigma)
         for trial in trials
-        if trial.name in CORRECTED and trial.name not in GAIN_STEPS
+        if trial.name in CORRECTED and trial.name not in ONLY_IF_FOUND
     )
     return replace(fit, covariance=covariance, effect_estimates=(*found, *estimates))
 

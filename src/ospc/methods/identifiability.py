@@ -17,7 +17,7 @@ from ospc.estimation.residual_effects import (
 )
 from ospc.observations import ExposedObservations
 from ospc.photometry.calibration import ExposureRatios
-from ospc.photometry.verdict import LATE_EXPOSURES, EffectEstimate, State, Verdict
+from ospc.photometry.verdict import LATE_EXPOSURES, NOMINAL_EXPOSURES, EffectEstimate, State, Verdict
 from ospc.settings import DefaultSettings
 from ospc.settings.methods import (
     CONTRADICTING_UNEXPLAINED_SHARE,
@@ -295,6 +295,8 @@ def _corrected(found: EffectEstimate, effects: Effects) -> str:
             f"images are {share} {than} beyond exposures of {limit_ms:.3g} ms than their exposures predict, as with "
             "a gain that is not exact; this was corrected"
         )
+    if found.name == NOMINAL_EXPOSURES:
+        return "exposures are nominal, such as 1/60 s for 1/64 s; the exact thirds of a stop were used instead"
     if found.name == LATE_EXPOSURES:
         when, lag = ("late" if found.value > 0 else "early"), f"{abs(found.value):.2f} ± {found.sigma:.1g}"
         return f"exposures are {lag} frames {when}; this was corrected"

@@ -28,6 +28,9 @@ class Verdict:
 LATE_EXPOSURES = "late exposures"
 """Name of the effect of exposures that lag by a fraction of a frame."""
 
+NOMINAL_EXPOSURES = "nominal exposures"
+"""Name of the effect of nominal shutter speeds."""
+
 
 @dataclass(frozen=True)
 class EffectEstimate:

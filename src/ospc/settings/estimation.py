@@ -388,6 +388,11 @@ STEP_EXPOSURES, GAIN_STEP_MODEL_ERROR = 15, 0.1
 """Number of exposures at which a step of the gain is looked for; they divide the observations into sixteen equal
 parts. And standard deviation of a step that is found, as a share of it, because it may lie between two of them."""
 
+NOMINAL, LEAST_NOMINAL, MOST_NOMINAL = (1.0, 0.0, 0.01), 0.5, 1.5
+"""Share of the distance of the exposures from the closest thirds of a stop by which they are wrong: 1 if they are
+nominal shutter speeds. And its plausible range. 48 recordings with other exposures had at most 0.0013, or 0.011 with
+errors of the exposures."""
+
 DIFFERENT_LOG_EXPOSURE, MIN_STEP_EXPOSURES = 0.02, 3
 """Difference of ln of the exposure at which two exposures count as different, and number of different ones that is
 needed on both sides of a step: with two exposures, any step is also a power of the exposures."""

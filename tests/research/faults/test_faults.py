@@ -12,7 +12,7 @@ from ospc.research.faults.study import KINDS, chosen_faults
 
 FAULTS = {fault.name: fault for fault in chosen_faults(None)}
 IMAGES_ONLY = [f.name for kind in ("light, optics and scene", "grey values") for f in KINDS[kind]]
-SCENE = ("constant-exposure", "small-range")
+SCENE = ("constant-exposure", "small-range", "nominal-exposures")
 """Scene faults that change the exposures and the metadata consistently."""
 
 COUNTS = (

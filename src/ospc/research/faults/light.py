@@ -16,6 +16,14 @@ from ospc.research.faults.footage import Fault, Footage, blocks, wave
 _LAMP_HZ = 100.0
 """Flicker frequency of lamps on 50 Hz mains."""
 
+_MS_PER_S = 1000.0
+
+_SHUTTER_SPEEDS = np.array([
+    1, 1.3, 1.5, 1.6, 2, 2.5, 3, 4, 5, 6, 8, 10, 13, 15, 20, 25, 30, 40, 45, 50, 60, 80, 90, 100, 125, 160, 180, 200,
+    250, 320, 350, 400, 500, 640, 750, 800, 1000, 1250, 1500, 1600, 2000, 2500, 3000, 3200, 4000, 5000, 6400, 8000,
+])  # fmt: skip
+"""Nominal shutter speeds in steps of thirds and halves of a stop, such as 60 for 1/60 s."""
+
 _READOUT_CYCLES = 1.5
 """Flicker cycles while a rolling shutter reads all rows."""
 
@@ -182,6 +190,15 @@ def _reshot(
     return footage.with_images(images).with_exposures(exposures_ms)
 
 
+def _nominal_exposures(footage: Footage, steps_per_stop: float, _random: np.random.Generator) -> Footage:
+    """Expose in exact steps of 2^(1/n), and state the nominal shutter speeds."""
+    exposures_s = footage.exposures_ms / _MS_PER_S
+    exact_s = 2 ** (np.rint(np.log2(exposures_s) * steps_per_stop) / steps_per_stop)
+    stated = np.argmin(np.abs(np.log(exact_s[:, None]) + np.log(_SHUTTER_SPEEDS)), axis=1)
+    taken = _factored(footage, exact_s / exposures_s)
+    return taken.with_exposures(_MS_PER_S / _SHUTTER_SPEEDS[stated])
+
+
 FAULTS = (
     Fault("glare", "veiling glare of {} of the frame's mean irradiance", (0.01, 0.02, 0.05),
         lambda f, x, _: f.relit(lambda light, _i: light + np.float32(x) * light.mean())),
@@ -206,6 +223,7 @@ FAULTS = (
     Fault("clouds", "light that varies by ±{} in ln", (0.05, 0.15, 0.4), _clouds),
     Fault("white-balance", "a gain that drifts by ±{}", (0.05, 0.1, 0.25),
         lambda f, x, _: _factored(f, 1 + x * wave(len(f), 2.5))),
+    Fault("nominal-exposures", "nominal shutter speeds in steps of a stop over {}", (3, 2, 1), _nominal_exposures),
     Fault("dimming", "light proportional to the exposure to the power of -{}", (0.05, 0.1, 0.2), _dimmed),
     Fault("shading-corrected", "V to the power of {} divided out by the camera", (0.25, 0.5, 1),
         lambda f, x, _: _shaded(f, f.camera.attenuation ** np.float32(-x))),
