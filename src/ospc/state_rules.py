@@ -170,7 +170,11 @@ RULES: Mapping[type, Mapping[str, Numbers | str]] = {
     Reservoir: {"_halvings": Numbers(0, 64)},
     StaticSeries: {"_places _size _grey _index": ELSEWHERE, "_stride": Numbers(1, _MOST)},
     noise_estimation.NoiseEstimator: {"_found _waiting": ELSEWHERE},
-    Fit: {"effect_estimates parameters covariance chance": ELSEWHERE, "texture_share": UNIT},
+    Fit: {
+        "effect_estimates parameters covariance chance": ELSEWHERE,
+        "texture_share": UNIT,
+        "measured_radius": Numbers(0, 3),
+    },
     GreyRange: {"black white": UNIT},
     NoiseModel: {"read_variance": UNIT, "shot_variance": Numbers(-1, 1), "table": Numbers(0, 1, ("levels",))},
     ResponseBasis: {"intervals": Numbers(1, _MOST_INTERVALS)},

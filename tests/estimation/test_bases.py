@@ -112,6 +112,23 @@ def assert_jacobian(basis, seed):
         np.testing.assert_allclose(jacobian[:, i], (ends[0] - ends[1]) / (2 * step), atol=1e-7)
 
 
+def test_beyond_the_last_observations_the_error_grows_with_the_square_of_the_distance():
+    basis = VignetteBasis(16, free_centre=True)
+    bent = np.concatenate([-2 * basis.spline.knots, np.zeros(2)])
+    place = np.array([[0.3, 0.4], [0.5, 0.5], [0.6, 0.7], [0.6, 0.8]])
+
+    def sigma(parameters, radius):
+        rows = basis.jacobian(parameters, place)
+        return np.sqrt(np.einsum("ij,jk,ik->i", rows, basis.unseen(parameters, radius), rows))
+
+    # The slope is -2 R² up to a knot at R² = 0.4, and its rate of change beyond is uncertain by half of that.
+    expected = np.maximum(np.sum(place**2, axis=1) - 0.4, 0) ** 2 / 2
+    np.testing.assert_allclose(sigma(bent, np.sqrt(0.4)), expected, rtol=0.2, atol=3e-3)
+    assert not np.any(sigma(bent, 1.2))
+    assert not np.any(sigma(np.full(18, -0.5), 0.5))
+    assert not np.any(VignetteBasis(0).unseen(np.empty(0), 0.5))
+
+
 @given(vignette_bases, seeds)
 def test_the_jacobian_is_that_of_finite_differences(basis, seed):
     assert_jacobian(basis, seed)

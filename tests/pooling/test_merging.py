@@ -9,13 +9,16 @@ import numpy as np
 import pytest
 
 from ospc.errors import SettingError
+from ospc.estimation.model_choice import fit_with_chosen_vignette
+from ospc.estimation.response_basis import ResponseBasis
 from ospc.evaluation.metrics import log_ratio_error, response_shape_rmse, vignette_rmse
 from ospc.methods.summary import summarise
 from ospc.pooling.pool import Pool, merge
-from ospc.pooling.summary import summary_of
+from ospc.pooling.solution import Information, solve_with_chosen_vignette
+from ospc.pooling.summary import VIGNETTE, summary_of
 from ospc.research.faults.judging import step_sigma
 from ospc.settings import DefaultSettings
-from summaries import CAMERA, OTHER_LENS, OTHER_RESPONSE, fisheye_inputs_of, inputs_of, summary
+from summaries import CAMERA, NOISE, OTHER_LENS, OTHER_RESPONSE, fisheye_inputs_of, inputs_of, summary
 
 RECORDINGS = 8
 
@@ -96,6 +99,18 @@ def test_one_recording_alone_stays_as_uncertain_as_it_was(error):
     alone = summarise(inputs, DefaultSettings())
     assert step_sigma(pooled) == pytest.approx(step_sigma(alone), rel=0.35)
     assert pooled.vignette_sigma[-1] == pytest.approx(alone.vignette_sigma[-1], rel=0.35)
+
+
+def test_corners_that_no_recording_shows_are_as_uncertain_as_in_one_alone():
+    everywhere = OTHER_LENS.pairs(0, groups=160)
+    seen = everywhere.seen_twice(np.linalg.norm(everywhere.position, axis=1) < 0.85)
+    fit = fit_with_chosen_vignette(seen, ResponseBasis(32), VIGNETTE, NOISE, rounds=5).fit
+    own = summary_of(replace(inputs_of(OTHER_LENS, 0), observations=seen, fit=fit), "frames", {}, 100)
+    pooled = solve_with_chosen_vignette(Information.of([own]))
+    radii = np.array([0.5, 0.9, 1.0])
+    np.testing.assert_allclose(pooled.log_vignette_sigma(radii), fit.log_vignette_sigma(radii), rtol=0.35)
+    complete = solve_with_chosen_vignette(Information.of([own, summary(OTHER_LENS, 1)]))
+    assert complete.log_vignette_sigma(radii)[2] < 0.5 * pooled.log_vignette_sigma(radii)[2]
 
 
 def test_merging_keeps_where_the_image_ends():

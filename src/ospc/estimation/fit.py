@@ -57,6 +57,8 @@ class Fit(Model):
         Noise of the single pixels averaged in an observation; None if unknown.
     texture_share
         Share of the texture shift indicated by the observations.
+    measured_radius
+        Distance of the last observations from the centre of the vignette, in half diagonals.
     effect_estimates
         Estimates of all effects, included or not; empty if none were tried.
     """
@@ -70,6 +72,7 @@ class Fit(Model):
     groups: int
     pixel_noise: NoiseModel | None = None
     texture_share: float = 0.0
+    measured_radius: float = 1.0
     effect_estimates: tuple[EffectEstimate, ...] = ()
 
     @property
@@ -220,7 +223,7 @@ class Fit(Model):
 
     def _drawn_errors(self, rows: FloatArray, part: slice, random: np.random.Generator) -> FloatArray:
         """Draw errors of n values, given their derivatives, from the parameters' covariance, shape (n, draws)."""
-        values, vectors = np.linalg.eigh(self.covariance[part, part])
+        values, vectors = np.linalg.eigh(self._covariance_with_unseen[part, part])
         drawn = vectors @ (np.sqrt(np.maximum(values, 0))[:, None] * random.normal(size=(len(values), ERROR_DRAWS)))
         return np.asarray(rows @ drawn)
 
@@ -248,6 +251,13 @@ class Fit(Model):
         unresolved = value * self.vignette_basis.unresolved(self.vignette_parameters, along)
         return float(np.quantile(np.sqrt(np.mean(drawn**2, axis=0) + np.mean(unresolved**2)), CONFIDENCE))
 
+    @cached_property
+    def _covariance_with_unseen(self) -> FloatArray:
+        """Covariance of the parameters with bends of the vignette beyond the last observations, shape (p, p)."""
+        covariance, part = self.covariance.copy(), self.vignette_part
+        covariance[part, part] += self.vignette_basis.unseen(self.vignette_parameters, self.measured_radius)
+        return covariance
+
     def _log_vignette_variance(self, radius: FloatArray, covariance: FloatArray) -> FloatArray:
         """Return the variance of ln V at radii, shape (n,), along the half diagonals, shape (4, n)."""
         part, along = self.vignette_part, _along_diagonals(radius)
@@ -256,13 +266,14 @@ class Fit(Model):
         return np.asarray(variance.reshape(len(_DIAGONALS), -1))
 
     def _total_log_vignette_variance(self, radius: FloatArray) -> FloatArray:
-        """Return the variance of ln V including what a jump of its slope between knots may hide, shape (4, n)."""
+        """Return the variance of ln V with bends between knots and beyond the last observations, shape (4, n)."""
         unresolved = self.vignette_basis.unresolved(self.vignette_parameters, _along_diagonals(radius))
-        return self._log_vignette_variance(radius, self.covariance) + unresolved.reshape(len(_DIAGONALS), -1) ** 2
+        variance = self._log_vignette_variance(radius, self._covariance_with_unseen)
+        return variance + unresolved.reshape(len(_DIAGONALS), -1) ** 2
 
     @property
     def vignette_sigma_at_corner(self) -> float:
-        """Standard deviation of V at the corner that more samples can reduce, which excludes unresolved kinks."""
+        """Standard deviation of V at the corner that more samples can reduce, which excludes unseen bends."""
         return self._sigma_at_corner(self.covariance)
 
     @property

@@ -22,7 +22,7 @@ from ospc.estimation.model import LinearSystem, Model
 from ospc.estimation.normal_equations import NormalEquations, at_least
 from ospc.estimation.prior import START
 from ospc.estimation.response_basis import ResponseBasis
-from ospc.estimation.vignette_basis import VignetteBasis
+from ospc.estimation.vignette_basis import VignetteBasis, measured_radius
 from ospc.library_threads import one_blas_thread
 from ospc.observations import ExposedObservations
 from ospc.photometry.noise import NoiseModel
@@ -176,6 +176,7 @@ class MaximumLikelihoodEstimator:
             groups,
             predict.pixel_noise,
             texture_share,
+            measured_radius(observations, self.vignette_basis.centre(model.split(parameters)[1])),
         )
 
     def information(self, observations: ExposedObservations, fit: Fit, about: FloatArray) -> NormalEquations:

@@ -8,11 +8,14 @@ import numpy as np
 
 from ospc.arrays import FloatArray, ImageSize
 from ospc.estimation.bends import sharpest_bend
+from ospc.observations import Observations
 from ospc.photometry.radial_spline import RadialSpline, radial_spline
 from ospc.photometry.vignette import NON_RADIAL, LogSplineVignette, non_radial_terms
 from ospc.settings.estimation import (
     MAX_DECENTRING,
     UNRESOLVED_JUMP,
+    UNSEEN_CHANGE,
+    UNSEEN_OBSERVATIONS,
     VIGNETTE_REACH,
 )
 
@@ -82,6 +85,22 @@ class VignetteBasis:
         bend = sharpest_bend(parameters[: self.radial], spline.knots, squared)
         return np.asarray(UNRESOLVED_JUMP * bend * np.minimum(squared, spline.width_at(squared)))
 
+    def unseen(self, parameters: FloatArray, radius: float) -> FloatArray:
+        """Return the covariance of the parameters due to bends beyond the last observations, shape (len, len).
+
+        Nothing shows what the slope of ln V does beyond that radius, a distance from the vignette's centre. Its rate
+        of change there may differ by a share of the largest one in the last two intervals between knots before. The
+        error of ln V then grows with the square of the distance in R².
+        """
+        change = np.zeros(len(self))
+        if self.radial > 1:
+            knots = self.spline.knots
+            rates = np.abs(np.diff(parameters[: self.radial]) / np.diff(knots))
+            end = int(np.clip(np.searchsorted(knots, radius**2), 1, len(rates)))
+            rate = UNSEEN_CHANGE * rates[max(end - 2, 0) : end].max()
+            change[: self.radial] = rate * np.maximum(knots - radius**2, 0.0)
+        return np.outer(change, change)
+
     def _slope_of_non_radial(self, parameters: FloatArray, offset: FloatArray) -> FloatArray:
         """Return the derivative of the non-radial part by the offset from the centre, shape (n, 2)."""
         if not self.non_radial:
@@ -118,3 +137,11 @@ class VignetteBasis:
         x, y = self.centre(parameters).tolist()
         slopes = tuple(parameters[: self.radial].tolist())
         return LogSplineVignette(size, slopes, (x, y), tuple(non_radial), reach=self.spline.reach)
+
+
+def measured_radius(observations: Observations, centre: FloatArray) -> float:
+    """Return the distance from a centre, shape (2,), beyond which there are hardly any observations; 0 for a few."""
+    if len(observations) < UNSEEN_OBSERVATIONS:
+        return 0.0
+    squared = np.sum((observations.position - centre) ** 2, axis=1)
+    return float(np.sqrt(np.partition(squared, -UNSEEN_OBSERVATIONS)[-UNSEEN_OBSERVATIONS]))

@@ -195,5 +195,6 @@ def covariance_of(fit: Fit, response: bool, vignette: bool) -> dict[str, dict[st
             "parameters": fit.vignette_basis.names,
             "matrix": fit.covariance[part, part].tolist(),
             "prior_walk": fit.hyperparameters.vignette_walk,
+            "measured_radius": fit.measured_radius,
         }
     return found

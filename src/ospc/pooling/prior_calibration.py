@@ -247,6 +247,7 @@ def _summary_of(calibration: Calibration, name: str) -> Summary:
         noise=calibration.noise or _USUAL_NOISE,
         grey_range=GreyRange(*(float(level) for level in _response_model(calibration).get("grey_range", (0.0, 1.0)))),
         usable_radius=_usable_radius(calibration.vignette),
+        measured_radius=float(calibration.covariance.get("vignette", {}).get("measured_radius", 1.0)),
     )
 
 

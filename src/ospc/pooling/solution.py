@@ -34,7 +34,7 @@ class Information:
 
     The matrix A and ``systematic``, the sum of A S A, have shape (p, p), the vector b (p,). The errors of different
     recordings are independent. ``points`` and ``groups`` count the scene points and their groups. The usable radius
-    determines the knots of the vignette.
+    determines the knots of the vignette, and the measured one is that of the last observations.
     """
 
     matrix: FloatArray
@@ -43,6 +43,7 @@ class Information:
     points: int = 0
     groups: int = 0
     usable_radius: float = 1.0
+    measured_radius: float = 1.0
 
     @classmethod
     def of(cls, summaries: Sequence[Summary], usable_radius: float | None = None) -> Information:
@@ -51,8 +52,9 @@ class Information:
         By default, the usable radius is the largest of the summaries.
         """
         nothing = np.zeros((PARAMETERS, PARAMETERS))
+        moving = [s for s in summaries if not s.standing_still]
         if usable_radius is None:
-            usable_radius = max((s.usable_radius for s in summaries if not s.standing_still), default=1.0)
+            usable_radius = max((s.usable_radius for s in moving), default=1.0)
         summaries = [s.with_usable_radius(usable_radius) for s in summaries]
         return cls(
             np.sum([nothing, *(s.matrix for s in summaries)], axis=0),
@@ -61,6 +63,7 @@ class Information:
             sum(s.points for s in summaries),
             sum(s.groups for s in summaries),
             usable_radius,
+            max((s.measured_radius for s in moving), default=1.0),
         )
 
     def without(self, summary: Summary) -> Information:
@@ -69,7 +72,7 @@ class Information:
         matrix, vector = self.matrix - summary.matrix, self.vector - summary.vector
         systematic = self.systematic - summary.systematic_matrix
         points, groups = self.points - summary.points, self.groups - summary.groups
-        return Information(matrix, vector, systematic, points, groups, self.usable_radius)
+        return replace(self, matrix=matrix, vector=vector, systematic=systematic, points=points, groups=groups)
 
     def weakened(self, factor: float) -> Information:
         """Return the information with all variances multiplied by a factor."""
@@ -112,6 +115,7 @@ def solve(information: Information, vignette: VignetteBasis = VIGNETTE, start: F
             hyperparameters=hyperparameters,
             points=information.points,
             groups=information.groups,
+            measured_radius=information.measured_radius,
         )
 
 

@@ -83,8 +83,9 @@ class Summary:
         Share of a typical exposure change that does not appear in the images.
     noise, grey_range
         Noise of a grey value; black and white levels, between which the grey levels of the response model lie.
-    usable_radius
-        Radius in half diagonals of the usable part of the image, in (0, 1].
+    usable_radius, measured_radius
+        Radius in half diagonals of the usable part of the image, in (0, 1], and distance of the last observations
+        from the centre of the vignette.
     """
 
     key: str
@@ -107,6 +108,7 @@ class Summary:
     noise: NoiseModel
     grey_range: GreyRange = FULL_RANGE
     usable_radius: float = 1.0
+    measured_radius: float = 1.0
 
     def __post_init__(self) -> None:
         p = PARAMETERS
@@ -137,6 +139,7 @@ class Summary:
             and 0 <= low <= high <= 1
             and 0 <= self.grey_range.black < self.grey_range.white <= 1
             and MIN_USABLE_RADIUS <= self.usable_radius <= 1
+            and 0 <= self.measured_radius <= _FARTHEST
             and abs(self.unexplained) <= _LARGEST
             and all(0 <= variance <= 1 for variance in noise)
             and len(noise) <= LARGEST_GREY
@@ -219,6 +222,7 @@ def summary_of(inputs: FitInputs, first_frames: str, source: dict[str, Any], fra
         unexplained=unexplained_share(inputs.ratios),
         noise=inputs.noise,
         usable_radius=inputs.usable_radius,
+        measured_radius=fit.measured_radius,
     )
 
 
