@@ -46,6 +46,8 @@ class Disturbed:
     """Step of ln of the gain, at 1.2 times the typical exposure."""
     speeds: tuple[int, ...] = ()
     """Nominal shutter speeds, such as 60 for 1/60 s, used at random; any exposures if empty."""
+    errors: tuple[float, ...] = ()
+    """Errors of ln of the exposures with these speeds, if they are not those of nominal speeds."""
     offset: float = 0.0
     late: float = 0.0
     power_of_logarithm: float = 0.0
@@ -75,8 +77,10 @@ class Disturbed:
         rate = random.normal(0, 0.1, (FRAMES, 2))[group]
         stated_ms = true_ms * np.exp(-self.late * rate) - self.offset * TYPICAL_MS
         if self.speeds:
-            stated_ms = 1000 / random.choice(self.speeds, (FRAMES, 2))[group]
-            true_ms = 1000 * 2 ** (np.round(3 * np.log2(stated_ms / 1000)) / 3)
+            level = random.integers(len(self.speeds), size=(FRAMES, 2))[group]
+            stated_ms = 1000 / np.array(self.speeds)[level]
+            exact_ms = 1000 * 2 ** (np.round(3 * np.log2(stated_ms / 1000)) / 3)
+            true_ms = stated_ms * np.exp(np.array(self.errors)[level]) if self.errors else exact_ms
         stretched = np.log(stated_ms / TYPICAL_MS)
         stated_ms = TYPICAL_MS * np.exp(stretched - self.power_of_logarithm * stretched**2)
         log_light = self.light * random.standard_normal((FRAMES, 2)) + self.slow_light * np.sin(12 * time_of) * [0, 1]
@@ -207,6 +211,15 @@ def test_nominal_shutter_speeds_are_replaced_by_exact_ones(speeds: tuple[int, ..
     found = Disturbed(speeds=speeds).fit()
     assert stated(found) == {"nominal exposures": pytest.approx(1, abs=0.05)}
     assert is_right(found)
+    assert abs(step_in_sigmas(found)) < 3
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_errors_of_many_exposures_are_no_steps_of_the_gain(seed: int) -> None:
+    speeds = tuple((1000 / TYPICAL_MS * np.exp(np.linspace(-0.8, 0.8, 20))).tolist())
+    found = Disturbed(speeds=speeds, errors=tuple(np.random.default_rng(seed).normal(0, 0.02, 20))).fit()
+    assert not any(name in GAIN_STEPS for name in stated(found))
+    assert log_ratio_error(found.response(), GAMMA) < found.log_ratio_error_bound
     assert abs(step_in_sigmas(found)) < 3
 
 

@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from ospc.arrays import FloatArray
-from ospc.estimation.effect_models import CONTRADICTIONS, CORRECTED, EFFECTS, ONLY_IF_FOUND
+from ospc.estimation.effect_models import CONTRADICTIONS, CORRECTED, EFFECTS, GAIN_STEPS, ONLY_IF_FOUND
 from ospc.estimation.effect_trials import Trial, after_newton_step, estimate_effects, slope_of_left_out, trial_of
 from ospc.estimation.effects import Effects
 from ospc.estimation.fit import Fit
@@ -32,6 +32,7 @@ from ospc.settings.estimation import (
     FIRST_FIT_POINTS,
     MIN_CRITERION_GROUPS,
     MIN_GROUPS,
+    MOST_GAIN_STEPS,
     PREFERRED_SHARE,
     PROMISING_SHARE,
     SIGNIFICANT_SIGMAS,
@@ -166,16 +167,22 @@ def fit_with_chosen_effects(
 
 
 def _with_effects(
-    fitted: Fitted, trials: Sequence[Trial], widest: VignetteBasis, rounds: int
+    plain: Fitted, plain_trials: Sequence[Trial], widest: VignetteBasis, rounds: int, *left_out: str
 ) -> tuple[Fitted, Sequence[Trial]]:
-    """Return a fit with the significant effects, and trials of the others.
+    """Return a fit with the significant effects, except those ``left_out``, and trials of the others.
 
     The search ends at the first effect that contradicts the model.
     """
+    fitted, trials = plain, plain_trials
     observations, noise = fitted.observations, fitted.noise
     untried = tuple(EFFECTS) if fitted.fit.groups >= MIN_GROUPS else ()
+    untried = tuple(name for name in untried if name not in left_out)
     while suspect := _suspected(trials, untried):
         untried = tuple(name for name in untried if name != suspect.name)
+        chosen = fitted.fit.effects.chosen
+        if suspect.name in GAIN_STEPS and sum(name in GAIN_STEPS for name in chosen) == MOST_GAIN_STEPS:
+            # Every exposure has its own error, which latent gains describe better.
+            return _with_effects(plain, plain_trials, widest, rounds, *GAIN_STEPS)
         start = after_newton_step(fitted.fit, suspect)
         wider = _estimator(start, noise, rounds).fit(observations, start)
         if not _significant(wider, -1):
