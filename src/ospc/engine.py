@@ -217,19 +217,26 @@ class Engine:
         text = f"since about frame {found.frame}, exposures are recorded {late} compared with earlier frames"
         return Change(found.frame, self.frames - 1, "exposures", text)
 
-    def _begin_epoch(self, method: Method, change: Change) -> Method:
-        """End the epoch with the calibration before a change of the camera, and continue with the frames after it."""
-        first, later = self.epochs[-1].first_frame, method.split(change.frame)
-        found, exposures = self._exposures.split(change.frame)
-        grey_range = self.pixels.range_before(change.frame)
+    def _begin_epoch(self, method: Method, suspected: Change) -> Method:
+        """End the epoch with the calibration before a change of the camera, and continue with the frames after it.
+
+        The epoch goes on if the fit of that calibration shows that the camera has not changed.
+        """
+        first, begin = self.epochs[-1].first_frame, suspected.frame
+        found, exposures = self._exposures.before(begin)
+        grey_range = self.pixels.range_before(begin)
         exposures, found = self._after_fit(method, exposures, found, grey_range)
-        known = method.calibration(exposures, grey_range)
-        ended = self._with_verdicts(known, found, change.frame - first)
-        self._epochs.append(Epoch(first, change.frame - 1, ended, change))
+        inputs = method.inputs(exposures, grey_range)
+        change = suspected if inputs is None else method.confirmed(suspected, inputs, self._exposures.table)
+        if change is None:
+            return method
+        ended = self._with_verdicts(method.calibration(exposures, grey_range), found, begin - first)
+        self._epochs.append(Epoch(first, begin - 1, ended, change))
+        self._exposures.begin_epoch(begin)
         self.pixels = self.pixels.of_next_epoch()
-        self._method = later
+        self._method = method.split(begin)
         self._sampler.restart()
-        return later
+        return self._method
 
     def _skip(self, reason: str) -> None:
         """Skip a frame; ``reason`` is empty if it could have been used."""

@@ -21,7 +21,7 @@ from ospc.correspondence.static_series import StaticSeries
 from ospc.correspondence.thumbnail import thumbnail_size
 from ospc.engine_state import EngineState, epoch_of
 from ospc.errors import FormatError
-from ospc.estimation.effect_models import AbsorbedLight
+from ospc.estimation.effect_models import EFFECTS, GAIN_STEPS, AbsorbedLight
 from ospc.estimation.effects import Effects
 from ospc.estimation.error_model import ErrorModel
 from ospc.estimation.fit import Fit
@@ -34,6 +34,7 @@ from ospc.exposures.monitor import ExposureMonitorState
 from ospc.methods.change_detection import Baseline, ChangeDetector
 from ospc.methods.maximum_likelihood_state import MaximumLikelihoodState
 from ospc.methods.prediction_errors import PairErrors
+from ospc.observations import MOMENTS, Observations
 from ospc.photometry.geometry import MOST_PIXELS
 from ospc.photometry.grey_range import GreyRange
 from ospc.photometry.noise import NoiseModel
@@ -49,7 +50,7 @@ from ospc.settings.correspondence import (
     NOISE_BINS,
     NOISE_FRAMES,
 )
-from ospc.settings.estimation import FACTOR_GREYS, MIN_USABLE_RADIUS
+from ospc.settings.estimation import FACTOR_GREYS, MIN_USABLE_RADIUS, STEP_EXPOSURES
 from ospc.settings.exposures import GREY_BIN_EDGES, MAX_BRIGHTNESS_CHANGES, MAX_REPEATED_FRAMES
 from ospc.settings.methods import CHANGE_GREY_KNOTS, MAX_BASELINE_PAIRS, MAX_FRAME_RATE, MIN_FRAME_RATE
 
@@ -178,8 +179,13 @@ RULES: Mapping[type, Mapping[str, Numbers | str]] = {
     GreyRange: {"black white": UNIT},
     NoiseModel: {"read_variance": UNIT, "shot_variance": Numbers(-1, 1), "table": Numbers(0, 1, ("levels",))},
     ResponseBasis: {"intervals": Numbers(1, _MOST_INTERVALS)},
-    Effects: {"chosen groups step_exposures": ELSEWHERE},
-    AbsorbedLight: {"frame_moments surround_moments": ELSEWHERE},
+    Effects: {
+        "chosen": ELSEWHERE,
+        "log_typical_exposure": _logs(),
+        "groups": _count(2),
+        "step_exposures": Numbers(0, _LARGEST, ("steps",), unknown=True, most=STEP_EXPOSURES),
+    },
+    AbsorbedLight: {"frame_moments": Numbers(shape=(MOMENTS,)), "surround_moments": Numbers(shape=(1 + MOMENTS,))},
     VignetteBasis: {"radial": Numbers(0, _MOST_RADIAL), "usable_radius": Numbers(MIN_USABLE_RADIUS, 1)},
     ErrorModel: {
         "constant shot read": UNIT,
@@ -196,13 +202,13 @@ RULES: Mapping[type, Mapping[str, Numbers | str]] = {
     },
     ChangeDetector: {
         "lag_frames": LAG,
-        "first_number": Numbers(-1, _MOST),
+        "first_number complete_before": Numbers(-1, _MOST),
         "frames_per_s": Numbers(MIN_FRAME_RATE, MAX_FRAME_RATE),
     },
     PairErrors: {
         "matrix": Numbers(shape=(_CHANGES, _CHANGES)),
         "vector": Numbers(shape=(_CHANGES,)),
-        "fit_products": Numbers(shape=(_CHANGES, "parameters")),
+        "fit_products": Numbers(shape=(_CHANGES, "curves")),
         "error": _logs(),
         "common": Numbers(shape=(_CHANGES,)),
         "max_radius": Numbers(0, 2),
@@ -327,17 +333,24 @@ def _check_method(method: MaximumLikelihoodState, run: EngineState, settings: De
         _require(image is None or image.shape == (height, width), "its image circle has another size")
     if method.fit is not None:
         _check_fit(method.fit)
+        _require(_is_quick(method.fit), "a quick fit has effects")
     _check_changes(method.changes, frames)
 
 
 def _check_changes(found: ChangeDetector, frames: int) -> None:
-    if found.reference is not None:
-        _check_fit(found.reference)
-    _require(found.reference or not found.pairs, "changes are judged without a reference")
+    reference = found.reference
+    if reference is not None:
+        _check_fit(reference)
+        _require(found.complete_before >= 0 or _is_quick(reference), "a reference with effects is a complete fit")
+    _require(reference or not (found.pairs or found.seen), "changes are judged without a reference")
+    _require(found.grey_range.black < found.grey_range.white, "black is not below white")
     for pair in found.pairs:
-        parameters = 0 if found.reference is None else len(found.reference.parameters)
-        Numbers(shape=(_CHANGES, parameters)).check("changes.pairs.fit_products", pair.fit_products)
+        curves = 0 if reference is None else reference.vignette_part.stop
+        Numbers(shape=(_CHANGES, curves)).check("changes.pairs.fit_products", pair.fit_products)
         _require(pair.frame0 < pair.frame1 < frames, "changes are of frames that do not exist")
+    for seen in found.seen:
+        _check_observations("changes.seen", seen, frames)
+        _require(len(seen) and seen.in_pairs, "a scene point was not seen in two frames")
     _require(found.since is None or 0 <= found.since < frames, "a suspected change begins in the future")
     _require(found.since is None or found.neighbours.errors, "a suspected change has no evidence")
 
@@ -349,9 +362,13 @@ def _check_reservoir(found: Reservoir, frames: int, settings: DefaultSettings) -
         return
     _require(kept.group[0] >= 0 and np.all(np.diff(kept.group) >= 0), "groups are mixed")
     _require(np.all(kept.group == np.repeat(kept.group[kept.starts], kept.counts)), "groups share a point")
-    _require(kept.frame.max() < frames, "observations are of frames that do not exist")
-    Numbers(0, 1, ("n",)).check("reservoir.grey_variance", kept.grey_variance)
-    Numbers(0, 10, ("n",)).check("reservoir.gradient", kept.gradient)
+    _check_observations("reservoir", kept, frames)
+
+
+def _check_observations(name: str, found: Observations, frames: int) -> None:
+    _require(found.frame.max(initial=0) < frames, "observations are of frames that do not exist")
+    Numbers(0, 1, ("n",)).check(f"{name}.grey_variance", found.grey_variance)
+    Numbers(0, 10, ("n",)).check(f"{name}.gradient", found.gradient)
 
 
 def _check_series(found: StaticSeries, run: EngineState, settings: DefaultSettings) -> None:
@@ -371,13 +388,20 @@ def _check_series(found: StaticSeries, run: EngineState, settings: DefaultSettin
     _require(np.all(np.diff(found._index) > 0), "the frames of the series are out of order")
 
 
+def _is_quick(fit: Fit) -> bool:
+    """Return whether a fit has neither effects nor gains of frames."""
+    return fit.effects == Effects() and not fit.effect_estimates and not fit.errors.gain_variances
+
+
 def _check_fit(fit: Fit) -> None:
-    _require(fit.effects == Effects() and not fit.effect_estimates, "a quick fit has no effects")
-    parameters = len(fit.response_basis) + len(fit.vignette_basis)
+    chosen = fit.effects.chosen
+    _require(len(set(chosen)) == len(chosen) and EFFECTS.keys() >= set(chosen), "the fit has unknown effects")
+    steps = len(fit.effects.step_exposures)
+    _require(steps == STEP_EXPOSURES or not set(chosen) & set(GAIN_STEPS), "the fit has unknown gain steps")
+    parameters = fit.vignette_part.stop + len(fit.effects)
     Numbers(-1e6, 1e6, (parameters,)).check("fit.parameters", fit.parameters)
     _require(np.all(fit.response_parameters > 0), "the response of the fit does not increase")
     for name, covariance in (("fit.covariance", fit.covariance), ("fit.chance", fit.chance)):
         Numbers(shape=(parameters, parameters)).check(name, covariance)
         _require(np.all(np.diag(covariance) >= 0), "the fit has negative variances")
     _require(len(fit.errors.factors) in (0, len(FACTOR_GREYS)), "the error model has another number of factors")
-    _require(not fit.errors.gain_variances, "a quick fit has no gains of frames")

@@ -74,21 +74,21 @@ def test_a_reservoir_split_off_keeps_all_that_is_added():
     reservoir = Reservoir(capacity=64)
     for group in range(40):
         reservoir.add(observations([2] * 16, group))
-    later, _ = reservoir.split(0)
+    later, groups = reservoir.since(0)
     before = later.points
-    later.add(observations([2] * 16, reservoir.latest_group + 1))
+    later.add(observations([2] * 16, groups))
     assert later.points == before + 16
 
 
-def test_a_reservoir_is_split_at_a_frame_and_drops_what_crosses_it():
+def test_a_reservoir_since_a_frame_has_all_that_is_seen_from_then_on():
     reservoir = Reservoir(100)
     for group in range(6):
         reservoir.add(replace(observations([2, 2], group=group), frame=np.array([group, group + 1] * 2)))
-    later, groups = reservoir.split(3)
-    assert reservoir.kept.frame.max() < 3
+    later, groups = reservoir.since(3)
     assert later.kept.frame.min() >= 3
     assert (groups, sorted(set(later.kept.group.tolist()))) == (3, [0, 1, 2])
-    assert reservoir.points + later.points == 10
+    assert later.points == 6
+    assert [reservoir.groups_before(frame, 6) for frame in (0, 3, 6, 7)] == [0, 2, 5, 6]
 
 
 def test_points_above_a_grey_level_are_forgotten():
@@ -194,11 +194,11 @@ def test_what_is_forgotten_is_gone_and_all_else_is_kept():
     reservoir.add(observations([2] * 20, 30))
     assert_same(reservoir.kept.where(slice(-40)), before.where(before.group >= 11))
     reservoir.forget_before(99)
-    assert (reservoir.kept, reservoir.points, reservoir.latest_group) == (None, 0, -1)
+    assert (reservoir.kept, reservoir.points, reservoir.groups_before(0, 31)) == (None, 0, 31)
 
 
-def test_an_empty_reservoir_is_split_in_two():
-    later, groups = Reservoir(10).split(0)
+def test_nothing_follows_in_an_empty_reservoir():
+    later, groups = Reservoir(10).since(0)
     assert (later.points, groups) == (0, 0)
 
 

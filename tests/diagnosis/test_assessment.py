@@ -66,7 +66,7 @@ def test_a_change_is_measured_against_the_latest_certain_lag(monkeypatch: pytest
 def test_a_new_epoch_keeps_the_lag_and_trusts_nothing_yet(choice: LagChoice, lag: int) -> None:
     exposures = after(20, choice)
     exposures.table.lag_frames, exposures.table.trusted = lag, True
-    exposures.split(10)
+    exposures.begin_epoch(10)
     assert (exposures.table.lag_frames, exposures.table.trusted) == (lag, False)
 
 

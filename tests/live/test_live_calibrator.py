@@ -170,6 +170,25 @@ def test_epochs_survive_a_saved_state(changed, tmp_path):
     assert again.epochs[0].calibration.as_dict() == changed.epochs[0].calibration.as_dict()
 
 
+def test_a_change_that_the_complete_fit_disproves_is_none_and_a_resumed_run_agrees(commanded, cameras, tmp_path):
+    """The fit that raised the suspicion has a wrong vignette, as if it left out glare."""
+    calibrator = OnlineCalibrator.load_state(commanded.save_state(tmp_path / "halfway.ospc"))
+    detector, fit = calibrator._method._changes, calibrator._method._quick_fit.fit
+    wrong = np.where(np.arange(len(fit.parameters)) < fit.vignette_part.start, 1, 3) * fit.parameters
+    detector.reference, detector.since = replace(fit, parameters=wrong), len(cameras.before)
+    detector.neighbours.errors, detector.neighbours.effects = [0.002] * 12, [0.002] * 12
+    frames = at_20_frames_per_s([*cameras.before, *cameras.before[::-1]])
+    drive(calibrator, frames[:150])
+    again = OnlineCalibrator.load_state(calibrator.save_state(tmp_path / "suspicious.ospc"))
+    for one in (calibrator, again):
+        drive(one, frames)
+        assert len(one.epochs) == 1
+        assert one._method._changes.complete_before >= len(cameras.before)
+        assert not one._method._changes.is_suspicious
+    states = [one.save_state(tmp_path / name).read_bytes() for one, name in ((calibrator, "a"), (again, "b"))]
+    assert states[0] == states[1]
+
+
 def test_frames_may_come_from_another_thread_or_a_coroutine(cameras):
     async def film(live):
         for frame in cameras.before[:5]:

@@ -1,4 +1,4 @@
-"""What raises a suspicion of change, and how long it is pursued, independently of the frame rate."""
+"""What raises a suspicion of change, how long it lasts at any frame rate, and what confirms a change."""
 
 from __future__ import annotations
 
@@ -7,12 +7,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
+from ospc.estimation.fit import Fit
 from ospc.estimation.model_choice import fit_with_chosen_vignette
 from ospc.estimation.response_basis import ResponseBasis
 from ospc.estimation.vignette_basis import VignetteBasis
 from ospc.exposures.table import ExposureTable
-from ospc.methods.change_detection import ChangeDetector
+from ospc.methods.change_detection import Change, ChangeDetector
 from ospc.observations import ExposedObservations
+from ospc.photometry.grey_range import FULL_RANGE
 from ospc.photometry.vignette import LogVignette
 from ospc.settings import DefaultSettings
 from ospc.settings.methods import MIN_BASELINE_PAIRS, MIN_FRAME_RATE, RECENT_PAIRS
@@ -22,6 +24,8 @@ from synthetic_observations import POLYNOMIAL, SIZE, Camera
 CAMERA = Camera(make_response("srgb"), POLYNOMIAL, log_ratio=0.2)
 DARKER_CORNERS = replace(CAMERA, vignette=LogVignette(SIZE, (-0.8, 0.05, -0.2)))
 NEIGHBOURS, DISTANT = 1, 4
+LONG_ENOUGH = 100
+"""Number of pairs that prove a change."""
 
 
 @dataclass(frozen=True)
@@ -35,6 +39,9 @@ class SeenPair:
     def starts(self):
         return self.exposed.starts
 
+    def of_points(self, chosen):
+        return replace(self, exposed=self.exposed.of_points(chosen))
+
     def with_exposures(self, _exposures):
         return replace(self.exposed, frame=np.tile(self.frame, len(self.starts)))
 
@@ -46,22 +53,37 @@ class Watched:
     detector: ChangeDetector
     frame: int = 0
 
-    def see(self, camera: Camera, age: int, count: int, *, light: float = 0.0) -> None:
-        """Observe pairs ``age`` frames apart; the light changes within each by up to ``light`` in ln."""
+    def see(self, camera: Camera, age: int, count: int, *, light: float = 0.0) -> Change | None:
+        """Observe pairs ``age`` frames apart; the light changes within each by up to ``light`` in ln.
+
+        Return the last change that is found.
+        """
+        found = None
         for number in range(self.frame, self.frame + count):
             exposed = camera.pairs(number, groups=1)
             brighter = np.tile([0.0, light * np.cos(number)], len(exposed.starts))
             moved = replace(exposed, log_exposure=exposed.log_exposure + brighter)
-            self.detector.observe(SeenPair(moved, (number, number + age)), ExposureTable())
+            found = self.detector.observe(SeenPair(moved, (number, number + age)), ExposureTable()) or found
         self.frame += count
+        return found
+
+
+def fitted(camera: Camera) -> Fit:
+    settings = DefaultSettings()
+    basis = ResponseBasis(settings.response_intervals, settings.response_functions)
+    seen = camera.pairs(10**6, groups=80, points=200)
+    return fit_with_chosen_vignette(seen, basis, VignetteBasis(settings.radial_terms), None, settings.rounds).fit
 
 
 @pytest.fixture(scope="module")
 def fit():
-    settings = DefaultSettings()
-    basis = ResponseBasis(settings.response_intervals, settings.response_functions)
-    seen = CAMERA.pairs(10**6, groups=80, points=200)
-    return fit_with_chosen_vignette(seen, basis, VignetteBasis(settings.radial_terms), None, settings.rounds).fit
+    return fitted(CAMERA)
+
+
+@pytest.fixture(scope="module")
+def later_fit():
+    """The fit to the camera after its corners became darker."""
+    return fitted(DARKER_CORNERS)
 
 
 @pytest.fixture
@@ -87,6 +109,26 @@ def test_light_raises_a_suspicion_only_if_it_changes_between_frames(watched):
     assert not watched.detector.is_suspicious
     watched.see(CAMERA, NEIGHBOURS, 2 * RECENT_PAIRS, light=0.2)
     assert watched.detector.is_suspicious
+
+
+def test_a_change_that_the_complete_fit_explains_is_none_and_that_fit_stays_the_reference(watched, fit, later_fit):
+    """For example, glare that the quick fit leaves out; here, the quick fit has another vignette."""
+    detector = watched.detector
+    change = watched.see(DARKER_CORNERS, DISTANT, LONG_ENOUGH)
+    assert change.part == "vignette"
+    assert detector.confirmed(change, later_fit, FULL_RANGE, ExposureTable()) is None
+    detector.set_reference(fit)
+    assert detector.reference is later_fit
+    for age in (NEIGHBOURS, DISTANT):
+        assert watched.see(DARKER_CORNERS, age, LONG_ENOUGH) is None
+        assert not detector.is_suspicious
+    assert watched.see(CAMERA, DISTANT, LONG_ENOUGH).part == "vignette"
+
+
+def test_a_change_that_the_complete_fit_does_not_explain_is_confirmed_by_the_same_pairs(watched, fit):
+    change = watched.see(DARKER_CORNERS, DISTANT, LONG_ENOUGH)
+    found = watched.detector.confirmed(change, fit, FULL_RANGE, ExposureTable())
+    assert (found.part, found.frame, found.found) == (change.part, change.frame, change.found)
 
 
 @pytest.mark.parametrize(("rate", "counted"), [(5.0, 20.0), (20.0, 20.0), (50.0, 50.0), (1000.0, 100.0)])

@@ -15,6 +15,7 @@ from ospc.exposures.table import ExposureTable
 from ospc.methods.change_hypotheses import explain
 from ospc.methods.prediction_errors import PARTS, ExplainedChange, PairErrors
 from ospc.observations import ExposedObservations
+from ospc.photometry.response import Response
 from ospc.photometry.vignette import LogVignette
 from ospc.settings import DefaultSettings
 from ospc.settings.methods import CHANGE_GREY_KNOTS
@@ -26,6 +27,7 @@ SPAN = 60
 FRAMES = 72
 CAMERA = Camera(make_response("srgb"), POLYNOMIAL)
 DARKER_CORNERS = replace(CAMERA, vignette=LogVignette(SIZE, (-0.8, 0.05, -0.2)))
+MUCH_DARKER_CORNERS = LogVignette(SIZE, (-1.0, 0.05, -0.2))
 ANOTHER_RESPONSE = replace(CAMERA, response=make_response("filmic"))
 
 
@@ -114,6 +116,15 @@ def test_a_change_is_found_and_named(seed, fading, fit):
 
     assert part(DARKER_CORNERS) == "vignette"
     assert part(ANOTHER_RESPONSE) == "response"
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_if_a_vignette_explains_whole_pairs_far_better_errors_that_follow_the_grey_level_do_not_count(seed, fit):
+    """With glare, a fit without it has such errors."""
+    grey = np.linspace(0, 1, 256)
+    wavy = Response.from_values(CAMERA.response.inverse(grey) * np.exp(0.4 * np.sin(2 * np.pi * grey)))
+    part, _ = Film(Camera(wavy, MUCH_DARKER_CORNERS), seed=seed).explained(fit)
+    assert part == "vignette"
 
 
 @pytest.mark.parametrize("seed", range(4))

@@ -63,26 +63,23 @@ class Reservoir:
         """Number of scene points kept."""
         return 0 if self.kept is None else len(self.kept.starts)
 
-    @property
-    def latest_group(self) -> int:
-        """Number of the latest group with observations, -1 for none."""
-        return -1 if self.kept is None else int(self.kept.group[-1])
+    def groups_before(self, frame: int, groups: int) -> int:
+        """Return how many of all ``groups`` come before the first that has this frame or a later one."""
+        if self.kept is None:
+            return groups
+        return int(self.kept.group[self.kept.frame >= frame].min(initial=groups))
 
-    def split(self, frame: int) -> tuple[Reservoir, int]:
-        """Move the groups whose frames all have this number or a higher one to a new reservoir.
+    def since(self, frame: int) -> tuple[Reservoir, int]:
+        """Return a reservoir of the groups whose frames all have this number or a higher one, and their number.
 
-        Return it and the number of its groups, which are renumbered from 0. Groups across that frame are dropped.
+        They are renumbered from 0.
         """
-        everything = self.kept
-        if everything is None:
+        if self.kept is None:
             return Reservoir(self.capacity), 0
-        begins = np.flatnonzero(np.diff(everything.group, prepend=-1))
-        lengths = np.diff(begins, append=len(everything))
-        after = np.repeat(np.minimum.reduceat(everything.frame, begins) >= frame, lengths)
-        before = np.repeat(np.maximum.reduceat(everything.frame, begins) < frame, lengths)
-        later = everything.where(after)
+        begins = np.flatnonzero(np.diff(self.kept.group, prepend=-1))
+        lengths = np.diff(begins, append=len(self.kept))
+        later = self.kept.where(np.repeat(np.minimum.reduceat(self.kept.frame, begins) >= frame, lengths))
         groups, number = np.unique(later.group, return_inverse=True)
-        self._keep(everything.where(before))
         return Reservoir(self.capacity, replace(later, group=number)), len(groups)
 
     def some(self, points: int) -> Observations:

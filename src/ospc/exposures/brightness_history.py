@@ -86,11 +86,14 @@ class BrightnessHistory:
         if frame.frame == self.last_frame:
             self._previous = frame
 
-    def split(self, number: int) -> BrightnessHistory:
-        """Split at a frame: return a history that continues from it; this one keeps the earlier changes."""
+    def before(self, number: int) -> list[BrightnessChange]:
+        """Return the changes between the frames before a given one."""
+        return [change for change in self.changes if change.frame1 < number]
+
+    def since(self, number: int) -> BrightnessHistory:
+        """Return a history that continues with the changes from a frame on."""
         later = replace(self, changes=[change for change in self.changes if change.frame0 >= number])
         later.observed, later._previous = len(later.changes), self._previous
-        self.changes = [change for change in self.changes if change.frame1 < number]
         return later
 
     def _thin_out(self) -> None:

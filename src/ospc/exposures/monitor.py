@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ospc.arrays import FloatArray
+from ospc.exposures.brightness import BrightnessChange
 from ospc.exposures.brightness_history import BrightnessHistory
 from ospc.exposures.findings import ExposureFindings, assess_exposures
 from ospc.exposures.lag_change import LagChange, detect_lag_change
@@ -97,7 +99,7 @@ class ExposureMonitor:
         """Return what the images show about the exposures so far."""
         key = (len(self.table), len(self.history))
         if self._findings is None or self._findings[0] != key:
-            self._findings = (key, self._assess(self.table.written))
+            self._findings = (key, self._assess(self.history.changes, self.table.written))
         return self._findings[1]
 
     @property
@@ -137,20 +139,21 @@ class ExposureMonitor:
         recent = self.table.written[max(0, number - EXPOSURE_CHANGE_FRAMES) : number + 1]
         return self.lag_is_uncertain and float(np.nanmax(recent) - np.nanmin(recent)) > MIN_EXPOSURE_CHANGE_LOG
 
-    def split(self, frame: int) -> tuple[ExposureFindings, ExposureTable]:
-        """Start an epoch at a frame; return the findings and exposures of the frames before it."""
-        later = self.history.split(frame)
-        found = self._assess(self.table.written[:frame])
-        before = replace(self.table.until(frame), lag_frames=found.corrected_frames)
-        self.history, self._first_frame, self._findings = later, frame, None
+    def before(self, frame: int) -> tuple[ExposureFindings, ExposureTable]:
+        """Return the findings about the frames of this epoch before a given one, and the exposures until then."""
+        found = self._assess(self.history.before(frame), self.table.written[:frame])
+        return found, replace(self.table.until(frame), lag_frames=found.corrected_frames)
+
+    def begin_epoch(self, frame: int) -> None:
+        """Start an epoch at a frame."""
+        self.history, self._first_frame, self._findings = self.history.since(frame), frame, None
         self._next_assessment, self._known_lag, self._suspected_lag = FIRST_ASSESSMENT_CHANGES, None, 0
         self.table.trusted = False
-        return found, before
 
-    def _assess(self, log_exposure: FloatArray) -> ExposureFindings:
+    def _assess(self, changes: Sequence[BrightnessChange], log_exposure: FloatArray) -> ExposureFindings:
         # The matrices are small: more BLAS threads would only wait for each other.
         with one_blas_thread():
-            return assess_exposures(self.history.changes, log_exposure, self.choice, first_frame=self._first_frame)
+            return assess_exposures(changes, log_exposure, self.choice, first_frame=self._first_frame)
 
     def state(self) -> ExposureMonitorState:
         """Return the state; save it before the next frame, which may change its history."""

@@ -65,7 +65,7 @@ class ExposureTable:
     def log_exposure_of(self, frames: IntArray) -> FloatArray:
         """Return ln of the exposure in milliseconds of each frame, NaN if unknown, shape (n,) -> (n,)."""
         entry = np.asarray(frames) + self.lag_frames
-        known = (entry >= 0) & (entry < self._count)
+        known = (entry >= 0) & (np.maximum(entry, frames) < self._count)
         found = np.full(entry.shape, np.nan)
         found[known] = self._log_exposure[entry[known]]
         return found

@@ -1,6 +1,6 @@
 """Detection of camera changes: new pairs of frames are predicted from earlier ones, and the errors are explained.
 
-A fit from the beginning of an epoch predicts the ratio of the two grey levels of every scene point in a new pair of
+A quick fit to the earlier frames predicts the ratio of the two grey levels of every scene point in a new pair of
 frames. If the camera is unchanged, the prediction errors are noise. If its vignette or its response has changed, they
 depend on the radius or on the grey level within each pair. Changing light, from clouds or lamps, affects all points
 of a pair equally: it is subtracted, and rarely mistaken for a change of the camera. Exposures that suddenly start to
@@ -10,6 +10,10 @@ Outliers among these errors raise a suspicion. Neighbouring frames soon reveal a
 the vignette shows in frames further apart, between which scene points move radially. Every frame is then processed
 for a while, and only pairs that begin after the suspicion count, because a pair that spans a change of the light is
 inconclusive.
+
+A quick fit leaves out glare, stray light and the like, whose errors also depend on grey level and radius. A change
+that it proves is therefore judged again with the complete fit to the frames before it. If that proves nothing, it
+remains the reference.
 """
 
 from __future__ import annotations
@@ -24,8 +28,10 @@ from ospc.exposures.table import ExposureTable
 from ospc.methods.change_hypotheses import best_explanations, explain
 from ospc.methods.prediction_errors import PairErrors
 from ospc.observations import Observations
+from ospc.photometry.grey_range import FULL_RANGE, GreyRange
 from ospc.settings.methods import (
     CALM_S,
+    JUDGED_AGAIN_POINTS,
     JUDGED_S,
     MAX_BASELINE_PAIRS,
     MAX_FRAME_RATE,
@@ -111,12 +117,15 @@ class ChangeDetector:
 
     Attributes
     ----------
-    reference
-        The fit used for prediction; None before there is one.
+    reference, grey_range
+        The fit used for prediction, None before there is one, and the grey range to which it stretches grey levels.
+    complete_before
+        Number of the frame before which the reference is a complete fit; negative if it is a quick fit.
     neighbours, distant
         Baselines of pairs of neighbouring frames, and of all other pairs.
-    pairs, since
-        Pairs of frames during a suspicion, and the number of the first frame that supports it; None without one.
+    pairs, seen, since
+        Pairs of frames during a suspicion, some of the observations in each, and the number of the first frame that
+        supports it; None without one.
     suspected_at
         Number of the frame at which the latest suspicion was raised.
     calm_until
@@ -128,9 +137,12 @@ class ChangeDetector:
     """
 
     reference: Fit | None = None
+    grey_range: GreyRange = FULL_RANGE
+    complete_before: int = -1
     neighbours: Baseline = field(default_factory=Baseline)
     distant: Baseline = field(default_factory=Baseline)
     pairs: list[PairErrors] = field(default_factory=list, repr=False)
+    seen: list[Observations] = field(default_factory=list, repr=False)
     since: int | None = None
     suspected_at: int = 0
     calm_until: int = 0
@@ -151,8 +163,11 @@ class ChangeDetector:
         self.frames_per_s = min(max(rate, MIN_FRAME_RATE), MAX_FRAME_RATE)
 
     def set_reference(self, fit: Fit) -> None:
-        """Predict with another fit from now on, except during a suspicion, whose reference must not change."""
-        if not self.pairs:
+        """Predict with another quick fit from now on, unless the reference is a complete fit.
+
+        The reference of a suspicion must not change.
+        """
+        if not self.pairs and self.complete_before < 0:
             self.reference = fit
 
     @property
@@ -164,28 +179,51 @@ class ChangeDetector:
         """Process the observations of the latest pair, and return the camera change that they prove, if any.
 
         When a suspicion begins (:attr:`is_suspicious`), the reference should be replaced by a fit to all pairs so
-        far.
+        far. A change that is returned must be :meth:`confirmed`.
         """
         if self.reference is None or len(latest.starts) < MIN_PAIR_POINTS:
             return None
-        exposed = latest.with_exposures(exposures)
-        if not len(exposed):
+        pair = self._errors(latest, self.reference, exposures)
+        if pair is None:
             return None
         if exposures.lag_frames != self.lag_frames:
             self.lag_frames = exposures.lag_frames
             self._forget_suspicion()
-        pair = PairErrors.of(exposed, self.reference)
         if self.since is None:
             self._look_for_outliers(pair)
             return None
         first = max(self.since, pair.frame1 - self._frames(JUDGED_S))
+        some = latest.of_points(slice(None, None, -(-len(latest.starts) // JUDGED_AGAIN_POINTS)))
         self.pairs = [old for old in (*self.pairs, pair) if old.frame0 >= first]
-        found = explain(self.pairs, self.reference, exposures, self.neighbours.error, self._frames(MIN_SPAN_S))
+        self.seen = [old for old in (*self.seen, some) if old.frame[0] >= first]
+        return self._judged(first, pair.frame1, self.reference, exposures)
+
+    def confirmed(self, change: Change, fit: Fit, grey_range: GreyRange, exposures: ExposureTable) -> Change | None:
+        """Judge the pairs again with the complete fit to the frames before a change, which becomes the reference.
+
+        Return the change if they still prove one. If not, the suspicion continues, and its further changes need no
+        other fit.
+        """
+        if self.since is None or self.complete_before >= self.since:
+            return change
+        self.reference, self.grey_range, self.complete_before = fit, grey_range, change.frame
+        judged = (self._errors(seen, fit, exposures) for seen in self.seen)
+        self.pairs = [pair for pair in judged if pair is not None]
+        return self._judged(change.frame, change.found, fit, exposures)
+
+    def _errors(self, seen: Observations, fit: Fit, exposures: ExposureTable) -> PairErrors | None:
+        """Return the errors of a pair; None if nothing of it is exposed."""
+        exposed = seen.with_exposures(exposures).stretched(self.grey_range)
+        return PairErrors.of(exposed, fit) if len(exposed) else None
+
+    def _judged(self, first: int, frame: int, reference: Fit, exposures: ExposureTable) -> Change | None:
+        """Return the change since a first frame that the pairs up to a frame prove; end the suspicion if it fades."""
+        found = explain(self.pairs, reference, exposures, self.neighbours.error, self._frames(MIN_SPAN_S))
         if found is None:
-            self._end_suspicion(pair.frame1, self.reference)
+            self._end_suspicion(frame, reference)
             return None
         part, text = found
-        return Change(first, pair.frame1, part, f"since about frame {first}, {text}")
+        return Change(first, frame, part, f"since about frame {first}, {text}")
 
     def _look_for_outliers(self, pair: PairErrors) -> None:
         baseline = self.neighbours if pair.consecutive else self.distant
@@ -207,7 +245,10 @@ class ChangeDetector:
                 self._forget_suspicion()
 
     def _forget_suspicion(self) -> None:
-        self.since, self.pairs, self.neighbours.outliers, self.distant.outliers = None, [], [], []
+        """Forget a suspicion, and the usual errors if they are those of an earlier reference."""
+        if self.since is not None and self.complete_before >= self.since:
+            self.neighbours, self.distant = Baseline(), Baseline()
+        self.since, self.pairs, self.seen, self.neighbours.outliers, self.distant.outliers = None, [], [], [], []
 
     def _frames(self, duration_s: float) -> int:
         return round(duration_s * self.frames_per_s)

@@ -13,6 +13,8 @@ from ospc.methods.prediction_errors import PARTS, ExplainedChange, PairErrors
 from ospc.robust import weighted_median
 from ospc.settings.methods import (
     ALIKE_RATIO,
+    CLEARLY_WORSE_FACTOR,
+    COMPARABLE_RATIO,
     LIGHT_SLOPE,
     MAJORITY,
     MAX_STATED_EFFECT_LOG,
@@ -66,10 +68,11 @@ def _other_curve(pairs: list[PairErrors], fit: Fit) -> Finding | None:
     hypotheses = [_InHalves.of(pairs, fit, whole) for whole in best_explanations(pairs, fit)]
     best, other = sorted(hypotheses, key=lambda found: -found.unseen_gain)
     alike = other.unseen_gain > ALIKE_RATIO * best.unseen_gain
-    if alike:
+    comparable = other.unseen_gain > COMPARABLE_RATIO * best.unseen_gain
+    if alike or (comparable and best.common_error > CLEARLY_WORSE_FACTOR * other.common_error):
         # Darker corners also fit a steeper response, but that would change the relation to the exposure, too.
         best, other = sorted((best, other), key=lambda found: found.common_error)
-        alike = best.common_error > ALIKE_RATIO * other.common_error
+        alike = alike and best.common_error > ALIKE_RATIO * other.common_error
     whole = best.whole
     explained_log = np.sqrt(max(whole.gain, 0.0) / sum(pair.points for pair in pairs))
     if explained_log < MIN_EXPLAINED_LOG or abs(whole.effect) < MIN_EFFECT_LOG or whole.sigmas < MIN_CHANGE_SIGMAS:

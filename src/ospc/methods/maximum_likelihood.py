@@ -145,17 +145,20 @@ class MaximumLikelihoodMethod:
 
     # Epochs and pauses.
 
+    def confirmed(self, change: Change, before: FitInputs, exposures: ExposureTable) -> Change | None:
+        """Judge a change of response or vignette again with the complete fit to the frames before it, if any."""
+        if change.part == "exposures" or before.fit is None:
+            return change
+        return self._changes.confirmed(change, before.fit, before.grey_range, exposures)
+
     def split(self, number: int) -> MaximumLikelihoodMethod:
-        """Return a method that continues with the observations from a frame on; this one keeps the earlier ones."""
+        """Return a method that continues with the observations from a frame on; this one is not used any more."""
         later = MaximumLikelihoodMethod(self._settings, self._size, self._max_grey)
         later._noise, later._circle = self._noise, self._circle
-        later._reservoir, later._pairs = self._reservoir.split(number)
-        self._pairs = self._reservoir.latest_group + 1
+        later._reservoir, later._pairs = self._reservoir.since(number)
         later._select_keyframe = self._select_keyframe
         later._select_keyframe.forget_before(number)
         later._stationary.series = None
-        self._stationary.series = self._stationary.used_series
-        self._inputs = {}
         return later
 
     @property
@@ -214,7 +217,7 @@ class MaximumLikelihoodMethod:
             observations=observations,
             fit=None if observations is None else self._fitted(observations, grey_range),
             standing_still=self._stationary.stands_still,
-            pairs=self._pairs,
+            pairs=self._reservoir.groups_before(len(exposures), self._pairs),
             usable_radius=self._circle.usable_radius(),
             grey_range=grey_range,
             single_pixels=self._stationary.used_series is not None,

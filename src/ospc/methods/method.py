@@ -84,13 +84,17 @@ class Method(Protocol):
         """Process a brightness change between consecutive frames, and return the camera change that it proves."""
         return None
 
+    def confirmed(self, change: Change, before: FitInputs, exposures: ExposureTable) -> Change | None:
+        """Judge a change again with the complete fit to the frames before it; None if it is not one of the camera."""
+        return change
+
     @property
     def longest_pause(self) -> int:
         """Maximum number of frames that may be skipped now."""
         return sys.maxsize
 
     def split(self, number: int) -> Method:
-        """Return a method that continues with the observations from a frame on; this one keeps the earlier ones."""
+        """Return a method that continues with the observations from a frame on; this one is not used any more."""
         return self
 
     def inputs(self, exposures: ExposureTable, grey_range: GreyRange = FULL_RANGE) -> FitInputs | None:

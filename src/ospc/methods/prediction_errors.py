@@ -28,7 +28,7 @@ _STEPS = np.linspace(0, 1, 21)
 class PairErrors:
     """The errors ρ of a pair's scene points: ln of the measured over the predicted ratio of irradiances.
 
-    A change x of the camera adds Φ x to them, and an error δ of the fit's parameters subtracts X δ. Pairs are
+    A change x of the camera adds Φ x to them, and an error δ of the fit's curves subtracts X δ. Pairs are
     described by sums over their scene points, after subtraction of the mean over the pair, so changes of light that
     affect all points equally have no influence.
 
@@ -59,11 +59,11 @@ class PairErrors:
     def of(cls, seen: ExposedObservations, fit: Fit) -> PairErrors:
         """Compare a pair of frames, with each scene point observed once in both, with a fit."""
         basis, log_g = fit.response_basis, fit.log_response
-        log_irradiance = fit.vignette_basis.log_value(fit.vignette_parameters, seen.position) + seen.log_exposure
-        log_radiance = np.interp(fit.grey_of_mean(seen), basis.grid, log_g) - log_irradiance
+        log_radiance = fit.log_radiance(seen)
+        log_gain = np.interp(fit.grey_of_mean(seen), basis.grid, log_g) - log_radiance
         # The basis is evaluated at the grey levels predicted from both observations: at the measured ones, its noise
         # would be correlated with the errors, and every pair of nearly equal exposures would seem to have changed.
-        predicted = np.repeat((log_radiance[0::2] + log_radiance[1::2]) / 2, 2) + log_irradiance
+        predicted = np.repeat((log_radiance[0::2] + log_radiance[1::2]) / 2, 2) + log_gain
         grey = np.interp(predicted, log_g, basis.grid)
         rows = fit.log_irradiance_rows(grey, seen.position)
         squared = np.sum(seen.position**2, axis=1)
@@ -147,7 +147,8 @@ class ExplainedChange:
         found = inverse @ np.sum([pair.vector[own] for pair in pairs], axis=0)
         scores = np.stack([pair.vector[own] - pair.matrix[own, own] @ found for pair in pairs])
         by_fit = inverse @ np.sum([pair.fit_products[own] for pair in pairs], axis=0)
-        covariance = inverse @ (scores.T @ scores) @ inverse + by_fit @ fit.chance @ by_fit.T
+        curves = slice(fit.vignette_part.stop)
+        covariance = inverse @ (scores.T @ scores) @ inverse + by_fit @ fit.chance[curves, curves] @ by_fit.T
         # The ridge keeps unobserved changes at zero, so it adds nothing to the covariance.
         covariance += systematic_log**2 * np.eye(len(found))
         change = np.zeros(len(pairs[0].vector))

@@ -95,6 +95,10 @@ MAX_SUSPICION_S = 9.6
 JUDGED_S = 5.6
 """Latest seconds of a suspicion whose pairs are judged: light may have raised it before the camera changed."""
 
+JUDGED_AGAIN_POINTS = 200
+"""Most scene points of each pair that are kept to judge it again with a complete fit. The scatter between pairs
+decides, so more would only take memory."""
+
 CALM_S = 4.8
 """Time, in seconds, without another suspicion after one that reached its maximum duration."""
 
@@ -138,6 +142,11 @@ SYSTEMATIC_LOG = 0.006
 ALIKE_RATIO = 0.9
 """Two explanations are equally good if the ratio of their gains in pairs not used to fit them, or of the errors they
 leave in whole pairs, exceeds this; both are reported if this is so by both measures."""
+
+COMPARABLE_RATIO, CLEARLY_WORSE_FACTOR = 0.5, 3.0
+"""An explanation with at least this share of the other's gain is preferred if the other leaves more than this
+multiple of its errors in whole pairs. With glare, darker corners had 0.75 to 0.84 of the gain of another response,
+which left 6 to 13 times their errors."""
 
 MAJORITY = 0.8
 """Share of the pairs in each half that a change must explain, weighted by its effect on them: a few wrong

@@ -216,6 +216,8 @@ class DefaultSettings:
     def __post_init__(self) -> None:
         """Validate the settings."""
         _check_numbers(self)
+        if self.smoothing_px > self.longest_side_px:
+            raise SettingError("smoothing_px must not be above longest_side_px")
 
     def sampler(self) -> FrameSampler:
         """Return the frame sampler."""
