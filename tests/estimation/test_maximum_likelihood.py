@@ -341,6 +341,23 @@ def test_sigmas_cover_bends_too_sharp_for_the_basis():
     assert error.max() < 6
 
 
+def test_sigmas_cover_noise_that_was_amplified_after_the_response():
+    """Sharpening quadruples the variance of pixels: the measured noise is not the one that the response bends."""
+    levels, truth = np.array([12, 16, 22, 30, 40, 60, 80]) / 255, RESPONSES["srgb"]()
+    amplified = NoiseModel(
+        4e-4, 0.0, tuple(np.interp(np.linspace(0, 1, 25), [0.12, 0.3, 0.9], [4e-4, 2.6e-4, 1.3e-4]))
+    )
+    estimator = MaximumLikelihoodEstimator(ResponseBasis(32), VignetteBasis(RADIAL_TERMS), amplified)
+    for seed in range(2):
+        fit = estimator.fit(Camera(truth, spread=1.3).pairs(seed, groups=160))
+        error = np.log(fit.response(255).inverse(levels) / truth.inverse(levels))
+        error -= np.log(fit.response(255).inverse(0.5) / truth.inverse(0.5))
+        sigma = fit.log_response_sigma(levels, 0.5)
+        assert np.abs(error[:4]).max() > 0.04
+        assert np.sqrt(np.mean((error / sigma) ** 2)) < 2.5
+        assert sigma.max() < 0.06
+
+
 @pytest.mark.parametrize("name", RESPONSES)
 def test_error_bounds_are_neither_exceeded_nor_too_wide(name):
     camera = Camera(RESPONSES[name]())

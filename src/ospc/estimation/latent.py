@@ -28,6 +28,7 @@ from ospc.settings.estimation import (
     MAX_DEVIATION_SIGMAS,
     MIN_ONE_MINUS_LEVERAGE,
     MOST_LOG_GAIN,
+    NOISE_SHARE_SIGMA,
     PIXEL_NOISE_STRIDE,
 )
 
@@ -169,6 +170,14 @@ class LatentModel:
     @cached_property
     def _pixel_means(self) -> PixelMeans:
         return PixelMeans.of(self.basis, self.coefficients, self.pixel_noise)
+
+    @cached_property
+    def error_by_noise(self) -> FloatArray:
+        """Error of the coefficients if the share of bent noise is off by its standard deviation, (len(basis),)."""
+        # Below half an interval between knots, the shift of clipped noise may have any slope.
+        levels = slice(len(self.basis.grid) // (2 * self.basis.intervals), None, PIXEL_NOISE_STRIDE)
+        shift = NOISE_SHARE_SIGMA * (self._pixel_means.by_noise * self._log_response_slope)[levels]
+        return np.asarray(np.linalg.lstsq(self.basis.log_table[levels], shift, rcond=None)[0])
 
     @cached_property
     def pixel_noise(self) -> NoiseModel:

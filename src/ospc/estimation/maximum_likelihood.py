@@ -163,6 +163,8 @@ class MaximumLikelihoodEstimator:
         # scatter of few groups is hardly known.
         if errors.gain_variances or groups < MIN_BLOCKS:
             covariance = at_least(covariance, precision)
+        n = len(self.response_basis)
+        covariance[:n, :n] += np.outer(predict.error_by_noise, predict.error_by_noise)
         return Fit(
             self.response_basis,
             self.vignette_basis,
