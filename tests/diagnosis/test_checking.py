@@ -91,6 +91,18 @@ def test_constant_metadata_of_a_camera_that_adapts_are_stale() -> None:
     assert "stale" in report.verdicts["exposures"].reason
 
 
+@pytest.mark.parametrize("seed", [2, 5])
+def test_the_drift_is_that_at_constant_exposure(seed: int) -> None:
+    exact = wandering(FRAMES, seed, step=0.2)
+    half_stop = np.log(2) / 2
+    rounded = np.rint(exact / half_stop) * half_stop
+    report = check(log_exposure=rounded, hidden_log_gain=exact - rounded)
+    constant = np.split(exact, np.flatnonzero(np.diff(rounded)) + 1)
+    assert report.exposures.brightness is not None
+    # The logarithm of a grey level changes by no more than that of the light.
+    assert 0 < report.exposures.brightness.drift_at_constant_exposure_log < max(map(np.ptp, constant))
+
+
 def test_exposures_of_another_recording_are_never_given_a_lag() -> None:
     report = check(hidden_log_gain=wandering(FRAMES, 50) - wandering(FRAMES))
     assert report.exposure_lag_frames is None

@@ -218,7 +218,7 @@ def _brightness(found: BrightnessReport, interval_s: float) -> dict[str, Any]:
         "change_rms_log": found.change_rms_log,
         "unexplained_rms_log": found.unexplained_rms_log,
         "unexplained_share": _known(found.unexplained_share),
-        "unexplained_drift_log": found.unexplained_drift_log,
+        "drift_at_constant_exposure_log": found.drift_at_constant_exposure_log,
         "stale_metadata": found.stale,
         "unexplained_jumps": [
             {"frame": jump.frame, "brightness_change_log": jump.log_change} for jump in found.jumps[:_MOST_LISTED]

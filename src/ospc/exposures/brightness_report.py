@@ -51,8 +51,8 @@ class BrightnessReport:
         Root mean square of the part that exposures (shifted by the lag) and flicker do not explain.
     unexplained_share
         Share of the energy of all changes that exposures do not explain; NaN if brightness does not change.
-    unexplained_drift_log
-        Largest sum of unexplained changes within :data:`DRIFT_FRAMES`.
+    drift_at_constant_exposure_log
+        Largest sum of unexplained changes within :data:`DRIFT_FRAMES` while the exposure stays constant.
     stale
         Whether brightness changes while the recorded exposures do not.
     flicker
@@ -64,7 +64,7 @@ class BrightnessReport:
     change_rms_log: float
     unexplained_rms_log: float
     unexplained_share: float
-    unexplained_drift_log: float
+    drift_at_constant_exposure_log: float
     stale: bool
     flicker: tuple[Flicker, ...]
     jumps: tuple[Jump, ...] = ()
@@ -79,9 +79,9 @@ def brightness_report(lag: LagEstimate, log_exposure: FloatArray) -> BrightnessR
     unexplained = without_waves(lag.frame, fit.unexplained, [f.cycles_per_frame for f in flicker])
     shift = lag.candidates[0] if lag.candidates else 0
     change = log_exposure[lag.frame + 1 + shift] - log_exposure[lag.frame + shift]
-    unchanged = unexplained[np.abs(change) < UNCHANGED_EXPOSURE_LOG]
-    drift = _drift(unexplained, lag.frame)
-    constant = len(unchanged) == len(unexplained)
+    stays = np.abs(change) < UNCHANGED_EXPOSURE_LOG
+    unchanged, drift = unexplained[stays], _drift(unexplained[stays], lag.frame[stays])
+    constant = bool(stays.all())
     stale = len(unchanged) >= MIN_STALE_PAIRS and _rms(unchanged) > NOTABLE_RMS_LOG
     return BrightnessReport(
         _rms(fit.observed),
