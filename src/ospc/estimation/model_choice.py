@@ -187,7 +187,8 @@ def _with_effects(
         wider = _estimator(start, noise, rounds).fit(observations, start)
         if not _significant(wider, -1):
             if suspect.name == "local tone mapping":  # one step sees half of it: the response has taken up the rest
-                trials = [trial_of(wider) if trial is suspect else trial for trial in trials]
+                clearer = max(suspect, trial_of(wider), key=lambda trial: trial.sigmas)
+                trials = [clearer if trial is suspect else trial for trial in trials]
             continue
         if suspect.name in CONTRADICTIONS:
             return replace(fitted, fit=wider), trials
