@@ -49,11 +49,8 @@ def shared_white_of(counts: IntArray) -> int | None:
     before, high = used[-2:].tolist()
     below = counts[high - round(WHITE_NEIGHBOURHOOD * last) : high].sum()
     many = counts[high] > max(MIN_PILE_SHARE * counts.sum(), below)
-    return (
-        high
-        if many and high > LOWEST_WHITE * last and last - high > max(CLIPPED_MARGIN * last, high - before)
-        else None
-    )
+    inside = LOWEST_WHITE * last < high < last - max(CLIPPED_MARGIN * last, high - before)
+    return high if many and inside else None
 
 
 def scattered_white_of(counts: IntArray) -> int | None:

@@ -188,6 +188,7 @@ class PixelStatistics:
 
     @property
     def _piles(self) -> tuple[int | None, int | None]:
+        """Indices of black and white in the histogram, None for the ends of the scale."""
         assert self._histogram is not None
         white = shared_white_of(self._histogram)
         if white is None:
@@ -198,13 +199,16 @@ class PixelStatistics:
     def _clips_at(self, white: float) -> bool:
         """Return whether a peak of the histogram is white, and not a uniform object at its brightest.
 
-        Clipped pixels have the same value at different exposures, or very different ones if they are not clipped.
+        Clipped pixels have the same value at different exposures. In frames with shorter exposures, where they are
+        not clipped, their values differ widely.
         """
         share, log_exposure = np.array(self._grey_share), np.array(self._log_exposure)
         bright = share[:, int(white * COVERAGE_GREY_CELLS) :].sum(axis=1)
         there = bright > MIN_PILE_SHARE
-        if not there.any() or np.ptp(log_exposure[there]) > LOG_EXPOSURES_OF_WHITE:
-            return bool(there.any())
+        if not there.any():
+            return False
+        if np.ptp(log_exposure[there]) > LOG_EXPOSURES_OF_WHITE:
+            return True
         shorter = log_exposure.min(where=there, initial=np.inf) - log_exposure
         brightest = bright[there].mean() * np.array(BRIGHTEST_SHARES)
         reaching = np.cumsum(share[(shorter > 0) & (shorter < MAX_LOG_EXPOSURE_BELOW_WHITE), ::-1], axis=1)

@@ -245,14 +245,14 @@ def _moments(counts: IntArray, brightest: float) -> FloatArray:
 
     Pixels are white beyond the ``brightest`` exposed grey level.
     """
-    return np.asarray(counts @ _powers_of_grey(brightest) / counts.sum())
+    white = counts[int(255 * brightest) + 1 :].sum()
+    return np.asarray(np.append(counts @ _powers_of_grey(), white) / counts.sum())
 
 
 @cache
-def _powers_of_grey(brightest: float) -> FloatArray:
-    """Return M … M⁵ of each grey level, and whether it is white, shape (256, 6)."""
-    grey = np.linspace(0, 1, 256)
-    return np.column_stack([grey[:, None] ** np.arange(1, POWERS + 1), grey > brightest])
+def _powers_of_grey() -> FloatArray:
+    """Return M … M⁵ of each grey level, shape (256, 5)."""
+    return np.linspace(0, 1, 256)[:, None] ** np.arange(1, POWERS + 1)
 
 
 def _surround_moments(small: npt.NDArray[np.uint8], brightest: float) -> Float32Array:

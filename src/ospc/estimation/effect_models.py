@@ -159,8 +159,9 @@ def _gain_step(number: int) -> Effect:
 
 def _missing_of_thirds(seen: Circumstances) -> FloatArray:
     """Return ln of the closest 2^(n/3) s relative to the exposure: cameras call 1/64 s 1/60 s."""
-    thirds = 3 * (seen.observations.log_exposure - math.log(1000)) / math.log(2)  # in s
-    return (np.rint(thirds) - thirds) * math.log(2) / 3
+    log_s = seen.observations.log_exposure - math.log(1000)
+    third = math.log(2) / 3
+    return np.asarray(np.rint(log_s / third) * third - log_s)
 
 
 def _step_name(number: int) -> str:

@@ -175,8 +175,8 @@ def _with_effects(
     """
     fitted, trials = plain, plain_trials
     observations, noise = fitted.observations, fitted.noise
-    untried = tuple(EFFECTS) if fitted.fit.groups >= MIN_GROUPS else ()
-    untried = tuple(name for name in untried if name not in left_out)
+    tested = fitted.fit.groups >= MIN_GROUPS
+    untried = tuple(name for name in EFFECTS if tested and name not in left_out)
     while suspect := _suspected(trials, untried):
         untried = tuple(name for name in untried if name != suspect.name)
         chosen = fitted.fit.effects.chosen

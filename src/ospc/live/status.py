@@ -142,8 +142,9 @@ class Findings:
     def advise(self, pushed: int) -> None:
         """Choose what to film next from quick estimates."""
         self.preview = self._engine.preview()
-        reasons = self._engine.status.skipped if self._used.count(False) > MOST_UNUSABLE else ()
-        now = self._adviser.look(self.preview, time.monotonic(), self._confirmed, "".join(reasons[-1:]))
+        reasons = self._engine.status.skipped
+        unusable = reasons[-1] if reasons and self._used.count(False) > MOST_UNUSABLE else ""
+        now = self._adviser.look(self.preview, time.monotonic(), self._confirmed, unusable)
         due = self._engine.processed >= self._estimated_after + CONFIRMING
         if due and now.kind != "done" and self._adviser.expects_end:
             self.estimate(pushed)  # quick estimates omit errors that only a complete one finds

@@ -340,9 +340,9 @@ LOG_EXPOSURES_OF_WHITE = 0.2
 exposure."""
 
 MAX_LOG_EXPOSURE_BELOW_WHITE, BRIGHTEST_SHARES, MIN_CELLS_OF_CLIPPED = 1.2, (0.1, 0.9), 2
-"""If all frames with this peak have about the same exposure, those with exposures shorter by up to this in ln are
-compared: there, the quantiles of the clipped pixels at these shares have to be at least this many of the 32 ranges of
-grey apart. They are 2 or 3 apart in a real video; those of a uniform object are at most 1 apart."""
+"""If all frames with this peak have about the same exposure, frames with exposures shorter by up to this in ln are
+considered: there, the quantiles of as many of the brightest pixels at these shares have to be at least this many of
+the 32 ranges of grey apart. They are 2 or 3 apart in a real video; those of a uniform object are at most 1 apart."""
 
 MIN_MISSING_LEVELS_SHARE = 0.05
 """Share of missing grey values between the extremes above which they are reported: a few rare ones miss by chance."""
