@@ -97,6 +97,8 @@ def test_a_single_camera_is_a_rig_of_one(tmp_path: Path) -> None:
     assert list(cameras_of(place)) == ["cam0", "cam1", "cam10"]
     with pytest.raises(RecordingError, match="no such file"):
         cameras_of(tmp_path / "none")
+    with pytest.raises(RecordingError, match="cannot be read"):
+        cameras_of(tmp_path / ("x" * 300))
 
 
 def test_one_camera_without_exposures_does_not_hide_the_others(tmp_path: Path) -> None:

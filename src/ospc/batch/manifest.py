@@ -13,7 +13,7 @@ from typing import Any
 from ospc.batch.object_store import is_address, matches
 from ospc.errors import FormatError, RecordingError, SettingError, listed, needs_extra, os_error_as, quoted, said_by
 from ospc.exposures.lag_choice import LagChoice, lag_choice
-from ospc.recording.kinds import kinds, open_recording
+from ospc.recording.kinds import is_recording, open_recording
 from ospc.recording.options import ReadingOptions, declared_options
 from ospc.settings import DefaultSettings, check_names, with_overrides
 
@@ -150,7 +150,7 @@ def _recordings_in(folder: Path, left_out: Callable[[str], None], depth: int = 0
     for place in sorted(folder.iterdir()):
         if place.name.startswith("."):
             continue
-        if _is_recording(place):
+        if is_recording(place):
             yield place
         elif place.is_dir():
             below: list[Path] = []
@@ -163,14 +163,10 @@ def _recordings_in(folder: Path, left_out: Callable[[str], None], depth: int = 0
                 left_out(reason)
 
 
-def _is_recording(place: Path) -> bool:
-    return any(kind.recognises(place) for kind in kinds())
-
-
 def _why_unknown(place: Path, depth: int) -> str:
     if place.is_symlink():
         return f"{place}: a link that does not point to a recording"
-    if depth + 1 >= _DEEPEST and any(inner.is_dir() or _is_recording(inner) for inner in place.iterdir()):
+    if depth + 1 >= _DEEPEST and any(inner.is_dir() or is_recording(inner) for inner in place.iterdir()):
         return f"{place}: is not searched, because its content is more than {_DEEPEST} levels deep"
     try:
         open_recording(place)

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from importlib import import_module
 from pathlib import Path
 from typing import Protocol, runtime_checkable
@@ -80,9 +80,11 @@ def open_recording(path: str | Path, kind: str | None = None, options: ReadingOp
         If the path does not exist, is not of a known kind, or its parts do not match.
     """
     place = Path(path)
-    with os_error_as(RecordingError, f"{place}: cannot be read", "check the path and its permissions"):
-        _check_exists(place)
+    with _readable(place):
         place, chosen = _located(place, kind)
+    if chosen is None:
+        # A stated kind opens any path, to say what it lacks.
+        chosen = next((k for k in kinds() if k.name == kind), None)
     if chosen is not None:
         if chosen.name != "rosbag" and (options.image_topic or options.exposure_topic):
             raise SettingError(f"{place}: is not a ROS bag and has no topics; leave out --topic and --exposure-topic")
@@ -101,15 +103,15 @@ def open_recording(path: str | Path, kind: str | None = None, options: ReadingOp
 
 def _recordings_inside(place: Path) -> str | None:
     """Return which files in a folder, such as videos, are recordings; None if there are none."""
-    names = [path.name for path in _inside(place)[:_MOST_LOOKED_INTO] if path.is_file() and _recognised(path)]
+    names = [path.name for path in _inside(place)[:_MOST_LOOKED_INTO] if path.is_file() and is_recording(path)]
     return f"is not a recording, but contains some; give one of them: {listed(names)}" if names else None
 
 
 def _only_file_inside(place: Path, kind: str | None) -> Path | None:
     """Return the file in a folder that is its only recording; None if there is none, or others cannot be excluded."""
     inner = _inside(place)
-    found = [path for path in inner if _recognised(path)] if len(inner) <= _MOST_LOOKED_INTO else []
-    if len(found) == 1 and found[0].is_file() and _recognised(found[0], kind):
+    found = [path for path in inner if is_recording(path)] if len(inner) <= _MOST_LOOKED_INTO else []
+    if len(found) == 1 and found[0].is_file() and is_recording(found[0], kind):
         return found[0]
     return None
 
@@ -118,10 +120,16 @@ def _inside(place: Path) -> list[Path]:
     return sorted(place.iterdir(), key=lambda path: (path.is_dir(), path)) if place.is_dir() else []
 
 
-def _recognised(place: Path, kind: str | None = None) -> bool:
-    with suppress(OSError):  # a file without read permission
-        return any(k.recognises(place) for k in kinds() if kind in (None, k.name))
+def is_recording(place: Path, kind: str | None = None) -> bool:
+    """Return whether a path is of this kind, or of any kind; False if it cannot be read."""
+    with suppress(OSError):
+        return _recognising(place, kind) is not None
     return False
+
+
+def _recognising(place: Path, kind: str | None) -> Kind | None:
+    """Return the first kind that recognises a path, or the kind with this name if it does; otherwise None."""
+    return next((k for k in kinds() if kind in (None, k.name) and k.recognises(place)), None)
 
 
 def _nothing_known(place: Path) -> str:
@@ -134,24 +142,20 @@ def _nothing_known(place: Path) -> str:
     return f"{reason}; {_EXPECTED}"
 
 
-def _check_exists(place: Path) -> None:
-    if not place.exists():
-        raise RecordingError(f"{place}: there is no such file or folder; check the path")
+@contextmanager
+def _readable(place: Path) -> Iterator[None]:
+    """Raise a RecordingError if a path does not exist, or cannot be read within the context."""
+    with os_error_as(RecordingError, f"{place}: cannot be read", "check the path and its permissions"):
+        if not place.exists():
+            raise RecordingError(f"{place}: there is no such file or folder; check the path")
+        yield
 
 
 def _located(place: Path, kind: str | None) -> tuple[Path, Kind | None]:
-    """Return the path, or that of the only recording in a folder that is not one itself, and its kind."""
-    chosen = _chosen(place, kind)
-    if chosen is None or (kind is not None and not chosen.recognises(place)):
-        inner = _only_file_inside(place, kind)
-        if inner is not None:
-            return inner, _chosen(inner, kind)
-    return place, chosen
-
-
-def _chosen(place: Path, kind: str | None) -> Kind | None:
-    """Return the kind with this name, or the first that recognises the path; None if there is none."""
-    return next((k for k in kinds() if (k.recognises(place) if kind is None else k.name == kind)), None)
+    """Return the path, or that of the only recording in a folder that is not one itself, and the kind recognised."""
+    found = _recognising(place, kind)
+    inner = _only_file_inside(place, kind) if found is None else None
+    return (place, found) if inner is None else (inner, _recognising(inner, kind))
 
 
 _MAX_CAMERAS = 64
@@ -185,8 +189,8 @@ def cameras_of(
         If the path does not exist, or has too many cameras.
     """
     place = Path(path)
-    _check_exists(place)
-    found = _cameras(place, kind, options)
+    with _readable(place):
+        found = _cameras(place, kind, options)
     if len(found) > _MAX_CAMERAS:
         raise RecordingError(
             f"{place}: has {len(found)} cameras, more than the {_MAX_CAMERAS} allowed; open one of them"
@@ -205,11 +209,10 @@ def cameras_of(
 def _cameras(place: Path, kind: str | None, options: ReadingOptions) -> dict[str, tuple[Path, ReadingOptions]]:
     place, chosen = _located(place, kind)
     single = {place.stem: (place, options)}
-    if chosen is not None and chosen.recognises(place):
+    if chosen is not None:
         return chosen.cameras(place, options) if isinstance(chosen, RigKind) else single
-    inner = sorted(p for p in place.iterdir() if p.is_dir()) if place.is_dir() else []
-    recordings = [p for p in inner if any(k.recognises(p) for k in kinds() if kind in (None, k.name))]
-    return {p.name: (p, options) for p in recordings} or single
+    inner = sorted(p for p in place.iterdir() if p.is_dir() and is_recording(p, kind)) if place.is_dir() else []
+    return {p.name: (p, options) for p in inner} or single
 
 
 def safe_name(name: str, most: int = _MAX_NAME_CHARACTERS) -> str:
