@@ -159,6 +159,13 @@ def test_vignettes_that_are_not_as_they_should_be(tmp_path, change, program, sev
     assert len(found(place, program, (128, 96))) == 1
 
 
+def test_a_black_vignette_is_refused_even_if_it_is_opaque(tmp_path):
+    black = np.zeros((96, 128, 4), np.uint16)
+    black[..., 3] = 65535
+    cv2.imwrite(str(tmp_path / "vignette.png"), black)
+    assert "not entirely black" in errors(tmp_path / "vignette.png")
+
+
 def test_broken_picture_is_a_finding_and_does_not_stop_the_others(folder):
     (folder / "vignette.png").write_bytes((folder / "vignette.png").read_bytes()[:500])
     result = validate([folder], "dso")

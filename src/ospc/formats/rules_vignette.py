@@ -50,7 +50,7 @@ def _about_the_type(image: Image, context: Context) -> Iterator[Broken]:
 
 def _about_the_values(image: Image, context: Context) -> Iterator[Broken]:
     values = image if image.ndim == 2 else image[..., :3].max(axis=2)
-    if image.max() == 0:
+    if values.max() == 0:
         effect = "divides zero by zero, so that every pixel becomes NaN"
         yield Broken("error", "not entirely black", effect, "calibrate the vignette again")
         return
