@@ -1,17 +1,13 @@
-"""Plots of measurements: errors by method, curves with the truth, exposure ratios.
-
-A plot that cannot be written raises :class:`~ospc.errors.FormatError`.
-"""
+"""Plots of measurements as matplotlib figures: errors by method, curves with the truth, exposure ratios."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ospc.report.style import BLACK, BLUE, GREEN, GREY, ORANGE, new_figure, printable, rules, save
+from ospc.report.style import BLACK, BLUE, GREEN, GREY, ORANGE, new_figure, printable
 from ospc.research.measurement import Measurement, Metric, medians
 
 _COLOURS = (BLUE, ORANGE, GREEN, "#CC79A7", "#56B4E9", "#E69F00", "#8B4513", "#4B0082")
@@ -43,24 +39,22 @@ def draw_errors(
     title: str,
     metrics: Sequence[Metric],
     rows: Sequence[Measurement],
-    path: Path,
     *,
     varied: Mapping[str, float] | None = None,
     axis: str = "",
-) -> Path:
+) -> Any:
     """Draw the errors of all recordings and their medians by method, with one panel for each metric.
 
     If the methods differ only in the value of one setting, ``varied`` maps their names to that value, and ``axis`` is
     its label.
     """
-    with rules():
-        figure, panels = figure_of_panels(len(metrics), 2, _PANEL_IN)
-        figure.suptitle(title)
-        for axes, metric in zip(panels, metrics, strict=True):
-            _draw_panel(axes, metric, rows, varied or {})
-            if varied:
-                axes.set(xlabel=axis)
-        return save(figure, path)
+    figure, panels = figure_of_panels(len(metrics), 2, _PANEL_IN)
+    figure.suptitle(title)
+    for axes, metric in zip(panels, metrics, strict=True):
+        _draw_panel(axes, metric, rows, varied or {})
+        if varied:
+            axes.set(xlabel=axis)
+    return figure
 
 
 def _draw_panel(axes: Any, metric: Metric, rows: Sequence[Measurement], varied: Mapping[str, float]) -> None:
@@ -83,9 +77,7 @@ def _draw_panel(axes: Any, metric: Metric, rows: Sequence[Measurement], varied: 
     axes.legend(loc="best")
 
 
-def draw_curves(
-    title: str, curves: Mapping[str, Mapping[str, Sequence[float]]], rows: Sequence[Measurement], path: Path
-) -> Path:
+def draw_curves(title: str, curves: Mapping[str, Mapping[str, Sequence[float]]], rows: Sequence[Measurement]) -> Any:
     """Draw the responses and vignettes of one recording, the truth first, and the exposure ratios of ``rows``."""
     ratios = {}
     for row in rows:
@@ -95,24 +87,23 @@ def draw_curves(
         if np.any(reliable := table[2] >= _FEWEST_SAMPLES):
             ratios[row.method] = table[:2, reliable].T
     figure = new_figure(15.0 if ratios else 10.0, 4.6)
-    with rules():
-        axes = figure.subplots(1, 3 if ratios else 2)
-        figure.suptitle(printable(title), parse_math=False)
-        for number, (name, parts) in enumerate(curves.items()):
-            style = {"color": BLACK, "lw": 3.0, "alpha": 0.45} if number == 0 else line_style(number - 1)
-            if "response" in parts:
-                axes[0].plot(np.arange(256), parts["response"], label=name, **style)
-            if "vignette" in parts:
-                rings = len(parts["vignette"])
-                axes[1].plot((np.arange(rings) + 0.5) / rings, parts["vignette"], label=name, **style)
-        axes[0].set(title="Inverse response", xlabel="grey value", ylabel="g, relative irradiance", xlim=(0, 255))
-        axes[1].set(title="Vignette", xlabel="R (1 = corner)", ylabel="V, relative to the centre", xlim=(0, 1))
-        if ratios:
-            _draw_ratios(axes[2], ratios)
-        for axis in axes:
-            if axis.lines:
-                axis.legend(loc="best")
-        return save(figure, path)
+    axes = figure.subplots(1, 3 if ratios else 2)
+    figure.suptitle(printable(title), parse_math=False)
+    for number, (name, parts) in enumerate(curves.items()):
+        style = {"color": BLACK, "lw": 3.0, "alpha": 0.45} if number == 0 else line_style(number - 1)
+        if "response" in parts:
+            axes[0].plot(np.arange(256), parts["response"], label=name, **style)
+        if "vignette" in parts:
+            rings = len(parts["vignette"])
+            axes[1].plot((np.arange(rings) + 0.5) / rings, parts["vignette"], label=name, **style)
+    axes[0].set(title="Inverse response", xlabel="grey value", ylabel="g, relative irradiance", xlim=(0, 255))
+    axes[1].set(title="Vignette", xlabel="R (1 = corner)", ylabel="V, relative to the centre", xlim=(0, 1))
+    if ratios:
+        _draw_ratios(axes[2], ratios)
+    for axis in axes:
+        if axis.lines:
+            axis.legend(loc="best")
+    return figure
 
 
 def _draw_ratios(axes: Any, ratios: Mapping[str, Any]) -> None:

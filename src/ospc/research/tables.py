@@ -11,6 +11,7 @@ from typing import Any
 from ospc.atomic import write_atomically
 from ospc.errors import SettingError, escaped, os_error_as
 from ospc.formats.files import csv_text
+from ospc.report.style import rules, save
 from ospc.research.measurement import METRICS, Measurement
 from ospc.research.runner import source_hash
 from ospc.versions import versions
@@ -45,20 +46,6 @@ def _as_cell(text: str) -> str:
     return escaped(text).replace("|", "\\|").replace("<", "&lt;")
 
 
-def benchmark_content(schema: str, notes: Sequence[str], **content: Any) -> dict[str, Any]:
-    """Return the results of a benchmark with versions and source hash, as JSON-compatible values."""
-    made_by = {"schema": schema, "versions": versions(), "source_sha256": source_hash()}
-    return made_by | {"notes": list(notes)} | content
-
-
-def document(title: str, note: str, notes: Sequence[str], command: str, tables: Sequence[Table]) -> str:
-    """Return a Markdown document: notes, versions and the command, then the tables."""
-    made = ", ".join(f"{name} {version}" for name, version in versions().items())
-    lines = (*notes, f"Made with {made}; source {source_hash()[:12]}; {command}.")
-    parts = [f"# {title}\n", f"{note}\n", *(f"- {line}\n" for line in lines)]
-    return "\n".join([*parts, *(table.as_markdown() for table in tables)])
-
-
 def as_json(content: Any) -> str:
     """Return JSON-compatible values as JSON text."""
     return json.dumps(content, indent=1, allow_nan=False) + "\n"
@@ -91,13 +78,13 @@ def measurements_csv(rows: Sequence[Measurement]) -> str:
 class StudyReport:
     """The results of a study: tables to print, and files to write, by name.
 
-    Pictures are functions that draw to a path. Notes are remarks, such as the reason for a missing result.
+    Pictures are functions that return a figure. Notes are remarks, such as the reason for a missing result.
     ``content`` holds everything as JSON-compatible values; None if it is not needed.
     """
 
     tables: Sequence[Table]
     texts: Mapping[str, str]
-    pictures: Mapping[str, Callable[[Path], Path]] = field(default_factory=dict)
+    pictures: Mapping[str, Callable[[], Any]] = field(default_factory=dict)
     notes: Sequence[str] = ()
     content: Any = None
 
@@ -109,4 +96,23 @@ class StudyReport:
                 write_atomically(folder / name, text.encode("utf-8", "backslashreplace"))
                 for name, text in self.texts.items()
             ]
-        return files + [draw(folder / name) for name, draw in self.pictures.items()]
+        with rules():
+            return files + [save(draw(), folder / name) for name, draw in self.pictures.items()]
+
+
+def benchmark_report(
+    name: str, note: str, notes: Sequence[str], tables: Sequence[Table], csv: str, *, schema: str, **content: Any
+) -> StudyReport:
+    """Return the report of a benchmark, with ``results.json``, ``results.csv`` and ``table.md``.
+
+    The JSON has the ``content`` with versions and source hash. The document begins with the ``note`` on its figures,
+    the ``notes`` on this run, versions and the command.
+    """
+    made_by = {"schema": schema, "versions": versions(), "source_sha256": source_hash()}
+    everything = made_by | {"notes": list(notes)} | content
+    made = ", ".join(f"{software} {version}" for software, version in versions().items())
+    lines = (*notes, f"Made with {made}; source {source_hash()[:12]}; ospc bench {name}.")
+    head = [f"# {name.capitalize()}\n", f"{note}\n", *(f"- {line}\n" for line in lines)]
+    document = "\n".join([*head, *(table.as_markdown() for table in tables)])
+    texts = {"results.json": as_json(everything), "results.csv": csv, "table.md": document}
+    return StudyReport(tables, texts, notes=notes, content=everything)

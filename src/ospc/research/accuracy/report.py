@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Hashable, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Any, TypeVar
 
@@ -18,7 +19,7 @@ from ospc.research.measurement import (
     typical,
 )
 from ospc.research.pictures import draw_errors
-from ospc.research.tables import StudyReport, Table, as_json, benchmark_content, document, measurements_csv
+from ospc.research.tables import StudyReport, Table, benchmark_report, measurements_csv
 from ospc.settings import as_dict, preset
 
 SCHEMA = "ospc-benchmark-accuracy/2"
@@ -41,21 +42,18 @@ _Outcome = TypeVar("_Outcome", bound=Hashable)
 
 def accuracy_report(rows: Sequence[Measurement], presets: Sequence[str], notes: Sequence[str]) -> StudyReport:
     """Return the report, with ``results.json``, ``results.csv``, ``table.md`` and ``errors.png``."""
-    tables = accuracy_tables(rows)
-    content = benchmark_content(
-        SCHEMA,
+    report = benchmark_report(
+        "accuracy",
+        _NOTE,
         notes,
+        accuracy_tables(rows),
+        measurements_csv(rows),
+        schema=SCHEMA,
         presets={name: as_dict(preset(name)) for name in presets},
         summary={group: _spreads(members) for group, members in groups_of(rows).items()},
         measurements=[{k: v for k, v in vars(row).items() if k not in ("curves", "ratios")} for row in rows],
     )
-    texts = {
-        "results.json": as_json(content),
-        "results.csv": measurements_csv(rows),
-        "table.md": document("Accuracy", _NOTE, notes, "ospc bench accuracy", tables),
-    }
-    errors = partial(draw_errors, "Errors of all recordings", _MAIN, rows)
-    return StudyReport(tables, texts, {"errors.png": errors}, notes, content)
+    return replace(report, pictures={"errors.png": partial(draw_errors, "Errors of all recordings", _MAIN, rows)})
 
 
 def accuracy_tables(rows: Sequence[Measurement]) -> list[Table]:

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
-from pathlib import Path
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -13,7 +12,7 @@ from ospc.errors import FormatError, NotObservableError
 from ospc.formats.files import csv_text
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import Vignette, radial_profile
-from ospc.report.style import BLUE, GREY, ORANGE, new_figure, printable, rules, save
+from ospc.report.style import BLUE, GREY, ORANGE, new_figure, printable
 from ospc.research.runner import OnProgress, Task, made_with
 from ospc.research.source import Source
 from ospc.research.tables import StudyReport, rounded
@@ -124,27 +123,26 @@ def ambiguity_report(found: dict[str, Columns], name: str) -> StudyReport:
     return StudyReport([], texts, {"ambiguity.png": partial(_draw, found, name)})
 
 
-def _draw(found: dict[str, Columns], name: str, path: Path) -> Path:
+def _draw(found: dict[str, Columns], name: str) -> Any:
     """Draw the residuals of powers of the truth, and the final against the initial exponent of joint estimation."""
     exponents, free, known = (np.array(column) for column in found["ambiguity"].values())
     starts, reached, _ = found["starts"].values()
     figure = new_figure(11.0, 4.4)
-    with rules():
-        figure.suptitle(printable(name), parse_math=False)
-        left, right = figure.subplots(1, 2)
-        left.plot(exponents, 255 * free, color=ORANGE, lw=2, label="exposures free: e^γ")
-        left.plot(exponents, 255 * known, color=BLUE, ls="--", lw=2, label="exposures known: e")
-        left.axvline(1, color=GREY, lw=1)
-        left.set(xscale="log", ylim=(0, None), title="All exponents fit equally well, unless e is known")
-        left.set(xlabel="exponent γ of response and vignette", ylabel="unexplained, grey levels")
-        right.plot(starts, reached, "o-", color=ORANGE, label="joint estimation")
-        right.axhline(1, color=GREY, lw=1, label="truth")
-        right.set(xscale="log", yscale="log", title="The result of joint estimation depends on its start")
-        right.set(xlabel="exponent of the start", ylabel="exponent of the result")
-        ticks = [0.35, 0.5, 0.7, 1, 1.4, 2, 2.8]
-        right.set_yticks(ticks, [f"{tick:g}" for tick in ticks])
-        for axes in (left, right):
-            axes.set_xticks(ticks[1:-1], [f"{tick:g}" for tick in ticks[1:-1]])
-            axes.minorticks_off()
-            axes.legend(loc="best")
-        return save(figure, path)
+    figure.suptitle(printable(name), parse_math=False)
+    left, right = figure.subplots(1, 2)
+    left.plot(exponents, 255 * free, color=ORANGE, lw=2, label="exposures free: e^γ")
+    left.plot(exponents, 255 * known, color=BLUE, ls="--", lw=2, label="exposures known: e")
+    left.axvline(1, color=GREY, lw=1)
+    left.set(xscale="log", ylim=(0, None), title="All exponents fit equally well, unless e is known")
+    left.set(xlabel="exponent γ of response and vignette", ylabel="unexplained, grey levels")
+    right.plot(starts, reached, "o-", color=ORANGE, label="joint estimation")
+    right.axhline(1, color=GREY, lw=1, label="truth")
+    right.set(xscale="log", yscale="log", title="The result of joint estimation depends on its start")
+    right.set(xlabel="exponent of the start", ylabel="exponent of the result")
+    ticks = [0.35, 0.5, 0.7, 1, 1.4, 2, 2.8]
+    right.set_yticks(ticks, [f"{tick:g}" for tick in ticks])
+    for axes in (left, right):
+        axes.set_xticks(ticks[1:-1], [f"{tick:g}" for tick in ticks[1:-1]])
+        axes.minorticks_off()
+        axes.legend(loc="best")
+    return figure

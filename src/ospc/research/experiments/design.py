@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from pathlib import Path
+from typing import Any
 
 from ospc.formats.files import csv_text
 from ospc.research.measurement import Measurement, medians, methods_of, metrics, recordings_of
@@ -123,7 +123,7 @@ def experiment_report(experiment: Experiment, sources: Sequence[Source], rows: S
     table = median_table(rows)
     texts = {"measurements.csv": measurements_csv(rows), "table.md": table.as_markdown()}
     errors = partial(draw_errors, experiment.title, metrics(experiment.figure), rows)
-    pictures: dict[str, Callable[[Path], Path]] = {
+    pictures: dict[str, Callable[[], Any]] = {
         "errors.png": partial(errors, varied=experiment.varied, axis=experiment.axis)
     }
     for source in sources:

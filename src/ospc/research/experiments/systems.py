@@ -13,7 +13,7 @@ import numpy as np
 from ospc.arrays import ImageSize
 from ospc.errors import SettingError
 from ospc.photometry.response import Response
-from ospc.report.style import BLUE, GREY, ORANGE, new_figure, rules, save
+from ospc.report.style import BLUE, GREY, ORANGE, new_figure
 from ospc.research.accuracy.charts import CHANNELS, ChartSource, chart_sources
 from ospc.research.accuracy.charts import FOLDER as CHARTS
 from ospc.research.accuracy.design import FILE as DATABASE
@@ -230,24 +230,23 @@ def _coverage_table(rows: Sequence[Measurement]) -> Table:
     return Table("Coverage of the bands", header, tuple(lines), names=2)
 
 
-def _draw(systems: Sequence[System], rows: Sequence[Measurement], path: Path) -> Path:
+def _draw(systems: Sequence[System], rows: Sequence[Measurement]) -> Any:
     """Draw the errors of every system with and without its known point, and their medians by group."""
     figure = new_figure(13.0, 1.6 + 0.36 * len(systems))
-    with rules():
-        panels = figure.subplots(1, len(_PANELS), sharey=True)
-        for axes, metric in zip(panels, _PANELS, strict=True):
-            for place, system in enumerate(systems):
-                for name, colour, shift in ((system.with_point, BLUE, -0.17), (system.without_point, ORANGE, 0.17)):
-                    own = [row for row in rows if row.method == name and metric.figure in row.figures]
-                    _draw_errors(axes, own, metric.figure, place + shift, colour)
-            axes.set(xscale="log", xlabel=metric.label, ylim=(len(systems) - 0.5, -0.5))
-            axes.set_yticks(range(len(systems)), [f"{system.name} ({system.year})" for system in systems])
-        for label, colour in (("with its known point", BLUE), ("without, or needs none", ORANGE)):
-            panels[0].plot([], [], "o", color=colour, label=label)
-        for group in dict.fromkeys(row.group for row in rows):
-            panels[0].plot([], [], _MARKERS.get(group, "s"), color=GREY, label=f"median, {group}")
-        figure.legend(loc="outside lower center", ncols=5)
-        return save(figure, path)
+    panels = figure.subplots(1, len(_PANELS), sharey=True)
+    for axes, metric in zip(panels, _PANELS, strict=True):
+        for place, system in enumerate(systems):
+            for name, colour, shift in ((system.with_point, BLUE, -0.17), (system.without_point, ORANGE, 0.17)):
+                own = [row for row in rows if row.method == name and metric.figure in row.figures]
+                _draw_errors(axes, own, metric.figure, place + shift, colour)
+        axes.set(xscale="log", xlabel=metric.label, ylim=(len(systems) - 0.5, -0.5))
+        axes.set_yticks(range(len(systems)), [f"{system.name} ({system.year})" for system in systems])
+    for label, colour in (("with its known point", BLUE), ("without, or needs none", ORANGE)):
+        panels[0].plot([], [], "o", color=colour, label=label)
+    for group in dict.fromkeys(row.group for row in rows):
+        panels[0].plot([], [], _MARKERS.get(group, "s"), color=GREY, label=f"median, {group}")
+    figure.legend(loc="outside lower center", ncols=5)
+    return figure
 
 
 def _draw_errors(axes: Any, rows: Sequence[Measurement], figure: str, place: float, colour: str) -> None:

@@ -11,7 +11,7 @@ from ospc.research.accuracy.design import select
 from ospc.research.faults.footage import STRENGTHS, Fault, GoodSource
 from ospc.research.faults.judging import CLEAN, FAULTS, KINDS, Outcome, Run, fault_task
 from ospc.research.runner import Task
-from ospc.research.tables import StudyReport, Table, as_json, benchmark_content, document
+from ospc.research.tables import StudyReport, Table, benchmark_report
 
 SCHEMA = "ospc-benchmark-faults/1"
 
@@ -71,15 +71,10 @@ def fault_tables(runs: Sequence[Run]) -> list[Table]:
 
 def faults_report(runs: Sequence[Run], notes: Sequence[str]) -> StudyReport:
     """Return the report, with ``results.json``, ``results.csv`` and ``table.md``."""
-    tables = fault_tables(runs)
-    content = benchmark_content(SCHEMA, notes, runs=[asdict(run) for run in runs])
     lines = [[_cell(value) for value in vars(run).values()] for run in runs]
-    texts = {
-        "results.json": as_json(content),
-        "results.csv": csv_text([[field.name for field in fields(Run)], *lines]),
-        "table.md": document("Faults", _NOTE, notes, "ospc bench faults", tables),
-    }
-    return StudyReport(tables, texts, notes=notes, content=content)
+    csv = csv_text([[field.name for field in fields(Run)], *lines])
+    content = [asdict(run) for run in runs]
+    return benchmark_report("faults", _NOTE, notes, fault_tables(runs), csv, schema=SCHEMA, runs=content)
 
 
 def _counts(runs: Sequence[Run]) -> tuple[str, ...]:

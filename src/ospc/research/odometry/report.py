@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,7 +13,7 @@ from ospc.arrays import FloatArray
 from ospc.errors import FormatError, NotObservableError
 from ospc.evaluation.trajectory import Trajectory, half_alignments
 from ospc.formats.files import csv_text
-from ospc.report.style import BLUE, GREEN, ORANGE, new_figure, printable, rules, save
+from ospc.report.style import BLUE, GREEN, ORANGE, new_figure, printable
 from ospc.research.odometry.experiment import Experiment, RunResult
 from ospc.research.odometry.inputs import Condition
 from ospc.research.pictures import figure_of_panels, line_style
@@ -78,7 +77,7 @@ def odometry_report(experiment: Experiment, results: Iterable[RunResult]) -> Stu
         "results.json": as_json({"runs": lines, "medians": medians}),
         "table.md": table.as_markdown(),
     }
-    pictures: dict[str, Callable[[Path], Path]] = {
+    pictures: dict[str, Callable[[], Any]] = {
         "cumulative.png": partial(draw_cumulative, [run for _, run in runs], experiment.conditions)
     }
     for name, recording in experiment.recordings.items():
@@ -94,39 +93,37 @@ def odometry_report(experiment: Experiment, results: Iterable[RunResult]) -> Stu
     return StudyReport([table], texts, pictures, failures, medians)
 
 
-def draw_cumulative(results: Sequence[RunResult], conditions: Sequence[Condition], path: Path) -> Path:
+def draw_cumulative(results: Sequence[RunResult], conditions: Sequence[Condition]) -> Any:
     """Draw the number of finished runs up to an alignment error, one line per condition."""
     figure = new_figure(7.0, 5.2)
-    with rules():
-        axes = figure.subplots()
-        largest = max([r.error for r in results if math.isfinite(r.error)], default=1.0)
-        for number, condition in enumerate(conditions):
-            errors = [r.error for r in results if r.condition == condition.name]
-            finite = sorted(e for e in errors if math.isfinite(e))
-            if not errors:
-                continue
-            steps, counts = [*finite, 1.5 * largest], [*range(1, len(finite) + 1), len(finite)]
-            label = f"{condition.title}: {len(finite)} of {len(errors)} finished"
-            axes.step(steps, counts, where="post", label=label, **line_style(number))
-        axes.set(xscale="log", ylim=(0, None), title="Cumulative error of all runs")
-        axes.set(xlabel="alignment error $e_{align}$, in units of the truth", ylabel="runs with at most that error")
-        figure.legend(loc="outside lower center", ncols=2)
-        return save(figure, path)
+    axes = figure.subplots()
+    largest = max([r.error for r in results if math.isfinite(r.error)], default=1.0)
+    for number, condition in enumerate(conditions):
+        errors = [r.error for r in results if r.condition == condition.name]
+        finite = sorted(e for e in errors if math.isfinite(e))
+        if not errors:
+            continue
+        steps, counts = [*finite, 1.5 * largest], [*range(1, len(finite) + 1), len(finite)]
+        label = f"{condition.title}: {len(finite)} of {len(errors)} finished"
+        axes.step(steps, counts, where="post", label=label, **line_style(number))
+    axes.set(xscale="log", ylim=(0, None), title="Cumulative error of all runs")
+    axes.set(xlabel="alignment error $e_{align}$, in units of the truth", ylabel="runs with at most that error")
+    figure.legend(loc="outside lower center", ncols=2)
+    return figure
 
 
-def draw_trajectories(runs: Sequence[tuple[Condition, RunResult]], truth: Trajectory, title: str, path: Path) -> Path:
+def draw_trajectories(runs: Sequence[tuple[Condition, RunResult]], truth: Trajectory, title: str) -> Any:
     """Draw one run per condition, aligned to the first and to the last part of the truth; NaN is unknown."""
     # The two directions in which the truth extends most.
     points = truth.positions[truth.known]
     across, up, _ = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)[2]
-    with rules():
-        figure, panels = figure_of_panels(len(runs), 3, _PANEL_IN)
-        figure.suptitle(printable(title), parse_math=False)
-        for axes, (condition, result) in zip(panels, runs, strict=True):
-            error = "" if result.errors is None else f", $e_{{align}}$ = {result.errors.e_align:.3g}"
-            axes.set_title(f"{condition.title}{error}")
-            _draw(axes, result, truth, (across, up))
-        return save(figure, path)
+    figure, panels = figure_of_panels(len(runs), 3, _PANEL_IN)
+    figure.suptitle(printable(title), parse_math=False)
+    for axes, (condition, result) in zip(panels, runs, strict=True):
+        error = "" if result.errors is None else f", $e_{{align}}$ = {result.errors.e_align:.3g}"
+        axes.set_title(f"{condition.title}{error}")
+        _draw(axes, result, truth, (across, up))
+    return figure
 
 
 def _draw(axes: Any, result: RunResult, truth: Trajectory, plane: tuple[FloatArray, FloatArray]) -> None:

@@ -7,11 +7,10 @@ import platform
 from collections.abc import Callable, Sequence
 from functools import partial
 from multiprocessing import get_context
-from pathlib import Path
 from typing import Any, TypeAlias
 
 from ospc.arrays import ImageSize
-from ospc.report.style import new_figure, rules, save
+from ospc.report.style import new_figure
 from ospc.research.pictures import line_style
 from ospc.research.runner import OnProgress, Task, made_with
 from ospc.research.speed.measuring import (
@@ -129,23 +128,22 @@ def speed_report(rows: Sequence[SpeedRow]) -> StudyReport:
     return StudyReport([table], texts, pictures, content=content)
 
 
-def _draw(rows: Sequence[SpeedRow], path: Path) -> Path:
+def _draw(rows: Sequence[SpeedRow]) -> Any:
     """Draw a bar per row, divided by stage; the work of other threads is not included."""
     shown = [row for row in rows if row.stages]
     stages = list(dict.fromkeys(stage for row in shown for stage in row.stages))
     figure = new_figure(11.0, 1.5 + 0.5 * len(shown))
-    with rules():
-        axes = figure.subplots()
-        for place, row in enumerate(shown):
-            left = 0.0
-            for number, stage in enumerate(stages):
-                share = row.stages.get(stage, 0.0) / row.seconds
-                axes.barh(place, share, left=left, color=line_style(number)["color"], height=0.7)
-                if share > _LEAST_NAMED:
-                    axes.text(left + share / 2, place, stage, ha="center", va="center", fontsize=8, color="white")
-                left += share
-        names = [f"{r.what}, {r.size[0]}×{r.size[1]}: {1e3 * r.seconds / r.frames:.3g} ms a frame" for r in shown]
-        axes.set(yticks=range(len(shown)), yticklabels=names, xlim=(0, 1), xlabel="share of the time, by stage")
-        axes.invert_yaxis()
-        axes.grid(visible=False)
-        return save(figure, path)
+    axes = figure.subplots()
+    for place, row in enumerate(shown):
+        left = 0.0
+        for number, stage in enumerate(stages):
+            share = row.stages.get(stage, 0.0) / row.seconds
+            axes.barh(place, share, left=left, color=line_style(number)["color"], height=0.7)
+            if share > _LEAST_NAMED:
+                axes.text(left + share / 2, place, stage, ha="center", va="center", fontsize=8, color="white")
+            left += share
+    names = [f"{r.what}, {r.size[0]}×{r.size[1]}: {1e3 * r.seconds / r.frames:.3g} ms a frame" for r in shown]
+    axes.set(yticks=range(len(shown)), yticklabels=names, xlim=(0, 1), xlabel="share of the time, by stage")
+    axes.invert_yaxis()
+    axes.grid(visible=False)
+    return figure
