@@ -37,14 +37,12 @@ _OF_ANNOTATION: Mapping[str, Mapping[str, Any]] = {
 class Declared(NamedTuple):
     """The default of a parameter: the declaration of its option or argument.
 
-    ``then`` converts the given value; an :class:`~ospc.errors.OspcError` raised by it ends the command. With
-    ``reserve``, the folder is created and reserved for this process while the command runs. Arguments have no flags;
-    the attributes are click's.
+    With ``reserve``, the folder is created and reserved for this process while the command runs. Arguments have no
+    flags; the attributes are click's.
     """
 
     flags: tuple[str, ...] | None
     attributes: Mapping[str, Any]
-    then: Callable[[Any], Any] | None = None
     reserve: bool = False
 
     def parameters(self, name: str, annotation: str) -> list[click.Parameter]:
@@ -58,9 +56,8 @@ class Declared(NamedTuple):
         return [click.Option([*flags, name], **{"multiple": several} | attributes)]
 
     def taken(self, name: str, values: dict[str, Any]) -> Any:
-        """Remove the parameter's value from those that click has parsed, and return it converted."""
-        value = values.pop(name)
-        return value if value is None or self.then is None else self.then(value)
+        """Remove the parameter's value from those that click has parsed, and return it."""
+        return values.pop(name)
 
 
 class Several(NamedTuple):
@@ -79,9 +76,9 @@ class Several(NamedTuple):
         return self.make(**{name: part.taken(name, values) for name, part in self.parts.items()})
 
 
-def option(help: str | None, *flags: str, then: Callable[[Any], Any] | None = None, **attributes: Any) -> Any:  # noqa: A002
+def option(help: str | None, *flags: str, **attributes: Any) -> Any:  # noqa: A002
     """Declare an option; its flag is the parameter's name by default."""
-    return Declared(flags, {"help": help} | attributes, then)
+    return Declared(flags, {"help": help} | attributes)
 
 
 def argument(*, reserve: bool = False, **attributes: Any) -> Any:

@@ -31,10 +31,10 @@ def study_out_option(default: str) -> Any:
 
 def presets_option(default: str) -> Any:
     """Declare the option for presets."""
-    return option("Presets, separated by commas.", default=default, multiple=False, then=_presets)
+    return option("Presets, separated by commas.", default=default, multiple=False, callback=_presets)
 
 
-def _presets(text: str) -> tuple[str, ...]:
+def _presets(_ctx: click.Context, _param: click.Parameter, text: str) -> tuple[str, ...]:
     from ospc.settings import preset
 
     names = words(text)
@@ -45,13 +45,13 @@ def _presets(text: str) -> tuple[str, ...]:
     return names
 
 
-def _folder(place: Path) -> Path:
-    if not place.is_dir():
+def _folder(_ctx: click.Context, _param: click.Parameter, place: Path | None) -> Path | None:
+    if place is not None and not place.is_dir():
         raise SettingError(f"{place}: is not a folder; give the folder of real data, or omit --data")
     return place
 
 
-DATA = option("Folder of real data.", envvar="OSPC_DATA", then=_folder)
+DATA = option("Folder of real data.", envvar="OSPC_DATA", callback=_folder)
 JOBS = option("Number of processes.", type=click.IntRange(1, 256), default=1)
 CALIBRATIONS = option(
     f"Calibration of another program to compare, such as {_EXAMPLE}; repeatable.",

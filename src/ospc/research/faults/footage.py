@@ -47,10 +47,6 @@ class Camera:
         """Return L at every pixel of a frame, in saturation levels per millisecond."""
         return np.asarray(self.irradiance[frame] / (self.attenuation * np.float32(self.exposures_ms[frame])))
 
-    def image(self, radiance: Float32Array, exposure_ms: float, frame: int) -> Image:
-        """Return the image of a radiance at an exposure."""
-        return self.expose(radiance * self.attenuation * np.float32(exposure_ms), frame)
-
 
 @dataclass(frozen=True)
 class Footage:

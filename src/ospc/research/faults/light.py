@@ -184,10 +184,11 @@ def _reshot(
 ) -> Footage:
     """Film a changed scene at given exposures, which are recorded in the metadata."""
     camera = footage.camera
-    images = (
-        camera.image(change(camera.radiance(i), i), float(exposures_ms[i]), i) for i in range(len(camera.irradiance))
-    )
-    return footage.with_images(images).with_exposures(exposures_ms)
+
+    def exposed(_light: Float32Array, i: int) -> Float32Array:
+        return change(camera.radiance(i), i) * camera.attenuation * np.float32(exposures_ms[i])
+
+    return footage.relit(exposed).with_exposures(exposures_ms)
 
 
 def _nominal_exposures(footage: Footage, steps_per_stop: float, _random: np.random.Generator) -> Footage:
