@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import errno
+from pathlib import Path
+
 import pytest
 
 from batch_recordings import simulated
@@ -46,6 +49,27 @@ def test_videos_are_found_in_their_folders(tmp_path):
     assert reason.startswith(
         f"{tmp_path / 'b' / 'c' / 'd' / 'e'}: is not searched, because its content is more than 4"
     )
+
+
+def test_a_folder_that_cannot_be_read_is_left_out(tmp_path, monkeypatch):
+    original = simulated(tmp_path / "a", 0, frames=2)
+    locked = tmp_path / "lost+found"
+    locked.mkdir()
+
+    def denied(of):
+        def call(path, *args, **named):
+            if (of == "iterdir" and path == locked) or path.parent == locked:
+                raise PermissionError(errno.EACCES, "Permission denied", str(path))
+            return before(path, *args, **named)
+
+        before = getattr(Path, of)
+        return call
+
+    for name in ("iterdir", "stat"):
+        monkeypatch.setattr(Path, name, denied(name))
+    reasons = []
+    assert [entry.recording for entry in read_manifest(str(tmp_path), left_out=reasons.append)] == [str(original)]
+    assert reasons == [f"{locked}: cannot be read (Permission denied)"]
 
 
 def test_a_pattern_is_expanded(recordings):

@@ -6,6 +6,7 @@ import csv
 import glob
 import io
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -156,7 +157,8 @@ def _recordings_in(folder: Path, left_out: Callable[[str], None], depth: int = 0
             below: list[Path] = []
             unknown: list[str] = []
             if not place.is_symlink() and depth + 1 < _DEEPEST:
-                below = list(_recordings_in(place, unknown.append, depth + 1))
+                with suppress(OSError):  # a folder that cannot be read is left out
+                    below = list(_recordings_in(place, unknown.append, depth + 1))
             yield from below
             # If nothing is found, report the outermost folder, not everything in it.
             for reason in unknown if below else [_why_unknown(place, depth)]:
@@ -166,10 +168,11 @@ def _recordings_in(folder: Path, left_out: Callable[[str], None], depth: int = 0
 def _why_unknown(place: Path, depth: int) -> str:
     if place.is_symlink():
         return f"{place}: a link that does not point to a recording"
-    if depth + 1 >= _DEEPEST and any(inner.is_dir() or is_recording(inner) for inner in place.iterdir()):
-        return f"{place}: is not searched, because its content is more than {_DEEPEST} levels deep"
     try:
-        open_recording(place)
+        with os_error_as(RecordingError, f"{place}: cannot be read"):
+            if depth + 1 >= _DEEPEST and any(inner.is_dir() or is_recording(inner) for inner in place.iterdir()):
+                return f"{place}: is not searched, because its content is more than {_DEEPEST} levels deep"
+            open_recording(place)
     except RecordingError as error:
         return str(error).partition(";")[0]
     return f"{place}: not recognised as a recording"

@@ -122,7 +122,7 @@ def _inside(place: Path) -> list[Path]:
 
 def is_recording(place: Path, kind: str | None = None) -> bool:
     """Return whether a path is of this kind, or of any kind; False if it cannot be read."""
-    with suppress(OSError):
+    with suppress(OSError, RecordingError):
         return _recognising(place, kind) is not None
     return False
 
