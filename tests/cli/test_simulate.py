@@ -50,6 +50,12 @@ def test_exposures_come_from_a_list_a_range_or_a_file(tmp_path):
     np.testing.assert_allclose(again, [1, 2, 4, 8])
 
 
+def test_an_exposure_file_is_not_ignored(tmp_path):
+    (tmp_path / "times.txt").write_text("0 0.0 1.0\n")
+    result = run(tmp_path / "r", *SMALL, "--exposure-file", tmp_path / "times.txt")
+    assert "--exposure-file requires --exposure file" in str(result.exception)
+
+
 @pytest.mark.parametrize("options", [["--size", "big"], ["--exposures", "1,x"], ["--motion", "flying"]])
 def test_wrong_usage_is_explained(tmp_path, options):
     result = run(tmp_path / "r", *options)

@@ -106,6 +106,8 @@ class _Simulation:
             if self.exposure_file is None:
                 raise SettingError("--exposure file requires --exposure-file with one exposure per frame")
             options["exposures_ms"] = tuple(exposures_in(self.exposure_file)[: self.frames])
+        elif self.exposure_file is not None:
+            raise SettingError("--exposure-file requires --exposure file; add it")
         if self.vignette_coefficients:
             options["vignette_coefficients"] = self.vignette_coefficients
         return SimulationSettings(**options)

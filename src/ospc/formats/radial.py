@@ -11,7 +11,14 @@ import numpy as np
 from ospc.arrays import FloatArray, ImageSize
 from ospc.errors import FormatError, SettingError, escaped
 from ospc.photometry.geometry import half_diagonal, image_of, image_size, normalised
-from ospc.photometry.vignette import LARGEST_ATTENUATION, LogVignette, PolynomialVignette, RasterVignette, Vignette
+from ospc.photometry.vignette import (
+    LARGEST_ATTENUATION,
+    LogVignette,
+    PolynomialVignette,
+    RasterVignette,
+    Vignette,
+    powers_in_unit,
+)
 
 Terms: TypeAlias = tuple[float, float, float]
 """Coefficients of the polynomial for some unit of radius."""
@@ -156,7 +163,7 @@ def rescaled(coefficients: Terms, unit: float) -> Terms:
     FormatError if they overflow.
     """
     with np.errstate(over="ignore", invalid="ignore"):
-        v1, v2, v3 = (float(v * np.float64(unit) ** (2 * n)) for n, v in enumerate(coefficients, start=1))
+        v1, v2, v3 = map(float, powers_in_unit(coefficients, np.float64(unit)))
     if not all(map(math.isfinite, (v1, v2, v3))):
         raise FormatError(f"a focal length of {unit:.3g} or {1 / unit:.3g} half diagonals is impossible; correct it")
     return v1, v2, v3

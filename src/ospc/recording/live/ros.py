@@ -14,7 +14,7 @@ from ospc.recording.bags.carriers import carrier_of
 from ospc.recording.bags.container import Topic
 from ospc.recording.bags.image_messages import image_of
 from ospc.recording.bags.messages import NS_PER_S, stamp_ns_of
-from ospc.recording.channel import Channel
+from ospc.recording.channel import DEFAULT_CHANNEL
 from ospc.recording.frame import Frame
 from ospc.recording.options import DEFAULT, ReadingOptions
 
@@ -64,8 +64,8 @@ class RosFrames:
             If the image cannot be read.
         """
         stored = image_of(message, "image", self._channel)
-        channel = self._channel or Channel.GREEN
-        grey = stored.pixels if stored.mosaic is None else stored.mosaic.of(stored.pixels, channel)
+        mosaic = stored.mosaic
+        grey = stored.pixels if mosaic is None else mosaic.of(stored.pixels, self._channel or DEFAULT_CHANNEL)
         return self._paired(message, self._images, grey)
 
     def exposure(self, message: Any) -> Frame | None:
