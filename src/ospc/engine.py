@@ -342,6 +342,13 @@ class Engine:
         with self._lock:
             return None if self._method is None else self._method.preview(self._exposures.table)
 
+    def end_threads(self) -> None:
+        """End the threads that help to process a frame; the next frame starts them again."""
+        with self._lock:
+            self._second.end()
+            if self._method is not None:
+                self._method.end_threads()
+
     # These do not wait for other threads.
 
     @property

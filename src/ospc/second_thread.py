@@ -26,3 +26,9 @@ class SecondThread:
         if self._executor is None or self._process != os.getpid():
             self._process, self._executor = os.getpid(), ThreadPoolExecutor(1, "ospc-second")
         return self._executor.submit(function, *args, **kwargs)
+
+    def end(self) -> None:
+        """Wait until the submitted work is done, and end the thread; the next work starts it again."""
+        if self._executor is not None and self._process == os.getpid():
+            self._executor.shutdown()
+        self._executor = None

@@ -476,3 +476,12 @@ def test_wait_raises_the_error_of_the_background(monkeypatch):
 def test_a_goal_that_nothing_reaches_is_refused(goal):
     with pytest.raises(SettingError, match="goal"):
         LiveCalibrator(goal=goal)
+
+
+def test_closing_ends_all_threads(cameras):
+    before = set(threading.enumerate())
+    with LiveCalibrator() as live:
+        for frame in at_20_frames_per_s(cameras.before[:6]):
+            push_and_await(live, frame)
+        assert len(set(threading.enumerate()) - before) > 1
+    assert not set(threading.enumerate()) - before

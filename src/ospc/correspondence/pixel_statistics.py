@@ -73,10 +73,6 @@ class PixelReport(ByValue):
     """Number of lowest bits that are zero in every grey value."""
     missing_levels_share: float
     """Share of the grey values between the extremes that never occur; 0 unless the images have 8 bits."""
-    black: int | None
-    """Grey value of black if many pixels have it and it is not the end of the scale, else None."""
-    white: int | None
-    """The same of white: the lowest grey value that counts as white."""
     lit: BoolArray
     """Small image of the region that shows the scene, shape (h, w)."""
     surround: str
@@ -228,20 +224,18 @@ class PixelStatistics:
         low, high = (int(end) for end in np.flatnonzero(counts)[[0, -1]])
         gaps = float(np.mean(counts[low : high + 1] == 0)) if white == 255 and high - low > MIN_COMB_RANGE else 0.0
         lit, surround = _lit_places(self._brightest)
-        black, clipped = (None if end is None else int(level[end]) for end in self._piles)
+        clipped = self._piles[1]
         return PixelReport(
             np.array(self._grey_share),
             np.array(self._log_exposure),
             np.array(self._radius_share),
-            float(share[level >= (white if clipped is None else clipped) - margin].sum()),
+            float(share[level >= (white if clipped is None else level[clipped]) - margin].sum()),
             float(share[level <= margin].sum()),
             int(level[low]),
             int(level[high]),
             white,
             (self._bits & -self._bits).bit_length() - 1 if self._bits else 0,
             gaps if gaps >= MIN_MISSING_LEVELS_SHARE else 0.0,
-            black,
-            clipped,
             lit,
             surround,
         )

@@ -178,16 +178,6 @@ def _about_pixels(pixels: PixelReport) -> Iterator[str]:
             f"{pixels.missing_levels_share:.0%} of the grey values between lowest and highest never occur: the "
             "contrast was stretched after recording, or the values have fewer bits than they are stored with"
         )
-    if pixels.black is not None:
-        yield (
-            f"many grey values are {pixels.black} of {pixels.max_grey}, and none is lower: a black level was "
-            "added, or limited-range video was not expanded"
-        )
-    if pixels.white is not None:
-        yield (
-            f"many grey values are {pixels.white} of {pixels.max_grey}, and hardly any is higher: the image clips "
-            "below the end of its scale; state the true largest grey value"
-        )
     corner = pixels.mean_radius_share[-1]
     if pixels.surround == "none" and np.isfinite(corner) and corner < _DARK_CORNER_SHARE:
         yield "the corners are rarely well exposed; the vignette there would be extrapolated"

@@ -183,6 +183,7 @@ class LiveCalibrator(AbstractContextManager["LiveCalibrator"]):
             self._changed.notify_all()
         if threading.current_thread() is not self._worker:
             self._worker.join()
+            self._engine.end_threads()
 
     def __exit__(self, *_: object) -> None:
         self.close()

@@ -151,6 +151,10 @@ class MaximumLikelihoodMethod:
             return change
         return self._changes.confirmed(change, before.fit, before.grey_range, exposures)
 
+    def end_threads(self) -> None:
+        """End the second thread; the next frame starts it again."""
+        self._second.end()
+
     def split(self, number: int) -> MaximumLikelihoodMethod:
         """Return a method that continues with the observations from a frame on; this one is not used any more."""
         later = MaximumLikelihoodMethod(self._settings, self._size, self._max_grey)

@@ -93,6 +93,10 @@ class Method(Protocol):
         """Maximum number of frames that may be skipped now."""
         return sys.maxsize
 
+    def end_threads(self) -> None:
+        """End the method's own threads; the next frame starts them again."""
+        return
+
     def split(self, number: int) -> Method:
         """Return a method that continues with the observations from a frame on; this one is not used any more."""
         return self
