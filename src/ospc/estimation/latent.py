@@ -14,7 +14,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ospc.arrays import FloatArray, IntArray
+from ospc.arrays import BoolArray, FloatArray, IntArray
 from ospc.estimation.error_model import ErrorModel
 from ospc.estimation.frame_gains import FrameGains
 from ospc.estimation.mean_of_pixels import PixelMeans
@@ -23,8 +23,10 @@ from ospc.observations import ExposedObservations
 from ospc.photometry.noise import NoiseModel
 from ospc.robust import medians
 from ospc.settings.estimation import (
+    CLEAR_OF_ENDS_SIGMAS,
     DARKEST_GREY,
     LATENT_ITERATIONS,
+    MAX_DARK_CLEARANCE,
     MAX_DEVIATION_SIGMAS,
     MIN_ONE_MINUS_LEVERAGE,
     MOST_LOG_GAIN,
@@ -130,6 +132,13 @@ class LatentModel:
             latent = self._linearised(observations, grey, latent.log_exposure, log_gain, weight)
         return self._with_texture(observations, latent) if self.trusted else latent
 
+    def unclipped(self, latent: Latent) -> BoolArray:
+        """Return where the noise of single pixels hardly reaches black or white, given the predicted grey level.
+
+        Using the measured grey level would select samples whose noise happens to point away from the end.
+        """
+        return self._unclipped[latent.index]
+
     def _with_texture(self, observations: ExposedObservations, latent: Latent) -> Latent:
         """Return the observations with their reduction by texture, which only the linear system needs."""
         means = self._pixel_means
@@ -170,6 +179,11 @@ class LatentModel:
     @cached_property
     def _pixel_means(self) -> PixelMeans:
         return PixelMeans.of(self.basis, self.coefficients, self.pixel_noise)
+
+    @cached_property
+    def _unclipped(self) -> BoolArray:
+        grey, reach = self.basis.grid, CLEAR_OF_ENDS_SIGMAS * np.sqrt(self._pixel_means.noise_variance)
+        return np.asarray((grey + reach < 1.0) & (grey > np.minimum(reach, MAX_DARK_CLEARANCE)))
 
     @cached_property
     def error_by_noise(self) -> FloatArray:

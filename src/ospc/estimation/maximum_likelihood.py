@@ -13,30 +13,25 @@ from functools import cached_property
 
 import numpy as np
 
-from ospc.arrays import BoolArray, FloatArray, IntArray
+from ospc.arrays import FloatArray, IntArray
 from ospc.estimation.effects import Effects
 from ospc.estimation.error_model import ErrorModel
 from ospc.estimation.fit import Fit
 from ospc.estimation.latent import Latent, LatentModel
 from ospc.estimation.model import LinearSystem, Model
 from ospc.estimation.normal_equations import NormalEquations, at_least
-from ospc.estimation.prior import START
+from ospc.estimation.prior import START, Prior, PriorHyperparameters
 from ospc.estimation.response_basis import ResponseBasis
+from ospc.estimation.robust_weights import redescending_weights
 from ospc.estimation.vignette_basis import VignetteBasis, measured_radius
 from ospc.library_threads import one_blas_thread
 from ospc.observations import ExposedObservations
 from ospc.photometry.noise import NoiseModel
-from ospc.robust import robust_scale
 from ospc.settings.estimation import (
-    CLEAR_OF_ENDS_SIGMAS,
     CONVEX_ROUNDS,
-    MAX_DARK_CLEARANCE,
     MIN_BLOCKS,
-    MIN_SANDWICH_FACTOR,
     SETTLED_SIGMAS,
     TEXTURE_SHARE_INFORMATION,
-    WEIGHT_CUT_SIGMAS,
-    WEIGHT_SCALE_SIGMAS,
 )
 
 
@@ -56,11 +51,11 @@ class Fitted:
             fit.parameters, self.observations, fit.response_basis.index_of(self.observations.grey)
         )
         first = self._predict(self.observations, log_gain, np.ones(len(self.observations)))
-        weight, _ = _redescending(first, _unclipped(first, self._predict.pixel_noise))
+        weight, _ = redescending_weights(first.studentised, self._predict.unclipped(first))
         del first  # it takes as much memory as the observations
         # Repeat with radiances no longer biased by outliers.
         latent = self._predict(self.observations, log_gain, weight)
-        return latent, *_redescending(latent, _unclipped(latent, self._predict.pixel_noise))
+        return latent, *redescending_weights(latent.studentised, self._predict.unclipped(latent))
 
     @property
     def log_response(self) -> FloatArray:
@@ -73,6 +68,39 @@ class Fitted:
         return LatentModel(
             fit.response_basis, fit.response_parameters, fit.errors, self.noise, fit.texture_share, trusted=True
         )
+
+
+@dataclass(frozen=True)
+class _Estimate:
+    """What each round of a fit improves.
+
+    These are the parameters of the model, the error model, the corrected share of the texture, the hyperparameters of
+    the prior, the robust weights with their sandwich factor, and the index of each predicted grey level.
+    """
+
+    parameters: FloatArray
+    errors: ErrorModel
+    texture_share: float
+    hyperparameters: PriorHyperparameters
+    weight: FloatArray
+    sandwich_factor: float
+    index: IntArray
+
+
+@dataclass(frozen=True)
+class _Solution:
+    """Solution of a round's linear system: the new estimate, and what its covariance is computed from.
+
+    ``before`` and ``precision`` are the precisions of the prior before the round and of the solution;
+    ``squared_sigmas`` is the squared distance that the parameters moved, in standard deviations.
+    """
+
+    estimate: _Estimate
+    equations: NormalEquations
+    prior: Prior
+    before: FloatArray
+    precision: FloatArray
+    squared_sigmas: float
 
 
 @dataclass(frozen=True)
@@ -111,74 +139,116 @@ class MaximumLikelihoodEstimator:
             return self._fit(observations, start)
 
     def _fit(self, observations: ExposedObservations, start: Fit | None) -> Fit:
-        model = self.model
-        parameters = self.model.typical if start is None else self.parameters_of(start)
-        errors, texture_share = (start.errors, start.texture_share) if start else (ErrorModel(), 0.0)
-        hyperparameters = start.hyperparameters if start else START
-        weight, sandwich_factor = np.ones(len(observations)), 1.0
-        index = self.response_basis.index_of(observations.grey)
-        for round_number in range(self.rounds + 1):
-            convex = start is None and round_number < CONVEX_ROUNDS
-            trusted = round_number > 0 or start is not None
-            gamma = model.split(parameters)[0]
-            predict = LatentModel(self.response_basis, gamma, errors, self.noise, texture_share, trusted)
-            latent = predict(observations, model.log_gain(parameters, observations, index), weight)
-            index = latent.index
-            if trusted:
-                unclipped = _unclipped(latent, predict.pixel_noise)
-                weight = unclipped.astype(np.float64)
-                if not convex:
-                    weight, sandwich_factor = _redescending(latent, unclipped)
-                errors = errors.refitted(
-                    latent.residual**2 / latent.one_minus_leverage / latent.log_response_slope**2,
-                    latent.grey,
-                    1 / latent.log_response_slope,
-                    latent.irradiance,
-                    observations.gradient,
-                )
-            system = LinearSystem(model, parameters, observations, latent, weight, errors.gain_variances)
-            prior = model.prior(parameters)
-            of_prior = prior.precision(hyperparameters)
-            with_share = system.equations(of_prior, sandwich_factor)
-            equations = with_share.part(np.arange(len(parameters))).scaled(of_prior, sandwich_factor)
-            if trusted:
-                in_units = of_prior / equations.information_scale
-                change = with_share.last_fitted(in_units, prior.mean, TEXTURE_SHARE_INFORMATION, 1 - texture_share)
-                texture_share = float(np.clip(texture_share + change, 0.0, 1.0))
-            hyperparameters = equations.maximize_evidence(prior, hyperparameters)
-            parameters = model.limited(equations.solve(prior, hyperparameters, model.floor), system.about)
-            precision = equations.posterior_precision(prior, hyperparameters)
-            moved = parameters - system.about
-            if system.has_gains:
-                errors = replace(errors, gain_variances=system.gains(parameters).refitted_variances)
-            settled = round_number > 1 and float(moved @ precision @ moved) < SETTLED_SIGMAS**2 * len(moved)
-            if settled or round_number == self.rounds:
-                disagreement = system.disagreement(parameters, of_prior, sandwich_factor)
+        present = self._beginning(observations, start)
+        for number in range(self.rounds + 1):
+            trusted, convex = number > 0 or start is not None, start is None and number < CONVEX_ROUNDS
+            predict = LatentModel(
+                self.response_basis,
+                self.model.split(present.parameters)[0],
+                present.errors,
+                self.noise,
+                present.texture_share,
+                trusted,
+            )
+            system, present = self._linearised(observations, present, predict, convex=convex)
+            solution = self._solved(system, present, trusted=trusted)
+            present = solution.estimate
+            settled = number > 1 and solution.squared_sigmas < SETTLED_SIGMAS**2 * len(present.parameters)
+            if settled or number == self.rounds:
+                disagreement = system.disagreement(present.parameters, solution.before, present.sandwich_factor)
                 break
-            del latent, system  # both take as much memory as the observations
-        covariance = equations.covariance(prior, hyperparameters, disagreement)
-        chance = np.asarray(np.linalg.inv(precision), dtype=np.float64)
+            del system  # it takes as much memory as the observations
+        return self._as_fit(observations, present, predict, solution, disagreement)
+
+    def _beginning(self, observations: ExposedObservations, start: Fit | None) -> _Estimate:
+        index, weight = self.response_basis.index_of(observations.grey), np.ones(len(observations))
+        if start is None:
+            return _Estimate(self.model.typical, ErrorModel(), 0.0, START, weight, 1.0, index)
+        about = self.parameters_of(start)
+        return _Estimate(about, start.errors, start.texture_share, start.hyperparameters, weight, 1.0, index)
+
+    def _linearised(
+        self, observations: ExposedObservations, present: _Estimate, predict: LatentModel, *, convex: bool
+    ) -> tuple[LinearSystem, _Estimate]:
+        """Linearise the observations about an estimate; return the system, and the estimate with new weights."""
+        model, parameters = self.model, present.parameters
+        log_gain = model.log_gain(parameters, observations, present.index)
+        latent = predict(observations, log_gain, present.weight)
+        errors, weight, sandwich_factor = present.errors, present.weight, present.sandwich_factor
+        if predict.trusted:
+            unclipped = predict.unclipped(latent)
+            weight = unclipped.astype(np.float64)
+            if not convex:
+                weight, sandwich_factor = redescending_weights(latent.studentised, unclipped)
+            errors = errors.refitted(
+                latent.residual**2 / latent.one_minus_leverage / latent.log_response_slope**2,
+                latent.grey,
+                1 / latent.log_response_slope,
+                latent.irradiance,
+                observations.gradient,
+            )
+        system = LinearSystem(model, parameters, observations, latent, weight, errors.gain_variances)
+        weighted = replace(present, errors=errors, weight=weight, sandwich_factor=sandwich_factor, index=latent.index)
+        return system, weighted
+
+    def _solved(self, system: LinearSystem, present: _Estimate, *, trusted: bool) -> _Solution:
+        """Solve the system with the prior that the data choose; unless ``trusted``, keep the share of texture."""
+        model, texture_share = self.model, present.texture_share
+        prior = model.prior(system.about)
+        before = prior.precision(present.hyperparameters)
+        with_share = system.equations(before, present.sandwich_factor)
+        equations = with_share.part(np.arange(len(system.about))).scaled(before, present.sandwich_factor)
+        if trusted:
+            in_units = before / equations.information_scale
+            change = with_share.last_fitted(in_units, prior.mean, TEXTURE_SHARE_INFORMATION, 1 - texture_share)
+            texture_share = float(np.clip(texture_share + change, 0.0, 1.0))
+        hyperparameters = equations.maximize_evidence(prior, present.hyperparameters)
+        parameters = model.limited(equations.solve(prior, hyperparameters, model.floor), system.about)
+        moved, errors = parameters - system.about, present.errors
+        if system.has_gains:
+            errors = replace(errors, gain_variances=system.gains(parameters).refitted_variances)
+        found = replace(
+            present,
+            parameters=parameters,
+            errors=errors,
+            texture_share=texture_share,
+            hyperparameters=hyperparameters,
+        )
+        precision = equations.posterior_precision(prior, hyperparameters)
+        return _Solution(found, equations, prior, before, precision, float(moved @ precision @ moved))
+
+    def _as_fit(
+        self,
+        observations: ExposedObservations,
+        found: _Estimate,
+        predict: LatentModel,
+        solution: _Solution,
+        disagreement: FloatArray,
+    ) -> Fit:
+        """Return the fit with its covariance, given the disagreement between halves of the observations."""
+        covariance = solution.equations.covariance(solution.prior, found.hyperparameters, disagreement)
         groups = len(np.unique(observations.group))
         # Fitted gain variances follow the means of pairs, whose scatter then underestimates that of the gains; the
         # scatter of few groups is hardly known.
-        if errors.gain_variances or groups < MIN_BLOCKS:
-            covariance = at_least(covariance, precision)
+        if found.errors.gain_variances or groups < MIN_BLOCKS:
+            covariance = at_least(covariance, solution.precision)
         n = len(self.response_basis)
         covariance[:n, :n] += np.outer(predict.error_by_noise, predict.error_by_noise)
+        centre = self.vignette_basis.centre(self.model.split(found.parameters)[1])
         return Fit(
             self.response_basis,
             self.vignette_basis,
             self.effects,
-            parameters,
-            covariance,
-            chance,
-            errors,
-            hyperparameters,
-            int(np.count_nonzero(observations.combined(np.add, weight))),
-            groups,
-            predict.pixel_noise,
-            texture_share,
-            measured_radius(observations, self.vignette_basis.centre(model.split(parameters)[1])),
+            parameters=found.parameters,
+            covariance=covariance,
+            chance=np.asarray(np.linalg.inv(solution.precision), dtype=np.float64),
+            errors=found.errors,
+            hyperparameters=found.hyperparameters,
+            points=int(np.count_nonzero(observations.combined(np.add, found.weight))),
+            groups=groups,
+            pixel_noise=predict.pixel_noise,
+            texture_share=found.texture_share,
+            measured_radius=measured_radius(observations, centre),
         )
 
     def information(self, observations: ExposedObservations, fit: Fit, about: FloatArray) -> NormalEquations:
@@ -243,23 +313,3 @@ class MaximumLikelihoodEstimator:
         known = dict(zip(start.effects.chosen, start.effect_parameters, strict=True))
         effects = [known.get(effect, 0.0) for effect in self.effects.chosen]
         return np.concatenate([start.response_parameters, vignette, effects])
-
-
-def _redescending(latent: Latent, unclipped: BoolArray) -> tuple[FloatArray, float]:
-    """Return redescending weights (Geman and McClure 1987, truncated), and E[ψ'] / E[w] of the non-zero ones."""
-    scaled = latent.studentised / (WEIGHT_SCALE_SIGMAS * max(robust_scale(latent.studentised), 1e-6))
-    squared = scaled**2
-    counts = unclipped & (np.abs(scaled) < WEIGHT_CUT_SIGMAS / WEIGHT_SCALE_SIGMAS)
-    weight = np.where(counts, 1 / (1 + squared) ** 2, 0.0)
-    derivative = np.where(counts, (1 - 3 * squared) / (1 + squared) ** 3, 0.0)
-    sandwich_factor = float(derivative.sum() / max(weight.sum(), 1e-300))
-    return weight, max(sandwich_factor, MIN_SANDWICH_FACTOR)
-
-
-def _unclipped(latent: Latent, noise: NoiseModel) -> BoolArray:
-    """Return where the noise of single pixels hardly reaches black or white, given the predicted grey level.
-
-    Using the measured grey level would select samples whose noise happens to point away from the end.
-    """
-    reach = CLEAR_OF_ENDS_SIGMAS * np.sqrt(noise.variance(latent.grey))
-    return np.asarray((latent.grey + reach < 1.0) & (latent.grey > np.minimum(reach, MAX_DARK_CLEARANCE)))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
+from itertools import pairwise
 
 import numpy as np
 
@@ -155,28 +156,38 @@ class LinearSystem:
         return self._gains(sums, scale, sums.about).significant_variances
 
     @cached_property
+    def _log_response(self) -> FloatArray:
+        return self.model.response_basis.log_of(self.model.split(self.about)[0])
+
+    @cached_property
     def _sums(self) -> GroupSums:
         return self._summed(with_rows=self.has_gains)
 
     def _summed(self, *, with_rows: bool) -> GroupSums:
         """Return the sums; those of rows are slow and only needed for gains."""
         about, number = np.append(self.about, 0.0), self.observations.group_number
-        p = len(about)
+        p, groups = len(about), int(number.max()) + 1
         matrix, vector = np.zeros((p, p)), np.zeros(p)
-        kept = p if with_rows else 0
-        of_group = np.zeros((int(number.max()) + 1, 2 + p + kept))
+        precision, misfit, scores = np.zeros(groups), np.zeros(groups), np.zeros((groups, p))
+        of_rows = np.zeros((groups, p if with_rows else 0))
         for part in _chunks(self.observations):
             rows, target, factor, member = self._free_of_radiance(part)
-            weighted = rows * factor[:, None]
-            matrix += rows.T @ weighted
-            vector += weighted.T @ target
-            misfit = target - rows @ about
+            root = np.sqrt(factor)
+            rows *= root[:, None]
+            target *= root
+            matrix += rows.T @ rows
+            vector += target @ rows
+            wrong = target - rows @ about
             inside = number[part][member]
-            begins = np.flatnonzero(np.diff(inside, prepend=-1))  # a group's observations are mostly consecutive
-            summed = np.column_stack([factor, factor * misfit, weighted * misfit[:, None], weighted[:, :kept]])
-            np.add.at(of_group, inside[begins], np.add.reduceat(summed, begins))
-        precision, misfit, scores, rows = np.split(of_group, [1, 2, 2 + p], axis=1)
-        return GroupSums(about, matrix, vector, scores, rows, precision[:, 0], misfit[:, 0])
+            # A group's observations are mostly consecutive, and short products take less time than one of all.
+            for begin, end in pairwise([*np.flatnonzero(np.diff(inside, prepend=-1)), len(inside)]):
+                group, own = inside[begin], slice(begin, end)
+                precision[group] += root[own] @ root[own]
+                misfit[group] += root[own] @ wrong[own]
+                scores[group] += wrong[own] @ rows[own]
+                if with_rows:
+                    of_rows[group] += root[own] @ rows[own]
+        return GroupSums(about, matrix, vector, scores, of_rows, precision, misfit)
 
     def disagreement(self, parameters: FloatArray, prior_precision: FloatArray, sandwich_factor: float) -> FloatArray:
         """Return the difference of the scores between halves of the observations, shape (ways, p).
@@ -213,11 +224,13 @@ class LinearSystem:
         observed = self.observations.where(part)
         columns, target = self._columns(observed, part)
         factor = self.weight[part] * self.latent.precision[part]
-        if observed.in_pairs:
+        if self.observations.in_pairs:
             # After subtracting the weighted mean, both observations give the same equation: keep the difference.
             both = factor[0::2] + factor[1::2]
             factor = factor[0::2] * factor[1::2] / np.maximum(both, 1e-300)
-            rows = np.concatenate([each[0::2] - each[1::2] for each in columns], axis=1)
+            rows, ends = np.empty((len(factor), len(self.about) + 1)), np.cumsum([each.shape[1] for each in columns])
+            for each, own in zip(columns, np.split(rows, ends[:-1], axis=1), strict=True):
+                np.subtract(each[0::2], each[1::2], out=own)
             return rows, target[0::2] - target[1::2], factor, slice(0, None, 2)
         rows = np.concatenate(columns, axis=1)
         _, mean = weighted_means(np.column_stack([rows, target]), factor, observed)
@@ -226,15 +239,13 @@ class LinearSystem:
     def _columns(self, observed: ExposedObservations, part: slice) -> tuple[list[FloatArray], FloatArray]:
         """Return the blocks of columns, for all parameters and the texture share, and the right-hand sides."""
         model, index = self.model, self.latent.index[part]
-        gamma, vignette, values = model.split(self.about)
+        _, vignette, values = model.split(self.about)
         jacobian = model.vignette_basis.jacobian(vignette, observed.position)
-        # ln V is not linear in the centre: the remainder of the linearisation moves to the right-hand side.
-        constant = model.vignette_basis.log_value(vignette, observed.position) - jacobian @ vignette
-        by_response = model.response_basis.log_table[index]
-        columns = [by_response, -jacobian]
+        remainder = model.vignette_basis.remainder(vignette, observed.position, jacobian)
+        columns = [model.response_basis.log_table[index], -jacobian]
         # The rows contain h at the predicted grey level; at the measured one, h is larger by this.
-        excess = self.latent.linear_log[part] - by_response @ gamma
-        target = observed.log_exposure + constant - excess
+        excess = self.latent.linear_log[part] - self._log_response[index]
+        target = observed.log_exposure + remainder - excess
         if len(model.effects):
             # An error of a stated exposure is in the target; if it were in the terms too, it would imitate an effect.
             shown = replace(observed, log_exposure=self.latent.log_exposure[part])

@@ -69,15 +69,21 @@ class VignetteBasis:
 
     def jacobian(self, parameters: FloatArray, position: FloatArray) -> FloatArray:
         """Return the derivative of ln V by the parameters, shape (n, 2) -> (n, len)."""
-        offset = position - self.centre(parameters)
-        squared, spline = np.sum(offset**2, axis=1), self.spline
+        offset, spline = position - self.centre(parameters), self.spline
+        squared = np.einsum("ij,ij->i", offset, offset)
         columns = [spline.jacobian(squared)]
         if self.free_centre:
             slope = spline.slope(parameters[: self.radial], squared)
             columns.append(-2 * offset * slope[:, None] - self._slope_of_non_radial(parameters, offset))
         if self.non_radial:
             columns.append(np.stack(non_radial_terms(*offset.T), axis=1))
-        return np.concatenate(columns, axis=1)
+        return np.concatenate(columns, axis=1) if len(columns) > 1 else columns[0]
+
+    def remainder(self, parameters: FloatArray, position: FloatArray, jacobian: FloatArray) -> FloatArray:
+        """Return ln V minus its linear part, shape (n,), given :meth:`jacobian`: ln V is not linear in the centre."""
+        if not self.free_centre:
+            return np.zeros(len(position))
+        return np.asarray(self.log_value(parameters, position) - jacobian @ parameters)
 
     def unresolved(self, parameters: FloatArray, position: FloatArray) -> FloatArray:
         """Return the standard deviation of ln V due to jumps of its slope between knots, shape (n, 2) -> (n,)."""

@@ -85,8 +85,7 @@ class RadialSpline:
 
     def _interval(self, squared: FloatArray) -> IntArray:
         """Return the number of the interval that contains R², the last one beyond the last knot."""
-        place = (squared / self.reach**2) ** (1 / _KNOT_EXPONENT) * max(self.terms - 1, 1)
-        return np.minimum(place, max(self.terms - 2, 0)).astype(np.int64)
+        return np.asarray(np.searchsorted(self.knots[1:-1], squared, side="right"))
 
     def _within_interval(self, squared: FloatArray) -> tuple[IntArray, IntArray, FloatArray, FloatArray]:
         """Return the knots below and above R², and the integral of either one's weight from the lower knot to R²."""
