@@ -144,8 +144,8 @@ def test_failures_are_tried_again_after_all_others(entries, tmp_path):
 
 
 def test_interrupted_it_writes_what_is_done_and_goes_on_later(entries, tmp_path):
-    def stop(stage):
-        if stage.name == "calibrating" and stage.done == 2:
+    def stop(stage, done, _total, _failed):
+        if stage == "calibrating" and done == 2:
             raise KeyboardInterrupt
 
     outcome = run_batch(entries[:4], tmp_path / "out", ThisProcess(), progress=stop)

@@ -29,16 +29,6 @@ _OWN_NAMES = {_RECORDINGS, "cameras", CSV_NAME, PARQUET_NAME, PAGE_NAME}
 
 
 @dataclass(frozen=True)
-class Stage:
-    """Progress of a batch: recordings or cameras done, their total, and how many failed."""
-
-    name: str
-    done: int
-    total: int
-    failed: int = 0
-
-
-@dataclass(frozen=True)
 class Outcome:
     """Outcome of a batch: a row per recording in the order of the manifest, cameras, files and notes.
 
@@ -57,7 +47,7 @@ class Outcome:
         return tuple(row for row in self.rows if row.status == "failed")
 
 
-_Show = Callable[[Stage], None]
+_Show = Callable[[str, int, int, int], None]
 
 
 def run_batch(
@@ -67,14 +57,15 @@ def run_batch(
     *,
     retries: int = 1,
     force: bool = False,
-    progress: _Show = lambda _stage: None,
+    progress: _Show = lambda _stage, _done, _total, _failed: None,
 ) -> Outcome:
     """Calibrate recordings and merge those of each camera, reusing the results of an earlier run.
 
     The folder must be new, empty, or from an earlier run, unless ``force`` is set. It receives ``batch.csv``,
     ``batch.parquet``, ``index.html``, a folder per camera in ``cameras``, and a result per recording in
-    ``recordings``. A recording that fails is retried after all others. If ``progress`` raises ``KeyboardInterrupt``,
-    or the runner an error because it cannot continue, the results so far are written.
+    ``recordings``. A recording that fails is retried after all others. ``progress`` is called with the name of the
+    stage, how many recordings or cameras are done, their total, and how many failed. If it raises
+    ``KeyboardInterrupt``, or the runner an error because it cannot continue, the results so far are written.
     """
     place = Path(folder)
     _check(place, force=force)
@@ -142,7 +133,7 @@ class _Batch:
                 row = taken(self.rows[answer.number], answer)
                 self.rows[answer.number] = row
                 failed += row.status == "failed"
-                self.show(Stage(name, count, len(left), failed))
+                self.show(name, count, len(left), failed)
 
     def written(self, *, interrupted: bool) -> Outcome:
         """Merge the results and write everything that users read."""
@@ -152,7 +143,7 @@ class _Batch:
         cameras: list[Camera] = []
         try:
             cameras, rows = merged_cameras(
-                rows, store, place, lambda done, total: self.show(Stage("merging", done, total))
+                rows, store, place, lambda done, total: self.show("merging", done, total, 0)
             )
         except KeyboardInterrupt:
             interrupted = True

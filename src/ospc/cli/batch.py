@@ -15,7 +15,7 @@ from ospc.cli.terminal import INTERRUPTED, print_json, progress_line, say, say_n
 from ospc.errors import SettingError, counted
 
 if TYPE_CHECKING:
-    from ospc.batch.run import Outcome, Stage
+    from ospc.batch.run import Outcome
     from ospc.batch.work import Answer, Runner, Task
 
 _SOME_FAILED = 4
@@ -85,8 +85,8 @@ def command(
     runner = Processes(jobs or cores()) if scheduler is None else Cluster(scheduler)
     with leaving("no result was written"), interruption.deferred(), progress_line(quiet=quiet) as show:
 
-        def progress(stage: Stage) -> None:
-            show(stage.name, stage.done, stage.total, f"{stage.failed} failed" if stage.failed else "")
+        def progress(stage: str, done: int, total: int, failed: int) -> None:
+            show(stage, done, total, f"{failed} failed" if failed else "")
             interruption.check()
 
         waiting = _Interruptible(runner, interruption)

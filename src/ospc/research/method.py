@@ -148,28 +148,27 @@ class PaperVariants:
 
     def __init__(self, variants: dict[str, PaperSettings]) -> None:
         self._variants = variants
-        self._methods: dict[str, PaperMethod] = {}
-        self._failures: dict[str, Outcome] = {}
+        self._methods: dict[str, PaperMethod | str] = {}  # or the reason for its failure
         self._exposures = ExposureTable()
 
     def push(self, frame: Frame) -> None:
         """Take the next frame; the failure of a variant does not affect the others."""
-        if not self._exposures:
+        if not self._methods:
             matcher = SharedMatcher(FeatureMatcher(next(iter(self._variants.values()))))
             for name, settings in self._variants.items():
                 self._methods[name] = PaperMethod(settings, size_of(frame.image), frame.max_grey, matcher)
         self._exposures.append(frame.exposure_ms)
-        for name, method in list(self._methods.items()):
-            failure = _attempted(partial(method.push, frame, None, self._exposures))
-            if isinstance(failure, str):
-                self._failures[name] = failure
-                del self._methods[name]
+        for name, method in self._methods.items():
+            if not isinstance(method, str):
+                done = _attempted(partial(method.push, frame, None, self._exposures))
+                self._methods[name] = done if isinstance(done, str) else method
 
     def found(self) -> dict[str, Outcome]:
         """Return the calibrations."""
-        found = outcomes_of({name: partial(self._estimate, method) for name, method in self._methods.items()})
-        found |= self._failures
-        return {name: found[name] for name in self._variants if name in found}
+        return {
+            name: method if isinstance(method, str) else _attempted(partial(self._estimate, method))
+            for name, method in self._methods.items()
+        }
 
     def _estimate(self, method: PaperMethod) -> Estimate:
         return Estimate.of(method.calibration(self._exposures))
