@@ -14,6 +14,7 @@ from ospc.cli.interruption import Interruption, leaving
 from ospc.cli.options import (
     AS_JSON,
     CORRECT_LAG,
+    FORCE,
     LIST_TOPICS,
     QUIET,
     TRUTH,
@@ -88,7 +89,7 @@ class _Request:
         "Earlier calibration of the camera: a state.ospc, a calibration.json, or a folder with one. It is used as "
         "long as the recording agrees with it; a changed lens or focus is detected."
     )
-    force: bool = option("Write into OUT even if it contains other files; those with names of results are replaced.")
+    force: bool = FORCE
     quiet: bool = QUIET
     as_json: bool = AS_JSON
     reading: Reading = READING_OR_ESTIMATING

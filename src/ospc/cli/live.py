@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ospc.cli.interruption import Interruption, leaving
-from ospc.cli.options import AS_JSON, CORRECT_LAG, QUIET, argument, declared, option, out_option
+from ospc.cli.options import AS_JSON, CORRECT_LAG, FORCE, QUIET, argument, declared, option, out_option
 from ospc.cli.reading import READING, Reading
 from ospc.cli.terminal import COMPLETE, FAILED, INTERRUPTED, UNDETERMINED, concluded, say, say_notes
 from ospc.errors import OspcError, one_line
@@ -57,7 +57,7 @@ def command(
         default=1.0,
     ),
     correct_lag: LagChoice = CORRECT_LAG,
-    force: bool = option("Write into OUT even if it contains other files; those with names of results are replaced."),
+    force: bool = FORCE,
     quiet: bool = QUIET,
     as_json: bool = AS_JSON,
     reading: Reading = READING,

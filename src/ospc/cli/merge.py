@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ospc.cli.interruption import Interruption
-from ospc.cli.options import AS_JSON, QUIET, TRUTH, argument, declared, option, out_option
+from ospc.cli.options import AS_JSON, FORCE, QUIET, TRUTH, argument, declared, out_option
 from ospc.cli.terminal import COMPLETE, UNDETERMINED, concluded, say_notes
 from ospc.errors import FormatError, listed
 
@@ -29,7 +29,7 @@ def command(
     states: tuple[Path, ...] = argument(required=True),
     out: Path = out_option("Folder to write the results to."),
     truth: str | None = TRUTH,
-    force: bool = option("Write into OUT even if it contains other files; those with names of results are replaced."),
+    force: bool = FORCE,
     quiet: bool = QUIET,
     as_json: bool = AS_JSON,
 ) -> int:

@@ -206,6 +206,7 @@ STUDY_SIZE = Parsed("size", partial(_size, least=16, most=8192))
 
 QUIET = option("Print only errors and warnings.", "-q", "--quiet")
 AS_JSON = option("Print the result as JSON on standard output.", "--json")
+FORCE = option("Write into OUT even if it contains other files; those with names of results are replaced.")
 PLOT: Any = Several(
     _picture,
     {
