@@ -163,15 +163,15 @@ class LiveView:
         return Group(*parts)
 
     def _remember(self, preview: Preview) -> None:
-        if preview.response is None or preview.vignette is None or preview.vignette_sigma is None:
+        spread = None if preview.response is None else preview.response.inverse_sigma
+        if preview.response is None or spread is None or preview.vignette is None or preview.vignette_sigma is None:
             return
         response = preview.response.inverse(np.linspace(0, 1, 101))
         if self._responses and np.array_equal(response, self._responses[-1]):
             return
-        spread = preview.response.inverse_sigma
         self._responses.append(response)
         self._vignettes.append(diagonal_profile(preview.vignette, PROFILE_RADII))
-        self._spreads[0].append(float(np.nan if spread is None else spread.max()))
+        self._spreads[0].append(float(spread.max()))
         self._spreads[1].append(float(preview.vignette_sigma[-1]))
 
     def _curves(self, width: int) -> RenderableType:
