@@ -169,10 +169,8 @@ def _about_the_exposures(times: TimesText, context: Context) -> Iterator[Broken]
         remedy = "record exposures, or leave out the third column of all lines"
         yield Broken("error", rule, "drops the exposures of all images", remedy, _fill_exposures)
     if zero.any() and not (context.program == "dso" and zero.all()):
-        rule, remedy = (
-            f"exposures are positive; {_count_of(zero, _IS, 'zero or missing')}",
-            "record the missing exposures",
-        )
+        rule = f"exposures are positive; {_count_of(zero, _IS, 'zero or missing')}"
+        remedy = "record the missing exposures"
         if context.program == "mono":
             yield Broken("error", rule, "passes the zeros on", remedy, _fill_exposures)
         else:

@@ -16,14 +16,7 @@ from ospc.calibrator import OnlineCalibrator
 from ospc.correspondence.features import Features
 from ospc.errors import one_line
 from ospc.exposures.table import ExposureTable
-from ospc.methods.paper import (
-    Correspondences,
-    FeatureMatcher,
-    Matcher,
-    PaperMethod,
-    solve_vignette,
-    vignette_rows,
-)
+from ospc.methods.paper import Correspondences, FeatureMatcher, Matcher, PaperMethod, solve_vignette, vignette_rows
 from ospc.photometry.calibration import Calibration
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import PolynomialVignette, Vignette

@@ -51,8 +51,8 @@ class System(Methods):
     """A system with the authors and year of its publication, and what it needs and recovers.
 
     ``method`` creates the method, given the true response, from which it may use one point as published.
-    ``with_point`` and ``without_point`` name its variants with and without that point; empty if there is none. Some
-    systems take frames in ``colour``.
+    ``with_point`` and ``without_point`` name its variants with and without that point; the first is empty if there is
+    none. Some systems take frames in ``colour``.
     """
 
     authors: str
@@ -60,13 +60,13 @@ class System(Methods):
     needs: str
     recovers: str
     method: Callable[[Response | None], Method] = field(repr=False)
-    with_point: str = ""
-    without_point: str = ""
+    with_point: str
+    without_point: str
     colour: bool = False
 
     def make(self, source: Source) -> dict[str, Method]:
         """Create the method for a recording."""
-        return {self.without_point or self.name: self.method(source.truth().response)}
+        return {self.without_point: self.method(source.truth().response)}
 
     def __str__(self) -> str:
         """Return name, authors and year."""
@@ -199,8 +199,8 @@ def _table(group: str, systems: Sequence[System], rows: Sequence[Measurement], f
     lines = []
     for system in systems:
         variants = (system.with_point, system.without_point)
-        own = [[row for row in rows if name and row.method == name] for name in variants]
-        mine = [row for row in rows if row.method in (*variants, system.name)]
+        own = [[row for row in rows if row.method == name] for name in variants]
+        mine = [row for part in own for row in part]
         if not mine:
             continue
         # Failures are counted in a column of their own.

@@ -13,14 +13,7 @@ from ospc.arrays import ImageSize
 from ospc.report.style import new_figure
 from ospc.research.pictures import line_style
 from ospc.research.runner import OnProgress, Task, made_with
-from ospc.research.speed.measuring import (
-    SpeedRow,
-    calibrate_command,
-    calibrating,
-    correct_command,
-    correcting,
-    live,
-)
+from ospc.research.speed.measuring import SpeedRow, calibrate_command, calibrating, correct_command, correcting, live
 from ospc.research.speed.reel import Reel, reel_of
 from ospc.research.tables import StudyReport, Table, as_json
 from ospc.versions import versions
