@@ -118,7 +118,7 @@ def test_the_stated_deviation_agrees_with_the_bands(monkeypatch):
 
 
 def test_errors_count_as_detected_and_crashes_as_crashed(tiny_source, monkeypatch):
-    no_exposure = Fault("zero", "0 everywhere", (1, 2, 3), lambda f, _s, _r: f.with_exposures(0 * f.exposures_ms))
+    no_exposure = Fault("zero", "0 everywhere", (1, 2, 3), lambda f, _s: f.with_exposures(0 * f.exposures_ms))
     monkeypatch.setitem(judging.FAULTS, "zero", no_exposure)
     task = fault_task(tiny_source, no_exposure)
     assert task.compute(lambda _share: None)["outcome"] == "detected"
@@ -129,7 +129,7 @@ def test_errors_count_as_detected_and_crashes_as_crashed(tiny_source, monkeypatc
 
 
 def test_every_recording_is_run_without_a_fault_first(tiny_source):
-    fault = Fault("zero", "0 everywhere {}", (1, 2, 3), lambda f, _s, _r: f)
+    fault = Fault("zero", "0 everywhere {}", (1, 2, 3), lambda f, _s: f)
     tasks = fault_tasks([tiny_source], [fault])
     assert [task.name for task in tasks] == [
         "tiny (none)",

@@ -65,6 +65,8 @@ class Footage:
         Lines of ``times.txt``, for faults that only a file can have. The recording is then read from files.
     power
         The exposures in the metadata are (nearly) proportional to this power of the true ones.
+    random
+        Generator for random changes, seeded by the fault.
     """
 
     images: tuple[Image, ...]
@@ -77,6 +79,7 @@ class Footage:
     reach: float = 1.0
     times: tuple[str, ...] = ()
     power: float = 1.0
+    random: np.random.Generator = field(default_factory=np.random.default_rng, repr=False, compare=False)
 
     def __len__(self) -> int:
         """Return the number of images."""
@@ -123,44 +126,40 @@ class Footage:
         left = replace(self, images=images, names=names, stamps_s=self.stamps_s[kept])
         return left.with_exposures(self.exposures_ms[kept])
 
+    def some(self, share: float) -> BoolArray:
+        """Return a mask of a random share of the frames, at least one and never the first, shape (frames,)."""
+        mask, others = np.zeros(len(self), bool), len(self) - 1
+        mask[1 + self.random.choice(others, min(others, max(1, round(share * len(self)))), replace=False)] = True
+        return mask
+
+    def blocks(self, length: int) -> FloatArray:
+        """Return +1 or −1, drawn at random for each block of ``length`` frames, shape (frames,)."""
+        return np.repeat(self.random.choice([-1.0, 1.0], len(self) // length + 1), length)[: len(self)]
+
+    def wave(self, cycles: float) -> FloatArray:
+        """Return a sine with this number of cycles over the recording, shape (frames,)."""
+        return np.sin(2 * np.pi * cycles * np.arange(len(self)) / len(self))
+
 
 @dataclass(frozen=True)
 class Fault:
     """A kind of fault: its name, a description with {} for the strength, and the function that applies it.
 
-    The weak, medium and strong strengths are in the unit of the description. Random changes draw from the generator
-    passed to the function.
+    The weak, medium and strong strengths are in the unit of the description.
     """
 
     name: str
     text: str
     strengths: tuple[float, float, float]
-    change: Callable[[Footage, float, np.random.Generator], Footage] = field(repr=False)
+    change: Callable[[Footage, float], Footage] = field(repr=False)
 
     def put_on(self, footage: Footage, strength: float) -> Footage:
         """Return a recording with the fault; deterministic."""
-        return self.change(footage, strength, np.random.default_rng(crc32(self.name.encode())))
+        return self.change(replace(footage, random=np.random.default_rng(crc32(self.name.encode()))), strength)
 
     def in_words(self, strength: float) -> str:
         """Return the description for a strength."""
         return self.text.format(f"{strength:g}")
-
-
-def some(count: int, share: float, random: np.random.Generator) -> BoolArray:
-    """Return a mask with a share of ``count`` entries chosen, at least one and never the first, shape (count,)."""
-    mask = np.zeros(count, bool)
-    mask[1 + random.choice(count - 1, min(count - 1, max(1, round(share * count))), replace=False)] = True
-    return mask
-
-
-def wave(count: int, cycles: float) -> FloatArray:
-    """Return a sine with this number of cycles over the recording, shape (count,)."""
-    return np.sin(2 * np.pi * cycles * np.arange(count) / count)
-
-
-def blocks(count: int, length: int, random: np.random.Generator) -> FloatArray:
-    """Return +1 or −1, drawn at random for each block of ``length`` frames, shape (count,)."""
-    return np.repeat(random.choice([-1.0, 1.0], count // length + 1), length)[:count]
 
 
 SIZE = (320, 240)

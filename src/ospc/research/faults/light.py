@@ -11,7 +11,7 @@ import numpy as np
 from ospc.arrays import Float32Array, FloatArray
 from ospc.photometry.geometry import pixel_grid
 from ospc.photometry.vignette import RasterVignette
-from ospc.research.faults.footage import Fault, Footage, blocks, wave
+from ospc.research.faults.footage import Fault, Footage
 
 _LAMP_HZ = 100.0
 """Flicker frequency of lamps on 50 Hz mains."""
@@ -33,12 +33,12 @@ def _factored(footage: Footage, factor: FloatArray) -> Footage:
     return footage.relit(lambda light, i: light * np.float32(factor[i]))
 
 
-def _dimmed(footage: Footage, power: float, _random: np.random.Generator) -> Footage:
+def _dimmed(footage: Footage, power: float) -> Footage:
     exposures_ms = footage.camera.exposures_ms
     return replace(_factored(footage, (exposures_ms / np.median(exposures_ms)) ** -power), power=1 / (1 - power))
 
 
-def _locked_flicker(footage: Footage, share: float, _random: np.random.Generator) -> Footage:
+def _locked_flicker(footage: Footage, share: float) -> Footage:
     exposures_ms = footage.camera.exposures_ms
     # Every exposure is centred on a maximum of the light.
     factor = 1 + share * np.sinc(_LAMP_HZ * exposures_ms / 1000)
@@ -52,7 +52,7 @@ def _times(footage: Footage, factor: Float32Array) -> Footage:
     return footage.relit(lambda light, _i: light * factor)
 
 
-def _near_glare(footage: Footage, share: float, _random: np.random.Generator) -> Footage:
+def _near_glare(footage: Footage, share: float) -> Footage:
     def spread(light: Float32Array, _i: int) -> Float32Array:
         small = cv2.resize(light, None, fx=0.25, fy=0.25, interpolation=cv2.INTER_AREA)
         around = cv2.GaussianBlur(small, (0, 0), small.shape[1] / 10, borderType=cv2.BORDER_CONSTANT)
@@ -61,7 +61,7 @@ def _near_glare(footage: Footage, share: float, _random: np.random.Generator) ->
     return footage.relit(spread)
 
 
-def _stray_light(footage: Footage, share: float, _random: np.random.Generator) -> Footage:
+def _stray_light(footage: Footage, share: float) -> Footage:
     squared_radius = np.sum(footage.from_centre() ** 2, axis=-1)
     return _fixed_light(footage, share * squared_radius / squared_radius.max())
 
@@ -72,7 +72,7 @@ def _fixed_light(footage: Footage, light: float | FloatArray) -> Footage:
     return footage.relit(lambda scene, i: scene + np.asarray(light * relative[i], np.float32))
 
 
-def _row_flicker(footage: Footage, amplitude: float, _random: np.random.Generator) -> Footage:
+def _row_flicker(footage: Footage, amplitude: float) -> Footage:
     rows = np.linspace(0, _READOUT_CYCLES, footage.images[0].shape[0])[:, None]
 
     def lit(light: Float32Array, i: int) -> Float32Array:
@@ -81,8 +81,8 @@ def _row_flicker(footage: Footage, amplitude: float, _random: np.random.Generato
     return footage.relit(lit)
 
 
-def _clouds(footage: Footage, amplitude: float, random: np.random.Generator) -> Footage:
-    phase = random.uniform(0, 2 * np.pi, 3)
+def _clouds(footage: Footage, amplitude: float) -> Footage:
+    phase = footage.random.uniform(0, 2 * np.pi, 3)
     time = np.arange(len(footage)) / len(footage)
     course = sum(np.sin(2 * np.pi * cycles * time + p) for cycles, p in zip((1.3, 3.1, 7.7), phase, strict=True))
     return _factored(footage, np.exp(amplitude * np.asarray(course) / 2))
@@ -94,15 +94,15 @@ def _shaded(footage: Footage, transmission: Float32Array) -> Footage:
     return replace(_times(footage, transmission), vignette=known)
 
 
-def _smudge(footage: Footage, depth: float, random: np.random.Generator) -> Footage:
+def _smudge(footage: Footage, depth: float) -> Footage:
     x, y = np.moveaxis(footage.from_centre() / len(footage.images[0]), -1, 0)
     transmission = np.ones_like(x)
-    for centre in random.uniform(-0.5, 0.5, (4, 2)):
+    for centre in footage.random.uniform(-0.5, 0.5, (4, 2)):
         transmission -= depth * np.exp(-((x - centre[0]) ** 2 + (y - centre[1]) ** 2) / (2 * 0.04**2))
     return _shaded(footage, np.clip(transmission, 0.05, 1).astype(np.float32))
 
 
-def _decentred(footage: Footage, shift: float, _random: np.random.Generator) -> Footage:
+def _decentred(footage: Footage, shift: float) -> Footage:
     """Move the vignette to the right and half as far down, if it is known."""
     if footage.vignette is None:
         return footage
@@ -111,28 +111,28 @@ def _decentred(footage: Footage, shift: float, _random: np.random.Generator) -> 
     return _shaded(footage, np.asarray(moved / footage.camera.attenuation, np.float32))
 
 
-def _shot_noise(footage: Footage, sigma: float, random: np.random.Generator) -> Footage:
+def _shot_noise(footage: Footage, sigma: float) -> Footage:
     def noisy(light: Float32Array, _i: int) -> Float32Array:
-        drawn = random.standard_normal(light.shape, dtype=np.float32)
+        drawn = footage.random.standard_normal(light.shape, dtype=np.float32)
         return np.asarray(light + np.float32(sigma) * np.sqrt(np.maximum(light, 0)) * drawn)
 
     return footage.relit(noisy)
 
 
-def _speculars(footage: Footage, share: float, random: np.random.Generator) -> Footage:
+def _speculars(footage: Footage, share: float) -> Footage:
     def glinting(light: Float32Array, _i: int) -> Float32Array:
-        spots = (random.random(light.shape) < share / 9).astype(np.uint8)
+        spots = (footage.random.random(light.shape) < share / 9).astype(np.uint8)
         return np.where(cv2.dilate(spots, np.ones((3, 3), np.uint8)) > 0, light * 10, light)
 
     return footage.relit(glinting)
 
 
-def _crowd(footage: Footage, count: float, random: np.random.Generator) -> Footage:
+def _crowd(footage: Footage, count: float) -> Footage:
     """Move patches of various brightness, an eighth of the height wide, in front of the scene."""
     height, width = footage.images[0].shape
     side, number = height // 8, int(count)
-    start, speed = random.uniform(0, 1, (number, 2)), random.uniform(-0.02, 0.02, (number, 2))
-    level = np.exp(random.uniform(-2, 2, number))
+    start, speed = footage.random.uniform(0, 1, (number, 2)), footage.random.uniform(-0.02, 0.02, (number, 2))
+    level = np.exp(footage.random.uniform(-2, 2, number))
     typical = float(np.median(footage.camera.radiance(0)))
 
     def crossed(light: Float32Array, i: int) -> Float32Array:
@@ -147,7 +147,7 @@ def _crowd(footage: Footage, count: float, random: np.random.Generator) -> Foota
     return footage.relit(crossed)
 
 
-def _motion_blur(footage: Footage, frames: float, _random: np.random.Generator) -> Footage:
+def _motion_blur(footage: Footage, frames: float) -> Footage:
     camera, reach = footage.camera, int(frames) // 2
 
     def averaged(_light: Float32Array, i: int) -> Float32Array:
@@ -158,7 +158,7 @@ def _motion_blur(footage: Footage, frames: float, _random: np.random.Generator) 
     return footage.relit(averaged)
 
 
-def _small_range(footage: Footage, ratio: float, _random: np.random.Generator) -> Footage:
+def _small_range(footage: Footage, ratio: float) -> Footage:
     logs = np.log(footage.camera.exposures_ms)
     reach = max(float(np.ptp(logs)), 1e-9)
     return _reshot(
@@ -166,11 +166,11 @@ def _small_range(footage: Footage, ratio: float, _random: np.random.Generator) -
     )
 
 
-def _roll_only(footage: Footage, degrees: float, _random: np.random.Generator) -> Footage:
+def _roll_only(footage: Footage, degrees: float) -> Footage:
     """Roll the camera about its optical axis by up to this angle either way, over a single view."""
     first = footage.camera.radiance(0)
     height, width = first.shape
-    angle = degrees * wave(len(footage), 6)
+    angle = degrees * footage.wave(6)
 
     def turned(_image: Float32Array, i: int) -> Float32Array:
         turn = cv2.getRotationMatrix2D(((width - 1) / 2, (height - 1) / 2), float(angle[i]), 1.0)
@@ -191,7 +191,7 @@ def _reshot(
     return footage.relit(exposed).with_exposures(exposures_ms)
 
 
-def _nominal_exposures(footage: Footage, steps_per_stop: float, _random: np.random.Generator) -> Footage:
+def _nominal_exposures(footage: Footage, steps_per_stop: float) -> Footage:
     """Expose in exact steps of 2^(1/n), and state the nominal shutter speeds."""
     exposures_s = footage.exposures_ms / _MS_PER_S
     exact_s = 2 ** (np.rint(np.log2(exposures_s) * steps_per_stop) / steps_per_stop)
@@ -202,60 +202,59 @@ def _nominal_exposures(footage: Footage, steps_per_stop: float, _random: np.rand
 
 FAULTS = (
     Fault("glare", "veiling glare of {} of the frame's mean irradiance", (0.01, 0.02, 0.05),
-        lambda f, x, _: f.relit(lambda light, _i: light + np.float32(x) * light.mean())),
+        lambda f, x: f.relit(lambda light, _i: light + np.float32(x) * light.mean())),
     Fault("near-glare", "{} of the irradiance scattered nearby", (0.02, 0.05, 0.1), _near_glare),
     Fault("bloom", "{} of the light beyond saturation spills over", (0.1, 0.3, 1),
-        lambda f, x, _: f.relit(lambda light, _i: light + x * cv2.GaussianBlur(np.maximum(light - 1, 0), (0, 0), 8))),
+        lambda f, x: f.relit(lambda light, _i: light + x * cv2.GaussianBlur(np.maximum(light - 1, 0), (0, 0), 8))),
     Fault("dark-current", "dark current of {} of saturation at the median exposure", (0.005, 0.01, 0.02),
-        lambda f, x, _: _fixed_light(f, x)),
+        _fixed_light),
     Fault("stray-light", "light fixed to the camera, at the corners {} of saturation at the median exposure",
         (0.003, 0.01, 0.03), _stray_light),
     Fault("persistence", "{} of the frame before remains", (0.02, 0.05, 0.1),
-        lambda f, x, _: f.relit(
+        lambda f, x: f.relit(
             lambda light, i: light + np.float32(x) * np.minimum(f.camera.irradiance[max(0, i - 1)], 1)
         )),
-    Fault("locked-flicker", "100 Hz flicker of ±{} synchronous with the frames", (0.1, 0.3, 0.6),
-        _locked_flicker),
+    Fault("locked-flicker", "100 Hz flicker of ±{} synchronous with the frames", (0.1, 0.3, 0.6), _locked_flicker),
     Fault("beating-flicker", "flicker of ±{} every 8.7 frames", (0.02, 0.05, 0.15),
-        lambda f, x, _: _factored(f, 1 + x * wave(len(f), len(f) / 8.7))),
+        lambda f, x: _factored(f, 1 + x * f.wave(len(f) / 8.7))),
     Fault("row-flicker", "flicker of ±{} along the rows of a rolling shutter", (0.02, 0.05, 0.15), _row_flicker),
     Fault("lamp", "light that switches by a factor of {}", (1.1, 1.3, 2),
-        lambda f, x, random: _factored(f, x ** (blocks(len(f), 50, random) / 2))),
+        lambda f, x: _factored(f, x ** (f.blocks(50) / 2))),
     Fault("clouds", "light that varies by ±{} in ln", (0.05, 0.15, 0.4), _clouds),
     Fault("white-balance", "a gain that drifts by ±{}", (0.05, 0.1, 0.25),
-        lambda f, x, _: _factored(f, 1 + x * wave(len(f), 2.5))),
+        lambda f, x: _factored(f, 1 + x * f.wave(2.5))),
     Fault("nominal-exposures", "nominal shutter speeds in steps of a stop over {}", (3, 2, 1), _nominal_exposures),
     Fault("dimming", "light proportional to the exposure to the power of -{}", (0.05, 0.1, 0.2), _dimmed),
     Fault("shading-corrected", "V to the power of {} divided out by the camera", (0.25, 0.5, 1),
-        lambda f, x, _: _shaded(f, f.camera.attenuation ** np.float32(-x))),
+        lambda f, x: _shaded(f, f.camera.attenuation ** np.float32(-x))),
     Fault("smudge", "four smudges that take {} of the light", (0.1, 0.3, 0.6), _smudge),
     Fault("graduated-filter", "a filter that takes {} of the light at the top", (0.1, 0.25, 0.5),
-        lambda f, x, _: _shaded(
+        lambda f, x: _shaded(
             f, (1 - x * (0.5 - f.from_centre()[..., 1] / len(f.images[0]))).astype(np.float32)
         )),
     Fault("decentred", "a vignette shifted by {} of the height", (0.03, 0.06, 0.12), _decentred),
     Fault("vignette-midway", "V to the power of {} in the second half", (0.8, 0.5, 0),
-        lambda f, x, _: f.relit(
+        lambda f, x: f.relit(
             lambda light, i: light * f.camera.attenuation ** np.float32(x - 1) if i >= f.half else light
         )),
     Fault("pixel-gains", "pixel gains that scatter by {}", (0.01, 0.02, 0.05),
-        lambda f, x, random: _times(f, np.exp(x * random.standard_normal(f.images[0].shape)).astype(np.float32))),
+        lambda f, x: _times(f, np.exp(x * f.random.standard_normal(f.images[0].shape)).astype(np.float32))),
     Fault("shot-noise", "shot noise of {} at saturation", (0.02, 0.04, 0.08), _shot_noise),
-    Fault("overexposed", "{} times the light", (1.5, 2, 4), lambda f, x, _: _factored(f, np.full(len(f), x))),
-    Fault("underexposed", "{} times less light", (2, 4, 16), lambda f, x, _: _factored(f, np.full(len(f), 1 / x))),
+    Fault("overexposed", "{} times the light", (1.5, 2, 4), lambda f, x: _factored(f, np.full(len(f), x))),
+    Fault("underexposed", "{} times less light", (2, 4, 16), lambda f, x: _factored(f, np.full(len(f), 1 / x))),
     Fault("speculars", "glints over a share of {} of the image", (0.001, 0.005, 0.02), _speculars),
     Fault("crowd", "{} patches moving in front of the scene", (4, 12, 40), _crowd),
     Fault("motion-blur", "motion blur over {} frames", (3, 5, 9), _motion_blur),
     Fault("textureless", "a scene smoothed over {} of the width", (0.02, 0.05, 0.15),
-        lambda f, x, _: _reshot(
+        lambda f, x: _reshot(
             f, f.camera.exposures_ms, lambda image, _i: cv2.GaussianBlur(image, (0, 0), x * image.shape[1])
         )),
     Fault("constant-exposure", "the exposure fixed at {} times the median", (1, 0.5, 2),
-        lambda f, x, _: _reshot(f, np.full(len(f), x * np.median(f.camera.exposures_ms)), lambda image, _i: image)),
+        lambda f, x: _reshot(f, np.full(len(f), x * np.median(f.camera.exposures_ms)), lambda image, _i: image)),
     Fault("small-range", "exposures within a factor of {}", (1.5, 1.2, 1.1), _small_range),
     Fault("standing-still", "the camera at rest for a share of {}", (0.3, 0.7, 1),
         # It keeps the view of the first frame.
-        lambda f, x, _: _reshot(
+        lambda f, x: _reshot(
             f, f.camera.exposures_ms,
             lambda image, i: f.camera.radiance(0) if i < round(x * len(f)) else image,
         )),
