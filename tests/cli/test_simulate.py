@@ -50,10 +50,26 @@ def test_exposures_come_from_a_list_a_range_or_a_file(tmp_path):
     np.testing.assert_allclose(again, [1, 2, 4, 8])
 
 
-def test_an_exposure_file_is_not_ignored(tmp_path):
-    (tmp_path / "times.txt").write_text("0 0.0 1.0\n")
-    result = run(tmp_path / "r", *SMALL, "--exposure-file", tmp_path / "times.txt")
-    assert "--exposure-file requires --exposure file" in str(result.exception)
+@pytest.mark.parametrize(
+    ("options", "needed"),
+    [
+        (["--exposure-file", "times.txt"], "--exposure-file requires --exposure file"),
+        (["--exposures", "1,2"], "--exposures requires --exposure cycle or constant"),
+        (
+            ["--exposure", "cycle", "--exposures", "1,2", "--exposure-range", "1", "2"],
+            "--exposure-range requires --exposure auto or sweep",
+        ),
+        (
+            ["--vignette", "cos4", "--vignette-coefficients", "0.1,0,0"],
+            "--vignette-coefficients requires --vignette polynomial or decentred",
+        ),
+    ],
+)
+def test_an_option_that_the_others_leave_unused_is_an_error(tmp_path, options, needed):
+    result = run(tmp_path / "r", *SMALL, *options)
+    assert isinstance(result.exception, SettingError)
+    assert needed in str(result.exception)
+    assert not (tmp_path / "r").exists()
 
 
 @pytest.mark.parametrize("options", [["--size", "big"], ["--exposures", "1,x"], ["--motion", "flying"]])
@@ -71,7 +87,6 @@ def test_wrong_usage_is_explained(tmp_path, options):
         ["--vignette", "nothing"],
         ["--exposure", "file"],
         ["--exposure", "constant", "--exposures", "1,2"],
-        ["--exposures", "1,2"],
     ],
 )
 def test_impossible_settings_are_an_error_and_write_nothing(tmp_path, options):

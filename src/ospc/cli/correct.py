@@ -8,8 +8,8 @@ from pathlib import Path
 import click
 
 from ospc.cli.interruption import leaving
-from ospc.cli.options import ASSUME_MISSING, KIND, QUIET, argument, declared, option, out_option
-from ospc.cli.reading import STATED
+from ospc.cli.options import ASSUME_MISSING, QUIET, argument, declared, option, out_option
+from ospc.cli.reading import KIND, STATED
 from ospc.cli.terminal import INTERRUPTED, progress_of, say, say_notes
 from ospc.correction.settings import CorrectionSettings, Output
 from ospc.errors import counted

@@ -10,7 +10,8 @@ import click
 
 from ospc.cli.correct import warn_of_assumed
 from ospc.cli.interruption import leaving
-from ospc.cli.options import AS_JSON, ASSUME_MISSING, KIND, argument, declared, option
+from ospc.cli.options import AS_JSON, ASSUME_MISSING, argument, declared, option
+from ospc.cli.reading import KIND
 from ospc.cli.studies import CALIBRATIONS, JOBS, by_name, given_calibrations, run_study, study_out_option, words
 from ospc.cli.terminal import print_json, progress_line, progress_of, say
 from ospc.errors import SettingError, counted

@@ -220,7 +220,6 @@ TRUTH = option(
     metavar="PATH",
 )
 ASSUME_MISSING = option("Treat an unknown response as linear, and an unknown vignette as none.")
-KIND = option("Kind of recording (tum_mono, euroc, …); recognised by default.", metavar="KIND")
 LIST_TOPICS = option("Print the topics of the bag at PATH and exit.")
 CORRECT_LAG = option(
     "Correction of exposures recorded with the wrong frames: auto corrects the lag if the images show it with "

@@ -85,6 +85,9 @@ def _known_kind(name: str) -> str:
     return name
 
 
+KIND = option("Kind of recording (tum_mono, euroc, …); recognised by default.", type=Parsed("kind", _known_kind))
+
+
 def _stated(name: str, *, each: bool = False) -> Any:
     """Declare the option for a field of :class:`ReadingOptions`; with ``each``, that word is a choice too."""
     stated = declared_options()[name]
@@ -97,9 +100,7 @@ def _stated(name: str, *, each: bool = False) -> Any:
 # Only some commands can handle unknown exposures.
 _FIELDS = [name for name in declared_options() if name != "unknown_exposures"]
 _READING: dict[str, Declared] = {
-    "kind": option(
-        "Kind of recording, instead of recognising it (tum_mono, euroc, …).", type=Parsed("text", _known_kind)
-    ),
+    "kind": KIND,
     **{name: _stated(name, each=name == "channel") for name in _FIELDS},
     "mask": option(
         "Image of the same size as the frames; pixels that are black in it are not used.",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -24,6 +25,14 @@ def _numbers(text: str) -> tuple[float, ...]:
 
 
 _NUMBERS = Parsed("numbers", _numbers)
+
+_USED_WITH: Mapping[str, tuple[str, tuple[str, ...]]] = {
+    "exposure_range": ("exposure", ("auto", "sweep")),
+    "exposures": ("exposure", ("cycle", "constant")),
+    "exposure_file": ("exposure", ("file",)),
+    "vignette_coefficients": ("vignette", ("polynomial", "decentred")),
+}
+"""The other option, and its values, with which alone an option has an effect."""
 
 
 @dataclass(frozen=True)
@@ -88,14 +97,16 @@ class _Simulation:
         from ospc.recording.frame_table import exposures_in
         from ospc.simulation import SimulationSettings
 
-        own = ("out", "force", "jpg", "exposure_range", "exposures", "exposure_file", "vignette_coefficients")
+        for name, (other, values) in _USED_WITH.items():
+            if getattr(self, name) and getattr(self, other) not in values:
+                flag = name.replace("_", "-")
+                raise SettingError(f"--{flag} requires --{other} {' or '.join(values)}; add it")
+        own = {"out", "force", "jpg", *_USED_WITH}
         options = {name: value for name, value in vars(self).items() if name not in own}
         options["image_format"] = "jpg" if self.jpg else "png"
         if self.exposure_range:
             options["exposure_min_ms"], options["exposure_max_ms"] = self.exposure_range
         if self.exposures:
-            if self.exposure not in ("cycle", "constant"):
-                raise SettingError("--exposures requires --exposure cycle or constant; add one of them")
             if self.exposure == "constant" and len(self.exposures) > 1:
                 count = len(self.exposures)
                 raise SettingError(
@@ -106,8 +117,6 @@ class _Simulation:
             if self.exposure_file is None:
                 raise SettingError("--exposure file requires --exposure-file with one exposure per frame")
             options["exposures_ms"] = tuple(exposures_in(self.exposure_file)[: self.frames])
-        elif self.exposure_file is not None:
-            raise SettingError("--exposure-file requires --exposure file; add it")
         if self.vignette_coefficients:
             options["vignette_coefficients"] = self.vignette_coefficients
         return SimulationSettings(**options)
