@@ -128,14 +128,15 @@ def test_giving_up_early_ends_the_thread():
     assert threading.active_count() == before
 
 
-def test_errors_unrelated_to_frames_are_raised():
+def test_errors_unrelated_to_frames_are_raised_after_the_frames_before_them():
     def failing():
-        yield next(iter(Counted(1)))
+        yield from Counted(5)
         raise OSError("gone")
 
     ahead = decoded_ahead(failing(), lambda _places: True)
+    assert [next(ahead).index for _ in range(5)] == list(range(5))
     with pytest.raises(OSError, match="gone"):
-        list(ahead)
+        next(ahead)
 
 
 def test_other_parts_of_a_frame_stay_as_they_are():

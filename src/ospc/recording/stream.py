@@ -92,8 +92,8 @@ def decoded_ahead(
 ) -> Iterator[Frame]:
     """Yield the same frames in the same order, with images decoded ahead of time in a thread.
 
-    Images and errors do not change. Frames that other threads cannot read (:attr:`Frame.threads`) are passed on
-    unchanged.
+    Images and errors do not change: an error of the iteration is raised after the frames before it. Frames that other
+    threads cannot read (:attr:`Frame.threads`) are passed on unchanged.
 
     ``wanted`` is called with the distance of a frame from the last one yielded, 1 for the next, and returns whether
     its image will probably be read; a wrong answer only costs time. ``prepare`` is called with the same argument and
@@ -108,6 +108,8 @@ def decoded_ahead(
         yield first
         yield from source
         return
+    failures: list[Exception] = []
+    source = _until_failure(source, failures)
     queue = deque([(first, False)])  # frames, and whether each is being decoded
     with ThreadPoolExecutor(1, "ospc-decoding") as worker:
         try:
@@ -122,6 +124,16 @@ def decoded_ahead(
                 yield queue.popleft()[0]
         finally:
             worker.shutdown(wait=True, cancel_futures=True)
+    if failures:
+        raise failures[0]
+
+
+def _until_failure(frames: Iterator[Frame], failures: list[Exception]) -> Iterator[Frame]:
+    """Yield frames; an error ends them, and is added to ``failures``."""
+    try:
+        yield from frames
+    except Exception as error:
+        failures.append(error)
 
 
 def _decoding(frame: Frame, worker: ThreadPoolExecutor, prepare: Callable[[Frame], object]) -> Frame:
