@@ -125,6 +125,8 @@ def test_impossible_changes_are_refused():
         (lambda: crop_vignette(POLYNOMIAL, (50, 0), (50, 50)), "not inside"),
         (lambda: crop_vignette(POLYNOMIAL, (-1, 0), (50, 50)), "not inside"),
         (lambda: resize_vignette(POLYNOMIAL, (1, 1)), "1x1"),
+        (lambda: resize_calibration(Calibration(SIZE), (96, 96)), "aspect"),
+        (lambda: crop_calibration(Calibration(SIZE), (50, 0), (50, 50)), "not inside"),
         (lambda: bin_calibration(full(), 0), "binned by 0"),
         (lambda: bin_calibration(full(), 50), "binned by 50"),
     ):

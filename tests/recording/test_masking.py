@@ -125,4 +125,4 @@ def test_a_region_beyond_the_image_is_refused(region: Region) -> None:
 def test_a_region_is_four_numbers(text: str) -> None:
     with pytest.raises(SettingError, match="x,y,width,height"):
         Region.parse(text)
-    assert Region.parse(" 1, 2,3 ,4") == Region(1, 2, 3, 4)
+    assert Region.parse(" 1, 2,3 ,4") == Region.parse("1,2,3x4") == Region(1, 2, 3, 4)

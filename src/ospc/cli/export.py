@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import re
+from dataclasses import astuple
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -10,19 +10,11 @@ import click
 
 from ospc.cli.options import SIZE, Parsed, argument, declared, option, out_option
 from ospc.cli.terminal import say, say_notes
-from ospc.errors import SettingError
 from ospc.folders import check_new
+from ospc.recording.derived import Region
 
 if TYPE_CHECKING:
     from ospc.formats.export import Program
-
-
-def _crop(text: str) -> tuple[int, int, int, int]:
-    match = re.fullmatch(r"(\d{1,6}),(\d{1,6}),([1-9]\d{0,5})[x×]([1-9]\d{0,5})", text)
-    if match is None:
-        raise SettingError(f"{text!r} is not a crop; use X,Y,WIDTHxHEIGHT, such as 64,32,1024x768")
-    x, y, width, height = (int(group) for group in match.groups())
-    return x, y, width, height
 
 
 @declared("export")
@@ -37,8 +29,8 @@ def command(
     ),
     out: Path = out_option("File to write; a folder for dso.", folder=False),
     force: bool = option("Replace files that exist."),
-    crop: tuple[int, int, int, int] | None = option(
-        "For images cropped to this region.", metavar="X,Y,WxH", type=Parsed("crop", _crop)
+    crop: Region | None = option(
+        "For images cropped to this region.", metavar="X,Y,W,H", type=Parsed("region", Region.parse)
     ),
     binning: int = option(
         "For images binned by averaging blocks of NxN pixels, after the crop.",
@@ -80,7 +72,8 @@ def command(
     check_new(files_of(program, out), force=force)
     optics = Optics(focal_mm, focal_px, crop_factor, aperture, maker=maker, lens=lens, camera=camera)
     settings = ExportSettings(optics, lensfun_model, None if emor is None else read_emor(emor), values)
-    written = export(adapted(open_photometry(calibration), crop, size, binning), program, out, settings)
+    part = None if crop is None else astuple(crop)
+    written = export(adapted(open_photometry(calibration), part, size, binning), program, out, settings)
     for path in written.files:
         say(f"wrote {path}")
     say_notes(written.notes)

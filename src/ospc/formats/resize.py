@@ -44,15 +44,10 @@ def resize_vignette(vignette: Vignette, size: ImageSize) -> Vignette:
     SettingError
         If the aspect ratio differs by more than 1 %, because the images are also cropped.
     """
-    width, height = vignette.size
-    _check_size(size)
-    if not same_aspect(size, vignette.size):
-        raise SettingError(
-            f"{width}x{height} cannot be scaled to {size[0]}x{size[1]}, which has another aspect ratio; crop it first"
-        )
+    _check_scaled(vignette.size, size)
     if isinstance(vignette, RasterVignette):
         return RasterVignette(resampled(vignette.values, size), vignette.source)
-    scale = math.hypot(width, height) / math.hypot(*size)
+    scale = math.hypot(*vignette.size) / math.hypot(*size)
     unit = scale * half_diagonal(size) / half_diagonal(vignette.size)
     if isinstance(vignette, LogVignette):
         centre = (vignette.centre[0] / unit, vignette.centre[1] / unit)
@@ -74,13 +69,7 @@ def crop_vignette(vignette: Vignette, offset: tuple[int, int], size: ImageSize) 
     SettingError
         If the part is not inside the image.
     """
-    _check_size(size)
-    inside = all(o >= 0 and o + s <= w for o, s, w in zip(offset, size, vignette.size, strict=True))
-    if not inside:
-        raise SettingError(
-            f"{size[0]}x{size[1]} pixels from ({offset[0]}, {offset[1]}) are not inside "
-            f"{vignette.size[0]}x{vignette.size[1]}"
-        )
+    _check_part(vignette.size, offset, size)
     half, new_half = half_diagonal(vignette.size), half_diagonal(size)
     shift = [(w - 1) / 2 - o - (s - 1) / 2 for w, o, s in zip(vignette.size, offset, size, strict=True)]
     if isinstance(vignette, LogVignette):
@@ -94,7 +83,7 @@ def crop_vignette(vignette: Vignette, offset: tuple[int, int], size: ImageSize) 
 
 def resize_calibration(calibration: Calibration, size: ImageSize) -> Calibration:
     """Return the calibration for scaled images, without noise; see :func:`resize_vignette`."""
-    _check_size(size)
+    _check_scaled(calibration.size, size)
     vignette = None if calibration.vignette is None else resize_vignette(calibration.vignette, size)
     return _changed(calibration, size, vignette, {"resized_to": list(size)})
 
@@ -104,6 +93,7 @@ def crop_calibration(calibration: Calibration, offset: tuple[int, int], size: Im
 
     If the part is centred, the uncertainty of the profile is kept for the remaining radii.
     """
+    _check_part(calibration.size, offset, size)
     vignette = None if calibration.vignette is None else crop_vignette(calibration.vignette, offset, size)
     margins = [w - o - s - o for w, o, s in zip(calibration.size, offset, size, strict=True)]
     sigma = calibration.vignette_sigma
@@ -147,6 +137,23 @@ def _changed(
         covariance={name: part for name, part in calibration.covariance.items() if name == "response"},
         source={**calibration.source, **change},
     )
+
+
+def _check_scaled(whole: ImageSize, size: ImageSize) -> None:
+    _check_size(size)
+    if not same_aspect(size, whole):
+        raise SettingError(
+            f"{whole[0]}x{whole[1]} cannot be scaled to {size[0]}x{size[1]}, which has another aspect ratio; crop it "
+            "first"
+        )
+
+
+def _check_part(whole: ImageSize, offset: tuple[int, int], size: ImageSize) -> None:
+    _check_size(size)
+    if not all(o >= 0 and o + s <= w for o, s, w in zip(offset, size, whole, strict=True)):
+        raise SettingError(
+            f"{size[0]}x{size[1]} pixels from ({offset[0]}, {offset[1]}) are not inside {whole[0]}x{whole[1]}"
+        )
 
 
 def _check_size(size: ImageSize) -> None:
