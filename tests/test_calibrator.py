@@ -208,6 +208,29 @@ def test_frames_compared_ahead_are_not_compared_again_and_any_other_pair_is(monk
         np.testing.assert_array_equal(one.weight, other.weight)
 
 
+@pytest.mark.parametrize("pauses", [False, True])
+def test_frames_that_repeat_the_previous_image_with_another_exposure_are_skipped(monkeypatch, pauses):
+    """A recorder repeats an image if one was lost, and goes on to state the exposures of the lost ones."""
+    settings = NotingSettings()
+    if pauses:  # every second frame is processed
+        sampler = FrameSampler(1, 99, 1, 1000, 0, processed=2, expects_repeats=True)
+        monkeypatch.setattr(NotingSettings, "sampler", lambda _: sampler)
+    calibrator = OnlineCalibrator(settings)
+    random = np.random.default_rng(2)
+    images = [random.integers(60, 200, (48, 64)).astype(np.uint8) for _ in range(16)]
+    repeats = [1, 6, 9, 10, 12, 14]
+    for number in repeats:
+        images[number] = images[number - 1]
+    exposures_ms = [4.0 + number for number in range(16)]
+    exposures_ms[10] = exposures_ms[9]  # not that of its image
+    exposures_ms[12] = exposures_ms[11]
+    for image, exposure_ms in zip(images, exposures_ms, strict=True):
+        calibrator.push(Frame.of_array(image, exposure_ms))
+    used = settings.made[0].frames
+    assert used == ([0, 2, 4, 7, 11, 15] if pauses else [0, 2, 3, 4, 5, 7, 8, 11, 12, 15])
+    assert "frame 14: repeats the previous image with another exposure" in " ".join(calibrator.status.skipped)
+
+
 def test_good_frames_reach_the_method_in_their_order():
     settings = NotingSettings()
     calibrator = OnlineCalibrator(settings)
@@ -481,5 +504,6 @@ def test_the_smallest_frames_give_a_verdict(name, size, moving):
     for i in range(20):
         shift = i * moving
         image = scene[shift : shift + size[1], shift : shift + size[0]]
-        assert calibrator.push(Frame.of_array(image, 1.0 + i % 5, index=i))
+        # Noise: exactly equal images with different exposures are skipped.
+        assert calibrator.push(Frame.of_array(image + np.uint8(i % 2), 1.0 + i % 5, index=i))
     assert set(calibrator.calibration().verdicts) >= {"response", "vignette"}

@@ -9,6 +9,7 @@ from typing import Any
 
 from ospc.arrays import ImageSize, size_of
 from ospc.correspondence.pixel_statistics import PixelStatistics
+from ospc.correspondence.thumbnail import Thumbnail
 from ospc.engine_state import Epoch
 from ospc.errors import ExposureError, FrameError, OspcError, RecordingError, SettingError
 from ospc.exposures.brightness import BrightnessChange
@@ -198,6 +199,7 @@ class Engine:
         Meanwhile, the second thread counts grey values and compares the brightness with the previous frame.
         """
         prepared, precomputed = self.prefetcher.preprocessed(frame)
+        self._check_is_new(prepared.thumbnail, frame.name)
         counting = self._second.submit(self.pixels.observe, frame, prepared.thumbnail)
         comparing = self._second.submit(self._exposures.history.observe, prepared.thumbnail, precomputed)
         try:
@@ -207,6 +209,14 @@ class Engine:
             counting.result()
             brightness = comparing.result()
         return change, brightness
+
+    def _check_is_new(self, image: Thumbnail, name: str) -> None:
+        """Reject a frame that repeats the previous image with another exposure: that of an image that was lost."""
+        history, written = self._exposures.history, self._exposures.table.written
+        if written[image.frame] != written[history.first_with_image_of(image)]:
+            history.observe(image)
+            self._sampler.expects_repeats = True
+            raise FrameError(f"{name}: repeats the previous image with another exposure, so an image was lost")
 
     def _detect_lag_change(self, other: Change | None) -> Change | None:
         """Return a change of the exposure lag, which may explain another change of the camera."""

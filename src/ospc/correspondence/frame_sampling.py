@@ -28,6 +28,8 @@ class FrameSampler:
     """Number of frames processed so far."""
     number: int = 0
     """Number of the next frame."""
+    expects_repeats: bool = False
+    """Whether the frame before each processed one is compared too, because frames may repeat the previous image."""
     _pause: int = 0
     _restarted_after: int = 0
 
@@ -44,7 +46,8 @@ class FrameSampler:
     @property
     def compares_next(self) -> bool:
         """Whether the brightness of the next frame is compared with that of the previous one."""
-        return self.processes_next or self.number % self.comparison_period_frames < self.comparison_run_frames
+        in_run = self.number % self.comparison_period_frames < self.comparison_run_frames
+        return self.processes_next or in_run or (self.expects_repeats and self._pause == 1)
 
     def at(self, number: int) -> FrameSampler:
         """Return the sampler as it will be before a later frame with this number."""

@@ -47,6 +47,7 @@ class BrightnessHistory:
     def __post_init__(self) -> None:
         self._compare = BrightnessComparer()
         self._previous: Thumbnail | None = None
+        self._image_since = -1
 
     def __len__(self) -> int:
         """Return the number of stored changes."""
@@ -57,12 +58,14 @@ class BrightnessHistory:
 
         A precomputed change is used if it is for exactly these two frames.
         """
+        if not self.repeats(frame):
+            self._image_since = frame.frame
         previous, self._previous, self.last_frame = self._previous, frame, frame.frame
         if previous is None or frame.frame != previous.frame + 1:
             return None
         self.compared += 1
         # A repeated image means that a frame was lost, not that the light was constant.
-        if np.array_equal(previous.grey, frame.grey) and np.ptp(frame.grey) > 0:
+        if self._image_since < frame.frame:
             self.repeated = [*self.repeated, frame.frame][:MAX_REPEATED_FRAMES]
             return None
         if precomputed is not None and precomputed.first is previous and precomputed.second is frame:
@@ -76,6 +79,20 @@ class BrightnessHistory:
             self._thin_out()
         return change
 
+    def first_with_image_of(self, frame: Thumbnail) -> int:
+        """Return the number of the next frame, or of the first of the latest frames with the same image."""
+        return self._image_since if self.repeats(frame) else frame.frame
+
+    def repeats(self, frame: Thumbnail) -> bool:
+        """Return whether the image of the next frame equals that of the latest one and is not uniform.
+
+        Unless a recorder repeats an image, their noise differs.
+        """
+        previous = self._previous
+        if previous is None or frame.frame != previous.frame + 1:
+            return False
+        return bool(np.array_equal(previous.grey, frame.grey) and np.ptp(frame.grey) > 0)
+
     @property
     def frames_to_replay(self) -> frozenset[int]:
         """Number of the frame that a restored history needs for :meth:`replay` before it can continue."""
@@ -84,7 +101,7 @@ class BrightnessHistory:
     def replay(self, frame: Thumbnail) -> None:
         """Supply the last frame before the history was saved, to compare the next one with it."""
         if frame.frame == self.last_frame:
-            self._previous = frame
+            self._previous, self._image_since = frame, frame.frame
 
     def before(self, number: int) -> list[BrightnessChange]:
         """Return the changes between the frames before a given one."""
@@ -93,7 +110,7 @@ class BrightnessHistory:
     def since(self, number: int) -> BrightnessHistory:
         """Return a history that continues with the changes from a frame on."""
         later = replace(self, changes=[change for change in self.changes if change.frame0 >= number])
-        later.observed, later._previous = len(later.changes), self._previous
+        later.observed, later._previous, later._image_since = len(later.changes), self._previous, self._image_since
         return later
 
     def _thin_out(self) -> None:
