@@ -53,9 +53,20 @@ def test_a_fit_that_shows_exposures_of_other_frames_leaves_a_doubt(effect: Effec
     assert found(LATE).judged_by([effect]).verdict.state == state
 
 
-@pytest.mark.parametrize(("frames", "state"), [(0.4, "identifiable"), (-0.2, "identifiable"), (-0.4, "marginal")])
-def test_a_part_of_a_frame_late_is_usual_and_early_is_noise_reduction(frames: float, state: str) -> None:
-    effect = EffectEstimate(LATE_EXPOSURES, frames, 0.02, corrected=True)
+@pytest.mark.parametrize(
+    ("frames", "sigma", "state"),
+    [
+        (0.4, 0.02, "identifiable"),
+        (-0.02, 0.002, "identifiable"),
+        (-0.1, 0.03, "identifiable"),
+        (-0.1, 0.01, "marginal"),
+        (-0.4, 0.02, "marginal"),
+    ],
+)
+def test_a_part_of_a_frame_late_is_usual_and_early_is_noise_reduction(
+    frames: float, sigma: float, state: str
+) -> None:
+    effect = EffectEstimate(LATE_EXPOSURES, frames, sigma, corrected=True)
     verdict = found(Film(wandering(FRAMES))).judged_by([effect]).verdict
     assert verdict.state == state
     assert ("noise reduction" in verdict.remedy) == (state == "marginal")

@@ -19,6 +19,7 @@ from ospc.photometry.calibration import PROFILE_RADII, Calibration
 from ospc.photometry.vignette import radial_profile
 from ospc.recording import Frame
 from ospc.settings import DefaultSettings
+from ospc.settings.estimation import UNSEEN_RESPONSE
 
 QUICK = replace(DefaultSettings(), points_per_pair=120, rounds=5, longest_side_px=160)
 QUICK_FRAMES = 46
@@ -63,6 +64,16 @@ def test_stated_sigmas_cover_the_errors(result, walk):
     assert result.vignette_sigma[0] < 1e-6
     assert np.all(result.response.inverse_sigma >= 0)
     assert result.response.inverse_sigma[0] == 0
+
+
+def test_bands_widen_above_the_highest_measured_grey_level(result):
+    response = result.response
+    levels = np.linspace(0, 1, len(response.log_sigma))
+    beyond = levels - response.support[1]
+    assert beyond[-1] > 0.01
+    assert np.all(response.log_sigma[beyond > 0] >= UNSEEN_RESPONSE * beyond[beyond > 0])
+    assert response.log_sigma[beyond <= 0][-1] < UNSEEN_RESPONSE * beyond[-1]
+    assert response.scale_sigma > UNSEEN_RESPONSE * beyond[-1]
 
 
 def test_exposures_are_predicted(result):
@@ -158,6 +169,14 @@ def test_a_factor_on_all_exposures_changes_nothing_but_the_exposures(walk, calib
     assert change.max() < 0.2 * quick.vignette_sigma.max()
     np.testing.assert_allclose(scaled.exposure_ratios.metadata, quick.exposure_ratios.metadata, rtol=1e-9)
     assert [v.state for v in scaled.verdicts.values()] == [v.state for v in quick.verdicts.values()]
+
+
+def test_frames_coded_as_changes_of_others_double_the_standard_deviations(walk, calibrated, quick):
+    coded = calibrated([replace(frame, inter_coded=True) for frame in walk.frames[:QUICK_FRAMES]], QUICK)
+    np.testing.assert_array_equal(coded.response.inverse_table, quick.response.inverse_table)
+    seen = PROFILE_RADII < 0.8  # what no observation shows is not more uncertain
+    np.testing.assert_allclose(coded.vignette_sigma[seen], 2 * quick.vignette_sigma[seen], rtol=0.02)
+    assert "codes frames as changes of others" in coded.notes[0]
 
 
 def test_unusable_frames_do_not_affect_the_result(walk, quick):

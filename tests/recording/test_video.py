@@ -212,3 +212,27 @@ def test_colours_can_be_kept(tmp_path: Path) -> None:
     for frame in open_recording(tmp_path / "walk.avi", options=options):
         assert frame.image.shape == (SIZE[1], SIZE[0], 3)
         np.testing.assert_allclose(frame.image.mean(axis=(0, 1)), (20, 120, 220), atol=6)
+
+
+@pytest.mark.parametrize(
+    ("name", "codec", "inter_coded"),
+    [("walk.avi", "MJPG", False), ("walk.mkv", "FFV1", False), ("walk.mp4", "mp4v", True)],
+)
+def test_frames_know_whether_they_are_coded_as_changes(
+    tmp_path: Path, name: str, codec: str, inter_coded: bool
+) -> None:
+    writer = cv2.VideoWriter(
+        str(tmp_path / name),
+        cv2.CAP_FFMPEG,
+        cv2.VideoWriter.fourcc(*codec),
+        25.0,
+        SIZE,
+        [cv2.VIDEOWRITER_PROP_IS_COLOR, 0],
+    )
+    if not writer.isOpened():
+        pytest.skip(f"this OpenCV writes no {codec}")
+    for i in range(6):
+        writer.write(np.full(SIZE[::-1], 100 + i, np.uint8))
+    writer.release()
+    (tmp_path / "walk.csv").write_text(LIST)
+    assert {frame.inter_coded for frame in open_recording(tmp_path / name)} == {inter_coded}

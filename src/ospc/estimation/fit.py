@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import numpy.typing as npt
 
 from ospc.arrays import FloatArray, ImageSize
 from ospc.estimation.effects import EffectTerms
@@ -31,6 +32,7 @@ from ospc.settings.estimation import (
     RATIO_LOG_GREY_SPREAD,
     RATIO_PARTNERS,
     SUPPORT_QUANTILES,
+    UNSEEN_RESPONSE,
 )
 
 _DIAGONALS = np.array([(1, 1), (-1, 1), (1, -1), (-1, -1)]) / np.sqrt(2)
@@ -165,7 +167,7 @@ class Fit(Model):
         # A response must increase below black and above white, too.
         table, least = np.where(grey > 0, table, 0.0), np.arange(levels) * MIN_RESPONSE_STEP
         table = np.maximum(table, least) if grey_range.is_full else table + least
-        reference = float(grey_range.level(sum(support) / 2))
+        reference, highest = (float(grey_range.level(level)) for level in (sum(support) / 2, support[1]))
         model = {
             "name": "local gamma",
             "functions": self.response_basis.functions,
@@ -178,8 +180,8 @@ class Fit(Model):
             model["grey_range"] = [grey_range.black, grey_range.white]
         return Response.from_values(
             table,
-            log_sigma=self.log_response_sigma(grey, reference),
-            scale_sigma=self.log_response_step_sigma(1.0, reference),
+            log_sigma=np.hypot(self.log_response_sigma(grey, reference), _unseen_sigma(grey, highest)),
+            scale_sigma=float(np.hypot(self.log_response_step_sigma(1.0, reference), _unseen_sigma(1.0, highest))),
             support=support,
             model=model,
         )
@@ -290,6 +292,11 @@ class Fit(Model):
 def _along_diagonals(radius: FloatArray) -> FloatArray:
     """Return the positions at radii, shape (n,), along each half diagonal in turn, shape (4 n, 2)."""
     return np.asarray((radius[None, :, None] * _DIAGONALS[:, None, :]).reshape(-1, 2))
+
+
+def _unseen_sigma(grey: npt.ArrayLike, highest: float) -> FloatArray:
+    """Return the standard deviation of ln g due to bends above the highest measured grey level, any shape."""
+    return np.asarray(UNSEEN_RESPONSE * np.maximum(np.asarray(grey) - highest, 0.0))
 
 
 def measured_greys(observations: Observations) -> tuple[float, float]:

@@ -20,6 +20,7 @@ from ospc.exposures.tone_mapping import NO_LOCAL_TONE, LocalTone, local_tone
 from ospc.exposures.verdicts import CHANGE_IRREGULARLY, either, verdicts
 from ospc.photometry.verdict import LATE_EXPOSURES, EffectEstimate, Verdict
 from ospc.settings.exposures import (
+    BLENDED_LAG_FRAMES,
     DOUBTED_LAG_FRAMES,
     DOUBTED_LAG_SIGMAS,
     MAX_UNEXPLAINED_SHARE,
@@ -28,7 +29,10 @@ from ospc.settings.exposures import (
     REFUTED_LAG_FRAMES,
 )
 
-_NO_DENOISING = "switch off temporal noise reduction and anything else that blends frames"
+_NO_BLENDING = (
+    "switch off temporal noise reduction and anything else that blends frames; if the images come from a video, "
+    "record images or MJPEG instead"
+)
 _PROGRESSIVE = "record progressive video, or use one field of each frame as a recording of half the height"
 
 
@@ -128,15 +132,16 @@ class ExposureFindings:
         """Return the findings, marginal if a fit shows a lag that it cannot correct."""
         # Time-stamped or interpolated exposures lag by a fraction of a frame, which the fit corrects.
         usual = lateness.corrected and self.corrected_frames + lateness.value > 0
-        if self.verdict.state != "identifiable" or usual:
-            return self
+        least_frames = BLENDED_LAG_FRAMES if lateness.corrected else DOUBTED_LAG_FRAMES
         frames = abs(lateness.value)
-        if frames < max(DOUBTED_LAG_FRAMES, DOUBTED_LAG_SIGMAS * lateness.sigma):
+        if usual or frames < max(least_frames, DOUBTED_LAG_SIGMAS * lateness.sigma):
             return self
-        lag = f"{frames:.1f} ± {lateness.sigma:.1g} frames {'late' if lateness.value > 0 else 'early'}"
+        lag = f"{frames:.2g} ± {lateness.sigma:.1g} frames {'late' if lateness.value > 0 else 'early'}"
         if lateness.corrected:
             mixed = f"each image seems to contain part of the previous one: exposures are {lag}"
-            return self.with_warning(mixed, _NO_DENOISING)
+            return self.with_warning(mixed, _NO_BLENDING)
+        if self.verdict.state != "identifiable":
+            return self
         reason = f"{self.verdict.reason}, but the fit shows that they are {lag}"
         return replace(self, verdict=Verdict("marginal", reason, CHANGE_IRREGULARLY))
 

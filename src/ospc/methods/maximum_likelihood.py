@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 
 import numpy as np
 
@@ -37,6 +38,7 @@ from ospc.settings import DefaultSettings
 from ospc.settings.methods import (
     DROPPED_PAIRS,
     FIRST_QUICK_FIT_PAIRS,
+    INTER_CODED_SIGMAS,
     NEAR_WHITE,
     QUICK_FIT_POINTS,
     REFERENCE_FIT_PAIRS,
@@ -69,6 +71,7 @@ class MaximumLikelihoodMethod:
         self._latest: Observations | None = None
         self._pairs = 0
         self._lost = False
+        self._inter_coded = False
         self._restored_keyframes: KeyframeSelectorState | None = None
         self._inputs: dict[tuple[int, int, int, GreyRange], FitInputs] = {}
 
@@ -77,6 +80,7 @@ class MaximumLikelihoodMethod:
         self._restored_keyframes = None
         self._inputs = {}  # outdated, and as large as everything kept of the frames
         log_exposure = _log_exposure(exposures, prepared.number)
+        self._inter_coded |= frame.inter_coded
         self._circle.observe(prepared, frame.mask)
         self._changes.observe_time(prepared.number, frame.stamp_s)
         self._stationary.observe(frame)
@@ -158,7 +162,7 @@ class MaximumLikelihoodMethod:
     def split(self, number: int) -> MaximumLikelihoodMethod:
         """Return a method that continues with the observations from a frame on; this one is not used any more."""
         later = MaximumLikelihoodMethod(self._settings, self._size, self._max_grey)
-        later._noise, later._circle = self._noise, self._circle
+        later._noise, later._circle, later._inter_coded = self._noise, self._circle, self._inter_coded
         later._reservoir, later._pairs = self._reservoir.since(number)
         later._select_keyframe = self._select_keyframe
         later._select_keyframe.forget_before(number)
@@ -225,6 +229,7 @@ class MaximumLikelihoodMethod:
             usable_radius=self._circle.usable_radius(),
             grey_range=grey_range,
             single_pixels=self._stationary.used_series is not None,
+            inter_coded=self._inter_coded,
         )
 
     def calibration(self, exposures: ExposureTable, grey_range: GreyRange = FULL_RANGE) -> Calibration:
@@ -244,6 +249,7 @@ class MaximumLikelihoodMethod:
             circle=self._circle,
             changes=self._changes,
             trusts_stated=self._quick_fit.trusts_stated,
+            inter_coded=self._inter_coded,
         )
 
     def restore(self, state: MaximumLikelihoodState) -> None:
@@ -258,6 +264,7 @@ class MaximumLikelihoodMethod:
         self._reservoir, self._noise, self._pairs = state.reservoir, state.noise, state.pairs
         self._stationary.series, self._stationary.motions = state.series, state.motions
         self._circle, self._changes, self._restored_keyframes = state.circle, state.changes, state.keyframes
+        self._inter_coded = state.inter_coded
         if state.fit is not None:
             self._quick_fit.rely_on(state.fit, self._circle.usable_radius(), trusts_stated=state.trusts_stated)
 
@@ -304,7 +311,8 @@ class MaximumLikelihoodMethod:
         if not self._stationary.stands_still:
             reach = self._circle.usable_radius()
             widest = VignetteBasis(settings.radial_terms, free_centre=True, non_radial=True, usable_radius=reach)
-        return fit_with_chosen_effects(observations, basis, widest, noise, settings.rounds)
+        fit = fit_with_chosen_effects(observations, basis, widest, noise, settings.rounds)
+        return replace(fit, covariance=INTER_CODED_SIGMAS**2 * fit.covariance) if self._inter_coded else fit
 
 
 def _log_exposure(exposures: ExposureTable, number: int) -> float:

@@ -31,6 +31,8 @@ class MaximumLikelihoodState:
         The part of the image that receives light.
     trusts_stated
         Whether frames are normalised to equal brightness with the stated exposures alone.
+    inter_coded
+        Whether the frames come from a video that codes them as changes of others.
     """
 
     keyframes: KeyframeSelectorState
@@ -43,3 +45,4 @@ class MaximumLikelihoodState:
     circle: ImageCircle
     changes: ChangeDetector
     trusts_stated: bool
+    inter_coded: bool

@@ -27,6 +27,11 @@ from ospc.settings import DefaultSettings
 from ospc.settings.estimation import MISREGISTERED_SIGMAS, MISREGISTERED_SPREAD
 from ospc.settings.methods import CONTRADICTING_UNEXPLAINED_SHARE
 
+_INTER_CODED = (
+    "the video codes frames as changes of others and loses small changes of brightness, so all standard deviations "
+    "are doubled; record images or MJPEG for more accuracy"
+)
+
 
 @dataclass(frozen=True)
 class FitInputs:
@@ -51,6 +56,8 @@ class FitInputs:
         Grey levels of black and white.
     single_pixels
         Whether each observation is a single pixel instead of a mean of several.
+    inter_coded
+        Whether the frames come from a video that codes them as changes of others, see :data:`INTER_CODED_SIGMAS`.
     """
 
     size: ImageSize
@@ -63,11 +70,17 @@ class FitInputs:
     usable_radius: float = 1.0
     grey_range: GreyRange = FULL_RANGE
     single_pixels: bool = False
+    inter_coded: bool = False
 
     @property
     def effects(self) -> tuple[EffectEstimate, ...]:
         """The estimates of effects other than response and vignette; empty without a fit."""
         return () if self.fit is None else self.fit.effect_estimates
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Notes about the frames."""
+        return tuple(filter(None, [self.grey_range.note, _INTER_CODED if self.inter_coded else ""]))
 
     @cached_property
     def ratios(self) -> ExposureRatios:
@@ -120,7 +133,7 @@ def summarise(inputs: FitInputs, settings: DefaultSettings) -> Calibration:
         ),
         effects=() if trusted is None else trusted.effect_estimates,
         notes=(
-            *(() if fit is None else filter(None, [inputs.grey_range.note])),
+            *(() if fit is None else inputs.notes),
             *(() if trusted is None else notes_of(trusted)),
         ),
         warnings=tuple(what for what, _ in contradictions),

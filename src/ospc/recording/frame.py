@@ -55,6 +55,8 @@ class Frame:
         Whether :attr:`load` and :attr:`verify` may be called from any thread.
     colour
         Whether the image may have the channels blue, green and red; otherwise it is grey.
+    inter_coded
+        Whether the image comes from a video that codes frames as changes of other frames, as H.264 and H.265 do.
 
     Raises
     ------
@@ -74,6 +76,7 @@ class Frame:
     mask: BoolArray | None = field(default=None, repr=False, compare=False)
     threads: bool = field(default=False, repr=False, compare=False)
     colour: bool = field(default=False, repr=False, compare=False)
+    inter_coded: bool = field(default=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         """Check and convert the fields."""

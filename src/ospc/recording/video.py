@@ -9,7 +9,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Iterator
 from contextlib import AbstractContextManager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
@@ -58,6 +58,19 @@ class VideoStream(AbstractContextManager["VideoStream"]):
     def fps(self) -> float:
         """Frame rate in the header, in frames per second."""
         return float(self._capture.get(cv2.CAP_PROP_FPS))
+
+    def is_inter_coded(self) -> bool:
+        """Return whether one of the first frames is coded as a change of others, with losses."""
+        if int(self._capture.get(cv2.CAP_PROP_FOURCC)) == _FFV1:
+            return False
+        for index in range(_FIRST_FRAMES):
+            try:
+                self.read(index)
+            except FrameError:
+                return False
+            if int(self._capture.get(cv2.CAP_PROP_FRAME_TYPE)) in _INTER_CODED:
+                return True
+        return False
 
     def read(self, index: int) -> Image:
         """Return a frame, shape (height, width), uint8; FrameError if the video ends earlier or is damaged."""
@@ -110,6 +123,15 @@ def _capture(path: Path) -> cv2.VideoCapture:
     return capture
 
 
+_INTER_CODED = (ord("P"), ord("B"))
+"""Types of frames that are coded as changes of earlier frames, or of earlier and later ones."""
+
+_FIRST_FRAMES = 10
+"""Number of frames whose type is looked at: encoders code some on their own, for example where the scene changes."""
+
+_FFV1 = cv2.VideoWriter.fourcc(*"FFV1")
+"""A codec without losses."""
+
 _SIGNATURES = ((4, b"ftyp"), (4, b"moov"), (0, b"\x1aE\xdf\xa3"), (8, b"AVI "))
 """Offsets and bytes that identify MP4 and MOV, MKV and WebM, and AVI files."""
 
@@ -147,6 +169,7 @@ class _Video:
             except FrameError as error:
                 advice = "convert the video to MJPEG or H.264"
                 raise RecordingError(f"{path}: no frame can be decoded; {advice}") from error
+            inter_coded = stream.is_inter_coded()
         # The number in the header is often an estimate; counting takes a pass over the video.
         frames = stated if stated == len(table) else count_frames(path)
         if frames != len(table):
@@ -164,15 +187,19 @@ class _Video:
             stamps_s=stamps_s,
             notes=notes,
             channel=options.channel,
+            inter_coded=inter_coded,
         )
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class _VideoRecording(StoredRecording):
+    inter_coded: bool
+
     def __iter__(self) -> Iterator[Frame]:
         stream = VideoStream(self.path, self.channel)  # the frames share one decoder
         for index in range(len(self)):
-            yield self._frame(index, f"{escaped(self.path.name)}[{index}]", partial(self._load, stream, index))
+            frame = self._frame(index, f"{escaped(self.path.name)}[{index}]", partial(self._load, stream, index))
+            yield replace(frame, inter_coded=self.inter_coded)
 
     def stored_bytes(self, index: int) -> bytes:
         # A part of the file at the relative position of the frame in the video.
