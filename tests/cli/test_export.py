@@ -31,7 +31,7 @@ def test_dso_export_is_valid_for_dso(calibration, tmp_path):
 
 
 def test_crop_and_size(calibration, tmp_path):
-    result = run(calibration, "--to", "dso", "-o", tmp_path / "dso", "--crop", "8,6,48x36", "--size", "24x18")
+    result = run(calibration, "--to", "dso", "-o", tmp_path / "dso", "--crop", "8,6,48,36", "--size", "24x18")
     assert result.exit_code == 0
     assert read_vignette(tmp_path / "dso" / "vignette.png").size == (24, 18)
 

@@ -66,7 +66,7 @@ def verdicts(
             "not identifiable",
             f"the recorded exposures {stay} while the brightness of the same objects changes by "
             f"{_percent(brightness.drift_at_constant_exposure_log)} within {DRIFT_FRAMES} frames: the metadata are "
-            "stale or lack a gain",
+            "stale, rounded or lack a gain",
             _FIX_METADATA,
         )
     if lag.state == "constant exposure":

@@ -191,7 +191,9 @@ def unexplained_share(ratios: ExposureRatios) -> float:
 
 
 _SAME_FOR_ALL_PLACES = "switch off local contrast, HDR and tone mapping in the camera, and film in steady light"
-_VIGNETTE_STAYS = "switch off all stabilisation, including that of the lens, and fix the zoom and image orientation"
+_VIGNETTE_STAYS = (
+    "switch off all stabilisation, including that of the lens, and fix zoom, image orientation and white balance"
+)
 
 _CONTRADICTIONS = {
     "local tone mapping": (
@@ -200,7 +202,8 @@ _CONTRADICTIONS = {
     ),
     "curved exposures": (
         "the brightness of the images is not proportional to the exposures over their whole range",
-        "check the unit of the exposures: they must be times, not logarithms or steps, multiplied by the linear gain",
+        "check the unit of the exposures: they must be times, not logarithms or steps, multiplied by the linear "
+        "gain; switch off digital gain and HDR",
     ),
     "drifting response": (
         "the response changes during the recording",
@@ -233,7 +236,7 @@ _CONTRADICTIONS = {
     ),
     UNEVEN: (
         "a region of the image is darker or brighter than a smooth vignette predicts (dirt, wipers, reflections in a "
-        "window), in ln V",
+        "window, parts of the sensor with another gain), in ln V",
         "clean lens and sensor, avoid wipers and reflections of the dashboard or in a window, and switch off shading "
         "correction",
     ),

@@ -115,8 +115,8 @@ class Region:
 
     @classmethod
     def parse(cls, text: str) -> Region:
-        """Return the rectangle in the text ``x,y,width,height`` or ``x,y,widthxheight``; SettingError for others."""
-        match = re.fullmatch(r"\s*(\d{1,6})" + r"\s*,\s*(\d{1,6})" * 2 + r"\s*[,x×]\s*(\d{1,6})\s*", text, re.ASCII)
+        """Return the rectangle in the text ``x,y,width,height``; SettingError if the text has another form."""
+        match = re.fullmatch(r"\s*(\d{1,6})" + r"\s*,\s*(\d{1,6})" * 3 + r"\s*", text, re.ASCII)
         if match is None:
             raise SettingError(f"a part of the image must be x,y,width,height in pixels, not {quoted(text)}")
         return cls(*(int(group) for group in match.groups()))
