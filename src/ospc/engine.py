@@ -10,7 +10,7 @@ from typing import Any
 from ospc.arrays import ImageSize, size_of
 from ospc.correspondence.pixel_statistics import PixelStatistics
 from ospc.correspondence.thumbnail import Thumbnail
-from ospc.engine_state import Epoch
+from ospc.engine_state import Epoch, response_before_change
 from ospc.errors import ExposureError, FrameError, OspcError, RecordingError, SettingError
 from ospc.exposures.brightness import BrightnessChange
 from ospc.exposures.brightness_history import BrightnessHistory
@@ -271,8 +271,9 @@ class Engine:
                 raise OspcError(f"no frame could be used{why}")
             exposures, found = self._used_exposures()
             known = self._method.calibration(exposures, self.pixels.grey_range)
-            if self.prior is not None:
-                known = self.prior.continued(known, self.summary())
+            earlier = self.prior or response_before_change(self._epochs, self._exposures.table.written)
+            if earlier is not None:
+                known = earlier.continued(known, self.summary())
             judged = self._with_verdicts(known, found, self.frames)
             return replace(judged, source=self.source | judged.source)
 

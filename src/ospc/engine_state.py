@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
-from ospc.arrays import ImageSize
+import numpy as np
+
+from ospc.arrays import FloatArray, ImageSize
 from ospc.correspondence.frame_sampling import FrameSampler
 from ospc.correspondence.pixel_statistics import PixelStatistics
 from ospc.exposures.monitor import ExposureMonitorState
 from ospc.methods.change_detection import Change
 from ospc.photometry.calibration import Calibration
+from ospc.pooling.prior_calibration import PriorCalibration
 
 
 @dataclass(frozen=True)
@@ -24,6 +28,27 @@ class Epoch:
     last_frame: int
     calibration: Calibration | None
     change: Change | None
+
+
+def response_before_change(epochs: Sequence[Epoch], log_exposure: FloatArray) -> PriorCalibration | None:
+    """Return the response known before the latest change if only the vignette changed; otherwise None.
+
+    Parameters
+    ----------
+    epochs
+        The epochs that have ended.
+    log_exposure
+        ln of the exposures in milliseconds of all frames so far, shape (frames,).
+    """
+    ended = epochs[-1] if epochs else None
+    if ended is None or ended.change is None or ended.change.part != "vignette":
+        return None
+    if ended.calibration is None or ended.calibration.response is None:
+        return None
+    own = log_exposure[ended.first_frame : ended.last_frame + 1]
+    range_ms = np.exp([np.nanmin(own), np.nanmax(own)]).tolist()
+    before = replace(ended.calibration, vignette=None, source={"exposure_range_ms": range_ms})
+    return PriorCalibration.of(before, f"frames {ended.first_frame} to {ended.last_frame}")
 
 
 @dataclass(frozen=True)

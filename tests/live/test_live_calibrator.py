@@ -14,9 +14,11 @@ from calibrations import calibration
 from ospc.calibrator import OnlineCalibrator, drive
 from ospc.correspondence.frame_sampling import FrameSampler
 from ospc.engine import Engine
+from ospc.engine_state import response_before_change
 from ospc.errors import FrameError, OspcError, SettingError
 from ospc.live import LiveCalibrator
 from ospc.live import calibrator as live_calibrator
+from ospc.photometry.verdict import Verdict
 from ospc.recording import Frame
 from ospc.settings import DefaultSettings
 
@@ -162,6 +164,25 @@ def test_another_lens_is_detected_and_calibrated_again(changed, cameras):
     found = changed.calibration()
     assert found.vignette.at(corner)[0] == pytest.approx(0.45, abs=0.03)
     assert any("vignette changed" in warning for warning in found.warnings)
+
+
+def test_with_another_lens_the_response_stays_known(changed):
+    first, found = changed.epochs[0], changed.calibration()
+    begins = f"starting from frames 0 to {first.last_frame}"
+    assert begins in found.verdicts["response"].reason
+    assert begins not in found.verdicts["vignette"].reason
+    alone = changed._method.calibration(changed._exposures.corrected_table)
+    assert np.median(found.response.log_sigma) < np.median(alone.response.log_sigma)
+    # Even if no frame after the change allows a fit.
+    unknown = Verdict("not identifiable", "no exposure changes")
+    verdicts = {"response": unknown, "vignette": unknown}
+    fitless = replace(found, response=None, vignette=None, verdicts=verdicts, warnings=())
+    before = response_before_change([first], changed._exposures.table.written)
+    continued = before.continued(fitless, None)
+    assert continued.verdicts["response"].state == first.calibration.verdicts["response"].state
+    assert continued.verdicts["vignette"] == unknown
+    steps = [np.diff(np.log(c.response.inverse([0.3, 0.7]))) for c in (continued, first.calibration)]
+    np.testing.assert_allclose(*steps, rtol=0.01)
 
 
 def test_epochs_survive_a_saved_state(changed, tmp_path):

@@ -77,7 +77,7 @@ class PriorCalibration:
         if place.is_dir():
             place = place / (STATE_NAME if (place / STATE_NAME).exists() else "calibration.json")
         if place.suffix == ".json":
-            return cls(str(path), Pool.of([summary_of_calibration(Calibration.load(place), str(path))]))
+            return cls.of(Calibration.load(place), str(path))
         found = cls(str(path), Pool.load(place))
         if found.summary is None:
             raise NotObservableError(
@@ -85,6 +85,19 @@ class PriorCalibration:
                 "recordings of one unchanged camera"
             )
         return found
+
+    @classmethod
+    def of(cls, calibration: Calibration, name: str) -> PriorCalibration:
+        """Return a calibration of the default method as an earlier one.
+
+        Raises
+        ------
+        FormatError
+            If it is not from the default method.
+        NotObservableError
+            If it contains neither response nor vignette.
+        """
+        return cls(name, Pool.of([summary_of_calibration(calibration, name)]))
 
     @cached_property
     def summary(self) -> Summary | None:
@@ -174,8 +187,11 @@ class PriorCalibration:
             return replace(own, source=source, verdicts=verdicts)
         together = merge(Pool.of([earlier] if today is None else [earlier, today])).calibration
         for name, verdict in together.verdicts.items():
+            begins = _knows(earlier, name)
+            if today is None and not begins:
+                continue
             # Merging ends a reason with the number of recordings.
-            reason = f"{verdict.reason.rsplit(', from ', 1)[0]}, starting from {self.name}"
+            reason = f"{verdict.reason.rsplit(', from ', 1)[0]}{f', starting from {self.name}' if begins else ''}"
             doubts = tuple((what, own.verdicts[name].remedy) for what in own.warnings)
             verdicts[name] = judged(replace(verdict, reason=reason), doubts)
         return replace(
@@ -192,6 +208,12 @@ class PriorCalibration:
             ),
             source=source,
         )
+
+
+def _knows(summary: Summary, part: str) -> bool:
+    """Return whether a summary has any information about the response or the vignette."""
+    inside = RESPONSE_PART if part == "response" else VIGNETTE_PART
+    return bool(np.any(summary.matrix[inside, inside]))
 
 
 def summary_of_calibration(calibration: Calibration, name: str) -> Summary:
