@@ -172,6 +172,13 @@ def test_missing_times_are_requested(tum_folder: Make) -> None:
         open_recording(tum_folder(None))
 
 
+def test_times_next_to_the_images_are_named(tum_folder: Make) -> None:
+    folder = tum_folder(None)
+    (folder / "images" / "times.txt").write_text("0 0.0 1.0\n")
+    with pytest.raises(RecordingError, match=r"made: has no times\.txt; move it there from images/"):
+        open_recording(folder)
+
+
 def test_the_kind_given_by_name_says_what_it_needs(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     (tmp_path / "times.txt").write_text("0 1 1\n")

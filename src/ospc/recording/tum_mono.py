@@ -30,6 +30,8 @@ class _TumMono:
 
         def table() -> FrameTable:
             if not times.is_file():
+                if (path / _FOLDER / _TIMES).is_file():
+                    raise ExposureError(f"{path}: has no {_TIMES}; move it there from {_FOLDER}/")
                 raise ExposureError(
                     f"{path}: has no {_TIMES}; add it with a line 'id stamp[s] exposure[ms]' for each image"
                 )
