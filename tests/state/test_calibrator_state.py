@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ospc.calibrator import OnlineCalibrator, remaining
+from ospc.calibrator import OnlineCalibrator, drive, remaining
 from ospc.engine_state import EngineState
 from ospc.errors import FormatError, FrameError, RecordingError, SettingError
 from ospc.exposures.monitor import ExposureMonitor, ExposureMonitorState
@@ -257,3 +257,17 @@ def test_states_of_other_versions_are_refused_by_name(saved, tmp_path, version, 
     for load in (OnlineCalibrator.load_state, Pool.load):
         with pytest.raises(FormatError, match=rf"^{other}: was written by {age} version .* create it again"):
             load(other)
+
+
+def test_a_run_interrupted_within_repeated_images_skips_the_same_frames(tmp_path):
+    images = list(np.random.default_rng(4).integers(60, 200, (4, 96, 128)).astype(np.uint8))
+    images[2] = images[3] = images[1]
+    exposures_ms = (4.0, 5.0, 6.0, 6.0)
+    pushed = [Frame.of_array(*each, index=i) for i, each in enumerate(zip(images, exposures_ms, strict=True))]
+    whole, begun = OnlineCalibrator(), OnlineCalibrator()
+    drive(whole, pushed)
+    drive(begun, pushed[:3])
+    resumed = OnlineCalibrator.load_state(begun.save_state(tmp_path / "state.ospc"))
+    drive(resumed, pushed)
+    assert whole.status.skipped == resumed.status.skipped
+    assert len(whole.status.skipped) == 2

@@ -102,6 +102,8 @@ class BrightnessHistory:
         """Supply the last frame before the history was saved, to compare the next one with it."""
         if frame.frame == self.last_frame:
             self._previous, self._image_since = frame, frame.frame
+            while self._image_since in self.repeated:
+                self._image_since -= 1
 
     def before(self, number: int) -> list[BrightnessChange]:
         """Return the changes between the frames before a given one."""
