@@ -53,7 +53,7 @@ _WRAP_COLUMNS = 38
 
 @dataclass(frozen=True)
 class _Curve:
-    """A curve to draw, as a function of x; arrays of shape (points,)."""
+    """A curve to draw, as a function of x; arrays of shape (points,). ``measured`` is the range with observations."""
 
     x: FloatArray
     value: FloatArray
@@ -63,6 +63,7 @@ class _Curve:
     name: str
     x_label: str
     x_limits: tuple[float, float]
+    measured: tuple[float, float]
 
 
 def draw_response(cell: Any, calibration: Calibration, reference: Response | None = None) -> Any:
@@ -73,6 +74,7 @@ def draw_response(cell: Any, calibration: Calibration, reference: Response | Non
     """
     response, white = calibration.response, calibration.max_grey
     assert response is not None
+    low, high = (end * white for end in response.support)
     index = np.unique(np.linspace(0, response.inverse_table.size - 1, _MOST_LEVELS).round().astype(int))
     curve = _Curve(
         x=response.levels[index] * white,
@@ -83,9 +85,9 @@ def draw_response(cell: Any, calibration: Calibration, reference: Response | Non
         name="g",
         x_label="grey level M",
         x_limits=(0.0, float(white)),
+        measured=(low, high),
     )
     panels = _panels(cell, curve, None if calibration.coverage is None else calibration.coverage.by_grey)
-    low, high = (end * white for end in response.support)
     for axes in panels:
         for start, end in ((0.0, low), (high, float(white))):
             if end > start:
@@ -108,6 +110,7 @@ def draw_vignette(cell: Any, calibration: Calibration, reference: Vignette | Non
         name="V",
         x_label=RADIUS_LABEL,
         x_limits=(0.0, 1.0),
+        measured=(0.0, 1.0),
     )
     panels = _panels(cell, curve, None if calibration.coverage is None else calibration.coverage.by_radius)
     lowest = min(float(v.min()) for v in (curve.value, curve.reference) if v is not None)
@@ -211,10 +214,12 @@ def _panels(cell: Any, curve: _Curve, observations: IntArray | None) -> list[Any
 def _draw_error(axes: Any, curve: _Curve) -> None:
     _draw_bands(axes, replace(curve, value=np.zeros_like(curve.value)))
     axes.axhline(0, color=curve.colour, lw=1)
-    reach = 0.0 if curve.sigma is None else 2 * float(curve.sigma.max())
+    # The bands of extrapolated parts may be so wide that the others could not be seen.
+    seen = (curve.x >= curve.measured[0]) & (curve.x <= curve.measured[1])
+    reach = 0.0 if curve.sigma is None else 2 * float(curve.sigma.max(where=seen, initial=0.0))
     if curve.reference is not None:
         error = curve.value - curve.reference
-        reach = max(reach, float(np.abs(error).max()))
+        reach = max(reach, float(np.abs(error).max(where=seen, initial=0.0)))
         axes.plot(curve.x, error, color=BLACK, lw=1.2)
     reach = 1.15 * max(reach, _LEAST_EXTENT)
     label = f"{'±σ' if curve.reference is None else 'error'} of {curve.name}"
