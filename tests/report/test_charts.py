@@ -49,10 +49,13 @@ def test_unknown_uncertainty_draws_no_band():
 def test_the_error_panel_contains_the_error_and_two_sigma():
     known, reference = calibration(), Response.gamma(1.7)
     _curve, axes = panels(draw_response, known, reference)
-    error = known.response.inverse_table - known.response.matched(reference)
+    response, (darkest, brightest) = known.response, known.response.support
+    measured = (response.levels >= darkest) & (response.levels <= brightest)
+    error = (response.inverse_table - response.matched(reference))[measured]
     low, high = axes.get_ylim()
     assert low < error.min()
-    assert high > max(error.max(), 2 * known.response.inverse_sigma.max())
+    assert high > max(error.max(), 2 * response.inverse_sigma[measured].max())
+    assert high < 2 * max(np.abs(error).max(), 2 * response.inverse_sigma[measured].max())
     assert axes.get_ylabel() == "error of g"
     assert panels(draw_response, known)[1].get_ylabel() == "±σ of g"
 
