@@ -63,7 +63,7 @@ class VideoStream(AbstractContextManager["VideoStream"]):
         """Return whether one of the first frames is coded as a change of others, with losses."""
         if int(self._capture.get(cv2.CAP_PROP_FOURCC)) == _FFV1:
             return False
-        for index in range(_FIRST_FRAMES):
+        for index in range(1, _FIRST_FRAMES):  # the first frame has no other before it
             try:
                 self.read(index)
             except FrameError:
