@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 import pytest
 
@@ -133,3 +134,20 @@ def film_of_a_wall(exposures_ms: list[float], shading: float) -> PixelStatistics
 @pytest.mark.parametrize("shading", [0.0, 0.02])
 def test_a_wall_is_not_white(exposures_ms: list[float], shading: float) -> None:
     assert film_of_a_wall(exposures_ms, shading).grey_range == FULL_RANGE
+
+
+@pytest.mark.parametrize("white", [200, 230, 245])
+@pytest.mark.parametrize("quality", [75, 92])
+def test_compression_may_raise_values_beyond_white(white: int, quality: int) -> None:
+    random = np.random.default_rng(0)
+    radiance = 60 * np.exp(3 * cv2.GaussianBlur(random.normal(0, 4, (192, 256)), (0, 0), 4))
+    statistics = PixelStatistics()
+    for number, exposure_ms in enumerate([1.0, 2.0, 4.0]):
+        clipped = np.minimum(radiance * exposure_ms, white) + random.normal(0, 1, radiance.shape)
+        image = np.clip(np.rint(clipped), 0, white).astype(np.uint8)
+        _, data = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, quality])
+        decoded = cv2.imdecode(data, cv2.IMREAD_GRAYSCALE)
+        assert decoded.max() > white + 3
+        frame = Frame.of_array(decoded, exposure_ms, index=number)
+        statistics.observe(frame, PREPROCESS.thumbnail(frame))
+    assert white - 3 <= 255 * statistics.grey_range.white <= white

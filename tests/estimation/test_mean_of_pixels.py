@@ -10,6 +10,7 @@ from scipy.special import ndtr, ndtri
 
 from ospc.estimation.mean_of_pixels import PixelMeans, mean_shift
 from ospc.estimation.response_basis import ResponseBasis
+from ospc.observations import Observations
 from ospc.photometry.noise import NoiseModel
 from ospc.photometry.response import Response
 from ospc.simulation.responses import RESPONSES
@@ -133,3 +134,33 @@ def test_without_a_knee_texture_counts_only_by_its_variance():
     once, twice = (means.by_texture(np.full(9, texture), index) for texture in (0.01, 0.02))
     np.testing.assert_allclose(twice, 2 * once)
     np.testing.assert_allclose(once, 0.01 * basis.grid[index] * 1.2 / 2, rtol=0.01)
+
+
+@pytest.mark.parametrize("share", [0.002, 0.005, 0.01, 0.02])
+@pytest.mark.parametrize("ratio", [1.25, 2.0])
+def test_the_error_covers_clipped_lights_among_dark_pixels(share, ratio):
+    """Compare two exposures of dark pixels of which some show lights, whose grey level cannot rise."""
+    basis, coefficients = ResponseBasis(32), np.full(33, 2.2)
+    dark = np.array([0.01 * ratio**-0.5, 0.01 * ratio**0.5]) ** (1 / 2.2)
+    grey = (1 - share) * dark + share
+    variance = (1 - share) * dark**2 + share - grey**2
+    means = PixelMeans.of(basis, coefficients, NoiseModel(0.0, 0.0, (0.0,)))
+    at = np.zeros((1, 2))
+    seen = Observations.of_pairs(
+        *grey[:, None], at, at, 0, 1, grey_variance0=variance[:1], grey_variance1=variance[1:]
+    )
+    index = basis.index_of(seen.grey)
+    corrected = seen.grey + means.by_texture(means.texture(seen, index), index)
+    wrong = 2.2 * np.log(corrected[1] / corrected[0]) - np.log(ratio)
+    sigma = 2.2 * np.sqrt(np.sum(means.error_variance(seen, index) / seen.grey**2))
+    assert wrong < -0.2 * share
+    assert -3 * sigma < wrong
+
+
+def test_pixels_that_vary_no_more_than_their_noise_have_no_error_by_texture():
+    basis = ResponseBasis(32)
+    means = PixelMeans.of(basis, np.full(33, 2.2), NoiseModel(0.0, 0.0, (1e-4,)))
+    at = np.zeros((3, 2))
+    variances = {"grey_variance0": [0.0, 5e-5, 9e-5], "grey_variance1": [1e-4, 2e-5, 0.0]}
+    seen = Observations.of_pairs([0.1, 0.2, 0.4], [0.2, 0.3, 0.5], at, at, 0, 1, **variances)
+    np.testing.assert_allclose(means.error_variance(seen, basis.index_of(seen.grey)), 0, atol=1e-15)

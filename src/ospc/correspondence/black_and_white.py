@@ -71,7 +71,7 @@ def scattered_white_of(counts: IntArray) -> int | None:
     if width > MAX_WHITE_SCATTER or left < LOWEST_SCATTERED_WHITE * len(levels) or right >= len(levels) - 2:
         return None
     peaked = int(levels[left : right + 1].sum())
-    beyond = levels[right + 1 + width :].sum()
+    beyond = levels[right + 1 + MAX_WHITE_SCATTER :].sum()
     below = levels[left - width - MAX_WHITE_SCATTER : left - width]
     few_values = np.count_nonzero(below) < len(below) // 2  # each of them is a peak
     clear = levels[peak] > MIN_WHITE_CONTRAST * below.max() and beyond < MAX_BEYOND_WHITE_SHARE * peaked

@@ -82,7 +82,7 @@ class FlatSampler:
 
     spacing_px: int = 8
     """Distance between grid points, in reduced pixels."""
-    margin_px: int = 8
+    margin_px: int = 5
     """Points closer to the border are not used."""
     max_gradient: float = 0.006
     """Largest grey gradient, in full scale per reduced pixel, of a flat point."""

@@ -37,6 +37,7 @@ from ospc.settings.estimation import (
     SHIFT_LEVELS,
     SHIFT_QUANTILES,
     SHOULDER_GREY,
+    TEXTURE_ERROR,
     TEXTURE_SPREADS,
     TEXTURE_WIDTHS,
     UNCLIPPED_SIGMAS,
@@ -92,12 +93,22 @@ class PixelMeans:
 
         ``index`` is the grid index of each observation's grey level, shape (n,).
         """
-        variance = observations.grey_variance
-        texture = np.where(variance > 0, variance - self.noise_variance[index], 0.0) / self._squared_grey[index]
+        texture = self._whole_texture(observations, index)
         share = np.minimum(1, MAX_TEXTURE**2 / np.maximum(np.abs(texture), MAX_TEXTURE**2)) / self._distrust[index]
         # Equal for all observations of a point: a correction of only one would look like another exposure.
         least = np.repeat(observations.combined(np.minimum, share), observations.counts)
         return np.asarray(texture * least)
+
+    def error_variance(self, observations: Observations, index: IntArray) -> FloatArray:
+        """Return the variance of the mean that the correction of texture leaves, (n,); arguments as before."""
+        texture = observations.combined(np.add, np.maximum(self._whole_texture(observations, index), 0.0))
+        mean = np.repeat(texture / observations.counts, observations.counts)
+        return np.asarray(self._squared_grey[index] * (TEXTURE_ERROR * mean) ** 2)
+
+    def _whole_texture(self, observations: Observations, index: IntArray) -> FloatArray:
+        """Return the variance of the texture over the squared grey level, however large and doubtful, (n,)."""
+        variance = observations.grey_variance
+        return np.where(variance > 0, variance - self.noise_variance[index], 0.0) / self._squared_grey[index]
 
     def by_texture(self, texture: FloatArray, index: IntArray) -> FloatArray:
         """Return the decrease of the mean by texture, (n,), given the result of :meth:`texture`."""
