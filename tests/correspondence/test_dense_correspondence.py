@@ -366,9 +366,11 @@ def test_steep_clipped_lost_and_outer_places_are_left_out():
 
 def test_what_moves_out_of_the_image_is_not_sampled():
     frame0, frame1, registration = shifted_pair(shift=(60.0, 0.0), exposures=(1.0, 1.0))
-    samples = sampled(FlatSampler(max_points=100_000), frame0, frame1, registration, 0)
-    assert samples.observations.position[:, 0].max() * np.linalg.norm(np.array(SIZE) - 1) / 2 <= SIZE[0] / 2 - 8
-    assert samples.overlap == pytest.approx(1 - 60 / 304, abs=0.03)
+    sampler = FlatSampler(max_points=100_000)
+    samples = sampled(sampler, frame0, frame1, registration, 0)
+    outermost = samples.observations.position[:, 0].max() * np.linalg.norm(np.array(SIZE) - 1) / 2
+    assert outermost <= SIZE[0] / 2 - sampler.margin_px
+    assert samples.overlap == pytest.approx(1 - 60 / (SIZE[0] - 2 * sampler.margin_px), abs=0.03)
 
 
 def test_nothing_in_common_makes_no_samples():

@@ -221,7 +221,7 @@ class LatentModel:
             # Noise and texture shift the mean of pixels away from the grey level of their mean irradiance.
             means, texture = self._pixel_means, self._pixel_means.texture(observations, index)
             excess = excess - means.by_noise[index] + self.texture_share * means.by_texture(texture, index)
-            variance = variance + means.error_variance(observations, index)
+            variance = variance + self.texture_share**2 * means.error_variance(observations, index)
         linear_log = self.log_response[index] + slope * excess
         precision, offset, zero = 1 / (variance * slope**2), log_exposure + log_gain, np.zeros(len(level))
         total, mean = weighted_means(linear_log - offset, weight * precision, observations)

@@ -100,7 +100,7 @@ class PixelMeans:
         return np.asarray(texture * least)
 
     def error_variance(self, observations: Observations, index: IntArray) -> FloatArray:
-        """Return the variance of the mean that the correction of texture leaves, (n,); arguments as before."""
+        """Return the variance of the mean that a full correction of texture leaves, (n,); arguments as before."""
         texture = observations.combined(np.add, np.maximum(self._whole_texture(observations, index), 0.0))
         mean = np.repeat(texture / observations.counts, observations.counts)
         return np.asarray(self._squared_grey[index] * (TEXTURE_ERROR * mean) ** 2)
