@@ -12,6 +12,7 @@ from ospc.calibrator import OnlineCalibrator, calibrate
 from ospc.evaluation.metrics import log_ratio_error
 from ospc.exposures import findings as exposure_findings
 from ospc.exposures.brightness_series import BrightnessSeries
+from ospc.exposures.findings import assess_exposures
 from ospc.exposures.lag_selection import LagEstimate
 from ospc.methods.maximum_likelihood import MaximumLikelihoodMethod
 from ospc.photometry.verdict import LATE_EXPOSURES, EffectEstimate
@@ -86,6 +87,15 @@ def test_a_fit_settles_a_lag_that_changes_of_brightness_leave_open(effect: Effec
     unsettled = found(RISING)
     assert (unsettled.lag_frames, unsettled.verdict.state) == (None, "marginal")
     judged = unsettled.judged_by([effect])
+    assert judged.verdict.state == state
+    assert (judged.lag_frames == 0) is (not judged.notes) is (state == "identifiable")
+
+
+@pytest.mark.parametrize(("frames", "sigma", "state"), [(0.02, 0.01, "identifiable"), (0.02, 0.2, "marginal")])
+def test_a_fit_settles_the_lag_if_no_consecutive_frames_overlap(frames: float, sigma: float, state: str) -> None:
+    unsettled = assess_exposures([], wandering(FRAMES))
+    assert (unsettled.lag.state, unsettled.verdict.state) == ("too few pairs", "marginal")
+    judged = unsettled.judged_by([EffectEstimate(LATE_EXPOSURES, frames, sigma)])
     assert judged.verdict.state == state
     assert (judged.lag_frames == 0) is (not judged.notes) is (state == "identifiable")
 

@@ -15,9 +15,10 @@ from ospc.exposures.brightness_series import BrightnessSeries
 from ospc.exposures.lag import estimate_lag, explained_by_inverse
 from ospc.exposures.lag_choice import LagChoice, check_lag, lag_in_words
 from ospc.exposures.lag_selection import LagEstimate
-from ospc.exposures.table import ExposureReport, filled
+from ospc.exposures.table import ExposureReport, filled, without
 from ospc.exposures.tone_mapping import NO_LOCAL_TONE, LocalTone, local_tone
 from ospc.exposures.verdicts import CHANGE_IRREGULARLY, either, verdicts
+from ospc.exposures.wrong_exposures import in_words, wrong_exposures
 from ospc.photometry.verdict import LATE_EXPOSURES, EffectEstimate, Verdict
 from ospc.settings.exposures import (
     BLENDED_LAG_FRAMES,
@@ -52,6 +53,8 @@ class ExposureFindings:
         How well the exposures explain the brightness changes; None if too few frames could be compared.
     local_tone
         Signs of local tone mapping; None if unknown.
+    wrong
+        Frames whose recorded exposures are wrong and were ignored, in order.
     verdict
         Whether exposures and images agree.
     notes
@@ -68,6 +71,7 @@ class ExposureFindings:
     notes: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
     local_tone: LocalTone | None = None
+    wrong: tuple[int, ...] = ()
 
     @property
     def lag_frames(self) -> int | None:
@@ -117,15 +121,18 @@ class ExposureFindings:
 
     def _confirmed_by(self, lateness: EffectEstimate) -> ExposureFindings:
         """Return the findings with a lag of 0 if only the fit shows it and brightness changes leave it open."""
-        is_open = self.lag.state == "ambiguous" and 0 in self.lag.candidates and not self.corrected_frames
-        if not is_open or self.warnings or self.verdict.state != "marginal":
+        asked = _uncertain(self.verdict.reason)
+        unseen = self.lag.state == "too few pairs" and asked in self.notes
+        is_open = unseen or (self.lag.state == "ambiguous" and 0 in self.lag.candidates)
+        if not is_open or self.corrected_frames or self.warnings or self.verdict.state != "marginal":
             return self
         if abs(lateness.value) + DOUBTED_LAG_SIGMAS * lateness.sigma > REFUTED_LAG_FRAMES:
             return self
         lag = replace(self.lag, state="determined", candidates=(0,))
-        alone = f"brightness changes alone allow lags of {either(self.lag)} frames"
+        allowed = f"brightness changes alone allow lags of {either(self.lag)} frames"
+        alone = "consecutive frames overlap too little to check them otherwise" if unseen else allowed
         reason = f"exposures belong to their frames, as the fit shows; {alone}"
-        notes = tuple(note for note in self.notes if note != _uncertain(self.verdict.reason))
+        notes = tuple(note for note in self.notes if note != asked)
         return replace(self, lag=lag, verdict=Verdict("identifiable", reason), notes=notes)
 
     def _doubted_by(self, lateness: EffectEstimate) -> ExposureFindings:
@@ -176,8 +183,13 @@ def assess_exposures(
         Number of the first frame to use.
     """
     series = BrightnessSeries.from_changes(changes).renumbered(-first_frame)
-    found = _assess_choice(series, filled(log_exposure[first_frame:]), choice).renumbered(first_frame)
-    return found if choice == "trusted" else _with_local_tone(found, changes, filled(log_exposure))
+    if choice == "trusted":
+        return _assess_choice(series, filled(log_exposure[first_frame:]), choice).renumbered(first_frame)
+    wrong = tuple((wrong_exposures(series, filled(log_exposure[first_frame:])) + first_frame).tolist())
+    known = filled(without(log_exposure, wrong))
+    found = _assess_choice(series, known[first_frame:], choice).renumbered(first_frame)
+    found = _with_local_tone(found, changes, known)
+    return replace(found, wrong=wrong, notes=(in_words(wrong), *found.notes)) if wrong else found
 
 
 def _assess_choice(series: BrightnessSeries, written: FloatArray, choice: LagChoice) -> ExposureFindings:

@@ -104,8 +104,8 @@ class ExposureMonitor:
 
     @property
     def corrected_table(self) -> ExposureTable:
-        """The exposures, corrected by the lag as currently estimated."""
-        return replace(self.table, lag_frames=self.findings().corrected_frames)
+        """The exposures without wrong ones, corrected by the lag as currently estimated."""
+        return _corrected(self.table, self.findings())
 
     def detect_lag_change(self, *, camera_changed: bool) -> LagChange | None:
         """Return a change of the lag if it is proven and the previous check already suspected it.
@@ -142,7 +142,7 @@ class ExposureMonitor:
     def before(self, frame: int) -> tuple[ExposureFindings, ExposureTable]:
         """Return the findings about the frames of this epoch before a given one, and the exposures until then."""
         found = self._assess(self.history.before(frame), self.table.written[:frame])
-        return found, replace(self.table.until(frame), lag_frames=found.corrected_frames)
+        return found, _corrected(self.table.until(frame), found)
 
     def begin_epoch(self, frame: int) -> None:
         """Start an epoch at a frame."""
@@ -173,3 +173,7 @@ class ExposureMonitor:
         self.history, self._first_frame = state.history, first_frame
         self._next_assessment = state.next_assessment
         self._known_lag, self._suspected_lag = state.known_lag, state.suspected_lag
+
+
+def _corrected(table: ExposureTable, found: ExposureFindings) -> ExposureTable:
+    return replace(table.without(found.wrong), lag_frames=found.corrected_frames)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -70,9 +70,22 @@ class ExposureTable:
         found[known] = self._log_exposure[entry[known]]
         return found
 
+    def without(self, frames: Sequence[int]) -> ExposureTable:
+        """Return a table in which the exposures recorded with some frames are missing."""
+        return replace(self, _log_exposure=without(self._log_exposure, frames))
+
     def until(self, frame: int) -> ExposureTable:
         """Return the table of the frames before the given one."""
         return replace(self, _count=min(frame, self._count))
+
+
+def without(log_exposure: FloatArray, frames: Sequence[int]) -> FloatArray:
+    """Return the exposures with those of some frames missing; the input itself if there are no such frames."""
+    if not frames:
+        return log_exposure
+    known = log_exposure.copy()
+    known[list(frames)] = np.nan
+    return known
 
 
 def filled(log_exposure: FloatArray) -> FloatArray:

@@ -433,3 +433,15 @@ REFUTED_LAG_FRAMES = 0.5
 """A correction by whole frames is refuted if the fitted lag, in frames, exceeds this for the corrected exposures but
 not for the recorded ones. Three of 100 clean recordings, with slow exposures and a camera moving forward, were
 corrected by a frame in error; their fits showed 0.65, 0.7 and 0.98."""
+
+# Wrong exposures (ospc.exposures.wrong_exposures)
+
+MIN_WRONG_LOG, MIN_SHOWN_SHARE = 0.5, 0.1
+"""Least ln by which an exposure that may be wrong differs from those before and after it, and share of it by which
+grey levels would follow at least: those of logarithmic cameras change by a sixth of ln exposure."""
+
+MAX_WRONG_SHARE = 0.05
+"""Largest number of such exposures relative to the compared pairs of frames. If there are more, all are doubtful."""
+
+MAX_NAMED_FRAMES = 5
+"""Number of these frames that a note names."""

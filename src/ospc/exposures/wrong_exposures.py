@@ -1,0 +1,64 @@
+"""Find single exposures that are wrong: they differ from both neighbours, and the images do not."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ospc.arrays import FloatArray, IntArray
+from ospc.errors import counted
+from ospc.exposures.brightness_series import BrightnessSeries
+from ospc.settings.exposures import (
+    MAX_LAG,
+    MAX_NAMED_FRAMES,
+    MAX_WRONG_SHARE,
+    MIN_SHOWN_SHARE,
+    MIN_WRONG_LOG,
+)
+
+
+def wrong_exposures(series: BrightnessSeries, log_exposure: FloatArray) -> IntArray:
+    """Return the frames recorded with a wrong exposure, in order; none if they are too many to be exceptions.
+
+    The exposure of such a frame is much longer or much shorter than those before and after it, but neither this frame
+    nor those near it, whose exposure it may be, are brighter or darker than their neighbours. Frames that were not
+    compared with both neighbours are not judged.
+
+    Parameters
+    ----------
+    series
+        The brightness changes between consecutive frames.
+    log_exposure
+        ln of the recorded exposures, shape (frames,).
+    """
+    step = np.diff(log_exposure)
+    recorded = _turning(step)
+    suspects = np.flatnonzero(recorded > MIN_WRONG_LOG)
+    if not len(suspects) or len(suspects) > MAX_WRONG_SHARE * len(series):
+        return np.empty(0, np.int64)
+    change = np.full(len(step), np.nan)
+    change[series.frame] = series.means[0]
+    seen = _turning(change)
+    # With a lag, another frame would show the exposure.
+    near = [np.nan_to_num(seen[max(0, turn - MAX_LAG) : turn + MAX_LAG + 1]) for turn in suspects]
+    shown = np.array([part.max() for part in near])
+    wrong = np.isfinite(seen[suspects]) & (shown < MIN_SHOWN_SHARE * recorded[suspects])
+    return suspects[wrong] + 1
+
+
+def _turning(step: FloatArray) -> FloatArray:
+    """Return by how much a quantity leaves and returns at each inner frame, given its steps, (n,) -> (n - 1,)."""
+    before, after = step[:-1], step[1:]
+    size = np.minimum(np.abs(before), np.abs(after))
+    return np.where(before * after > 0, 0.0, size)
+
+
+def in_words(frames: Sequence[int]) -> str:
+    """Return a note on frames with wrong exposures."""
+    named = ", ".join(map(str, frames[:MAX_NAMED_FRAMES]))
+    more = " and others" if len(frames) > MAX_NAMED_FRAMES else ""
+    return (
+        f"{counted(len(frames), 'exposure')} contradicted by the images and by the exposures before and after "
+        f"{'was' if len(frames) == 1 else 'were'} ignored: frame{'' if len(frames) == 1 else 's'} {named}{more}"
+    )

@@ -1,0 +1,76 @@
+"""Single wrong exposures are ignored and named; real changes of exposure never are."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from filmed import LARGE, Film, found, observed, wandering
+
+from ospc.calibrator import calibrate
+from ospc.evaluation.metrics import log_ratio_error
+from ospc.exposures.findings import assess_exposures
+from ospc.photometry.response import Response
+from ospc.recording import ArrayRecording
+
+FRAMES = 80
+GOOD = Film(wandering(FRAMES))
+
+
+def stated(film: Film, factors: dict[int, float]) -> np.ndarray:
+    """Return ln of the recorded exposures of a film, some of them multiplied by a factor."""
+    log_exposure = observed(film)[1].copy()
+    for frame, factor in factors.items():
+        log_exposure[frame] += np.log(factor)
+    return log_exposure
+
+
+@pytest.mark.parametrize("factors", [{30: 10.0}, {12: 0.1, 50: 2.5}, {20: 1000.0, 40: 0.001, 60: 0.4}])
+@pytest.mark.parametrize("lag", [0, 2])
+def test_they_are_ignored_and_named(factors: dict[int, float], lag: int) -> None:
+    film = replace(GOOD, lag=lag)
+    told = found(film, stated_log_exposure=stated(film, factors))
+    assert told.wrong == tuple(factors)
+    assert ", ".join(map(str, factors)) in told.notes[0]
+    assert (told.corrected_frames, told.warnings, told.verdict.state) == (lag, (), "identifiable")
+    # What the exposures were instead is only interpolated.
+    assert told.brightness.unexplained_share < 0.1
+
+
+@pytest.mark.parametrize("ratio", [2.0, 4.0])
+@pytest.mark.parametrize("lag", [0, 3])
+def test_real_changes_for_one_frame_are_not(ratio: float, lag: int) -> None:
+    bracket = np.log(ratio) * (np.arange(FRAMES) % 5 == 2)
+    flashes = np.log(ratio) * np.isin(np.arange(FRAMES), [20, 45])
+    for extra in (bracket, flashes):
+        film = Film(0.3 * wandering(FRAMES) + extra - np.log(ratio) / 2, lag=lag)
+        assert found(film).wrong == ()
+
+
+def test_of_many_none_can_be_told_from_the_right_ones() -> None:
+    every_tenth = dict.fromkeys(range(5, FRAMES, 10), 10.0)
+    told = found(GOOD, stated_log_exposure=stated(GOOD, every_tenth))
+    assert told.wrong == ()
+    assert told.verdict.state != "identifiable"
+
+
+def test_those_of_frames_that_were_not_compared_are_left() -> None:
+    history, log_exposure = observed(GOOD)
+    without = [change for change in history.changes if change.frame0 != 30]
+    wrong = log_exposure.copy()
+    wrong[[30, 50]] += np.log(10)
+    assert assess_exposures(without, wrong).wrong == (50,)
+
+
+def test_the_calibration_is_that_of_the_right_exposures() -> None:
+    film = Film(wandering(120), size=LARGE)
+    right = film.recording()
+    wrong_ms = right.exposures_ms.copy()
+    wrong_ms[[25, 45]] *= [10.0, 0.1]
+    wrong = ArrayRecording([frame.image for frame in right], wrong_ms, np.arange(120) / 20)
+    known, same = calibrate(wrong), calibrate(right)
+    assert "frames 25, 45" in known.notes[0]
+    assert {n: v.state for n, v in known.verdicts.items()} == {n: v.state for n, v in same.verdicts.items()}
+    truth = Response.gamma(2.2)
+    assert log_ratio_error(known.response, truth) < 1.2 * log_ratio_error(same.response, truth) + 5e-4
