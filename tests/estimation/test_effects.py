@@ -18,7 +18,7 @@ from ospc.estimation.model_choice import fit_with_chosen_effects
 from ospc.estimation.response_basis import ResponseBasis, typical_gamma
 from ospc.estimation.vignette_basis import VignetteBasis
 from ospc.evaluation.metrics import log_ratio_error, vignette_rmse
-from ospc.methods.identifiability import contradictions_of
+from ospc.methods.contradictions import contradictions_of
 from ospc.observations import ExposedObservations
 from ospc.photometry.noise import NoiseModel
 from ospc.settings.estimation import ADDED_LIGHT_MODEL_ERROR, BEYOND_WHITE

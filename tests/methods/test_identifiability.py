@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from ospc.estimation.effects import Effects
-from ospc.methods.identifiability import notes_of, response_verdict_of_fit, vignette_verdict
+from ospc.methods.corrections import notes_of
+from ospc.methods.identifiability import response_verdict_of_fit, vignette_verdict
 from ospc.methods.summary import summarise
 from ospc.photometry.verdict import EffectEstimate
 from ospc.settings import DefaultSettings
@@ -54,6 +55,18 @@ def test_wider_exposures_are_only_asked_for_if_they_were_narrower(times, asks):
     assert verdict.state == "not identifiable"
     assert ("sweep the exposure by a factor of 8 or more" in verdict.remedy) is asks
     assert verdict.remedy
+
+
+@pytest.mark.parametrize(
+    ("value", "corrected", "asks"), [(0.03, False, True), (0.01, False, False), (0.03, True, False)]
+)
+def test_scattered_light_that_may_be_there_is_named_as_the_limit(value, corrected, asks):
+    glare = EffectEstimate("veiling glare", value, 0.01, corrected=corrected)
+    fit = replace(UNCERTAIN, effect_estimates=(glare,))
+    remedy = response_verdict_of_fit(fit, (1.0, 10.0), 0.0).remedy
+    assert ("veiling glare (3.0% ± 1.0%)" in remedy) is asks
+    assert ("clean the lens" in remedy) is asks
+    assert "sweep the exposure" in response_verdict_of_fit(fit, (1.0, 3.0), 0.0).remedy
 
 
 @pytest.mark.parametrize(("reach", "asks"), [(0.1, True), (0.194, True), (0.197, False), (0.3, False)])

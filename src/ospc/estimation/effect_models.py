@@ -217,9 +217,11 @@ LIGHT_FIXED_TO_CAMERA = (
 """Light that grows with the exposure but does not come from the scene: leaks, reflections, dark signal. A part that
 is distributed like V cannot be distinguished from the scene, so the amount in the centre counts as zero."""
 
+SCATTERED_LIGHT = ("veiling glare", "light scattered nearby")
+"""Light of the scene that reaches other parts of the image."""
+
 CORRECTED = (
-    "veiling glare",
-    "light scattered nearby",
+    *SCATTERED_LIGHT,
     *LIGHT_FIXED_TO_CAMERA,
     "exposure offset",
     LATE_EXPOSURES,

@@ -9,10 +9,10 @@ import numpy as np
 
 from ospc.arrays import FloatArray, ImageSize, IntArray
 from ospc.estimation.fit import Fit, measured_greys
+from ospc.methods.contradictions import contradictions_of
+from ospc.methods.corrections import notes_of
 from ospc.methods.coverage import coverage_of
 from ospc.methods.identifiability import (
-    contradictions_of,
-    notes_of,
     response_verdict,
     unexplained_share,
     vignette_verdict,

@@ -198,6 +198,10 @@ over nine frames, 0.44 were missing, and κ was 0.16 at a stated 0.03."""
 WIDE_EXPOSURE_RATIO = 8.0
 """Ratio of the longest to the shortest exposure beyond which a wider range is no longer advised."""
 
+POSSIBLE_LIGHT_SIGMAS = 2.0
+"""Standard deviations beyond which scattered light that is not corrected is named as what makes a response uncertain:
+a fisheye and a wet lens had 2.2 to 3."""
+
 FAR_RADIAL_REACH = 0.2
 """Radial motion, in half diagonals, beyond which more motion is no longer advised: the fifth that is asked for."""
 

@@ -1,0 +1,78 @@
+"""What contradicts the model of one response and one vignette, in words, with what to do about it."""
+
+from __future__ import annotations
+
+from ospc.estimation.fit import Fit
+from ospc.estimation.residual_effects import UNEVEN, UNSTEADY_RADIANCE, UNSTEADY_RESPONSE, UNSTEADY_VIGNETTE
+
+Contradictions = tuple[tuple[str, str], ...]
+"""The description and the remedy of each contradiction, the clearest first."""
+
+_SAME_FOR_ALL_PLACES = "switch off local contrast, HDR and tone mapping in the camera, and film in steady light"
+_VIGNETTE_STAYS = (
+    "switch off all stabilisation, including that of the lens, and fix zoom, image orientation and white balance"
+)
+
+_CONTRADICTIONS = {
+    "local tone mapping": (
+        "grey levels depend on the brightness around them, as with local tone mapping or flickering light",
+        _SAME_FOR_ALL_PLACES,
+    ),
+    "curved exposures": (
+        "the brightness of the images is not proportional to the exposures over their whole range",
+        "check the unit of the exposures: they must be times, not logarithms or steps, multiplied by the linear "
+        "gain; switch off digital gain and HDR",
+    ),
+    "drifting response": (
+        "the response changes during the recording",
+        "fix the picture profile, contrast and gamma of the camera",
+    ),
+    "drifting black level": (
+        "the black level changes during the recording",
+        "let the camera warm up, and switch off automatic contrast",
+    ),
+    "black level by exposure": (
+        "the black level differs between long and short exposures, or the light changed",
+        "fix the gain of the camera, let it control the exposure time alone, and film in steady light without sun or "
+        "lamps in or near the view",
+    ),
+    UNSTEADY_VIGNETTE: (
+        "the vignette has a different position in each frame, as with stabilisation, glossy surfaces or a lamp on "
+        "the camera",
+        "switch off electronic stabilisation and cropping of the camera, and avoid glossy floors and walls, and "
+        "lamps that move with the camera",
+    ),
+    UNSTEADY_RESPONSE: (
+        "the response differs from frame to frame (automatic contrast, sun or lamps in or near the view, haze, fog), "
+        "or the frames show too little texture to be registered",
+        "switch off automatic contrast and scene modes of the camera, keep sun and lamps out of the view, and film "
+        "scenes with texture in clear air",
+    ),
+    UNSTEADY_RADIANCE: (
+        "the same points differ in brightness between frames by more than noise and exposure explain, in ln",
+        _SAME_FOR_ALL_PLACES,
+    ),
+    UNEVEN: (
+        "a region of the image is darker or brighter than a smooth vignette predicts (dirt, wipers, reflections in a "
+        "window, parts of the sensor with another gain), in ln V",
+        "clean lens and sensor, avoid wipers and reflections of the dashboard or in a window, and switch off shading "
+        "correction",
+    ),
+    "drifting vignette": (
+        "the vignette changes during the recording",
+        "fix zoom, focus and aperture, and switch off shading correction",
+    ),
+    "vignette moving sideways": ("the vignette moves sideways during the recording", _VIGNETTE_STAYS),
+    "vignette moving vertically": ("the vignette moves vertically during the recording", _VIGNETTE_STAYS),
+}
+"""The description and the remedy of each contradiction."""
+
+
+def contradictions_of(fit: Fit) -> Contradictions:
+    """Return what contradicts the model of one response and one vignette."""
+    found = [estimate for estimate in fit.effect_estimates if estimate.contradicts]
+    found.sort(key=lambda estimate: -abs(estimate.value) / estimate.sigma)
+    return tuple(
+        (f"{_CONTRADICTIONS[one.name][0]}: {one.value:.2g} ± {one.sigma:.1g}", _CONTRADICTIONS[one.name][1])
+        for one in found
+    )

@@ -1,0 +1,55 @@
+"""Notes on the effects that a fit found and corrected."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ospc.estimation.effect_models import GAIN_STEPS, LIGHT_FIXED_TO_CAMERA
+from ospc.estimation.effects import Effects
+from ospc.estimation.fit import Fit
+from ospc.estimation.residual_effects import UNSTEADY_LIGHT
+from ospc.photometry.verdict import LATE_EXPOSURES, NOMINAL_EXPOSURES, EffectEstimate
+
+_STRAY = "light that is fixed to the camera (dark signal, a leak, a reflection) adds {share} of white at {typical}"
+
+_ADDED_LIGHT = {
+    "veiling glare": "veiling glare of {share} of the mean irradiance of each frame was found and corrected",
+    "light scattered nearby": "{share} of the light is scattered nearby; this was corrected",
+    "stray light at the corners": f"{_STRAY}, more at the corners than in the centre; this was corrected",
+    "stray light sideways": f"{_STRAY}, more at one side than in the centre; this was corrected",
+    "stray light vertically": f"{_STRAY}, more at the top or bottom than in the centre; this was corrected",
+}
+"""The note on each kind of light that was added; the second figure is the exposure."""
+
+
+def notes_of(fit: Fit) -> tuple[str, ...]:
+    """Return a sentence for each effect that was found and corrected or accounted for."""
+    return tuple(_corrected(found, fit.effects) for found in fit.effect_estimates if found.corrected)
+
+
+def _corrected(found: EffectEstimate, effects: Effects) -> str:
+    typical_ms = float(np.exp(effects.log_typical_exposure))
+    digits = 2 if found.name in LIGHT_FIXED_TO_CAMERA else 1
+    share = f"{abs(found.value):.{digits}%} ± {found.sigma:.{digits}%}"
+    if found.name in _ADDED_LIGHT:
+        return _ADDED_LIGHT[found.name].format(share=share, typical=f"{typical_ms:.3g} ms")
+    if found.name in GAIN_STEPS:
+        limit_ms = effects.step_exposures[GAIN_STEPS.index(found.name)] * typical_ms
+        than = "brighter" if found.value > 0 else "darker"
+        return (
+            f"images are {share} {than} beyond exposures of {limit_ms:.3g} ms than their exposures predict, as with "
+            "a gain that is not exact; this was corrected"
+        )
+    if found.name == NOMINAL_EXPOSURES:
+        return "exposures are nominal, such as 1/60 s for 1/64 s; the exact thirds of a stop were used instead"
+    if found.name == LATE_EXPOSURES:
+        when, lag = ("late" if found.value > 0 else "early"), f"{abs(found.value):.2f} ± {found.sigma:.1g}"
+        return f"exposures are {lag} frames {when}; this was corrected"
+    if found.name == UNSTEADY_LIGHT:
+        return (
+            f"frames are brighter or darker than their exposures predict, by {found.value:.1%} between pairs; "
+            "this was accounted for"
+        )
+    offset = f"{abs(found.value) * typical_ms:.3g} ± {found.sigma * typical_ms:.1g} ms"
+    too = "short" if found.value > 0 else "long"
+    return f"all exposures are {offset} too {too}; this was corrected"
