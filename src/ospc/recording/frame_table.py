@@ -150,12 +150,12 @@ def make_table(
     def where(frames: Sequence[int]) -> str:
         return f"{source}, {'lines' if len(frames) > 1 else 'line'} {listed([numbers[i] for i in frames])}"
 
-    exposures = checked_exposures(exposures_ms, where)
-    stamps = checked_stamps(stamps_s, where)
     first: dict[str, int] = {}
     for index, image in enumerate(ids):
         if first.setdefault(image, index) != index:
             raise RecordingError(f"{where([first[image], index])}: both name the image {quoted(image)}; remove one")
+    exposures = checked_exposures(exposures_ms, where)
+    stamps = checked_stamps(stamps_s, where)
     said = list(notes)
     for least, scale, unit in _EPOCH_UNITS:
         if stamps[0] >= least:
@@ -166,7 +166,9 @@ def make_table(
 
 
 def checked_exposures(
-    exposures_ms: npt.ArrayLike, where: Where, remedy: str = "remove the frame or give its exposure"
+    exposures_ms: npt.ArrayLike,
+    where: Where,
+    remedy: str = "remove the frame or give its exposure, nan if it is unknown",
 ) -> FloatArray:
     """Return a read-only copy of exposures; unknown ones are NaN.
 
@@ -257,7 +259,7 @@ def match_images(table: FrameTable, names: Sequence[str], place: str) -> tuple[t
     same = "other images than the" if as_many else f"{counted(len(table), 'frame')} but there are"
     raise RecordingError(
         f"{table.source}: lists {same} {counted(len(names), 'image')} in {place}{detail}; there must be one line "
-        f"per image"
+        f"per image, with nan for an unknown exposure"
     )
 
 
