@@ -21,6 +21,7 @@ from ospc.evaluation.metrics import log_ratio_error, vignette_rmse
 from ospc.methods.contradictions import contradictions_of
 from ospc.observations import ExposedObservations
 from ospc.photometry.noise import NoiseModel
+from ospc.photometry.verdict import EffectEstimate
 from ospc.settings.estimation import ADDED_LIGHT_MODEL_ERROR, BEYOND_WHITE
 from ospc.simulation.responses import RESPONSES
 from synthetic_observations import POLYNOMIAL, SIZE
@@ -247,6 +248,19 @@ def test_two_effects_are_distinguished() -> None:
         "exposure offset": pytest.approx(-0.05, rel=0.15),
     }
     assert is_right(found)
+
+
+@pytest.mark.parametrize("plain_is_steady", [True, False])
+def test_unsteadiness_that_only_corrections_cause_is_none(
+    monkeypatch: pytest.MonkeyPatch, plain_is_steady: bool
+) -> None:
+    unsteady = EffectEstimate("unsteady response", 0.02, 0.002, contradicts=True)
+    found = iter([(unsteady,), () if plain_is_steady else (unsteady,)])
+    monkeypatch.setattr("ospc.estimation.model_choice.unsteadiness", lambda *_: next(found))
+    fit = Disturbed(glare=0.03).fit(seed=5 + plain_is_steady)  # seeds of its own: fits are cached
+    assert (unsteady in fit.effect_estimates) is not plain_is_steady
+    assert not fit.effects.chosen
+    assert not any(estimate.corrected for estimate in fit.effect_estimates)
 
 
 @pytest.mark.parametrize(

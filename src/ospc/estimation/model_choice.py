@@ -161,7 +161,9 @@ def fit_with_chosen_effects(
         return _with_estimates(fit, trials, ())
     residual = fit.residuals(observations)
     if unsteady := unsteadiness(residual, observations):
-        return _with_estimates(plain.fit, plain_trials, unsteady)
+        # If the plain fit is steady, the effects are spurious.
+        alone = fitted is plain or unsteadiness(plain.fit.residuals(observations), observations)
+        return _with_estimates(plain.fit, plain_trials, unsteady if alone else ())
     uneven = uneven_vignette(residual, observations) or unsteady_radiance(fit.errors.radiance_sigma, fit.groups)
     return _with_estimates(fit, trials, (*_estimates(fit, observations), *uneven))
 
