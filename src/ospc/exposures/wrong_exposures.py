@@ -7,11 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from ospc.arrays import FloatArray, IntArray
-from ospc.errors import counted
+from ospc.errors import counted, listed
 from ospc.exposures.brightness_series import BrightnessSeries
 from ospc.settings.exposures import (
     MAX_LAG,
-    MAX_NAMED_FRAMES,
     MAX_WRONG_SHARE,
     MIN_SHOWN_SHARE,
     MIN_WRONG_LOG,
@@ -56,9 +55,8 @@ def _turning(step: FloatArray) -> FloatArray:
 
 def in_words(frames: Sequence[int]) -> str:
     """Return a note on frames with wrong exposures."""
-    named = ", ".join(map(str, frames[:MAX_NAMED_FRAMES]))
-    more = " and others" if len(frames) > MAX_NAMED_FRAMES else ""
+    one = len(frames) == 1
     return (
         f"{counted(len(frames), 'exposure')} contradicted by the images and by the exposures before and after "
-        f"{'was' if len(frames) == 1 else 'were'} ignored: frame{'' if len(frames) == 1 else 's'} {named}{more}"
+        f"{'was' if one else 'were'} ignored: {'frame' if one else 'frames'} {listed(frames)}"
     )

@@ -442,6 +442,3 @@ grey levels would follow at least: those of logarithmic cameras change by a sixt
 
 MAX_WRONG_SHARE = 0.05
 """Largest number of such exposures relative to the compared pairs of frames. If there are more, all are doubtful."""
-
-MAX_NAMED_FRAMES = 5
-"""Number of these frames that a note names."""
