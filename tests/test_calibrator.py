@@ -17,10 +17,10 @@ from hypothesis import strategies as st
 from ospc.calibrator import OnlineCalibrator, calibrate
 from ospc.correspondence.frame_sampling import FrameSampler
 from ospc.correspondence.preprocessing import Preprocessor
-from ospc.engine import REMEMBERED_REASONS
 from ospc.engine_state import Epoch
 from ospc.errors import ExposureError, FrameError, OspcError, RecordingError, SettingError
 from ospc.exposures.brightness import BrightnessComparer
+from ospc.frame_checks import LATEST_REASONS
 from ospc.live import LiveCalibrator
 from ospc.methods.method import Progress
 from ospc.photometry.calibration import Calibration
@@ -332,7 +332,7 @@ def test_only_the_latest_reasons_are_remembered_but_all_are_counted():
     for index in range(1, 101):
         assert not calibrator.push(unreadable(index))
     status = calibrator.status
-    assert len(status.skipped) == REMEMBERED_REASONS
+    assert len(status.skipped) == LATEST_REASONS
     assert status.skipped[-1].startswith("100.png")
     assert calibrator.calibration().counts["skipped"] == 100
 

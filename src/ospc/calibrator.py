@@ -21,7 +21,7 @@ from ospc.recording.recording import identity
 from ospc.recording.stream import Item, decoded_ahead, frames_of
 from ospc.settings import DefaultSettings, Settings, as_dict, preset, with_overrides
 from ospc.state.run import load_run, save_run
-from ospc.state_rules import check_run
+from ospc.state_rules.run import check_run
 from ospc.versions import versions
 
 __all__ = ["OnlineCalibrator", "Status", "calibrate", "drive", "remaining"]
@@ -86,8 +86,6 @@ class OnlineCalibrator(Engine):
                 pixels=self.pixels,
                 epochs=[epoch_content(epoch) for epoch in self._epochs],
                 skipped=self._skipped,
-                reasons=self._reasons,
-                first_reasons=self._first_reasons,
                 first_frames=self._first_frames,
                 source=self.source,
                 versions=versions(),
@@ -122,8 +120,7 @@ class OnlineCalibrator(Engine):
         """Continue from a state; ValueError if its parts are inconsistent."""
         self._size, self._max_grey = run.size, run.max_grey
         self._sampler, self.pixels = run.sampler, run.pixels
-        self._skipped, self._reasons = run.skipped, run.reasons
-        self._first_reasons, self._first_frames = run.first_reasons, run.first_frames
+        self._skipped, self._first_frames = run.skipped, run.first_frames
         self._epochs = [epoch_of(content) for content in run.epochs]
         self._exposures.restore(run.exposures, self.epochs[-1].first_frame)
         if run.max_grey:

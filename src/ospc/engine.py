@@ -18,7 +18,7 @@ from ospc.exposures.findings import ExposureFindings
 from ospc.exposures.lag_choice import LagChoice, lag_in_words
 from ospc.exposures.monitor import ExposureMonitor
 from ospc.exposures.table import ExposureTable
-from ospc.frame_checks import check_is_frame, checked_frame, why_greys_are_unused, why_most_are_lost
+from ospc.frame_checks import SkippedFrames, check_is_frame, checked_frame, why_greys_are_unused
 from ospc.methods.change_detection import Change
 from ospc.methods.method import Method, Progress
 from ospc.methods.preview import Preview
@@ -32,9 +32,6 @@ from ospc.recording.frame import UNNAMED, Frame, check_exposure
 from ospc.second_thread import SecondThread
 from ospc.settings import Settings, as_dict, preset
 from ospc.versions import versions
-
-REMEMBERED_REASONS, FIRST_REASONS = 20, 3
-"""How many of the latest and of the first reasons for skipping a frame are kept."""
 
 HASHED_FRAMES = 4
 """Number of frames in the hash that identifies a stream."""
@@ -102,9 +99,7 @@ class Engine:
         self._max_grey = 0
         self._method: Method | None = None
         self._epochs: list[Epoch] = []
-        self._skipped = 0
-        self._reasons: list[str] = []
-        self._first_reasons: list[str] = []
+        self._skipped = SkippedFrames()
         self._first_frames = ("", 0)
         self._partly_processed = ""  # name of a frame whose processing failed halfway
 
@@ -251,9 +246,7 @@ class Engine:
     def _skip(self, reason: str) -> None:
         """Skip a frame; ``reason`` is empty if it could have been used."""
         if reason:
-            self._skipped += 1
-            self._reasons = [*self._reasons, reason][-REMEMBERED_REASONS:]
-            self._first_reasons = [*self._first_reasons, reason][:FIRST_REASONS]
+            self._skipped = self._skipped.with_another(reason)
         self._sampler.skip()
 
     def _update_prefetcher(self) -> None:
@@ -267,7 +260,7 @@ class Engine:
         """Return the calibration from the frames so far; more may be pushed later. OspcError if none was usable."""
         with self._lock:
             if self._method is None:
-                why = f": {self._reasons[-1]}" if self._reasons else ""
+                why = f": {self._skipped.latest[-1]}" if self._skipped.latest else ""
                 raise OspcError(f"no frame could be used{why}")
             exposures, found = self._used_exposures()
             known = self._method.calibration(exposures, self.pixels.grey_range)
@@ -304,9 +297,8 @@ class Engine:
         verdicts = {name: found.limited(verdict) for name, verdict in known.verdicts.items()}
         advice = (found.verdict.remedy, *known.advice) if found.warnings else known.advice
         verdicts["exposures"] = found.verdict
-        cause = why_most_are_lost(self._skipped, self.frames, self._first_reasons) or why_greys_are_unused(
-            self.pixels.highest_grey, self._max_grey
-        )
+        unused_greys = why_greys_are_unused(self.pixels.highest_grey, self._max_grey)
+        cause = self._skipped.why_most_of(self.frames) or unused_greys
         if cause:  # the usual remedies ask for more frames, which would not help
             verdicts = {n: v if v.state == "identifiable" else replace(v, remedy=cause) for n, v in verdicts.items()}
             advice = (cause, *advice)
@@ -320,7 +312,7 @@ class Engine:
             known,
             verdicts=verdicts,
             converged=known.converged and not found.warnings,
-            counts={"frames": frames, "skipped": self._skipped, **known.counts},
+            counts={"frames": frames, "skipped": self._skipped.count, **known.counts},
             settings=as_dict(self.settings),
             versions=versions(),
             advice=tuple(dict.fromkeys(filter(None, advice))),
@@ -366,7 +358,7 @@ class Engine:
     def status(self) -> Status:
         """Status of the run; cheap enough to read after every frame."""
         progress = self._method.progress if self._method else Progress()
-        return Status(self.frames, tuple(self._reasons), progress)
+        return Status(self.frames, self._skipped.latest, progress)
 
     @property
     def frames(self) -> int:
@@ -388,7 +380,7 @@ class Engine:
     @property
     def first_reasons(self) -> tuple[str, ...]:
         """Why the first unusable frames were skipped, three at most."""
-        return tuple(self._first_reasons)
+        return self._skipped.first
 
     @property
     def correct_lag(self) -> LagChoice:

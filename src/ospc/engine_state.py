@@ -12,6 +12,7 @@ from ospc.arrays import FloatArray, ImageSize
 from ospc.correspondence.frame_sampling import FrameSampler
 from ospc.correspondence.pixel_statistics import PixelStatistics
 from ospc.exposures.monitor import ExposureMonitorState
+from ospc.frame_checks import SkippedFrames
 from ospc.methods.change_detection import Change
 from ospc.photometry.calibration import Calibration
 from ospc.pooling.prior_calibration import PriorCalibration
@@ -56,10 +57,9 @@ class EngineState:
     """State of an engine, except for its method.
 
     ``settings`` includes the name of the preset. ``size`` and ``max_grey`` are (0, 0) and 0 before the first frame.
-    ``epochs`` has the past epochs as JSON-compatible values. ``reasons`` and ``first_reasons`` say why the latest
-    and the first unusable frames were skipped. ``first_frames`` is a hash of the first usable frames, which
-    identifies the stream, and the number of frames in it. ``source`` identifies the recording; it is empty for a live
-    camera.
+    ``epochs`` has the past epochs as JSON-compatible values. ``first_frames`` is a hash of the first usable frames,
+    which identifies the stream, and the number of frames in it. ``source`` identifies the recording, if it is not a
+    live camera.
     """
 
     settings: dict[str, Any]
@@ -70,9 +70,7 @@ class EngineState:
     sampler: FrameSampler
     pixels: PixelStatistics
     epochs: list[dict[str, Any]]
-    skipped: int
-    reasons: list[str]
-    first_reasons: list[str]
+    skipped: SkippedFrames
     first_frames: tuple[str, int]
     source: dict[str, Any]
     versions: dict[str, Any]

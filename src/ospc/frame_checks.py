@@ -1,9 +1,9 @@
-"""Checks that a frame can be used: image, exposure and mask must be consistent with the first frame of the run."""
+"""Checks that a frame can be used: its image, exposure and mask must be consistent with the first frame."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -12,6 +12,29 @@ from ospc.arrays import Image, ImageSize, size_of
 from ospc.errors import FrameError, counted
 from ospc.recording.frame import Frame, check_exposure
 from ospc.settings.correspondence import USED_SHARE
+
+FIRST_REASONS, LATEST_REASONS = 3, 20
+"""How many of the first and of the latest reasons for skipping a frame are kept."""
+
+
+@dataclass(frozen=True)
+class SkippedFrames:
+    """The number of frames that could not be used, and why the first and the latest of them were skipped."""
+
+    count: int = 0
+    first: tuple[str, ...] = ()
+    latest: tuple[str, ...] = ()
+
+    def with_another(self, reason: str) -> SkippedFrames:
+        """Return these and one more frame."""
+        first, latest = (*self.first, reason)[:FIRST_REASONS], (*self.latest, reason)[-LATEST_REASONS:]
+        return SkippedFrames(self.count + 1, first, latest)
+
+    def why_most_of(self, frames: int) -> str:
+        """Return how many of the frames these are and the first reason, or "" unless these are most of them."""
+        if 2 * self.count <= frames:
+            return ""
+        return ": ".join([f"{self.count} of {frames} frames could not be used", *self.first[:1]])
 
 
 def check_is_frame(pushed: object, number: int) -> None:
@@ -87,10 +110,3 @@ def why_greys_are_unused(highest: int, max_grey: int) -> str:
         f"no grey value is above {highest} of {max_grey}: state the largest one that the sensor delivers "
         "(max_grey), or film with longer exposures"
     )
-
-
-def why_most_are_lost(skipped: int, frames: int, reasons: Sequence[str]) -> str:
-    """Return how many frames could not be used and the first reason, or "" unless these are most of the frames."""
-    if 2 * skipped <= frames:
-        return ""
-    return ": ".join([f"{skipped} of {frames} frames could not be used", *reasons[:1]])

@@ -22,7 +22,7 @@ from ospc.settings import DefaultSettings
 from ospc.simulation import SimulationSettings, frames
 from ospc.state import container
 from ospc.state.run import KIND, VERSION
-from ospc.state_rules import RULES
+from ospc.state_rules.fields import RULES
 
 SMALL = {"points_per_pair": 80, "max_points": 1500, "keyframes": 6, "response_intervals": 8, "radial_terms": 4}
 QUICK = replace(DefaultSettings(), rounds=2, **SMALL)
