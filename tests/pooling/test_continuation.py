@@ -16,8 +16,9 @@ from ospc.exposures.monitor import ExposureMonitor
 from ospc.methods.identifiability import judged
 from ospc.methods.summary import summarise
 from ospc.photometry.calibration import Calibration, Verdict
+from ospc.pooling.calibration_summary import summary_of_calibration
 from ospc.pooling.pool import Pool, merge
-from ospc.pooling.prior_calibration import PriorCalibration, summary_of_calibration
+from ospc.pooling.prior_calibration import PriorCalibration
 from ospc.pooling.summary import summary_of
 from ospc.recording import Frame
 from ospc.settings import DefaultSettings

@@ -5,52 +5,24 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from ospc.arrays import FloatArray
-from ospc.errors import FormatError, NotObservableError, SettingError
-from ospc.estimation.prior import START, Prior, vignette_precision
-from ospc.estimation.vignette_basis import VignetteBasis
+from ospc.errors import NotObservableError, SettingError
 from ospc.methods.identifiability import judged
 from ospc.photometry.calibration import Calibration
-from ospc.photometry.grey_range import GreyRange
-from ospc.photometry.noise import NoiseModel
-from ospc.photometry.vignette import LogSplineVignette, Vignette
 from ospc.pooling.agreement import Difference, agreement, difference_of
+from ospc.pooling.calibration_summary import summary_of_calibration
 from ospc.pooling.pool import Pool, agreeing, merge, usable_radius
 from ospc.pooling.solution import Information, solve
 from ospc.pooling.summary import (
-    PARAMETERS,
-    RESPONSE,
     RESPONSE_PART,
-    VIGNETTE,
     VIGNETTE_PART,
     Summary,
     joint_range,
-    recording_key,
     triangle_of,
 )
-from ospc.settings.estimation import VIGNETTE_REACH
 from ospc.state.container import STATE_NAME
-
-_LEAST_INFORMATION = 1e-9
-"""Smallest relative information in any direction: subtracting a prior may otherwise make it negative by rounding."""
-
-_LEAST_OBSERVED = 0.05
-"""Information on a direction of the vignette, relative to that of the prior, below which it counts as unobserved:
-rounding and disagreement between halves would otherwise look like an observation that contradicts the prior."""
-
-_GIVEN_UP_SIGMA = 0.005
-"""Standard deviation, around zero, of vignette parameters that a calibration omits: it would have included larger
-ones."""
-
-_STEEPEST, _ROUGHEST = 1e3, 1e3
-"""Largest accepted coefficients of a response and hyperparameters of its prior: a hundred times those of any fit."""
-
-_USUAL_NOISE = NoiseModel((0.5 / 255) ** 2, 0.0)
-"""Noise assumed if a calibration states none: half an 8-bit grey level, typical of a good camera."""
 
 
 @dataclass(frozen=True)
@@ -214,132 +186,3 @@ def _knows(summary: Summary, part: str) -> bool:
     """Return whether a summary has any information about the response or the vignette."""
     inside = RESPONSE_PART if part == "response" else VIGNETTE_PART
     return bool(np.any(summary.matrix[inside, inside]))
-
-
-def summary_of_calibration(calibration: Calibration, name: str) -> Summary:
-    """Return a calibration as a summary: the information in its covariance minus that of the prior.
-
-    Raises
-    ------
-    NotObservableError
-        If it contains neither response nor vignette.
-    FormatError
-        If it is not from the default method.
-    """
-    if calibration.response is None and calibration.vignette is None:
-        raise NotObservableError(f"{name}: has neither response nor vignette, so there is nothing to start from")
-    try:
-        found = _summary_of(calibration, name)
-        found.check()
-    except (LookupError, TypeError, ValueError, ArithmeticError, FormatError, np.linalg.LinAlgError):
-        raise FormatError(
-            f"{name}: is not a calibration of the default method with a covariance; start from a state.ospc instead"
-        ) from None
-    return found
-
-
-def _summary_of(calibration: Calibration, name: str) -> Summary:
-    matrix, vector = np.zeros((PARAMETERS, PARAMETERS)), np.zeros(PARAMETERS)
-    estimate = np.concatenate([1 + RESPONSE.knots, np.zeros(len(VIGNETTE))])
-    for known, part, information_of in (
-        (calibration.response, RESPONSE_PART, _of_response),
-        (calibration.vignette, VIGNETTE_PART, _of_vignette),
-    ):
-        if known is not None:
-            estimate[part], matrix[part, part], vector[part] = information_of(calibration)
-    range_ms = calibration.source.get("exposure_range_ms") or (1.0, np.e)
-    return Summary(
-        key=recording_key(f"calibration {name}", calibration.source),
-        name=name,
-        size=calibration.size,
-        max_grey=calibration.max_grey,
-        frames=int(calibration.counts.get("frames", 0)),
-        pairs=int(calibration.counts.get("pairs", 0)),
-        points=int(calibration.counts.get("samples", 1)),
-        groups=int(calibration.counts.get("pairs", 1)),
-        estimate=estimate,
-        triangle=triangle_of(matrix),
-        vector=vector,
-        systematic=np.zeros_like(triangle_of(matrix)),
-        exposure_range_ms=(float(range_ms[0]), float(range_ms[1])),
-        reach=1.0 if calibration.vignette is not None else 0.0,
-        standing_still=calibration.vignette is None,
-        support=(0.0, 1.0) if calibration.response is None else calibration.response.support,
-        unexplained=0.0,
-        noise=calibration.noise or _USUAL_NOISE,
-        grey_range=GreyRange(*(float(level) for level in _response_model(calibration).get("grey_range", (0.0, 1.0)))),
-        usable_radius=_usable_radius(calibration.vignette),
-        measured_radius=float(calibration.covariance.get("vignette", {}).get("measured_radius", 1.0)),
-    )
-
-
-def _response_model(calibration: Calibration) -> dict[str, Any]:
-    return calibration.response.model if calibration.response is not None else {}
-
-
-def _usable_radius(vignette: Vignette | None) -> float:
-    """Return the usable radius of the image to which a vignette was fitted."""
-    return min(1.0, vignette.reach / VIGNETTE_REACH) if isinstance(vignette, LogSplineVignette) else 1.0
-
-
-def _of_response(calibration: Calibration) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the estimated response parameters, and A and b of their likelihood."""
-    model = _response_model(calibration)
-    coefficients = np.array(model["coefficients"], dtype=np.float64)
-    covariance = np.array(calibration.covariance["response"]["matrix"], dtype=np.float64)
-    if coefficients.shape != (len(RESPONSE),) or covariance.shape != (len(RESPONSE), len(RESPONSE)):
-        raise ValueError("another number of knots")
-    prior = Prior(RESPONSE.knots, coefficients, VignetteBasis(0), np.empty(0))
-    hyperparameters = replace(START, walk=float(model["prior_walk"]), drift=float(model["prior_drift"]))
-    plausible = all(0 <= sigma <= _ROUGHEST for sigma in (hyperparameters.walk, hyperparameters.drift))
-    if not (plausible and coefficients.min() > 0 and coefficients.max() < _STEEPEST):
-        raise ValueError("not coefficients of a response")
-    information = _positive(np.linalg.inv(covariance).astype(np.float64) - prior.precision(hyperparameters))
-    # The roughness of the prior is selected anew, so its share of the estimate cannot be subtracted from b.
-    return coefficients, information, information @ coefficients
-
-
-def _of_vignette(calibration: Calibration) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the estimated vignette parameters, and A and b of their likelihood."""
-    vignette = calibration.vignette
-    if not isinstance(vignette, LogSplineVignette):
-        raise TypeError("another model of the vignette")
-    covariance = np.array(calibration.covariance["vignette"]["matrix"], dtype=np.float64)
-    given = [*vignette.coefficients]
-    names = calibration.covariance["vignette"]["parameters"]
-    place = [*range(len(given))]
-    if "centre_x" in names:
-        given, place = [*given, *vignette.centre], [*place, VIGNETTE.radial, VIGNETTE.radial + 1]
-    if vignette.non_radial:
-        given, place = [*given, *vignette.non_radial], [*place, *range(VIGNETTE.radial + 2, len(VIGNETTE))]
-    if len(vignette.coefficients) != VIGNETTE.radial or covariance.shape != (len(place), len(place)):
-        raise ValueError("another number of terms")
-    estimate, matrix = np.zeros(len(VIGNETTE)), np.eye(len(VIGNETTE)) / _GIVEN_UP_SIGMA**2
-    estimate[place] = given
-    walk = float(calibration.covariance["vignette"]["prior_walk"])
-    if not 0 <= walk <= _ROUGHEST:
-        raise ValueError("not a vignette of the default method")
-    precision = np.linalg.inv(covariance).astype(np.float64)
-    basis = replace(VIGNETTE, usable_radius=_usable_radius(vignette))
-    of_prior, _ = vignette_precision(basis, walk)
-    of_prior = of_prior[np.ix_(place, place)]
-    # In units of the prior, so that all parameters have the same scale.
-    root = np.linalg.cholesky(of_prior)
-    posterior, directions = np.linalg.eigh(np.linalg.solve(root, np.linalg.solve(root, precision).T))
-    across = root @ directions
-    own = np.maximum(posterior - 1, _LEAST_INFORMATION * posterior.max())
-    matrix[np.ix_(place, place)] = (across * own) @ across.T
-    # The prior is centred on zero: it contributes to the precision, but not to b = A θ of the likelihood.
-    vector = np.zeros(len(VIGNETTE))
-    vector[place] = across @ (
-        np.where(posterior > 1 + _LEAST_OBSERVED, posterior, 0.0) * (across.T @ estimate[place])
-    )
-    return estimate, matrix, vector
-
-
-def _positive(matrix: FloatArray) -> FloatArray:
-    """Return the nearest positive definite matrix, because rounding may leave negative information in a direction."""
-    value, vector = np.linalg.eigh((matrix + matrix.T) / 2)
-    if value.max() <= 0:
-        raise ValueError("no information")
-    return np.asarray((vector * np.maximum(value, _LEAST_INFORMATION * value.max())) @ vector.T)
