@@ -35,6 +35,11 @@ def test_a_folder_is_searched_and_folders_name_cameras(recordings):
     assert {entry.camera for entry in read_manifest(str(recordings), camera="mine")} == {"mine"}
 
 
+def test_a_recording_is_a_batch_of_one(recordings):
+    place = recordings / "left" / "a"
+    assert [entry.recording for entry in read_manifest(str(place))] == [str(place)]
+
+
 def test_videos_are_found_in_their_folders(tmp_path):
     for place in ("a/film.avi", "b/c/d/film.avi", "b/c/d/e/film.avi"):
         (tmp_path / place).parent.mkdir(parents=True, exist_ok=True)

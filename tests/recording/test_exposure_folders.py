@@ -48,6 +48,17 @@ def test_units_may_be_part_of_the_names(folders: Callable[..., Path]) -> None:
     assert not any("assumed to be exposures" in note for note in recording.notes)
 
 
+def test_numbered_folders_with_lists_of_exposures_are_recordings_and_not_named_by_exposure(
+    folders: Callable[..., Path],
+) -> None:
+    place = folders("1/1.png", "2/2.png")
+    for name in "12":
+        (place / name / "times.txt").write_text(f"{name} 0.1 8.0\n")
+    assert open_recording(place / "2").exposures_ms.tolist() == [8]
+    with pytest.raises(RecordingError, match="give one of them: 1, 2$"):
+        open_recording(place)
+
+
 BROKEN = {
     "named by number in both": (["1.0/1.png", "2.0/1.png"], r"2\.0/1\.png: has the time stamp of 1\.0/1\.png"),
     "named otherwise": (["1.0/1.png", "2.0/left.png"], r"2\.0/left\.png: is not named by its time stamp"),

@@ -107,7 +107,8 @@ def read_manifest(
     - a ``.csv`` or ``.parquet`` table with the columns ``recording`` (a path, relative to the table's folder, or an
       object-store address), ``camera`` and ``options`` (such as ``rounds=4 kind=euroc``); the last two are optional,
       and other columns are ignored;
-    - a folder: every recording in it, up to four folders deep; a recording's parent folder names its camera;
+    - a folder: a recording, or every recording in it, up to four folders deep; a recording's parent folder names its
+      camera;
     - a pattern such as ``recordings/*/cam0``, which may be an object-store address; cameras are named as for folders.
 
     ``camera`` overrides the cameras of the manifest. ``left_out`` is called with a reason for each folder below the
@@ -123,7 +124,8 @@ def read_manifest(
     if is_address(manifest):
         entries = [Entry(address, _parent_of(address)) for address in matches(manifest)]
     elif place.is_dir():
-        entries = [_of_path(found) for found in _recordings_in(place, left_out)]
+        found = [place] if is_recording(place) else _recordings_in(place, left_out)
+        entries = [_of_path(each) for each in found]
     elif place.suffix.lower() in (".csv", ".parquet"):
         entries = list(_of_table(place))
     else:

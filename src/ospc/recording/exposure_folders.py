@@ -11,6 +11,7 @@ import re
 from pathlib import Path, PurePosixPath
 
 from ospc.errors import RecordingError
+from ospc.recording.exposure_lists import lists_in
 from ospc.recording.exposure_units import ExposureUnit
 from ospc.recording.frame_table import FrameTable, is_number, make_table
 from ospc.recording.image_sequence import ImageSequence, open_sequence
@@ -45,12 +46,17 @@ class _ExposureFolders:
 
 
 def _folders(path: Path) -> list[tuple[FolderImages, float]]:
-    """Return the folders of images named by exposure, with their exposures in ms."""
+    """Return the folders of images named by exposure, with their exposures in ms.
+
+    A folder with a list of exposures is a recording itself, and its name is only a number.
+    """
     found = []
     for inner in sorted(path.iterdir()) if path.is_dir() else ():
         match = _NAME.fullmatch(inner.name)
         exposure_ms = float(ExposureUnit(match[2] or "ms").to_ms(float(match[1]))) if match else 0.0
-        if exposure_ms > 0 and inner.is_dir() and (images := FolderImages.of(inner)).names:
+        if exposure_ms <= 0 or not inner.is_dir() or lists_in(inner):
+            continue
+        if (images := FolderImages.of(inner)).names:
             found.append((images, exposure_ms))
     return found
 
