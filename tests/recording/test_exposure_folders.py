@@ -55,7 +55,7 @@ def test_numbered_folders_with_lists_of_exposures_are_recordings_and_not_named_b
     for name in "12":
         (place / name / "times.txt").write_text(f"{name} 0.1 8.0\n")
     assert open_recording(place / "2").exposures_ms.tolist() == [8]
-    with pytest.raises(RecordingError, match="give one of them: 1, 2$"):
+    with pytest.raises(RecordingError, match=r"give one of them: 1, 2$"):
         open_recording(place)
 
 
