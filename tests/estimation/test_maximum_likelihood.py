@@ -328,10 +328,11 @@ def test_a_single_pair_of_frames_gives_no_certainty_without_limit():
     assert sigma[1] > 0.001
 
 
-def test_sigmas_cover_bends_too_sharp_for_the_basis():
+@pytest.mark.parametrize("reference", [0.34, 0.5])
+def test_sigmas_cover_bends_too_sharp_for_the_basis(reference):
     truth = RESPONSES["tum_narrow"]()
     fit = fit_of_response("tum_narrow", 3)
-    greys, reference = np.linspace(0.1, 0.85, 200), 0.5
+    greys = np.linspace(0.1, 0.85, 200)
 
     def log_shape(response):
         return np.log(response.inverse(greys) / response.inverse(reference))
@@ -339,6 +340,15 @@ def test_sigmas_cover_bends_too_sharp_for_the_basis():
     error = np.abs(log_shape(fit.response(255)) - log_shape(truth)) / fit.log_response_sigma(greys, reference)
     assert np.mean(error < 2) > 0.8
     assert error.max() < 6
+
+
+def test_the_uncertainty_is_not_relative_to_a_level_at_a_sharp_bend():
+    fit, bend = fit_of_response("tum_narrow", 3), 0.34
+    at_bend, elsewhere = fit.response(255, (0.03, 2 * bend - 0.03)), fit.response(255, (0.03, 0.97))
+    assert 0.03 < abs(at_bend.reference_grey - bend) < 0.2
+    assert elsewhere.reference_grey == 0.5
+    assert np.interp(at_bend.reference_grey, at_bend.levels, at_bend.log_sigma) < 1e-6
+    assert np.median(at_bend.log_sigma[20:60]) < 0.3 * at_bend.log_sigma[round(255 * bend)]
 
 
 def test_sigmas_cover_noise_that_was_amplified_after_the_response():

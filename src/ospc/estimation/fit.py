@@ -23,6 +23,7 @@ from ospc.photometry.vignette import LogSplineVignette
 from ospc.settings.estimation import (
     CONFIDENCE,
     ERROR_DRAWS,
+    MAX_REFERENCE_UNRESOLVED,
     MAX_RESPONSE_LEVELS,
     MIN_RESPONSE_STEP,
     PROFILE_POINTS,
@@ -167,7 +168,8 @@ class Fit(Model):
         # A response must increase below black and above white, too.
         table, least = np.where(grey > 0, table, 0.0), np.arange(levels) * MIN_RESPONSE_STEP
         table = np.maximum(table, least) if grey_range.is_full else table + least
-        reference, highest = (float(grey_range.level(level)) for level in (sum(support) / 2, support[1]))
+        reference_grey = self._reference_grey(np.linspace(0, 1, levels), support, grey_range)
+        reference, highest = (float(grey_range.level(level)) for level in (reference_grey, support[1]))
         model = {
             "name": "local gamma",
             "functions": self.response_basis.functions,
@@ -184,7 +186,16 @@ class Fit(Model):
             scale_sigma=float(np.hypot(self.log_response_step_sigma(1.0, reference), _unseen_sigma(1.0, highest))),
             support=support,
             model=model,
+            reference_grey=reference_grey,
         )
+
+    def _reference_grey(self, levels: FloatArray, support: tuple[float, float], grey_range: GreyRange) -> float:
+        """Return the middle of the measured range, or the nearest of the levels in it that is not at a sharp bend."""
+        middle = sum(support) / 2
+        possible = np.append(middle, levels[(levels >= support[0]) & (levels <= support[1])])
+        unresolved = self.response_basis.unresolved(self.response_parameters, grey_range.level(possible))
+        known = possible[unresolved <= max(MAX_REFERENCE_UNRESOLVED, unresolved.min())]
+        return float(known[np.argmin(np.abs(known - middle))])
 
     def vignette(self, size: ImageSize, usable_radius: float = 1.0) -> LogSplineVignette:
         """Return the vignette for an image size; beyond the usable radius it is constant."""
@@ -193,13 +204,16 @@ class Fit(Model):
     def log_response_sigma(self, grey: FloatArray, reference: float) -> FloatArray:
         """Return the standard deviation of ln g(M)/g(reference) at grey levels M, shape (n,) -> (n,).
 
-        It includes the error from the limited resolution of the basis.
+        It includes the errors at both levels from the limited resolution of the basis. Within one interval between
+        knots, these are partly the same.
         """
         n = len(self.response_basis)
         rows = self.response_basis.log_rows(grey) - self.response_basis.log_rows(np.array([reference]))
         variance = np.einsum("ij,jk,ik->i", rows, self.covariance[:n, :n], rows)
-        unresolved = self.response_basis.unresolved(self.response_parameters, np.asarray(grey))
-        return np.asarray(np.sqrt(variance + unresolved**2))
+        both = np.append(grey, reference)
+        squared = self.response_basis.unresolved(self.response_parameters, both) ** 2
+        apart = np.minimum(np.abs(both[:-1] - reference) * self.response_basis.intervals, 1.0)
+        return np.asarray(np.sqrt(variance + apart * (squared[:-1] + squared[-1])))
 
     def log_response_step_sigma(self, low: float, high: float) -> float:
         """Return the standard deviation of ln g(high)/g(low)."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -30,8 +31,8 @@ class Response(ByValue):
     "CRF". Both map [0, 1] to [0, 1].
 
     The scale of g is not observable: g(1) = 1 is a convention, and few recordings have data close to white. Therefore
-    two uncertainties are distinguished: that of the shape, relative to a grey level in the middle of the measured
-    range, and that of the scale of the entire curve under this convention.
+    two uncertainties are distinguished: that of the shape, relative to a well-known grey level near the middle of the
+    measured range, and that of the scale of the entire curve under this convention.
 
     Attributes
     ----------
@@ -45,6 +46,8 @@ class Response(ByValue):
         Lowest and highest measured grey level in [0, 1]. Outside, the curve follows the prior.
     model
         Name and parameters of the model behind the table, as JSON-compatible values.
+    reference_grey
+        Grey level in [0, 1] that the uncertainty is relative to; by default the middle of the measured range.
     """
 
     inverse_table: FloatArray = field(repr=False)
@@ -52,6 +55,7 @@ class Response(ByValue):
     scale_sigma: float | None = None
     support: tuple[float, float] = (0.0, 1.0)
     model: dict[str, Any] = field(default_factory=dict, repr=False)
+    reference_grey: float = math.nan
 
     def __post_init__(self) -> None:
         """Check and freeze the table."""
@@ -70,6 +74,8 @@ class Response(ByValue):
                 "an inverse response must begin at 0 and end at 1; use Response.from_values to normalise it"
             )
         object.__setattr__(self, "inverse_table", table)
+        if math.isnan(self.reference_grey):
+            object.__setattr__(self, "reference_grey", sum(self.support) / 2)
         if self.log_sigma is not None:
             sigma = _read_only(self.log_sigma)
             if sigma.shape != table.shape:
@@ -97,11 +103,6 @@ class Response(ByValue):
     def gamma(cls, exponent: float, levels: int = 256) -> Response:
         """Return the response with g(M) = M**exponent."""
         return cls(np.linspace(0, 1, levels) ** exponent, model={"name": "gamma", "exponent": exponent})
-
-    @property
-    def reference_grey(self) -> float:
-        """Grey level in [0, 1] that the uncertainty is relative to: the middle of the measured range."""
-        return sum(self.support) / 2
 
     @property
     def inverse_sigma(self) -> FloatArray | None:

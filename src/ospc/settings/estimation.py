@@ -325,6 +325,10 @@ UNRESOLVED_JUMP = 1 / 12
 a straight line, and of ln V for a jump of its slope in R². The error is 1/8 for a jump in the middle, and less
 elsewhere."""
 
+MAX_REFERENCE_UNRESOLVED = 0.002
+"""Largest such error of ln g at the grey level that the uncertainty of the response is relative to. It is 0.0003 at
+most in the middle of smooth responses, and 0.01 to 0.03 at a kink, where it would be part of every difference."""
+
 UNSEEN_CHANGE = 0.5
 """Standard deviation of the rate at which the slope of ln V changes beyond the last observations, relative to the
 rate before them. Six sets of observations from simulated recordings were given fourteen vignettes and cut off at
