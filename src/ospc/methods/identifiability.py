@@ -96,7 +96,7 @@ def response_verdict_of_fit(
     low, high = exposure_range_ms
     # If all exposures were raised to a power, so would g and V be, and no image would differ.
     figure = (
-        f"ratios of irradiance are known to within {100 * error:.2g}% (95% confidence) "
+        f"typical ratios of irradiance are known to within {100 * error:.2g}% (95% confidence) "
         f"from exposures of {low:.4g} to {high:.4g} ms, assumed proportional to the light"
     )
     missing = f"{min(unexplained, 1):.0%} of a typical change of exposure does not show in the images"
