@@ -12,8 +12,8 @@ if TYPE_CHECKING:
     from ospc.calibrator import OnlineCalibrator as OnlineCalibrator
     from ospc.calibrator import calibrate as calibrate
     from ospc.errors import OspcError as OspcError
-    from ospc.estimation.fitting import fit as fit
     from ospc.live import LiveCalibrator as LiveCalibrator
+    from ospc.methods.fitting import fit as fit
     from ospc.observations import Observations as Observations
     from ospc.photometry.calibration import Calibration as Calibration
     from ospc.photometry.response import Response as Response
@@ -28,7 +28,7 @@ __version__ = "0.1.0"
 _HOME = {
     "ospc.calibrator": ("OnlineCalibrator", "calibrate"),
     "ospc.errors": ("OspcError",),
-    "ospc.estimation.fitting": ("fit",),
+    "ospc.methods.fitting": ("fit",),
     "ospc.live": ("LiveCalibrator",),
     "ospc.observations": ("Observations",),
     "ospc.photometry.calibration": ("Calibration",),

@@ -8,15 +8,18 @@ import numpy as np
 import numpy.typing as npt
 
 from ospc.arrays import FloatArray, IntArray
-from ospc.errors import NotObservableError, SettingError, counted
+from ospc.errors import ExposureError, NotObservableError, SettingError, counted
 from ospc.estimation.fit import Fit
 from ospc.estimation.model_choice import fit_with_chosen_effects
 from ospc.estimation.response_basis import ResponseBasis
 from ospc.estimation.vignette_basis import VignetteBasis
+from ospc.methods.identifiability import unexplained_share
+from ospc.methods.summary import exposure_ratios
 from ospc.observations import ExposedObservations, Observations
 from ospc.photometry.noise import NoiseModel
 from ospc.settings import DefaultSettings
 from ospc.settings.estimation import MIN_USABLE_RADIUS
+from ospc.settings.methods import CONTRADICTING_UNEXPLAINED_SHARE
 
 
 def fit(
@@ -55,6 +58,8 @@ def fit(
         If shapes do not match, values are out of range, or a frame has no exposure.
     NotObservableError
         If there are too few scene points, their exposures hardly change, or they hardly move radially.
+    ExposureError
+        If the grey levels do not follow the exposures, as with inverse exposures or those of other frames.
 
     Examples
     --------
@@ -73,7 +78,14 @@ def fit(
         reach = float(np.clip(np.linalg.norm(exposed.position, axis=1).max(), MIN_USABLE_RADIUS, 1.0))
         widest = VignetteBasis(known.radial_terms, free_centre=True, non_radial=True, usable_radius=reach)
     response = ResponseBasis(intervals, known.response_functions)
-    return fit_with_chosen_effects(exposed, response, widest, noise, known.rounds)
+    found = fit_with_chosen_effects(exposed, response, widest, noise, known.rounds)
+    unexplained = unexplained_share(exposure_ratios(found, exposed))
+    if unexplained > CONTRADICTING_UNEXPLAINED_SHARE:
+        raise ExposureError(
+            f"{min(unexplained, 1):.0%} of a typical change of exposure does not show in the grey levels; give one "
+            "exposure time in ms per frame, by frame number, and not its inverse"
+        )
+    return found
 
 
 def _log_exposure(exposures_ms: npt.ArrayLike, observations: Observations) -> FloatArray:

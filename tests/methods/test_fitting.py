@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import ospc
-from ospc.errors import NotObservableError, SettingError
+from ospc.errors import ExposureError, NotObservableError, SettingError
 from ospc.estimation.response_basis import FUNCTIONS, ResponseBasis
 from ospc.evaluation.metrics import response_shape_rmse, vignette_rmse
 from ospc.photometry.noise import NoiseModel
@@ -45,6 +45,22 @@ def test_response_and_vignette_are_found():
     assert response_shape_rmse(found.response(), GAMMA) < 0.006
     assert vignette_rmse(found.vignette(SIZE), POLYNOMIAL) < 0.006
     assert found.vignette_sigma_at_corner < 0.05
+
+
+def inverse(exposures_ms):
+    return 1000 / exposures_ms
+
+
+def of_other_frames(exposures_ms):
+    return np.random.default_rng(0).permutation(exposures_ms)
+
+
+@pytest.mark.parametrize("wrong", [inverse, of_other_frames])
+@pytest.mark.parametrize("vignette", [True, False])
+def test_wrong_exposures_are_refused(wrong, vignette):
+    exposed, exposures_ms = made(Camera(GAMMA))
+    with pytest.raises(ExposureError, match="of a typical change of exposure does not show in the grey levels"):
+        ospc.fit(as_pairs(exposed), wrong(exposures_ms), noise=NOISE, vignette=vignette)
 
 
 def test_pairs_keep_every_value():
@@ -109,7 +125,8 @@ def test_a_few_points_at_different_exposures_do_not_determine_a_response():
     changing = int(np.count_nonzero(np.diff(exposures_ms[exposed.frame].reshape(-1, 2))))
     with pytest.raises(NotObservableError, match="different exposures"):
         ospc.fit(exposed, exposures_ms, noise=NOISE, settings=DefaultSettings(min_points=changing + 1))
-    ospc.fit(exposed, exposures_ms, noise=NOISE, settings=DefaultSettings(min_points=changing))
+    with pytest.raises(ExposureError, match="does not show"):  # enough points, but the other exposures are wrong
+        ospc.fit(exposed, exposures_ms, noise=NOISE, settings=DefaultSettings(min_points=changing))
 
 
 @pytest.mark.parametrize(
