@@ -94,7 +94,7 @@ def test_unsteady_light_is_accounted_for_and_its_remedy_asks_for_no_wider_exposu
     assert "different exposures" not in remedy
     light = EffectEstimate("unsteady light", 0.02, 0.001, corrected=True)
     (note,) = notes_of(replace(FIT, effect_estimates=(light,)))
-    assert note.endswith("by 2.0% between pairs; this was accounted for")
+    assert note.endswith("by 2% between pairs; this was accounted for")
 
 
 @pytest.mark.parametrize(
@@ -138,16 +138,16 @@ def test_a_fit_to_exposures_that_the_images_contradict_states_no_effects():
 
 
 @pytest.mark.parametrize(
-    ("name", "causes"),
+    ("name", "causes", "unit"),
     [
-        ("unsteady response", ("sun or lamps in or near the view", "haze", "fog")),
-        ("unsteady vignette", ("glossy", "a lamp on the camera")),
-        ("black level by exposure", ("or the light changed",)),
-        ("uneven vignette", ("wipers", "reflections in a window")),
+        ("unsteady response", ("sun or lamps in or near the view", "haze", "fog"), "in the exponent"),
+        ("unsteady vignette", ("glossy", "a lamp on the camera"), "in ln V per half diagonal"),
+        ("black level by exposure", ("or the light changed",), "of the scale per factor e"),
+        ("uneven vignette", ("wipers", "reflections in a window"), "in ln V"),
     ],
 )
-def test_a_contradiction_names_its_causes(name, causes):
+def test_a_contradiction_names_its_causes_and_size(name, causes, unit):
     fit = replace(FIT, effect_estimates=(EffectEstimate(name, 0.1, 0.01, contradicts=True),))
     (warning,) = summarise(replace(INPUTS, fit=fit), DefaultSettings()).warnings
     assert all(cause in warning for cause in causes)
-    assert warning.endswith(": 0.1 ± 0.01")
+    assert warning.endswith(f", by 0.1 ± 0.01 {unit}")

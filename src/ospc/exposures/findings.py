@@ -90,7 +90,9 @@ class ExposureFindings:
         """Return a verdict on response or vignette, lowered to marginal if the exposures are unreliable."""
         if not self.warnings or not verdict.known:
             return verdict
-        return Verdict("marginal", f"{verdict.reason}, but {'; '.join(self.warnings)}", self.verdict.remedy)
+        conjunction = "and" if ", but " in verdict.reason else "but"
+        reason = f"{verdict.reason}, {conjunction} {'; '.join(self.warnings)}"
+        return Verdict("marginal", reason, self.verdict.remedy)
 
     def refuted_by(self, effects: Iterable[EffectEstimate]) -> bool:
         """Return whether a fit to the corrected exposures shows that they were right as recorded."""

@@ -16,63 +16,82 @@ _VIGNETTE_STAYS = (
 _CONTRADICTIONS = {
     "local tone mapping": (
         "grey levels depend on the brightness around them, as with local tone mapping or flickering light",
+        "in the exponent",
         _SAME_FOR_ALL_PLACES,
     ),
     "curved exposures": (
         "the brightness of the images is not proportional to the exposures over their whole range",
+        "in ln per squared ln of the exposure",
         "check the unit of the exposures: they must be times, not logarithms or steps, multiplied by the linear "
         "gain; switch off digital gain and HDR",
     ),
     "drifting response": (
         "the response changes during the recording",
+        "in the exponent",
         "fix the picture profile, contrast and gamma of the camera",
     ),
     "drifting black level": (
         "the black level changes during the recording",
+        "of the scale",
         "let the camera warm up, and switch off automatic contrast",
     ),
     "black level by exposure": (
         "the black level differs between long and short exposures, or the light changed",
+        "of the scale per factor e",
         "fix the gain of the camera, let it control the exposure time alone, and film in steady light without sun or "
         "lamps in or near the view",
     ),
     UNSTEADY_VIGNETTE: (
         "the vignette has a different position in each frame, as with stabilisation, glossy surfaces or a lamp on "
         "the camera",
+        "in ln V per half diagonal",
         "switch off electronic stabilisation and cropping of the camera, and avoid glossy floors and walls, and "
         "lamps that move with the camera",
     ),
     UNSTEADY_RESPONSE: (
         "the response differs from frame to frame (automatic contrast, sun or lamps in or near the view, haze, fog), "
         "or the frames show too little texture to be registered",
+        "in the exponent",
         "switch off automatic contrast and scene modes of the camera, keep sun and lamps out of the view, and film "
         "scenes with texture in clear air",
     ),
     UNSTEADY_RADIANCE: (
-        "the same points differ in brightness between frames by more than noise and exposure explain, in ln",
+        "the same points differ in brightness between frames by more than noise and exposure explain",
+        "in ln",
         _SAME_FOR_ALL_PLACES,
     ),
     UNEVEN: (
         "a region of the image is darker or brighter than a smooth vignette predicts (dirt, wipers, reflections in a "
-        "window, parts of the sensor with another gain), in ln V",
+        "window, parts of the sensor with another gain)",
+        "in ln V",
         "clean lens and sensor, avoid wipers and reflections of the dashboard or in a window, and switch off shading "
         "correction",
     ),
     "drifting vignette": (
         "the vignette changes during the recording",
+        "in ln V at the corners",
         "fix zoom, focus and aperture, and switch off shading correction",
     ),
-    "vignette moving sideways": ("the vignette moves sideways during the recording", _VIGNETTE_STAYS),
-    "vignette moving vertically": ("the vignette moves vertically during the recording", _VIGNETTE_STAYS),
+    "vignette moving sideways": (
+        "the vignette moves sideways during the recording",
+        "in ln V per half diagonal",
+        _VIGNETTE_STAYS,
+    ),
+    "vignette moving vertically": (
+        "the vignette moves vertically during the recording",
+        "in ln V per half diagonal",
+        _VIGNETTE_STAYS,
+    ),
 }
-"""The description and the remedy of each contradiction."""
+"""The description of each contradiction, the unit of its size, and its remedy."""
 
 
 def contradictions_of(fit: Fit) -> Contradictions:
     """Return what contradicts the model of one response and one vignette."""
     found = [estimate for estimate in fit.effect_estimates if estimate.contradicts]
     found.sort(key=lambda estimate: -abs(estimate.value) / estimate.sigma)
-    return tuple(
-        (f"{_CONTRADICTIONS[one.name][0]}: {one.value:.2g} ± {one.sigma:.1g}", _CONTRADICTIONS[one.name][1])
-        for one in found
-    )
+    contradictions = []
+    for one in found:
+        what, unit, remedy = _CONTRADICTIONS[one.name]
+        contradictions.append((f"{what}, by {one.value:.2g} ± {one.sigma:.1g} {unit}", remedy))
+    return tuple(contradictions)

@@ -47,7 +47,7 @@ def _corrected(found: EffectEstimate, effects: Effects) -> str:
         return f"exposures are {lag} frames {when}; this was corrected"
     if found.name == UNSTEADY_LIGHT:
         return (
-            f"frames are brighter or darker than their exposures predict, by {found.value:.1%} between pairs; "
+            f"frames are brighter or darker than their exposures predict, by {100 * found.value:.2g}% between pairs; "
             "this was accounted for"
         )
     offset = f"{abs(found.value) * typical_ms:.3g} ± {found.sigma * typical_ms:.1g} ms"
