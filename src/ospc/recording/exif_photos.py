@@ -102,7 +102,7 @@ def _notes(path: Path, photos: tuple[str, ...], shots: list[Shot]) -> list[str]:
         if names:
             notes.append(f"{path}: EXIF states no {what}; it is assumed to be the same in all photographs")
     if len(set(values["f-number"])) > 1:
-        notes.append(f"{path}: the f-number changes, which also changes the vignette; keep it fixed")
+        notes.append(f"{path}: the f-number changes, and with it the vignette; use photographs of one f-number")
     models = sorted({shot.model for shot in shots})
     if len(models) > 1:
         raise RecordingError(f"{path}: photographs of several cameras ({listed(models)}); keep those of one")
