@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -14,6 +15,8 @@ from ospc import calibrate
 from ospc.errors import ExposureError, FrameError, OspcError, RecordingError
 from ospc.recording import Recording, open_recording
 from ospc.recording.exposure_lists import parse_columns, parse_image_list, read_list
+from ospc.recording.exposure_units import GainUnit
+from ospc.recording.options import ReadingOptions
 from ospc.simulation import SimulationSettings, simulate
 
 Open = Callable[..., Recording]
@@ -135,6 +138,48 @@ def test_exposures_are_multiplied_by_gain(opened: Open, column: str, value: str,
     assert any("multiplied by the gain" in note for note in recording.notes)
 
 
+@pytest.mark.parametrize(
+    ("unit", "factor", "said"), [(GainUnit.DB, 10, ["'Gain' (dB)"]), (GainUnit.LINEAR, 20, ["'Gain' (linear)"])]
+)
+def test_a_stated_unit_of_gains_is_in_the_note(unit: GainUnit, factor: float, said: list[str]) -> None:
+    table = parse_columns("file,exposure_ms,Gain\na,1,20\n", "e.csv", ReadingOptions(gain_unit=unit))
+    assert table.exposures_ms == pytest.approx([factor])
+    assert [note.partition("gain in ")[2] for note in table.notes] == said
+
+
+def test_ignored_gains_may_be_zero_and_are_not_in_the_notes() -> None:
+    table = parse_columns("file,exposure_ms,gain\na,1,0\n", "e.csv", ReadingOptions(gain_unit=GainUnit.NONE))
+    assert table.exposures_ms == pytest.approx([1])
+    assert not table.notes
+
+
+@pytest.mark.parametrize(("unit_s", "name"), [(1e-9, "nanoseconds"), (1e-6, "microseconds")])
+@pytest.mark.parametrize("fps", [1, 30, 200])
+def test_stamps_of_a_clock_that_begins_at_zero_are_read_by_their_frame_rate(
+    unit_s: float, name: str, fps: int
+) -> None:
+    rows = "".join(f"{i},{i / fps / unit_s:.0f},900\n" for i in range(4))
+    table = parse_columns("id,timestamp,exposure\n" + rows, "e.csv")
+    np.testing.assert_allclose(table.stamps_s, np.arange(4) / fps, atol=1e-5)
+    assert table.exposures_ms == pytest.approx(900 if fps == 1 else 0.9)
+    assert f"e.csv: time stamps are assumed to be in {name}, inferred from the frame rate, {fps} per second" in (
+        table.notes
+    )
+
+
+@pytest.mark.parametrize(("column", "step"), [("timestamp", 30), ("timestamp", 900), ("time_s", 5e7)])
+def test_slow_and_stated_seconds_are_kept(column: str, step: float) -> None:
+    table = parse_columns(f"id,{column},exposure_ms\n0,0,1\n1,{step:.0f},2\n", "e.csv")
+    assert table.stamps_s.tolist() == [0, step]
+
+
+@pytest.mark.parametrize("column", ["frame", "frame_number", "Frame Index", "image_number"])
+def test_numbers_of_frames_find_their_images(opened: Open, column: str) -> None:
+    text = f"{column},exposure_ms\n2,4\n0,1\n1,2\n"
+    recording = opened({"exposures.csv": text}, ("000.png", "001.png", "002.png"))
+    assert [frame.name for frame in recording] == ["002.png", "000.png", "001.png"]
+
+
 def test_two_gains_multiply(opened: Open) -> None:
     text = "file,exposure_us,analogue_gain,digital_gain\na,1000,2,1.5\nb,1000,1,1\nc,1000,4,1\n"
     assert opened({"exposures.csv": text}).exposures_ms == pytest.approx([3, 1, 4])
@@ -185,7 +230,11 @@ BROKEN: dict[str, tuple[dict[str, str], type[Exception], tuple[str, ...]]] = {
         ("line 2", "the gain", "'auto'"),
     ),
     "zero": ({"e.csv": "file,exposure_ms\na,1\nb,0\nc,1\n"}, ExposureError, ("e.csv, line 3", "positive")),
-    "zero gain": ({"e.csv": "file,exposure_ms,gain\na,1,0\n"}, ExposureError, ("e.csv, line 2", "positive")),
+    "zero gain": (
+        {"e.csv": "file,exposure_ms,Gain\na,1,0\nb,1,0\n"},
+        ExposureError,
+        ("e.csv, lines 2, 3: the gain in column 'Gain' is 0", "--gain-unit db"),
+    ),
     "absurd gain": ({"e.csv": "file,exposure_ms,gain_db\na,1,1e9\n"}, ExposureError, ("e.csv, line 2", "positive")),
     "image unnamed": (
         {"e.csv": "file,exposure_ms\n,1\n"},

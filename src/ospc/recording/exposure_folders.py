@@ -10,9 +10,11 @@ import math
 import re
 from pathlib import Path, PurePosixPath
 
+import numpy as np
+
 from ospc.errors import RecordingError
 from ospc.recording.exposure_lists import lists_in
-from ospc.recording.exposure_units import ExposureUnit
+from ospc.recording.exposure_units import ExposureUnit, in_seconds
 from ospc.recording.frame_table import FrameTable, is_number, make_table
 from ospc.recording.image_sequence import ImageSequence, open_sequence
 from ospc.recording.image_source import FolderImages
@@ -75,7 +77,8 @@ def _table(path: Path, exposures_ms: dict[str, float]) -> FrameTable:
             )
     stamps = sorted(named)
     order = [named[stamp] for stamp in stamps]
-    return make_table(str(path), order, stamps, [exposures_ms[name] for name in order])
+    stamps_s, notes = in_seconds(np.array(stamps), str(path))
+    return make_table(str(path), order, stamps_s, [exposures_ms[name] for name in order], notes)
 
 
 KIND = _ExposureFolders()

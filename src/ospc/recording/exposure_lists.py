@@ -12,18 +12,23 @@ from pathlib import Path, PurePosixPath
 import numpy as np
 
 from ospc.arrays import FloatArray
-from ospc.errors import ExposureError, RecordingError, SettingError, counted, listed
-from ospc.recording.exposure_units import Columns, ExposureUnit, GainUnit, infer_unit, name_columns
-from ospc.recording.frame_table import FrameTable, is_number, lines_of, make_table, parse_number, read_text
+from ospc.errors import ExposureError, RecordingError, SettingError, counted, listed, quoted
+from ospc.recording.exposure_units import Columns, ExposureUnit, GainUnit, in_seconds, infer_unit, name_columns
+from ospc.recording.frame_table import (
+    FrameTable,
+    at_lines,
+    is_number,
+    lines_of,
+    make_table,
+    parse_number,
+    read_text,
+)
 from ospc.recording.options import DEFAULT, ReadingOptions
 
 _IMAGE_LIST = "image_list.txt"
 _NAMES = ("times.txt", "exposures.txt", "exposures.csv", _IMAGE_LIST)
 _MAX_CSV_FILES = 32
 """Maximum number of CSV files in a folder that are searched for exposures."""
-
-_LARGEST_STAMP_S = 1e11
-"""Larger time stamps are not in seconds, so the frame rate cannot be computed from them."""
 
 _LONG_EXPOSURE = 1.5
 """Ratio of exposure to frame interval above which the unit of ``times.txt`` is doubtful; it allows for jitter."""
@@ -228,30 +233,53 @@ def _table(columns: Columns, rows: _Rows, source: str, options: ReadingOptions) 
                 f"{source}, line {line}: has {counted(len(fields), 'column')}, but the others have "
                 f"{columns.count}; correct it"
             )
-
-    def numbers(column: int, what: str) -> FloatArray:
-        found = [parse_number(fields[column], what, f"{source}, line {line}") for line, fields in rows]
-        return np.array(found, dtype=np.float64)
-
-    values = numbers(columns.exposure, "the exposure")
-    stamps_s = np.arange(len(rows), dtype=np.float64)
-    if columns.stamp is not None:
-        stamps_s = numbers(columns.stamp, "the time stamp") * columns.to_s
-    factors = np.ones(len(rows))
+    values = _numbers(rows, columns.exposure, "the exposure", source)
+    stamps_s, stamp_notes = np.arange(len(rows), dtype=np.float64), list[str]()
     with np.errstate(over="ignore", invalid="ignore"):
+        if columns.stamp is not None:
+            stamps = _numbers(rows, columns.stamp, "the time stamp", source)
+            stated = columns.stamp_unit or ExposureUnit.S
+            in_s = stamps if stated is ExposureUnit.S else 1e-3 * stated.to_ms(stamps)
+            stamps_s, stamp_notes = in_seconds(in_s, source, stated=columns.stamp_unit is not None)
+        factors, gain_notes = _gain_factors(columns, rows, source, options.gain_unit)
         unit, unit_notes = _unit(columns, values, stamps_s, source, options)
-        for column, name, gain_unit in columns.gains:
-            factors = factors * (options.gain_unit or gain_unit).linear(numbers(column, f"the {name}"))
         exposures_ms = unit.to_ms(values) * factors
+    notes = [f"{source}: {note}" for note in (*columns.notes, *gain_notes, *unit_notes)]
     return make_table(
         source,
         _image_names(columns, rows, source),
         stamps_s,
         exposures_ms,
-        [f"{source}: {note}" for note in (*columns.notes, *unit_notes)],
+        [*notes, *stamp_notes],
         lines=[line for line, _ in rows],
         stamped=columns.stamp is not None,
     )
+
+
+def _numbers(rows: _Rows, column: int, what: str, source: str) -> FloatArray:
+    found = [parse_number(fields[column], what, f"{source}, line {line}") for line, fields in rows]
+    return np.array(found, dtype=np.float64)
+
+
+def _gain_factors(
+    columns: Columns, rows: _Rows, source: str, stated: GainUnit | None
+) -> tuple[FloatArray, list[str]]:
+    """Return the product of all gains of each row, and a note about them."""
+    factors, said = np.ones(len(rows)), []
+    for column, name, named_unit in columns.gains:
+        unit, gains = stated or named_unit, _numbers(rows, column, f"the {name}", source)
+        linear = unit.linear(gains)
+        if unit is not GainUnit.DB and (bad := np.flatnonzero(linear <= 0)).size:
+            raise ExposureError(
+                f"{at_lines(source, [rows[i][0] for i in bad])}: the gain in column {quoted(name)} is "
+                f"{gains[bad[0]]:g}, but it is a factor and must be positive; add --gain-unit db if it is in "
+                f"decibels, or --gain-unit none to ignore it"
+            )
+        factors = factors * linear
+        said.append(f"{quoted(name)} ({unit.label})")
+    if stated is GainUnit.NONE:
+        said = []
+    return factors, [f"exposures are multiplied by the gain in {', '.join(said)}"] if said else []
 
 
 def _image_names(columns: Columns, rows: _Rows, source: str) -> list[str]:
@@ -274,7 +302,7 @@ def _unit(
     if columns.unit is not None:
         return columns.unit, []
     steps = np.diff(stamps_s) if columns.stamp is not None else np.empty(0)
-    usable = len(steps) > 0 and np.all(np.isfinite(steps)) and abs(stamps_s[0]) < _LARGEST_STAMP_S
+    usable = len(steps) > 0 and np.all(np.isfinite(steps))
     interval_ms = 1e3 * float(np.median(steps)) if usable else None
     try:
         unit = infer_unit(values, interval_ms if interval_ms and interval_ms > 0 else None, source)

@@ -1,4 +1,4 @@
-"""Units of exposures and gains, read from the header of a list or inferred from the numbers.
+"""Units of exposures, gains and time stamps, read from the header of a list or inferred from the numbers.
 
 V4L2 counts ``exposure_time_absolute`` in units of 100 µs; DirectShow uses log2 of seconds; GenICam, libcamera and
 RealSense use microseconds. Gains in decibels are amplitudes, so 20 dB is a factor of ten; ISO 100 is a gain of one.
@@ -56,6 +56,11 @@ class GainUnit(Enum):
     ISO = "iso"
     NONE = "none"
 
+    @property
+    def label(self) -> str:
+        """Name of the unit in messages."""
+        return {GainUnit.DB: "dB", GainUnit.ISO: "ISO"}.get(self, self.value)
+
     def linear(self, gains: npt.ArrayLike) -> FloatArray:
         """Return gains as linear factors; ones for ``none``, which ignores gains."""
         values = np.asarray(gains, dtype=np.float64)
@@ -110,6 +115,34 @@ def infer_unit(exposures: npt.ArrayLike, interval_ms: float | None, source: str)
     )
 
 
+_STAMP_UNITS = ((1e17, 1e-9, "nanoseconds"), (1e14, 1e-6, "microseconds"), (1e11, 1e-3, "milliseconds"))
+"""Smallest value since 1970, scale and name of units of time stamps: 1e11 s would be the year 5138."""
+
+_LONGEST_STEP_S = 1000.0
+"""Median time between frames above which time stamps of a clock that begins at 0 are hardly in seconds."""
+
+_PLAUSIBLE_STEPS_S = (0.0025, 2.0)
+"""Median time between frames, from 400 to 0.5 per second, that confirms a finer unit; only one unit can fit."""
+
+
+def in_seconds(stamps: FloatArray, source: str, *, stated: bool = False) -> tuple[FloatArray, list[str]]:
+    """Return time stamps in seconds, converted if they are too large for seconds, and a note about their unit.
+
+    If seconds are ``stated``, only stamps since 1970 are converted, and not those of a clock that begins at 0, whose
+    unit is inferred from the time between frames.
+    """
+    said = f"{source}: time stamps are assumed to be in"
+    for least, scale, unit in _STAMP_UNITS:
+        if stamps.size and stamps[0] >= least:
+            return stamps * scale, [f"{said} {unit}, inferred from their size"]
+    step = 0.0 if stated or len(stamps) < 2 else float(np.median(np.diff(stamps)))
+    for _, scale, unit in _STAMP_UNITS if step > _LONGEST_STEP_S else ():
+        if _PLAUSIBLE_STEPS_S[0] <= step * scale <= _PLAUSIBLE_STEPS_S[1]:
+            rate = f"{1 / (step * scale):.4g} per second"
+            return stamps * scale, [f"{said} {unit}, inferred from the frame rate, {rate}"]
+    return stamps, []
+
+
 _UNITS = {unit.value: unit for unit in ExposureUnit} | {
     **dict.fromkeys(("sec", "second"), ExposureUnit.S),
     **dict.fromkeys(("msec", "millisecond"), ExposureUnit.MS),
@@ -122,7 +155,12 @@ _UNITS = {unit.value: unit for unit in ExposureUnit} | {
 # Words for each meaning; columns that match an earlier group take precedence over later groups.
 _EXPOSURE_WORDS = (("exposure", "exposuretime"), ("shutter", "shuttertime", "exptime", "integrationtime"))
 _STAMP_WORDS = (("timestamp", "stamp"), ("time",))
-_IMAGE_WORDS = (("file", "filename"), ("image", "imagename", "imagefile", "path", "name"), ("id", "frameid"))
+_IMAGE_WORDS = (
+    ("file", "filename"),
+    ("image", "imagename", "imagefile", "path", "name"),
+    ("id", "frameid", "imageid"),
+    ("frame", "framenumber", "frameindex", "imagenumber", "imageindex"),
+)
 _GAIN_WORDS = ("gain", "analoggain", "analoguegain", "digitalgain", "iso")
 
 
@@ -131,7 +169,7 @@ class Columns:
     """The number of columns, and the index of the column with each meaning, or None.
 
     ``gains`` has index, header and unit of the columns by which the exposure is multiplied. ``unit`` is the unit of
-    the exposure, None if the header does not state it. ``to_s`` converts time stamps to seconds. ``notes`` state
+    the exposure and ``stamp_unit`` that of the time stamps, None if the header does not state it. ``notes`` state
     assumptions, and ``named`` whether there is a header.
     """
 
@@ -141,7 +179,7 @@ class Columns:
     exposure: int | None = None
     gains: tuple[tuple[int, str, GainUnit], ...] = ()
     unit: ExposureUnit | None = None
-    to_s: float = 1.0
+    stamp_unit: ExposureUnit | None = None
     notes: tuple[str, ...] = ()
     named: bool = True
 
@@ -163,10 +201,7 @@ def name_columns(header: Sequence[str], place: str) -> Columns:
     image = _only(header, parsed, _IMAGE_WORDS, place)
     gains = tuple((i, header[i], gain_unit_named(header[i])) for i in _among(parsed, _GAIN_WORDS))
     stamp_unit = None if stamp is None else unit_named(header[stamp])
-    to_s = 1.0 if stamp_unit is None else 1e-3 * float(stamp_unit.to_ms(1.0))
-    said = ", ".join(f"{quoted(name)} ({gain_unit.value})" for _, name, gain_unit in gains)
-    notes = (f"exposures are multiplied by the gain in {said}",) if gains else ()
-    return Columns(len(header), image, stamp, exposure, gains, unit_named(header[exposure]), to_s, notes)
+    return Columns(len(header), image, stamp, exposure, gains, unit_named(header[exposure]), stamp_unit)
 
 
 def unit_named(name: str) -> ExposureUnit | None:

@@ -91,9 +91,6 @@ def exposures_in(path: str | Path) -> list[float]:
 _LARGEST_STAMP = 1e20
 """Largest time stamp in any unit."""
 
-_EPOCH_UNITS = ((1e17, 1e-9, "nanoseconds"), (1e14, 1e-6, "microseconds"), (1e11, 1e-3, "milliseconds"))
-"""Smallest value, scale and name of units of time stamps since 1970: 1e11 s would be the year 5138."""
-
 _INTEGER = re.compile(r"\d{1,30}", re.ASCII)
 """Image numbers; Python does not convert much longer ones."""
 
@@ -133,8 +130,7 @@ def make_table(
 ) -> FrameTable:
     """Return a checked table of frames in temporal order.
 
-    Time stamps that are too large for seconds are converted from the unit that fits. ``lines`` are the line numbers
-    of the frames, for messages; by default they count from 1.
+    ``lines`` are the line numbers of the frames, for messages; by default they count from 1.
 
     Raises
     ------
@@ -148,21 +144,19 @@ def make_table(
         raise RecordingError(f"{source}: has no frames; it needs one line per image")
 
     def where(frames: Sequence[int]) -> str:
-        return f"{source}, {'lines' if len(frames) > 1 else 'line'} {listed([numbers[i] for i in frames])}"
+        return at_lines(source, [numbers[i] for i in frames])
 
     first: dict[str, int] = {}
     for index, image in enumerate(ids):
         if first.setdefault(image, index) != index:
             raise RecordingError(f"{where([first[image], index])}: both name the image {quoted(image)}; remove one")
     exposures = checked_exposures(exposures_ms, where)
-    stamps = checked_stamps(stamps_s, where)
-    said = list(notes)
-    for least, scale, unit in _EPOCH_UNITS:
-        if stamps[0] >= least:
-            stamps = read_only(stamps * scale)
-            said.append(f"{source}: time stamps are assumed to be in {unit}, inferred from their size")
-            break
-    return FrameTable(source, tuple(ids), stamps, exposures, tuple(said), stamped)
+    return FrameTable(source, tuple(ids), checked_stamps(stamps_s, where), exposures, tuple(notes), stamped)
+
+
+def at_lines(source: str, numbers: Sequence[int]) -> str:
+    """Return the place of lines in a file, for messages."""
+    return f"{source}, {'lines' if len(numbers) > 1 else 'line'} {listed(numbers)}"
 
 
 def checked_exposures(
