@@ -197,7 +197,7 @@ def _reading(data: bytes, _folder: Path) -> None:
     """Parse exposure metadata; the first byte selects the message type."""
     kind = (FLIR.kind, REALSENSE.kind, "diagnostic_msgs/msg/DiagnosticArray")[data[0] % 3 if data else 0]
     topic = Topic("/x", kind, 1, "cdr")
-    carrier_of(topic, DEFAULT).readings()(data[1:])
+    carrier_of(topic, DEFAULT, "/own").readings()(data[1:])
 
 
 _DESCRIBED_MESSAGE = struct.pack("<I8xIB3xIIB4x", 0x100, 1, 0, 0, 1, 0)

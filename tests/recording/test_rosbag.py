@@ -233,7 +233,7 @@ def test_any_field_can_be_named_with_its_unit(tmp_path: Path) -> None:
         open_recording(path, options=ReadingOptions(exposure_topic="/x/y", exposure_field="shutter"))
     sent = metadata([{"shutter": 1.0, "name": ""}] * 4, CUSTOM, "/own")
     options = ReadingOptions(exposure_topic="/own")
-    with pytest.raises(ExposureError, match=r"with --exposure-field: shutter, window\.x_offset, "):
+    with pytest.raises(ExposureError, match=r"own.*: /own has type .* with --exposure-field: shutter, window\.x_offset, "):
         open_recording(write_mcap2(tmp_path / "own", images(FRAMES) + sent), options=options)
     with pytest.raises(RecordingError, match="has no topic '/z'; it has"):
         open_recording(path, options=ReadingOptions(exposure_topic="/z"))
@@ -247,7 +247,7 @@ def test_units_in_the_names_of_fields_are_used(tmp_path: Path) -> None:
     stated: dict[str, Any] = {"exposure_topic": "/own", "exposure_field": "shutter_100us[0]"}
     recording = open_recording(path, options=ReadingOptions(**stated, gain_field="analog_gain_db"))
     assert recording.exposures_ms == pytest.approx([ms * 2**i for i, ms in enumerate(MS)], rel=1e-6)
-    said = "exposures are the gain analog_gain_db (db) times the field shutter_100us[0] in 100us"
+    said = "exposures are the field shutter_100us[0] in 100us times the gain in field analog_gain_db (dB)"
     assert any(note.endswith(said) for note in recording.notes), recording.notes
     assert open_recording(path, options=ReadingOptions(**stated)).exposures_ms == pytest.approx(MS)
     linear = ReadingOptions(**stated, gain_field="analog_gain_db", gain_unit=GainUnit.LINEAR)
@@ -321,6 +321,28 @@ def test_the_list_of_a_bag_may_be_next_to_its_file_in_a_folder(write: Any, tmp_p
     lines = [f"{START_NS + i * STEP_NS},{us}" for i, us in enumerate(US)]
     file.with_suffix(".csv").write_text("\n".join(["timestamp_ns,exposure_us", *lines, ""]))
     assert_same(open_recording(folder))
+
+
+@pytest.mark.parametrize("place", [".", ".."])
+def test_a_bag_may_be_the_current_folder(place: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder = tmp_path / "made"
+    (folder / "inner").mkdir(parents=True)
+    write_bag1(folder / "part", images(FRAMES))
+    lines = [f"{START_NS + i * STEP_NS},{us}" for i, us in enumerate(US)]
+    (tmp_path / "made.csv").write_text("\n".join(["timestamp_ns,exposure_us", *lines, ""]))
+    monkeypatch.chdir(folder if place == "." else folder / "inner")
+    assert_same(open_recording(place))
+
+
+def test_bags_that_are_joined_are_named_in_a_note(tmp_path: Path) -> None:
+    sent = images(FRAMES) + floats(MS)
+    (tmp_path / "made").mkdir()
+    write_bag1(tmp_path / "made" / "b", sent[:2] + sent[4:6])
+    write_bag1(tmp_path / "made" / "a", sent[2:4] + sent[6:])
+    said = f"{tmp_path / 'made'}: 2 bags are read as one recording: a.bag, b.bag"
+    assert said in open_recording(tmp_path / "made").notes
+    (tmp_path / "made" / "a.bag").unlink()
+    assert not any("as one recording" in note for note in open_recording(tmp_path / "made").notes)
 
 
 def test_an_exposure_of_zero_is_unknown(tmp_path: Path) -> None:

@@ -44,13 +44,16 @@ class _Rosbag:
     def open(self, path: Path, options: ReadingOptions = DEFAULT) -> _BagRecording:
         bag = Bag.at(path)
         topic, notes = image_topic(bag, options)
+        if len(bag.files) > 1:
+            joined = listed([file.path.name for file in bag.files])
+            notes.append(f"{path}: {len(bag.files)} bags are read as one recording: {joined}")
         try:
             if options.exposure_topic is None and names_exposures(bag.exposure_list):
                 log_ns, numbers, table = _listed(bag, topic, read_list(bag.exposure_list, options))
             else:
-                log_ns, numbers, table = _exposed(
-                    bag, topic, carrier_of(exposure_topic(bag, topic, options), options)
-                )
+                carrying = exposure_topic(bag, topic, options)
+                carrier = carrier_of(carrying, options, f"{path}: {carrying.name}")
+                log_ns, numbers, table = _exposed(bag, topic, carrier)
         except ExposureError:
             if not options.unknown_exposures:
                 raise
@@ -261,7 +264,7 @@ def _in_ms(
     unit = carrier.unit or infer_unit(values, interval_ms, source)
     if unit is not ExposureUnit.LOG2_S:
         values = np.where(values == 0, np.nan, values)  # drivers send 0 while they do not know the exposure
-    how = "" if carrier.unit is not None else f" in {unit.value}, inferred from their size and the frame rate"
+    how = "" if carrier.unit is not None else f", in {unit.value}, inferred from their size and the frame rate"
     notes = [f"{source}: exposures are {carrier.summary}{how}"]
     gain_unit = carrier.gain_unit
     if gain_unit is None:

@@ -56,7 +56,8 @@ class Bag:
         own = self.files[0].path.with_suffix(".csv")
         if len(self.files) == 1 and own.is_file():
             return own
-        return self.path.with_name(f"{self.path.name if self.path.is_dir() else self.path.stem}.csv")
+        place = self.path.resolve() if self.path.name in ("", "..") else self.path  # such as '.'
+        return place.with_name(f"{place.name if place.is_dir() else place.stem}.csv")
 
     @property
     def topics(self) -> tuple[Topic, ...]:

@@ -172,8 +172,8 @@ def _known(topic: Topic) -> Carrier | None:
     return None if known is None else Carrier(topic, *known)
 
 
-def carrier_of(topic: Topic, options: ReadingOptions) -> Carrier:
-    """Return how the messages of a topic carry exposures; options of the user take precedence.
+def carrier_of(topic: Topic, options: ReadingOptions, source: str) -> Carrier:
+    """Return how the messages of a topic, called ``source`` in messages, carry exposures; options take precedence.
 
     Raises
     ------
@@ -191,7 +191,7 @@ def carrier_of(topic: Topic, options: ReadingOptions) -> Carrier:
         except DamagedMessageError:
             numbers = ""
         raise ExposureError(
-            f"{topic.name} has type {topic.type}; state which of its fields is the exposure with "
+            f"{source} has type {topic.type}; state which of its fields is the exposure with "
             f"--exposure-field{numbers and f': {numbers}'}"
         )
     return replace(
@@ -210,7 +210,7 @@ def _stated(topic: Topic, exposure: str, gain: str | None, options: ReadingOptio
         return Carrier(topic, _fields(exposure, None), unit, _LINEAR, summary)
     gain_unit = options.gain_unit or gain_unit_named(_last_part(gain))
     return Carrier(
-        topic, _fields(exposure, gain), unit, gain_unit, f"the gain {gain} ({gain_unit.value}) times {summary}"
+        topic, _fields(exposure, gain), unit, gain_unit, f"{summary} times the gain in field {gain} ({gain_unit.label})"
     )
 
 

@@ -41,7 +41,7 @@ class RosFrames:
     """
 
     def __init__(self, exposure_type: str, options: ReadingOptions = DEFAULT, *, max_grey: int | None = None) -> None:
-        carrier = carrier_of(Topic("the topic of the exposures", exposure_type, None, "cdr"), options)
+        carrier = carrier_of(Topic("", exposure_type, None, "cdr"), options, "the topic of the exposures")
         if carrier.unit is None or carrier.gain_unit is None:
             what = (
                 "exposures (s, ms, us, …)" if carrier.unit is None else "gains (linear, db, iso; none ignores them)"
