@@ -368,7 +368,9 @@ def test_an_unknown_preset_is_named_with_the_known_ones():
 
 
 def test_settings_of_another_type_are_refused():
-    with pytest.raises(SettingError, match=r"settings are of type dict; .*DefaultSettings\(max_points=5000\)"):
+    with pytest.raises(
+        SettingError, match=r"of type dict; .*DefaultSettings\(max_points=5000\); .* zip\(images, exp"
+    ):
         OnlineCalibrator({"max_points": 5000})
 
 

@@ -83,7 +83,7 @@ class Engine:
         if not hasattr(self.settings, "sampler"):
             raise SettingError(
                 f"settings are of type {type(settings).__name__}; give the name of a preset, or settings such as "
-                "DefaultSettings(max_points=5000)"
+                "DefaultSettings(max_points=5000); images and exposures are passed as pairs: zip(images, exposures)"
             )
         self.source: dict[str, Any] = {}
         self.saved_by: dict[str, Any] = {}

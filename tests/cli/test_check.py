@@ -7,6 +7,7 @@ from functools import partial
 from pathlib import Path
 
 import cv2
+import numpy as np
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "diagnosis"))
@@ -51,6 +52,18 @@ def test_the_text_has_every_verdict_and_remedy(late: Path) -> None:
     parts = ("response", "vignette", "exposures", "exposure lag", "8 of them processed", "20 per second", "→", "•")
     for part in parts:
         assert part in words, part
+
+
+def test_one_frame_has_no_share_of_points_found_again(tmp_path: Path) -> None:
+    convert_recording(Film(wandering(1), size=SIZE).recording(), tmp_path / "one")
+    assert "nan" not in check(tmp_path / "one").stdout
+
+
+def test_lags_are_listed_as_in_the_verdict(tmp_path: Path) -> None:
+    steady = Film(np.linspace(-0.6, 0.6, FRAMES), size=SIZE, speed_px=0.0)
+    convert_recording(steady.recording(), tmp_path / "steady")
+    said = " ".join(check(tmp_path / "steady").stdout.split())
+    assert "(lags of -5 to 5)" in said, said
 
 
 @pytest.mark.parametrize("path", ["nowhere", "text.txt", "empty"])

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from filmed import Film, observed, wandering
@@ -13,6 +15,7 @@ from ospc.exposures import brightness_history, monitor
 from ospc.exposures.findings import assess_exposures
 from ospc.exposures.lag_choice import LagChoice
 from ospc.exposures.monitor import ExposureMonitor
+from ospc.exposures.verdicts import verdicts
 from ospc.settings.exposures import FIRST_ASSESSMENT_CHANGES
 
 SIZE = (64, 48)
@@ -73,3 +76,14 @@ def test_a_new_epoch_keeps_the_lag_and_trusts_nothing_yet(choice: LagChoice, lag
 def test_a_stated_lag_that_leaves_nothing_yet_does_not_end_the_run() -> None:
     calibrator = OnlineCalibrator(correct_lag=FIRST_ASSESSMENT_CHANGES + 6)
     assert all(calibrator.push(Frame.of_array(image(n), 1.0 + n % 3)) for n in range(FIRST_ASSESSMENT_CHANGES + 20))
+
+
+@pytest.mark.parametrize(("unexplained", "said"), [(3.0, "explain none of"), (0.4, "explain only 60% of")])
+def test_exposures_never_explain_less_than_none_of_the_changes(unexplained: float, said: str) -> None:
+    film = Film(wandering(100))
+    found = assess_exposures(observed(film)[0].changes, film.log_exposure)
+    assert found.brightness is not None
+    brightness = replace(found.brightness, unexplained_share=unexplained)
+    lag = replace(found.lag, candidates=(0,), state="determined")
+    first = next(verdicts(found.course, lag, brightness, 100, 0.0, fits_badly=True))
+    assert f"exposures fit badly: they {said} the brightness changes; the rest" in first.reason

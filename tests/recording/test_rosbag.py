@@ -233,7 +233,9 @@ def test_any_field_can_be_named_with_its_unit(tmp_path: Path) -> None:
         open_recording(path, options=ReadingOptions(exposure_topic="/x/y", exposure_field="shutter"))
     sent = metadata([{"shutter": 1.0, "name": ""}] * 4, CUSTOM, "/own")
     options = ReadingOptions(exposure_topic="/own")
-    with pytest.raises(ExposureError, match=r"own.*: /own has type .* with --exposure-field: shutter, window\.x_offset, "):
+    with pytest.raises(
+        ExposureError, match=r"own.*: /own has type .* with --exposure-field: shutter, window\.x_offset, "
+    ):
         open_recording(write_mcap2(tmp_path / "own", images(FRAMES) + sent), options=options)
     with pytest.raises(RecordingError, match="has no topic '/z'; it has"):
         open_recording(path, options=ReadingOptions(exposure_topic="/z"))

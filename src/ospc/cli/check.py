@@ -100,23 +100,26 @@ def _figures(report: RecordingReport, unit: str) -> dict[str, str]:
         )
     radii = " ".join("-" if math.isnan(share) else f"{share * 100:.0f}" for share in pixels.mean_radius_share)
     speed = "unknown" if math.isnan(motion.median_px_per_frame) else f"{motion.median_px_per_frame:.2g} px per frame"
+    share = motion.found_share
+    found = "" if math.isnan(share) else f"; {share:.0%} of the points found again in the next frame"
     rate = "" if math.isnan(timing.interval_s) else f"{1 / timing.interval_s:.4g} per second; "
     return rows | {
         "grey levels": f"{pixels.covered_grey.mean():.0%} occur, from {pixels.lowest_grey} to {pixels.highest_grey} "
         f"of {pixels.max_grey}; {pixels.saturated_share:.1%} saturated, {pixels.black_share:.1%} black",
         "radii": f"well exposed from centre to corner: {radii} %",
-        "motion": f"{speed}; radial {motion.radial_reach:.2f} of the half diagonal; {motion.found_share:.0%} of the "
-        f"points found again in the next frame",
+        "motion": f"{speed}; radial {motion.radial_reach:.2f} of the half diagonal{found}",
         "frames": f"{rate}{timing.dropped_frames} missing; {len(timing.duplicate_frames)} of "
         f"{timing.compared_frames} repeat the previous one",
     }
 
 
 def _lag(report: RecordingReport) -> str:
+    from ospc.exposures.verdicts import either
+
     lag, cycle = report.exposures.lag, report.exposures.course.cycle_frames
     certain = lag.correction(cycle)
     if certain is None:
-        candidates = f" (one of {', '.join(map(str, lag.candidates))})" if len(lag.candidates) > 1 else ""
+        candidates = f" (lags of {either(lag)})" if len(lag.candidates) > 1 else ""
         return f"not determinable: {lag.state}{candidates}"
     if lag.frames is None:
         return f"{counted(certain, 'frame')}, or whole cycles of {cycle} more or less, with the same exposures"

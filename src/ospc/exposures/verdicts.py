@@ -81,10 +81,12 @@ def verdicts(
     if lag.state == "no response to exposure":
         text = f"exposures range from {course.in_words()}, but the brightness of the scene does not follow them"
         yield Verdict("not identifiable", text, _FIX_METADATA)
-    explained = f"{1 - brightness.unexplained_share:.0%} of the brightness changes"
+    share = 1 - brightness.unexplained_share  # negative if the exposures add changes instead of explaining them
+    explained = f"{f'{share:.0%}' if share > 0 else 'none'} of the brightness changes"
     if fits_badly and not lag.frames:
         rest = f"the rest, {_percent(brightness.unexplained_rms_log)} per frame, may be flicker or an unrecorded gain"
-        yield Verdict("marginal", f"exposures fit badly: they explain only {explained}; {rest}", _STEADY_LIGHT)
+        only = f"only {explained}" if share > 0 else explained
+        yield Verdict("marginal", f"exposures fit badly: they explain {only}; {rest}", _STEADY_LIGHT)
     certain = lag.correction(course.cycle_frames)
     if certain is None:
         yield _unknown_lag(course, lag)

@@ -209,9 +209,8 @@ def _stated(topic: Topic, exposure: str, gain: str | None, options: ReadingOptio
     if gain is None:
         return Carrier(topic, _fields(exposure, None), unit, _LINEAR, summary)
     gain_unit = options.gain_unit or gain_unit_named(_last_part(gain))
-    return Carrier(
-        topic, _fields(exposure, gain), unit, gain_unit, f"{summary} times the gain in field {gain} ({gain_unit.label})"
-    )
+    summary += f" times the gain in field {gain} ({gain_unit.label})"
+    return Carrier(topic, _fields(exposure, gain), unit, gain_unit, summary)
 
 
 def _last_part(field: str) -> str:
