@@ -69,6 +69,12 @@ def test_repair_is_not_suggested_for_files_of_another_kind(folders, tmp_path):
     assert "other files are recognised by their suffix: .pto (hugin)" in str(result.exception)
 
 
+def test_a_table_that_can_be_repaired_is_sent_to_validate(folders, tmp_path):
+    (tmp_path / "pcalib.txt").write_text(" ".join(str(i if i != 100 else 98) for i in range(256)))
+    result = ospc("compare", str(tmp_path / "pcalib.txt"), folders[0])
+    assert "run 'ospc validate --repair FILE' for a repaired copy" in str(result.exception)
+
+
 def test_plot(folders, tmp_path):
     assert "plot.svg" in run(*folders, "--plot", str(tmp_path / "plot.svg"))
     assert (tmp_path / "plot.svg").stat().st_size > 1000

@@ -128,6 +128,9 @@ def test_black_level_is_noted(tmp_path):
     place = tmp_path / "pcalib.txt"
     place.write_text(" ".join(str(i + 16) for i in range(256)))
     assert found(place) == [("note", "values run from 16 to 271")]
+    assert "losing a black level" in validate([place], "dso").findings[0].effect
+    place.write_text(" ".join(str(i * 2) for i in range(256)))
+    assert validate([place], "dso").findings[0].effect == "scales them to 0..255"
 
 
 def test_vignette_of_another_size_is_refused(folder):
@@ -176,7 +179,9 @@ def test_broken_picture_is_a_finding_and_does_not_stop_the_others(folder):
 @pytest.mark.parametrize(
     ("text", "complaint"),
     [
-        ("0 0.0 1\n1 0.1 2\n", "2 lines for 3 files"),
+        ("0 0.0 1\n2 0.1 2\n", "2 lines for 3 files in images; no line for 00001.png"),
+        ("0 0 1\n1 1 2\n2 2 2\n3 3 2\n", "4 lines for 3 files in images; no image for 3"),
+        ("7 0.0 1\n8 0.1 2\n", "2 lines for 3 files in images"),
         ("", "there is none"),
         ("0.png 0.0 1\n1.png 0.1 2\n2.png 0.2 3\n", "3 lines differ, first line 1: '0.png 0.0 1'"),
         ("0,0.0,1\n1,0.1,2\n2,0.2,3\n", "separated by spaces; 3 lines differ, first line 1: '0,0.0,1'"),
@@ -253,6 +258,7 @@ def test_images_in_an_archive_are_counted(folder):
         image.unlink()
     (folder / "images").rmdir()
     assert [s for s, _ in found(folder / "times.txt")] == ["note"]
+    assert "images.zip" in validate([folder], "dso").findings[0].remedy
     with zipfile.ZipFile(folder / "images.zip", "w") as archive:
         for i in range(4):
             archive.writestr(f"{i}.png", b"")
@@ -323,8 +329,9 @@ def test_nothing_to_check_is_an_error(tmp_path):
 
 
 def test_vignette_without_response_is_noted(folder):
-    rules = [f.rule for f in validate([folder / "vignette.png", folder / "camera.txt"], "mono").findings]
-    assert rules == ["a vignette is used with a pcalib.txt; none was given"]
+    (note,) = validate([folder / "vignette.png", folder / "camera.txt"], "mono").findings
+    assert note.rule == "a vignette is used with a pcalib.txt; none was given"
+    assert note.effect.startswith("then corrects neither")  # after "it"
 
 
 @pytest.mark.parametrize(

@@ -35,7 +35,7 @@ MOST_INTERPOLATED = 0.1
 """Largest share of the values in a file that a repair interpolates."""
 
 _WITHOUT_MARK = "save it as UTF-8 without a byte order mark (BOM)"
-_REPAIR = "run with --repair for a repaired copy"
+_REPAIR = "run 'ospc validate --repair FILE' for a repaired copy"
 
 
 @dataclass(frozen=True)

@@ -189,7 +189,9 @@ def _about_the_range(table: PcalibText, _context: Context) -> Iterator[Broken]:
         yield Broken("warning", rule, effect, "record or decode full-range video and calibrate again")
     if values[0] != 0 or values[-1] != 255:
         rule = f"values run from {values[0]:g} to {values[-1]:g}"
-        effect = "shifts and scales them to 0..255, which loses a black level"
+        effect = (
+            "scales them to 0..255" if values[0] == 0 else "shifts and scales them to 0..255, losing a black level"
+        )
         yield Broken("note", rule, effect, repair=_scale_to_255)
 
 

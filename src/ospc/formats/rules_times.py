@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ospc.arrays import BoolArray, FloatArray
-from ospc.errors import FormatError, counted
+from ospc.errors import FormatError, counted, listed
 from ospc.formats.dso import LARGEST_ID, write_times
 from ospc.formats.files import BYTE_ORDER_MARK, by_name, read_text
 from ospc.formats.rules import MOST_INTERPOLATED, Broken, Context, Format, mark_before
@@ -121,8 +121,16 @@ def _about_the_count(times: TimesText, context: Context) -> Iterator[Broken]:
         yield Broken("error", "one line per image; there is none", _LOST[context.program], _WRITE_AGAIN)
     elif context.images is not None and len(times.rows) != len(context.images):
         found = f"{counted(len(times.rows), 'line')} for {counted(len(context.images), 'file')} in images"
-        rule = f"one line per image; {found}"
-        yield Broken("error", rule, _LOST[context.program], "remove the extra ones", _drop_lines_without_image)
+        lines = {_image_key(row.words[0]): row.words[0] for row in times.rows}
+        images = {_image_key(name): name for name in context.images}
+        missing = [images[key] for key in images if key not in lines]
+        extra = [lines[key] for key in lines if key not in images]
+        rule, remedy = f"one line per image; {found}", "add or remove lines until they agree"
+        if len(missing) < len(images):  # ids are names or numbers of images
+            rule += f"; no line for {listed(missing)}" if missing else ""
+            rule += f"; no image for {listed(extra)}" if extra else ""
+            remedy = "add the missing lines, or remove their images" if missing else "remove the extra lines"
+        yield Broken("error", rule, _LOST[context.program], remedy, _drop_lines_without_image)
 
 
 def _about_the_image_order(_times: TimesText, context: Context) -> Iterator[Broken]:
@@ -152,7 +160,7 @@ def _about_the_ids_and_images(times: TimesText, context: Context) -> Iterator[Br
     if context.images is None and times.rows:
         rule = f"one line per image; the file has {counted(len(times.rows), 'line')}"
         effect = f"was not compared, because the images were not found; if they differ, it {_LOST[context.program]}"
-        yield Broken("note", rule, effect, "check the entire folder")
+        yield Broken("note", rule, effect, "check it in a folder that also contains images/ or images.zip")
 
 
 def _about_the_exposures(times: TimesText, context: Context) -> Iterator[Broken]:
@@ -213,14 +221,14 @@ def _drop_lines_without_stamp(times: TimesText, _context: Context) -> tuple[Time
 def _drop_lines_without_image(times: TimesText, context: Context) -> tuple[TimesText, str]:
     """Keep the lines whose ids are the names of the images, in the order of the images."""
     images = context.images or ()
-    line_of = {Path(row.words[0]).stem: row.words for row in times.rows}
-    missing = next((image for image in images if Path(image).stem not in line_of), None)
+    line_of = {_image_key(row.words[0]): row.words for row in times.rows}
+    missing = next((image for image in images if _image_key(image) not in line_of), None)
     if missing is not None or not images:
         raise FormatError(
             f"{counted(len(times.rows), 'line')} for {counted(len(images), 'image')}, and no line has the name of "
             f"the image {missing or '(there is none)'}, so lines cannot be matched with images; {_WRITE_AGAIN}"
         )
-    kept = [line_of[Path(image).stem] for image in images]
+    kept = [line_of[_image_key(image)] for image in images]
     return times.with_rows(kept), f"dropped {counted(len(times.rows) - len(kept), 'line')} without an image"
 
 
@@ -244,6 +252,12 @@ def _fill_exposures(times: TimesText, _context: Context) -> tuple[TimesText, str
     rows = [[*row.words[:2], f"{exposure:.9g}"] for row, exposure in zip(times.rows, exposures, strict=True)]
     change = f"interpolated {counted(missing, 'missing or invalid exposure')} between neighbours"
     return times.with_rows(rows), change
+
+
+def _image_key(name: str) -> str:
+    """Return a key that is the same for 7, 00007 and 00007.png."""
+    stem = Path(name).stem
+    return stem.lstrip("0") or "0" if stem.isdecimal() else stem
 
 
 def _has_commas(row: _Row) -> bool:
