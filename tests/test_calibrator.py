@@ -487,6 +487,8 @@ def test_settings_that_make_no_sense_are_refused(name, data, text):
 def test_settings_that_do_not_exist_or_do_not_fit_are_refused():
     with pytest.raises(SettingError, match=r"no setting is called 'speed' in preset 'default'; known: .*keyframes"):
         with_overrides(DefaultSettings(), {"speed": "3"})
+    with pytest.raises(SettingError, match=r"'keyframe' in preset 'default'; did you mean keyframes\?$"):
+        with_overrides(DefaultSettings(), {"keyframe": "3"})
     with pytest.raises(SettingError, match=r"keyframes takes a value of type int, not '2\.5'"):
         with_overrides(DefaultSettings(), {"keyframes": "2.5"})
 

@@ -6,6 +6,7 @@ the file or value, says what is wrong with it and what to do. The command line p
 
 from __future__ import annotations
 
+import difflib
 import errno
 import struct
 import tokenize
@@ -27,6 +28,9 @@ _MESSAGE_CHARACTERS = 1500
 
 _SHOWN_CHARACTERS, _SHOWN_ITEMS = 40, 3
 """Longest quotation, and most items of a list, that a message shows."""
+
+_CLOSE = 0.75
+"""Similarity of names, from 0 to 1, above which one is probably a misspelling of the other."""
 
 _NO_SPACE = (errno.ENOSPC, errno.EDQUOT)
 """Errors of a full disk or quota."""
@@ -128,6 +132,12 @@ def listed(items: Sequence[object]) -> str:
     shown = ", ".join(escaped(str(item)) for item in items[:_SHOWN_ITEMS])
     rest = len(items) - _SHOWN_ITEMS
     return f"{shown} and {rest} more" if rest > 0 else shown
+
+
+def known_names(name: str, known: Sequence[str]) -> str:
+    """Return which of the known names an unknown one resembles, or all of them if it resembles none."""
+    close = difflib.get_close_matches(name, known, cutoff=_CLOSE)
+    return f"did you mean {' or '.join(close)}?" if close else f"known: {', '.join(known)}"
 
 
 def counted(number: SupportsIndex, noun: str) -> str:

@@ -8,6 +8,7 @@ import os
 import shutil
 import sys
 
+import numpy as np
 import pytest
 
 import ospc.batch.work as module
@@ -15,6 +16,7 @@ from batch_recordings import QUICK, Pretending, simulated, variant
 from command_line import leave_out
 from ospc.batch.manifest import Entry
 from ospc.batch.run import run_batch
+from ospc.batch.store import Store
 from ospc.batch.work import Processes, Task, ThisProcess, work
 from ospc.errors import FormatError, SettingError
 from ospc.photometry.calibration import Calibration
@@ -75,6 +77,16 @@ def test_every_recording_has_a_row_and_failures_their_reason(done):
     assert (out / "batch.parquet").exists()
     assert "Failed: 2" in (out / "index.html").read_text()
     assert json.loads((out / "batch.json").read_text())["failed"] == 2
+
+
+def test_sigma_of_a_response_is_that_at_measured_grey_levels(done):
+    outcome, out = done
+    store = Store(out / "recordings")
+    for row in outcome.rows[:4]:
+        response = Calibration.from_dict(store.get(row.key).calibration).response
+        measured = np.interp(np.linspace(*response.support, 1000), response.levels, response.inverse_sigma)
+        assert row.response_sigma == pytest.approx(measured.max(), rel=0.05)
+        assert row.response_sigma < response.inverse_sigma.max()
 
 
 def test_recordings_of_a_camera_are_merged(done, entries):

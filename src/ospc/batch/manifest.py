@@ -53,7 +53,7 @@ class Entry:
     def settings(self) -> DefaultSettings:
         """Settings of the method."""
         given = {name: value for name, value in self.options if name not in (*_OWN, *_READING)}
-        settings = with_overrides(DefaultSettings(), given)
+        settings = with_overrides(DefaultSettings(), given, (*_OWN, *_READING))
         assert isinstance(settings, DefaultSettings)
         return settings
 
@@ -136,7 +136,7 @@ def read_manifest(
         raise RecordingError(f"{manifest}: more than {_MOST_ENTRIES} recordings; split it")
     if camera is not None:
         entries = [replace(entry, camera=camera) for entry in entries]
-    return list(dict.fromkeys(entry.checked() for entry in entries))
+    return list(dict.fromkeys(entries))
 
 
 def _parent_of(address: str) -> str:
@@ -190,13 +190,13 @@ def _of_table(place: Path) -> Iterator[Entry]:
         recording = (row.get("recording") or "").strip()
         if not recording or "\0" in recording:
             raise FormatError(f"{place}, row {number}: names no recording; give a path in column recording")
-        try:
-            options = options_of(row.get("options") or "")
-        except SettingError as error:
-            raise SettingError(f"{place}, row {number}: {error}") from None
         if not is_address(recording):
             recording = str((folder / recording).absolute())
-        yield Entry(recording, (row.get("camera") or "").strip() or "camera", options)
+        camera = (row.get("camera") or "").strip() or "camera"
+        try:
+            yield Entry(recording, camera, options_of(row.get("options") or "")).checked()
+        except SettingError as error:
+            raise SettingError(f"{place}, row {number}: {error}") from None
 
 
 def _of_csv(place: Path) -> list[dict[str, str]]:

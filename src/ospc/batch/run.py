@@ -172,7 +172,11 @@ def _with_result(row: Row, store: Store) -> Row:
     result = store.get(row.key)
     found = Calibration.from_dict(result.calibration)
     counts, states = found.counts, {name: verdict.state for name, verdict in found.verdicts.items()}
-    spread = None if found.response is None else found.response.inverse_sigma
+    response = found.response
+    spread = None if response is None else response.inverse_sigma
+    if response is not None and spread is not None:
+        low, high = response.support
+        spread = spread[(response.levels >= low) & (response.levels <= high)]
     return replace(
         row,
         frames=int(counts.get("frames", 0)),

@@ -94,8 +94,8 @@ class Row:
     ``recording`` and ``camera`` are from the manifest. ``error`` says in one sentence why it was not calibrated.
     ``attempts`` is the number of tries, 0 if an earlier run had done it. ``seconds`` and ``worker`` (host and
     process) refer to the last attempt. ``key`` identifies the result. ``response`` and ``vignette`` are states of
-    verdicts; the sigmas are the largest standard deviations of g and V. ``differs`` says how the recording
-    contradicts the others of its camera. ``notes`` are about its exposures and skipped frames.
+    verdicts; the sigmas are the largest standard deviations of g, at the measured grey levels, and V. ``differs``
+    says how the recording contradicts the others of its camera. ``notes`` are about its exposures and skipped frames.
     """
 
     recording: str

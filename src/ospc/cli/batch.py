@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterable
+from collections.abc import Generator, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,6 +15,7 @@ from ospc.cli.terminal import INTERRUPTED, print_json, progress_line, say, say_n
 from ospc.errors import SettingError, counted
 
 if TYPE_CHECKING:
+    from ospc.batch.cameras import Camera
     from ospc.batch.run import Outcome
     from ospc.batch.work import Answer, Runner, Task
 
@@ -137,10 +138,21 @@ def _say(outcome: Outcome, out: Path) -> None:
         f"{len(done)} of {counted(len(outcome.rows), 'recording')} calibrated ({earlier} of them before), "
         f"{len(outcome.failed)} failed"
     )
-    say(f"{known} of {counted(len(outcome.cameras), 'camera')} fully calibrated")
+    if outcome.cameras:
+        say(f"{known} of {counted(len(outcome.cameras), 'camera')} fully calibrated")
+    say_notes(_shortened(list(_incomplete(outcome.cameras)), "cameras"), "incomplete")
     if outcome.interrupted:
         say("interrupted; run the same command again to continue")
     say(f"written to {out}: {', '.join(file.name for file in outcome.files)}")
+
+
+def _incomplete(cameras: Iterable[Camera]) -> Iterator[str]:
+    """Yield a line with the reasons for each camera whose calibration is not complete."""
+    for camera in cameras:
+        if camera.calibration is not None and not camera.calibration.complete:
+            verdicts = camera.calibration.verdicts.items()
+            doubts = [f"{what} is {v.state}: {v.reason}" for what, v in verdicts if v.state != "identifiable"]
+            yield f"{camera.name}: {'; '.join([*doubts, *camera.calibration.warnings])}"
 
 
 def _as_json(outcome: Outcome, out: Path) -> dict[str, Any]:

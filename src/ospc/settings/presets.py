@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from ospc.arrays import ImageSize
 from ospc.correspondence.features import EXTRACTORS
-from ospc.errors import SettingError
+from ospc.errors import SettingError, known_names
 
 if TYPE_CHECKING:
     from ospc.correspondence.frame_sampling import FrameSampler
@@ -276,8 +277,10 @@ def preset(name: str) -> Settings:
     return _PRESETS[name]
 
 
-def with_overrides(settings: Settings, overrides: dict[str, str]) -> Settings:
+def with_overrides(settings: Settings, overrides: dict[str, str], others: Sequence[str] = ()) -> Settings:
     """Return the settings with some values replaced, given as text.
+
+    ``others`` are options that could have been meant by an unknown name; the message proposes them too.
 
     Raises
     ------
@@ -289,7 +292,7 @@ def with_overrides(settings: Settings, overrides: dict[str, str]) -> Settings:
     for name, text in overrides.items():
         if name not in known:
             raise SettingError(
-                f"no setting is called '{name}' in preset '{settings.name}'; known: {', '.join(known)}"
+                f"no setting is called '{name}' in preset '{settings.name}'; {known_names(name, [*others, *known])}"
             )
         try:
             changes[name] = known[name](text)
