@@ -49,6 +49,8 @@ def opened(tmp_path: Path) -> Open:
         ("file,shutter_seconds", 2000),
         ("Filename,Shutter Time (microseconds)", 0.002),
         ("image,integration_time_ms", 2),
+        ("image,exposure_time_absolute", 0.2),
+        ("image,ActualExposure[us]", 0.002),
     ],
 )
 def test_units_come_from_the_header(opened: Open, header: str, exposure_ms: float) -> None:
@@ -195,7 +197,25 @@ def test_lists_without_exposures_are_no_lists_of_exposures(opened: Open) -> None
 
 
 BROKEN: dict[str, tuple[dict[str, str], type[Exception], tuple[str, ...]]] = {
-    "no list": ({}, ExposureError, ("no list of exposures", "exposures.csv")),
+    "no list": ({}, ExposureError, ("no list of exposures; ", "exposures.csv")),
+    "unknown lists": (
+        {"log.csv": "name,time\na,1\n", "run.json": "{}"},
+        ExposureError,
+        (
+            "no list of exposures (not used: log.csv, run.json; a list is a CSV file with a column such",
+            "; add times.txt",
+        ),
+    ),
+    "set and actual exposures": (
+        {"e.csv": "file,SetExposure,ActualExposure\na,1,1\n"},
+        ExposureError,
+        ("e.csv, line 1", "'SetExposure', 'ActualExposure'", "keep one of them and name it 'exposure_ms'"),
+    ),
+    "fraction": (
+        {"e.csv": "file,shutter\na,1/618\n"},
+        RecordingError,
+        ("e.csv, line 2", "'1/618'; write fractions as decimal numbers, in a column exposure_s"),
+    ),
     "two lists": (
         {"times.txt": "a 1 1\n", "x.csv": "file,exposure\na,1\n"},
         ExposureError,
@@ -336,7 +356,8 @@ def test_lists_of_exposures_above_are_named_and_lists_of_times_are_not(tmp_path:
     images.mkdir(parents=True)
     for name in ("1.png", "2.png"):
         (images / name).write_bytes(encoded(grey()))
-    for text, named in (("1 0.0 8.0\n2 0.1 8.0\n", True), ("0.0\n0.1\n", False)):
+    lines = "1 0.0 8.0\n2 0.1 8.0\n"
+    for text, named in ((lines, True), ("0.0\n0.1\n", False), (lines + "3 0.2 8.0\n", False)):
         (tmp_path / "times.txt").write_text(text)
         with pytest.raises(ExposureError, match="has no list of exposures") as caught:
             open_recording(images)

@@ -87,6 +87,14 @@ def test_without_time_stamps_the_frame_rate_gives_them(video: Callable[..., Path
     assert any("frame rate of 25" in note for note in recording.notes)
 
 
+def test_the_only_list_may_have_any_name_but_that_of_another_file(video: Callable[..., Path]) -> None:
+    path = video({"log.csv": LIST, "imu.csv": "stamp,ax\n1,2\n"})
+    assert open_recording(path).exposures_ms.tolist() == [1, 2, 3, 4, 5, 6]
+    (path.parent / "log.mkv").touch()
+    with pytest.raises(ExposureError, match=r"walk\.mkv: has no list of exposures \(not used: imu\.csv, log\.csv; "):
+        open_recording(path)
+
+
 BROKEN: dict[str, tuple[dict[str, str], type[OspcError], tuple[str, ...]]] = {
     "no list": ({}, ExposureError, ("walk.mkv", "walk.csv", "has no list of exposures")),
     "two lists": ({"walk.csv": LIST, "walk.txt": LIST}, ExposureError, ("walk.csv, walk.txt", "keep only the")),

@@ -14,19 +14,14 @@ import numpy as np
 from ospc.arrays import FloatArray
 from ospc.errors import ExposureError, RecordingError, SettingError, counted, listed, quoted
 from ospc.recording.exposure_units import Columns, ExposureUnit, GainUnit, in_seconds, infer_unit, name_columns
-from ospc.recording.frame_table import (
-    FrameTable,
-    at_lines,
-    is_number,
-    lines_of,
-    make_table,
-    parse_number,
-    read_text,
-)
+from ospc.recording.frame_table import FrameTable, at_lines, is_number, lines_of, make_table, parse_number, read_text
 from ospc.recording.options import DEFAULT, ReadingOptions
 
 _IMAGE_LIST = "image_list.txt"
 _NAMES = ("times.txt", "exposures.txt", "exposures.csv", _IMAGE_LIST)
+_TEXT_SUFFIXES = (".csv", ".txt", ".json")
+"""Suffixes of files that the user may take for a list of exposures."""
+
 _MAX_CSV_FILES = 32
 """Maximum number of CSV files in a folder that are searched for exposures."""
 
@@ -68,7 +63,11 @@ def only_list(found: Sequence[Path], place: Path, advice: str) -> Path:
         named = [path.name if path.parent in (place, place.parent) else path for path in found]
         raise ExposureError(f"{place}: has several lists of exposures ({listed(named)}); keep only the right one")
     if not found:
-        raise ExposureError(f"{place}: has no list of exposures; {advice}")
+        folder = place if place.is_dir() else place.parent
+        others = sorted(p.name for p in folder.iterdir() if p.suffix.lower() in _TEXT_SUFFIXES)
+        needed = "a list is a CSV file with a column such as exposure_ms"
+        unused = f" (not used: {listed(others)}; {needed})" if others else ""
+        raise ExposureError(f"{place}: has no list of exposures{unused}; {advice}")
     return found[0]
 
 

@@ -153,7 +153,12 @@ _UNITS = {unit.value: unit for unit in ExposureUnit} | {
 """Units of exposures and time stamps by their spelling, in lower case and without a plural."""
 
 # Words for each meaning; columns that match an earlier group take precedence over later groups.
-_EXPOSURE_WORDS = (("exposure", "exposuretime"), ("shutter", "shuttertime", "exptime", "integrationtime"))
+_V4L2_WORDS = ("exposuretimeabsolute", "exposureabsolute")
+_EXPOSURE_WORDS = (
+    ("exposure", "exposuretime", *_V4L2_WORDS),
+    ("shutter", "shuttertime", "exptime", "integrationtime"),
+    ("actualexposure", "actualexposuretime", "setexposure", "setexposuretime"),
+)
 _STAMP_WORDS = (("timestamp", "stamp"), ("time",))
 _IMAGE_WORDS = (
     ("file", "filename"),
@@ -206,7 +211,8 @@ def name_columns(header: Sequence[str], place: str) -> Columns:
 
 def unit_named(name: str) -> ExposureUnit | None:
     """Return the unit in the name of a column or field, such as ``exposure_us``; None if it has none."""
-    return _UNITS.get(_word_and_unit(name)[1])
+    word, unit = _word_and_unit(name)
+    return ExposureUnit.US100 if word in _V4L2_WORDS and not unit else _UNITS.get(unit)
 
 
 def gain_unit_named(name: str) -> GainUnit:

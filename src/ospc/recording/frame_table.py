@@ -73,6 +73,7 @@ def parse_number(text: str, what: str, place: str) -> float:
         unknown = ", or write nan if it is unknown" if what == "the exposure" else ""
         raise RecordingError(f"{place}: {what} is missing; add it{unknown}")
     remedy = "use a decimal point" if "," in text else "correct the line"
+    remedy = "write fractions as decimal numbers, in a column exposure_s" if "/" in text else remedy
     raise RecordingError(f"{place}: {what} must be a number, not {quoted(text)}; {remedy}")
 
 

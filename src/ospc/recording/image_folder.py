@@ -24,29 +24,31 @@ class _ImageFolder:
             "add times.txt with lines 'id stamp[s] exposure[ms]', or exposures.csv with a header "
             "'file,timestamp_s,exposure_ms'"
         )
-        full = path.resolve()
+        full, images = path.resolve(), FolderImages.of(path)
         if full.name == "images" and (full.parent / "times.txt").is_file():
             advice += f", or open {path.parent} if its times.txt belongs to these images"
         else:
-            advice += "".join(f", or copy {p} there if it belongs to these images" for p in _times_above(full))
+            advice += "".join(
+                f", or copy {p} there if it belongs to these images" for p in _times_above(full, len(images.names))
+            )
         return open_sequence(
             path,
             self.name,
-            FolderImages.of(path),
+            images,
             lambda: read_list(only_list(lists_in(path), path, advice), options),
             options=options,
         )
 
 
-def _times_above(folder: Path) -> list[Path]:
-    """Return files times.txt with exposures in the two parent folders, as in data sets of rigs."""
+def _times_above(folder: Path, images: int) -> list[Path]:
+    """Return files times.txt with an exposure per image in the two parent folders, as in data sets of rigs."""
     found = []
     for above in folder.parents[:2]:
         try:
-            read_times(above / "times.txt")
+            lines = len(read_times(above / "times.txt"))
         except RecordingError:
             continue
-        found.append(above / "times.txt")
+        found += [above / "times.txt"] if lines == images else []
     return found
 
 
