@@ -88,10 +88,12 @@ def test_without_time_stamps_the_frame_rate_gives_them(video: Callable[..., Path
 
 
 def test_the_only_list_may_have_any_name_but_that_of_another_file(video: Callable[..., Path]) -> None:
-    path = video({"log.csv": LIST, "imu.csv": "stamp,ax\n1,2\n"})
+    path = video({"log.csv": LIST, "log.txt": "rainy", "imu.csv": "stamp,ax\n1,2\n"})
     assert open_recording(path).exposures_ms.tolist() == [1, 2, 3, 4, 5, 6]
     (path.parent / "log.mkv").touch()
-    with pytest.raises(ExposureError, match=r"walk\.mkv: has no list of exposures \(not used: imu\.csv, log\.csv; "):
+    with pytest.raises(
+        ExposureError, match=r"walk\.mkv: has no list of exposures \(not used: imu\.csv, log\.csv, log\.txt; "
+    ):
         open_recording(path)
 
 

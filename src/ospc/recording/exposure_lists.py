@@ -19,7 +19,7 @@ from ospc.recording.options import DEFAULT, ReadingOptions
 
 _IMAGE_LIST = "image_list.txt"
 _NAMES = ("times.txt", "exposures.txt", "exposures.csv", _IMAGE_LIST)
-_TEXT_SUFFIXES = (".csv", ".txt", ".json")
+TEXT_SUFFIXES = (".csv", ".txt", ".json")
 """Suffixes of files that the user may take for a list of exposures."""
 
 _MAX_CSV_FILES = 32
@@ -64,7 +64,7 @@ def only_list(found: Sequence[Path], place: Path, advice: str) -> Path:
         raise ExposureError(f"{place}: has several lists of exposures ({listed(named)}); keep only the right one")
     if not found:
         folder = place if place.is_dir() else place.parent
-        others = sorted(p.name for p in folder.iterdir() if p.suffix.lower() in _TEXT_SUFFIXES)
+        others = sorted(p.name for p in folder.iterdir() if p.suffix.lower() in TEXT_SUFFIXES)
         needed = "a list is a CSV file with a column such as exposure_ms"
         unused = f" (not used: {listed(others)}; {needed})" if others else ""
         raise ExposureError(f"{place}: has no list of exposures{unused}; {advice}")

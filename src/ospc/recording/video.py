@@ -20,7 +20,7 @@ from ospc.arrays import FloatArray, Image, read_only, size_of
 from ospc.errors import FrameError, RecordingError, counted, escaped, os_error_as
 from ospc.formats.files import beginning
 from ospc.recording.channel import DEFAULT_CHANNEL, Channel
-from ospc.recording.exposure_lists import lists_in, only_list, read_list
+from ospc.recording.exposure_lists import TEXT_SUFFIXES, lists_in, only_list, read_list
 from ospc.recording.frame import MAX_DECODED_BYTES, Frame, check_size
 from ospc.recording.frame_table import FrameTable, table_or_unlisted
 from ospc.recording.options import DEFAULT, ReadingOptions
@@ -219,7 +219,9 @@ def _list_of(path: Path) -> Path:
     usual = [path.with_name(name) for name in ("exposures.csv", "times.txt")]
     found = [place for place in own if place.is_file()] or [place for place in usual if place.is_file()]
     if not found:  # a list that is named like another file belongs to that one
-        others = {name for p in path.parent.iterdir() if p.suffix != ".csv" for name in (p.name, p.stem)}
+        others = {
+            name for p in path.parent.iterdir() if p.suffix.lower() not in TEXT_SUFFIXES for name in (p.name, p.stem)
+        }
         found = [place for place in lists_in(path.parent) if place.stem not in others]
     advice = f"put {path.stem}.csv next to it, with a header 'timestamp_s,exposure_ms' and a line for each frame"
     return only_list(found, path, advice)
