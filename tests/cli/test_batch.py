@@ -46,7 +46,9 @@ def test_a_folder_becomes_a_page_a_table_and_calibrations(folder, tmp_path):
     assert result.exit_code == 0, result.output
     assert "2 of 2 recordings calibrated (0 of them before), 0 failed" in result.stdout
     assert "0 of 1 camera fully calibrated" in result.stdout
-    assert result.stderr.startswith("incomplete: A: response is marginal: ratios of irradiance are known to within ")
+    assert result.stderr.startswith(
+        "incomplete: A: response is marginal: typical ratios of irradiance are known to within "
+    )
     assert "; vignette is not identifiable: scene points move radially" in result.stderr
     names = {place.name for place in (tmp_path / "out").iterdir()}
     assert names == {"batch.json", "batch.csv", "batch.parquet", "index.html", "cameras", "recordings"}

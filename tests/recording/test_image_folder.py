@@ -346,8 +346,8 @@ def test_real_exposure_series(real_data: Path, name: str, frames: int, longest_m
 
 def test_real_auto_exposures_of_an_industrial_camera(real_data: Path) -> None:
     table = read_list(real_data / "params" / "fomo_basler_exposures.csv")
-    assert (len(table), table.exposures_ms.min(), table.exposures_ms.max()) == (1692, 171, 516)
-    assert any("assumed to be in ms" in note for note in table.notes)
+    assert (len(table), table.exposures_ms.min(), table.exposures_ms.max()) == (1692, 0.171, 0.516)
+    assert any("assumed to be in us" in note for note in table.notes)
     assert any("microseconds" in note for note in table.notes)
 
 
