@@ -64,7 +64,7 @@ class Reading:
                 raise
             # A problem that prevents opening it even without exposures takes precedence.
             open_recording(path, self.kind, replace(options, unknown_exposures=True))
-            hint = "if there are none, 'ospc calibrate --unknown-exposures' estimates them from the images"
+            hint = "if no exposures are known, 'ospc calibrate --unknown-exposures' estimates them from the images"
             raise ExposureError(f"{error}; {hint}") from error
         mask = None if self.mask is None else read_mask(self.mask, recording.size)
         return masked(recording, mask, self.region)
