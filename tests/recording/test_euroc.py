@@ -40,6 +40,30 @@ def euroc(tmp_path: Path) -> Callable[..., Path]:
     return make
 
 
+IN_UNITS = [("timestamp_us", 1e-3, "{:.0f}"), ("timestamp_s", 1e-9, "{:.4f}"), ("timestamp", 1e-9, "{:.2f}")]
+
+
+def listed_in(unit: tuple[str, float, str], stamps: tuple[int, ...]) -> str:
+    name, scale, text = unit
+    rows = (f"{text.format(stamp * scale)},{i + 1}" for i, stamp in enumerate(stamps))
+    return "\n".join([f"{name},exposure_ms", *rows])
+
+
+@pytest.mark.parametrize("unit", IN_UNITS)
+def test_times_in_another_unit_find_the_images_named_by_time(euroc: Callable[..., Path], unit) -> None:
+    recording = open_recording(euroc({"mav0/cam0/exposures.csv": listed_in(unit, STAMPS)}))
+    assert [frame.name for frame in recording] == [f"{stamp}.png" for stamp in STAMPS]
+    assert recording.exposures_ms.tolist() == [1, 2, 3]
+    assert any("matched by the times in their names" in note for note in recording.notes)
+
+
+@pytest.mark.parametrize("unit", IN_UNITS)
+def test_times_that_begin_earlier_are_never_matched_by_order(euroc: Callable[..., Path], unit) -> None:
+    earlier = (2 * STAMPS[0] - STAMPS[1], *STAMPS[:2])
+    with pytest.raises(RecordingError, match=f"no image for .*; no line for '?{STAMPS[2]}"):
+        open_recording(euroc({"mav0/cam0/exposures.csv": listed_in(unit, earlier)}))
+
+
 @pytest.mark.parametrize(
     "files",
     [

@@ -16,6 +16,7 @@ from ospc.errors import ExposureError, MissingExtraError, RecordingError, counte
 from ospc.formats.files import by_name, read_bytes
 from ospc.formats.scanning import NUMBER
 from ospc.photometry.correction import EXPOSURE_RANGE_MS
+from ospc.recording.exposure_units import in_seconds
 from ospc.recording.image_source import is_image_name
 
 MAX_LINES = 1_000_000
@@ -91,6 +92,12 @@ def exposures_in(path: str | Path) -> list[float]:
 
 _LARGEST_STAMP = 1e20
 """Largest time stamp in any unit."""
+
+_EARLIEST_S = 1e8
+"""Earliest time since 1970, in 1973: smaller numbers are those of images, or of a clock that begins at 0."""
+
+_SAME_TIME = 0.25
+"""Largest difference of times that are the same but for rounding, relative to the time between frames."""
 
 _INTEGER = re.compile(r"\d{1,30}", re.ASCII)
 """Image numbers; Python does not convert much longer ones."""
@@ -226,9 +233,9 @@ def unlisted(source: str, stamps_s: FloatArray, *, stamped: bool) -> FrameTable:
 def match_images(table: FrameTable, names: Sequence[str], place: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Return the image name of every row of a table, and notes.
 
-    An image belongs to the row with its name, its name without suffix, or its number. If rows and images are both
-    numbered without gaps, but from different numbers, they are matched by order. ``names`` are the sorted file names
-    in ``place``.
+    An image belongs to the row with its name, its name without suffix, or its number. Images that are named by their
+    time may also belong to the row with this time in another unit. If rows and images are both numbered without gaps,
+    but from different numbers, they are matched by order. ``names`` are the sorted file names in ``place``.
 
     Raises
     ------
@@ -242,10 +249,13 @@ def match_images(table: FrameTable, names: Sequence[str], place: str) -> tuple[t
     if table.ids:
         by_key, stems = _by_key(names, place), [PurePosixPath(name).stem for name in names]
         found = [by_key.get(_composed(image)) or by_key.get(_number(image)) for image in table.ids]
+        matching: tuple[str, ...] = ()
+        if not any(found) and (by_time := _images_by_time(table, names)):
+            found, matching = by_time, (f"{table.source}: images are matched by the times in their names",)
         missing = [image for image, name in zip(table.ids, found, strict=True) if name is None]
         unused = sorted(set(names) - set(found), key=by_name)
         if as_many and not missing and not unused:
-            return tuple(name for name in found if name is not None), ()
+            return tuple(name for name in found if name is not None), matching
         none_match = len(missing) == len(table) and not any(is_image_name(image) for image in table.ids)
         if as_many and (none_match or all(_consecutive(texts) for texts in (table.ids, stems))):
             return tuple(names), (f"{table.source}: its ids are not image names; images are matched by order",)
@@ -256,6 +266,20 @@ def match_images(table: FrameTable, names: Sequence[str], place: str) -> tuple[t
         f"{table.source}: lists {same} {counted(len(names), 'image')} in {place}{detail}; there must be one line "
         f"per image, with nan for an unknown exposure"
     )
+
+
+def _images_by_time(table: FrameTable, names: Sequence[str]) -> list[str | None]:
+    """Return the image named by each row's time, None if there is none; empty if names are no times since 1970."""
+    stems = [PurePosixPath(name).stem for name in names]
+    if not table.stamped or len(table) < 2 or not all(is_number(stem) for stem in stems):
+        return []
+    times_s, _ = in_seconds(np.array(stems, dtype=np.float64), table.source, stated=True)
+    if min(times_s.min(), table.stamps_s[0]) < _EARLIEST_S:
+        return []
+    order = np.argsort(times_s)
+    nearest = order[np.rint(np.interp(table.stamps_s, times_s[order], np.arange(len(order)))).astype(np.int64)]
+    near = np.abs(times_s[nearest] - table.stamps_s) < _SAME_TIME * float(np.median(np.diff(table.stamps_s)))
+    return [names[i] if fits else None for i, fits in zip(nearest.tolist(), near, strict=True)] if near.any() else []
 
 
 def _number(text: str) -> str:
