@@ -10,11 +10,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import lsq_linear
 
+from ospc.estimation.effects import Effects
+from ospc.estimation.model import Model
 from ospc.estimation.normal_equations import NormalEquations
 from ospc.estimation.prior import START, Prior, vignette_precision
 from ospc.estimation.response_basis import ResponseBasis
 from ospc.estimation.vignette_basis import VignetteBasis
 from ospc.photometry.geometry import normalised, pixel_grid
+from ospc.settings.estimation import MAX_GAMMA, MAX_GAMMA_CHANGE
 
 seeds = st.integers(0, 2**32 - 1)
 intervals = st.sampled_from([8, 16, 32])
@@ -237,3 +240,10 @@ def test_errors_common_to_a_group_leave_as_little_information_as_there_are_group
         equations = NormalEquations(rows.T @ rows, rows.T @ residual, scores.T @ scores, blocks=groups)
         scaled = equations.scaled(weak, 1.0)
         assert scaled.information_scale == pytest.approx(expected, rel=0.15)
+
+
+@pytest.mark.parametrize("before", [1.0, 90.0])
+def test_a_step_of_a_fit_leaves_every_gamma_plausible(before):
+    model = Model(ResponseBasis(8), VignetteBasis(0), Effects())
+    after = model.limited(np.full(9, 1e6), np.full(9, before))
+    assert np.all(after == min(before * MAX_GAMMA_CHANGE, MAX_GAMMA))

@@ -21,6 +21,7 @@ from ospc.estimation.vignette_basis import VignetteBasis
 from ospc.observations import ExposedObservations
 from ospc.settings.estimation import (
     CHUNK_OBSERVATIONS,
+    MAX_GAMMA,
     MAX_GAMMA_CHANGE,
     MIN_GAMMA,
 )
@@ -59,12 +60,13 @@ class Model:
         return floor
 
     def limited(self, parameters: FloatArray, previous: FloatArray) -> FloatArray:
-        """Return the parameters with each gamma within the range in which its logarithm can be linearised.
+        """Return the parameters with each gamma plausible, and where its logarithm can be linearised.
 
-        That range is centred on the previous parameters. The centre of the vignette is kept well within the image.
+        The latter range is centred on the previous parameters. The vignette's centre is kept well within the image.
         """
         n, vignette = len(self.response_basis), self.vignette_part
-        gamma = np.clip(parameters[:n], previous[:n] / MAX_GAMMA_CHANGE, previous[:n] * MAX_GAMMA_CHANGE)
+        highest = np.minimum(previous[:n] * MAX_GAMMA_CHANGE, MAX_GAMMA)
+        gamma = np.clip(parameters[:n], previous[:n] / MAX_GAMMA_CHANGE, highest)
         within = self.vignette_basis.limited(parameters[vignette])
         return np.concatenate([gamma, within, parameters[vignette.stop :]])
 

@@ -233,6 +233,10 @@ MIN_GAMMA = 0.05
 """Lower limit of the coefficients of the local gamma, which keeps the response strictly increasing. Chosen by hand;
 no effect from 0.02 to 0.1."""
 
+MAX_GAMMA = 100.0
+"""Upper limit of these coefficients, ten times those of any response that was fitted. In a video compressed to JPEG
+quality 10, one grew without limit, until the equations overflowed."""
+
 MAX_GAMMA_CHANGE = 3.0
 """Largest factor by which a coefficient may change in one round: the prior is linearised in its logarithm, and a
 larger step would leave the range where that is valid. 5 has no effect, 2 raises the vignette error by 15 per cent."""
