@@ -175,8 +175,7 @@ def _with_result(row: Row, store: Store) -> Row:
     response = found.response
     spread = None if response is None else response.inverse_sigma
     if response is not None and spread is not None:
-        low, high = response.support
-        spread = spread[(response.levels >= low) & (response.levels <= high)]
+        spread = spread[response.measured]
     return replace(
         row,
         frames=int(counts.get("frames", 0)),

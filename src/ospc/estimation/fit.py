@@ -163,12 +163,13 @@ class Fit(Model):
         observations' grey levels were stretched.
         """
         levels = min(max_grey + 1, MAX_RESPONSE_LEVELS)
-        grey = grey_range.level(np.linspace(0, 1, levels))
+        unstretched = np.linspace(0, 1, levels)
+        grey = grey_range.level(unstretched)
         table = np.exp(np.interp(grey, self.response_basis.grid, self.log_response))
         # A response must increase below black and above white, too.
         table, least = np.where(grey > 0, table, 0.0), np.arange(levels) * MIN_RESPONSE_STEP
         table = np.maximum(table, least) if grey_range.is_full else table + least
-        reference_grey = self._reference_grey(np.linspace(0, 1, levels), support, grey_range)
+        reference_grey = self._reference_grey(unstretched, support, grey_range)
         reference, highest = (float(grey_range.level(level)) for level in (reference_grey, support[1]))
         model = {
             "name": "local gamma",

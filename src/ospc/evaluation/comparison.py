@@ -76,7 +76,7 @@ def compare(estimate: Photometry, truth: Photometry, exponent: float = 1.0) -> C
         found["log_ratio_error"] = log_ratio_error(response, truth.response)
         if exponent == 1 and response.inverse_sigma is not None:
             known = response.matched(truth.response)
-            seen = (response.levels >= response.support[0]) & (response.levels <= response.support[1])
+            seen = response.measured
             sigma = response.inverse_sigma[seen]
             found["response_coverage"] = coverage(response.inverse_table[seen], sigma, known[seen])
     if estimate.vignette is not None and truth.vignette is not None:

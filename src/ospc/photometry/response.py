@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ospc.arrays import FloatArray
+from ospc.arrays import BoolArray, FloatArray
 from ospc.by_value import ByValue
 from ospc.errors import FormatError, SettingError
 
@@ -113,6 +113,12 @@ class Response(ByValue):
     def levels(self) -> FloatArray:
         """Grey levels of the table in [0, 1], shape (n,)."""
         return np.linspace(0.0, 1.0, self.inverse_table.size)
+
+    @property
+    def measured(self) -> BoolArray:
+        """Which levels of the table are within the measured range, shape (n,)."""
+        low, high = self.support
+        return np.asarray((self.levels >= low) & (self.levels <= high))
 
     def __call__(self, irradiance: npt.ArrayLike) -> FloatArray:
         """Return f, the grey level in [0, 1] of an irradiance, clipped outside [0, 1]."""

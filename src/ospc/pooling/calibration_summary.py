@@ -25,7 +25,7 @@ from ospc.pooling.summary import (
     recording_key,
     triangle_of,
 )
-from ospc.settings.estimation import VIGNETTE_REACH
+from ospc.settings.estimation import MAX_GAMMA, VIGNETTE_REACH
 
 _LEAST_INFORMATION = 1e-9
 """Smallest relative information in any direction: subtracting a prior may otherwise make it negative by rounding."""
@@ -38,8 +38,8 @@ _GIVEN_UP_SIGMA = 0.005
 """Standard deviation, around zero, of vignette parameters that a calibration omits: it would have included larger
 ones."""
 
-_STEEPEST, _ROUGHEST = 1e3, 1e3
-"""Largest accepted coefficients of a response and hyperparameters of its prior: a hundred times those of any fit."""
+_ROUGHEST = 1e3
+"""Largest accepted hyperparameters of a prior: a hundred times those of any fit."""
 
 _USUAL_NOISE = NoiseModel((0.5 / 255) ** 2, 0.0)
 """Noise assumed if a calibration states none: half an 8-bit grey level, typical of a good camera."""
@@ -121,7 +121,7 @@ def _of_response(calibration: Calibration) -> tuple[FloatArray, FloatArray, Floa
     prior = Prior(RESPONSE.knots, coefficients, VignetteBasis(0), np.empty(0))
     hyperparameters = replace(START, walk=float(model["prior_walk"]), drift=float(model["prior_drift"]))
     plausible = all(0 <= sigma <= _ROUGHEST for sigma in (hyperparameters.walk, hyperparameters.drift))
-    if not (plausible and coefficients.min() > 0 and coefficients.max() < _STEEPEST):
+    if not (plausible and coefficients.min() > 0 and coefficients.max() <= MAX_GAMMA):
         raise ValueError("not coefficients of a response")
     information = _positive(np.linalg.inv(covariance).astype(np.float64) - prior.precision(hyperparameters))
     # The roughness of the prior is selected anew, so its share of the estimate cannot be subtracted from b.

@@ -276,9 +276,8 @@ def _gain_factors(
             )
         factors = factors * linear
         said.append(f"{quoted(name)} ({unit.label})")
-    if stated is GainUnit.NONE:
-        said = []
-    return factors, [f"exposures are multiplied by the gain in {', '.join(said)}"] if said else []
+    used = said and stated is not GainUnit.NONE
+    return factors, [f"exposures are multiplied by the gain in {', '.join(said)}"] if used else []
 
 
 def _image_names(columns: Columns, rows: _Rows, source: str) -> list[str]:

@@ -250,7 +250,7 @@ def match_images(table: FrameTable, names: Sequence[str], place: str) -> tuple[t
         by_key, stems = _by_key(names, place), [PurePosixPath(name).stem for name in names]
         found = [by_key.get(_composed(image)) or by_key.get(_number(image)) for image in table.ids]
         matching: tuple[str, ...] = ()
-        if not any(found) and (by_time := _images_by_time(table, names)):
+        if not any(found) and (by_time := _images_by_time(table, names, stems)):
             found, matching = by_time, (f"{table.source}: images are matched by the times in their names",)
         missing = [image for image, name in zip(table.ids, found, strict=True) if name is None]
         unused = sorted(set(names) - set(found), key=by_name)
@@ -268,9 +268,8 @@ def match_images(table: FrameTable, names: Sequence[str], place: str) -> tuple[t
     )
 
 
-def _images_by_time(table: FrameTable, names: Sequence[str]) -> list[str | None]:
-    """Return the image named by each row's time, None if there is none; empty if names are no times since 1970."""
-    stems = [PurePosixPath(name).stem for name in names]
+def _images_by_time(table: FrameTable, names: Sequence[str], stems: Sequence[str]) -> list[str | None]:
+    """Return the image named by each row's time, None if there is none; empty if no stems are times since 1970."""
     if not table.stamped or len(table) < 2 or not all(is_number(stem) for stem in stems):
         return []
     times_s, _ = in_seconds(np.array(stems, dtype=np.float64), table.source, stated=True)

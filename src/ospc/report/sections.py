@@ -227,7 +227,7 @@ def _shape_fact(response: Response, max_grey: int) -> str:
     if response.log_sigma is None:
         return ""
     low, high = response.support
-    seen = (response.levels >= low) & (response.levels <= high)
+    seen = response.measured
     if not seen.any():
         return ""
     typical, most = (float(of(response.log_sigma[seen])) for of in (np.median, np.max))
