@@ -190,6 +190,10 @@ _SATURATED, _SATURATED_FROM = 2.0, 246
 """Irradiance, relative to white, assumed for saturated pixels of the real video, and the lowest grey value that
 counts as saturated: its white is not 255 but accumulates at 249, with noise of two levels."""
 
+_GREY_NOISE = 0.5
+"""Noise of images made from the real video, in grey values. They contain the noise of its frames, but a frame that is
+shown again at the same exposure would have the same rounding errors."""
+
 _last: dict[str, Footage] = {}
 """Cache of the latest recording, by its key: the study takes one recording after the other."""
 
@@ -225,8 +229,10 @@ def _filmed(source: VideoSource) -> Footage:
     if response is None:
         raise NotObservableError(f"{source.path}: yields no response even without faults, so faults cannot be judged")
 
-    def expose(irradiance: Float32Array, _frame: int) -> Image:
-        return np.rint(response(np.clip(irradiance, 0, 1)) * 255).astype(np.uint8)
+    def expose(irradiance: Float32Array, frame: int) -> Image:
+        grey = response(np.clip(irradiance, 0, 1)) * 255
+        noisy = np.rint(grey + _GREY_NOISE * np.random.default_rng(frame).standard_normal(grey.shape))
+        return np.clip(noisy, 0, 255).astype(np.uint8)
 
     images = tuple(frame.image_8_bit for frame in frames)
     # The brightness of saturated pixels is unknown; they must stay saturated if a fault takes some of the light.
