@@ -18,6 +18,7 @@ from ospc.exposures.findings import ExposureFindings
 from ospc.exposures.lag_choice import LagChoice, lag_in_words
 from ospc.exposures.monitor import ExposureMonitor
 from ospc.exposures.table import ExposureTable
+from ospc.exposures.used import as_source
 from ospc.frame_checks import SkippedFrames, check_is_frame, checked_frame, why_greys_are_unused
 from ospc.methods.change_detection import Change
 from ospc.methods.method import Method, Progress
@@ -302,9 +303,6 @@ class Engine:
         if cause:  # the usual remedies ask for more frames, which would not help
             verdicts = {n: v if v.state == "identifiable" else replace(v, remedy=cause) for n, v in verdicts.items()}
             advice = (cause, *advice)
-        source: dict[str, Any] = {"exposure_lag_frames": found.lag_frames}
-        if found.corrected_frames:
-            source["exposure_lag_corrected_frames"] = found.corrected_frames
         changed = (
             f"{epoch.change.text}; the calibration is for later frames" for epoch in self._epochs if epoch.change
         )
@@ -316,7 +314,7 @@ class Engine:
             settings=as_dict(self.settings),
             versions=versions(),
             advice=tuple(dict.fromkeys(filter(None, advice))),
-            source=known.source | source,
+            source=known.source | as_source(found),
             notes=(*found.notes, *known.notes),
             warnings=(*found.warnings, *known.warnings, *changed),
         )

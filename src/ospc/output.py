@@ -10,6 +10,7 @@ from typing import Protocol
 
 from ospc.arrays import FloatArray
 from ospc.errors import ExposureError, FormatError, OspcError, SettingError, one_line, os_error_as
+from ospc.exposures.used import used_exposures, with_used_exposures
 from ospc.folders import check_usable
 from ospc.formats.dso import PARAMETER_FILES, parameter_files, write_times
 from ospc.formats.files import json_object, write_bytes
@@ -45,6 +46,11 @@ class Written:
     def __add__(self, other: Written) -> Written:
         """Return the two combined."""
         return Written(self.files + other.files, self.notes + other.notes, self.problems + other.problems)
+
+
+_USED_EXPOSURES = (
+    "times.txt has the exposures that the calibration used, at their frames; those not recorded are interpolated"
+)
 
 
 class Times(Protocol):
@@ -85,6 +91,8 @@ class OutputFolder:
     def write(self, calibration: Calibration, times: Times | None = None) -> Written:
         """Write the files for programs, and times.txt if ``times`` are given, and remove all files of an earlier run.
 
+        times.txt has the exposures that the calibration used: each at the frame that it belongs to.
+
         Every file is written atomically. If a file after calibration.json cannot be written, the others still are.
 
         Raises
@@ -101,7 +109,10 @@ class OutputFolder:
         response, vignette, caveat = calibration.response, calibration.vignette, calibration.caveat
         writers = [*parameter_files(response, vignette, calibration.max_grey, caveat)]
         if times is not None:
-            ids, stamps_s, exposures_ms = range(len(times.stamps_s)), times.stamps_s, times.exposures_ms
+            ids, stamps_s = range(len(times.stamps_s)), times.stamps_s
+            exposures_ms = used_exposures(calibration, times.exposures_ms)
+            if exposures_ms is not times.exposures_ms:
+                written += Written(notes=(_USED_EXPOSURES,))
             writers.append(("times.txt", lambda place: write_times(place, ids, stamps_s, exposures_ms)))
         for name, write in writers:
             try:
@@ -116,8 +127,10 @@ class OutputFolder:
         self, calibration: Calibration, recording: Recording | None = None, truth: Photometry | None = None
     ) -> Findings:
         """Return the findings to draw, with the exposures of a recording or of times.txt, and a reference."""
-        exposures_ms = None if recording is None else recording.exposures_ms
-        if recording is None:
+        if recording is not None:
+            exposures_ms: FloatArray | None = with_used_exposures(recording, calibration).exposures_ms
+        else:
+            exposures_ms = None
             with suppress(OspcError):
                 exposures_ms = read_times(self.path / "times.txt").exposures_ms
         return Findings(calibration, exposures_ms, truth)

@@ -21,6 +21,7 @@ from scipy.sparse.csgraph import connected_components
 from ospc.arrays import BoolArray, Float32Array, FloatArray, IntArray, nearest
 from ospc.correspondence.features import Features, SiftExtractor, match
 from ospc.errors import NotObservableError
+from ospc.exposures.used import with_used_exposures
 from ospc.formats.files import json_text, write_text
 from ospc.photometry.calibration import Calibration
 from ospc.recording import Frame, Recording
@@ -147,7 +148,7 @@ def rig_scale(recordings: Mapping[str, Recording], calibrations: Mapping[str, Ca
         )
     moments = _moments([recordings[name] for name in names])
     seen = {
-        name: _all_seen(recordings[name], calibrations[name], frames)
+        name: _all_seen(with_used_exposures(recordings[name], calibrations[name]), calibrations[name], frames)
         for name, frames in zip(names, moments.T, strict=True)
     }
     pairs = [

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+import shutil
 import sys
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from click.testing import Result
@@ -14,7 +16,10 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "diagnosis"))
 from filmed import Film, wandering
 
 from command_line import leave_out, ospc
+from ospc.formats.dso import write_times
 from ospc.photometry.calibration import Calibration
+from ospc.recording import open_recording
+from ospc.recording.exposure_lists import read_times
 from ospc.recording.writing.conversion import convert_recording
 
 FRAMES = 60
@@ -55,6 +60,28 @@ def test_a_lag_gives_a_corrected_calibration_and_a_note(late: Path, tmp_path: Pa
     assert shape_error(calibration) < 0.01
     again = ospc("calibrate", str(late), "-o", str(tmp_path), "--json", "--resume")
     assert f"continuing after frame {FRAMES}" in again.stdout
+
+
+def test_every_output_has_the_exposures_at_their_frames(late: Path, tmp_path: Path) -> None:
+    _, said, _ = calibrated(late, tmp_path / "out")
+    recorded = read_times(late / "times.txt").exposures_ms
+    at_frames = np.append(recorded[2:], [recorded[-1]] * 2)
+    np.testing.assert_allclose(read_times(tmp_path / "out" / "times.txt").exposures_ms, at_frames, rtol=1e-5)
+    assert any("times.txt has the exposures that the calibration used" in note for note in said["notes"])
+
+    mended = tmp_path / "mended"
+    shutil.copytree(late, mended)
+    write_times(mended / "times.txt", range(FRAMES), open_recording(late).stamps_s, at_frames)
+    normalised = ("--normalise-exposure", "--assume-missing", "--output", "grey16", "--reference-ms", "1")
+    images = {}
+    for recording in (late, mended):
+        out = tmp_path / f"corrected {recording.name}"
+        done = ospc("correct", recording, tmp_path / "out", "-o", out, *normalised)
+        assert done.exit_code == 0, done.output
+        images[recording] = [cv2.imread(str(place), -1) for place in sorted((out / "images").iterdir())]
+        note = "moved to their frames" if recording == late else "are used as recorded"
+        assert note in done.output
+    np.testing.assert_array_equal(images[late], images[mended])
 
 
 def test_an_uncorrected_lag_gives_a_warning(late: Path, tmp_path: Path) -> None:

@@ -16,6 +16,7 @@ from ospc.correction.folder import CorrectedFolder, Counts
 from ospc.correction.settings import CorrectionSettings
 from ospc.correction.source import Source, ids_for
 from ospc.errors import ExposureError, FrameError, NotObservableError, RecordingError, SettingError
+from ospc.exposures.used import use_of_exposures, with_used_exposures
 from ospc.formats.dso import parameter_files, write_times
 from ospc.formats.image_header import JPEG_START, WITH_METADATA, read_header
 from ospc.formats.opening import Photometry
@@ -134,7 +135,8 @@ def correct_recording(
     corrector = corrector_for(recording, photometry, assume_missing=settings.assume_missing)
     if source.unexposed is not None and settings.normalise_exposure:
         raise ExposureError(f"{source.unexposed}; or leave out --normalise-exposure, which needs exposures")
-    settings = settings.for_images(recording.max_grey, recording.exposures_ms)
+    exposures_ms = with_used_exposures(recording, photometry.calibration).exposures_ms
+    settings = settings.for_images(recording.max_grey, exposures_ms)
     notes = list(_notes_on(source, photometry, settings))
     note = {
         "formula": settings.formula,
@@ -149,7 +151,7 @@ def correct_recording(
     done = folder.begin(note, names)
     counts = dict(done)
     reasons: list[str] = []
-    work = _Work(source, corrector, folder, settings, names)
+    work = _Work(source, corrector, folder, settings, names, exposures_ms)
     left = (frame for frame in recording if frame.index not in done)
     for index, counted in mapped(work, usable_frames(left, reasons.append)):
         folder.mark_written(index, counted)
@@ -161,7 +163,7 @@ def correct_recording(
     if values > len(counts) * recording.size[0] * recording.size[1]:
         notes.append("images are in colour: response and vignette are applied to each channel")
     frames = sorted(counts)
-    exposures_ms = recording.exposures_ms[frames]
+    exposures_ms = exposures_ms[frames]
     result = Corrected(
         path=folder.path,
         formula=settings.formula,
@@ -222,6 +224,8 @@ def _notes_on(source: Source, photometry: Photometry, settings: CorrectionSettin
         )
     if photometry.caveat:
         yield photometry.caveat
+    if photometry.calibration and (note := use_of_exposures(recording, photometry.calibration)):
+        yield note
     if _has_alpha(recording):
         yield "images have an alpha channel, which is not written"
     low, high = np.nanmin(recording.exposures_ms), np.nanmax(recording.exposures_ms)
@@ -251,13 +255,14 @@ class _Work:
     folder: CorrectedFolder
     settings: CorrectionSettings
     names: Sequence[PurePosixPath]
+    exposures_ms: FloatArray
 
     def __call__(self, frame: Frame) -> tuple[int, Counts]:
         image, settings = frame.image, self.settings
         correct = self.corrector.without_vignette if settings.keep_response else self.corrector.correct
         corrected = correct(
             image,
-            None if settings.reference_ms is None else frame.exposure_ms / settings.reference_ms,
+            None if settings.reference_ms is None else self.exposures_ms[frame.index] / settings.reference_ms,
             dtype=settings.dtype,
             white=settings.white,
             mark_saturated=settings.mask_saturated,

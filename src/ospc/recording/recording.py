@@ -136,8 +136,7 @@ def identity(recording: Recording) -> dict[str, Any]:
     The description is JSON-compatible: kind, name of the folder or file, number of frames, size, largest grey value,
     range of the exposures, SHA-256 of stamps and exposures, and SHA-256 of a few stored images.
     """
-    exposures_ms = np.asarray(recording.exposures_ms, dtype="<f8")
-    stamps_s = np.asarray(recording.stamps_s, dtype="<f8")
+    exposures_ms = recording.exposures_ms
     indices = sorted({int(i) for i in np.linspace(0, max(len(recording) - 1, 0), _SAMPLES)})
     return {
         "kind": recording.kind,
@@ -146,10 +145,16 @@ def identity(recording: Recording) -> dict[str, Any]:
         "size": list(recording.size),
         "max_grey": recording.max_grey,
         "exposure_range_ms": [float(np.nanmin(exposures_ms)), float(np.nanmax(exposures_ms))],
-        "frames_sha256": sha256(stamps_s.tobytes() + exposures_ms.tobytes()).hexdigest(),
+        "frames_sha256": frames_sha256(recording),
         "images_sha256": _images_sha256(recording, indices),
         "images_hashed": indices,
     }
+
+
+def frames_sha256(recording: Recording) -> str:
+    """Return the SHA-256 of the stamps and exposures of all frames as recorded."""
+    stamps_s, exposures_ms = (np.asarray(each, "<f8") for each in (recording.stamps_s, recording.exposures_ms))
+    return sha256(stamps_s.tobytes() + exposures_ms.tobytes()).hexdigest()
 
 
 def _images_sha256(recording: Recording, indices: list[int]) -> str:

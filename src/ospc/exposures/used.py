@@ -1,0 +1,92 @@
+"""The exposures of a recording as its calibration used them: each at its own frame, without wrong ones."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ospc.arrays import FloatArray
+from ospc.errors import counted
+from ospc.exposures.findings import ExposureFindings
+from ospc.exposures.lag_choice import lag_in_words
+from ospc.exposures.table import ExposureTable, filled
+from ospc.photometry.calibration import Calibration
+from ospc.recording import Recording
+from ospc.recording.derived import DerivedRecording
+from ospc.recording.recording import frames_sha256
+
+_LAG, _WRONG = "exposure_lag_corrected_frames", "exposures_ignored_of_frames"
+
+
+def as_source(found: ExposureFindings) -> dict[str, Any]:
+    """Return what the ``source`` of a calibration states about its exposures."""
+    source: dict[str, Any] = {"exposure_lag_frames": found.lag_frames}
+    if found.corrected_frames:
+        source[_LAG] = found.corrected_frames
+    if found.wrong:
+        source[_WRONG] = list(found.wrong)
+    return source
+
+
+def corrected_lag(calibration: Calibration) -> int:
+    """Return the number of frames by which the exposures were recorded late and that was corrected; 0 for none."""
+    lag = calibration.source.get(_LAG, 0)
+    return lag if isinstance(lag, int) else 0
+
+
+def _wrong(calibration: Calibration, count: int) -> list[int]:
+    """Return the frames whose exposures were ignored, of a recording with ``count`` frames."""
+    stated = calibration.source.get(_WRONG, ())
+    frames = stated if isinstance(stated, list | tuple) else ()
+    return [frame for frame in frames if isinstance(frame, int) and 0 <= frame < count]
+
+
+def used_exposures(calibration: Calibration, exposures_ms: FloatArray) -> FloatArray:
+    """Return the exposure of every frame of a recording as its calibration used it, shape (frames,).
+
+    Each is moved to the frame that it belongs to. Those that are wrong or not recorded, such as the last ones if
+    exposures are recorded late, are interpolated; at either end, they equal the nearest known one.
+    """
+    lag, count = corrected_lag(calibration), len(exposures_ms)
+    wrong = _wrong(calibration, count)
+    if not (lag or wrong) or abs(lag) >= count:
+        return exposures_ms
+    known = np.where(np.isfinite(exposures_ms) & (exposures_ms > 0), exposures_ms, np.nan)
+    table = ExposureTable.of(np.log(known), lag).without(wrong)
+    return np.asarray(np.exp(filled(table.log_exposure_of(np.arange(count)))))
+
+
+def with_used_exposures(recording: Recording, calibration: Calibration | None) -> Recording:
+    """Return a recording with the exposures that its calibration used, and a note.
+
+    Without a calibration, with one from another recording, or if exposures were used as recorded, the recording
+    itself is returned.
+    """
+    if calibration is None or not _is_from(calibration, recording):
+        return recording
+    exposures_ms = used_exposures(calibration, recording.exposures_ms)
+    if exposures_ms is recording.exposures_ms:
+        return recording
+    note = use_of_exposures(recording, calibration)
+    return DerivedRecording.of(recording, np.arange(len(recording)), exposures_ms, note=note)
+
+
+def use_of_exposures(recording: Recording, calibration: Calibration) -> str:
+    """Return a note on exposures that :func:`with_used_exposures` changes, or that may have to be; else empty."""
+    lag, wrong = corrected_lag(calibration), _wrong(calibration, len(recording))
+    late = f"exposures were recorded {lag_in_words(lag)}"
+    if _is_from(calibration, recording):
+        moved = f"{late} and are moved to their frames" if lag else ""
+        ignored = f"{counted(len(wrong), 'wrong exposure')} interpolated" if wrong else ""
+        return "; ".join(filter(None, (moved, ignored)))
+    if not lag:
+        return ""
+    return (
+        f"in the recording that the calibration is from, {late}; those of {recording.path.name} are used as recorded"
+    )
+
+
+def _is_from(calibration: Calibration, recording: Recording) -> bool:
+    """Return whether a calibration was made from this recording: its frames have the same stamps and exposures."""
+    return calibration.source.get("frames_sha256") == frames_sha256(recording)
