@@ -13,7 +13,7 @@ from ospc.methods.summary import FitInputs
 from ospc.photometry.noise import NoiseModel
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import LogVignette
-from ospc.pooling.summary import PARAMETERS, VIGNETTE, Summary, summary_of, triangle_of
+from ospc.pooling.summary import PARAMETERS, RESPONSE, VIGNETTE, Summary, summary_of, triangle_of
 from synthetic_observations import SIZE, Camera
 
 NOISE = NoiseModel((1 / 255) ** 2, (1.5 / 255) ** 2)
@@ -23,10 +23,12 @@ OTHER_RESPONSE = replace(CAMERA, response=Response.gamma(2.2, 4097))
 
 
 @cache
-def inputs_of(camera: Camera, seed: int, groups: int = 40, points: int = 40) -> FitInputs:
+def inputs_of(
+    camera: Camera, seed: int, groups: int = 40, points: int = 40, basis: ResponseBasis = RESPONSE
+) -> FitInputs:
     """Return the fit inputs of a short recording of a camera."""
     observations = camera.pairs(seed, groups, points)
-    fit = fit_with_chosen_vignette(observations, ResponseBasis(32), VIGNETTE, NOISE, rounds=5).fit
+    fit = fit_with_chosen_vignette(observations, basis, VIGNETTE, NOISE, rounds=5).fit
     return FitInputs(SIZE, 255, NOISE, observations, fit, standing_still=False, pairs=groups)
 
 
@@ -37,7 +39,7 @@ def fisheye_inputs_of(camera: Camera, seed: int, radius: float) -> FitInputs:
     inside = np.logical_and.reduceat(np.linalg.norm(whole.position, axis=1) < radius, whole.starts)
     observations = whole.of_points(inside)
     vignette = replace(VIGNETTE, usable_radius=radius)
-    fit = fit_with_chosen_vignette(observations, ResponseBasis(32), vignette, NOISE, rounds=5).fit
+    fit = fit_with_chosen_vignette(observations, RESPONSE, vignette, NOISE, rounds=5).fit
     return replace(
         inputs_of(camera, seed, groups=6), observations=observations, fit=fit, pairs=60, usable_radius=radius
     )

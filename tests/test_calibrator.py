@@ -511,3 +511,14 @@ def test_the_smallest_frames_give_a_verdict(name, size, moving):
         # Noise: exactly equal images with different exposures are skipped.
         assert calibrator.push(Frame.of_array(image + np.uint8(i % 2), 1.0 + i % 5, index=i))
     assert set(calibrator.calibration().verdicts) >= {"response", "vignette"}
+
+
+@pytest.mark.parametrize(("lag", "frames"), [(0, 1), (2, 2), (2, 3), (5, 4)])
+def test_a_given_lag_needs_no_minimum_of_frames(lag: int, frames: int) -> None:
+    calibrator = OnlineCalibrator(correct_lag=lag)
+    for number in range(frames):
+        image = np.random.default_rng(number).integers(20, 200, (120, 160)).astype(np.uint8)
+        calibrator.push(Frame.of_array(image, 5.0 + number))
+    found = calibrator.calibration()
+    assert found.response is None
+    assert found.verdicts["response"].state == "not identifiable"

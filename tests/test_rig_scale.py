@@ -70,7 +70,7 @@ def test_cameras_that_recorded_at_other_times_have_nothing_in_common(rig):
     class Later:
         def __init__(self, recording):
             self._recording = recording
-            self.stamps_s = recording.stamps_s + 100
+            self.stamps_s, self.exposures_ms = recording.stamps_s + 100, recording.exposures_ms
 
         def __iter__(self):
             return iter(self._recording)

@@ -10,9 +10,12 @@ import pytest
 
 from calibrations import calibration as made_up
 from ospc.calibrator import OnlineCalibrator
+from ospc.engine_state import Epoch, response_before_change
 from ospc.errors import FormatError, NotObservableError, SettingError
+from ospc.estimation.response_basis import FUNCTIONS, ResponseBasis
 from ospc.evaluation.metrics import vignette_rmse
 from ospc.exposures.monitor import ExposureMonitor
+from ospc.methods.change_detection import Change
 from ospc.methods.identifiability import judged
 from ospc.methods.summary import summarise
 from ospc.photometry.calibration import Calibration, Verdict
@@ -73,6 +76,41 @@ def test_starting_from_a_calibration_without_new_frames_returns_it(yesterday):
     np.testing.assert_allclose(found.response.inverse(grey), before.response.inverse(grey), rtol=0.01)
     np.testing.assert_allclose(found.vignette.image(), before.vignette.image(), atol=0.005)
     np.testing.assert_allclose(found.response.log_sigma[60], before.response.log_sigma[60], rtol=0.3)
+
+
+class DenseAtBlack:
+    """Hat functions on knots that are equidistant in the square root of the grey level."""
+
+    def knots(self, intervals):
+        return np.linspace(0, 1, intervals + 1) ** 2
+
+    def values(self, grey, intervals):
+        knots = self.knots(intervals)
+        return np.stack([np.interp(grey, knots, peak) for peak in np.eye(intervals + 1)], axis=-1)
+
+
+@pytest.mark.parametrize(("intervals", "functions"), [(20, "hats"), (64, "hats"), (32, "dense at black")])
+def test_the_earlier_response_may_have_another_basis(monkeypatch, tmp_path, intervals, functions):
+    monkeypatch.setitem(FUNCTIONS, "dense at black", DenseAtBlack())
+    before = summarise(inputs_of(CAMERA, 0, groups=80, basis=ResponseBasis(intervals, functions)), DefaultSettings())
+    before.save(tmp_path / "calibration.json")
+    earlier = PriorCalibration.open(tmp_path)
+    found = earlier.continued(Calibration(size=SIZE, verdicts=before.verdicts), None)
+    grey = np.linspace(0.05, 0.95, 19)
+    np.testing.assert_allclose(found.response.inverse(grey), before.response.inverse(grey), rtol=0.01)
+    own, seen = today(CAMERA, groups=6)
+    assert earlier.difference(seen) is None
+    assert earlier.continued(own, seen).complete
+    ended = Epoch(0, 9, before, Change(10, 20, "vignette", "the vignette changed"))
+    assert response_before_change([ended], np.zeros(20)).difference(seen) is None
+
+
+@pytest.mark.parametrize("change", [{"functions": "no such"}, {"knots": [0.0, 0.7, 1.0]}, {"coefficients": [1.0]}])
+def test_a_response_of_an_unknown_basis_is_refused(yesterday, change):
+    known = Calibration.load(yesterday)
+    other = replace(known, response=replace(known.response, model=known.response.model | change))
+    with pytest.raises(FormatError, match="not a calibration of the default method"):
+        summary_of_calibration(other, "other")
 
 
 def test_what_the_prior_says_of_the_vignette_counts_once():

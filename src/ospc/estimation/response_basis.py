@@ -118,6 +118,13 @@ class ResponseBasis:
         """
         return _log_table(FUNCTIONS[self.functions], self.intervals)
 
+    def conversion(self, other: ResponseBasis) -> FloatArray:
+        """Return the matrix that converts the coefficients of another basis to this one, shape (len, len of other).
+
+        The local gamma is taken at this basis's knots.
+        """
+        return FUNCTIONS[other.functions].values(self.knots, other.intervals)
+
     def bend_of(self, coefficients: FloatArray, smoothing: float = BEND_SMOOTHING) -> FloatArray:
         """Return g″/g′ of a smoothed γ on the grid, shape (4097,).
 

@@ -13,7 +13,7 @@ from ospc.exposures.brightness import BrightnessChange
 from ospc.exposures.brightness_report import BrightnessReport, brightness_report
 from ospc.exposures.brightness_series import BrightnessSeries
 from ospc.exposures.lag import estimate_lag, explained_by_inverse
-from ospc.exposures.lag_choice import LagChoice, check_lag, lag_in_words
+from ospc.exposures.lag_choice import LagChoice, lag_in_words, leaves_frames
 from ospc.exposures.lag_selection import LagEstimate
 from ospc.exposures.table import ExposureReport, filled, without
 from ospc.exposures.tone_mapping import NO_LOCAL_TONE, LocalTone, local_tone
@@ -196,7 +196,12 @@ def assess_exposures(
 
 def _assess_choice(series: BrightnessSeries, written: FloatArray, choice: LagChoice) -> ExposureFindings:
     if isinstance(choice, int):
-        found = _assess_shifted(series, written, choice)
+        enough = leaves_frames(choice, len(written))
+        found = (
+            _assess_shifted(series, written, choice)
+            if enough
+            else _assess(BrightnessSeries.from_changes(()), written)
+        )
         return replace(_as_stated(found, choice), corrected_frames=choice)
     found = _assess(series, written)
     if choice == "trusted":
@@ -237,7 +242,6 @@ def _with_local_tone(
 
 def _assess_shifted(series: BrightnessSeries, written: FloatArray, lag: int) -> ExposureFindings:
     """Assess the exposures shifted by a lag; the estimated lag refers to the exposures as recorded."""
-    check_lag(lag, len(written))
     first, last = max(0, -lag), len(written) - max(0, lag)
     inside = series.with_exposures(len(written), 0, lag).renumbered(-first)
     found = _assess(inside, written[first + lag : last + lag])

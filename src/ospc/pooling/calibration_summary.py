@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 
 from ospc.arrays import FloatArray
-from ospc.errors import FormatError, NotObservableError
+from ospc.errors import FormatError, NotObservableError, SettingError
 from ospc.estimation.prior import START, Prior, vignette_precision
+from ospc.estimation.response_basis import ResponseBasis
 from ospc.estimation.vignette_basis import VignetteBasis
 from ospc.photometry.calibration import Calibration
 from ospc.photometry.grey_range import GreyRange
@@ -41,6 +42,9 @@ ones."""
 _ROUGHEST = 1e3
 """Largest accepted hyperparameters of a prior: a hundred times those of any fit."""
 
+_MOST_KNOTS = 1025
+"""Largest accepted number of knots of a response, far more than any method has."""
+
 _USUAL_NOISE = NoiseModel((0.5 / 255) ** 2, 0.0)
 """Noise assumed if a calibration states none: half an 8-bit grey level, typical of a good camera."""
 
@@ -60,7 +64,7 @@ def summary_of_calibration(calibration: Calibration, name: str) -> Summary:
     try:
         found = _summary_of(calibration, name)
         found.check()
-    except (LookupError, TypeError, ValueError, ArithmeticError, FormatError, np.linalg.LinAlgError):
+    except (LookupError, TypeError, ValueError, ArithmeticError, FormatError, SettingError, np.linalg.LinAlgError):
         raise FormatError(
             f"{name}: is not a calibration of the default method with a covariance; start from a state.ospc instead"
         ) from None
@@ -112,20 +116,28 @@ def _usable_radius(vignette: Vignette | None) -> float:
 
 
 def _of_response(calibration: Calibration) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the estimated response parameters, and A and b of their likelihood."""
+    """Return the estimated response parameters, and A and b of their likelihood, for the common response basis."""
     model = _response_model(calibration)
     coefficients = np.array(model["coefficients"], dtype=np.float64)
     covariance = np.array(calibration.covariance["response"]["matrix"], dtype=np.float64)
-    if coefficients.shape != (len(RESPONSE),) or covariance.shape != (len(RESPONSE), len(RESPONSE)):
-        raise ValueError("another number of knots")
-    prior = Prior(RESPONSE.knots, coefficients, VignetteBasis(0), np.empty(0))
+    knots = np.array(model["knots"], dtype=np.float64)
+    n = len(coefficients)
+    if not 2 <= n <= _MOST_KNOTS or coefficients.shape != knots.shape or covariance.shape != (n, n):
+        raise ValueError("not coefficients of a response")
+    own = ResponseBasis(n - 1, model["functions"])
+    if not np.allclose(knots, own.knots):
+        raise ValueError("other knots than those of the functions")
+    prior = Prior(own.knots, coefficients, VignetteBasis(0), np.empty(0))
     hyperparameters = replace(START, walk=float(model["prior_walk"]), drift=float(model["prior_drift"]))
     plausible = all(0 <= sigma <= _ROUGHEST for sigma in (hyperparameters.walk, hyperparameters.drift))
     if not (plausible and coefficients.min() > 0 and coefficients.max() <= MAX_GAMMA):
         raise ValueError("not coefficients of a response")
-    information = _positive(np.linalg.inv(covariance).astype(np.float64) - prior.precision(hyperparameters))
+    from_common = own.conversion(RESPONSE)
+    in_own = np.linalg.inv(covariance).astype(np.float64) - prior.precision(hyperparameters)
+    information = _positive(from_common.T @ in_own @ from_common)
+    estimate = RESPONSE.conversion(own) @ coefficients
     # The roughness of the prior is selected anew, so its share of the estimate cannot be subtracted from b.
-    return coefficients, information, information @ coefficients
+    return estimate, information, information @ estimate
 
 
 def _of_vignette(calibration: Calibration) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -274,9 +274,8 @@ def _systematic_errors(fit: Fit) -> FloatArray:
 
 def _in_common(fit: Fit, vignette: VignetteBasis) -> FloatArray:
     """Return the matrix that converts the q parameters of a fit's curves to the common models, shape (p, q)."""
-    own, n = fit.response_basis, len(fit.response_basis)
+    n = len(fit.response_basis)
     matrix = np.zeros((PARAMETERS, fit.vignette_part.stop))
-    gammas = [np.interp(RESPONSE.knots, own.grid, own.gamma_of(one)) for one in np.eye(n)]
-    matrix[RESPONSE_PART, :n] = np.stack(gammas, axis=1)
+    matrix[RESPONSE_PART, :n] = RESPONSE.conversion(fit.response_basis)
     matrix[VIGNETTE_PART, n:] = vignette.conversion(fit.vignette_basis)
     return matrix
