@@ -66,13 +66,16 @@ class NotingSettings:
     made: list = field(default_factory=list, compare=False)
 
     name = "noting"
-    keeps_state = False
+    real_time = True
 
     def sampler(self):
         return FrameSampler.every_frame()
 
     def preprocessor(self):
         return Preprocessor()
+
+    def state_type(self):
+        return None
 
     def build(self, size, max_grey):
         self.made.append(Noting(size, max_grey))

@@ -14,13 +14,13 @@ from ospc.errors import FormatError, FrameError, SettingError
 from ospc.exposures.lag_choice import LagChoice, check_lag, checked_lag_choice, lag_choice, lag_choice_for
 from ospc.frame_checks import image_of_size
 from ospc.library_threads import one_library_thread
-from ospc.methods.maximum_likelihood_state import MaximumLikelihoodState
 from ospc.photometry.calibration import Calibration
 from ospc.recording import Frame, Recording, open_recording
 from ospc.recording.recording import identity
 from ospc.recording.stream import Item, decoded_ahead, frames_of
-from ospc.settings import DefaultSettings, Settings, as_dict, preset, with_overrides
+from ospc.settings import Settings, as_dict, preset, with_overrides
 from ospc.state.run import load_run, save_run
+from ospc.state_rules.fields import check_fields
 from ospc.state_rules.run import check_run
 from ospc.versions import versions
 
@@ -62,17 +62,14 @@ class OnlineCalibrator(Engine):
         Raises
         ------
         SettingError
-            If the preset is "paper", whose state is too large to save.
+            If the method has no state, as that of the preset "paper".
         FormatError
             If the file cannot be written, or an error such as running out of memory left a frame partly processed.
         """
         if self._partly_processed:
             raise FormatError(f"{path}: not written, because {self._partly_processed} was only partly processed")
-        if not self.settings.keeps_state:
-            raise SettingError(
-                f"preset {self.settings.name} keeps the features of hundreds of frames, too much for a state file; "
-                "use the default preset"
-            )
+        if self.settings.state_type() is None:
+            raise SettingError(f"preset {self.settings.name} cannot be saved as a state; use the default preset")
         with self._lock:
             summary = self.summary() if complete else None
             method = None if self._method is None else self._method.state()
@@ -105,10 +102,10 @@ class OnlineCalibrator(Engine):
         FormatError
             If the file does not exist, is truncated or damaged, or was written by another version.
         """
-        run, method = load_run(path, EngineState, MaximumLikelihoodState)
+        run, method = load_run(path, EngineState, lambda run: _settings_of(run.settings, str(path)).state_type())
         settings = _settings_of(run.settings, str(path))
         try:
-            check_run(run, method, settings)
+            check_run(run, settings)
             lag: LagChoice = "trusted" if run.correct_lag == "trusted" else lag_choice(run.correct_lag)
             calibrator = cls(settings, correct_lag=lag)
             calibrator._restore(run, method)
@@ -116,16 +113,19 @@ class OnlineCalibrator(Engine):
             raise FormatError(f"{path}: not readable as a state ({error})") from None
         return calibrator
 
-    def _restore(self, run: EngineState, method: MaximumLikelihoodState | None) -> None:
-        """Continue from a state; ValueError if its parts are inconsistent."""
+    def _restore(self, run: EngineState, method: object | None) -> None:
+        """Continue from a state; FormatError or ValueError if its parts are inconsistent."""
         self._size, self._max_grey = run.size, run.max_grey
         self._sampler, self.pixels = run.sampler, run.pixels
         self._skipped, self._first_frames = run.skipped, run.first_frames
         self._epochs = [epoch_of(content) for content in run.epochs]
         self._exposures.restore(run.exposures, self.epochs[-1].first_frame)
-        if run.max_grey:
+        if (run.max_grey == 0) != (method is None):
+            raise FormatError("a run must have both a first frame and a method, or neither")
+        if method is not None:
+            check_fields(method)
             self._method = self.settings.build(run.size, run.max_grey)
-            self._method.restore(method)
+            self._method.restore(method, self.frames)
         self.source, self.saved_by = run.source, run.versions
         self._update_prefetcher()
 
@@ -155,15 +155,12 @@ class OnlineCalibrator(Engine):
             self._exposures.history.replay(prepared.thumbnail)
 
 
-def _settings_of(content: dict[str, Any], name: str) -> DefaultSettings:
+def _settings_of(content: dict[str, Any], name: str) -> Settings:
     try:
         values = {key: str(value) for key, value in content.items() if key != "preset"}
-        settings = with_overrides(preset(str(content.get("preset"))), values)
+        return with_overrides(preset(str(content.get("preset"))), values)
     except SettingError as error:
         raise FormatError(f"{name}: was written by another version of this program ({error})") from None
-    if not isinstance(settings, DefaultSettings):
-        raise FormatError(f"{name}: was written with preset {settings.name}, which saves no state")
-    return settings
 
 
 def remaining(calibrator: OnlineCalibrator, recording: Iterable[Frame]) -> Iterator[Frame]:

@@ -81,7 +81,7 @@ def method(monkeypatch):
         pass
 
     monkeypatch.setattr(DefaultSettings, "build", lambda *_arguments: OfThisTest())
-    monkeypatch.setattr(DefaultSettings, "keeps_state", False)
+    monkeypatch.setattr(DefaultSettings, "state_type", lambda _settings: None)
     leave_out(monkeypatch, "draw", "report")
     return OfThisTest
 

@@ -43,7 +43,7 @@ def stage(tmp_path_factory: pytest.TempPathFactory) -> Stage:
 
 @pytest.fixture(autouse=True)
 def quick(monkeypatch: pytest.MonkeyPatch, one_room: None) -> None:
-    monkeypatch.setitem(presets._PRESETS, "default", QUICK)
+    monkeypatch.setitem(presets.PRESETS, "default", QUICK)
 
 
 @pytest.fixture(autouse=True)

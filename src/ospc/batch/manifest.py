@@ -53,9 +53,7 @@ class Entry:
     def settings(self) -> DefaultSettings:
         """Settings of the method."""
         given = {name: value for name, value in self.options if name not in (*_OWN, *_READING)}
-        settings = with_overrides(DefaultSettings(), given, (*_OWN, *_READING))
-        assert isinstance(settings, DefaultSettings)
-        return settings
+        return with_overrides(DefaultSettings(), given, (*_OWN, *_READING))
 
     @property
     def reading(self) -> ReadingOptions:

@@ -61,7 +61,7 @@ class Checkpoints:
         """
         with self._throttle.timed():
             pass  # start the interval: the first checkpoint is due at its end
-        self._kept = self._kept and calibrator.settings.keeps_state
+        self._kept = self._kept and calibrator.settings.state_type() is not None
         if not self._kept:
             if self._resume:
                 name = calibrator.settings.name

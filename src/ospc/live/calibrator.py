@@ -23,7 +23,7 @@ from ospc.live.status import Findings, LiveStatus
 from ospc.methods.preview import Preview
 from ospc.photometry.calibration import Calibration
 from ospc.recording import Frame
-from ospc.settings import DefaultSettings, Settings
+from ospc.settings import Settings
 from ospc.throttle import Throttle
 
 QUEUE_BYTES = 64 * 2**20
@@ -78,7 +78,7 @@ class LiveCalibrator(AbstractContextManager["LiveCalibrator"]):
     ) -> None:
         self._engine = OnlineCalibrator(settings, correct_lag=correct_lag)
         self._engine.source = source or {}
-        if not isinstance(self._engine.settings, DefaultSettings):
+        if not self._engine.settings.real_time:
             raise SettingError(f"preset {self._engine.settings.name} cannot keep up with a camera; use the default")
         if not goal > 0:
             raise SettingError(f"goal {goal} is not a standard deviation; give a positive number")

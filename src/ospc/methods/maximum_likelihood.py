@@ -43,6 +43,7 @@ from ospc.settings.methods import (
     QUICK_FIT_POINTS,
     REFERENCE_FIT_PAIRS,
 )
+from ospc.state_rules.maximum_likelihood import check_state
 
 
 class MaximumLikelihoodMethod:
@@ -252,14 +253,15 @@ class MaximumLikelihoodMethod:
             inter_coded=self._inter_coded,
         )
 
-    def restore(self, state: MaximumLikelihoodState) -> None:
-        """Continue from a state; replay the :attr:`frames_to_replay` before pushing the next frame.
+    def restore(self, state: MaximumLikelihoodState, frames: int) -> None:
+        """Continue from a state after this many frames; replay :attr:`frames_to_replay` before pushing the next one.
 
         Raises
         ------
-        ValueError
-            If its parts are inconsistent.
+        FormatError
+            If a value is out of range, or values are inconsistent.
         """
+        check_state(state, self._settings, self._size, self._max_grey, frames)
         self._select_keyframe.restore(state.keyframes)
         self._reservoir, self._noise, self._pairs = state.reservoir, state.noise, state.pairs
         self._stationary.series, self._stationary.motions = state.series, state.motions

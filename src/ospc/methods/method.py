@@ -110,15 +110,15 @@ class Method(Protocol):
         return None
 
     def state(self) -> Any:
-        """Return a dataclass for :meth:`restore`; None if not supported."""
+        """Return a dataclass of the settings' ``state_type`` for :meth:`restore`; None if not supported."""
         return None
 
-    def restore(self, state: Any) -> None:
-        """Continue from a state.
+    def restore(self, state: Any, frames: int) -> None:
+        """Continue from a state after this many frames.
 
         Raises
         ------
-        ValueError
+        FormatError, ValueError
             If its parts are inconsistent.
         """
         raise ValueError("this method cannot continue from a state")

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, fields, replace
-from typing import TYPE_CHECKING, Any, TypeAlias
+from dataclasses import Field, asdict, dataclass, fields, replace
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol, TypeVar
 
 from ospc.arrays import ImageSize
 from ospc.correspondence.features import EXTRACTORS
@@ -14,7 +14,40 @@ from ospc.errors import SettingError, known_names
 if TYPE_CHECKING:
     from ospc.correspondence.frame_sampling import FrameSampler
     from ospc.correspondence.preprocessing import Preprocessor
+    from ospc.methods.maximum_likelihood_state import MaximumLikelihoodState
     from ospc.methods.method import Method
+
+
+class Settings(Protocol):
+    """Settings of a method: a frozen dataclass that makes what the engine needs to run the method.
+
+    Attributes
+    ----------
+    name
+        Name of the preset.
+    real_time
+        Whether the method keeps up with a camera; a live calibrator refuses one that does not.
+    """
+
+    __dataclass_fields__: ClassVar[dict[str, Field[Any]]]
+
+    @property
+    def name(self) -> str: ...  # noqa: D102 (described above)
+
+    @property
+    def real_time(self) -> bool: ...  # noqa: D102
+
+    def sampler(self) -> FrameSampler:
+        """Return the frame sampler, which selects the frames to process."""
+
+    def preprocessor(self) -> Preprocessor:
+        """Return the preprocessor, which prepares frames for the method and for the check of exposures."""
+
+    def build(self, size: ImageSize, max_grey: int) -> Method:
+        """Return the method for an image size and bit depth."""
+
+    def state_type(self) -> type | None:
+        """Return the dataclass of the method's state; None if its runs cannot be saved and continued."""
 
 
 def _check_numbers(settings: Settings) -> None:
@@ -95,7 +128,7 @@ class PaperSettings:
     min_samples: int = 100
 
     name = "paper"
-    keeps_state = False
+    real_time = False
 
     def __post_init__(self) -> None:
         """Validate the settings."""
@@ -117,6 +150,9 @@ class PaperSettings:
         from ospc.correspondence.preprocessing import Preprocessor
 
         return Preprocessor()
+
+    def state_type(self) -> None:
+        """Return None: the features of hundreds of frames are too large for a state."""
 
     def build(self, size: ImageSize, max_grey: int) -> Method:
         """Return the method for an image size and bit depth."""
@@ -212,7 +248,7 @@ class DefaultSettings:
     min_radial_reach: float = 0.06
 
     name = "default"
-    keeps_state = True
+    real_time = True
 
     def __post_init__(self) -> None:
         """Validate the settings."""
@@ -238,6 +274,12 @@ class DefaultSettings:
 
         return Preprocessor(self.longest_side_px, self.smoothing_px)
 
+    def state_type(self) -> type[MaximumLikelihoodState]:
+        """Return the class of the method's state."""
+        from ospc.methods.maximum_likelihood_state import MaximumLikelihoodState
+
+        return MaximumLikelihoodState
+
     def build(self, size: ImageSize, max_grey: int) -> Method:
         """Return the method for an image size and bit depth."""
         from ospc.methods.maximum_likelihood import MaximumLikelihoodMethod
@@ -256,12 +298,13 @@ class FastSettings(DefaultSettings):
     name = "fast"
 
 
-Settings: TypeAlias = PaperSettings | DefaultSettings
+S = TypeVar("S", bound=Settings)
 
 _ANY_SIZE, _ANY_GREY = (640, 480), 255
 """Images for which a method is built only to check its settings."""
 
-_PRESETS: dict[str, Settings] = {"default": DefaultSettings(), "fast": FastSettings(), "paper": PaperSettings()}
+PRESETS: dict[str, Settings] = {"default": DefaultSettings(), "fast": FastSettings(), "paper": PaperSettings()}
+"""The settings of every preset, by its name."""
 
 
 def preset(name: str) -> Settings:
@@ -272,12 +315,12 @@ def preset(name: str) -> Settings:
     SettingError
         If there is no preset of that name.
     """
-    if name not in _PRESETS:
-        raise SettingError(f"no preset is called '{name}'; known: {', '.join(_PRESETS)}")
-    return _PRESETS[name]
+    if name not in PRESETS:
+        raise SettingError(f"no preset is called '{name}'; known: {', '.join(PRESETS)}")
+    return PRESETS[name]
 
 
-def with_overrides(settings: Settings, overrides: dict[str, str], others: Sequence[str] = ()) -> Settings:
+def with_overrides(settings: S, overrides: dict[str, str], others: Sequence[str] = ()) -> S:
     """Return the settings with some values replaced, given as text.
 
     ``others`` are options that could have been meant by an unknown name; the message proposes them too.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -31,8 +31,10 @@ def save_run(path: str | Path, run: object, method: object | None, summary: obje
     return container.save(Container(KIND, VERSION, content, arrays), path)
 
 
-def load_run(path: str | Path, run: type[Run], method: type[T]) -> tuple[Run, T | None]:
+def load_run(path: str | Path, run: type[Run], method_of: Callable[[Run], type[T] | None]) -> tuple[Run, T | None]:
     """Read the file of :func:`save_run`: the state of the run, and of its method, None if it has none.
+
+    ``method_of`` returns the class of the method's state, given the state of the run.
 
     Raises
     ------
@@ -43,7 +45,8 @@ def load_run(path: str | Path, run: type[Run], method: type[T]) -> tuple[Run, T 
     known = _part(str(path), found.content.get("run"), run, found.arrays)
     if found.content.get("method") is None:
         return known, None
-    if found.content.get("layout") != layout(method):
+    method = method_of(known)
+    if method is None or found.content.get("layout") != layout(method):
         version = getattr(known, "versions", {}).get("ospc", "unknown")
         raise FormatError(
             f"{path}: was written by another version of the method (ospc {version}) and cannot be continued; start "
