@@ -132,9 +132,10 @@ class OnlineCalibrator(Engine):
     @property
     def frames_to_replay(self) -> frozenset[int]:
         """Numbers of the frames that :meth:`replay` needs before a loaded calibrator continues."""
-        if self._method is None:
-            return frozenset()
-        return self._method.frames_to_replay | self._exposures.history.frames_to_replay
+        with self._lock:
+            if self._method is None:
+                return frozenset()
+            return self._method.frames_to_replay | self._exposures.history.frames_to_replay
 
     def replay(self, frame: Frame) -> None:
         """Process an earlier frame again, so that new frames can be compared with it.
@@ -146,9 +147,10 @@ class OnlineCalibrator(Engine):
         FrameError
             If its number is not one of these, its image can no longer be read, or its size has changed.
         """
-        if frame.index not in self.frames_to_replay:
-            raise FrameError(f"{frame.name}: is not one of frames_to_replay; set its index to its number in the run")
-        if self._method is not None:
+        with self._lock:
+            if self._method is None or frame.index not in self.frames_to_replay:
+                name = frame.name
+                raise FrameError(f"{name}: is not one of frames_to_replay; set its index to its number in the run")
             shown = replace(frame, load=partial(image_of_size, frame, self._size))
             prepared = self._preprocess(shown, self.pixels.range_before(frame.index))
             self._method.replay(prepared)

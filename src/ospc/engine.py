@@ -236,7 +236,7 @@ class Engine:
         change = suspected if inputs is None else method.confirmed(suspected, inputs, self._exposures.table)
         if change is None:
             return method
-        ended = self._with_verdicts(method.calibration(exposures, grey_range), found, begin - first)
+        ended = self._with_verdicts(method.calibration(exposures, grey_range), found, {"frames": begin - first})
         self._epochs.append(Epoch(first, begin - 1, ended, change))
         self._exposures.begin_epoch(begin)
         self.pixels = self.pixels.of_next_epoch()
@@ -268,7 +268,7 @@ class Engine:
             earlier = self.prior or response_before_change(self._epochs, self._exposures.table.written)
             if earlier is not None:
                 known = earlier.continued(known, self.summary())
-            judged = self._with_verdicts(known, found, self.frames)
+            judged = self._with_verdicts(known, found, {"frames": self.frames, "skipped": self._skipped.count})
             return replace(judged, source=self.source | judged.source)
 
     def _used_exposures(self) -> tuple[ExposureTable, ExposureFindings]:
@@ -293,8 +293,8 @@ class Engine:
         found = found if inputs is None else found.judged_by(inputs.effects)
         return exposures, found.of_interlaced_images() if self.pixels.interlaced else found
 
-    def _with_verdicts(self, known: Calibration, found: ExposureFindings, frames: int) -> Calibration:
-        """Return the calibration from this many frames with the verdicts that their exposures allow."""
+    def _with_verdicts(self, known: Calibration, found: ExposureFindings, counts: dict[str, int]) -> Calibration:
+        """Return a calibration with the counts of its frames and the verdicts that their exposures allow."""
         verdicts = {name: found.limited(verdict) for name, verdict in known.verdicts.items()}
         advice = (found.verdict.remedy, *known.advice) if found.warnings else known.advice
         verdicts["exposures"] = found.verdict
@@ -310,7 +310,7 @@ class Engine:
             known,
             verdicts=verdicts,
             converged=known.converged and not found.warnings,
-            counts={"frames": frames, "skipped": self._skipped.count, **known.counts},
+            counts=counts | known.counts,
             settings=as_dict(self.settings),
             versions=versions(),
             advice=tuple(dict.fromkeys(filter(None, advice))),

@@ -126,6 +126,7 @@ def test_options_of_an_entry_go_before_those_of_the_command():
         (b"recording\na\0b\n", FormatError, "names no recording|cannot be read as CSV"),
         (b"recording,options\na,rounds\n", SettingError, "row 2: option 'rounds' is not NAME=VALUE"),
         (b"recording,options\na,no_such=1\n", SettingError, "m.csv, row 2: .*a: no setting is called 'no_such'"),
+        (b"recording,options\na,unknown_exposures=true\n", SettingError, "no setting is called 'unknown_exposures'"),
         (b"recording,options\na,exposure_unt=us\n", SettingError, r"did you mean exposure_unit\b"),
         (b"recording,options\na,\nb,correctlag=1\n", SettingError, r"row 3: .*did you mean correct_lag\?"),
         (b"recording,options\na,channel=ultraviolet\n", SettingError, "option channel must be one of luminance"),

@@ -19,7 +19,7 @@ from ospc.recording.options import ReadingOptions, declared_options
 from ospc.settings import DefaultSettings, check_names, with_overrides
 
 _OWN = ("kind", "correct_lag")
-_READING = tuple(declared_options())
+_READING = tuple(name for name in declared_options() if name != "unknown_exposures")
 
 
 @dataclass(frozen=True)
@@ -27,7 +27,8 @@ class Entry:
     """One recording, given by its path or object-store address, and the name of its camera.
 
     Option names are settings of the default method, ``kind``, ``correct_lag``, and the fields of
-    :class:`~ospc.recording.options.ReadingOptions`.
+    :class:`~ospc.recording.options.ReadingOptions`, except ``unknown_exposures``: only recordings with exposures can be
+    merged.
     """
 
     recording: str
