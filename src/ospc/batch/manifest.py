@@ -27,8 +27,8 @@ class Entry:
     """One recording, given by its path or object-store address, and the name of its camera.
 
     Option names are settings of the default method, ``kind``, ``correct_lag``, and the fields of
-    :class:`~ospc.recording.options.ReadingOptions`, except ``unknown_exposures``: only recordings with exposures can be
-    merged.
+    :class:`~ospc.recording.options.ReadingOptions`, except ``unknown_exposures``: only recordings with exposures can
+    be merged.
     """
 
     recording: str

@@ -17,7 +17,7 @@ from ospc.exposures.lag_choice import LagChoice, lag_in_words, leaves_frames
 from ospc.exposures.lag_selection import LagEstimate
 from ospc.exposures.table import ExposureReport, filled, without
 from ospc.exposures.tone_mapping import NO_LOCAL_TONE, LocalTone, local_tone
-from ospc.exposures.verdicts import CHANGE_IRREGULARLY, either, verdicts
+from ospc.exposures.verdicts import CHANGE_IRREGULARLY, either, verdict_on
 from ospc.exposures.wrong_exposures import in_words, wrong_exposures
 from ospc.photometry.verdict import LATE_EXPOSURES, EffectEstimate, Verdict
 from ospc.settings.exposures import (
@@ -57,8 +57,9 @@ class ExposureFindings:
         Frames whose recorded exposures are wrong and were ignored, in order.
     verdict
         Whether exposures and images agree.
-    notes
-        What was found and corrected.
+    correction, question
+        How the exposures were moved to their frames, and what is uncertain about their lag, as notes; empty if
+        nothing was moved or is uncertain.
     warnings
         Why the exposures, as used, are unreliable; empty if they are reliable.
     """
@@ -68,10 +69,17 @@ class ExposureFindings:
     corrected_frames: int
     brightness: BrightnessReport | None
     verdict: Verdict
-    notes: tuple[str, ...] = ()
+    correction: str = ""
+    question: str = ""
     warnings: tuple[str, ...] = ()
     local_tone: LocalTone | None = None
     wrong: tuple[int, ...] = ()
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What was found and corrected, and what is uncertain."""
+        ignored = in_words(self.wrong) if self.wrong else ""
+        return tuple(filter(None, (ignored, self.correction, self.question)))
 
     @property
     def lag_frames(self) -> int | None:
@@ -90,9 +98,7 @@ class ExposureFindings:
         """Return a verdict on response or vignette, lowered to marginal if the exposures are unreliable."""
         if not self.warnings or not verdict.known:
             return verdict
-        conjunction = "and" if ", but " in verdict.reason else "but"
-        reason = f"{verdict.reason}, {conjunction} {'; '.join(self.warnings)}"
-        return Verdict("marginal", reason, self.verdict.remedy)
+        return Verdict("marginal", "; ".join([verdict.reason, *self.warnings]), self.verdict.remedy)
 
     def refuted_by(self, effects: Iterable[EffectEstimate]) -> bool:
         """Return whether a fit to the corrected exposures shows that they were right as recorded."""
@@ -109,7 +115,7 @@ class ExposureFindings:
         )
         lag = replace(self.lag, state="refuted", candidates=(0, *self.lag.candidates))
         verdict = Verdict("marginal", reason, CHANGE_IRREGULARLY)
-        return replace(self, lag=lag, corrected_frames=0, verdict=verdict, notes=(_uncertain(reason),))
+        return replace(self, lag=lag, corrected_frames=0, verdict=verdict, correction="", question=_uncertain(reason))
 
     def of_interlaced_images(self) -> ExposureFindings:
         """Return the findings with a warning that the images are interlaced."""
@@ -123,8 +129,7 @@ class ExposureFindings:
 
     def _confirmed_by(self, lateness: EffectEstimate) -> ExposureFindings:
         """Return the findings with a lag of 0 if only the fit shows it and brightness changes leave it open."""
-        asked = _uncertain(self.verdict.reason)
-        unseen = self.lag.state == "too few pairs" and asked in self.notes
+        unseen = self.lag.state == "too few pairs" and self.question != ""
         is_open = unseen or (self.lag.state == "ambiguous" and 0 in self.lag.candidates)
         if not is_open or self.corrected_frames or self.warnings or self.verdict.state != "marginal":
             return self
@@ -134,8 +139,7 @@ class ExposureFindings:
         allowed = f"brightness changes alone allow lags of {either(self.lag)} frames"
         alone = "consecutive frames overlap too little to check them otherwise" if unseen else allowed
         reason = f"exposures belong to their frames, as the fit shows; {alone}"
-        notes = tuple(note for note in self.notes if note != asked)
-        return replace(self, lag=lag, verdict=Verdict("identifiable", reason), notes=notes)
+        return replace(self, lag=lag, verdict=Verdict("identifiable", reason), question="")
 
     def _doubted_by(self, lateness: EffectEstimate) -> ExposureFindings:
         """Return the findings, marginal if a fit shows a lag that it cannot correct."""
@@ -191,7 +195,7 @@ def assess_exposures(
     known = filled(without(log_exposure, wrong))
     found = _assess_choice(series, known[first_frame:], choice).renumbered(first_frame)
     found = _with_local_tone(found, changes, known)
-    return replace(found, wrong=wrong, notes=(in_words(wrong), *found.notes)) if wrong else found
+    return replace(found, wrong=wrong)
 
 
 def _assess_choice(series: BrightnessSeries, written: FloatArray, choice: LagChoice) -> ExposureFindings:
@@ -206,7 +210,7 @@ def _assess_choice(series: BrightnessSeries, written: FloatArray, choice: LagCho
     found = _assess(series, written)
     if choice == "trusted":
         reason = "the exposures were estimated from the images"
-        return replace(found, verdict=Verdict("marginal", reason), notes=(), warnings=())
+        return replace(found, verdict=Verdict("marginal", reason), question="", warnings=())
     certain = found.lag.correction(found.course.cycle_frames)
     if not certain or choice == "never":
         return found
@@ -215,7 +219,7 @@ def _assess_choice(series: BrightnessSeries, written: FloatArray, choice: LagCho
         f"exposures are recorded {lag_in_words(certain)}, as {counted(found.lag.pairs, 'pair')} of frames show, and "
         "were moved to their frames; use --correct-lag never to keep them as recorded"
     )
-    return replace(corrected, lag=found.lag, corrected_frames=certain, notes=(note,))
+    return replace(corrected, lag=found.lag, corrected_frames=certain, correction=note, question="")
 
 
 def _as_stated(found: ExposureFindings, lag: int) -> ExposureFindings:
@@ -225,7 +229,7 @@ def _as_stated(found: ExposureFindings, lag: int) -> ExposureFindings:
         return found
     whose = "belong to their frames" if lag == 0 else f"are recorded {lag_in_words(lag)}"
     reason = f"exposures {whose}, as stated; the images do not contradict this"
-    return replace(found, verdict=Verdict("identifiable", reason), notes=())
+    return replace(found, verdict=Verdict("identifiable", reason), question="")
 
 
 def _with_local_tone(
@@ -262,10 +266,10 @@ def _assess(series: BrightnessSeries, written: FloatArray) -> ExposureFindings:
         and brightness.unexplained_rms_log > NOTABLE_RMS_LOG
     )
     inverse_share = explained_by_inverse(lag, series, written)
-    verdict = next(verdicts(course, lag, brightness, len(written), inverse_share, fits_badly=fits_badly))
+    verdict = verdict_on(course, lag, brightness, len(written), inverse_share, fits_badly=fits_badly)
     late = bool(lag.candidates) and 0 not in lag.candidates
     contradicted = not verdict.known or late or fits_badly
     warnings = (verdict.reason,) if contradicted and not few else ()
-    open_question = lag.frames is None and verdict.state == "marginal" and not few and not warnings
-    notes = (_uncertain(verdict.reason),) if open_question else ()
-    return ExposureFindings(course, lag, 0, brightness, verdict, notes, warnings)
+    is_open = lag.frames is None and verdict.state == "marginal" and not few and not warnings
+    question = _uncertain(verdict.reason) if is_open else ""
+    return ExposureFindings(course, lag, 0, brightness, verdict, question=question, warnings=warnings)

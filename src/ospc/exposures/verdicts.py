@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 
 from ospc.errors import counted
@@ -30,7 +28,7 @@ _SLOWER = "record a well-exposed scene with even surfaces and some texture, and 
 _MORE_FRAMES = "record at least sixty consecutive frames"
 
 
-def verdicts(
+def verdict_on(
     course: ExposureReport,
     lag: LagEstimate,
     brightness: BrightnessReport | None,
@@ -38,8 +36,8 @@ def verdicts(
     inverse_share: float,
     *,
     fits_badly: bool,
-) -> Iterator[Verdict]:
-    """Yield all verdicts on the exposures of a recording that apply, the most important first.
+) -> Verdict:
+    """Return the verdict on the exposures of a recording.
 
     Parameters
     ----------
@@ -54,25 +52,37 @@ def verdicts(
     """
     if brightness is None and frames < MIN_CHECKED_FRAMES:
         few = f"the recording has only {counted(frames, 'frame')}, too few to check whether exposures belong to them"
-        yield Verdict("marginal", few, _MORE_FRAMES)
-        return
+        return Verdict("marginal", few, _MORE_FRAMES)
     if brightness is None:
         few = f"only {counted(lag.pairs, 'pair')} of consecutive frames could be compared"
-        yield Verdict("marginal", f"{few}, too few to check the exposures", _SLOWER)
-        return
+        return Verdict("marginal", f"{few}, too few to check the exposures", _SLOWER)
+    contradiction = _contradiction(course, lag, brightness, inverse_share, fits_badly=fits_badly)
+    if contradiction is not None:
+        return contradiction
+    if lag.state == "constant exposure":
+        return Verdict("identifiable", f"the exposure is constant at {course.in_words()}, and the images agree")
+    return _on_lag(course, lag, _explained(brightness))
+
+
+def _contradiction(
+    course: ExposureReport,
+    lag: LagEstimate,
+    brightness: BrightnessReport,
+    inverse_share: float,
+    *,
+    fits_badly: bool,
+) -> Verdict | None:
+    """Return the verdict on exposures that contradict the images; None if they do not."""
     if brightness.stale:
         stay = "stay constant" if course.values == 1 else "often stay constant"
-        yield Verdict(
-            "not identifiable",
+        changes = (
             f"the recorded exposures {stay} while the brightness of the same objects changes by "
-            f"{_percent(brightness.drift_at_constant_exposure_log)} within {DRIFT_FRAMES} frames: the metadata are "
-            "stale, rounded or lack a gain",
-            _FIX_METADATA,
+            f"{_percent(brightness.drift_at_constant_exposure_log)} within {DRIFT_FRAMES} frames"
         )
-    if lag.state == "constant exposure":
-        yield Verdict("identifiable", f"the exposure is constant at {course.in_words()}, and the images agree")
+        causes = "the metadata are stale, rounded or lack a gain"
+        return Verdict("not identifiable", f"{changes}: {causes}", _FIX_METADATA)
     if inverse_share > 1 - MAX_UNEXPLAINED_SHARE:
-        yield Verdict(
+        return Verdict(
             "not identifiable",
             "the images get darker when the recorded exposures get longer: the inverse of the exposures explains "
             f"{inverse_share:.0%} of the brightness changes",
@@ -80,26 +90,32 @@ def verdicts(
         )
     if lag.state == "no response to exposure":
         text = f"exposures range from {course.in_words()}, but the brightness of the scene does not follow them"
-        yield Verdict("not identifiable", text, _FIX_METADATA)
-    share = 1 - brightness.unexplained_share  # negative if the exposures add changes instead of explaining them
-    explained = f"{f'{share:.0%}' if share > 0 else 'none'} of the brightness changes"
+        return Verdict("not identifiable", text, _FIX_METADATA)
     if fits_badly and not lag.frames:
         rest = f"the rest, {_percent(brightness.unexplained_rms_log)} per frame, may be flicker or an unrecorded gain"
-        only = f"only {explained}" if share > 0 else explained
-        yield Verdict("marginal", f"exposures fit badly: they explain {only}; {rest}", _STEADY_LIGHT)
+        only = "only " if brightness.unexplained_share < 1 else ""
+        text = f"exposures fit badly: they explain {only}{_explained(brightness)}; {rest}"
+        return Verdict("marginal", text, _STEADY_LIGHT)
+    return None
+
+
+def _explained(brightness: BrightnessReport) -> str:
+    """Return the share of the brightness changes that exposures explain; they may also add changes instead."""
+    share = 1 - brightness.unexplained_share
+    return f"{f'{share:.0%}' if share > 0 else 'none'} of the brightness changes"
+
+
+def _on_lag(course: ExposureReport, lag: LagEstimate, explained: str) -> Verdict:
     certain = lag.correction(course.cycle_frames)
     if certain is None:
-        yield _unknown_lag(course, lag)
+        return _unknown_lag(course, lag)
     if certain:
-        yield Verdict(
-            "marginal",
-            f"exposures are recorded {lag_in_words(certain)}; once moved to their frames, they explain {explained}",
-            f"leave --correct-lag at auto, or set it to {certain}",
-        )
+        late = f"exposures are recorded {lag_in_words(certain)}; once moved to their frames, they explain {explained}"
+        return Verdict("marginal", late, f"leave --correct-lag at auto, or set it to {certain}")
     text = "exposures belong to their frames"
     if lag.frames is None:
         text += f", or to others with the same exposure, because they repeat every {course.cycle_frames} frames"
-    yield Verdict("identifiable", f"{text}: they explain {explained}")
+    return Verdict("identifiable", f"{text}: they explain {explained}")
 
 
 def either(lag: LagEstimate) -> str:
