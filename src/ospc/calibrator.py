@@ -51,7 +51,9 @@ class OnlineCalibrator(Engine):
         """
         choice = checked_lag_choice(correct_lag)
         check_lag(choice, len(recording))
-        return cls(settings, correct_lag=lag_choice_for(recording.kind, choice))
+        calibrator = cls(settings, correct_lag=lag_choice_for(recording.kind, choice))
+        calibrator.source = identity(recording)
+        return calibrator
 
     def save_state(self, path: str | Path, *, complete: bool = False) -> Path:
         """Write the state to a file atomically and return its path.
@@ -242,7 +244,6 @@ def calibrate(
     source = open_recording(recording) if isinstance(recording, str | Path) else recording
     if isinstance(source, Recording):
         calibrator = OnlineCalibrator.of(source, settings, correct_lag=correct_lag)
-        calibrator.source = identity(source)
         frames: Iterable[Frame] = source
     else:
         calibrator, frames = OnlineCalibrator(settings, correct_lag=correct_lag), frames_of(source)

@@ -200,7 +200,7 @@ def test_a_warning_about_the_exposures_counts_however_much_was_known(yesterday, 
     found = calibrator.calibration()
     assert not found.converged
     assert {verdict.state for verdict in found.verdicts.values()} == {"marginal"}
-    assert "but the metadata are stale" in found.verdicts["response"].reason
+    assert "; the metadata are stale" in found.verdicts["response"].reason
 
 
 def test_frames_of_another_size_are_refused(yesterday):

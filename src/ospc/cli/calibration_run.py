@@ -18,7 +18,7 @@ from ospc.errors import FormatError, OspcError, SettingError, counted, one_line
 from ospc.exposures.lag_choice import LagChoice
 from ospc.output import Written
 from ospc.pooling.prior_calibration import PriorCalibration
-from ospc.recording import Frame, Recording, identity
+from ospc.recording import Frame, Recording
 from ospc.report.drawing import drawing_process
 from ospc.settings import Settings, as_dict
 from ospc.state.container import STATE_NAME
@@ -174,7 +174,6 @@ class CalibrationRun:
                 stream = stack.enter_context(RerunStream.opened(self.recording, self.stream, spawn=self.viewer))
             bar = stack.enter_context(progress_line(quiet=not visible))
             calibrator = OnlineCalibrator.of(self.recording, self.settings, correct_lag=self.correct_lag)
-            calibrator.source = identification(self.recording)
             calibrator = self.checkpoints.resumed(calibrator)
 
             def show(stage: str, done: int = 0, total: int = 0) -> None:
@@ -221,11 +220,3 @@ def figures(status: Status) -> str:
     """Return the method's own figures in one line."""
     now = status.progress
     return "  ".join([counted(now.pairs, "pair"), *spreads_in_words(now.response_sigma, now.vignette_sigma)])
-
-
-def identification(recording: Recording) -> dict[str, Any]:
-    """Return the values that identify a recording."""
-    try:
-        return identity(recording)
-    except Exception as error:  # the recording can be calibrated without
-        return {"kind": recording.kind, "name": recording.path.name, "problem": one_line(error)}

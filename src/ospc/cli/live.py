@@ -115,10 +115,10 @@ def _opened(
 
     place = Path(source)
     if place.exists():
-        from ospc.cli.calibration_run import identification
+        from ospc.recording import identity
 
         recording = reading.open(place)
-        yield recording, replayed(recording, pace), identification(recording), recording.notes
+        yield recording, replayed(recording, pace), identity(recording), recording.notes
         return
     if reading.mask is not None or reading.region is not None or reading.each_channel or reading.kind is not None:
         raise click.UsageError("--kind, --mask, --roi and --channel each apply to recordings only, not to cameras")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, suppress
 from dataclasses import dataclass, field
 from functools import partial
 from hashlib import sha256
@@ -76,7 +76,10 @@ def stored_bytes(recording: Recording, index: int) -> bytes:
     stored: Callable[[int], bytes] | None = getattr(recording, "stored_bytes", None)
     if stored is not None:
         return stored(index)
-    return next(islice(recording, index, None)).image.tobytes()
+    frame = next(islice(recording, index, None), None)
+    if frame is None:
+        raise FrameError(f"{recording.path}: ends before frame {index}")
+    return frame.image.tobytes()
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -158,17 +161,18 @@ def frames_sha256(recording: Recording) -> str:
 
 
 def _images_sha256(recording: Recording, indices: list[int]) -> str:
-    """Hash a few images; an unreadable one counts as empty."""
+    """Hash a few images; one that cannot be read counts as empty."""
     channel = getattr(recording, "channel", None)
     total = sha256(b"" if channel is None else channel.value.encode())
     # Without stored forms, one pass over the frames finds all images.
     stored = hasattr(recording, "stored_bytes")
-    for item in indices if stored else (frame for frame in recording if frame.index in indices):
-        try:
-            content = item.image.tobytes() if isinstance(item, Frame) else stored_bytes(recording, item)
-        except FrameError:
-            content = b""
-        total.update(sha256(content).digest())
+    with suppress(RecordingError):  # the images before a damaged end are enough
+        for item in indices if stored else (frame for frame in recording if frame.index in indices):
+            try:
+                content = item.image.tobytes() if isinstance(item, Frame) else stored_bytes(recording, item)
+            except (FrameError, OSError):
+                content = b""
+            total.update(sha256(content).digest())
     return total.hexdigest()
 
 
