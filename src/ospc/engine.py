@@ -11,6 +11,7 @@ from ospc.arrays import ImageSize, size_of
 from ospc.correspondence.pixel_statistics import PixelStatistics
 from ospc.correspondence.thumbnail import Thumbnail
 from ospc.engine_state import Epoch, response_before_change
+from ospc.engine_verdicts import checked_by_fit, judged_calibration
 from ospc.errors import ExposureError, FrameError, OspcError, RecordingError, SettingError
 from ospc.exposures.brightness import BrightnessChange
 from ospc.exposures.brightness_history import BrightnessHistory
@@ -18,7 +19,6 @@ from ospc.exposures.findings import ExposureFindings
 from ospc.exposures.lag_choice import LagChoice, lag_in_words
 from ospc.exposures.monitor import ExposureMonitor
 from ospc.exposures.table import ExposureTable
-from ospc.exposures.used import as_source
 from ospc.frame_checks import SkippedFrames, check_is_frame, checked_frame, why_greys_are_unused
 from ospc.methods.change_detection import Change
 from ospc.methods.method import Method, Progress
@@ -231,12 +231,12 @@ class Engine:
         first, begin = self.epochs[-1].first_frame, suspected.frame
         found, exposures = self._exposures.before(begin)
         grey_range = self.pixels.range_before(begin)
-        exposures, found = self._after_fit(method, exposures, found, grey_range)
+        exposures, found = self._checked_by_fit(method, exposures, found, grey_range)
         inputs = method.inputs(exposures, grey_range)
         change = suspected if inputs is None else method.confirmed(suspected, inputs, self._exposures.table)
         if change is None:
             return method
-        ended = self._with_verdicts(method.calibration(exposures, grey_range), found, {"frames": begin - first})
+        ended = self._judged(method.calibration(exposures, grey_range), found, {"frames": begin - first})
         self._epochs.append(Epoch(first, begin - 1, ended, change))
         self._exposures.begin_epoch(begin)
         self.pixels = self.pixels.of_next_epoch()
@@ -268,7 +268,7 @@ class Engine:
             earlier = self.prior or response_before_change(self._epochs, self._exposures.table.written)
             if earlier is not None:
                 known = earlier.continued(known, self.summary())
-            judged = self._with_verdicts(known, found, {"frames": self.frames, "skipped": self._skipped.count})
+            judged = self._judged(known, found, {"frames": self.frames, "skipped": self._skipped.count})
             return replace(judged, source=self.source | judged.source)
 
     def _used_exposures(self) -> tuple[ExposureTable, ExposureFindings]:
@@ -276,47 +276,26 @@ class Engine:
         exposures, found = self._exposures.corrected_table, self._exposures.findings()
         if self._method is None:
             return exposures, found
-        return self._after_fit(self._method, exposures, found, self.pixels.grey_range)
+        return self._checked_by_fit(self._method, exposures, found, self.pixels.grey_range)
 
-    def _after_fit(
+    def _checked_by_fit(
         self, method: Method, exposures: ExposureTable, found: ExposureFindings, grey_range: GreyRange
     ) -> tuple[ExposureTable, ExposureFindings]:
-        """Return exposures and findings, checked against a fit and the images.
-
-        A lag correction is undone if the fit contradicts it.
-        """
-        inputs = method.inputs(exposures, grey_range)
-        moved = found.corrected_frames and self._exposures.choice == "auto"
-        if moved and inputs is not None and found.refuted_by(inputs.effects):
-            exposures, found = replace(exposures, lag_frames=0), found.without_correction()
-            inputs = method.inputs(exposures, grey_range)
-        found = found if inputs is None else found.judged_by(inputs.effects)
+        """Return exposures and findings, checked against a fit and the images."""
+        chosen = self._exposures.choice == "auto"
+        exposures, found = checked_by_fit(method, exposures, found, grey_range, undoes_correction=chosen)
         return exposures, found.of_interlaced_images() if self.pixels.interlaced else found
 
-    def _with_verdicts(self, known: Calibration, found: ExposureFindings, counts: dict[str, int]) -> Calibration:
-        """Return a calibration with the counts of its frames and the verdicts that their exposures allow."""
-        verdicts = {name: found.limited(verdict) for name, verdict in known.verdicts.items()}
-        advice = (found.verdict.remedy, *known.advice) if found.warnings else known.advice
-        verdicts["exposures"] = found.verdict
+    def _judged(self, known: Calibration, found: ExposureFindings, counts: dict[str, int]) -> Calibration:
+        """Return a calibration with the counts of its frames and the verdicts that exposures and images allow."""
         unused_greys = why_greys_are_unused(self.pixels.highest_grey, self._max_grey)
         cause = self._skipped.why_most_of(self.frames) or unused_greys
-        if cause:  # the usual remedies ask for more frames, which would not help
-            verdicts = {n: v if v.state == "identifiable" else replace(v, remedy=cause) for n, v in verdicts.items()}
-            advice = (cause, *advice)
-        changed = (
-            f"{epoch.change.text}; the calibration is for later frames" for epoch in self._epochs if epoch.change
-        )
+        changes = [epoch.change.text for epoch in self._epochs if epoch.change]
         return replace(
-            known,
-            verdicts=verdicts,
-            converged=known.converged and not found.warnings,
+            judged_calibration(known, found, cause, changes),
             counts=counts | known.counts,
             settings=as_dict(self.settings),
             versions=versions(),
-            advice=tuple(dict.fromkeys(filter(None, advice))),
-            source=known.source | as_source(found),
-            notes=(*found.notes, *known.notes),
-            warnings=(*found.warnings, *known.warnings, *changed),
         )
 
     def exposure_findings(self) -> ExposureFindings:
