@@ -85,9 +85,6 @@ class Checkpoints:
 
         Return the files written, and all notes on the state of this run.
         """
-        difference = None if self._prior is None else self._prior.difference(calibrator.summary())
-        if self._prior is not None and difference is not None:
-            self._notes.append(f"this is not the camera of {self._prior.name}: {difference.text}")
         self.save(calibrator, complete=True)
         if not self._kept:
             with suppress(OSError):

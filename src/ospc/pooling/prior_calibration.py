@@ -156,7 +156,8 @@ class PriorCalibration:
             for part in difference.parts:
                 reason = f"{verdicts[part].reason}; it has changed since {self.name}: {text}"
                 verdicts[part] = replace(verdicts[part], reason=reason)
-            return replace(own, source=source, verdicts=verdicts)
+            note = f"this is not the camera of {self.name}: {text}"
+            return replace(own, source=source, verdicts=verdicts, notes=(*own.notes, note))
         together = merge(Pool.of([earlier] if today is None else [earlier, today])).calibration
         for name, verdict in together.verdicts.items():
             begins = _knows(earlier, name)
