@@ -11,7 +11,8 @@ from ospc.correspondence.thumbnail_registration import ThumbnailRegistration, ex
 from ospc.photometry.geometry import pixel_grid
 from ospc.photometry.vignette import Vignette
 from ospc.robust import median, robust_scale
-from ospc.settings.correspondence import (
+from ospc.settings.error_model import DARKEST_GREY
+from ospc.settings.registration import (
     BRIGHTEST_COMPARED_GREY,
     CLEAR_LOG_RATIO_AGREEMENT,
     DARKEST_COMPARED_GREY,
@@ -21,7 +22,6 @@ from ospc.settings.correspondence import (
     MIN_KEPT_BRIGHTNESS,
     MIN_SHARED_PLACES,
 )
-from ospc.settings.estimation import DARKEST_GREY
 
 
 class ExposureNormalizer:

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from ospc.arrays import BoolArray, FloatArray
 from ospc.correspondence.preprocessing import PreprocessedFrame
 from ospc.photometry.geometry import normalised, pixel_grid
-from ospc.settings.correspondence import (
+from ospc.settings.grey_values import (
     LIT_QUANTILE,
     MAX_SURROUND_SHARE,
     MIN_CIRCLE_FRAMES,

@@ -8,7 +8,7 @@ import numpy as np
 
 from ospc.arrays import FloatArray, IntArray
 from ospc.correspondence.flat_sampling import Keyframe, Samples
-from ospc.settings.correspondence import (
+from ospc.settings.sampling import (
     AGE_CLASS_RATIO,
     AGE_CLASSES,
     EXPOSURE_CHANGE_WEIGHT,

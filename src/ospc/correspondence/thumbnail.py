@@ -11,7 +11,7 @@ import numpy.typing as npt
 from ospc.arrays import BoolArray, Float32Array, ImageSize
 from ospc.photometry.grey_range import GreyRange
 from ospc.recording.frame import Frame
-from ospc.settings.correspondence import (
+from ospc.settings.registration import (
     BRIGHTEST_EXPOSED_LEVEL,
     DARKEST_EXPOSED_LEVEL,
     THUMBNAIL_CLIP_MARGIN_PX,

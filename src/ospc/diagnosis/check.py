@@ -18,7 +18,7 @@ from ospc.exposures.tone_mapping import NO_LOCAL_TONE, LocalTone
 from ospc.frame_checks import skipped_in_words
 from ospc.recording.frame import Frame
 from ospc.recording.recording import Recording
-from ospc.settings.exposures import MAX_LAG
+from ospc.settings.lag import MAX_LAG
 from ospc.unknown_exposures import labelled
 
 

@@ -16,7 +16,7 @@ from ospc.exposures.brightness_report import BrightnessReport
 from ospc.exposures.findings import ExposureFindings
 from ospc.methods.summary import FitInputs
 from ospc.photometry.calibration import Verdict
-from ospc.settings.exposures import GREY_BIN_EDGES
+from ospc.settings.brightness import GREY_BIN_EDGES
 
 _GAP = 1.5
 """Interval over the median interval above which frames are missing: midway from one to two, as stamps jitter."""

@@ -15,7 +15,11 @@ from ospc.errors import ExposureError, FormatError
 from ospc.photometry.geometry import normalised, pixel_grid
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import Vignette, radial_profile
-from ospc.settings.estimation import RATIO_BRIGHTEST_GREY, RATIO_DARKEST_GREY, RATIO_LOG_GREY_SPREAD
+from ospc.settings.fit import (
+    RATIO_BRIGHTEST_GREY,
+    RATIO_DARKEST_GREY,
+    RATIO_LOG_GREY_SPREAD,
+)
 
 GREYS = 256
 """Grey levels at which responses are compared."""

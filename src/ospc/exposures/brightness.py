@@ -13,8 +13,7 @@ from ospc.correspondence.thumbnail_registration import ThumbnailRegistration, ex
 from ospc.observations import MOMENTS, Observations
 from ospc.photometry.geometry import normalised, pixel_grid
 from ospc.robust import median, robust_scale
-from ospc.settings.correspondence import MIN_OVERLAP
-from ospc.settings.exposures import (
+from ospc.settings.brightness import (
     BIN_OUTLIER_SIGMAS,
     DARKEST_LEVEL,
     GREY_BIN_EDGES,
@@ -26,6 +25,7 @@ from ospc.settings.exposures import (
     MOTION_STRIDE,
     PIXEL_SAMPLES_PER_PAIR,
 )
+from ospc.settings.registration import MIN_OVERLAP
 
 
 @dataclass(frozen=True)

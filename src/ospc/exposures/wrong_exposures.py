@@ -10,11 +10,11 @@ from ospc.arrays import FloatArray, IntArray
 from ospc.errors import counted, listed
 from ospc.exposures.brightness_series import BrightnessSeries
 from ospc.settings.exposures import (
-    MAX_LAG,
     MAX_WRONG_SHARE,
     MIN_SHOWN_SHARE,
     MIN_WRONG_LOG,
 )
+from ospc.settings.lag import MAX_LAG
 
 
 def wrong_exposures(series: BrightnessSeries, log_exposure: FloatArray) -> IntArray:

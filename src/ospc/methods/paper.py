@@ -33,11 +33,11 @@ from ospc.photometry.vignette import PolynomialVignette, Vignette
 from ospc.recording.frame import Frame
 from ospc.robust import robust_scale
 from ospc.settings import PaperSettings
-from ospc.settings.correspondence import MIN_IRRADIANCE
 from ospc.settings.methods import (
     MAX_VIGNETTE_ROUNDS,
     VIGNETTE_TOLERANCE,
 )
+from ospc.settings.registration import MIN_IRRADIANCE
 
 # Section 3.1: tracking.
 

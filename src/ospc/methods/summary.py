@@ -24,8 +24,8 @@ from ospc.photometry.noise import BRIGHTEST_EXPOSED, DARKEST_EXPOSED, NoiseModel
 from ospc.photometry.verdict import EffectEstimate
 from ospc.robust import SIGMA_OF_MEDIAN, medians
 from ospc.settings import DefaultSettings
-from ospc.settings.estimation import MISREGISTERED_SIGMAS, MISREGISTERED_SPREAD
 from ospc.settings.methods import CONTRADICTING_UNEXPLAINED_SHARE
+from ospc.settings.residuals import MISREGISTERED_SIGMAS, MISREGISTERED_SPREAD
 
 _INTER_CODED = (
     "the video codes frames as changes of others and loses small changes of brightness, so all standard deviations "

@@ -25,7 +25,8 @@ from ospc.pooling.summary import (
     recording_key,
     triangle_of,
 )
-from ospc.settings.estimation import MAX_GAMMA, VIGNETTE_REACH
+from ospc.settings.fit import MAX_GAMMA
+from ospc.settings.vignette import VIGNETTE_REACH
 
 _LEAST_INFORMATION = 1e-9
 """Smallest relative information in any direction: subtracting a prior may otherwise make it negative by rounding."""

@@ -27,7 +27,7 @@ from ospc.photometry.calibration_content import LARGEST_GREY
 from ospc.photometry.geometry import image_size
 from ospc.photometry.grey_range import FULL_RANGE, GreyRange
 from ospc.photometry.noise import NoiseModel
-from ospc.settings.estimation import MIN_USABLE_RADIUS
+from ospc.settings.vignette import MIN_USABLE_RADIUS
 
 RESPONSE = ResponseBasis(32)
 VIGNETTE = VignetteBasis(16, free_centre=True, non_radial=True)

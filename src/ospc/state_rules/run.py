@@ -23,14 +23,15 @@ from ospc.methods.maximum_likelihood_state import MaximumLikelihoodState
 from ospc.observations import Observations
 from ospc.photometry.geometry import MOST_PIXELS
 from ospc.settings import DefaultSettings
-from ospc.settings.correspondence import (
-    MAX_GREY_RANGES,
+from ospc.settings.brightness import MAX_BRIGHTNESS_CHANGES
+from ospc.settings.effects import STEP_EXPOSURES
+from ospc.settings.error_model import FACTOR_GREYS
+from ospc.settings.grey_values import MAX_GREY_RANGES
+from ospc.settings.sampling import (
     MIN_NOISE_BLOCKS,
     NOISE_BINS,
     NOISE_FRAMES,
 )
-from ospc.settings.estimation import FACTOR_GREYS, STEP_EXPOSURES
-from ospc.settings.exposures import MAX_BRIGHTNESS_CHANGES
 from ospc.state_rules.fields import CHANGES, Numbers, check_fields, count, share
 
 
