@@ -6,13 +6,14 @@ import pytest
 
 from calibrations import calibration
 from ospc.calibrator import OnlineCalibrator
-from ospc.live.status import ESTIMATE_GROWTH, FIRST_ESTIMATE, UNKNOWN_GROWTH, Findings
+from ospc.live.status import Findings
+from ospc.settings.live import ESTIMATE_GROWTH, FIRST_ESTIMATE_FRAMES, UNKNOWN_GROWTH
 
 
 @pytest.mark.parametrize(
     ("asked_at", "converged", "next_at"),
     [
-        ((), True, FIRST_ESTIMATE),
+        ((), True, FIRST_ESTIMATE_FRAMES),
         ((30,), True, ESTIMATE_GROWTH * 30),
         # The status must not say for long that something is not identifiable if it has become so.
         ((40,), False, int(UNKNOWN_GROWTH * 40)),

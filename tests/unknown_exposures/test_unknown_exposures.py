@@ -21,10 +21,11 @@ from ospc.photometry.response import Response
 from ospc.recording import ArrayRecording, Recording, open_recording
 from ospc.recording.options import ReadingOptions
 from ospc.report.pictures import words_around
+from ospc.settings.unknown_exposures import EXPONENT_SIGMA
 from ospc.simulation import SimulationSettings, simulate, truth
 from ospc.unknown_exposures import calibrate_without_exposures, recover_exposures
 from ospc.unknown_exposures.joint_estimation import JointEstimate
-from ospc.unknown_exposures.recovery import EXPONENT_SIGMA, labelled, typical_exponent
+from ospc.unknown_exposures.recovery import labelled, typical_exponent
 from ospc.unknown_exposures.response_model import SAMPLES, learned_model
 
 SETTINGS = SimulationSettings(

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from ospc.live.capture import Capture
 
 _GOAL = 0.005
-"""Copy of :data:`ospc.live.knowledge.GOAL`, whose import would take too long for a help text."""
+"""Copy of :data:`ospc.settings.live.GOAL`, whose import would take too long for a help text."""
 
 
 @declared(

@@ -8,10 +8,11 @@ import cv2
 import numpy as np
 
 from ospc.arrays import BoolArray, Float32Array, FloatArray, Image, IntArray
-from ospc.evaluation.lucas_kanade import LOSSES, WINDOW_PX, follow, in_contrasts, windows
+from ospc.evaluation.lucas_kanade import LOSSES, follow, in_contrasts, windows
 from ospc.photometry.correction import Corrector, look_up
 from ospc.photometry.response import Response
 from ospc.recording import Frame
+from ospc.settings.evaluation import WINDOW_PX
 
 _LOWEST, _HIGHEST, _BINS = 1e-5, 1e4, 4096
 """Range and number of the bins of the median; each is half a per cent wide."""

@@ -18,12 +18,12 @@ from ospc.calibrator import OnlineCalibrator
 from ospc.errors import FrameError, OspcError, SettingError, said_by
 from ospc.exposures.lag_choice import LagChoice
 from ospc.frame_checks import check_is_frame
-from ospc.live.knowledge import GOAL
 from ospc.live.status import Findings, LiveStatus
 from ospc.methods.preview import Preview
 from ospc.photometry.calibration import Calibration
 from ospc.recording import Frame
 from ospc.settings import DefaultSettings, Settings
+from ospc.settings.live import GOAL
 from ospc.throttle import Throttle
 
 QUEUE_BYTES = 64 * 2**20

@@ -224,3 +224,16 @@ MIN_CLASS_RESIDUALS = 10
 
 MAX_VIGNETTE_ROUNDS, VIGNETTE_TOLERANCE = 100, 1e-9
 """Maximum number of reweighting rounds, and relative change of the solution at which it has converged."""
+
+ZERO_RESIDUAL = 1e-6
+"""Residuals below this count as zero, relative to their scale: they would get an infinite weight."""
+
+CONSTRAINT_WEIGHT = 1e4
+"""Weight of the equation Σc = 1 relative to all others if c ≥ 0 is enforced: the solution fulfils it to within 1e-8,
+and no digits are lost."""
+
+MONOTONICITY_LEVELS = 1024
+"""Number of grey levels between which a polynomial has to increase: far more than it has bends."""
+
+REACH_QUANTILE = 0.9
+"""Quantile of the radial displacements of a pair that counts as its reach: the largest ones may be wrong matches."""

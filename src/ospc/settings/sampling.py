@@ -4,8 +4,8 @@ from __future__ import annotations
 
 # Keyframe selection (ospc.correspondence.keyframe_selection)
 
-AGE_CLASSES = 26
-"""Number of classes of age in frames, two per doubling: up to 5800 frames."""
+AGE_CLASSES, AGE_CLASSES_PER_DOUBLING = 26, 2
+"""Number of classes of age in frames, and how many there are per doubling of the age: up to 5800 frames."""
 
 PRIOR_OVERLAP, PRIOR_RADIAL_MOTION = 0.8, 0.01
 """Overlap, and radial motion in half diagonals, expected of the youngest class before any comparison. Each further
@@ -14,7 +14,7 @@ class is expected to overlap like the previous one, and to have moved in proport
 MAX_PRIOR_RADIAL_MOTION = 0.3
 """Largest expected radial motion, in half diagonals."""
 
-AGE_CLASS_RATIO = 2.0**0.5
+AGE_CLASS_RATIO: float = 2.0 ** (1 / AGE_CLASSES_PER_DOUBLING)
 """Ratio of the ages of successive classes."""
 
 PRIOR_COMPARISONS = 1.5
