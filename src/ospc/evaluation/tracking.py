@@ -20,12 +20,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from ospc.errors import NotObservableError, counted
-from ospc.evaluation.tracks import EVERY, TrackFigures, Tracks
+from ospc.evaluation.tracks import TrackFigures, Tracks
 from ospc.photometry.correction import Corrector
 from ospc.recording import Frame, Recording
 from ospc.recording.stream import usable_frames
 from ospc.settings.evaluation import (
     NOTICEABLE_RATIO,
+    TRACKS_EVERY_FRAMES,
 )
 
 
@@ -114,7 +115,7 @@ def compare_tracking(
             tracks.follow(before, frame)
             ratio = before.exposure_ms / frame.exposure_ms
             largest = max(largest, ratio, 1 / ratio)
-        if used % EVERY == 0:
+        if used % TRACKS_EVERY_FRAMES == 0:
             tracks.begin(frame)
         before, used = frame, used + 1
     raw, corrected, horizon = tracks.figures()

@@ -57,3 +57,27 @@ COLLINEAR_RATIO = 1e-9
 
 STAMP_TOLERANCE_S = 1e-3
 """Largest difference between the time stamps of a pose and its truth, in seconds."""
+
+# Tracks in raw and corrected frames (ospc.evaluation.tracks)
+
+MEDIAN_LOWEST, MEDIAN_HIGHEST, MEDIAN_BINS = 1e-5, 1e4, 4096
+"""Range and number of the bins of the median; each is half a per cent wide."""
+
+MIN_HEADROOM = 0.25
+"""Smallest factor by which corrected frames are darkened; stronger vignettes are clipped in the corners."""
+
+TRACKS_EVERY_FRAMES = 15
+"""Interval, in frames, at which new tracks start."""
+
+MAX_STARTED_TRACKS = 150
+"""Most tracks that start in one frame."""
+
+TRACK_HORIZON_FRAMES = 60
+"""Frames after which a track is no longer followed; few points stay in view for longer."""
+
+MAX_BRIGHTNESS_CHANGE = 0.5
+"""Largest change of a window's mean grey level since its track began, in units of the contrast within it."""
+
+CORNER_QUALITY, CORNER_DISTANCE_PX, CORNER_BLOCK_PX = 0.01, 10.0, 7
+"""Corner detection: smallest corner strength relative to the best (Shi and Tomasi 1994), smallest distance between
+points, and side of the block in which the strength is computed."""

@@ -60,3 +60,19 @@ MAX_SOLUTION_ROUNDS = 12
 
 SOLUTION_TOLERANCE = 1e-3
 """Squared change of the parameters, in standard deviations, at which the rounds end: far below their errors."""
+
+# Calibrations as summaries (ospc.pooling.calibration_summary)
+
+MIN_RELATIVE_INFORMATION = 1e-9
+"""Smallest relative information in any direction: subtracting a prior may otherwise make it negative by rounding."""
+
+MIN_OBSERVED = 0.05
+"""Information on a direction of the vignette, relative to that of the prior, below which it counts as unobserved:
+rounding and disagreement between halves would otherwise look like an observation that contradicts the prior."""
+
+OMITTED_SIGMA = 0.005
+"""Standard deviation, around zero, of vignette parameters that a calibration omits: it would have included larger
+ones."""
+
+MAX_WALK = 1e3
+"""Largest accepted hyperparameters of a prior: a hundred times those of any fit."""

@@ -63,10 +63,10 @@ error."""
 TRACKED_FEATURES = 250
 """Number of features tracked at a time; the published program tracks more, and takes longer."""
 
-TRACKING_WINDOW_PX, TRACKING_LEVELS = 21, 4
+TRACKING_WINDOW_PX, PYRAMID_LEVELS = 21, 4
 """Side of the tracking window, and levels of the pyramid above the image, for motion up to about 100 pixels."""
 
-MAX_RETURN_PX = 0.7
+MAX_TRACK_RETURN_PX = 0.7
 """Largest forward-backward error of a track in pixels: tracks that do not return are on another feature."""
 
 TRACKING_MARGIN_PX = 6
@@ -77,7 +77,7 @@ REFILL_SHARE = 0.7
 """Share of the features below which new ones are detected: detection takes time, and long tracks are most
 informative."""
 
-CORNER_QUALITY, CORNER_SPACING_PX = 0.005, 14
+FEATURE_QUALITY, FEATURE_SPACING_PX = 0.005, 14
 """Corner detection: smallest strength relative to the strongest corner, low to include weak texture, and smallest
 distance between corners in pixels, so that they cover the image."""
 

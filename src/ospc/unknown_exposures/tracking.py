@@ -20,22 +20,22 @@ from ospc.recording.frame import Frame
 from ospc.settings.unknown_exposures import (
     BRIGHTEST_GAIN_GREY,
     BRIGHTEST_TRACKED_GREY,
-    CORNER_QUALITY,
-    CORNER_SPACING_PX,
     DARKEST_GAIN_GREY,
     DARKEST_TRACKED_GREY,
+    FEATURE_QUALITY,
+    FEATURE_SPACING_PX,
     GAIN_SIDE_PX,
     MAX_GAIN_ROUNDS,
-    MAX_RETURN_PX,
+    MAX_TRACK_RETURN_PX,
     MEDIAN_STEP_PX,
     MIN_GAIN_CHANGE,
     OBSERVED_OFFSETS_PX,
     OCCUPIED_PX,
+    PYRAMID_LEVELS,
     REFILL_SHARE,
     TRACKED_FEATURES,
     TRACKED_GRADIENT_SCALE,
     TRACKED_SMOOTHING_PX,
-    TRACKING_LEVELS,
     TRACKING_MARGIN_PX,
     TRACKING_WINDOW_PX,
 )
@@ -145,11 +145,11 @@ class GainRobustTracker:
         self.log_gain = log_brightness(after) - log_brightness(before)
         for _ in range(MAX_GAIN_ROUNDS):
             first, second = equalised(before, after, self.log_gain)
-            options = {"winSize": (TRACKING_WINDOW_PX, TRACKING_WINDOW_PX), "maxLevel": TRACKING_LEVELS}
+            options = {"winSize": (TRACKING_WINDOW_PX, TRACKING_WINDOW_PX), "maxLevel": PYRAMID_LEVELS}
             moved, found, _ = cv2.calcOpticalFlowPyrLK(first, second, self._points, None, **options)
             back, found_back, _ = cv2.calcOpticalFlowPyrLK(second, first, moved, None, **options)
             good = (found.ravel() > 0) & (found_back.ravel() > 0)
-            good &= np.linalg.norm(back - self._points, axis=1) < MAX_RETURN_PX
+            good &= np.linalg.norm(back - self._points, axis=1) < MAX_TRACK_RETURN_PX
             if not good.any():
                 break
             gain = _gain(before, after, self._points[good], moved[good])
@@ -166,7 +166,7 @@ class GainRobustTracker:
         wanted = TRACKED_FEATURES - len(self._points)
         # Histogram equalisation, so that dark parts of the image get features too.
         corners = cv2.goodFeaturesToTrack(
-            cv2.equalizeHist(image), wanted, CORNER_QUALITY, CORNER_SPACING_PX, mask=mask
+            cv2.equalizeHist(image), wanted, FEATURE_QUALITY, FEATURE_SPACING_PX, mask=mask
         )
         if corners is None:
             return
