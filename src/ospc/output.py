@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Protocol
 
 from ospc.arrays import FloatArray
-from ospc.errors import ExposureError, FormatError, OspcError, SettingError, one_line, os_error_as
-from ospc.folders import check_usable
+from ospc.errors import ExposureError, FormatError, OspcError, one_line, os_error_as
+from ospc.folders import Content, check_usable
 from ospc.formats.dso import PARAMETER_FILES, parameter_files, write_times
 from ospc.formats.files import json_object, write_bytes
 from ospc.formats.opening import Photometry
@@ -79,7 +79,7 @@ class OutputFolder:
             If the folder cannot be used.
         """
         place = Path(path)
-        check_usable(place, recording, lambda place: _check_content(place, force))
+        check_usable(place, recording, _content, force=force)
         return cls(place)
 
     def write(self, calibration: Calibration, times: Times | None = None) -> Written:
@@ -186,15 +186,13 @@ def _collected(parts: Iterator[Written], failure: str) -> Written:
     return written
 
 
-def _check_content(place: Path, force: bool) -> None:
+def _content(place: Path) -> Content:
     for name in OWN_NAMES:
         if (place / name).is_dir():
-            raise SettingError(f"{place / name}: is a folder, but a file must be written there; remove the folder")
-    if any(place.iterdir()) and not force and not _is_earlier_output(place):
-        raise SettingError(
-            f"{place}: contains files that are not from an earlier calibration; choose another folder, or add "
-            "--force to write to it anyway"
-        )
+            return Content(f"{name} is a folder, but a file must be written there", "never")
+    if _is_earlier_output(place):
+        return Content("contains an earlier calibration", "always")
+    return Content("contains files that are not from an earlier calibration", "with force")
 
 
 def _is_earlier_output(place: Path) -> bool:
