@@ -36,12 +36,12 @@ from ospc.settings import PaperSettings
 from ospc.settings.methods import (
     CONSTRAINT_WEIGHT,
     MAX_VIGNETTE_ROUNDS,
+    MIN_POLYNOMIAL_IRRADIANCE,
     MONOTONICITY_LEVELS,
     REACH_QUANTILE,
     VIGNETTE_TOLERANCE,
     ZERO_RESIDUAL,
 )
-from ospc.settings.registration import MIN_IRRADIANCE
 
 # Section 3.1: tracking.
 
@@ -234,7 +234,7 @@ def polynomial_response(
     log_sigma = scale_sigma = None
     if estimates is not None and len(estimates) > 1:
         greys = np.append(RESPONSE_LEVELS, sum(support) / 2)
-        curves = np.log([np.maximum(polyval(greys, c), MIN_IRRADIANCE) for c in estimates])
+        curves = np.log([np.maximum(polyval(greys, c), MIN_POLYNOMIAL_IRRADIANCE) for c in estimates])
         log_sigma = standard_error(curves[:, :-1] - curves[:, -1:])
         scale_sigma = float(np.std(curves[:, -1], ddof=1) / np.sqrt(len(curves)))
     return Response.from_values(

@@ -13,6 +13,8 @@ modules contain constants, grouped by step or task:
 - other tasks: :mod:`~ospc.settings.live`, :mod:`~ospc.settings.pooling`, :mod:`~ospc.settings.rig`,
   :mod:`~ospc.settings.diagnosis`, :mod:`~ospc.settings.evaluation`.
 
+Grey levels range from 0 to 1; those of constants whose names end in ``_8_BIT`` range from 0 to 255.
+
 "Chosen by hand" means that a value rests on judgement alone. Where the constants of the estimation mention another
 value, the fit was repeated with it on six simulated recordings (200 frames of 480×360 pixels; six responses, three
 vignettes, both noise levels, one with moving objects and one with flicker). "No effect" means that the median

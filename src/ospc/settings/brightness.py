@@ -40,9 +40,6 @@ MIN_MOTION_GRADIENT = 0.01
 """Minimum gradient, in full scale per thumbnail pixel, of a point whose displacement is measured: at flatter points,
 registration interpolates from the surroundings."""
 
-DARKEST_LEVEL = 1e-3
-"""Grey levels are raised to at least this value, a quarter of an 8-bit grey level, before taking the logarithm."""
-
 # Selection of brightness changes (ospc.exposures.brightness_series)
 
 AR_ORDER = 2

@@ -106,8 +106,8 @@ MIN_EXPOSURE_FACTOR = 0.1
 """Smallest ratio of the true to the stated exposure, for the same reason."""
 
 DARKEST_IRRADIANCE = 1e-3
-"""Irradiances below this, relative to white, are raised to it when additional light is divided by them. Below the
-black level of limited-range video g is almost zero, and single samples would dominate."""
+"""Irradiances (not grey levels) below this, relative to white, are raised to it when added light is divided by them.
+Below the black level of limited-range video g is almost zero, and single samples would dominate."""
 
 # Selection of effects (ospc.estimation.model_choice)
 

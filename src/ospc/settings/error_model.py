@@ -8,8 +8,8 @@ from __future__ import annotations
 # The expected grey level (ospc.estimation.latent)
 
 DARKEST_GREY = 0.25 / 255
-"""Grey levels are raised to at least this value, a quarter of an 8-bit grey level, before taking the logarithm. No
-effect from 0.1 to 0.5 of an 8-bit grey level."""
+"""Grey levels are raised to at least this value, a quarter of an 8-bit grey level, before taking the logarithm; no
+point is excluded. No effect from 0.1 to 0.5 of an 8-bit grey level."""
 
 MAX_DEVIATION_SIGMAS = 6.0
 """Largest distance of a predicted grey level from the measured one, in standard deviations: outliers must not move

@@ -8,7 +8,7 @@ MIN_CIRCLE_FRAMES = 8
 """Minimum number of frames before a dark point counts as surround: in a single frame the scene itself may be dark."""
 
 LIT_QUANTILE = 0.9
-MIN_LIT_GREY = 60
+MIN_LIT_8_BIT = 60
 """Grey level, of 255, that the brightest tenth of the image must reach: in the dark, scene and surround look
 similar."""
 

@@ -235,5 +235,8 @@ and no digits are lost."""
 MONOTONICITY_LEVELS = 1024
 """Number of grey levels between which a polynomial has to increase: far more than it has bends."""
 
+MIN_POLYNOMIAL_IRRADIANCE = 1e-6
+"""Lower limit of the irradiance before taking its logarithm: below the first grey level of any camera."""
+
 REACH_QUANTILE = 0.9
 """Quantile of the radial displacements of a pair that counts as its reach: the largest ones may be wrong matches."""

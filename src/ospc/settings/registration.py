@@ -42,8 +42,9 @@ THUMBNAIL_GRADIENT_SMOOTHING_PX = 1.2
 """Standard deviation of the additional smoothing before gradients are taken, in thumbnail pixels: a flat point must
 be flat within the registration error."""
 
-DARKEST_EXPOSED_LEVEL, BRIGHTEST_EXPOSED_LEVEL = 0.04, 0.97
-"""Grey levels beyond which a point counts as clipped: some pixels of a mean are clipped before the mean is."""
+DARKEST_EXPOSED_MEAN, BRIGHTEST_EXPOSED_MEAN = 0.04, 0.97
+"""Grey levels beyond which the mean of several pixels counts as clipped: some of them are clipped before the mean is.
+Single pixels have the limits :data:`ospc.photometry.noise.DARKEST_EXPOSED` and ``BRIGHTEST_EXPOSED``."""
 
 THUMBNAIL_CLIP_MARGIN_PX = 2
 """Points this close to a clipped one are not used, in thumbnail pixels: twice the smoothing."""
@@ -77,8 +78,8 @@ DISPLAY_GAMMA = 2.2
 """Exponent of the scale on which images are registered, that of displays: noise and contrast vary little with
 grey."""
 
-DARKEST_COMPARED_GREY, BRIGHTEST_COMPARED_GREY = 8.0, 247.0
-"""Grey levels, of 255, beyond which a quantile may be clipped."""
+DARKEST_QUANTILE_8_BIT, BRIGHTEST_QUANTILE_8_BIT = 8.0, 247.0
+"""Grey levels, of 255, beyond which a quantile of the grey levels of a frame may be clipped."""
 
 MAX_LOG_RATIO_DISAGREEMENT = 0.4
 """Largest difference, in ln, between the stated exposure ratio and that measured in the images for the stated one to
@@ -100,9 +101,6 @@ MIN_KEPT_BRIGHTNESS = 0.5
 """Minimum brightness of the middle grey level of the longer exposure after normalisation, on the display scale,
 relative to that in the frame. Of responses from black to white, the logarithm of 1 to 51 keeps 0.77; with grey levels
 ending at 128, quick fits kept a thousandth or less, and moving cameras seemed stationary."""
-
-MIN_IRRADIANCE = 1e-6
-"""Lower limit of the irradiance before taking its logarithm: below the first grey level of any camera."""
 
 # Dense registration (ospc.correspondence.registration)
 

@@ -29,8 +29,8 @@ BETWEEN_MARGIN = 0.03
 """Margin between an edge pixel and both regions, relative to their difference: pixels within it cover only one
 region."""
 
-UNCLIPPED_GREYS = (3, 252)
-"""Grey levels outside which a region may be clipped."""
+UNCLIPPED_REGION_8_BIT = (3, 252)
+"""Grey levels, of 255, outside which a region may be clipped."""
 
 MAX_EDGE_WINDOWS = 1500
 """Most windows of an image, strongest edges first; more take time and do not improve the curve."""
@@ -140,8 +140,8 @@ OWN_RESPONSE_WEIGHT, OWN_VIGNETTE_WEIGHT = 0.5, 0.2
 TYPICAL_VIGNETTE = (-0.2, -0.1, -0.05)
 """v₁, v₂, v₃ of a typical vignette."""
 
-DARKEST_UNCLIPPED_GREY, BRIGHTEST_UNCLIPPED_GREY = 2, 250
-"""Grey levels outside which a pixel may be clipped."""
+DARKEST_PIXEL_8_BIT, BRIGHTEST_PIXEL_8_BIT = 2, 250
+"""Grey levels, of 255, outside which a pixel may be clipped."""
 
 MIN_SINGLE_IMAGE_SIDE_PX = 32
 """Smallest width and height of an image; smaller ones contain neither edges nor rings."""

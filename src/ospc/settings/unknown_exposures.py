@@ -87,14 +87,14 @@ OCCUPIED_PX = 12
 TRACKED_SMOOTHING_PX = 0.8
 """Standard deviation of the smoothing of sampled grey levels: less noise, and hardly any blur."""
 
-DARKEST_TRACKED_GREY, BRIGHTEST_TRACKED_GREY = 1.5, 254.0
+DARKEST_TRACKED_8_BIT, BRIGHTEST_TRACKED_8_BIT = 1.5, 254.0
 """Grey levels, of 255, between which a sample is well exposed; the upper limit applies to its brightest neighbour."""
 
 GAIN_SIDE_PX = 7
 """Side of the squares around features whose mean brightness determines the gain: averaging reduces the effects of
 noise and motion blur."""
 
-DARKEST_GAIN_GREY, BRIGHTEST_GAIN_GREY = 3, 245
+DARKEST_GAIN_8_BIT, BRIGHTEST_GAIN_8_BIT = 3, 245
 """Grey levels, of 255, between which these means are used; otherwise some of their pixels are clipped."""
 
 MEDIAN_STEP_PX = 4

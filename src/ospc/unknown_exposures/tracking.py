@@ -18,10 +18,10 @@ from ospc.arrays import BoolArray, Float32Array, FloatArray, Image, ImageSize, I
 from ospc.photometry.geometry import normalised
 from ospc.recording.frame import Frame
 from ospc.settings.unknown_exposures import (
-    BRIGHTEST_GAIN_GREY,
-    BRIGHTEST_TRACKED_GREY,
-    DARKEST_GAIN_GREY,
-    DARKEST_TRACKED_GREY,
+    BRIGHTEST_GAIN_8_BIT,
+    BRIGHTEST_TRACKED_8_BIT,
+    DARKEST_GAIN_8_BIT,
+    DARKEST_TRACKED_8_BIT,
     FEATURE_QUALITY,
     FEATURE_SPACING_PX,
     GAIN_SIDE_PX,
@@ -189,7 +189,7 @@ class GainRobustTracker:
         down = sampled(smooth, places + _DOWN) - sampled(smooth, places - _DOWN)
         steep = (across**2 + down**2) / 4
         brightest = sampled(cv2.dilate(image, None).astype(np.float32), places)
-        exposed = (brightest < BRIGHTEST_TRACKED_GREY) & (grey > DARKEST_TRACKED_GREY)
+        exposed = (brightest < BRIGHTEST_TRACKED_8_BIT) & (grey > DARKEST_TRACKED_8_BIT)
         radius = np.linalg.norm(normalised(places.astype(np.float64), self._size), axis=-1)
         weight = TRACKED_GRADIENT_SCALE**2 / (TRACKED_GRADIENT_SCALE**2 + steep)
         self._rows.append(
@@ -224,5 +224,5 @@ def _gain(before: Image, after: Image, places: Float32Array, moved: Float32Array
         sampled(cv2.blur(image, (GAIN_SIDE_PX, GAIN_SIDE_PX)).astype(np.float32), p)
         for image, p in ((before, places), (after, moved))
     )
-    exposed = (np.minimum(first, second) > DARKEST_GAIN_GREY) & (np.maximum(first, second) < BRIGHTEST_GAIN_GREY)
+    exposed = (np.minimum(first, second) > DARKEST_GAIN_8_BIT) & (np.maximum(first, second) < BRIGHTEST_GAIN_8_BIT)
     return float(np.median(np.log(second[exposed] / first[exposed]))) if exposed.any() else 0.0

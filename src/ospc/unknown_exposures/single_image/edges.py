@@ -57,7 +57,7 @@ from ospc.settings.single_image import (
     MIN_PATCHES,
     MIN_REGION_PIXELS,
     MIN_SQUARED_LENGTH,
-    UNCLIPPED_GREYS,
+    UNCLIPPED_REGION_8_BIT,
 )
 from ospc.unknown_exposures.single_image.response_prior import response_prior
 
@@ -138,7 +138,7 @@ def _patch(grey: Image, pixels: FloatArray) -> tuple[FloatArray, FloatArray, Flo
     spreads = np.array([pixels[region].std(axis=0) for region in (first, second)])
     low, high = means.min(axis=0), means.max(axis=0)
     even = np.max(spreads) <= MAX_REGION_SPREAD and np.min(high - low) >= MIN_EDGE_CONTRAST
-    if not even or low.min() < UNCLIPPED_GREYS[0] or high.max() > UNCLIPPED_GREYS[1]:
+    if not even or low.min() < UNCLIPPED_REGION_8_BIT[0] or high.max() > UNCLIPPED_REGION_8_BIT[1]:
         return None
     edge = pixels[~first & ~second]
     margin = BETWEEN_MARGIN * (high - low)

@@ -27,9 +27,9 @@ from ospc.recording.image_source import MAX_FILE_BYTES, decode_stored, is_image_
 from ospc.recording.options import DEFAULT, ReadingOptions
 from ospc.recording.pixel_layout import detect_bit_depth
 from ospc.settings.single_image import (
-    BRIGHTEST_UNCLIPPED_GREY,
+    BRIGHTEST_PIXEL_8_BIT,
     CORNER_SIGMA,
-    DARKEST_UNCLIPPED_GREY,
+    DARKEST_PIXEL_8_BIT,
     MAX_SINGLE_IMAGES,
     MIN_SHAPE_SIGMA,
     MIN_SINGLE_IMAGE_SIDE_PX,
@@ -128,7 +128,7 @@ def _vignette(size: ImageSize, images: Sequence[Image], response: Response) -> t
     usual = PolynomialVignette(size, TYPICAL_VIGNETTE)
     try:
         own = radial_gradient_vignette(
-            light, [(grey > DARKEST_UNCLIPPED_GREY) & (grey < BRIGHTEST_UNCLIPPED_GREY) for grey in greys]
+            light, [(grey > DARKEST_PIXEL_8_BIT) & (grey < BRIGHTEST_PIXEL_8_BIT) for grey in greys]
         )
     except NotObservableError:
         return usual, "typical curves, for lack of exposed pixels"
