@@ -66,12 +66,12 @@ def test_exposures_are_found_up_to_a_factor_and_an_exponent(recovered: Recording
     assert any("relative, and up to one exponent" in note for note in recovered.notes)
 
 
-def test_estimated_exposures_have_no_unit(recovered: Recording) -> None:
+def test_the_unit_of_estimated_exposures_is_arbitrary(recovered: Recording) -> None:
     verdict = Verdict("not identifiable", "from exposures of 0.6 to 1.1 ms, assumed proportional to the light")
     reason = (
         labelled(Calibration(SETTINGS.size, verdicts={"response": verdict}), recovered).verdicts["response"].reason
     )
-    assert reason == "from exposures of 0.6 to 1.1, assumed proportional to the light"
+    assert reason == f"{verdict.reason} (exposures are estimated: their unit is arbitrary)"
 
 
 def test_response_and_vignette_are_the_true_ones_to_one_power(found: Calibration) -> None:

@@ -176,7 +176,7 @@ def _why_unknown(place: Path, depth: int) -> str:
                 return f"{place}: is not searched, because its content is more than {_DEEPEST} levels deep"
             open_recording(place)
     except RecordingError as error:
-        return str(error).partition(";")[0]
+        return error.problem
     return f"{place}: not recognised as a recording"
 
 

@@ -125,7 +125,7 @@ def labelled(calibration: Calibration, recording: object) -> Calibration:
 
 def _labelled_verdict(name: str, verdict: Verdict) -> Verdict:
     if not verdict.known:
-        return replace(verdict, reason=verdict.reason.replace(" ms", ""))  # estimated exposures are relative
+        return replace(verdict, reason=f"{verdict.reason} (exposures are estimated: their unit is arbitrary)")
     others = " and ".join(part for part in ("response", "vignette", "exposures") if part != name)
     return Verdict(
         "marginal",
