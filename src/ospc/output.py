@@ -18,7 +18,7 @@ from ospc.photometry.calibration import Calibration
 from ospc.photometry.vignette import RasterVignette
 from ospc.recording import Recording
 from ospc.recording.exposure_lists import read_times
-from ospc.report.charts import Findings
+from ospc.report.charts import ReportFindings
 from ospc.report.drawing import Drawn
 from ospc.report.examples import NOTHING_TRIED, examples_of
 from ospc.report.page import write_page
@@ -114,16 +114,16 @@ class OutputFolder:
 
     def findings(
         self, calibration: Calibration, recording: Recording | None = None, truth: Photometry | None = None
-    ) -> Findings:
+    ) -> ReportFindings:
         """Return the findings to draw, with the exposures of a recording or of times.txt, and a reference."""
         exposures_ms = None if recording is None else recording.exposures_ms
         if recording is None:
             with suppress(OspcError):
                 exposures_ms = read_times(self.path / "times.txt").exposures_ms
-        return Findings(calibration, exposures_ms, truth)
+        return ReportFindings(calibration, exposures_ms, truth)
 
     def draw(
-        self, findings: Findings, stop: Callable[[], bool] = lambda: False, drawn: Drawn | None = None
+        self, findings: ReportFindings, stop: Callable[[], bool] = lambda: False, drawn: Drawn | None = None
     ) -> Written:
         """Write the pictures until ``stop`` returns true. ``drawn`` draws them in another process."""
 
@@ -139,7 +139,7 @@ class OutputFolder:
 
     def report(
         self,
-        findings: Findings,
+        findings: ReportFindings,
         recording: Recording | None = None,
         *,
         pdf: bool = False,

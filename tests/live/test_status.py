@@ -6,7 +6,7 @@ import pytest
 
 from calibrations import calibration
 from ospc.calibrator import OnlineCalibrator
-from ospc.live.status import Findings
+from ospc.live.status import LiveFindings
 from ospc.settings.live import ESTIMATE_GROWTH, FIRST_ESTIMATE_FRAMES, UNKNOWN_GROWTH
 
 
@@ -22,7 +22,7 @@ from ospc.settings.live import ESTIMATE_GROWTH, FIRST_ESTIMATE_FRAMES, UNKNOWN_G
 def test_an_estimate_puts_off_the_next_one(asked_at, converged, next_at, monkeypatch):
     engine, estimated_at = OnlineCalibrator(), []
     known = replace(calibration(), converged=converged)
-    found = Findings(engine, 0.005)
+    found = LiveFindings(engine, 0.005)
     monkeypatch.setattr(OnlineCalibrator, "calibration", lambda engine: estimated_at.append(processed) or known)
     for processed in range(1, next_at + 2):
         monkeypatch.setattr(OnlineCalibrator, "processed", processed)

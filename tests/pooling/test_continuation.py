@@ -15,7 +15,8 @@ from ospc.evaluation.metrics import vignette_rmse
 from ospc.exposures.monitor import ExposureMonitor
 from ospc.methods.identifiability import judged
 from ospc.methods.summary import summarise
-from ospc.photometry.calibration import Calibration, Verdict
+from ospc.photometry.calibration import Calibration
+from ospc.photometry.verdict import Verdict
 from ospc.pooling.calibration_summary import summary_of_calibration
 from ospc.pooling.pool import Pool, merge
 from ospc.pooling.prior_calibration import PriorCalibration

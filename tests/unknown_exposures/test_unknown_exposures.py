@@ -16,8 +16,9 @@ from ospc.cli.main import cli
 from ospc.errors import NotObservableError, RecordingError
 from ospc.formats.dso import CAVEAT
 from ospc.output import OutputFolder
-from ospc.photometry.calibration import PROFILE_RADII, Calibration, Verdict
+from ospc.photometry.calibration import PROFILE_RADII, Calibration
 from ospc.photometry.response import Response
+from ospc.photometry.verdict import Verdict
 from ospc.recording import ArrayRecording, Recording, open_recording
 from ospc.recording.options import ReadingOptions
 from ospc.report.pictures import words_around

@@ -29,7 +29,7 @@ _OWN_NAMES = {_RECORDINGS, "cameras", CSV_NAME, PARQUET_NAME, PAGE_NAME}
 
 
 @dataclass(frozen=True)
-class Outcome:
+class BatchOutcome:
     """Outcome of a batch: a row per recording in the order of the manifest, cameras, files and notes.
 
     An interrupted batch continues if it is run again.
@@ -58,7 +58,7 @@ def run_batch(
     retries: int = 1,
     force: bool = False,
     progress: _Show = lambda _stage, _done, _total, _failed: None,
-) -> Outcome:
+) -> BatchOutcome:
     """Calibrate recordings and merge those of each camera, reusing the results of an earlier run.
 
     The folder must be new, empty, or from an earlier run, unless ``force`` is set. It receives ``batch.csv``,
@@ -135,7 +135,7 @@ class _Batch:
                 failed += row.status == "failed"
                 self.show(name, count, len(left), failed)
 
-    def written(self, *, interrupted: bool) -> Outcome:
+    def written(self, *, interrupted: bool) -> BatchOutcome:
         """Merge the results and write everything that users read."""
         place, store = self.folder, self.store
         place.mkdir(parents=True, exist_ok=True)
@@ -164,7 +164,7 @@ class _Batch:
             "versions": versions(),
         }
         files.append(write_text(place / _HEAD, json.dumps(content, indent=1) + "\n"))
-        return Outcome(tuple(rows), tuple(cameras), tuple(files), tuple(notes), interrupted)
+        return BatchOutcome(tuple(rows), tuple(cameras), tuple(files), tuple(notes), interrupted)
 
 
 def _with_result(row: Row, store: Store) -> Row:

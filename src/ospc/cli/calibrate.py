@@ -236,13 +236,13 @@ def _calibrate_one(request: _Request, opened: Callable[[], Recording]) -> dict[s
 
 def _guess(request: _Request, truth: Photometry | None) -> dict[str, Any]:
     """Guess a calibration from single images; it is never complete."""
-    from ospc.cli.calibration_result import Outcome
+    from ospc.cli.calibration_result import CalibrationOutcome
     from ospc.output import Written
     from ospc.unknown_exposures.single_image.fallback import calibrate_single_images, single_images
 
     images = single_images(request.path, request.reading.kind, request.reading.options)
     calibration = replace(calibrate_single_images(images), source={"name": request.path.name})
-    content = request.result(truth).take(Outcome(calibration), lambda: (Written(), [calibration.caveat]))
+    content = request.result(truth).take(CalibrationOutcome(calibration), lambda: (Written(), [calibration.caveat]))
     return content | {"rests_on": calibration.rests_on}
 
 

@@ -141,7 +141,7 @@ def _captured(
     capture: Capture, recording: Recording | None, frames: Iterable[Frame], result: ResultFolder, *, full: bool
 ) -> dict[str, Any]:
     """Film, estimate, write and report."""
-    from ospc.cli.calibration_result import Outcome
+    from ospc.cli.calibration_result import CalibrationOutcome
     from ospc.cli.live_view import shown
     from ospc.output import Written
     from ospc.report import style
@@ -169,7 +169,7 @@ def _captured(
         # A camera's capture is complete whenever the user ends it; an interrupted recording is not.
         early = interruption.requested and replayed
         found = replace(found, partial=early or bool(failure))
-        outcome = Outcome(found, recording, live.first_reasons, early, failure)
+        outcome = CalibrationOutcome(found, recording, live.first_reasons, early, failure)
         place = result.folder.path
         place.mkdir(parents=True, exist_ok=True)
         state = Written((live.save_state(place / STATE_NAME),))

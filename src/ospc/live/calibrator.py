@@ -18,7 +18,7 @@ from ospc.calibrator import OnlineCalibrator
 from ospc.errors import FrameError, OspcError, SettingError, said_by
 from ospc.exposures.lag_choice import LagChoice
 from ospc.frame_checks import check_is_frame
-from ospc.live.status import Findings, LiveStatus
+from ospc.live.status import LiveFindings, LiveStatus
 from ospc.methods.preview import Preview
 from ospc.photometry.calibration import Calibration
 from ospc.recording import Frame
@@ -91,7 +91,7 @@ class LiveCalibrator(AbstractContextManager["LiveCalibrator"]):
         self._closed = False
         self._failure: BaseException | None = None
         self._frames = self._dropped = self._unusable = 0
-        self._found = Findings(self._engine, goal)
+        self._found = LiveFindings(self._engine, goal)
         self._throttle = Throttle(ADVICE_S, ADVICE_SHARE)
         self._outdated = False  # whether frames were processed since the last advice
         self._worker = threading.Thread(target=self._work, name="ospc-live", daemon=True)

@@ -71,7 +71,7 @@ class LiveStatus:
         return self.instruction.text
 
 
-class Findings:
+class LiveFindings:
     """Findings of the background thread; only that thread calls the methods, any thread may read the attributes."""
 
     def __init__(self, engine: OnlineCalibrator, goal: float) -> None:

@@ -25,10 +25,12 @@ from ospc.least_squares import non_negative_least_squares
 from ospc.methods.change_detection import Change
 from ospc.methods.method import Method, Progress, check_size
 from ospc.observations import ExposureLookup
-from ospc.photometry.calibration import PROFILE_RADII, Calibration, ExposureRatios, Verdict
+from ospc.photometry.calibration import PROFILE_RADII, Calibration
+from ospc.photometry.coverage import ExposureRatios
 from ospc.photometry.geometry import normalised
 from ospc.photometry.grey_range import FULL_RANGE, GreyRange
 from ospc.photometry.response import Response
+from ospc.photometry.verdict import Verdict
 from ospc.photometry.vignette import PolynomialVignette, Vignette
 from ospc.recording.frame import Frame
 from ospc.robust import robust_scale

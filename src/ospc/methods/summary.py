@@ -18,7 +18,8 @@ from ospc.methods.identifiability import (
     vignette_verdict,
 )
 from ospc.observations import ExposedObservations
-from ospc.photometry.calibration import PROFILE_RADII, Calibration, ExposureRatios
+from ospc.photometry.calibration import PROFILE_RADII, Calibration
+from ospc.photometry.coverage import ExposureRatios
 from ospc.photometry.grey_range import FULL_RANGE, GreyRange
 from ospc.photometry.noise import BRIGHTEST_EXPOSED, DARKEST_EXPOSED, NoiseModel
 from ospc.photometry.verdict import EffectEstimate

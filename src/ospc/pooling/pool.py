@@ -17,7 +17,8 @@ from ospc.errors import FormatError, SettingError, counted
 from ospc.estimation.fit import Fit
 from ospc.methods.identifiability import response_verdict_of_fit, vignette_verdict
 from ospc.methods.summary import covariance_of, vignette_sigma
-from ospc.photometry.calibration import Calibration, Verdict
+from ospc.photometry.calibration import Calibration
+from ospc.photometry.verdict import Verdict
 from ospc.pooling.agreement import Agreement, Part, agreement
 from ospc.pooling.solution import Information, solve, solve_with_chosen_vignette
 from ospc.pooling.summary import PARAMETERS, VIGNETTE_PART, Summary, joint_range, triangle_of

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from ospc.arrays import read_only
+
 # Changes of brightness between two frames (ospc.exposures.brightness)
 
-GREY_BIN_EDGES = np.array([0.05, 0.09, 0.14, 0.20, 0.27, 0.35, 0.44, 0.54, 0.65, 0.78, 0.93])
+GREY_BIN_EDGES = read_only(np.array([0.05, 0.09, 0.14, 0.20, 0.27, 0.35, 0.44, 0.54, 0.65, 0.78, 0.93]))
 """Edges of the grey bins: the same change of exposure changes ln M differently at different grey levels. Bins are
 narrower where responses are steeper; black and white, where noise is clipped, are excluded."""
-GREY_BIN_EDGES.setflags(write=False)
 
 MIN_BIN_PIXELS = 40
 """Minimum number of points for a bin's mean or for the median motion: the standard error is a sixth of the scatter.

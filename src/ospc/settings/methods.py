@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from ospc.arrays import read_only
+
 # Images (ospc.methods.method)
 
 MIN_SIDE_PX = 32
@@ -63,9 +65,8 @@ MAX_MOTIONS = 200
 OUTLIER_ERROR_LOG = 0.3
 """Prediction errors far beyond this, in ln, are moving objects or wrong registrations."""
 
-CHANGE_GREY_KNOTS = np.array([0.0, 0.15, 0.35, 0.6, 0.85, 1.0])
+CHANGE_GREY_KNOTS = read_only(np.array([0.0, 0.15, 0.35, 0.6, 0.85, 1.0]))
 """Grey levels between which a change of ln g is interpolated linearly."""
-CHANGE_GREY_KNOTS.setflags(write=False)
 
 NO_CHANGE_POINTS = 1.0
 """Weight of the prior that nothing changed, in scene points: it keeps unobserved parts at zero."""

@@ -19,7 +19,8 @@ import numpy as np
 from ospc.arrays import read_only
 from ospc.calibrator import calibrate
 from ospc.errors import FrameError, NotObservableError, counted
-from ospc.photometry.calibration import PROFILE_RADII, Calibration, Verdict
+from ospc.photometry.calibration import PROFILE_RADII, Calibration
+from ospc.photometry.verdict import Verdict
 from ospc.recording import open_recording
 from ospc.recording.derived import DerivedRecording
 from ospc.recording.options import ReadingOptions

@@ -18,8 +18,9 @@ import numpy as np
 from ospc.arrays import FloatArray, Image, ImageSize, size_of
 from ospc.errors import FrameError, NotObservableError, counted
 from ospc.formats.files import read_bytes
-from ospc.photometry.calibration import PROFILE_RADII, Calibration, Verdict
+from ospc.photometry.calibration import PROFILE_RADII, Calibration
 from ospc.photometry.response import Response
+from ospc.photometry.verdict import Verdict
 from ospc.photometry.vignette import PolynomialVignette
 from ospc.recording import open_recording
 from ospc.recording.channel import Channel
