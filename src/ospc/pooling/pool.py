@@ -114,7 +114,7 @@ class Pool:
             if summary is None:
                 raise FormatError(
                     f"{place}: nothing could be learned from this recording, or its run is unfinished: finish it "
-                    "with ospc calibrate --resume"
+                    "with ospc calibrate --resume, or use its frames so far with ospc merge"
                 )
             return cls((summary,))
         found = container.load(place, KIND, VERSION)
