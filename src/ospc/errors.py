@@ -100,14 +100,14 @@ def os_error_as(kind: type[OspcError], what: str, remedy: str = "") -> Iterator[
         raise kind(f"{what} ({error.strerror or error})", remedy) from None
 
 
-def said_by(error: BaseException, most: int | None = None) -> str:
+def message_of(error: BaseException, most: int | None = None) -> str:
     """Return the message of an error on one line, cut after ``most`` characters."""
     return " ".join(str(error).split())[:most]
 
 
 def one_line(error: BaseException) -> str:
     """Return the message of an error on one line, with the type of the error if it is unexpected."""
-    text = said_by(error)
+    text = message_of(error)
     if isinstance(error, MemoryError) or any(sign in text for sign in _NO_MEMORY):
         return "not enough memory; close other programs, or raise the memory limit of this one (ulimit -v)"
     return text if isinstance(error, OspcError) else f"unexpected {type(error).__name__}: {text}".rstrip(": ")

@@ -101,7 +101,7 @@ class ResultFolder:
     second: SecondThread = field(default_factory=SecondThread)
 
     @property
-    def talkative(self) -> bool:
+    def prints_text(self) -> bool:
         """Whether to print more than errors and warnings."""
         return not (self.quiet or self.as_json)
 
@@ -119,7 +119,7 @@ class ResultFolder:
             comparison = self._compared(outcome.calibration)
             if not self.quiet:
                 self._warn(outcome.calibration)
-            if self.talkative:
+            if self.prints_text:
                 say_notes((*outcome.calibration.notes, *notes))
                 self._say(outcome, written, comparison)
             return self._as_dict(outcome, written, notes, comparison)

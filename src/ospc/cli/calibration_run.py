@@ -153,7 +153,7 @@ class CalibrationRun:
         OspcError if nothing could be estimated, KeyboardInterrupt if the user interrupted it before anything was
         written.
         """
-        if self.result.talkative:
+        if self.result.prints_text:
             say_notes(self.recording.notes)
         result = replace(self.result, second=drawing_process())  # loads while frames are compared
         with self.result.interruption.deferred():

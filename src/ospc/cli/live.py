@@ -149,7 +149,7 @@ def _captured(
 
     live, interruption, failure, replayed = capture.live, result.interruption, "", recording is not None
     with interruption.deferred():
-        with shown(capture, quiet=not result.talkative, full=full) as show:
+        with shown(capture, quiet=not result.prints_text, full=full) as show:
 
             def stop() -> bool:
                 show()

@@ -15,7 +15,7 @@ from typing import Any
 
 from ospc.arrays import Image
 from ospc.calibrator import OnlineCalibrator
-from ospc.errors import FrameError, OspcError, SettingError, said_by
+from ospc.errors import FrameError, OspcError, SettingError, message_of
 from ospc.exposures.lag_choice import LagChoice
 from ospc.frame_checks import check_is_frame
 from ospc.live.status import LiveFindings, LiveStatus
@@ -280,13 +280,13 @@ def _with_safe_load(frame: Frame) -> Frame:
         except OspcError:
             raise
         except Exception as error:
-            raise FrameError(f"{frame.name}: its image cannot be read ({said_by(error)})") from error
+            raise FrameError(f"{frame.name}: its image cannot be read ({message_of(error)})") from error
 
     return replace(frame, load=load)
 
 
 def _failed(failure: BaseException) -> OspcError:
     """Return the error for callers that need the background, chained to its failure."""
-    error = OspcError(f"the background failed: {said_by(failure)}")
+    error = OspcError(f"the background failed: {message_of(failure)}")
     error.__cause__ = failure
     return error
