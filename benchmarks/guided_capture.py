@@ -17,9 +17,9 @@ from ospc import Calibration, Frame, OnlineCalibrator, Response
 from ospc.arrays import Float32Array, FloatArray
 from ospc.evaluation.metrics import response_shape_rmse
 from ospc.live.advice import Adviser, Instruction
-from ospc.live.knowledge import GOAL
 from ospc.photometry.calibration import PROFILE_RADII
 from ospc.photometry.vignette import diagonal_profile
+from ospc.settings.live import GOAL
 from ospc.simulation import SimulationSettings, truth
 from ospc.simulation.camera import Sensor
 from ospc.simulation.motion import Motion, rotation

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from ospc.photometry.calibration import PROFILE_RADII, Calibration, ExposureRatios, Verdict
+from ospc.photometry.calibration import PROFILE_RADII, Calibration
+from ospc.photometry.coverage import ExposureRatios
 from ospc.photometry.response import Response
+from ospc.photometry.verdict import Verdict
 from ospc.photometry.vignette import PolynomialVignette
 
 SIZE = (64, 48)

@@ -13,19 +13,33 @@ ROOT = Path(ospc.__file__).parent
 NOT_CHECKED = {"cli", "report", "research"}
 MODULES = sorted(path for path in ROOT.rglob("*.py") if path.relative_to(ROOT).parts[0] not in NOT_CHECKED)
 
-STEPS_OF_THE_METHOD = ("correspondence", "estimation", "exposures", "methods")
-CORE = [path for path in MODULES if path.relative_to(ROOT).parts[0] in STEPS_OF_THE_METHOD]
+WITH_SETTINGS = (
+    *("correspondence", "diagnosis", "estimation", "evaluation", "exposures", "live", "methods", "pooling", "rig.py"),
+    "unknown_exposures",
+)
+"""Packages and modules whose numbers are settings."""
+
+CHECKED = [path for path in MODULES if path.relative_to(ROOT).parts[0] in WITH_SETTINGS]
 
 STAY_IN_THE_CODE = {
     # Parts of formulas: stencils, nodes, powers, directions, and sizes and indices that follow from settings.
     "NODES", "CENTRE", "(_VALUE, _SLOPE, _CURVATURE)", "_STENCILS", "_LAPLACIANS", "_NEIGHBOURS", "_CORNERS",
     "_VIGNETTE_POWERS", "RESPONSE_PARAMETERS", "PARTS", "_LATER", "_DIAGONALS", "_NORMAL",
+    "_RADIAL", "(_RIGHT, _DOWN)", "_DIAGONAL", "_TURNS", "_PLACES", "RESPONSE_PART",
     # Effects, which are defined by settings; their bound of 0 excludes negative light.
     "EFFECTS",
     # Points at which curves are tabulated or drawn, and a displacement larger than any image.
-    "RESPONSE_LEVELS", "_STEPS", "OUTSIDE_PX",
+    "RESPONSE_LEVELS", "_STEPS", "OUTSIDE_PX", "_CURVE_POINTS", "_LEVELS",
     # An empty value, and buffer sizes.
     "NOTHING_FOUND", "_MAX_COUNTED_BITS", "_MOST_PARTS", "_FIRST_CAPACITY", "_BLOCK", "_KEPT_TABLES",
+    "WAITING_FRAMES", "QUEUE_BYTES",
+    # What files contain: versions, and limits beyond which their values are damaged.
+    "(KIND, VERSION)", "_LARGEST_FILE", "_COLUMNS", "_QUATERNION_LENGTHS", "_ROUNDING", "_MOST_DROPPED",
+    "(_MOST, _LONGEST_MS, _FARTHEST, _LARGEST)",
+    # Instructions, reports, and the page of a live calibration.
+    "_BRIGHTER", "_DARKER", "_MOST_NAMED", "_MOST_LISTED", "MOST_NOTES", "(_COLUMNS, _ROWS)", "(_GREYS, _RADII)",
+    "(_PICTURE_PX, _JPEG)", "(_WIDE_RANGE, _NOTHING_KNOWN, _UNCONFIRMED)", "_COVERED", "_LAST_WORD_S", "_PERIOD_S",
+    "_TOKEN_BYTES", "(ADVICE_S, ADVICE_SHARE)",
 }  # fmt: skip
 
 MOST_TOGETHER = 3
@@ -72,9 +86,20 @@ def numbers(source):
     ]
 
 
-@pytest.mark.parametrize("path", CORE, ids=lambda path: path.relative_to(ROOT).as_posix())
+def single(group):
+    """Return the names in the target of an assignment, which may be a tuple."""
+    return [node.id for node in ast.walk(ast.parse(group, mode="eval")) if isinstance(node, ast.Name)]
+
+
+@pytest.mark.parametrize("path", CHECKED, ids=lambda path: path.relative_to(ROOT).as_posix())
 def test_numbers_of_the_method_are_settings(path):
     assert set(numbers(path.read_text(encoding="utf-8"))) <= STAY_IN_THE_CODE
+
+
+def test_every_setting_has_a_name_of_its_own():
+    paths = (ROOT / "settings").glob("*.py")
+    names = [name for path in paths for group in numbers(path.read_text(encoding="utf-8")) for name in single(group)]
+    assert len(names) == len(set(names))
 
 
 @pytest.mark.parametrize("path", MODULES, ids=lambda path: path.relative_to(ROOT).as_posix())
@@ -84,8 +109,7 @@ def test_every_number_is_explained(path):
 
 @pytest.mark.parametrize("path", MODULES, ids=lambda path: path.relative_to(ROOT).as_posix())
 def test_no_number_replaces_another_of_the_same_name(path):
-    targets = [ast.parse(name, mode="eval").body for name in numbers(path.read_text(encoding="utf-8"))]
-    names = [node.id for target in targets for node in ast.walk(target) if isinstance(node, ast.Name)]
+    names = [name for group in numbers(path.read_text(encoding="utf-8")) for name in single(group)]
     assert len(names) == len(set(names))
 
 

@@ -5,12 +5,13 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from contextlib import nullcontext
 
 import pytest
 
 from command_line import ospc
 from ospc.errors import SettingError
-from ospc.folders import reserved
+from ospc.folders import Content, check_usable, reserved
 from ospc.output import OWN_NAMES, OutputFolder
 
 HOLDER = """
@@ -93,6 +94,26 @@ def test_an_unused_new_folder_is_removed_and_any_other_stays(tmp_path):
 def test_a_lock_leaves_no_file(tmp_path):
     with reserved(tmp_path / "out") as out:
         assert list(out.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("allowed", "forced", "refusal"),
+    [
+        ("always", False, None),
+        ("with force", True, None),
+        ("with force", False, "contains letters; choose another folder, or add --force"),
+        ("never", False, "contains letters; choose another folder$"),
+        ("never", True, "contains letters; choose another folder$"),
+    ],
+)
+def test_content_allows_new_output_always_with_force_or_never(tmp_path, allowed, forced, refusal):
+    letters = Content("contains letters", allowed)
+    check_usable(tmp_path, content_of=lambda _place: letters, force=forced)  # empty
+    check_usable(tmp_path / "new", content_of=lambda _place: letters, force=forced)
+    (tmp_path / "letter.txt").write_text("mine")
+    with pytest.raises(SettingError, match=refusal) if refusal else nullcontext():
+        check_usable(tmp_path, content_of=lambda _place: letters, force=forced)
+    assert (tmp_path / "letter.txt").read_text() == "mine"
 
 
 @pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")

@@ -13,7 +13,7 @@ from ospc.photometry.calibration import Calibration
 from ospc.photometry.vignette import RasterVignette
 from ospc.recording import ArrayRecording
 from ospc.recording.exposure_lists import read_times
-from ospc.report.charts import Findings
+from ospc.report.charts import ReportFindings
 
 
 @pytest.fixture
@@ -57,7 +57,7 @@ def test_deep_images_get_a_table_with_one_value_a_grey_level(tmp_path, bits):
 @pytest.mark.parametrize("part", ["response", "vignette"])
 def test_what_is_unknown_is_not_written_and_does_not_remain_from_before(tmp_path, recording, part):
     OutputFolder.at(tmp_path).write(calibration(max_grey=4095), recording)
-    OutputFolder.at(tmp_path).draw(Findings(calibration()))
+    OutputFolder.at(tmp_path).draw(ReportFindings(calibration()))
     lacking = calibration(**{part: False})
     folder = OutputFolder.at(tmp_path)
     folder.write(lacking, recording)
@@ -88,7 +88,7 @@ def test_pictures_of_an_earlier_run_go_before_new_ones_are_drawn(tmp_path):
 
 
 def test_drawing_stops_when_asked(tmp_path):
-    written = OutputFolder(tmp_path).draw(Findings(calibration()), stop=lambda: True)
+    written = OutputFolder(tmp_path).draw(ReportFindings(calibration()), stop=lambda: True)
     assert written.files == ()
     assert "interrupted" in written.notes[0]
 

@@ -106,12 +106,12 @@ def test_the_command_writes_it_next_to_the_cameras_and_prints_it(rig, found, tmp
         (tmp_path / name).mkdir()
         calibration.save(tmp_path / name / "calibration.json")
     openers = {name: (lambda recording=recording: recording) for name, recording in recordings.items()}
-    content = add_rig_scale(tmp_path, openers, talkative=True)
+    content = add_rig_scale(tmp_path, openers, prints_text=True)
     assert content == json.loads((tmp_path / RIG_NAME).read_text()) == json.loads(json.dumps(found.as_dict()))
     said = capsys.readouterr().out
     assert f"right: {found.scale['right']:.4f} ±" in said
     assert "rear: unknown, its view overlaps with no camera" in said
     (tmp_path / "right" / "calibration.json").unlink()
     (tmp_path / "rear" / "calibration.json").unlink()
-    assert "error" in add_rig_scale(tmp_path, openers, talkative=True)
+    assert "error" in add_rig_scale(tmp_path, openers, prints_text=True)
     assert not (tmp_path / RIG_NAME).exists()

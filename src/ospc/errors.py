@@ -43,13 +43,13 @@ class OspcError(Exception):
     """Base of all errors raised by the library.
 
     The message is one sentence. It is escaped, so that it stays on one line and contains no control sequences for
-    the terminal. If it is very long, its middle is cut.
+    the terminal. If it is very long, its middle is cut. A ``remedy`` follows the message after a semicolon;
+    :attr:`problem` is the message without it.
     """
 
-    def __init__(self, message: str = "") -> None:
-        text = escaped(message)
-        half = _MESSAGE_CHARACTERS // 2
-        super().__init__(text if len(text) <= _MESSAGE_CHARACTERS else f"{text[:half]} … {text[-half:]}")
+    def __init__(self, message: str = "", remedy: str = "") -> None:
+        self.problem = _shortened(message)
+        super().__init__(_shortened(f"{message}; {remedy}") if remedy else self.problem)
 
 
 class RecordingError(OspcError):
@@ -97,20 +97,25 @@ def os_error_as(kind: type[OspcError], what: str, remedy: str = "") -> Iterator[
     except OSError as error:
         if error.errno in _NO_SPACE:
             remedy = "free some space"
-        raise kind(f"{what} ({error.strerror or error}){remedy and f'; {remedy}'}") from None
+        raise kind(f"{what} ({error.strerror or error})", remedy) from None
 
 
-def said_by(error: BaseException, most: int | None = None) -> str:
+def message_of(error: BaseException, most: int | None = None) -> str:
     """Return the message of an error on one line, cut after ``most`` characters."""
     return " ".join(str(error).split())[:most]
 
 
 def one_line(error: BaseException) -> str:
     """Return the message of an error on one line, with the type of the error if it is unexpected."""
-    text = said_by(error)
+    text = message_of(error)
     if isinstance(error, MemoryError) or any(sign in text for sign in _NO_MEMORY):
         return "not enough memory; close other programs, or raise the memory limit of this one (ulimit -v)"
     return text if isinstance(error, OspcError) else f"unexpected {type(error).__name__}: {text}".rstrip(": ")
+
+
+def _shortened(message: str) -> str:
+    text, half = escaped(message), _MESSAGE_CHARACTERS // 2
+    return text if len(text) <= _MESSAGE_CHARACTERS else f"{text[:half]} … {text[-half:]}"
 
 
 def quoted(text: str) -> str:

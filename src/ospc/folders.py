@@ -5,7 +5,9 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 from ospc.atomic import UNFINISHED
 from ospc.errors import SettingError, os_error_as
@@ -16,17 +18,33 @@ except ImportError:  # Windows has no such locks, so a second process is not kep
     fcntl = None  # type: ignore[assignment]
 
 
+@dataclass(frozen=True)
+class Content:
+    """What an output folder contains, and when new output may be written to it nevertheless."""
+
+    description: str
+    allowed: Literal["always", "with force", "never"]
+
+
+NOT_EMPTY = Content("is not an empty folder", "never")
+
+
 def check_usable(
-    place: Path, recording: Path | None = None, check_content: Callable[[Path], None] = lambda _place: None
+    place: Path,
+    recording: Path | None = None,
+    content_of: Callable[[Path], Content] = lambda _place: Content("", "always"),
+    *,
+    force: bool = False,
 ) -> None:
     """Check that a path can be used as an output folder, without changing anything.
 
-    ``check_content`` is called with a folder that exists, and may raise an error.
+    ``content_of`` is called with a folder that is not empty.
 
     Raises
     ------
     SettingError
-        If the path is a file, a broken link, not writable, or the folder of the recording or of its images.
+        If the path is a file, a broken link, not writable, or the folder of the recording or of its images, or if its
+        content does not allow new output.
     """
     with os_error_as(SettingError, f"{place}: cannot be used for output", "choose another folder"):
         if recording is not None and _holds(recording.resolve(), place.resolve()):
@@ -36,11 +54,20 @@ def check_usable(
         if place.exists() and not place.is_dir():
             raise SettingError(f"{place}: is a file; choose a folder for the output")
         nearest = next(folder for folder in (place, *place.absolute().parents) if folder.exists())
-        if nearest == place:
-            check_content(place)
+        if nearest == place and any(place.iterdir()):
+            _check_content(place, content_of(place), force=force)
     if not (nearest.is_dir() and os.access(nearest, os.W_OK | os.X_OK)):
         why = "is not writable" if nearest == place else f"cannot be created: {nearest} is not writable"
         raise SettingError(f"{place}: {why}; choose another folder")
+
+
+def _check_content(place: Path, content: Content, *, force: bool) -> None:
+    if content.allowed == "never":
+        raise SettingError(f"{place}: {content.description}; choose another folder")
+    if content.allowed == "with force" and not force:
+        raise SettingError(
+            f"{place}: {content.description}; choose another folder, or add --force to write to it anyway"
+        )
 
 
 def check_new(files: Iterable[Path], *, force: bool) -> None:

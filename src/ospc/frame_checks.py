@@ -11,7 +11,7 @@ import numpy as np
 from ospc.arrays import Image, ImageSize, size_of
 from ospc.errors import FrameError, counted
 from ospc.recording.frame import Frame, check_exposure
-from ospc.settings.correspondence import USED_SHARE
+from ospc.settings.grey_values import USED_SHARE
 
 FIRST_REASONS, LATEST_REASONS = 3, 20
 """How many of the first and of the latest reasons for skipping a frame are kept."""

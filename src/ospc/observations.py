@@ -15,7 +15,7 @@ from ospc.by_value import ByValue
 from ospc.errors import SettingError
 from ospc.photometry.grey_range import GreyRange
 from ospc.robust import weighted_median
-from ospc.settings.correspondence import CLIPPED_MARGIN, POSITION_TOLERANCE
+from ospc.settings.sampling import CLIPPED_MARGIN, POSITION_TOLERANCE
 
 POWERS = 5
 """Powers of the grey level whose means are kept. A polynomial of this degree approximates the inverse of smooth

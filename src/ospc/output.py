@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import Protocol
 
 from ospc.arrays import FloatArray
-from ospc.errors import ExposureError, FormatError, OspcError, SettingError, one_line, os_error_as
+from ospc.errors import ExposureError, FormatError, OspcError, one_line, os_error_as
 from ospc.exposures.used import used_exposures, with_used_exposures
-from ospc.folders import check_usable
+from ospc.folders import Content, check_usable
 from ospc.formats.dso import PARAMETER_FILES, parameter_files, write_times
 from ospc.formats.files import json_object, write_bytes
 from ospc.formats.opening import Photometry
@@ -19,7 +19,7 @@ from ospc.photometry.calibration import Calibration
 from ospc.photometry.vignette import RasterVignette
 from ospc.recording import Recording
 from ospc.recording.exposure_lists import read_times
-from ospc.report.charts import Findings
+from ospc.report.charts import ReportFindings
 from ospc.report.drawing import Drawn
 from ospc.report.examples import NOTHING_TRIED, examples_of
 from ospc.report.page import write_page
@@ -85,7 +85,7 @@ class OutputFolder:
             If the folder cannot be used.
         """
         place = Path(path)
-        check_usable(place, recording, lambda place: _check_content(place, force))
+        check_usable(place, recording, _content, force=force)
         return cls(place)
 
     def write(self, calibration: Calibration, times: Times | None = None) -> Written:
@@ -125,7 +125,7 @@ class OutputFolder:
 
     def findings(
         self, calibration: Calibration, recording: Recording | None = None, truth: Photometry | None = None
-    ) -> Findings:
+    ) -> ReportFindings:
         """Return the findings to draw, with the exposures of a recording or of times.txt, and a reference."""
         if recording is not None:
             exposures_ms: FloatArray | None = with_used_exposures(recording, calibration).exposures_ms
@@ -133,10 +133,10 @@ class OutputFolder:
             exposures_ms = None
             with suppress(OspcError):
                 exposures_ms = read_times(self.path / "times.txt").exposures_ms
-        return Findings(calibration, exposures_ms, truth)
+        return ReportFindings(calibration, exposures_ms, truth)
 
     def draw(
-        self, findings: Findings, stop: Callable[[], bool] = lambda: False, drawn: Drawn | None = None
+        self, findings: ReportFindings, stop: Callable[[], bool] = lambda: False, drawn: Drawn | None = None
     ) -> Written:
         """Write the pictures until ``stop`` returns true. ``drawn`` draws them in another process."""
 
@@ -152,7 +152,7 @@ class OutputFolder:
 
     def report(
         self,
-        findings: Findings,
+        findings: ReportFindings,
         recording: Recording | None = None,
         *,
         pdf: bool = False,
@@ -199,15 +199,13 @@ def _collected(parts: Iterator[Written], failure: str) -> Written:
     return written
 
 
-def _check_content(place: Path, force: bool) -> None:
+def _content(place: Path) -> Content:
     for name in OWN_NAMES:
         if (place / name).is_dir():
-            raise SettingError(f"{place / name}: is a folder, but a file must be written there; remove the folder")
-    if any(place.iterdir()) and not force and not _is_earlier_output(place):
-        raise SettingError(
-            f"{place}: contains files that are not from an earlier calibration; choose another folder, or add "
-            "--force to write to it anyway"
-        )
+            return Content(f"{name} is a folder, but a file must be written there", "never")
+    if _is_earlier_output(place):
+        return Content("contains an earlier calibration", "always")
+    return Content("contains files that are not from an earlier calibration", "with force")
 
 
 def _is_earlier_output(place: Path) -> bool:

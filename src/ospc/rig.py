@@ -27,57 +27,26 @@ from ospc.photometry.calibration import Calibration
 from ospc.recording import Frame, Recording
 from ospc.recording.stream import usable_frames
 from ospc.robust import robust_scale
+from ospc.settings.rig import (
+    BRIGHTEST_RIG_GREY,
+    DARKEST_RIG_GREY,
+    EPIPOLAR_CONFIDENCE,
+    ERROR_OF_MEDIAN,
+    LONGEST_SIDE_PX,
+    MATCH_RATIO,
+    MAX_CLIPPED_SHARE,
+    MAX_EPIPOLAR_PX,
+    MAX_GAP_S,
+    MAX_MOMENTS,
+    MAX_RIG_FEATURES,
+    MIN_MATCHES,
+    MIN_MOMENTS_FOR_SPREAD,
+    RIG_SMOOTHING_PX,
+    STRETCHED_QUANTILES,
+    SYSTEMATIC_SIGMA,
+)
 
 SCHEMA = "ospc-rig/1"
-
-_MOMENTS = 24
-"""Maximum number of moments compared, spread over the recordings. Features take most of the time, and
-:data:`_SYSTEMATIC_SIGMA` limits the benefit of more moments."""
-
-_MAX_FEATURES = 1500
-"""Maximum number of features per image: matching time grows with their square, and with fewer, small overlaps have
-no matches."""
-
-_LONGEST_SIDE_PX = 800
-"""Longest side of the images in which features are detected: finer structure takes time and matches less reliably."""
-
-_MATCH_RATIO = 0.8
-"""Largest ratio of the distances to the nearest and second nearest descriptor, as recommended by Lowe (2004)."""
-
-_FEWEST_MATCHES = 20
-"""Minimum number of matches at a moment: a fundamental matrix takes eight, and fewer than this agree by chance."""
-
-_EPIPOLAR_PX = 1.5
-"""Largest distance of a match from its epipolar line, in reduced pixels: lens distortion is not corrected."""
-
-_EPIPOLAR_CONFIDENCE = 0.999
-"""Probability that RANSAC draws at least one sample without wrong matches."""
-
-_SMOOTHING_PX = 2.0
-"""Standard deviation of the smoothing of irradiance, in reduced pixels: features lie on structure, and their
-positions are uncertain by about a pixel."""
-
-_BLACK, _WHITE = 4 / 255, 247 / 255
-"""Grey levels beyond which a pixel counts as clipped: noise is clipped there, and responses are least certain."""
-
-_MAX_CLIPPED_SHARE = 0.01
-"""Largest weight of clipped or masked pixels in a smoothed value."""
-
-_STRETCHED_QUANTILES = (0.02, 0.98)
-"""Quantiles of ln irradiance that become black and white of the image in which features are detected, so that a lamp
-or a dark corner in one view does not change the contrast of the rest."""
-
-_LARGEST_GAP_S = 0.02
-"""Largest difference, in seconds, between time stamps of the same moment: little moves in this time."""
-
-_MEDIAN_ERROR = 1.2533
-"""Ratio of the standard errors of median and mean for a normal distribution: √(π/2)."""
-
-_FEWEST_FOR_SPREAD = 3
-"""Minimum number of moments for measuring their spread."""
-
-_SYSTEMATIC_SIGMA = 0.005
-"""Standard deviation of ln s in addition to that of the matches: radiance depends on the viewing direction."""
 
 
 @dataclass(frozen=True)
@@ -167,18 +136,18 @@ def _unknown(calibration: Calibration | None) -> list[str]:
 def _moments(recordings: Sequence[Recording]) -> IntArray:
     """Return simultaneous frames of all cameras, evenly spread, shape (moments, cameras); −1 where one is missing."""
     stamps = [np.asarray(recording.stamps_s, dtype=np.float64) for recording in recordings]
-    chosen = np.unique(np.linspace(0, len(stamps[0]) - 1, min(_MOMENTS, len(stamps[0]))).astype(np.int64))
+    chosen = np.unique(np.linspace(0, len(stamps[0]) - 1, min(MAX_MOMENTS, len(stamps[0]))).astype(np.int64))
     columns = [chosen]
     for own in stamps[1:]:
         found = nearest(own, stamps[0][chosen])
-        columns.append(np.where(np.abs(own[found] - stamps[0][chosen]) <= _LARGEST_GAP_S, found, -1))
+        columns.append(np.where(np.abs(own[found] - stamps[0][chosen]) <= MAX_GAP_S, found, -1))
     return np.stack(columns, axis=1)
 
 
 def _all_seen(recording: Recording, calibration: Calibration, frames: IntArray) -> list[Features | None]:
     """Return the features of a camera at each moment; None without a usable frame."""
     found: list[Features | None] = [None] * len(frames)
-    extractor = SiftExtractor(_MAX_FEATURES)
+    extractor = SiftExtractor(MAX_RIG_FEATURES)
     for frame in usable_frames(frame for frame in recording if frame.index in frames):
         for moment in np.flatnonzero(frames == frame.index):
             found[moment] = _seen(frame, calibration, extractor)
@@ -191,17 +160,17 @@ def _seen(frame: Frame, calibration: Calibration, extractor: SiftExtractor) -> F
     assert response is not None
     assert vignette is not None
     image = frame.image.astype(np.float32) / np.float32(frame.max_grey)
-    reduction = -(-max(image.shape) // _LONGEST_SIDE_PX)
+    reduction = -(-max(image.shape) // LONGEST_SIDE_PX)
     irradiance = np.asarray(response.inverse(image) / (frame.exposure_ms * vignette.image()), dtype=np.float32)
-    bad = ((image < _BLACK) | (image > _WHITE)).astype(np.float32)
+    bad = ((image < DARKEST_RIG_GREY) | (image > BRIGHTEST_RIG_GREY)).astype(np.float32)
     if frame.mask is not None:
         bad = np.maximum(bad, (~frame.mask).astype(np.float32))
     size = (image.shape[1] // reduction, image.shape[0] // reduction)
     small, bad = (np.asarray(cv2.resize(values, size, interpolation=cv2.INTER_AREA)) for values in (irradiance, bad))
     points, descriptors = extractor.detect(_alike(small))
     column, row = np.clip(np.rint(points).astype(np.int64), 0, np.array(small.shape[::-1]) - 1).T
-    smooth = cv2.GaussianBlur(small, (0, 0), _SMOOTHING_PX)
-    exposed = cv2.GaussianBlur(bad, (0, 0), _SMOOTHING_PX)[row, column] < _MAX_CLIPPED_SHARE
+    smooth = cv2.GaussianBlur(small, (0, 0), RIG_SMOOTHING_PX)
+    exposed = cv2.GaussianBlur(bad, (0, 0), RIG_SMOOTHING_PX)[row, column] < MAX_CLIPPED_SHARE
     value = smooth[row, column]
     kept = exposed & (value > 0)
     return Features(frame.index, frame.exposure_ms, points[kept], value[kept].astype(np.float64), descriptors[kept])
@@ -210,7 +179,7 @@ def _seen(frame: Frame, calibration: Calibration, extractor: SiftExtractor) -> F
 def _alike(irradiance: Float32Array) -> npt.NDArray[np.uint8]:
     """Return an image that does not depend on camera and exposure: ln irradiance, stretched."""
     log_value = np.log(np.maximum(irradiance, np.float32(1e-9)))
-    low, high = np.quantile(log_value, _STRETCHED_QUANTILES)
+    low, high = np.quantile(log_value, STRETCHED_QUANTILES)
     return np.asarray(np.clip((log_value - low) / max(high - low, 1e-6) * 255, 0, 255), dtype=np.uint8)
 
 
@@ -222,9 +191,9 @@ def _compared(
     for one, other in zip(seen0, seen1, strict=True):
         if one is None or other is None:
             continue
-        first, second = match(one, other, SiftExtractor.norm, _MATCH_RATIO)
+        first, second = match(one, other, SiftExtractor.norm, MATCH_RATIO)
         kept = _epipolar(one.points[first], other.points[second])
-        if np.count_nonzero(kept) < _FEWEST_MATCHES:
+        if np.count_nonzero(kept) < MIN_MATCHES:
             continue
         difference = np.log(one.grey)[first[kept]] - np.log(other.grey)[second[kept]]
         middle = float(np.median(difference))
@@ -235,17 +204,17 @@ def _compared(
         return None
     # The spread between moments includes errors shared by all matches of a moment.
     middle = float(np.median(medians))
-    between = robust_scale(np.array(medians) - middle) if len(medians) >= _FEWEST_FOR_SPREAD else 0.0
-    sigma = max(float(np.median(spreads)), between) * _MEDIAN_ERROR / np.sqrt(len(medians))
-    return PairScale(cameras, middle, float(np.hypot(sigma, _SYSTEMATIC_SIGMA)), len(medians), points)
+    between = robust_scale(np.array(medians) - middle) if len(medians) >= MIN_MOMENTS_FOR_SPREAD else 0.0
+    sigma = max(float(np.median(spreads)), between) * ERROR_OF_MEDIAN / np.sqrt(len(medians))
+    return PairScale(cameras, middle, float(np.hypot(sigma, SYSTEMATIC_SIGMA)), len(medians), points)
 
 
 def _epipolar(points0: FloatArray, points1: FloatArray) -> BoolArray:
     """Return which matches lie on each other's epipolar lines."""
-    if len(points0) < _FEWEST_MATCHES:
+    if len(points0) < MIN_MATCHES:
         return np.zeros(len(points0), np.bool_)
     cv2.setRNGSeed(0)
-    _, inlier = cv2.findFundamentalMat(points0, points1, cv2.FM_RANSAC, _EPIPOLAR_PX, _EPIPOLAR_CONFIDENCE)
+    _, inlier = cv2.findFundamentalMat(points0, points1, cv2.FM_RANSAC, MAX_EPIPOLAR_PX, EPIPOLAR_CONFIDENCE)
     if inlier is None or len(inlier) != len(points0):
         return np.zeros(len(points0), np.bool_)
     return np.asarray(inlier.ravel() > 0)

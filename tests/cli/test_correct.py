@@ -18,8 +18,9 @@ from ospc.correction.recording import correct_recording
 from ospc.errors import ExposureError, FormatError, NotObservableError, OspcError, RecordingError, SettingError
 from ospc.formats.opening import open_photometry
 from ospc.formats.validation import validate
-from ospc.photometry.calibration import Calibration, Verdict
+from ospc.photometry.calibration import Calibration
 from ospc.photometry.response import Response
+from ospc.photometry.verdict import Verdict
 from ospc.recording import open_recording
 from ospc.recording.options import ReadingOptions
 from ospc.simulation import SimulationSettings, irradiances, simulate

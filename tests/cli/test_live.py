@@ -28,8 +28,8 @@ from ospc.cli.terminal import ProgressLine
 from ospc.errors import OspcError, RecordingError
 from ospc.live import LiveCalibrator
 from ospc.live.capture import Capture
-from ospc.live.knowledge import GOAL
 from ospc.recording import Frame
+from ospc.settings.live import GOAL
 from ospc.simulation import SimulationSettings, simulate
 from ospc.throttle import Throttle
 

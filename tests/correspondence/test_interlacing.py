@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from ospc import calibrate
 from ospc.correspondence.interlacing import row_alternation
-from ospc.settings.correspondence import MIN_INTERLACED_ALTERNATION
+from ospc.settings.grey_values import MIN_INTERLACED_ALTERNATION
 from ospc.simulation import SimulationSettings, frames
 
 

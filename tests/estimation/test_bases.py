@@ -17,7 +17,7 @@ from ospc.estimation.prior import START, Prior, vignette_precision
 from ospc.estimation.response_basis import ResponseBasis
 from ospc.estimation.vignette_basis import VignetteBasis
 from ospc.photometry.geometry import normalised, pixel_grid
-from ospc.settings.estimation import MAX_GAMMA, MAX_GAMMA_CHANGE
+from ospc.settings.fit import MAX_GAMMA, MAX_GAMMA_CHANGE
 
 seeds = st.integers(0, 2**32 - 1)
 intervals = st.sampled_from([8, 16, 32])

@@ -22,7 +22,7 @@ from ospc.methods.contradictions import contradictions_of
 from ospc.observations import ExposedObservations
 from ospc.photometry.noise import NoiseModel
 from ospc.photometry.verdict import EffectEstimate
-from ospc.settings.estimation import ADDED_LIGHT_MODEL_ERROR, BEYOND_WHITE
+from ospc.settings.effects import ADDED_LIGHT_MODEL_ERROR, BEYOND_WHITE
 from ospc.simulation.responses import RESPONSES
 from synthetic_observations import POLYNOMIAL, SIZE
 

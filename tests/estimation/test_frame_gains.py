@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from ospc.arrays import FloatArray, IntArray
 from ospc.estimation.frame_gains import FrameGains, gain_sigma
-from ospc.settings.estimation import GAIN_MEMORIES, PAIRS_PER_GAIN_BLOCK
+from ospc.settings.residuals import GAIN_MEMORIES, PAIRS_PER_GAIN_BLOCK
 
 DISTANCE_FRAMES = 5
 """Frames between the two frames of a pair."""

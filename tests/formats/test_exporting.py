@@ -10,8 +10,9 @@ from ospc.evaluation.metrics import response_rmse, vignette_pixel_rmse
 from ospc.formats.export import ExportSettings, adapted, as_calibration, export
 from ospc.formats.opening import Photometry, open_photometry
 from ospc.formats.radial import Optics
-from ospc.photometry.calibration import Calibration, Verdict
+from ospc.photometry.calibration import Calibration
 from ospc.photometry.response import Response
+from ospc.photometry.verdict import Verdict
 from ospc.photometry.vignette import LogVignette, PolynomialVignette, RasterVignette
 
 SIZE = (96, 72)

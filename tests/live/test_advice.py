@@ -14,15 +14,16 @@ from hypothesis import strategies as st
 from ospc.estimation.maximum_likelihood import MaximumLikelihoodEstimator
 from ospc.estimation.response_basis import ResponseBasis
 from ospc.estimation.vignette_basis import VignetteBasis
-from ospc.live.advice import HOLD_S, PATIENCE_S, Adviser
+from ospc.live.advice import Adviser
 from ospc.live.capture import Bars
-from ospc.live.knowledge import GOAL, certainty, knowledge_of
+from ospc.live.knowledge import certainty, knowledge_of
 from ospc.methods.preview import preview_of
 from ospc.methods.summary import FitInputs, summarise
 from ospc.photometry.noise import NoiseModel
 from ospc.photometry.response import Response
 from ospc.photometry.verdict import Verdict
 from ospc.settings import DefaultSettings
+from ospc.settings.live import GOAL, HOLD_S, PATIENCE_S
 from synthetic_observations import SIZE, Camera
 
 CAMERA = Camera(Response.gamma(2.2))

@@ -6,13 +6,14 @@ import pytest
 
 from calibrations import calibration
 from ospc.calibrator import OnlineCalibrator
-from ospc.live.status import ESTIMATE_GROWTH, FIRST_ESTIMATE, UNKNOWN_GROWTH, Findings
+from ospc.live.status import LiveFindings
+from ospc.settings.live import ESTIMATE_GROWTH, FIRST_ESTIMATE_FRAMES, UNKNOWN_GROWTH
 
 
 @pytest.mark.parametrize(
     ("asked_at", "converged", "next_at"),
     [
-        ((), True, FIRST_ESTIMATE),
+        ((), True, FIRST_ESTIMATE_FRAMES),
         ((30,), True, ESTIMATE_GROWTH * 30),
         # The status must not say for long that something is not identifiable if it has become so.
         ((40,), False, int(UNKNOWN_GROWTH * 40)),
@@ -21,7 +22,7 @@ from ospc.live.status import ESTIMATE_GROWTH, FIRST_ESTIMATE, UNKNOWN_GROWTH, Fi
 def test_an_estimate_puts_off_the_next_one(asked_at, converged, next_at, monkeypatch):
     engine, estimated_at = OnlineCalibrator(), []
     known = replace(calibration(), converged=converged)
-    found = Findings(engine, 0.005)
+    found = LiveFindings(engine, 0.005)
     monkeypatch.setattr(OnlineCalibrator, "calibration", lambda engine: estimated_at.append(processed) or known)
     for processed in range(1, next_at + 2):
         monkeypatch.setattr(OnlineCalibrator, "processed", processed)

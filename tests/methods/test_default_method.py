@@ -19,7 +19,7 @@ from ospc.photometry.calibration import PROFILE_RADII, Calibration
 from ospc.photometry.vignette import radial_profile
 from ospc.recording import Frame
 from ospc.settings import DefaultSettings
-from ospc.settings.estimation import UNSEEN_RESPONSE
+from ospc.settings.fit import UNSEEN_RESPONSE
 
 QUICK = replace(DefaultSettings(), points_per_pair=120, rounds=5, longest_side_px=160)
 QUICK_FRAMES = 46

@@ -28,7 +28,7 @@ from ospc.methods.paper import (
     standard_error,
     vignette_rows,
 )
-from ospc.photometry.calibration import ExposureRatios
+from ospc.photometry.coverage import ExposureRatios
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import PolynomialVignette
 from ospc.robust import robust_scale

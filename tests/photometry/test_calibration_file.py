@@ -16,10 +16,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ospc.errors import FormatError
-from ospc.photometry.calibration import PROFILE_RADII, SCHEMA, Calibration, ExposureRatios, State, Verdict
-from ospc.photometry.coverage import Coverage
+from ospc.photometry.calibration import PROFILE_RADII, SCHEMA, Calibration
+from ospc.photometry.coverage import Coverage, ExposureRatios
 from ospc.photometry.noise import NoiseModel
 from ospc.photometry.response import Response
+from ospc.photometry.verdict import State, Verdict
 from ospc.photometry.vignette import LogSplineVignette, LogVignette, PolynomialVignette, RasterVignette
 
 SIZE = (12, 9)

@@ -18,7 +18,8 @@ from ospc.exposures.monitor import ExposureMonitor
 from ospc.methods.change_detection import Change
 from ospc.methods.identifiability import judged
 from ospc.methods.summary import summarise
-from ospc.photometry.calibration import Calibration, Verdict
+from ospc.photometry.calibration import Calibration
+from ospc.photometry.verdict import Verdict
 from ospc.pooling.calibration_summary import summary_of_calibration
 from ospc.pooling.pool import Pool, merge
 from ospc.pooling.prior_calibration import PriorCalibration

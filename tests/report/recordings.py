@@ -6,9 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from ospc.photometry.calibration import PROFILE_RADII, Calibration, ExposureRatios, Verdict
-from ospc.photometry.coverage import Coverage
+from ospc.photometry.calibration import PROFILE_RADII, Calibration
+from ospc.photometry.coverage import Coverage, ExposureRatios
 from ospc.photometry.response import Response
+from ospc.photometry.verdict import Verdict
 from ospc.photometry.vignette import PolynomialVignette
 from ospc.recording.recording import ArrayRecording
 

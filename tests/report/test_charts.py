@@ -9,9 +9,10 @@ import pytest
 from matplotlib.figure import Figure
 
 from calibrations import calibration
-from ospc.photometry.calibration import PROFILE_RADII, Calibration, ExposureRatios
+from ospc.photometry.calibration import PROFILE_RADII, Calibration
+from ospc.photometry.coverage import ExposureRatios
 from ospc.photometry.response import Response
-from ospc.report.charts import Findings
+from ospc.report.charts import ReportFindings
 from ospc.report.curves import draw_response, draw_vignette, logarithmic
 from ospc.report.evidence import draw_ratios, exposures_from_images
 from ospc.report.sections import facts
@@ -115,7 +116,7 @@ def test_logarithmic_axes_have_few_ticks_within_the_limits(low, high):
 
 
 def test_drawings_are_reproducible_and_contain_only_used_identifiers():
-    chart = Findings(calibration()).charts["response"]
+    chart = ReportFindings(calibration()).charts["response"]
 
     def drawn():
         with rules():

@@ -9,7 +9,7 @@ import pytest
 
 from calibrations import calibration
 from ospc.report import drawing
-from ospc.report.charts import Findings
+from ospc.report.charts import ReportFindings
 from ospc.report.drawing import DrawingProcess, drawings_of
 
 
@@ -19,7 +19,7 @@ def process():
 
 
 def test_the_process_draws_the_same_in_another_process(process):
-    findings = Findings(calibration())
+    findings = ReportFindings(calibration())
     drawn, place = process.submit(drawings_of, findings), process.submit(os.getpid)
     assert drawn.result() == drawings_of(findings)
     assert place.result() not in {os.getpid()}

@@ -7,7 +7,7 @@ import pytest
 from recordings import SIZE, before_a_wall, calibration, coverage
 
 from ospc.errors import FrameError
-from ospc.photometry.calibration import ExposureRatios
+from ospc.photometry.coverage import ExposureRatios
 from ospc.photometry.response import Response
 from ospc.recording.recording import ArrayRecording
 from ospc.report.examples import Examples, examples_of

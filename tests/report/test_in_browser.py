@@ -7,8 +7,8 @@ import pytest
 from recordings import before_a_wall, calibration
 
 from browser import CUT_OFF
-from ospc.photometry.calibration import ExposureRatios
-from ospc.report.charts import Findings
+from ospc.photometry.coverage import ExposureRatios
+from ospc.report.charts import ReportFindings
 from ospc.report.examples import NOTHING_TRIED, examples_of
 from ospc.report.page import write_page
 
@@ -44,8 +44,8 @@ def pages(tmp_path_factory):
         response=None, vignette=None, vignette_sigma=None, coverage=None, exposure_ratios=ExposureRatios.none()
     )
     found = {
-        "everything": (Findings(known, recording.exposures_ms), examples_of(known, recording)),
-        "nothing": (Findings(nothing), NOTHING_TRIED),
+        "everything": (ReportFindings(known, recording.exposures_ms), examples_of(known, recording)),
+        "nothing": (ReportFindings(nothing), NOTHING_TRIED),
     }
     return {
         name: write_page(findings, place / f"{name}.html", examples).as_uri()

@@ -13,10 +13,10 @@ from recordings import VIGNETTE, before_a_wall, calibration, coverage
 
 from ospc.errors import FormatError
 from ospc.formats.opening import Photometry
-from ospc.photometry.calibration import ExposureRatios, Verdict
-from ospc.photometry.coverage import Coverage
+from ospc.photometry.coverage import Coverage, ExposureRatios
 from ospc.photometry.response import Response
-from ospc.report.charts import Findings, chart_as_svg
+from ospc.photometry.verdict import Verdict
+from ospc.report.charts import ReportFindings, chart_as_svg
 from ospc.report.examples import examples_of
 from ospc.report.page import page, write_page
 from ospc.report.pdf import write_pdf
@@ -58,7 +58,7 @@ class Outline(HTMLParser):
 
 def whole_report(**changes):
     known, recording = calibration(**changes), before_a_wall(EXPOSURES_MS)
-    return page(Findings(known, recording.exposures_ms), examples_of(known, recording))
+    return page(ReportFindings(known, recording.exposures_ms), examples_of(known, recording))
 
 
 @pytest.fixture(scope="module")
@@ -102,7 +102,7 @@ def test_the_page_is_small(report):
 @pytest.mark.usefixtures("undrawn")
 def test_the_page_contains_all_settings_and_versions():
     known = calibration(settings={"alpha": 0.125, "beta": [1, 2]}, versions={"numpy": "9.9"})
-    text = Outline(page(Findings(known))).text
+    text = Outline(page(ReportFindings(known))).text
     for part in ("alpha", "0.125", "beta", "1, 2", "numpy", "9.9"):
         assert part in text
 
@@ -124,7 +124,7 @@ def hostile_findings():
         response=None,
     )
     examples = replace(examples_of(known, recording), notes=(HOSTILE,))
-    return Findings(known, EXPOSURES_MS, Photometry(HOSTILE, None, VIGNETTE)), examples
+    return ReportFindings(known, EXPOSURES_MS, Photometry(HOSTILE, None, VIGNETTE)), examples
 
 
 def test_untrusted_texts_are_escaped(tmp_path):
@@ -173,9 +173,9 @@ CASES = {
 
 TRUTH = Photometry("truth", Response.gamma(2.1), VIGNETTE)
 FINDINGS = [
-    *(Findings(known, EXPOSURES_MS) for known in CASES.values()),
-    *(Findings(CASES[name], truth=TRUTH) for name in ("nothing known", "no uncertainty", "twelve bits")),
-    *(Findings(calibration(), exposures_ms) for exposures_ms in (None, np.full(24, 10.0), EXPOSURES_MS[:3])),
+    *(ReportFindings(known, EXPOSURES_MS) for known in CASES.values()),
+    *(ReportFindings(CASES[name], truth=TRUTH) for name in ("nothing known", "no uncertainty", "twelve bits")),
+    *(ReportFindings(calibration(), exposures_ms) for exposures_ms in (None, np.full(24, 10.0), EXPOSURES_MS[:3])),
 ]
 
 
@@ -205,19 +205,19 @@ def test_any_combination_of_known_parts_gives_a_page_with_finite_numbers(finding
 
 @pytest.mark.usefixtures("undrawn")
 def test_the_page_states_what_is_missing():
-    content = page(Findings(CASES["no vignette"]))
+    content = page(ReportFindings(CASES["no vignette"]))
     assert "Unknown: it was seen." in content
-    assert "No pairs of frames could be compared." in page(Findings(CASES["nothing known"]))
-    assert "stopped before the end of the recording" in page(Findings(CASES["interrupted"]))
+    assert "No pairs of frames could be compared." in page(ReportFindings(CASES["nothing known"]))
+    assert "stopped before the end of the recording" in page(ReportFindings(CASES["interrupted"]))
 
 
 @pytest.mark.usefixtures("undrawn")
 def test_the_page_shows_the_advice_of_the_calibration():
     known = replace(calibration(), advice=("film darker things", "pan"))
-    text = Outline(page(Findings(known))).text
+    text = Outline(page(ReportFindings(known))).text
     assert "Film darker things." in text
     assert "Pan." in text
-    assert "nothing to improve" in Outline(page(Findings(replace(known, advice=())))).text
+    assert "nothing to improve" in Outline(page(ReportFindings(replace(known, advice=())))).text
 
 
 def test_equal_results_give_equal_files(report):
@@ -226,7 +226,7 @@ def test_equal_results_give_equal_files(report):
 
 @pytest.mark.usefixtures("undrawn")
 def test_the_page_is_written_completely_or_not_at_all(tmp_path):
-    place = write_page(Findings(calibration()), tmp_path / "report.html")
+    place = write_page(ReportFindings(calibration()), tmp_path / "report.html")
     assert place.read_text(encoding="utf-8").endswith("</html>\n")
     with pytest.raises(FormatError, match="cannot be written"):
-        write_page(Findings(calibration()), tmp_path / "absent" / "report.html")
+        write_page(ReportFindings(calibration()), tmp_path / "absent" / "report.html")

@@ -8,8 +8,9 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from recordings import before_a_wall, calibration, coverage
 
 from ospc.errors import FormatError
-from ospc.photometry.calibration import ExposureRatios, Verdict
-from ospc.report.charts import Findings
+from ospc.photometry.coverage import ExposureRatios
+from ospc.photometry.verdict import Verdict
+from ospc.report.charts import ReportFindings
 from ospc.report.examples import examples_of
 from ospc.report.pdf import pages, write_pdf
 
@@ -22,7 +23,7 @@ def count_of_pages(place):
 
 def test_the_pdf_has_a_page_for_every_part(tmp_path):
     recording, known = before_a_wall(np.geomspace(2, 10, 8)), calibration()
-    findings, examples = Findings(known, recording.exposures_ms), examples_of(known, recording)
+    findings, examples = ReportFindings(known, recording.exposures_ms), examples_of(known, recording)
     assert count_of_pages(write_pdf(findings, tmp_path / "report.pdf", examples)) == 4
 
 
@@ -36,7 +37,7 @@ def test_the_pdf_has_a_page_for_every_part(tmp_path):
     ],
 )
 def test_unknown_parts_are_left_out_and_output_is_reproducible(tmp_path, lacking):
-    first, again = (write_pdf(Findings(lacking), tmp_path / name) for name in ("report.pdf", "again.pdf"))
+    first, again = (write_pdf(ReportFindings(lacking), tmp_path / name) for name in ("report.pdf", "again.pdf"))
     assert count_of_pages(first) >= 2
     assert first.read_bytes() == again.read_bytes()
 
@@ -50,7 +51,7 @@ def test_no_text_is_cut_off():
         source={"name": "a very long name of a recording " * 5},
         settings={"path": "/w" * 200},
     )
-    for figure in pages(Findings(known)):
+    for figure in pages(ReportFindings(known)):
         renderer = FigureCanvasAgg(figure).get_renderer()
         for text in figure.texts:
             box = text.get_window_extent(renderer)
@@ -61,4 +62,4 @@ def test_no_text_is_cut_off():
 def test_a_missing_folder_is_an_error(tmp_path):
     lacking = calibration(response=None, vignette=None, vignette_sigma=None, coverage=None)
     with pytest.raises(FormatError, match="cannot be written"):
-        write_pdf(Findings(lacking), tmp_path / "absent" / "report.pdf")
+        write_pdf(ReportFindings(lacking), tmp_path / "absent" / "report.pdf")

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 from recordings import SIZE, calibration
 
-from ospc.photometry.calibration import ExposureRatios, Verdict
+from ospc.photometry.coverage import ExposureRatios
 from ospc.photometry.response import Response
+from ospc.photometry.verdict import Verdict
 from ospc.photometry.vignette import PolynomialVignette, RasterVignette
 from ospc.report.sections import (
     facts,

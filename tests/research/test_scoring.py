@@ -10,8 +10,9 @@ import pytest
 
 from ospc.errors import ExposureError
 from ospc.evaluation.metrics import log_ratio_error, response_rmse, response_shape_rmse, vignette_rmse
-from ospc.photometry.calibration import PROFILE_RADII, Calibration, Verdict
+from ospc.photometry.calibration import PROFILE_RADII, Calibration
 from ospc.photometry.response import Response
+from ospc.photometry.verdict import Verdict
 from ospc.photometry.vignette import PolynomialVignette
 from ospc.research.measurement import METRICS, Measurement, medians
 from ospc.research.method import Estimate, Result

@@ -16,15 +16,17 @@ from ospc.cli.main import cli
 from ospc.errors import NotObservableError, RecordingError
 from ospc.formats.dso import CAVEAT
 from ospc.output import OutputFolder
-from ospc.photometry.calibration import PROFILE_RADII, Calibration, Verdict
+from ospc.photometry.calibration import PROFILE_RADII, Calibration
 from ospc.photometry.response import Response
+from ospc.photometry.verdict import Verdict
 from ospc.recording import ArrayRecording, Recording, open_recording
 from ospc.recording.options import ReadingOptions
 from ospc.report.pictures import words_around
+from ospc.settings.unknown_exposures import EXPONENT_SIGMA
 from ospc.simulation import SimulationSettings, simulate, truth
 from ospc.unknown_exposures import calibrate_without_exposures, recover_exposures
 from ospc.unknown_exposures.joint_estimation import JointEstimate
-from ospc.unknown_exposures.recovery import EXPONENT_SIGMA, labelled, typical_exponent
+from ospc.unknown_exposures.recovery import labelled, typical_exponent
 from ospc.unknown_exposures.response_model import SAMPLES, learned_model
 
 SETTINGS = SimulationSettings(
@@ -65,12 +67,12 @@ def test_exposures_are_found_up_to_a_factor_and_an_exponent(recovered: Recording
     assert any("relative, and up to one exponent" in note for note in recovered.notes)
 
 
-def test_estimated_exposures_have_no_unit(recovered: Recording) -> None:
+def test_the_unit_of_estimated_exposures_is_arbitrary(recovered: Recording) -> None:
     verdict = Verdict("not identifiable", "from exposures of 0.6 to 1.1 ms, assumed proportional to the light")
     reason = (
         labelled(Calibration(SETTINGS.size, verdicts={"response": verdict}), recovered).verdicts["response"].reason
     )
-    assert reason == "from exposures of 0.6 to 1.1, assumed proportional to the light"
+    assert reason == f"{verdict.reason} (exposures are estimated: their unit is arbitrary)"
 
 
 def test_response_and_vignette_are_the_true_ones_to_one_power(found: Calibration) -> None:

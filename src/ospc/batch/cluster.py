@@ -13,7 +13,7 @@ from uuid import uuid4
 
 import ospc
 from ospc.batch.work import Answer, Task, work
-from ospc.errors import SettingError, needs_extra, said_by
+from ospc.errors import SettingError, message_of, needs_extra
 
 _TASKS_PER_THREAD, _FEWEST_IN_FLIGHT = 4, 16
 """Number of tasks in flight: enough to keep all workers busy, few enough for the scheduler's memory."""
@@ -47,7 +47,7 @@ class Cluster:
         try:
             client = distributed.Client(self.address, timeout=_CONNECT_S, set_as_default=False)
         except (OSError, ValueError) as error:
-            text = said_by(error) or type(error).__name__
+            text = message_of(error) or type(error).__name__
             raise SettingError(f"{self.address}: no Dask scheduler answers there ({text})") from None
         try:
             yield from _Run(distributed, client, self).answers(iter(tasks))
@@ -155,7 +155,7 @@ class _Run:
         except self.distributed.KilledWorker as error:
             return Answer(task.number, error=f"the workers that ran it died, the last one at {error.last_worker}")
         except Exception as error:  # any error affects this recording only
-            return Answer(task.number, error=f"{type(error).__name__}: {said_by(error, _LONGEST_REASON)}")
+            return Answer(task.number, error=f"{type(error).__name__}: {message_of(error, _LONGEST_REASON)}")
         return answer
 
 

@@ -12,7 +12,16 @@ from pathlib import Path
 from typing import Any
 
 from ospc.batch.object_store import is_address, matches
-from ospc.errors import FormatError, RecordingError, SettingError, listed, needs_extra, os_error_as, quoted, said_by
+from ospc.errors import (
+    FormatError,
+    RecordingError,
+    SettingError,
+    listed,
+    message_of,
+    needs_extra,
+    os_error_as,
+    quoted,
+)
 from ospc.exposures.lag_choice import LagChoice, lag_choice
 from ospc.recording.kinds import is_recording, open_recording
 from ospc.recording.options import ReadingOptions, declared_options
@@ -175,7 +184,7 @@ def _why_unknown(place: Path, depth: int) -> str:
                 return f"{place}: is not searched, because its content is more than {_DEEPEST} levels deep"
             open_recording(place)
     except RecordingError as error:
-        return str(error).partition(";")[0]
+        return error.problem
     return f"{place}: not recognised as a recording"
 
 
@@ -220,7 +229,7 @@ def _of_parquet(place: Path) -> list[dict[str, str]]:
         _check_columns(place, names)
         table: Any = parquet.read_table(place, columns=[name for name in _COLUMNS if name in names])
     except arrow.ArrowException as error:
-        raise FormatError(f"{place}: cannot be read as Parquet ({said_by(error, 200)})") from None
+        raise FormatError(f"{place}: cannot be read as Parquet ({message_of(error, 200)})") from None
     return [{name: "" if value is None else str(value) for name, value in row.items()} for row in table.to_pylist()]
 
 

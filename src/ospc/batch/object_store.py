@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-from ospc.errors import RecordingError, needs_extra, said_by
+from ospc.errors import RecordingError, message_of, needs_extra
 
 _PROTOCOLS = (
     *("abfs", "abfss", "adl", "az", "file", "ftp", "gcs", "gs", "hdfs", "http", "https", "local", "memory"),
@@ -85,7 +85,7 @@ def _one_error(address: str) -> Iterator[None]:
     except ImportError as error:
         raise RecordingError(f"{address}: needs another package ({error})") from None
     except Exception as error:
-        reason = said_by(error, _LONGEST_REASON)
+        reason = message_of(error, _LONGEST_REASON)
         raise RecordingError(f"{address}: cannot be read ({type(error).__name__}: {reason})") from None
 
 

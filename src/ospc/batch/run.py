@@ -12,8 +12,8 @@ from ospc.batch.cameras import Camera, merged_cameras, page
 from ospc.batch.manifest import Entry
 from ospc.batch.store import CSV_NAME, PARQUET_NAME, Row, Store, write_csv, write_parquet
 from ospc.batch.work import Answer, Runner, Task, Work
-from ospc.errors import MissingExtraError, OspcError, SettingError
-from ospc.folders import check_usable
+from ospc.errors import MissingExtraError, OspcError
+from ospc.folders import Content, check_usable
 from ospc.formats.files import json_object, write_bytes, write_text
 from ospc.photometry.calibration import Calibration
 from ospc.versions import versions
@@ -29,7 +29,7 @@ _OWN_NAMES = {_RECORDINGS, "cameras", CSV_NAME, PARQUET_NAME, PAGE_NAME}
 
 
 @dataclass(frozen=True)
-class Outcome:
+class BatchOutcome:
     """Outcome of a batch: a row per recording in the order of the manifest, cameras, files and notes.
 
     An interrupted batch continues if it is run again.
@@ -58,7 +58,7 @@ def run_batch(
     retries: int = 1,
     force: bool = False,
     progress: _Show = lambda _stage, _done, _total, _failed: None,
-) -> Outcome:
+) -> BatchOutcome:
     """Calibrate recordings and merge those of each camera, reusing the results of an earlier run.
 
     The folder must be new, empty, or from an earlier run, unless ``force`` is set. It receives ``batch.csv``,
@@ -68,7 +68,7 @@ def run_batch(
     ``KeyboardInterrupt``, or the runner an error because it cannot continue, the results so far are written.
     """
     place = Path(folder)
-    _check(place, force=force)
+    check_usable(place, content_of=_content, force=force)
     batch = _Batch(entries, [Row(entry.recording, entry.camera) for entry in entries], place, runner, progress)
     try:
         batch.recognise()
@@ -135,7 +135,7 @@ class _Batch:
                 failed += row.status == "failed"
                 self.show(name, count, len(left), failed)
 
-    def written(self, *, interrupted: bool) -> Outcome:
+    def written(self, *, interrupted: bool) -> BatchOutcome:
         """Merge the results and write everything that users read."""
         place, store = self.folder, self.store
         place.mkdir(parents=True, exist_ok=True)
@@ -164,7 +164,7 @@ class _Batch:
             "versions": versions(),
         }
         files.append(write_text(place / _HEAD, json.dumps(content, indent=1) + "\n"))
-        return Outcome(tuple(rows), tuple(cameras), tuple(files), tuple(notes), interrupted)
+        return BatchOutcome(tuple(rows), tuple(cameras), tuple(files), tuple(notes), interrupted)
 
 
 def _with_result(row: Row, store: Store) -> Row:
@@ -190,22 +190,15 @@ def _with_result(row: Row, store: Store) -> Row:
     )
 
 
-def _check(place: Path, *, force: bool) -> None:
-    check_usable(place)
-    if not place.exists() or not any(place.iterdir()):
-        return
+def _content(place: Path) -> Content:
+    earlier = Content("contains an earlier batch", "always")
     if (place / _HEAD).exists():
         schema = json_object(place / _HEAD).get("schema")
-        if schema != SCHEMA:
-            raise SettingError(
-                f"{place}: contains a batch of another version (schema {schema!r}, expected {SCHEMA!r}); choose "
-                "another folder"
-            )
-        return
+        if schema == SCHEMA:
+            return earlier
+        return Content(f"contains a batch of another version (schema {schema!r}, expected {SCHEMA!r})", "never")
     # A batch that was killed before its end has results, and perhaps some of the final files.
     found = {entry.name for entry in place.iterdir()}
-    if not force and (_RECORDINGS not in found or found - _OWN_NAMES):
-        raise SettingError(
-            f"{place}: contains something other than an earlier batch; choose another folder, or add --force to "
-            "write into it"
-        )
+    if _RECORDINGS in found and found <= _OWN_NAMES:
+        return earlier
+    return Content("contains something other than an earlier batch", "with force")

@@ -16,7 +16,7 @@ from ospc.errors import SettingError, counted
 
 if TYPE_CHECKING:
     from ospc.batch.cameras import Camera
-    from ospc.batch.run import Outcome
+    from ospc.batch.run import BatchOutcome
     from ospc.batch.work import Answer, Runner, Task
 
 _SOME_FAILED = 4
@@ -119,7 +119,7 @@ def _shortened(lines: list[str], what: str) -> list[str]:
     return [*lines[:_MOST_LISTED], f"… and {more} more {what}"] if more > 0 else lines
 
 
-def _warn(outcome: Outcome, out: Path) -> None:
+def _warn(outcome: BatchOutcome, out: Path) -> None:
     failed = [f"{row.recording}: {row.error} (tried {counted(row.attempts, 'time')})" for row in outcome.failed]
     say_notes(_shortened(failed, f"in {out / 'batch.csv'}"), "failed")
     for camera in outcome.cameras:
@@ -129,7 +129,7 @@ def _warn(outcome: Outcome, out: Path) -> None:
         say_notes(warnings, "warning")
 
 
-def _say(outcome: Outcome, out: Path) -> None:
+def _say(outcome: BatchOutcome, out: Path) -> None:
     say_notes(outcome.notes)
     done = [row for row in outcome.rows if row.status == "done"]
     earlier = sum(row.attempts == 0 for row in done)
@@ -155,7 +155,7 @@ def _incomplete(cameras: Iterable[Camera]) -> Iterator[str]:
             yield f"{camera.name}: {'; '.join([*doubts, *camera.calibration.warnings])}"
 
 
-def _as_json(outcome: Outcome, out: Path) -> dict[str, Any]:
+def _as_json(outcome: BatchOutcome, out: Path) -> dict[str, Any]:
     return {
         "out": str(out),
         "recordings": len(outcome.rows),

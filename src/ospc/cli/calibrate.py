@@ -122,7 +122,7 @@ class _Request:
         return concluded(content, as_json=self.as_json)
 
     @property
-    def talkative(self) -> bool:
+    def prints_text(self) -> bool:
         return not (self.quiet or self.as_json)
 
     @property
@@ -236,13 +236,13 @@ def _calibrate_one(request: _Request, opened: Callable[[], Recording]) -> dict[s
 
 def _guess(request: _Request, truth: Photometry | None) -> dict[str, Any]:
     """Guess a calibration from single images; it is never complete."""
-    from ospc.cli.calibration_result import Outcome
+    from ospc.cli.calibration_result import CalibrationOutcome
     from ospc.output import Written
     from ospc.unknown_exposures.single_image.fallback import calibrate_single_images, single_images
 
     images = single_images(request.path, request.reading.kind, request.reading.options)
     calibration = replace(calibrate_single_images(images), source={"name": request.path.name})
-    content = request.result(truth).take(Outcome(calibration), lambda: (Written(), [calibration.caveat]))
+    content = request.result(truth).take(CalibrationOutcome(calibration), lambda: (Written(), [calibration.caveat]))
     return content | {"rests_on": calibration.rests_on}
 
 
@@ -251,7 +251,7 @@ def _calibrate_rig(request: _Request) -> int:
     contents: dict[str, dict[str, Any]] = {}
     cameras = request.reading.cameras(request.path)
     for name, opened in cameras.items():
-        if request.talkative:
+        if request.prints_text:
             say(f"{name}:")
         try:
             contents[name] = _calibrate_one(request.of_camera(name), opened)
@@ -266,7 +266,7 @@ def _calibrate_rig(request: _Request) -> int:
     scale = None
     if len(cameras) > 1 and not request.interruption.requested:
         try:
-            scale = add_rig_scale(request.out, cameras, talkative=request.talkative)
+            scale = add_rig_scale(request.out, cameras, prints_text=request.prints_text)
         except OspcError as error:  # the calibrations are valid without the scale
             say(f"ospc: error: no relative irradiance scale: {error}", err=True)
             scale = {"error": str(error)}
@@ -275,7 +275,7 @@ def _calibrate_rig(request: _Request) -> int:
     return code
 
 
-def add_rig_scale(out: Path, cameras: Mapping[str, Callable[[], Recording]], *, talkative: bool) -> dict[str, Any]:
+def add_rig_scale(out: Path, cameras: Mapping[str, Callable[[], Recording]], *, prints_text: bool) -> dict[str, Any]:
     """Estimate the relative irradiance scale of a rig's cameras, write it, and return it as JSON-compatible values.
 
     ``out`` contains the folder of each camera.
@@ -291,11 +291,11 @@ def add_rig_scale(out: Path, cameras: Mapping[str, Callable[[], Recording]], *, 
     try:
         found = rig_scale(recordings, calibrations)
     except NotObservableError as error:
-        if talkative:
+        if prints_text:
             say(f"no relative irradiance scale: {error}")
         return {"error": str(error)}
     found.save(out / RIG_NAME)
-    if talkative:
+    if prints_text:
         say(f"irradiance relative to {found.reference}, where views overlap:")
         for name, scale in found.scale.items():
             if name != found.reference:

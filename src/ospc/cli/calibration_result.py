@@ -24,7 +24,8 @@ from ospc.evaluation.comparison import Comparison, compare
 from ospc.formats.opening import Photometry
 from ospc.frame_checks import skipped_in_words
 from ospc.output import OutputFolder, Times, Written
-from ospc.photometry.calibration import Calibration, Verdict
+from ospc.photometry.calibration import Calibration
+from ospc.photometry.verdict import Verdict
 from ospc.recording import Recording
 from ospc.report.drawing import drawings_of
 from ospc.second_thread import SecondThread
@@ -47,7 +48,7 @@ Saved: TypeAlias = tuple[Written, list[str]]
 
 
 @dataclass(frozen=True)
-class Outcome:
+class CalibrationOutcome:
     """A calibration, marked partial if the run did not finish, and its recording, None if there is none.
 
     ``skipped`` contains the first reasons for skipped frames; ``failure`` is the error, or empty.
@@ -100,11 +101,11 @@ class ResultFolder:
     second: SecondThread = field(default_factory=SecondThread)
 
     @property
-    def talkative(self) -> bool:
+    def prints_text(self) -> bool:
         """Whether to print more than errors and warnings."""
         return not (self.quiet or self.as_json)
 
-    def take(self, outcome: Outcome, saved: Callable[[], Saved]) -> dict[str, Any]:
+    def take(self, outcome: CalibrationOutcome, saved: Callable[[], Saved]) -> dict[str, Any]:
         """Write the folder, print the result, and return it as JSON-compatible values.
 
         ``saved`` waits for the state.
@@ -118,12 +119,12 @@ class ResultFolder:
             comparison = self._compared(outcome.calibration)
             if not self.quiet:
                 self._warn(outcome.calibration)
-            if self.talkative:
+            if self.prints_text:
                 say_notes((*outcome.calibration.notes, *notes))
                 self._say(outcome, written, comparison)
             return self._as_dict(outcome, written, notes, comparison)
 
-    def _written(self, outcome: Outcome) -> tuple[Outcome, Written]:
+    def _written(self, outcome: CalibrationOutcome) -> tuple[CalibrationOutcome, Written]:
         """Write data, report and pictures; an interruption leaves out pictures only."""
         folder, recording, before = self.folder, outcome.recording, self.interruption.count
         written = folder.write(outcome.calibration, self.times if recording is None else recording)
@@ -152,7 +153,7 @@ class ResultFolder:
         for warning in calibration.warnings:
             say(styled("WARNING", fg="red", bold=True), f": {warning}", err=True)
 
-    def _say(self, outcome: Outcome, written: Written, comparison: Comparison | None) -> None:
+    def _say(self, outcome: CalibrationOutcome, written: Written, comparison: Comparison | None) -> None:
         """Print skipped frames, verdicts, the data behind them, the files, and the errors against a truth."""
         calibration, folder, truth = outcome.calibration, self.folder.path, self.truth
         counts, ratios = calibration.counts, calibration.exposure_ratios
@@ -177,7 +178,7 @@ class ResultFolder:
             say(f"  {label:42} {figure}")
 
     def _as_dict(
-        self, outcome: Outcome, written: Written, notes: list[str], comparison: Comparison | None
+        self, outcome: CalibrationOutcome, written: Written, notes: list[str], comparison: Comparison | None
     ) -> dict[str, Any]:
         calibration, ratios = outcome.calibration, outcome.calibration.exposure_ratios
         of_recording = () if outcome.recording is None else outcome.recording.notes

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from ospc.calibrator import OnlineCalibrator, Status, drive
-from ospc.cli.calibration_result import Outcome, ResultFolder, Saved
+from ospc.cli.calibration_result import CalibrationOutcome, ResultFolder, Saved
 from ospc.cli.terminal import progress_line, say, say_notes, spreads_in_words
 from ospc.errors import FormatError, OspcError, SettingError, counted, one_line
 from ospc.exposures.lag_choice import LagChoice
@@ -150,7 +150,7 @@ class CalibrationRun:
         OspcError if nothing could be estimated, KeyboardInterrupt if the user interrupted it before anything was
         written.
         """
-        if self.result.talkative:
+        if self.result.prints_text:
             say_notes(self.recording.notes)
         result = replace(self.result, second=drawing_process())  # loads while frames are compared
         with self.result.interruption.deferred():
@@ -160,7 +160,7 @@ class CalibrationRun:
                 saving = second.submit(self.checkpoints.at_the_end, calibrator)
                 return result.take(outcome, saving.result)
 
-    def _estimated(self) -> tuple[OnlineCalibrator, Outcome]:
+    def _estimated(self) -> tuple[OnlineCalibrator, CalibrationOutcome]:
         """Calibrate; an interruption or a failure keeps all earlier observations."""
         visible = not self.result.quiet and sys.stderr.isatty()
         with ExitStack() as stack:
@@ -200,7 +200,7 @@ class CalibrationRun:
                 raise OspcError(failure or one_line(error)) from error
         stopped = self.result.interruption.requested
         calibration = replace(labelled(calibration, self.recording), partial=stopped or bool(failure))
-        return calibrator, Outcome(calibration, self.recording, calibrator.first_reasons, stopped, failure)
+        return calibrator, CalibrationOutcome(calibration, self.recording, calibrator.first_reasons, stopped, failure)
 
     def _push_all(self, calibrator: OnlineCalibrator, after: Callable[[Frame, bool], None]) -> str:
         """Push frames until the end or an interruption, and return the error message, if any."""

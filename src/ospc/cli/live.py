@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from ospc.live.capture import Capture
 
 _GOAL = 0.005
-"""Copy of :data:`ospc.live.knowledge.GOAL`, whose import would take too long for a help text."""
+"""Copy of :data:`ospc.settings.live.GOAL`, whose import would take too long for a help text."""
 
 
 @declared(
@@ -141,7 +141,7 @@ def _captured(
     capture: Capture, recording: Recording | None, frames: Iterable[Frame], result: ResultFolder, *, full: bool
 ) -> dict[str, Any]:
     """Film, estimate, write and report."""
-    from ospc.cli.calibration_result import Outcome
+    from ospc.cli.calibration_result import CalibrationOutcome
     from ospc.cli.live_view import shown
     from ospc.output import Written
     from ospc.report import style
@@ -149,7 +149,7 @@ def _captured(
 
     live, interruption, failure, replayed = capture.live, result.interruption, "", recording is not None
     with interruption.deferred():
-        with shown(capture, quiet=not result.talkative, full=full) as show:
+        with shown(capture, quiet=not result.prints_text, full=full) as show:
 
             def stop() -> bool:
                 show()
@@ -169,7 +169,7 @@ def _captured(
         # A camera's capture is complete whenever the user ends it; an interrupted recording is not.
         early = interruption.requested and replayed
         found = replace(found, partial=early or bool(failure))
-        outcome = Outcome(found, recording, live.first_reasons, early, failure)
+        outcome = CalibrationOutcome(found, recording, live.first_reasons, early, failure)
         place = result.folder.path
         place.mkdir(parents=True, exist_ok=True)
         state = Written((live.save_state(place / STATE_NAME),))

@@ -41,7 +41,7 @@ def command(
 
     OUT gets the files that 'ospc calibrate' writes; OUT/state.ospc can be merged again with others.
     """
-    from ospc.cli.calibration_result import Outcome, ResultFolder
+    from ospc.cli.calibration_result import CalibrationOutcome, ResultFolder
     from ospc.formats.opening import open_photometry
     from ospc.output import OutputFolder, Written
     from ospc.pooling.pool import Pool, merge
@@ -60,7 +60,7 @@ def command(
     repeated = len(found) - len(pool.summaries)
     notes = [f"{repeated} of the {len(found)} given states repeat a recording; each recording counts once"]
     content = ResultFolder(folder, interruption, quiet, as_json, known).take(
-        Outcome(merged.calibration),
+        CalibrationOutcome(merged.calibration),
         lambda: (Written((pool.save(folder.path / STATE_NAME),)), notes if repeated else []),
     )
     if not as_json:

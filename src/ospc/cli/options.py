@@ -55,12 +55,12 @@ class Declared(NamedTuple):
         flags = self.flags or (f"--{name.replace('_', '-')}",)
         return [click.Option([*flags, name], **{"multiple": several} | attributes)]
 
-    def taken(self, name: str, values: dict[str, Any]) -> Any:
+    def pop_value(self, name: str, values: dict[str, Any]) -> Any:
         """Remove the parameter's value from those that click has parsed, and return it."""
         return values.pop(name)
 
 
-class Several(NamedTuple):
+class OptionGroup(NamedTuple):
     """Declares several options that ``make`` combines into the value of one parameter."""
 
     make: Callable[..., Any]
@@ -71,9 +71,9 @@ class Several(NamedTuple):
         """Return click's parameters."""
         return [parameter for name, part in self.parts.items() for parameter in part.parameters(name, "")]
 
-    def taken(self, _name: str, values: dict[str, Any]) -> Any:
+    def pop_value(self, _name: str, values: dict[str, Any]) -> Any:
         """Remove the values of all parts, and return the combined value."""
-        return self.make(**{name: part.taken(name, values) for name, part in self.parts.items()})
+        return self.make(**{name: part.pop_value(name, values) for name, part in self.parts.items()})
 
 
 def option(help: str | None, *flags: str, **attributes: Any) -> Any:  # noqa: A002
@@ -103,10 +103,10 @@ def declared(
 
     def made(work: Callable[..., Any]) -> click.Command:
         signature = inspect.signature(work).parameters
-        options = {name: p.default for name, p in signature.items() if isinstance(p.default, Declared | Several)}
+        options = {name: p.default for name, p in signature.items() if isinstance(p.default, Declared | OptionGroup)}
 
         def call(**values: Any) -> Any:
-            given = {name: option.taken(name, values) for name, option in options.items()}
+            given = {name: option.pop_value(name, values) for name, option in options.items()}
             context = {name: click.get_current_context().obj for name in signature.keys() - options.keys()}
             with ExitStack() as stack:
                 for folder in (given[name] for name, option in options.items() if option.reserve):
@@ -207,7 +207,7 @@ STUDY_SIZE = Parsed("size", partial(_size, least=16, most=8192))
 QUIET = option("Print only errors and warnings.", "-q", "--quiet")
 AS_JSON = option("Print the result as JSON on standard output.", "--json")
 FORCE = option("Write into OUT even if it contains other files; those with names of results are replaced.")
-PLOT: Any = Several(
+PLOT: Any = OptionGroup(
     _picture,
     {
         "plot": option("Draw the result into this picture file.", type=click.Path(path_type=Path)),

@@ -10,7 +10,7 @@ from typing import Any
 
 import click
 
-from ospc.cli.options import Declared, Parsed, Several, option
+from ospc.cli.options import Declared, OptionGroup, Parsed, option
 from ospc.cli.terminal import say, say_table
 from ospc.errors import ExposureError, RecordingError, SettingError
 from ospc.recording import Recording, cameras_of, open_recording
@@ -117,16 +117,16 @@ _UNKNOWN_EXPOSURES = option(
     is_flag=True,
 )
 
-READING: Any = Several(_reading, _READING)
+READING: Any = OptionGroup(_reading, _READING)
 """Declares a :class:`Reading`."""
 
-READING_OR_ESTIMATING: Any = Several(_reading, _READING | {"unknown_exposures": _UNKNOWN_EXPOSURES})
+READING_OR_ESTIMATING: Any = OptionGroup(_reading, _READING | {"unknown_exposures": _UNKNOWN_EXPOSURES})
 """The same with ``--unknown-exposures``, for commands that can estimate exposures."""
 
-STATED: Any = Several(lambda **stated: ReadingOptions.of(stated), {name: _stated(name) for name in _FIELDS})
+STATED: Any = OptionGroup(lambda **stated: ReadingOptions.of(stated), {name: _stated(name) for name in _FIELDS})
 """Declares :class:`ReadingOptions` alone."""
 
-STATED_OF_CAMERA: Any = Several(
+STATED_OF_CAMERA: Any = OptionGroup(
     lambda **stated: ReadingOptions.of(stated),
     {name: _stated(name) for name in ("channel", "exposure_unit", "gain_unit")},
 )

@@ -14,8 +14,8 @@ import numpy as np
 import numpy.typing as npt
 
 from ospc.atomic import write_atomically
-from ospc.errors import OspcError, SettingError
-from ospc.folders import check_usable, writing
+from ospc.errors import OspcError
+from ospc.folders import Content, check_usable, writing
 from ospc.formats.files import json_object, json_text, read_bytes, read_text, write_bytes, write_text
 from ospc.formats.image_files import encoded
 from ospc.formats.image_header import with_metadata
@@ -64,7 +64,7 @@ class CorrectedFolder:
             If the folder cannot be used.
         """
         place = Path(path)
-        check_usable(place, recording, lambda place: _check_replaceable(place, force))
+        check_usable(place, recording, _content, force=force)
         return cls(place)
 
     def begin(self, note: dict[str, Any], files: Sequence[PurePosixPath]) -> dict[int, Counts]:
@@ -146,11 +146,8 @@ class CorrectedFolder:
         return [self.path / name for name in ("times.txt", _DONE, *_PARAMETERS, *_GEOMETRY)] + inside
 
 
-def _check_replaceable(place: Path, force: bool) -> None:
-    if not any(place.iterdir()):
-        return
+def _content(place: Path) -> Content:
     note = json_object(place / NOTE)
     if note.get("schema") != SCHEMA:
-        raise SettingError(f"{place}: contains other files than corrected images; choose another folder")
-    if note.get("finished") is not False and not force:
-        raise SettingError(f"{place}: already contains corrected images; choose another folder, or add --force")
+        return Content("contains other files than corrected images", "never")
+    return Content("contains corrected images", "always" if note.get("finished") is False else "with force")

@@ -9,8 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from ospc.arrays import IntArray
-from ospc.settings.correspondence import (
-    CLIPPED_MARGIN,
+from ospc.settings.grey_values import (
     HIGHEST_BLACK,
     LOWEST_SCATTERED_WHITE,
     LOWEST_WHITE,
@@ -22,6 +21,7 @@ from ospc.settings.correspondence import (
     WHITE_LEVELS,
     WHITE_NEIGHBOURHOOD,
 )
+from ospc.settings.sampling import CLIPPED_MARGIN
 
 
 def black_of(counts: IntArray) -> int | None:

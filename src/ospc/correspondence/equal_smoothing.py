@@ -5,7 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from ospc.arrays import FloatArray
-from ospc.settings.correspondence import MAX_STRETCH, NODE_STEP_PX, PIXEL_VARIANCE
+from ospc.settings.sampling import (
+    MAX_STRETCH,
+    NODE_STEP_PX,
+    PIXEL_VARIANCE,
+)
 
 NODES = np.stack(np.meshgrid(*2 * [NODE_STEP_PX * np.arange(-1.0, 2.0)]), axis=-1).reshape(9, 2)
 """Offsets (x, y) of the nodes from the sampled point, in reduced pixels, shape (9, 2)."""

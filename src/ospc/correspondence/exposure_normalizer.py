@@ -11,17 +11,17 @@ from ospc.correspondence.thumbnail_registration import ThumbnailRegistration, ex
 from ospc.photometry.geometry import pixel_grid
 from ospc.photometry.vignette import Vignette
 from ospc.robust import median, robust_scale
-from ospc.settings.correspondence import (
-    BRIGHTEST_COMPARED_GREY,
+from ospc.settings.error_model import DARKEST_GREY
+from ospc.settings.registration import (
+    BRIGHTEST_QUANTILE_8_BIT,
     CLEAR_LOG_RATIO_AGREEMENT,
-    DARKEST_COMPARED_GREY,
+    DARKEST_QUANTILE_8_BIT,
     DISPLAY_GAMMA,
     MAX_LOG_RATIO_DISAGREEMENT,
     MAX_LOG_RATIO_SPREAD,
     MIN_KEPT_BRIGHTNESS,
     MIN_SHARED_PLACES,
 )
-from ospc.settings.estimation import DARKEST_GREY
 
 
 class ExposureNormalizer:
@@ -88,7 +88,7 @@ class ExposureNormalizer:
         """Return ln of the same ratio for frames with little overlap: the median over quantiles exposed in both."""
         grey0, grey1 = frame0.grey_quantiles, frame1.grey_quantiles
         darkest, brightest = np.minimum(grey0, grey1), np.maximum(grey0, grey1)
-        exposed = (darkest > DARKEST_COMPARED_GREY) & (brightest < BRIGHTEST_COMPARED_GREY)
+        exposed = (darkest > DARKEST_QUANTILE_8_BIT) & (brightest < BRIGHTEST_QUANTILE_8_BIT)
         log0, log1 = (np.interp(grey, np.arange(256), self._log_irradiance) for grey in (grey0, grey1))
         return float(np.median((log1 - log0)[exposed] if exposed.any() else log1 - log0))
 
@@ -104,7 +104,7 @@ class ExposureNormalizer:
         The scale of g follows from grey levels next to white: if these are never observed, g may be almost zero at
         all others.
         """
-        middle = max(float(np.median(frame.grey_quantiles)), DARKEST_COMPARED_GREY)
+        middle = max(float(np.median(frame.grey_quantiles)), DARKEST_QUANTILE_8_BIT)
         log_kept = np.interp(middle, np.arange(256), self._log_display) + DISPLAY_GAMMA * np.log(MIN_KEPT_BRIGHTNESS)
         return max(0.0, float(log_kept - np.interp(middle, np.arange(256), self._log_irradiance)))
 

@@ -19,9 +19,9 @@ from ospc.correspondence.preprocessing import PreprocessedFrame, ReducedFrame
 from ospc.correspondence.registration import Registration, displacement_at, jacobian_at
 from ospc.observations import Observations
 from ospc.photometry.geometry import normalised
-from ospc.settings.correspondence import (
+from ospc.settings.registration import MIN_OVERLAP
+from ospc.settings.sampling import (
     MIN_MOTION_PLACES,
-    MIN_OVERLAP,
     MIN_PART_PLACES,
     MOTION_PARTS_PER_SIDE,
     SAMPLING_GREY_CELLS,

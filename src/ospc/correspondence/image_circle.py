@@ -11,11 +11,11 @@ import numpy.typing as npt
 from ospc.arrays import BoolArray, FloatArray
 from ospc.correspondence.preprocessing import PreprocessedFrame
 from ospc.photometry.geometry import normalised, pixel_grid
-from ospc.settings.correspondence import (
+from ospc.settings.grey_values import (
     LIT_QUANTILE,
     MAX_SURROUND_SHARE,
     MIN_CIRCLE_FRAMES,
-    MIN_LIT_GREY,
+    MIN_LIT_8_BIT,
     MIN_SURROUND_AREA,
     MIN_SURROUND_CORNERS,
     SURROUND_MARGIN_PX,
@@ -55,7 +55,7 @@ class ImageCircle:
         if self.brightest is None or self.frames < MIN_CIRCLE_FRAMES:
             return None
         lit = float(np.quantile(self.brightest, LIT_QUANTILE))
-        if lit < MIN_LIT_GREY:
+        if lit < MIN_LIT_8_BIT:
             return None
         dark = (self.brightest <= MAX_SURROUND_SHARE * lit).astype(np.uint8)
         _, label = cv2.connectedComponents(dark)

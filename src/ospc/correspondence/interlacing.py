@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 
 from ospc.arrays import Image
-from ospc.settings.correspondence import COMPARED_COLUMNS_PX, LEAST_ROW_VARIANCE
+from ospc.settings.grey_values import COMPARED_COLUMNS_PX, LEAST_ROW_VARIANCE
 
 
 def row_alternation(image: Image, max_grey: int) -> float:

@@ -8,9 +8,10 @@ import numpy as np
 
 from ospc.arrays import FloatArray, IntArray
 from ospc.correspondence.flat_sampling import Keyframe, Samples
-from ospc.settings.correspondence import (
+from ospc.settings.sampling import (
     AGE_CLASS_RATIO,
     AGE_CLASSES,
+    AGE_CLASSES_PER_DOUBLING,
     EXPOSURE_CHANGE_WEIGHT,
     MAX_COMPARISONS,
     MAX_PRIOR_RADIAL_MOTION,
@@ -151,4 +152,5 @@ class KeyframeSelector:
 
 def _age_class(frames: IntArray | int) -> IntArray:
     """Return the class of an age in frames."""
-    return np.minimum((2 * np.log2(np.maximum(frames, 1))).astype(np.int64), AGE_CLASSES - 1)
+    doublings = np.log2(np.maximum(frames, 1))
+    return np.minimum((AGE_CLASSES_PER_DOUBLING * doublings).astype(np.int64), AGE_CLASSES - 1)

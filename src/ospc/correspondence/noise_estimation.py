@@ -11,7 +11,7 @@ from ospc.arrays import Float32Array, FloatArray, Image
 from ospc.least_squares import non_negative_least_squares
 from ospc.photometry.noise import BRIGHTEST_EXPOSED, DARKEST_EXPOSED, NoiseModel
 from ospc.recording.frame import Frame
-from ospc.settings.correspondence import (
+from ospc.settings.sampling import (
     ASSUMED_NOISE_SIGMA,
     MAX_BANDS,
     MIN_BAND_SPACING_ROWS,

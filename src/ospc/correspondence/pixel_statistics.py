@@ -18,7 +18,7 @@ from ospc.correspondence.thumbnail import Thumbnail
 from ospc.photometry.geometry import normalised, pixel_grid
 from ospc.photometry.grey_range import FULL_RANGE, VIDEO_RANGE, GreyRange
 from ospc.recording.frame import Frame
-from ospc.settings.correspondence import (
+from ospc.settings.grey_values import (
     BLACK_PLACE_LEVEL,
     BRIGHTEST_SHARES,
     COUNTED_STRIDE,

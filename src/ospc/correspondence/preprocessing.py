@@ -16,7 +16,7 @@ from ospc.observations import POWERS
 from ospc.photometry.grey_range import FULL_RANGE, GreyRange
 from ospc.photometry.noise import BRIGHTEST_EXPOSED
 from ospc.recording.frame import Frame
-from ospc.settings.correspondence import (
+from ospc.settings.registration import (
     COMPARED_QUANTILES,
     IMPULSE_CONTRAST,
     IMPULSE_DEVIATIONS,

@@ -25,7 +25,7 @@ from ospc.correspondence.thumbnail_registration import (
 )
 from ospc.errors import SettingError
 from ospc.second_thread import SecondThread
-from ospc.settings.correspondence import (
+from ospc.settings.registration import (
     HOMOGRAPHY_INLIER_PX,
     HOMOGRAPHY_MIN_INLIERS,
     HOMOGRAPHY_MIN_ROWS,

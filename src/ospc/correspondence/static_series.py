@@ -11,7 +11,7 @@ from ospc.observations import MOMENTS, Observations
 from ospc.photometry.geometry import normalised
 from ospc.photometry.noise import BRIGHTEST_EXPOSED, DARKEST_EXPOSED
 from ospc.recording.frame import Frame
-from ospc.settings.correspondence import SERIES_BRIGHTNESS_CELLS
+from ospc.settings.sampling import SERIES_BRIGHTNESS_CELLS
 
 
 @dataclass

@@ -11,9 +11,9 @@ import numpy.typing as npt
 from ospc.arrays import BoolArray, Float32Array, ImageSize
 from ospc.photometry.grey_range import GreyRange
 from ospc.recording.frame import Frame
-from ospc.settings.correspondence import (
-    BRIGHTEST_EXPOSED_LEVEL,
-    DARKEST_EXPOSED_LEVEL,
+from ospc.settings.registration import (
+    BRIGHTEST_EXPOSED_MEAN,
+    DARKEST_EXPOSED_MEAN,
     THUMBNAIL_CLIP_MARGIN_PX,
     THUMBNAIL_GRADIENT_SMOOTHING_PX,
     THUMBNAIL_SIDE_PX,
@@ -46,7 +46,7 @@ def thumbnail_of(frame: Frame, image: Float32Array, size: ImageSize, grey_range:
     """
     small = _reduced(image, size, frame.max_grey)
     grey = cv2.GaussianBlur(small, (0, 0), THUMBNAIL_SMOOTHING_PX)
-    darkest, brightest = grey_range.grey((DARKEST_EXPOSED_LEVEL, BRIGHTEST_EXPOSED_LEVEL))
+    darkest, brightest = grey_range.grey((DARKEST_EXPOSED_MEAN, BRIGHTEST_EXPOSED_MEAN))
     clipped = ((small < darkest) | (small > brightest)).view(np.uint8)
     if frame.mask is not None:
         clipped |= _reduced(frame.mask.astype(np.float32), size, 1) < 1

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from ospc.arrays import BoolArray, Float32Array, FloatArray, ImageSize, read_only
 from ospc.correspondence.thumbnail import Thumbnail, magnitude
 from ospc.photometry.geometry import pixel_grid
-from ospc.settings.correspondence import (
+from ospc.settings.registration import (
     MAX_THUMBNAIL_ERROR_PX,
     MIN_EXPOSED_SHARE,
     MIN_REGISTERED_SIDE_PX,

@@ -18,7 +18,13 @@ from ospc.exposures.tone_mapping import NO_LOCAL_TONE, LocalTone
 from ospc.frame_checks import skipped_in_words
 from ospc.recording.frame import Frame
 from ospc.recording.recording import Recording
-from ospc.settings.exposures import MAX_LAG
+from ospc.settings.diagnosis import (
+    DARK_CORNER_SHARE,
+    MANY_CLIPPED_SHARE,
+    SLOWEST_VIDEO_S,
+    WEAK_SLOPE,
+)
+from ospc.settings.lag import MAX_LAG
 from ospc.unknown_exposures import labelled
 
 
@@ -86,20 +92,6 @@ def check_recording(
     )
 
 
-_MANY_CLIPPED = 0.10
-"""Share of clipped pixels that justifies a note: windows and lamps clip in any recording, but cover less of it."""
-
-_DARK_CORNER_SHARE = 0.05
-"""Share of well-exposed pixels in the outermost ring below which the vignette in the corners is extrapolated."""
-
-_WEAK_SLOPE = 0.15
-"""Median d ln M/d ln e below which brightness hardly follows the exposure: a third of the slope for gamma 2.2."""
-
-_SLOWEST_VIDEO_S = 0.7
-"""Longest interval between frames of a video, in seconds. Photographs taken one by one are further apart and have no
-frame rate that could show dropped frames."""
-
-
 def _about_frames(timing: Timing, counts: Mapping[str, int], reasons: Sequence[str]) -> Iterator[str]:
     if counts["skipped"]:
         yield skipped_in_words(counts["skipped"], counts["frames"], reasons)
@@ -109,7 +101,7 @@ def _about_frames(timing: Timing, counts: Mapping[str, int], reasons: Sequence[s
             f"frame {timing.duplicate_frames[0]}: dropped frames were replaced by copies, and exposures may belong "
             "to other frames; record without such copies"
         )
-    if timing.dropped_frames and timing.interval_s < _SLOWEST_VIDEO_S:
+    if timing.dropped_frames and timing.interval_s < SLOWEST_VIDEO_S:
         yield (
             f"{counted(timing.dropped_frames, 'frame')} missing in {counted(timing.gaps, 'gap')} between time "
             f"stamps, at {1 / timing.interval_s:.3g} frames a second"
@@ -123,7 +115,7 @@ def _about_lag(found: ExposureFindings) -> Iterator[str]:
             f"the exposures repeat every {cycle} frames, so a lag of {lag.frames} cannot be distinguished from "
             f"{lag.frames - cycle} or {lag.frames + cycle}, which are less likely"
         )
-    if lag.fit is not None and lag.fit.slopes.any() and float(np.median(lag.fit.slopes)) < _WEAK_SLOPE:
+    if lag.fit is not None and lag.fit.slopes.any() and float(np.median(lag.fit.slopes)) < WEAK_SLOPE:
         yield (
             "brightness follows the exposure only weakly; automatic gain or tone mapping may counteract it: switch "
             "them off"
@@ -159,10 +151,10 @@ def _about_tone(tone: LocalTone | None) -> Iterator[str]:
 
 
 def _about_pixels(pixels: PixelReport) -> Iterator[str]:
-    if pixels.saturated_share > _MANY_CLIPPED:
+    if pixels.saturated_share > MANY_CLIPPED_SHARE:
         yield f"{pixels.saturated_share:.0%} of all pixels are saturated; use shorter exposures or less light"
     black = pixels.black_share - pixels.surround_share
-    if black > _MANY_CLIPPED:
+    if black > MANY_CLIPPED_SHARE:
         yield f"{black:.0%} of all pixels are black; use longer exposures or more light"
     if pixels.surround == "disc":
         yield f"the image is a disc surrounded by black ({pixels.surround_share:.0%} of it): a fisheye lens; mask it"
@@ -179,5 +171,5 @@ def _about_pixels(pixels: PixelReport) -> Iterator[str]:
             "contrast was stretched after recording, or the values have fewer bits than they are stored with"
         )
     corner = pixels.mean_radius_share[-1]
-    if pixels.surround == "none" and np.isfinite(corner) and corner < _DARK_CORNER_SHARE:
+    if pixels.surround == "none" and np.isfinite(corner) and corner < DARK_CORNER_SHARE:
         yield "the corners are rarely well exposed; the vignette there would be extrapolated"

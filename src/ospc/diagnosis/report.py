@@ -15,11 +15,11 @@ from ospc.exposures.brightness import BrightnessChange
 from ospc.exposures.brightness_report import BrightnessReport
 from ospc.exposures.findings import ExposureFindings
 from ospc.methods.summary import FitInputs
-from ospc.photometry.calibration import Verdict
-from ospc.settings.exposures import GREY_BIN_EDGES
-
-_GAP = 1.5
-"""Interval over the median interval above which frames are missing: midway from one to two, as stamps jitter."""
+from ospc.photometry.verdict import Verdict
+from ospc.settings.brightness import GREY_BIN_EDGES
+from ospc.settings.diagnosis import (
+    GAP_RATIO,
+)
 
 _MOST_DROPPED = 1e9
 """Most dropped frames counted: stamps from two clocks may be decades apart, and the count must fit an integer."""
@@ -48,7 +48,7 @@ def timing(stamps_s: FloatArray, duplicates: list[int], compared: int) -> Timing
     if not len(interval):
         return Timing(float("nan"), 0, 0, tuple(duplicates), compared)
     usual = float(np.median(interval))
-    missing = np.rint(interval[interval > _GAP * usual] / usual) - 1 if usual > 0 else np.empty(0)
+    missing = np.rint(interval[interval > GAP_RATIO * usual] / usual) - 1 if usual > 0 else np.empty(0)
     return Timing(usual, len(missing), int(min(missing.sum(), _MOST_DROPPED)), tuple(duplicates), compared)
 
 

@@ -17,12 +17,11 @@ import numpy as np
 from ospc.arrays import FloatArray
 from ospc.observations import MOMENTS, ExposedObservations
 from ospc.photometry.verdict import LATE_EXPOSURES, NOMINAL_EXPOSURES
-from ospc.settings.estimation import (
+from ospc.settings.effects import (
     ADDED_LIGHT_MODEL_ERROR,
     BLACK_BY_EXPOSURE,
     BLACK_DRIFT,
     CURVATURE,
-    DARKEST_GREY,
     GAIN_STEP,
     GAIN_STEP_MODEL_ERROR,
     GLARE,
@@ -42,6 +41,7 @@ from ospc.settings.estimation import (
     STRAY_LIGHT,
     VIGNETTE_DRIFT,
 )
+from ospc.settings.error_model import DARKEST_GREY
 
 Addition = Literal["light", "exposure", "log"]
 """The quantity that an effect adds to: the light on the sensor, the exposure, or ln g."""

@@ -11,7 +11,7 @@ from ospc.arrays import FloatArray
 from ospc.estimation.effect_models import CONTRADICTIONS, EFFECTS, GAIN_STEPS
 from ospc.estimation.fit import Fit
 from ospc.estimation.maximum_likelihood import Fitted, MaximumLikelihoodEstimator
-from ospc.settings.estimation import CONTRADICTION_PROBABILITY, EFFECT_PROBABILITY
+from ospc.settings.effects import CONTRADICTION_PROBABILITY, EFFECT_PROBABILITY
 
 
 @dataclass(frozen=True)

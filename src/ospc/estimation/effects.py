@@ -22,7 +22,7 @@ from ospc.estimation.effect_models import (
 )
 from ospc.estimation.response_basis import ResponseBasis
 from ospc.observations import POWERS, ExposedObservations
-from ospc.settings.estimation import (
+from ospc.settings.effects import (
     ABSORBED_FRAME_LIGHT,
     ABSORBED_NEARBY_LIGHT,
     BEYOND_WHITE,
@@ -31,11 +31,11 @@ from ospc.settings.estimation import (
     LIGHT_FIT_FLOOR,
     MAX_ADDED_SHARE,
     MIN_EXPOSURE_FACTOR,
-    MIN_GAMMA,
     MIN_STEP_EXPOSURES,
-    PIXEL_NOISE_STRIDE,
     STEP_EXPOSURES,
 )
+from ospc.settings.error_model import PIXEL_NOISE_STRIDE
+from ospc.settings.fit import MIN_GAMMA
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ import numpy as np
 from ospc.arrays import FloatArray, IntArray
 from ospc.least_squares import non_negative_least_squares
 from ospc.robust import median
-from ospc.settings.estimation import (
+from ospc.settings.error_model import (
     FACTOR_GREYS,
     FACTOR_RANGE,
     GRADIENT_CELLS,
@@ -44,7 +44,7 @@ class ErrorModel:
     radiance_sigma
         Relative standard deviation of the radiance: surfaces are not exactly Lambertian, light flickers.
     factors
-        Factors on the sum at :data:`~ospc.settings.estimation.FACTOR_GREYS`, interpolated in between, which correct
+        Factors on the sum at :data:`~ospc.settings.error_model.FACTOR_GREYS`, interpolated in between, which correct
         for its simplifications; empty for a factor of 1 everywhere.
     gain_variances
         Variances of the latent gains of frames by :class:`~ospc.estimation.frame_gains.FrameGains`, in ln², which are

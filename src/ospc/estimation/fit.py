@@ -20,7 +20,7 @@ from ospc.photometry.noise import BRIGHTEST_EXPOSED, DARKEST_EXPOSED, NoiseModel
 from ospc.photometry.response import Response
 from ospc.photometry.verdict import EffectEstimate
 from ospc.photometry.vignette import LogSplineVignette
-from ospc.settings.estimation import (
+from ospc.settings.fit import (
     CONFIDENCE,
     ERROR_DRAWS,
     MAX_REFERENCE_UNRESOLVED,

@@ -15,7 +15,7 @@ import numpy as np
 
 from ospc.arrays import FloatArray, IntArray
 from ospc.robust import ERROR_OF_SCALE, robust_scale
-from ospc.settings.estimation import (
+from ospc.settings.residuals import (
     EXCEPTIONAL_ITERATIONS,
     EXCEPTIONAL_SIGMAS,
     GAIN_MEMORIES,
@@ -37,7 +37,7 @@ class FrameGains:
         Variance by chance of the mean residual of each pair, and this mean in ln, shape (pairs,).
     variances
         Variances, in ln², of independent gains and of those of each of
-        :data:`~ospc.settings.estimation.GAIN_MEMORIES`; empty for no gains.
+        :data:`~ospc.settings.residuals.GAIN_MEMORIES`; empty for no gains.
     """
 
     frames: IntArray

@@ -10,7 +10,7 @@ import numpy as np
 
 from ospc.arrays import FloatArray
 from ospc.estimation.normal_equations import NormalEquations
-from ospc.settings.estimation import GROUPS_PER_BLOCK, MIN_BLOCKS
+from ospc.settings.fit import GROUPS_PER_BLOCK, MIN_BLOCKS
 
 
 @dataclass(frozen=True)

@@ -22,17 +22,16 @@ from ospc.estimation.response_basis import ResponseBasis
 from ospc.observations import ExposedObservations
 from ospc.photometry.noise import NoiseModel
 from ospc.robust import medians
-from ospc.settings.estimation import (
-    CLEAR_OF_ENDS_SIGMAS,
+from ospc.settings.error_model import (
     DARKEST_GREY,
     LATENT_ITERATIONS,
-    MAX_DARK_CLEARANCE,
     MAX_DEVIATION_SIGMAS,
     MIN_ONE_MINUS_LEVERAGE,
-    MOST_LOG_GAIN,
     NOISE_SHARE_SIGMA,
     PIXEL_NOISE_STRIDE,
 )
+from ospc.settings.fit import CLEAR_OF_ENDS_SIGMAS, MAX_DARK_CLEARANCE
+from ospc.settings.residuals import MOST_LOG_GAIN
 
 
 @dataclass(frozen=True)

@@ -27,8 +27,8 @@ from ospc.estimation.vignette_basis import VignetteBasis, measured_radius
 from ospc.library_threads import one_blas_thread
 from ospc.observations import ExposedObservations
 from ospc.photometry.noise import NoiseModel
-from ospc.settings.estimation import (
-    CONVEX_ROUNDS,
+from ospc.settings.error_model import CONVEX_ROUNDS
+from ospc.settings.fit import (
     MIN_BLOCKS,
     SETTLED_SIGMAS,
     TEXTURE_SHARE_INFORMATION,

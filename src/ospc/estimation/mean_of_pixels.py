@@ -24,24 +24,26 @@ from ospc.estimation.response_basis import ResponseBasis
 from ospc.least_squares import non_negative_least_squares
 from ospc.observations import Observations
 from ospc.photometry.noise import NoiseModel
-from ospc.settings.estimation import (
-    BEND_SMOOTHING,
+from ospc.settings.error_model import (
     DARKEST_GREY,
+    MIN_NOISE_IRRADIANCE,
+    MIN_NOISE_LEVELS,
+    SHIFT_LEVELS,
+    SHIFT_QUANTILES,
+    UNCLIPPED_SIGMAS,
+)
+from ospc.settings.fit import (
+    BEND_SMOOTHING,
     KNEE_BEND,
     KNEE_LEVELS,
     KNEE_SMOOTHING,
     MAX_NOISE,
     MAX_TEXTURE,
-    MIN_NOISE_IRRADIANCE,
-    MIN_NOISE_LEVELS,
-    SHIFT_LEVELS,
-    SHIFT_QUANTILES,
-    SHOULDER_GREY,
     TEXTURE_ERROR,
     TEXTURE_SPREADS,
     TEXTURE_WIDTHS,
-    UNCLIPPED_SIGMAS,
 )
+from ospc.settings.response import SHOULDER_GREY
 
 _NORMAL = np.array([NormalDist().inv_cdf((i + 0.5) / SHIFT_QUANTILES) for i in range(SHIFT_QUANTILES)])
 """Equally probable values of a standard normal variable, shape (65,)."""

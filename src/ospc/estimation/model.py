@@ -19,7 +19,7 @@ from ospc.estimation.prior import Prior
 from ospc.estimation.response_basis import ResponseBasis, typical_gamma
 from ospc.estimation.vignette_basis import VignetteBasis
 from ospc.observations import ExposedObservations
-from ospc.settings.estimation import (
+from ospc.settings.fit import (
     CHUNK_OBSERVATIONS,
     MAX_GAMMA,
     MAX_GAMMA_CHANGE,

@@ -26,19 +26,21 @@ from ospc.observations import ExposedObservations
 from ospc.photometry.noise import NoiseModel
 from ospc.photometry.verdict import LATE_EXPOSURES, EffectEstimate
 from ospc.robust import ERROR_OF_SCALE
-from ospc.settings.estimation import (
-    ASYMMETRY_SIGMA,
+from ospc.settings.effects import (
     CONTRADICTING_SIGMAS,
-    FIRST_FIT_POINTS,
-    MIN_CRITERION_GROUPS,
     MIN_GROUPS,
     MOST_GAIN_STEPS,
     PREFERRED_SHARE,
-    PROMISING_SHARE,
     SIGNIFICANT_SIGMAS,
     SIGNIFICANT_SIGMAS_IN_ALL,
     SUSPECTED_LIGHT_SIGMAS,
     SUSPECTED_SIGMAS,
+)
+from ospc.settings.vignette import (
+    ASYMMETRY_SIGMA,
+    FIRST_FIT_POINTS,
+    MIN_CRITERION_GROUPS,
+    PROMISING_SHARE,
 )
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from ospc.arrays import FloatArray, IntArray
 from ospc.estimation.prior import Prior, PriorHyperparameters
 from ospc.least_squares import non_negative_least_squares
-from ospc.settings.estimation import DISAGREEMENT_SHARE
+from ospc.settings.fit import DISAGREEMENT_SHARE
 
 
 @dataclass(frozen=True)

@@ -12,29 +12,31 @@ from ospc.arrays import FloatArray, read_only
 from ospc.estimation.response_basis import typical_gamma
 from ospc.estimation.vignette_basis import VignetteBasis
 from ospc.photometry.vignette import NON_RADIAL
-from ospc.settings.estimation import (
+from ospc.settings.response import (
     BLACK_SIGMA,
-    CENTRE_SIGMA,
-    DARK_RADIUS,
     DRIFT_CANDIDATES,
     END_EXPONENT,
     LEVEL_SIGMA,
-    NON_RADIAL_SIGMA,
     PRIOR_MIDDLE_GREY,
     PRIOR_NUGGET,
     SHOULDER_GREY,
     SHOULDER_SIGMA,
     SLOPE_SIGMA,
     START_DRIFT,
-    START_VIGNETTE_WALK,
     START_WALK,
     TOE_GREY,
     TOE_SIGMA,
+    WALK_CANDIDATES,
+    WHITE_SIGMA,
+)
+from ospc.settings.vignette import (
+    CENTRE_SIGMA,
+    DARK_RADIUS,
+    NON_RADIAL_SIGMA,
+    START_VIGNETTE_WALK,
     VIGNETTE_NUGGET,
     VIGNETTE_SIGMA,
     VIGNETTE_WALK_CANDIDATES,
-    WALK_CANDIDATES,
-    WHITE_SIGMA,
 )
 
 _KEPT_TABLES = 64

@@ -15,8 +15,9 @@ from ospc.arrays import BoolArray, FloatArray, IntArray, members_of
 from ospc.observations import ExposedObservations
 from ospc.photometry.verdict import EffectEstimate
 from ospc.robust import median, robust_scale
-from ospc.settings.estimation import (
-    DARKEST_GREY,
+from ospc.settings.error_model import DARKEST_GREY
+from ospc.settings.fit import WEIGHT_CUT_SIGMAS
+from ospc.settings.residuals import (
     MOST_RADIANCE_SIGMA,
     UNEVEN_CELLS,
     UNEVEN_FEWEST,
@@ -29,7 +30,6 @@ from ospc.settings.estimation import (
     UNSTEADY_SIGMAS,
     UNSTEADY_SLOPE,
     UNSTEADY_SPREAD,
-    WEIGHT_CUT_SIGMAS,
 )
 
 UNEVEN, UNSTEADY_RESPONSE, UNSTEADY_VIGNETTE = "uneven vignette", "unsteady response", "unsteady vignette"

@@ -24,15 +24,14 @@ import numpy.typing as npt
 from ospc.arrays import FloatArray, IntArray, read_only
 from ospc.errors import SettingError
 from ospc.estimation.bends import sharpest_bend
-from ospc.settings.estimation import (
-    BEND_SMOOTHING,
-    DARKEST_GREY,
+from ospc.settings.error_model import DARKEST_GREY
+from ospc.settings.fit import BEND_SMOOTHING, UNRESOLVED_JUMP
+from ospc.settings.response import (
     FIRST_GRID_STEP_BEGINS,
     QUADRATURE_POINTS,
     RESPONSE_GRID_STEPS,
     TYPICAL_GAMMA_BLACK,
     TYPICAL_GAMMA_RISE,
-    UNRESOLVED_JUMP,
 )
 
 _KEPT_TABLES = 4

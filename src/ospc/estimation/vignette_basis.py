@@ -11,13 +11,13 @@ from ospc.estimation.bends import sharpest_bend
 from ospc.observations import Observations
 from ospc.photometry.radial_spline import RadialSpline, radial_spline
 from ospc.photometry.vignette import NON_RADIAL, LogSplineVignette, non_radial_terms
-from ospc.settings.estimation import (
+from ospc.settings.fit import (
     MAX_DECENTRING,
     UNRESOLVED_JUMP,
     UNSEEN_CHANGE,
     UNSEEN_OBSERVATIONS,
-    VIGNETTE_REACH,
 )
+from ospc.settings.vignette import VIGNETTE_REACH
 
 
 @dataclass(frozen=True)

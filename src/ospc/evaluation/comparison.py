@@ -10,7 +10,6 @@ import numpy as np
 from ospc.arrays import FloatArray
 from ospc.errors import FormatError, NotObservableError
 from ospc.evaluation.metrics import (
-    GREYS,
     Coverage,
     coverage,
     log_ratio_error,
@@ -22,15 +21,12 @@ from ospc.evaluation.metrics import (
 from ospc.formats.opening import Photometry
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import RasterVignette, Vignette, radial_profile
-
-_EXPONENTS = (0.1, 10.0)
-"""Search range of the aligning exponent; no two camera responses differ by more."""
-
-_AT_THE_END = 1e-3
-"""Distance from the ends of that range, in ln γ, below which it contains no minimum."""
-
-_RAMP = 1e-12
-"""Height of a ramp added to a power of g, so that values do not become equal by rounding."""
+from ospc.settings.evaluation import (
+    END_OF_RANGE,
+    EXPONENT_RANGE,
+    METRIC_GREYS,
+    RAMP_HEIGHT,
+)
 
 
 @dataclass(frozen=True)
@@ -116,12 +112,11 @@ def aligning_exponent(estimate: Photometry, truth: Photometry) -> float:
 
     from scipy.optimize import minimize_scalar  # slow to import and rarely needed
 
-    ends = np.log(_EXPONENTS)
+    low, high = EXPONENT_RANGE
+    ends = np.log([low, high])
     best = minimize_scalar(error, bounds=tuple(ends), method="bounded", options={"xatol": 1e-6})
-    if min(abs(best.x - ends)) < _AT_THE_END:
-        raise NotObservableError(
-            f"no exponent between {_EXPONENTS[0]} and {_EXPONENTS[1]} aligns {estimate.name} with {truth.name}"
-        )
+    if min(abs(best.x - ends)) < END_OF_RANGE:
+        raise NotObservableError(f"no exponent between {low} and {high} aligns {estimate.name} with {truth.name}")
     return float(np.exp(best.x))
 
 
@@ -134,7 +129,9 @@ def _check_common(a: Photometry, b: Photometry) -> None:
 def _powered_response(response: Response, exponent: float) -> Response:
     if exponent == 1:
         return response
-    return Response.from_values(response.resampled(GREYS) ** exponent + np.linspace(0, _RAMP, GREYS))
+    return Response.from_values(
+        response.resampled(METRIC_GREYS) ** exponent + np.linspace(0, RAMP_HEIGHT, METRIC_GREYS)
+    )
 
 
 def _powered_vignette(vignette: Vignette, exponent: float) -> Vignette:

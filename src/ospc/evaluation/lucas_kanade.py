@@ -8,26 +8,17 @@ import cv2
 import numpy as np
 
 from ospc.arrays import BoolArray, FloatArray, Image
+from ospc.settings.evaluation import (
+    MAX_MISMATCH,
+    MAX_RETURN_PX,
+    MIN_CONTRAST,
+    TRACKING_LEVELS,
+    WINDOW_PX,
+)
 
 LOSSES = ("gave up", "came back elsewhere", "looks different")
 """Causes of loss: the Lucas-Kanade method itself fails; backward tracking does not return to the start; the windows
 differ too much."""
-
-WINDOW_PX = 21
-"""Side of the square tracking windows; OpenCV's default."""
-
-_LEVELS = 3
-"""Levels of the image pyramid above the image itself; OpenCV's default."""
-
-_MAX_RETURN_PX = 1.0
-"""Largest forward-backward error in pixels."""
-
-_MAX_MISMATCH = 0.5
-"""Largest mean absolute difference of the two windows over the mean absolute deviation within them: the share of the
-structure that the match does not explain."""
-
-_LEAST_CONTRAST = 1e-9
-"""Lower bound of the contrast, to keep the quotients of flat windows finite."""
 
 
 @dataclass(frozen=True)
@@ -53,10 +44,10 @@ def follow(before: Image, after: Image, places: FloatArray) -> Step:
     there, found = _flow(before, after, places)
     back, found_back = _flow(after, before, there)
     gave_up = ~(found & found_back)
-    elsewhere = ~gave_up & (np.linalg.norm(back - places, axis=1) > _MAX_RETURN_PX)
+    elsewhere = ~gave_up & (np.linalg.norm(back - places, axis=1) > MAX_RETURN_PX)
     first, second = windows(before, places), windows(after, there)
     mismatch = in_contrasts(np.abs(first - second).mean(axis=1), first, second)
-    different = ~gave_up & ~elsewhere & (mismatch > _MAX_MISMATCH)
+    different = ~gave_up & ~elsewhere & (mismatch > MAX_MISMATCH)
     return Step(there, np.stack([gave_up, elsewhere, different]))
 
 
@@ -72,11 +63,11 @@ def windows(image: Image, places: FloatArray, side_px: int = WINDOW_PX) -> Float
 def in_contrasts(change: FloatArray, first: FloatArray, second: FloatArray) -> FloatArray:
     """Divide changes, shape (n,), by the mean absolute deviation within two windows, shape (n, pixels) each."""
     deviations = [np.abs(w - w.mean(axis=1, keepdims=True)).mean(axis=1) for w in (first, second)]
-    return np.asarray(change / np.maximum(np.mean(deviations, axis=0), _LEAST_CONTRAST))
+    return np.asarray(change / np.maximum(np.mean(deviations, axis=0), MIN_CONTRAST))
 
 
 def _flow(before: Image, after: Image, places: FloatArray) -> tuple[FloatArray, BoolArray]:
     points = places.astype(np.float32).reshape(-1, 1, 2)
     window = (WINDOW_PX, WINDOW_PX)
-    there, status, _ = cv2.calcOpticalFlowPyrLK(before, after, points, None, winSize=window, maxLevel=_LEVELS)
+    there, status, _ = cv2.calcOpticalFlowPyrLK(before, after, points, None, winSize=window, maxLevel=TRACKING_LEVELS)
     return np.asarray(there, dtype=np.float64).reshape(-1, 2), np.asarray(status.ravel() == 1)

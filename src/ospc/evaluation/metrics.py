@@ -15,16 +15,17 @@ from ospc.errors import ExposureError, FormatError
 from ospc.photometry.geometry import normalised, pixel_grid
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import Vignette, radial_profile
-from ospc.settings.estimation import RATIO_BRIGHTEST_GREY, RATIO_DARKEST_GREY, RATIO_LOG_GREY_SPREAD
-
-GREYS = 256
-"""Grey levels at which responses are compared."""
-
-_BINS, _CENTRE_BINS = 50, 3
-"""Bins of a radial profile, and number of bins at the centre, where a vignette is normalised."""
-
-_RANDOM_PAIRS = 20_000
-"""Number of grey value pairs for the log-ratio error."""
+from ospc.settings.evaluation import (
+    CENTRE_BINS,
+    METRIC_GREYS,
+    PROFILE_BINS,
+    RANDOM_PAIRS,
+)
+from ospc.settings.fit import (
+    RATIO_BRIGHTEST_GREY,
+    RATIO_DARKEST_GREY,
+    RATIO_LOG_GREY_SPREAD,
+)
 
 
 class RatioError(NamedTuple):
@@ -46,7 +47,7 @@ class Coverage(NamedTuple):
 
 def response_rmse(estimate: Response, truth: Response) -> float:
     """Return the root mean square of g − G over the 256 grey levels."""
-    return _rms(estimate.resampled(GREYS) - truth.resampled(GREYS))
+    return _rms(estimate.resampled(METRIC_GREYS) - truth.resampled(METRIC_GREYS))
 
 
 def response_shape_rmse(estimate: Response, truth: Response, low: int = 5, high: int = 250) -> float:
@@ -55,7 +56,7 @@ def response_shape_rmse(estimate: Response, truth: Response, low: int = 5, high:
     The scale of a response is not observable, and the brightest grey levels, which fix it by convention, are rarely
     measured.
     """
-    g, truth_g = (r.resampled(GREYS)[low : high + 1] for r in (estimate, truth))
+    g, truth_g = (r.resampled(METRIC_GREYS)[low : high + 1] for r in (estimate, truth))
     scale = float(g @ truth_g) / float(g @ g)
     return _rms(scale * g - truth_g)
 
@@ -67,13 +68,13 @@ def log_ratio_error(estimate: Response, truth: Response, seed: int = 0) -> float
     methods compare such pairs.
     """
     random = np.random.default_rng(seed)
-    a = random.uniform(RATIO_DARKEST_GREY, RATIO_BRIGHTEST_GREY, _RANDOM_PAIRS)
-    factor = np.exp(random.normal(0.0, RATIO_LOG_GREY_SPREAD, _RANDOM_PAIRS))
+    a = random.uniform(RATIO_DARKEST_GREY, RATIO_BRIGHTEST_GREY, RANDOM_PAIRS)
+    factor = np.exp(random.normal(0.0, RATIO_LOG_GREY_SPREAD, RANDOM_PAIRS))
     b = np.clip(a * factor, RATIO_DARKEST_GREY, RATIO_BRIGHTEST_GREY)
-    grey = np.linspace(0, 1, GREYS)
+    grey = np.linspace(0, 1, METRIC_GREYS)
     log_ratios = [
         np.log(np.interp(a, grey, table) / np.interp(b, grey, table))
-        for table in (estimate.resampled(GREYS), truth.resampled(GREYS))
+        for table in (estimate.resampled(METRIC_GREYS), truth.resampled(METRIC_GREYS))
     ]
     return float(np.median(np.abs(log_ratios[0] - log_ratios[1])))
 
@@ -84,7 +85,9 @@ def vignette_rmse(estimate: Vignette, truth: Vignette, reach: float = 1.0) -> fl
     The sizes may differ, because the radius is 1 at the corner of each. Bins without pixels and bins beyond the
     radius ``reach`` do not count.
     """
-    difference = (radial_profile(estimate, _BINS) - radial_profile(truth, _BINS))[: max(1, int(reach * _BINS))]
+    difference = (radial_profile(estimate, PROFILE_BINS) - radial_profile(truth, PROFILE_BINS))[
+        : max(1, int(reach * PROFILE_BINS))
+    ]
     return _rms(difference[np.isfinite(difference)])
 
 
@@ -99,7 +102,7 @@ def vignette_pixel_rmse(estimate: Vignette, truth: Vignette) -> float:
             "be compared pixel by pixel; resize one of them"
         )
     radius = np.linalg.norm(normalised(pixel_grid(truth.size), truth.size), axis=-1)
-    centre = radius < _CENTRE_BINS / _BINS
+    centre = radius < CENTRE_BINS / PROFILE_BINS
     images = [vignette.image().astype(np.float64) for vignette in (estimate, truth)]
     first, second = (image / image[centre].mean() for image in images)
     return _rms(first - second)

@@ -20,13 +20,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from ospc.errors import NotObservableError, counted
-from ospc.evaluation.tracks import EVERY, TrackFigures, Tracks
+from ospc.evaluation.tracks import TrackFigures, Tracks
 from ospc.photometry.correction import Corrector
 from ospc.recording import Frame, Recording
 from ospc.recording.stream import usable_frames
-
-_NOTICEABLE = 1.1
-"""Ratio up to which a change counts as negligible."""
+from ospc.settings.evaluation import (
+    NOTICEABLE_RATIO,
+    TRACKS_EVERY_FRAMES,
+)
 
 
 @dataclass(frozen=True)
@@ -61,8 +62,8 @@ class TrackingComparison:
     def sentence(self) -> str:
         """The result as one sentence."""
         gains = [self.life_ratio, self.residual_ratio]
-        better = any(gain > _NOTICEABLE for gain in gains)
-        worse = any(gain < 1 / _NOTICEABLE for gain in gains)
+        better = any(gain > NOTICEABLE_RATIO for gain in gains)
+        worse = any(gain < 1 / NOTICEABLE_RATIO for gain in gains)
         verdict = {
             (True, False): "helps",
             (True, True): "helps in one respect and harms in another",
@@ -83,7 +84,7 @@ def _times(ratio: float, what: str, same: str) -> str:
     """Return a ratio as text, such as "4.2 times as long" or "1/20 as large"."""
     if not ratio > 0:
         return "unknown"
-    if 1 / _NOTICEABLE <= ratio <= _NOTICEABLE:
+    if 1 / NOTICEABLE_RATIO <= ratio <= NOTICEABLE_RATIO:
         return same
     number = max(ratio, 1 / ratio)
     digits = f"{number:.0f}" if number >= 10 else f"{number:.1f}"
@@ -114,7 +115,7 @@ def compare_tracking(
             tracks.follow(before, frame)
             ratio = before.exposure_ms / frame.exposure_ms
             largest = max(largest, ratio, 1 / ratio)
-        if used % EVERY == 0:
+        if used % TRACKS_EVERY_FRAMES == 0:
             tracks.begin(frame)
         before, used = frame, used + 1
     raw, corrected, horizon = tracks.figures()

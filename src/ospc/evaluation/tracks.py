@@ -8,13 +8,23 @@ import cv2
 import numpy as np
 
 from ospc.arrays import BoolArray, Float32Array, FloatArray, Image, IntArray
-from ospc.evaluation.lucas_kanade import LOSSES, WINDOW_PX, follow, in_contrasts, windows
+from ospc.evaluation.lucas_kanade import LOSSES, follow, in_contrasts, windows
 from ospc.photometry.correction import Corrector, look_up
 from ospc.photometry.response import Response
 from ospc.recording import Frame
-
-_LOWEST, _HIGHEST, _BINS = 1e-5, 1e4, 4096
-"""Range and number of the bins of the median; each is half a per cent wide."""
+from ospc.settings.evaluation import (
+    CORNER_BLOCK_PX,
+    CORNER_DISTANCE_PX,
+    CORNER_QUALITY,
+    MAX_BRIGHTNESS_CHANGE,
+    MAX_STARTED_TRACKS,
+    MEDIAN_BINS,
+    MEDIAN_HIGHEST,
+    MEDIAN_LOWEST,
+    MIN_HEADROOM,
+    TRACK_HORIZON_FRAMES,
+    WINDOW_PX,
+)
 
 
 class LifeTable:
@@ -64,13 +74,15 @@ class StreamingMedian:
     """A streaming median: counts in logarithmic bins from 10⁻⁵ to 10⁴, accurate to a quarter of a per cent."""
 
     def __init__(self) -> None:
-        self._counts = np.zeros(_BINS, np.int64)
+        self._counts = np.zeros(MEDIAN_BINS, np.int64)
 
     def add(self, values: FloatArray) -> None:
         """Count values; values out of range are clipped, non-finite values are ignored."""
         finite = values[np.isfinite(values)]
-        share = np.log(np.clip(finite, _LOWEST, _HIGHEST) / _LOWEST) / np.log(_HIGHEST / _LOWEST)
-        self._counts += np.bincount(np.minimum((share * _BINS).astype(np.int64), _BINS - 1), minlength=_BINS)
+        inside = np.clip(finite, MEDIAN_LOWEST, MEDIAN_HIGHEST)
+        share = np.log(inside / MEDIAN_LOWEST) / np.log(MEDIAN_HIGHEST / MEDIAN_LOWEST)
+        bins = np.minimum((share * MEDIAN_BINS).astype(np.int64), MEDIAN_BINS - 1)
+        self._counts += np.bincount(bins, minlength=MEDIAN_BINS)
 
     @property
     def value(self) -> float:
@@ -79,11 +91,8 @@ class StreamingMedian:
         if count == 0:
             return float("nan")
         place = int(np.searchsorted(np.cumsum(self._counts), count / 2))
-        return float(_LOWEST * (_HIGHEST / _LOWEST) ** ((place + 0.5) / _BINS))
+        return float(MEDIAN_LOWEST * (MEDIAN_HIGHEST / MEDIAN_LOWEST) ** ((place + 0.5) / MEDIAN_BINS))
 
-
-_LEAST_HEADROOM = 0.25
-"""Smallest factor by which corrected frames are darkened; stronger vignettes are clipped in the corners."""
 
 _LEVELS = 65536
 """Entries of the table from 16-bit irradiance to 8-bit grey values."""
@@ -100,7 +109,7 @@ class CorrectedFrames:
         self._corrector = corrector
         self._response = corrector.response if isinstance(corrector.response, Response) else None
         darkest = 1.0 if corrector.vignette is None else float(corrector.vignette.image().min())
-        self._headroom = min(max(darkest, _LEAST_HEADROOM), 1.0)
+        self._headroom = min(max(darkest, MIN_HEADROOM), 1.0)
         self._greys = np.rint(255 * self._encoded(np.linspace(0.0, 1.0, _LEVELS))).astype(np.uint8)
 
     def radiance(self, frame: Frame) -> Float32Array:
@@ -129,22 +138,6 @@ KINDS = ("raw", "corrected")
 CAUSES = (*LOSSES, "too bright or dark")
 """Causes that end a track: the point is lost between frames, or its brightness differs too much from its first frame
 for a method that compares with that frame."""
-
-EVERY = 15
-"""Interval, in frames, at which new tracks start."""
-
-_POINTS = 150
-"""Most tracks that start in one frame."""
-
-_HORIZON = 60
-"""Frames after which a track is no longer followed; few points stay in view for longer."""
-
-_MAX_CHANGE = 0.5
-"""Largest change of a window's mean grey level since its track began, in units of the contrast within it."""
-
-_QUALITY, _DISTANCE_PX, _BLOCK_PX = 0.01, 10.0, 7
-"""Corner detection: smallest corner strength relative to the best (Shi and Tomasi 1994), smallest distance between
-points, and side of the block in which the strength is computed."""
 
 
 @dataclass(frozen=True)
@@ -176,7 +169,7 @@ class Tracks:
     def __init__(self, corrector: Corrector) -> None:
         self._max_grey = corrector.max_grey
         self._corrected = CorrectedFrames(corrector)
-        self._lives = [LifeTable(_HORIZON) for _ in KINDS]
+        self._lives = [LifeTable(TRACK_HORIZON_FRAMES) for _ in KINDS]
         self._lost = [np.zeros(len(CAUSES), np.int64) for _ in KINDS]
         self._residuals = [StreamingMedian() for _ in KINDS]
         self._places = np.empty((len(KINDS), 0, 2))
@@ -190,7 +183,9 @@ class Tracks:
         """Start tracks at the unsaturated corners of a raw frame."""
         image = frame.image_8_bit
         usable = cv2.erode((frame.image < self._max_grey).view(np.uint8), np.ones((WINDOW_PX, WINDOW_PX), np.uint8))
-        found = cv2.goodFeaturesToTrack(image, _POINTS, _QUALITY, _DISTANCE_PX, mask=usable, blockSize=_BLOCK_PX)
+        found = cv2.goodFeaturesToTrack(
+            image, MAX_STARTED_TRACKS, CORNER_QUALITY, CORNER_DISTANCE_PX, mask=usable, blockSize=CORNER_BLOCK_PX
+        )
         if found is None:
             return
         places = found.reshape(-1, 2).astype(np.float64)
@@ -204,7 +199,7 @@ class Tracks:
 
     def follow(self, before: Frame, after: Frame) -> None:
         """Continue all tracks from one frame to the next."""
-        self._alive &= self._inside(before) & (self._age < _HORIZON)
+        self._alive &= self._inside(before) & (self._age < TRACK_HORIZON_FRAMES)
         radiance = self._corrected.radiance(after)
         longer_ms = max(before.exposure_ms, after.exposure_ms)
         first, second = (self._corrected.at_exposure(frame, longer_ms) for frame in (before, after))
@@ -212,7 +207,7 @@ class Tracks:
             index = np.flatnonzero(self._alive[kind])
             step = follow(*images, self._places[kind, index])
             change = self._changes(kind, after, radiance, index, step.places)
-            changed = step.followed & (change > _MAX_CHANGE)
+            changed = step.followed & (change > MAX_BRIGHTNESS_CHANGE)
             followed = step.followed & ~changed
             self._lives[kind].add(self._age[index], self._age[index[~followed]])
             self._lost[kind] += np.append(step.losses.sum(axis=1), changed.sum())

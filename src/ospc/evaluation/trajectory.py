@@ -17,12 +17,11 @@ from scipy.spatial.transform import Rotation
 from ospc.arrays import BoolArray, FloatArray, IntArray, nearest
 from ospc.errors import FormatError, NotObservableError, SettingError, counted
 from ospc.formats.files import read_text
-
-_FEWEST_POSES = 3
-"""Fewest poses that determine a similarity."""
-
-_DEGENERATE = 1e-9
-"""Ratio of singular values below which points are collinear, up to rounding."""
+from ospc.settings.evaluation import (
+    COLLINEAR_RATIO,
+    MIN_POSES,
+    STAMP_TOLERANCE_S,
+)
 
 
 @dataclass(frozen=True)
@@ -43,21 +42,18 @@ def align_similarity(points: FloatArray, target: FloatArray) -> Similarity:
 
     NotObservableError if there are fewer than three points, or they are collinear and do not determine the rotation.
     """
-    if points.shape[0] < _FEWEST_POSES:
-        raise NotObservableError(f"an alignment needs {_FEWEST_POSES} poses with truth; there are {points.shape[0]}")
+    if points.shape[0] < MIN_POSES:
+        raise NotObservableError(f"an alignment needs {MIN_POSES} poses with truth; there are {points.shape[0]}")
     centre, target_centre = points.mean(axis=0), target.mean(axis=0)
     centred = points - centre
     left, singular, right = np.linalg.svd((target - target_centre).T @ centred)
-    if singular[1] <= _DEGENERATE * singular[0] or not np.isfinite(singular).all():
+    if singular[1] <= COLLINEAR_RATIO * singular[0] or not np.isfinite(singular).all():
         raise NotObservableError("the poses are collinear or equal, so the alignment is not determined")
     mirror = np.array([1.0, 1.0, np.sign(np.linalg.det(left @ right))])
     rotation = np.asarray((left * mirror) @ right)
     scale = float(singular @ mirror / np.sum(centred**2))
     return Similarity(scale, rotation, np.asarray(target_centre - scale * rotation @ centre))
 
-
-STAMP_TOLERANCE_S = 1e-3
-"""Largest difference between the time stamps of a pose and its truth, in seconds."""
 
 _LARGEST_FILE = 2**29
 """Largest file that is read, in bytes: a day of poses at 50 Hz."""

@@ -13,10 +13,8 @@ from ospc.correspondence.thumbnail_registration import ThumbnailRegistration, ex
 from ospc.observations import MOMENTS, Observations
 from ospc.photometry.geometry import normalised, pixel_grid
 from ospc.robust import median, robust_scale
-from ospc.settings.correspondence import MIN_OVERLAP
-from ospc.settings.exposures import (
+from ospc.settings.brightness import (
     BIN_OUTLIER_SIGMAS,
-    DARKEST_LEVEL,
     GREY_BIN_EDGES,
     MAX_BIN_WEIGHT,
     MAX_RELATIVE_GRADIENT,
@@ -26,6 +24,8 @@ from ospc.settings.exposures import (
     MOTION_STRIDE,
     PIXEL_SAMPLES_PER_PAIR,
 )
+from ospc.settings.error_model import DARKEST_GREY
+from ospc.settings.registration import MIN_OVERLAP
 
 
 @dataclass(frozen=True)
@@ -111,7 +111,7 @@ class BrightnessComparer:
         if np.count_nonzero(visible) < MIN_OVERLAP * np.count_nonzero(first.exposed):
             found, visible = np.zeros_like(found), np.zeros_like(visible)
         grey1 = values_at(second.grey, places1)
-        mean = np.sqrt(np.maximum(first.grey * grey1, DARKEST_LEVEL**2))
+        mean = np.sqrt(np.maximum(first.grey * grey1, DARKEST_GREY**2))
         # Indexing by integers is several times as fast as by a mask.
         flat = np.flatnonzero(
             _flat_places(first, second, places1, mean) & exposed_in_both(first, second, places1, found)
@@ -195,7 +195,7 @@ def _samples(first: Thumbnail, second: Thumbnail, places1: Float32Array, flat: I
 
     def read(image: Float32Array, where: Float32Array) -> FloatArray:
         values = values_at(image, where.reshape(-1, 1, 2)).reshape(-1)
-        return np.log(np.maximum(values.astype(np.float64), DARKEST_LEVEL))
+        return np.log(np.maximum(values.astype(np.float64), DARKEST_GREY))
 
     grey0, grey1 = read(first.grey, at0), read(second.grey, at1)
     position0, position1 = (normalised(at.astype(np.float64), size) for at in (at0, at1))

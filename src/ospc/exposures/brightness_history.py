@@ -8,7 +8,11 @@ import numpy as np
 
 from ospc.correspondence.thumbnail import Thumbnail
 from ospc.exposures.brightness import BrightnessChange, BrightnessComparer, PixelSamples
-from ospc.settings.exposures import MAX_BRIGHTNESS_CHANGES, MAX_CHANGES_WITH_SAMPLES, MAX_REPEATED_FRAMES
+from ospc.settings.brightness import (
+    MAX_BRIGHTNESS_CHANGES,
+    MAX_CHANGES_WITH_SAMPLES,
+    MAX_REPEATED_FRAMES,
+)
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from ospc.exposures.lag_likelihood import LagFit
 from ospc.exposures.lag_selection import LagEstimate
 from ospc.exposures.table import exposure_cycle
 from ospc.robust import robust_scale
-from ospc.settings.exposures import (
+from ospc.settings.brightness import (
     DRIFT_FRAMES,
     DRIFT_STEP_FRAMES,
     HARMONIC_TOLERANCE_TURNS,

@@ -11,7 +11,12 @@ import numpy as np
 from ospc.arrays import BoolArray, FloatArray, IntArray
 from ospc.exposures.brightness import BrightnessChange
 from ospc.robust import weighted_median
-from ospc.settings.exposures import AR_ORDER, MAX_BIN_DEVIATION_LOG, MAX_BIN_DEVIATION_SHARE, MIN_PAIR_WEIGHT
+from ospc.settings.brightness import (
+    AR_ORDER,
+    MAX_BIN_DEVIATION_LOG,
+    MAX_BIN_DEVIATION_SHARE,
+    MIN_PAIR_WEIGHT,
+)
 
 
 @dataclass(frozen=True)

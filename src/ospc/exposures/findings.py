@@ -20,13 +20,13 @@ from ospc.exposures.tone_mapping import NO_LOCAL_TONE, LocalTone, local_tone
 from ospc.exposures.verdicts import CHANGE_IRREGULARLY, either, verdict_on
 from ospc.exposures.wrong_exposures import in_words, wrong_exposures
 from ospc.photometry.verdict import LATE_EXPOSURES, EffectEstimate, Verdict
+from ospc.settings.brightness import NOTABLE_RMS_LOG
 from ospc.settings.exposures import (
     BLENDED_LAG_FRAMES,
     DOUBTED_LAG_FRAMES,
     DOUBTED_LAG_SIGMAS,
     MAX_UNEXPLAINED_SHARE,
     MIN_CHECKED_FRAMES,
-    NOTABLE_RMS_LOG,
     REFUTED_LAG_FRAMES,
 )
 

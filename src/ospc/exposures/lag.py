@@ -12,9 +12,9 @@ from ospc.exposures.flicker import Flicker, find_flicker, in_long_runs, stronges
 from ospc.exposures.lag_likelihood import fit_exposures
 from ospc.exposures.lag_selection import UNRESPONSIVE, LagEstimate, LagHypotheses, select_lag
 from ospc.exposures.table import exposure_cycle
-from ospc.settings.exposures import (
+from ospc.settings.exposures import CONSTANT_EXPOSURE_LOG, MAX_UNEXPLAINED_SHARE
+from ospc.settings.lag import (
     AGREEING_LAG_SIGMAS,
-    CONSTANT_EXPOSURE_LOG,
     DOUBTFUL_RESPONSE_SLOPE,
     EXPOSURE_ERROR_SCALES,
     LONG_INTERVALS_FRAMES,
@@ -23,7 +23,6 @@ from ospc.settings.exposures import (
     MAX_LAG,
     MAX_LONG_INTERVAL_DEFICIT,
     MAX_SWINGING_EXPOSURE_LOG,
-    MAX_UNEXPLAINED_SHARE,
     MIN_FLICKER_LEAD,
     MIN_LAG_PAIRS,
     MIN_PAIR_LOG_CHANGE,

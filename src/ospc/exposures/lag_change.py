@@ -13,7 +13,7 @@ from ospc.exposures.brightness_series import BrightnessSeries
 from ospc.exposures.flicker import find_flicker, waves
 from ospc.exposures.lag_likelihood import LagFit, fit_exposures
 from ospc.exposures.table import filled
-from ospc.settings.exposures import (
+from ospc.settings.lag import (
     EARLIER_LAG_LEAD,
     LAG_CHANGE_START_TOLERANCE,
     LAG_CHANGE_WINDOW_FRAMES,

@@ -18,8 +18,8 @@ import numpy as np
 from ospc.arrays import FloatArray, IntArray
 from ospc.exposures.brightness_series import BrightnessSeries
 from ospc.robust import SIGMA_OF_MEDIAN, median
-from ospc.settings.exposures import (
-    AR_ORDER,
+from ospc.settings.brightness import AR_ORDER
+from ospc.settings.lag import (
     AR_RIDGE,
     INEXACT_OUTLIER_FACTOR,
     INEXACT_SLOPE_FACTOR_LIMITS,

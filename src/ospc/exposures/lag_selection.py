@@ -13,7 +13,7 @@ from ospc.exposures.brightness_series import BrightnessSeries
 from ospc.exposures.flicker import Flicker, fast_part, waves, without_waves
 from ospc.exposures.lag_likelihood import LagFit, fit_exposures
 from ospc.exposures.table import exposure_cycle
-from ospc.settings.exposures import (
+from ospc.settings.lag import (
     CORRELATED_PAIRS,
     DISTINCT_NOISE_SCALES,
     FLAT_RESPONSE_SLOPE,

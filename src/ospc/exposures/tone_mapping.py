@@ -14,7 +14,7 @@ import numpy as np
 from ospc.arrays import FloatArray, IntArray
 from ospc.exposures.brightness import BrightnessChange
 from ospc.robust import medians, robust_scale
-from ospc.settings.exposures import (
+from ospc.settings.brightness import (
     CLEAR_TONE_SPREAD_LOG,
     GREY_BIN_EDGES,
     MAX_TONE_LOG_CHANGE,

@@ -10,7 +10,8 @@ from ospc.exposures.lag_choice import lag_in_words
 from ospc.exposures.lag_selection import LagEstimate
 from ospc.exposures.table import ExposureReport
 from ospc.photometry.verdict import Verdict
-from ospc.settings.exposures import DRIFT_FRAMES, MAX_UNEXPLAINED_SHARE, MIN_CHECKED_FRAMES
+from ospc.settings.brightness import DRIFT_FRAMES
+from ospc.settings.exposures import MAX_UNEXPLAINED_SHARE, MIN_CHECKED_FRAMES
 
 CHANGE_IRREGULARLY = (
     "record for a minute with abrupt, irregular exposure changes: briefly cover the lens, point at a window, or "

@@ -10,11 +10,11 @@ from ospc.arrays import FloatArray, IntArray
 from ospc.errors import counted, listed
 from ospc.exposures.brightness_series import BrightnessSeries
 from ospc.settings.exposures import (
-    MAX_LAG,
     MAX_WRONG_SHARE,
     MIN_SHOWN_SHARE,
     MIN_WRONG_LOG,
 )
+from ospc.settings.lag import MAX_LAG
 
 
 def wrong_exposures(series: BrightnessSeries, log_exposure: FloatArray) -> IntArray:
@@ -32,25 +32,28 @@ def wrong_exposures(series: BrightnessSeries, log_exposure: FloatArray) -> IntAr
         ln of the recorded exposures, shape (frames,).
     """
     step = np.diff(log_exposure)
-    recorded = _turning(step)
+    recorded = _peak(step)
     suspects = np.flatnonzero(recorded > MIN_WRONG_LOG)
     if not len(suspects) or len(suspects) > MAX_WRONG_SHARE * len(series):
         return np.empty(0, np.int64)
     change = np.full(len(step), np.nan)
     change[series.frame] = series.means[0]
-    seen = _turning(change)
+    seen = _peak(change)
     # With a lag, another frame would show the exposure.
-    near = [np.nan_to_num(seen[max(0, turn - MAX_LAG) : turn + MAX_LAG + 1]) for turn in suspects]
+    near = [np.nan_to_num(seen[max(0, place - MAX_LAG) : place + MAX_LAG + 1]) for place in suspects]
     shown = np.array([part.max() for part in near])
     wrong = np.isfinite(seen[suspects]) & (shown < MIN_SHOWN_SHARE * recorded[suspects])
     return suspects[wrong] + 1
 
 
-def _turning(step: FloatArray) -> FloatArray:
-    """Return by how much a quantity leaves and returns at each inner frame, given its steps, (n,) -> (n - 1,)."""
+def _peak(step: FloatArray) -> FloatArray:
+    """Return the height of the peak or dip at each inner frame, given the steps between frames, (n,) -> (n - 1,).
+
+    It is the smaller of the two steps; zero if both go in the same direction.
+    """
     before, after = step[:-1], step[1:]
-    size = np.minimum(np.abs(before), np.abs(after))
-    return np.where(before * after > 0, 0.0, size)
+    height = np.minimum(np.abs(before), np.abs(after))
+    return np.where(before * after > 0, 0.0, height)
 
 
 def in_words(frames: Sequence[int]) -> str:

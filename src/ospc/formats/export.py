@@ -16,7 +16,8 @@ from ospc.formats.opening import Photometry
 from ospc.formats.radial import Optics
 from ospc.formats.resize import bin_calibration, crop_calibration, resize_calibration
 from ospc.formats.rules_pcalib import FEWEST_VALUES
-from ospc.photometry.calibration import Calibration, Verdict
+from ospc.photometry.calibration import Calibration
+from ospc.photometry.verdict import Verdict
 from ospc.photometry.vignette import RasterVignette
 
 Program: TypeAlias = Literal["dso", "lensfun", "hugin", "opencv", "adobe", "json"]

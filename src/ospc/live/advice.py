@@ -9,53 +9,33 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from ospc.live.knowledge import GOAL, Knowledge, certainty, knowledge_of
+from ospc.live.knowledge import Knowledge, certainty, knowledge_of
 from ospc.methods.preview import Preview
 from ospc.photometry.calibration import Calibration
+from ospc.settings.live import (
+    BETTER_GAIN_RATIO,
+    BRIGHT_GREY,
+    DARK_GREY,
+    EXPOSURE_STEP,
+    FEW_POINTS,
+    FOLLOWED_GAIN_SHARE,
+    GOAL,
+    HOLD_S,
+    LATEST_PAIRS,
+    MIN_CAPTURED_PAIRS,
+    MIN_LOG_EXPOSURE_RANGE,
+    OUTER_RADIUS,
+    PATIENCE_S,
+    SET_ASIDE_S,
+    TARGET_GREYS,
+    TARGET_RADII,
+    TYPICAL_GREY,
+)
 
 Kind = Literal["begin", "unusable", "slower", "move", "bright", "dark", "vary", "exposures", "done"]
 
 _CHOSEN = ("move", "bright", "dark", "vary")
 """Kinds that are chosen by their gain."""
-
-HOLD_S, PATIENCE_S, SET_ASIDE_S = 3.0, 12.0, 20.0
-"""Times in seconds: how long an instruction stays at least, unless another is urgent, since nobody can follow faster
-changes; after how long an instruction without effect gives way to the next best; how long it is then excluded."""
-
-FEWEST_PAIRS = 64
-"""Fewest pairs of frames before the capture can be done: the first ones were registered without knowing the vignette,
-and their common errors do not appear in any standard deviation."""
-
-_BETTER = 1.3
-"""Ratio of gains at which another instruction replaces the current one."""
-
-_PROGRESS = 0.8
-"""Share of its first gain below which an instruction counts as followed: the gain shrinks towards the goal."""
-
-_EXPOSURE_STEP = 1.5
-"""Exposure ratio of a hypothetical pair: the change within a second when turning from a wall to a window."""
-
-_TARGETS = np.linspace(0.05, 0.95, 19)
-"""Grey levels of hypothetical points, spaced like the knots of the response."""
-
-_DARK, _BRIGHT = 0.25, 0.7
-"""Grey levels that points only reach in brighter surroundings (below the first) or darker ones (above the second)."""
-
-_RADII = (0.0, 0.3, 0.6, 0.9)
-"""Radii of hypothetical points in half diagonals; points beyond 0.9 are rarely matched."""
-
-_TYPICAL_GREY = 0.4
-"""Grey level of hypothetical moving points: the usual target of auto exposure."""
-
-_OUTER_RADIUS = 0.6
-"""Radius beyond which a point counts as near a corner, to find the corner that has been seen least."""
-
-_LATEST_PAIRS, _FEW_POINTS = 16, 12.0
-"""Number of latest pairs considered, and points per pair below which the camera moves too fast; about a hundred are
-usual."""
-
-_MIN_LOG_RANGE = 0.4
-"""Range of ln exposure below which the exposure counts as constant: a factor of 1.5."""
 
 _CORNERS = {(-1, -1): "upper left", (1, -1): "upper right", (-1, 1): "lower left", (1, 1): "lower right"}
 _TURNS = {(-1, -1): "right and down", (1, -1): "left and down", (-1, 1): "right and up", (1, 1): "left and up"}
@@ -182,7 +162,7 @@ class Adviser:
         """Return the instruction that overrides all others, if any."""
         if known is not None:
             response, vignette = certainty(known, 1.0 if preview is None else preview.usable_radius)
-            enough = known.converged and known.counts.get("pairs", 0) >= FEWEST_PAIRS
+            enough = known.converged and known.counts.get("pairs", 0) >= MIN_CAPTURED_PAIRS
             if enough and response is not None and vignette is not None and max(response, vignette) <= self._goal:
                 text = f"Done: response and vignette are known to ±{self._goal:g}."
                 return Instruction("done", text, response_sigma=response, vignette_sigma=vignette)
@@ -200,10 +180,10 @@ class Adviser:
         if self._found and points < self._found[-1][1]:
             self._found.clear()  # some were dropped to save memory
         self._found.append((preview.pairs, points))
-        while len(self._found) > 2 and self._found[1][0] <= preview.pairs - _LATEST_PAIRS:
+        while len(self._found) > 2 and self._found[1][0] <= preview.pairs - LATEST_PAIRS:
             self._found.popleft()
         pairs, before = self._found[0]
-        return preview.pairs - pairs >= _LATEST_PAIRS and points - before < _FEW_POINTS * (preview.pairs - pairs)
+        return preview.pairs - pairs >= LATEST_PAIRS and points - before < FEW_POINTS * (preview.pairs - pairs)
 
     def _choose(self, options: dict[Kind, _Option], time_s: float) -> None:
         self._set_aside = {kind: until for kind, until in self._set_aside.items() if until > time_s}
@@ -211,12 +191,12 @@ class Adviser:
         if self.instruction.kind in _CHOSEN and time_s - self._since_s < HOLD_S:
             return
         if present is not None and time_s - self._since_s > PATIENCE_S:
-            if present.gain > _PROGRESS * self._first_gain:
+            if present.gain > FOLLOWED_GAIN_SHARE * self._first_gain:
                 self._set_aside[self.instruction.kind] = time_s + SET_ASIDE_S
             self._since_s, self._first_gain = time_s, present.gain
         free = [option for kind, option in options.items() if kind not in self._set_aside] or [*options.values()]
         best = max(free, key=lambda option: option.gain)
-        kept = present is not None and present in free and best.gain < _BETTER * present.gain
+        kept = present is not None and present in free and best.gain < BETTER_GAIN_RATIO * present.gain
         chosen = present if kept and present is not None else best
         self._switched(chosen.instruction, time_s, chosen.gain)
 
@@ -229,37 +209,37 @@ class Adviser:
 
 def _exposure_varies(preview: Preview) -> bool:
     low, high = np.log(preview.coverage.exposure_edges_ms[[0, -1]])
-    return bool(high - low >= _MIN_LOG_RANGE)
+    return bool(high - low >= MIN_LOG_EXPOSURE_RANGE)
 
 
 def _options(preview: Preview, knowledge: Knowledge, goal: float) -> Iterator[_Option]:
-    longer = [knowledge.gain_of_exposure(m, knowledge.grey_after(m, _EXPOSURE_STEP), goal) for m in _TARGETS]
-    shorter = [knowledge.gain_of_exposure(m, knowledge.grey_after(m, 1 / _EXPOSURE_STEP), goal) for m in _TARGETS]
+    longer = [knowledge.gain_of_exposure(m, knowledge.grey_after(m, EXPOSURE_STEP), goal) for m in TARGET_GREYS]
+    shorter = [knowledge.gain_of_exposure(m, knowledge.grey_after(m, 1 / EXPOSURE_STEP), goal) for m in TARGET_GREYS]
     gains = np.maximum(longer, shorter)
     if not _exposure_varies(preview):
         yield _Option(_VARY, float(gains.max()))
     else:
-        for instruction, inside in ((_BRIGHTER, _TARGETS > _BRIGHT), (_DARKER, _TARGETS < _DARK)):
+        for instruction, inside in ((_BRIGHTER, TARGET_GREYS > BRIGHT_GREY), (_DARKER, TARGET_GREYS < DARK_GREY)):
             at = int(np.argmax(np.where(inside, gains, -1.0)))
-            greys = max(float(_TARGETS[at]) - 0.1, 0.0), min(float(_TARGETS[at]) + 0.1, 1.0)
+            greys = max(float(TARGET_GREYS[at]) - 0.1, 0.0), min(float(TARGET_GREYS[at]) + 0.1, 1.0)
             yield _Option(replace(instruction, greys=greys), float(gains[at]))
-        middle = (_TARGETS >= _DARK) & (_TARGETS <= _BRIGHT)
+        middle = (TARGET_GREYS >= DARK_GREY) & (TARGET_GREYS <= BRIGHT_GREY)
         yield _Option(_VARY, float(gains[middle].max()))
     yield _best_motion(preview, knowledge, goal)
 
 
 def _best_motion(preview: Preview, knowledge: Knowledge, goal: float) -> _Option:
-    reach = min(1.0, preview.usable_radius / _RADII[-1])
-    ways = [(a, b) for a in _RADII for b in _RADII if b > a]
-    gains = [knowledge.gain_of_motion(reach * a, reach * b, _TYPICAL_GREY, goal) for a, b in ways]
+    reach = min(1.0, preview.usable_radius / TARGET_RADII[-1])
+    ways = [(a, b) for a in TARGET_RADII for b in TARGET_RADII if b > a]
+    gains = [knowledge.gain_of_motion(reach * a, reach * b, TYPICAL_GREY, goal) for a, b in ways]
     best = int(np.argmax(gains))
     radius0, radius1 = (reach * radius for radius in ways[best])
     return _Option(_motion(radius0, radius1, _least_seen_corner(preview)), gains[best])
 
 
 def _motion(radius0: float, radius1: float, corner: tuple[int, int]) -> Instruction:
-    target = "what is in the middle" if radius0 < _RADII[1] else "something even near the middle"
-    way = "" if radius1 >= _RADII[-1] else f"{radius1:.0%} of the way "
+    target = "what is in the middle" if radius0 < TARGET_RADII[1] else "something even near the middle"
+    way = "" if radius1 >= TARGET_RADII[-1] else f"{radius1:.0%} of the way "
     text = (
         f"Turn the camera slowly to the {_TURNS[corner]} until {target} has moved {way}to the {_CORNERS[corner]} "
         "corner of the picture."
@@ -272,5 +252,5 @@ def _least_seen_corner(preview: Preview) -> tuple[int, int]:
     if preview.observations is None:
         return (1, -1)
     places = preview.observations.position
-    outer = places[np.hypot(*places.T) > _OUTER_RADIUS]
+    outer = places[np.hypot(*places.T) > OUTER_RADIUS]
     return min(_CORNERS, key=lambda corner: int(np.sum((outer * corner > 0).all(axis=1))))

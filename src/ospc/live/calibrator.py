@@ -15,15 +15,15 @@ from typing import Any
 
 from ospc.arrays import Image
 from ospc.calibrator import OnlineCalibrator
-from ospc.errors import FrameError, OspcError, SettingError, said_by
+from ospc.errors import FrameError, OspcError, SettingError, message_of
 from ospc.exposures.lag_choice import LagChoice
 from ospc.frame_checks import check_is_frame
-from ospc.live.knowledge import GOAL
-from ospc.live.status import Findings, LiveStatus
+from ospc.live.status import LiveFindings, LiveStatus
 from ospc.methods.preview import Preview
 from ospc.photometry.calibration import Calibration
 from ospc.recording import Frame
 from ospc.settings import Settings
+from ospc.settings.live import GOAL
 from ospc.throttle import Throttle
 
 QUEUE_BYTES = 64 * 2**20
@@ -91,7 +91,7 @@ class LiveCalibrator(AbstractContextManager["LiveCalibrator"]):
         self._closed = False
         self._failure: BaseException | None = None
         self._frames = self._dropped = self._unusable = 0
-        self._found = Findings(self._engine, goal)
+        self._found = LiveFindings(self._engine, goal)
         self._throttle = Throttle(ADVICE_S, ADVICE_SHARE)
         self._outdated = False  # whether frames were processed since the last advice
         self._worker = threading.Thread(target=self._work, name="ospc-live", daemon=True)
@@ -280,13 +280,13 @@ def _with_safe_load(frame: Frame) -> Frame:
         except OspcError:
             raise
         except Exception as error:
-            raise FrameError(f"{frame.name}: its image cannot be read ({said_by(error)})") from error
+            raise FrameError(f"{frame.name}: its image cannot be read ({message_of(error)})") from error
 
     return replace(frame, load=load)
 
 
 def _failed(failure: BaseException) -> OspcError:
     """Return the error for callers that need the background, chained to its failure."""
-    error = OspcError(f"the background failed: {said_by(failure)}")
+    error = OspcError(f"the background failed: {message_of(failure)}")
     error.__cause__ = failure
     return error

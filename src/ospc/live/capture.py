@@ -16,12 +16,12 @@ from ospc.errors import FrameError
 from ospc.formats.image_files import encoded
 from ospc.live.advice import Instruction
 from ospc.live.calibrator import LiveCalibrator, in_memory
-from ospc.live.knowledge import GOAL
 from ospc.methods.preview import Preview
 from ospc.photometry.calibration import PROFILE_RADII
 from ospc.photometry.geometry import half_diagonal
 from ospc.photometry.vignette import diagonal_profile
 from ospc.recording import Frame
+from ospc.settings.live import GOAL
 
 Stage = Literal["filming", "estimating", "writing", "written", "failed"]
 

@@ -12,22 +12,12 @@ from ospc.estimation.maximum_likelihood import MaximumLikelihoodEstimator
 from ospc.methods.preview import Preview
 from ospc.observations import ExposedObservations
 from ospc.photometry.calibration import PROFILE_RADII, Calibration
-
-GOAL = 0.005
-"""Root mean square error of g and V over all grey levels and radii at which a capture is complete: direct odometry
-does not benefit from smaller errors."""
-
-_GREYS = np.linspace(0, 1, 65)
-"""Grey levels at which the uncertainty of the response is evaluated; dense enough for its 33 knots."""
-
-_POINTS = 3000
-"""Scene points used for the information matrix: a representative sample that takes 25 ms."""
-
-_PAIR_POINTS = 100
-"""Scene points of a hypothetical pair of frames: half of what a typical pair provides."""
-
-_GRADIENT = 0.003
-"""Grey gradient of a hypothetical point, in full scale per pixel: half of what counts as flat."""
+from ospc.settings.live import (
+    ASSESSED_GREYS,
+    EXPECTED_GRADIENT,
+    EXPECTED_PAIR_POINTS,
+    INFORMATION_POINTS,
+)
 
 _DIAGONAL = np.ones(2) / np.sqrt(2)
 """Direction from the centre to a corner of a square image; quick fits are radially symmetric."""
@@ -95,10 +85,10 @@ class Knowledge:
     def _gain(self, row: FloatArray, greys: tuple[float, float], goal: float) -> float:
         """Return the gain from one more row of the normal equations (Sherman and Morrison)."""
         variance = float(self._log_variance(np.array(greys)).sum())
-        information = _PAIR_POINTS * self.information_scale / variance
+        information = EXPECTED_PAIR_POINTS * self.information_scale / variance
         spread = self.covariance @ row
         falls = (self.wanted @ spread) ** 2 / (1 / information + row @ spread)
-        response, vignette = np.mean(falls[: len(_GREYS)]), np.mean(falls[len(_GREYS) :])
+        response, vignette = np.mean(falls[: len(ASSESSED_GREYS)]), np.mean(falls[len(ASSESSED_GREYS) :])
         if (self.response_sigma <= goal) != (self.vignette_sigma <= goal):
             # Only the part that has not reached the goal counts.
             return float(response if self.response_sigma > goal else vignette) / goal**2
@@ -110,7 +100,7 @@ class Knowledge:
         grey = np.clip(grey, basis.grid[1], 1.0)
         slope = grey / np.interp(grey, basis.grid, basis.gamma_of(parameters))
         irradiance = np.maximum(np.exp(np.interp(grey, basis.grid, basis.log_of(parameters))), 1e-12)
-        return self.fit.errors.variance(grey, slope, irradiance, np.full(len(grey), _GRADIENT)) / slope**2
+        return self.fit.errors.variance(grey, slope, irradiance, np.full(len(grey), EXPECTED_GRADIENT)) / slope**2
 
 
 def knowledge_of(preview: Preview | None) -> Knowledge | None:
@@ -118,12 +108,12 @@ def knowledge_of(preview: Preview | None) -> Knowledge | None:
     if preview is None or preview.fit is None or preview.observations is None:
         return None
     fit, observations = preview.fit, preview.observations
-    step = max(1, len(observations.starts) // _POINTS)
+    step = max(1, len(observations.starts) // INFORMATION_POINTS)
     covariance, scale = _covariance(fit, observations.of_points(slice(None, None, step)), step)
     wanted = _wanted(fit, sum(measured_greys(observations)) / 2, _radii(preview.usable_radius))
     disagreement = np.maximum(_variance(wanted, fit.covariance - fit.chance), 0)
     sigma = np.sqrt(_variance(wanted, covariance) + disagreement)
-    of_response, of_vignette = (_root_mean_square(part) for part in np.split(sigma, [len(_GREYS)]))
+    of_response, of_vignette = (_root_mean_square(part) for part in np.split(sigma, [len(ASSESSED_GREYS)]))
     return Knowledge(fit, covariance, wanted, scale, of_response, of_vignette)
 
 
@@ -134,7 +124,7 @@ def certainty(calibration: Calibration, usable_radius: float = 1.0) -> tuple[flo
     """
     response, of_response, of_vignette = calibration.response, None, None
     if response is not None and response.inverse_sigma is not None:
-        of_response = _root_mean_square(np.interp(_GREYS, response.levels, response.inverse_sigma))
+        of_response = _root_mean_square(np.interp(ASSESSED_GREYS, response.levels, response.inverse_sigma))
     if calibration.vignette_sigma is not None:
         of_vignette = _root_mean_square(calibration.vignette_sigma[: len(_radii(usable_radius))])
     return of_response, of_vignette
@@ -154,8 +144,8 @@ def _radii(usable_radius: float) -> FloatArray:
 
 def _wanted(fit: Fit, reference: float, radii: FloatArray) -> FloatArray:
     basis, vignette = fit.response_basis, fit.vignette_basis
-    g = np.exp(np.interp(_GREYS, basis.grid, basis.log_of(fit.response_parameters))) * (_GREYS > 0)
-    response = g[:, None] * (basis.log_rows(_GREYS) - basis.log_rows([reference]))
+    g = np.exp(np.interp(ASSESSED_GREYS, basis.grid, basis.log_of(fit.response_parameters))) * (ASSESSED_GREYS > 0)
+    response = g[:, None] * (basis.log_rows(ASSESSED_GREYS) - basis.log_rows([reference]))
     places = radii[:, None] * _DIAGONAL
     value = np.exp(vignette.log_value(fit.vignette_parameters, places))
     fall = value[:, None] * vignette.jacobian(fit.vignette_parameters, places)

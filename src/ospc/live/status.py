@@ -13,21 +13,14 @@ from ospc.live.advice import Adviser, Instruction
 from ospc.methods.method import Progress
 from ospc.methods.preview import Preview
 from ospc.photometry.calibration import Calibration
-
-FIRST_ESTIMATE, ESTIMATE_GROWTH = 48, 4
-"""Number of processed frames before the first automatic estimate, and factor by which that number grows from one
-estimate to the next: with a factor of 2, they took a quarter of the processor time of the first half minute."""
-
-UNKNOWN_GROWTH = 1.5
-"""That factor while something is not identifiable. With a factor of 4, the status was outdated for half a minute,
-because few frames are processed late in a run."""
-
-CONFIRMING = 12
-"""Number of processed frames before the next estimate if quick estimates indicate that the goal is reached."""
-
-LATEST_FRAMES, MOST_UNUSABLE = 20, 10
-"""Number of latest frames considered, and number of unusable ones among them above which the advice says so: a driver
-that starts or hesitates loses fewer."""
+from ospc.settings.live import (
+    CONFIRMING_FRAMES,
+    ESTIMATE_GROWTH,
+    FIRST_ESTIMATE_FRAMES,
+    LATEST_FRAMES,
+    MAX_UNUSABLE_FRAMES,
+    UNKNOWN_GROWTH,
+)
 
 MOST_NOTES = 20
 """Number of latest notes to keep."""
@@ -78,7 +71,7 @@ class LiveStatus:
         return self.instruction.text
 
 
-class Findings:
+class LiveFindings:
     """Findings of the background thread; only that thread calls the methods, any thread may read the attributes."""
 
     def __init__(self, engine: OnlineCalibrator, goal: float) -> None:
@@ -90,7 +83,7 @@ class Findings:
         self._notes: tuple[str, ...] = ()
         self._confirmed: Calibration | None = None  # the latest one, unless the camera has changed since
         self._estimated_after = self._estimated_frames = 0
-        self._next_estimate = FIRST_ESTIMATE
+        self._next_estimate = FIRST_ESTIMATE_FRAMES
         self._known_epochs = 1
         self._used: deque[bool] = deque(maxlen=LATEST_FRAMES)
 
@@ -122,7 +115,7 @@ class Findings:
         self.latest = self._confirmed = found
         self._estimated_after, self._estimated_frames = self._engine.processed, self._engine.frames
         growth = ESTIMATE_GROWTH if found.converged else UNKNOWN_GROWTH
-        self._next_estimate = max(FIRST_ESTIMATE, int(growth * self._estimated_after))
+        self._next_estimate = max(FIRST_ESTIMATE_FRAMES, int(growth * self._estimated_after))
         return found
 
     def follow(self, pushed: int, *, used: bool = True) -> None:
@@ -133,7 +126,7 @@ class Findings:
             change, self._known_epochs = epochs[-2].change, len(epochs)
             if change is not None:
                 self._note(change.text)
-            self._next_estimate, self._confirmed = processed + FIRST_ESTIMATE, None
+            self._next_estimate, self._confirmed = processed + FIRST_ESTIMATE_FRAMES, None
             if self.latest is not None:
                 self.latest = replace(self.latest, converged=False)
         if processed >= self._next_estimate:
@@ -143,9 +136,9 @@ class Findings:
         """Choose what to film next from quick estimates."""
         self.preview = self._engine.preview()
         reasons = self._engine.status.skipped
-        unusable = reasons[-1] if reasons and self._used.count(False) > MOST_UNUSABLE else ""
+        unusable = reasons[-1] if reasons and self._used.count(False) > MAX_UNUSABLE_FRAMES else ""
         now = self._adviser.look(self.preview, time.monotonic(), self._confirmed, unusable)
-        due = self._engine.processed >= self._estimated_after + CONFIRMING
+        due = self._engine.processed >= self._estimated_after + CONFIRMING_FRAMES
         if due and now.kind != "done" and self._adviser.expects_end:
             self.estimate(pushed)  # quick estimates omit errors that only a complete one finds
 

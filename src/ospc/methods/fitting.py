@@ -18,8 +18,8 @@ from ospc.methods.summary import exposure_ratios
 from ospc.observations import ExposedObservations, Observations
 from ospc.photometry.noise import NoiseModel
 from ospc.settings import DefaultSettings
-from ospc.settings.estimation import MIN_USABLE_RADIUS
 from ospc.settings.methods import CONTRADICTING_UNEXPLAINED_SHARE
+from ospc.settings.vignette import MIN_USABLE_RADIUS
 
 
 def fit(

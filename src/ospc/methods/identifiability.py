@@ -9,7 +9,7 @@ from ospc.estimation.effect_models import SCATTERED_LIGHT
 from ospc.estimation.fit import Fit
 from ospc.methods.contradictions import Contradictions
 from ospc.observations import ExposedObservations
-from ospc.photometry.calibration import ExposureRatios
+from ospc.photometry.coverage import ExposureRatios
 from ospc.photometry.verdict import State, Verdict
 from ospc.settings import DefaultSettings
 from ospc.settings.methods import (

@@ -25,18 +25,24 @@ from ospc.least_squares import non_negative_least_squares
 from ospc.methods.change_detection import Change
 from ospc.methods.method import Method, Progress, check_size
 from ospc.observations import ExposureLookup
-from ospc.photometry.calibration import PROFILE_RADII, Calibration, ExposureRatios, Verdict
+from ospc.photometry.calibration import PROFILE_RADII, Calibration
+from ospc.photometry.coverage import ExposureRatios
 from ospc.photometry.geometry import normalised
 from ospc.photometry.grey_range import FULL_RANGE, GreyRange
 from ospc.photometry.response import Response
+from ospc.photometry.verdict import Verdict
 from ospc.photometry.vignette import PolynomialVignette, Vignette
 from ospc.recording.frame import Frame
 from ospc.robust import robust_scale
 from ospc.settings import PaperSettings
-from ospc.settings.correspondence import MIN_IRRADIANCE
 from ospc.settings.methods import (
+    CONSTRAINT_WEIGHT,
     MAX_VIGNETTE_ROUNDS,
+    MIN_POLYNOMIAL_IRRADIANCE,
+    MONOTONICITY_LEVELS,
+    REACH_QUANTILE,
     VIGNETTE_TOLERANCE,
+    ZERO_RESIDUAL,
 )
 
 # Section 3.1: tracking.
@@ -189,9 +195,8 @@ def solve_nonnegative(gram: FloatArray) -> FloatArray:
     root = np.sqrt(np.clip(scale, 0, None))[:, None] * vectors.T
     # One row enforces Σc = 1, with a weight far above that of all others, whose squares add up to one. The remaining
     # error is divided out.
-    heavy = 1e4
-    rows = np.vstack([root[:, 1:], np.full((1, n - 1), heavy)])
-    solution = non_negative_least_squares(rows, np.append(np.zeros(n), heavy))
+    rows = np.vstack([root[:, 1:], np.full((1, n - 1), CONSTRAINT_WEIGHT)])
+    solution = non_negative_least_squares(rows, np.append(np.zeros(n), CONSTRAINT_WEIGHT))
     return np.concatenate([[0.0], solution / solution.sum()])
 
 
@@ -201,8 +206,8 @@ def _scaled(gram: FloatArray) -> FloatArray:
 
 
 def increases(coefficients: FloatArray) -> bool:
-    """Return whether a polynomial increases strictly between 1024 levels of [0, 1]."""
-    return bool(np.all(np.diff(polyval(np.linspace(0, 1, 1024), coefficients)) > 0))
+    """Return whether a polynomial increases strictly between levels of [0, 1]."""
+    return bool(np.all(np.diff(polyval(np.linspace(0, 1, MONOTONICITY_LEVELS), coefficients)) > 0))
 
 
 def solve_response(gram: FloatArray, positivity: str) -> FloatArray | None:
@@ -231,7 +236,7 @@ def polynomial_response(
     log_sigma = scale_sigma = None
     if estimates is not None and len(estimates) > 1:
         greys = np.append(RESPONSE_LEVELS, sum(support) / 2)
-        curves = np.log([np.maximum(polyval(greys, c), MIN_IRRADIANCE) for c in estimates])
+        curves = np.log([np.maximum(polyval(greys, c), MIN_POLYNOMIAL_IRRADIANCE) for c in estimates])
         log_sigma = standard_error(curves[:, :-1] - curves[:, -1:])
         scale_sigma = float(np.std(curves[:, -1], ddof=1) / np.sqrt(len(curves)))
     return Response.from_values(
@@ -266,7 +271,7 @@ def solver_weights(solver: str, residuals: FloatArray, tuning: float) -> FloatAr
         return np.ones_like(residuals)
     scale = max(robust_scale(residuals), float(np.finfo(float).tiny))
     # A residual far below the scale counts as zero; without the limit its weight would be infinite.
-    size = np.maximum(np.abs(residuals), 1e-6 * scale)
+    size = np.maximum(np.abs(residuals), ZERO_RESIDUAL * scale)
     return np.asarray(1 / size if solver == "l1" else np.minimum(1.0, tuning * scale / size))
 
 
@@ -444,7 +449,7 @@ class PaperMethod(Method):
         """Return the matches of two frames that are clipped in neither."""
         found = self._matcher.correspondences(left, right, self._size)
         if len(found):
-            self._reach = max(self._reach, float(np.quantile(found.radial_displacement, 0.9)))
+            self._reach = max(self._reach, float(np.quantile(found.radial_displacement, REACH_QUANTILE)))
         return found.select((np.minimum(found.grey0, found.grey1) > 0) & (np.maximum(found.grey0, found.grey1) < 1))
 
     def _keep(self, pairs: Correspondences, samples: list[Correspondences], exposures: ExposureLookup) -> None:

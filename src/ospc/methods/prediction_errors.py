@@ -10,7 +10,7 @@ from ospc.arrays import FloatArray
 from ospc.estimation.fit import Fit
 from ospc.observations import ExposedObservations
 from ospc.robust import median
-from ospc.settings.estimation import DARKEST_GREY
+from ospc.settings.error_model import DARKEST_GREY
 from ospc.settings.methods import CHANGE_GREY_KNOTS, NO_CHANGE_POINTS, OUTLIER_ERROR_LOG, SEEN_QUANTILES
 
 RESPONSE_PARAMETERS = len(CHANGE_GREY_KNOTS) + 1

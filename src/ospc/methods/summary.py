@@ -18,14 +18,15 @@ from ospc.methods.identifiability import (
     vignette_verdict,
 )
 from ospc.observations import ExposedObservations
-from ospc.photometry.calibration import PROFILE_RADII, Calibration, ExposureRatios
+from ospc.photometry.calibration import PROFILE_RADII, Calibration
+from ospc.photometry.coverage import ExposureRatios
 from ospc.photometry.grey_range import FULL_RANGE, GreyRange
 from ospc.photometry.noise import BRIGHTEST_EXPOSED, DARKEST_EXPOSED, NoiseModel
 from ospc.photometry.verdict import EffectEstimate
 from ospc.robust import SIGMA_OF_MEDIAN, medians
 from ospc.settings import DefaultSettings
-from ospc.settings.estimation import MISREGISTERED_SIGMAS, MISREGISTERED_SPREAD
 from ospc.settings.methods import CONTRADICTING_UNEXPLAINED_SHARE
+from ospc.settings.residuals import MISREGISTERED_SIGMAS, MISREGISTERED_SPREAD
 
 _INTER_CODED = (
     "the video codes frames as changes of others and loses small changes of brightness, so all standard deviations "

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from ospc.arrays import BoolArray, FloatArray, Image, ImageSize
+from ospc.arrays import BoolArray, FloatArray, Image, ImageSize, read_only
 from ospc.atomic import write_atomically
 from ospc.by_value import ByValue
 from ospc.errors import FormatError, counted, os_error_as
@@ -21,19 +21,16 @@ from ospc.photometry.coverage import Coverage, ExposureRatios
 from ospc.photometry.noise import NoiseModel
 from ospc.photometry.notebook import curve_as_svg
 from ospc.photometry.response import Response
-from ospc.photometry.verdict import EffectEstimate, State, Verdict
+from ospc.photometry.verdict import EffectEstimate, Verdict
 from ospc.photometry.vignette import RasterVignette, Vignette, diagonal_profile
 
 if TYPE_CHECKING:
     from ospc.photometry.correction import Corrector
 
-__all__ = ["PROFILE_RADII", "SCHEMA", "Calibration", "ExposureRatios", "State", "Verdict"]
-
 SCHEMA = "ospc-calibration/1"
-PROFILE_RADII = np.linspace(0.0, 1.0, 51)
+PROFILE_RADII = read_only(np.linspace(0.0, 1.0, 51))
 """Radii in half diagonals at which the uncertainty of the vignette is given: 0, 0.02, … 1, finer than it varies."""
 
-PROFILE_RADII.setflags(write=False)
 _MAX_BYTES = 100_000_000
 """Largest calibration file that is read; one with a covariance of 100 parameters is smaller than a megabyte."""
 

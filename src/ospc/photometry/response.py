@@ -9,18 +9,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ospc.arrays import BoolArray, FloatArray
+from ospc.arrays import BoolArray, FloatArray, read_only
 from ospc.by_value import ByValue
 from ospc.errors import FormatError, SettingError
 
 _END_TOLERANCE = 1e-9
 """Largest deviation of g(0) from 0 and of g(1) from 1: the rounding in files with ten digits."""
-
-
-def _read_only(values: npt.ArrayLike) -> FloatArray:
-    array = np.array(values, dtype=np.float64)
-    array.setflags(write=False)
-    return array
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +53,7 @@ class Response(ByValue):
 
     def __post_init__(self) -> None:
         """Check and freeze the table."""
-        table = _read_only(self.inverse_table)
+        table = read_only(np.array(self.inverse_table, dtype=np.float64))
         if table.ndim != 1 or table.size < 2:
             raise FormatError(
                 f"an inverse response needs at least 2 values in one dimension, not shape {table.shape}"
@@ -77,7 +71,7 @@ class Response(ByValue):
         if math.isnan(self.reference_grey):
             object.__setattr__(self, "reference_grey", sum(self.support) / 2)
         if self.log_sigma is not None:
-            sigma = _read_only(self.log_sigma)
+            sigma = read_only(np.array(self.log_sigma, dtype=np.float64))
             if sigma.shape != table.shape:
                 raise FormatError(f"log_sigma has shape {sigma.shape}, the response {table.shape}")
             object.__setattr__(self, "log_sigma", sigma)

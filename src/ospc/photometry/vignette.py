@@ -12,7 +12,7 @@ from typing import Any, Protocol, Self
 import numpy as np
 import numpy.typing as npt
 
-from ospc.arrays import Float32Array, FloatArray, ImageSize
+from ospc.arrays import Float32Array, FloatArray, ImageSize, read_only
 from ospc.atomic import write_atomically
 from ospc.by_value import ByValue
 from ospc.errors import UNREADABLE, FormatError
@@ -220,8 +220,7 @@ class RasterVignette(ByValue):
         if not np.all(np.isfinite(values)) or values.min() < 0 or values.max() <= 0:
             raise FormatError("the values of a vignette map must be finite, not negative, and not all zero")
         values /= values.max()
-        values.setflags(write=False)
-        object.__setattr__(self, "values", values)
+        object.__setattr__(self, "values", read_only(values))
 
     @property
     def size(self) -> ImageSize:

@@ -17,50 +17,29 @@ from ospc.arrays import FloatArray
 from ospc.estimation.fit import Fit
 from ospc.pooling.solution import Information, solve
 from ospc.pooling.summary import RESPONSE, RESPONSE_PART, VIGNETTE_PART, Summary
+from ospc.settings.pooling import (
+    ALLOWED_SCATTER,
+    COMPARED_DIRECTIONS,
+    COMPARED_GREYS,
+    COMPARED_RADII,
+    DIFFERING_SIGMAS,
+    MAX_AGREEMENT_ROUNDS,
+    MIN_RECORDINGS_FOR_SCATTER,
+    MIN_USUAL_UNEXPLAINED,
+    NORMALISING_GREY,
+    SUSPICIOUS_FACTOR,
+)
 
 Part = Literal["response", "vignette"]
 
-GREYS = np.array([0.1, 0.2, 0.3, 0.4, 0.6, 0.7, 0.8, 0.9])
-"""Grey levels at which ln g is compared, relative to :data:`_MIDDLE`. The ends are omitted because they follow the
-prior."""
-
-_PLACES: dict[Part, slice] = {"response": slice(0, len(GREYS)), "vignette": slice(len(GREYS), None)}
+_PLACES: dict[Part, slice] = {"response": slice(0, len(COMPARED_GREYS)), "vignette": slice(len(COMPARED_GREYS), None)}
 """Slices of the two parts in the compared values."""
-
-_MIDDLE = 0.5
-"""Grey level at which the curves are normalised, because the scale of g is a convention. Most recordings cover it."""
-
-_RADII = (0.4, 0.7, 1.0)
-"""Radii at which ln V is compared, in half diagonals; closer to the centre it is almost zero for any lens."""
-
-_DIRECTIONS = 8
-"""Directions in which ln V is compared at each radius, so that a shifted centre is noticed."""
-
-_ALLOWED = {"response": 0.02, "vignette": 0.01}
-"""Standard deviation, in ln, of the scatter between recordings of one camera beyond their stated uncertainty: other
-scenes and lighting lead to other registration errors."""
-
-_LIMIT_SIGMAS = 5.0
-"""Difference above which a recording differs: the largest of 32 values is tested, and errors are not quite normal."""
-
-_SUSPICIOUS_FACTOR = 4.0
-"""Ratio to the usual unexplained share of exposure changes above which exposures are suspected to be wrong."""
-
-_LEAST_UNEXPLAINED = 0.005
-"""Smallest unexplained share that counts as usual, for recordings with nearly perfect exposures."""
 
 _MEANING: dict[tuple[Part, ...], str] = {
     ("vignette",): "another lens, or its focus, aperture or zoom changed",
     ("response",): "another tone curve or gain, wrong exposures, or another camera",
     ("response", "vignette"): "another camera, or wrong exposures",
 }
-
-_MOST_ROUNDS = 10
-"""Most rounds of comparing with the recordings that agree. The set of differing recordings usually settles after two
-or three rounds, but may alternate."""
-
-_FEWEST_FOR_SCATTER = 4
-"""Fewest agreeing recordings whose scatter is measured; with fewer, it is too uncertain to be used."""
 
 
 @dataclass(frozen=True)
@@ -113,7 +92,7 @@ def agreement(summaries: Sequence[Summary]) -> Agreement:
         return Agreement({}, dict.fromkeys(_PLACES, True))
     own = [_curves(solve(Information.of([s]))) for s in ordered]
     apart = _differing_from_median(own)
-    for _ in range(_MOST_ROUNDS):
+    for _ in range(MAX_AGREEMENT_ROUNDS):
         rest = _joint_curves_of_others(ordered, apart)
         before, apart = apart, [_differing_parts(one, other) for one, other in zip(own, rest, strict=True)]
         if [set(a) for a in apart] == [set(a) for a in before]:
@@ -161,17 +140,19 @@ def _differing_parts(one: _Curves, other: _Curves) -> dict[Part, float]:
     """Return the parts in which curves differ, and by how many standard deviations."""
     score = np.abs(_scores(one, other))
     found = {part: float(score[places].max()) for part, places in _PLACES.items()}
-    return {part: sigmas for part, sigmas in found.items() if sigmas > _LIMIT_SIGMAS}
+    return {part: sigmas for part, sigmas in found.items() if sigmas > DIFFERING_SIGMAS}
 
 
 def _scores(one: _Curves, other: _Curves) -> FloatArray:
-    allowed = np.repeat([_ALLOWED["response"], _ALLOWED["vignette"]], [len(GREYS), len(_places())])
+    allowed = np.repeat(
+        [ALLOWED_SCATTER["response"], ALLOWED_SCATTER["vignette"]], [len(COMPARED_GREYS), len(_places())]
+    )
     return np.asarray((one.value - other.value) / np.sqrt(one.sigma**2 + other.sigma**2 + allowed**2))
 
 
 def _scatter(agreeing: list[tuple[_Curves, _Curves]]) -> float:
     """Return the ratio of the observed to the stated variance between the recordings that agree."""
-    if len(agreeing) < _FEWEST_FOR_SCATTER:
+    if len(agreeing) < MIN_RECORDINGS_FOR_SCATTER:
         return 1.0
     squares = [(one.value - other.value) ** 2 / (one.sigma**2 + other.sigma**2) for one, other in agreeing]
     return max(1.0, float(np.mean(squares)))
@@ -180,13 +161,13 @@ def _scatter(agreeing: list[tuple[_Curves, _Curves]]) -> float:
 @cache
 def _places() -> FloatArray:
     """Return the points at which V is compared, in half diagonals from the image centre, shape (points, 2)."""
-    angle = 2 * np.pi * (np.arange(_DIRECTIONS) + 0.5) / _DIRECTIONS
-    return np.concatenate([r * np.stack([np.cos(angle), np.sin(angle)], axis=1) for r in _RADII])
+    angle = 2 * np.pi * (np.arange(COMPARED_DIRECTIONS) + 0.5) / COMPARED_DIRECTIONS
+    return np.concatenate([r * np.stack([np.cos(angle), np.sin(angle)], axis=1) for r in COMPARED_RADII])
 
 
 @cache
 def _response_rows() -> FloatArray:
-    return RESPONSE.log_rows(GREYS) - RESPONSE.log_rows(np.array([_MIDDLE]))
+    return RESPONSE.log_rows(COMPARED_GREYS) - RESPONSE.log_rows(np.array([NORMALISING_GREY]))
 
 
 def _curves(fit: Fit) -> _Curves:
@@ -211,13 +192,13 @@ def _described(  # noqa: PLR0917 (two recordings, and what is usual)
     for part in found:
         at = _PLACES[part].start + int(np.argmax(score[_PLACES[part]]))
         if part == "response":
-            what = f"g({GREYS[at]:.1f})/g({_MIDDLE})"
+            what = f"g({COMPARED_GREYS[at]:.1f})/g({NORMALISING_GREY})"
         else:
-            what = f"V at radius {np.linalg.norm(_places()[at - len(GREYS)]):.1f}"
+            what = f"V at radius {np.linalg.norm(_places()[at - len(COMPARED_GREYS)]):.1f}"
         texts.append(f"{what} differs by {difference[at]:+.0%} from {whose} ({score[at]:.0f} standard deviations)")
     parts, meaning = tuple(found), _MEANING[tuple(found)]
     # Wrong exposures spoil both parts, even if only one of them differs significantly.
-    if summary.unexplained > _SUSPICIOUS_FACTOR * max(usual, _LEAST_UNEXPLAINED):
+    if summary.unexplained > SUSPICIOUS_FACTOR * max(usual, MIN_USUAL_UNEXPLAINED):
         parts = ("response", "vignette")
         meaning = (
             f"its exposures are wrong ({summary.unexplained:.1%} of their changes do not show in the images, "

@@ -26,27 +26,16 @@ from ospc.pooling.summary import (
     recording_key,
     triangle_of,
 )
-from ospc.settings.estimation import MAX_GAMMA, VIGNETTE_REACH
-
-_LEAST_INFORMATION = 1e-9
-"""Smallest relative information in any direction: subtracting a prior may otherwise make it negative by rounding."""
-
-_LEAST_OBSERVED = 0.05
-"""Information on a direction of the vignette, relative to that of the prior, below which it counts as unobserved:
-rounding and disagreement between halves would otherwise look like an observation that contradicts the prior."""
-
-_GIVEN_UP_SIGMA = 0.005
-"""Standard deviation, around zero, of vignette parameters that a calibration omits: it would have included larger
-ones."""
-
-_ROUGHEST = 1e3
-"""Largest accepted hyperparameters of a prior: a hundred times those of any fit."""
-
-_MOST_KNOTS = 1025
-"""Largest accepted number of knots of a response, far more than any method has."""
-
-_USUAL_NOISE = NoiseModel((0.5 / 255) ** 2, 0.0)
-"""Noise assumed if a calibration states none: half an 8-bit grey level, typical of a good camera."""
+from ospc.settings.fit import MAX_GAMMA
+from ospc.settings.pooling import (
+    MAX_RESPONSE_KNOTS,
+    MAX_WALK,
+    MIN_OBSERVED,
+    MIN_RELATIVE_INFORMATION,
+    OMITTED_SIGMA,
+)
+from ospc.settings.sampling import ASSUMED_NOISE_SIGMA
+from ospc.settings.vignette import VIGNETTE_REACH
 
 
 def summary_of_calibration(calibration: Calibration, name: str) -> Summary:
@@ -99,7 +88,7 @@ def _summary_of(calibration: Calibration, name: str) -> Summary:
         standing_still=calibration.vignette is None,
         support=(0.0, 1.0) if calibration.response is None else calibration.response.support,
         unexplained=0.0,
-        noise=calibration.noise or _USUAL_NOISE,
+        noise=calibration.noise or NoiseModel(ASSUMED_NOISE_SIGMA**2, 0.0),
         grey_range=GreyRange(*(float(level) for level in _response_model(calibration).get("grey_range", (0.0, 1.0)))),
         usable_radius=_usable_radius(calibration.vignette),
         measured_radius=float(calibration.covariance.get("vignette", {}).get("measured_radius", 1.0)),
@@ -122,14 +111,14 @@ def _of_response(calibration: Calibration) -> tuple[FloatArray, FloatArray, Floa
     covariance = np.array(calibration.covariance["response"]["matrix"], dtype=np.float64)
     knots = np.array(model["knots"], dtype=np.float64)
     n = len(coefficients)
-    if not 2 <= n <= _MOST_KNOTS or coefficients.shape != knots.shape or covariance.shape != (n, n):
+    if not 2 <= n <= MAX_RESPONSE_KNOTS or coefficients.shape != knots.shape or covariance.shape != (n, n):
         raise ValueError("not coefficients of a response")
     own = ResponseBasis(n - 1, model["functions"])
     if not np.allclose(knots, own.knots):
         raise ValueError("other knots than those of the functions")
     prior = Prior(own.knots, coefficients, VignetteBasis(0), np.empty(0))
     hyperparameters = replace(START, walk=float(model["prior_walk"]), drift=float(model["prior_drift"]))
-    plausible = all(0 <= sigma <= _ROUGHEST for sigma in (hyperparameters.walk, hyperparameters.drift))
+    plausible = all(0 <= sigma <= MAX_WALK for sigma in (hyperparameters.walk, hyperparameters.drift))
     if not (plausible and coefficients.min() > 0 and coefficients.max() <= MAX_GAMMA):
         raise ValueError("not coefficients of a response")
     from_common = own.conversion(RESPONSE)
@@ -155,10 +144,10 @@ def _of_vignette(calibration: Calibration) -> tuple[FloatArray, FloatArray, Floa
         given, place = [*given, *vignette.non_radial], [*place, *range(VIGNETTE.radial + 2, len(VIGNETTE))]
     if len(vignette.coefficients) != VIGNETTE.radial or covariance.shape != (len(place), len(place)):
         raise ValueError("another number of terms")
-    estimate, matrix = np.zeros(len(VIGNETTE)), np.eye(len(VIGNETTE)) / _GIVEN_UP_SIGMA**2
+    estimate, matrix = np.zeros(len(VIGNETTE)), np.eye(len(VIGNETTE)) / OMITTED_SIGMA**2
     estimate[place] = given
     walk = float(calibration.covariance["vignette"]["prior_walk"])
-    if not 0 <= walk <= _ROUGHEST:
+    if not 0 <= walk <= MAX_WALK:
         raise ValueError("not a vignette of the default method")
     precision = np.linalg.inv(covariance).astype(np.float64)
     basis = replace(VIGNETTE, usable_radius=_usable_radius(vignette))
@@ -168,13 +157,11 @@ def _of_vignette(calibration: Calibration) -> tuple[FloatArray, FloatArray, Floa
     root = np.linalg.cholesky(of_prior)
     posterior, directions = np.linalg.eigh(np.linalg.solve(root, np.linalg.solve(root, precision).T))
     across = root @ directions
-    own = np.maximum(posterior - 1, _LEAST_INFORMATION * posterior.max())
+    own = np.maximum(posterior - 1, MIN_RELATIVE_INFORMATION * posterior.max())
     matrix[np.ix_(place, place)] = (across * own) @ across.T
     # The prior is centred on zero: it contributes to the precision, but not to b = A θ of the likelihood.
     vector = np.zeros(len(VIGNETTE))
-    vector[place] = across @ (
-        np.where(posterior > 1 + _LEAST_OBSERVED, posterior, 0.0) * (across.T @ estimate[place])
-    )
+    vector[place] = across @ (np.where(posterior > 1 + MIN_OBSERVED, posterior, 0.0) * (across.T @ estimate[place]))
     return estimate, matrix, vector
 
 
@@ -183,4 +170,4 @@ def _positive(matrix: FloatArray) -> FloatArray:
     value, vector = np.linalg.eigh((matrix + matrix.T) / 2)
     if value.max() <= 0:
         raise ValueError("no information")
-    return np.asarray((vector * np.maximum(value, _LEAST_INFORMATION * value.max())) @ vector.T)
+    return np.asarray((vector * np.maximum(value, MIN_RELATIVE_INFORMATION * value.max())) @ vector.T)

@@ -17,12 +17,17 @@ from ospc.errors import FormatError, SettingError, counted
 from ospc.estimation.fit import Fit
 from ospc.methods.identifiability import response_verdict_of_fit, vignette_verdict
 from ospc.methods.summary import covariance_of, vignette_sigma
-from ospc.photometry.calibration import Calibration, Verdict
+from ospc.photometry.calibration import Calibration
+from ospc.photometry.verdict import Verdict
 from ospc.pooling.agreement import Agreement, Part, agreement
 from ospc.pooling.solution import Information, solve, solve_with_chosen_vignette
 from ospc.pooling.summary import PARAMETERS, VIGNETTE_PART, Summary, joint_range, triangle_of
 from ospc.settings import DefaultSettings
 from ospc.settings.methods import IDENTIFIABLE_CORNER_SIGMA
+from ospc.settings.pooling import (
+    FREE_PRECISION,
+    ROUGH_VIGNETTE_WALK,
+)
 from ospc.state import container
 from ospc.state.container import STATE_NAME, Container
 from ospc.state.run import KIND as RUN_KIND
@@ -32,12 +37,6 @@ from ospc.versions import versions
 
 KIND, VERSION = "pool", 7
 """Kind and version that pool files declare."""
-
-_FREE = 1e-4
-"""Precision of each parameter of a free part: a standard deviation of 100, far beyond any value, but not singular."""
-
-_ROUGH_VIGNETTE_WALK = 1.0
-"""Hyperparameter ``vignette_walk`` of typical mechanical vignetting: what it leaves unknown was not observed."""
 
 _MOST_NAMED = 5
 """Most recordings named in a reason; all are listed in the calibration's ``source``."""
@@ -115,7 +114,7 @@ class Pool:
             if summary is None:
                 raise FormatError(
                     f"{place}: nothing could be learned from this recording, or its run is unfinished: finish it "
-                    "with ospc calibrate --resume"
+                    "with ospc calibrate --resume, or use its frames so far with ospc merge"
                 )
             return cls((summary,))
         found = container.load(place, KIND, VERSION)
@@ -224,7 +223,7 @@ def usable_radius(used: Sequence[Summary]) -> float:
         return radii.pop()
     information = Information.of(used)
     fit = solve(information)
-    rough = replace(fit, hyperparameters=replace(fit.hyperparameters, vignette_walk=_ROUGH_VIGNETTE_WALK))
+    rough = replace(fit, hyperparameters=replace(fit.hyperparameters, vignette_walk=ROUGH_VIGNETTE_WALK))
     known = solve(information, start=rough).worst_log_vignette_sigma(max(radii)) <= IDENTIFIABLE_CORNER_SIGMA
     return max(radii) if known else min(radii)
 
@@ -233,7 +232,7 @@ def _response_alone(summary: Summary) -> Summary:
     """Return a recording's information on the response, with its own vignette marginalised."""
     n, p, whole = VIGNETTE_PART.start, PARAMETERS, summary.matrix
     # A wide prior, centred on the recording's own estimate, leaves the vignette free.
-    free = _FREE * np.eye(p - n)
+    free = FREE_PRECISION * np.eye(p - n)
     carried = np.linalg.solve(whole[n:, n:] + free, whole[n:, :n])
     reduced = np.concatenate([np.eye(n), -carried.T], axis=1)
     matrix, vector, systematic = np.zeros((p, p)), np.zeros(p), np.zeros((p, p))

@@ -18,12 +18,10 @@ from ospc.estimation.prior import START
 from ospc.estimation.vignette_basis import VignetteBasis
 from ospc.library_threads import one_blas_thread
 from ospc.pooling.summary import PARAMETERS, RESPONSE, VIGNETTE, Summary
-
-_MOST_ROUNDS = 12
-"""Most rounds of linearising the prior; a few are usual, and only contradictory information needs more."""
-
-_SETTLED = 1e-3
-"""Squared change of the parameters, in standard deviations, at which the rounds end: far below their errors."""
+from ospc.settings.pooling import (
+    MAX_SOLUTION_ROUNDS,
+    SOLUTION_TOLERANCE,
+)
 
 _SIMPLER = (VignetteBasis(VIGNETTE.radial, free_centre=True), VignetteBasis(VIGNETTE.radial))
 
@@ -94,14 +92,14 @@ def solve(information: Information, vignette: VignetteBasis = VIGNETTE, start: F
         equations = NormalEquations(information.matrix[:p, :p], information.vector[:p], np.zeros((p, p)))
         # The prior is on ln γ, linearised at the result of the previous round.
         hyperparameters = START if start is None else start.hyperparameters
-        for _ in range(_MOST_ROUNDS):
+        for _ in range(MAX_SOLUTION_ROUNDS):
             prior = model.prior(parameters)
             if start is None:
                 hyperparameters = equations.maximize_evidence(prior, hyperparameters)
             found = model.limited(equations.solve(prior, hyperparameters, model.floor), parameters)
             change, parameters = found - parameters, found
             precision = equations.posterior_precision(prior, hyperparameters)
-            if float(change @ precision @ change) < _SETTLED:
+            if float(change @ precision @ change) < SOLUTION_TOLERANCE:
                 break
         chance = np.asarray(np.linalg.inv(precision), dtype=np.float64)
         return Fit(

@@ -27,12 +27,13 @@ from ospc.photometry.calibration_content import LARGEST_GREY
 from ospc.photometry.geometry import image_size
 from ospc.photometry.grey_range import FULL_RANGE, GreyRange
 from ospc.photometry.noise import NoiseModel
-from ospc.settings.estimation import MIN_USABLE_RADIUS
+from ospc.settings.pooling import SUMMARY_RADIAL_TERMS, SUMMARY_RESPONSE_INTERVALS
+from ospc.settings.vignette import MIN_USABLE_RADIUS
 
-RESPONSE = ResponseBasis(32)
-VIGNETTE = VignetteBasis(16, free_centre=True, non_radial=True)
+RESPONSE = ResponseBasis(SUMMARY_RESPONSE_INTERVALS)
+VIGNETTE = VignetteBasis(SUMMARY_RADIAL_TERMS, free_centre=True, non_radial=True)
 """The models whose parameters all summaries share, whatever settings their recordings used: the richest models of the
-default settings, so that usually nothing is lost. The knots of the vignette depend on the usable radius."""
+default settings. The knots of the vignette depend on the usable radius."""
 
 RESPONSE_PART = slice(0, len(RESPONSE))
 VIGNETTE_PART = slice(len(RESPONSE), len(RESPONSE) + len(VIGNETTE))

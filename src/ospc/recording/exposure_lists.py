@@ -14,7 +14,15 @@ import numpy as np
 from ospc.arrays import FloatArray
 from ospc.errors import ExposureError, RecordingError, SettingError, counted, listed, quoted
 from ospc.recording.exposure_units import Columns, ExposureUnit, GainUnit, in_seconds, infer_unit, name_columns
-from ospc.recording.frame_table import FrameTable, at_lines, is_number, lines_of, make_table, parse_number, read_text
+from ospc.recording.frame_table import (
+    FrameTable,
+    at_lines,
+    is_number,
+    lines_of,
+    make_table,
+    parse_number,
+    read_table_text,
+)
 from ospc.recording.options import DEFAULT, ReadingOptions
 
 _IMAGE_LIST = "image_list.txt"
@@ -49,7 +57,7 @@ def lists_in(folder: Path) -> list[Path]:
 def names_exposures(path: Path) -> bool:
     """Return whether a file exists whose header, which may be a comment, names a column of exposures."""
     try:
-        columns, _ = _split(read_text(path), str(path))
+        columns, _ = _split(read_table_text(path), str(path))
     except ExposureError:
         return True
     except RecordingError:
@@ -73,7 +81,7 @@ def only_list(found: Sequence[Path], place: Path, advice: str) -> Path:
 
 def read_list(path: Path, options: ReadingOptions = DEFAULT) -> FrameTable:
     """Read an ``image_list.txt``, or a list with columns if it has another name; errors as :func:`parse_columns`."""
-    text = read_text(path)
+    text = read_table_text(path)
     return parse_image_list(text, str(path)) if path.name == _IMAGE_LIST else parse_columns(text, str(path), options)
 
 
@@ -87,7 +95,7 @@ def read_times(path: Path, options: ReadingOptions = DEFAULT) -> FrameTable:
     ExposureError
         If exposures are missing or not positive.
     """
-    return parse_times(read_text(path), str(path), options)
+    return parse_times(read_table_text(path), str(path), options)
 
 
 def parse_times(text: str, source: str, options: ReadingOptions = DEFAULT) -> FrameTable:

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ospc.arrays import BoolArray, Image, ImageSize
-from ospc.errors import ExposureError, FrameError, said_by
+from ospc.errors import ExposureError, FrameError, message_of
 
 MAX_DECODED_BYTES = 512 * 2**20
 """Images that need more, including all stored channels, are rejected before decoding."""
@@ -141,7 +141,7 @@ class Frame:
             try:
                 pixels = self.load()
             except OSError as error:
-                raise FrameError(f"{self.name}: its image cannot be read ({said_by(error)})") from None
+                raise FrameError(f"{self.name}: its image cannot be read ({message_of(error)})") from None
             self.__dict__["_decoded"] = check_image(pixels, self.name, colour=self.colour)
         decoded: Image = self.__dict__["_decoded"]
         return decoded

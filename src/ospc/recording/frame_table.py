@@ -28,7 +28,7 @@ MAX_LINE_CHARACTERS = 4096
 _LINE_END = re.compile(r"\r\n|\n|\r")
 
 
-def read_text(path: Path) -> str:
+def read_table_text(path: Path) -> str:
     """Read a text file; RecordingError if it cannot be read, is too large, or is not text."""
     data = read_bytes(path, error=RecordingError)
     try:
@@ -81,9 +81,9 @@ def parse_number(text: str, what: str, place: str) -> float:
 def exposures_in(path: str | Path) -> list[float]:
     """Return the last number of each line of a file, such as times.txt; lines that begin with ``#`` are comments.
 
-    Errors are those of :func:`read_text` and :func:`parse_number`.
+    Errors are those of :func:`read_table_text` and :func:`parse_number`.
     """
-    lines = [(n, line) for n, line in lines_of(read_text(Path(path)), str(path)) if not line.startswith("#")]
+    lines = [(n, line) for n, line in lines_of(read_table_text(Path(path)), str(path)) if not line.startswith("#")]
     return [
         parse_number(re.split(r"[\s,;]+", line.rstrip(",;"))[-1], "the exposure", f"{path}, line {n}")
         for n, line in lines

@@ -98,7 +98,10 @@ def open_recording(path: str | Path, kind: str | None = None, options: ReadingOp
     if kind is not None:
         names = ", ".join(k.name for k in kinds())
         raise RecordingError(f"{quoted(kind)} is not a kind of recording; known: {names}")
-    raise RecordingError(f"{place}: {_recordings_inside(place) or why_unread(place) or _nothing_known(place)}")
+    if why := _recordings_inside(place) or why_unread(place):
+        raise RecordingError(f"{place}: {why}")
+    problem, remedy = _nothing_known(place)
+    raise RecordingError(f"{place}: {problem}", remedy)
 
 
 def _recordings_inside(place: Path) -> str | None:
@@ -132,14 +135,14 @@ def _recognising(place: Path, kind: str | None) -> Kind | None:
     return next((k for k in kinds() if kind in (None, k.name) and k.recognises(place)), None)
 
 
-def _nothing_known(place: Path) -> str:
-    reason = "a file of this kind is not a recording"
+def _nothing_known(place: Path) -> tuple[str, str]:
+    """Return what is wrong with a path that is no recording, and the remedy."""
     if place.is_file() and place.suffix.lower() in _VIDEOS_AND_BAGS:
         damaged = "is damaged, or is not what its name says"
-        return f"{damaged if place.stat().st_size else 'is an empty file'}; copy or record it again"
+        return damaged if place.stat().st_size else "is an empty file", "copy or record it again"
     if place.is_dir():
-        reason = "has no images" if any(place.iterdir()) else "the folder is empty"
-    return f"{reason}; {_EXPECTED}"
+        return "has no images" if any(place.iterdir()) else "the folder is empty", _EXPECTED
+    return "a file of this kind is not a recording", _EXPECTED
 
 
 @contextmanager

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ospc.arrays import FloatArray
-from ospc.photometry.calibration import Calibration, ExposureRatios
-from ospc.photometry.coverage import Coverage
+from ospc.photometry.calibration import Calibration
+from ospc.photometry.coverage import Coverage, ExposureRatios
 from ospc.report import curves, evidence
 from ospc.report.style import BLUE, DPI, ORANGE, as_svg, fit_into, rules
 
@@ -29,7 +29,7 @@ _MARGINS_IN = {"left": 0.86, "right": 0.12, "top": 0.28, "bottom": 0.48}
 
 
 @dataclass(frozen=True)
-class Findings:
+class ReportFindings:
     """The data for charts; unknown parts are None.
 
     ``exposures_ms`` are those of the metadata, shape (frames,), and ``truth`` is a reference that is drawn with the
@@ -82,7 +82,7 @@ class Chart:
         return figure
 
 
-def charts_as_svg(findings: Findings) -> dict[str, str]:
+def charts_as_svg(findings: ReportFindings) -> dict[str, str]:
     """Return the charts with content as elements for HTML, by title."""
     return {chart.title: chart_as_svg(chart) for chart in findings.charts.values() if not chart.unknown}
 

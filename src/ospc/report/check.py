@@ -11,7 +11,7 @@ from ospc.diagnosis.report import RecordingReport
 from ospc.errors import counted
 from ospc.report.curves import RADIUS_LABEL, logarithmic
 from ospc.report.style import BLACK, BLUE, GREEN, GREY, ORANGE, new_figure, printable, rules, save
-from ospc.settings.correspondence import COVERAGE_GREY_CELLS, COVERAGE_RADIUS_CELLS
+from ospc.settings.grey_values import COVERAGE_GREY_CELLS, COVERAGE_RADIUS_CELLS
 
 _EXPOSURE_ROWS = 12
 """Number of exposure classes."""

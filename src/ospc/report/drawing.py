@@ -15,7 +15,7 @@ from functools import cache, partial
 from typing import Any, NamedTuple, ParamSpec, TypeAlias, TypeVar
 
 from ospc.processes import Worker
-from ospc.report.charts import Findings, charts_as_svg
+from ospc.report.charts import ReportFindings, charts_as_svg
 from ospc.report.pictures import pictures_as_png
 from ospc.report.style import load
 from ospc.second_thread import SecondThread
@@ -35,7 +35,7 @@ Drawn: TypeAlias = Callable[[], Future[Drawings]]
 """Starts drawing on its first call, and returns the future."""
 
 
-def drawings_of(findings: Findings) -> Drawings:
+def drawings_of(findings: ReportFindings) -> Drawings:
     """Draw all charts and pictures."""
     return Drawings(charts_as_svg(findings), pictures_as_png(findings))
 

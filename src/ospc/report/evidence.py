@@ -11,8 +11,7 @@ import numpy as np
 
 from ospc.arrays import FloatArray, IntArray
 from ospc.errors import counted
-from ospc.photometry.calibration import ExposureRatios
-from ospc.photometry.coverage import Coverage
+from ospc.photometry.coverage import Coverage, ExposureRatios
 from ospc.report.curves import axes_in, logarithmic, map_axes_in, set_ticks
 from ospc.report.style import BLACK, GREEN, GREY
 from ospc.robust import weighted_median

@@ -13,9 +13,9 @@ from ospc.errors import OspcError
 from ospc.evaluation.tracking import TrackingComparison, compare_tracking
 from ospc.exposures.table import filled
 from ospc.exposures.used import with_used_exposures
-from ospc.photometry.calibration import Calibration, ExposureRatios
+from ospc.photometry.calibration import Calibration
 from ospc.photometry.correction import Corrector
-from ospc.photometry.coverage import Coverage
+from ospc.photometry.coverage import Coverage, ExposureRatios
 from ospc.recording import Frame, Recording
 from ospc.recording.derived import DerivedRecording
 from ospc.report.evidence import FEW_SAMPLES

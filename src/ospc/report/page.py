@@ -11,8 +11,8 @@ from typing import Any
 from ospc.arrays import Image
 from ospc.formats.files import write_bytes
 from ospc.formats.image_files import encoded
-from ospc.photometry.calibration import Verdict
-from ospc.report.charts import Chart, Findings, charts_as_svg
+from ospc.photometry.verdict import Verdict
+from ospc.report.charts import Chart, ReportFindings, charts_as_svg
 from ospc.report.examples import NOTHING_TRIED, Examples, Pictures
 from ospc.report.html import Html, document, join, tag
 from ospc.report.sections import SUMMARY, Section, basis_of, name_of, overall_state, sections_of, shown
@@ -22,14 +22,16 @@ _STATE_CLASSES = {"identifiable": "good", "marginal": "fair", "not identifiable"
 
 
 def write_page(
-    findings: Findings, path: Path, examples: Examples = NOTHING_TRIED, charts: Mapping[str, str] | None = None
+    findings: ReportFindings, path: Path, examples: Examples = NOTHING_TRIED, charts: Mapping[str, str] | None = None
 ) -> Path:
     """Write the report completely or not at all, and return its path; ``charts`` are charts already drawn."""
     # A file name or a JSON text may contain half a surrogate pair, which UTF-8 cannot encode.
     return write_bytes(path, page(findings, examples, charts).encode("utf-8", "replace"))
 
 
-def page(findings: Findings, examples: Examples = NOTHING_TRIED, charts: Mapping[str, str] | None = None) -> str:
+def page(
+    findings: ReportFindings, examples: Examples = NOTHING_TRIED, charts: Mapping[str, str] | None = None
+) -> str:
     """Return the report as HTML; the arguments are those of :func:`write_page`."""
     drawn = charts_as_svg(findings) if charts is None else charts
     calibration = findings.calibration

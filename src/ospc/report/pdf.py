@@ -11,7 +11,7 @@ from typing import Any
 
 from ospc.formats.files import write_bytes
 from ospc.photometry.calibration import Calibration
-from ospc.report.charts import Chart, Findings
+from ospc.report.charts import Chart, ReportFindings
 from ospc.report.examples import NOTHING_TRIED, Examples
 from ospc.report.sections import Section, basis_of, name_of, sections_of, shown
 from ospc.report.style import new_figure, printable, rules
@@ -44,7 +44,7 @@ _ROOM_POINTS = (_RIGHT - _LEFT) * _A4_IN[0] * _POINTS_PER_INCH
 """Width of a line of text."""
 
 
-def write_pdf(findings: Findings, path: Path, examples: Examples = NOTHING_TRIED) -> Path:
+def write_pdf(findings: ReportFindings, path: Path, examples: Examples = NOTHING_TRIED) -> Path:
     """Write the report as PDF, completely or not at all, and return its path."""
     from matplotlib.backends.backend_pdf import PdfPages
 
@@ -57,7 +57,7 @@ def write_pdf(findings: Findings, path: Path, examples: Examples = NOTHING_TRIED
     return write_bytes(path, content.getvalue())
 
 
-def pages(findings: Findings, examples: Examples = NOTHING_TRIED) -> Iterator[Any]:
+def pages(findings: ReportFindings, examples: Examples = NOTHING_TRIED) -> Iterator[Any]:
     """Return the pages as matplotlib figures: the summary, all charts, all pictures, and the text."""
     summary, *sections = sections_of(findings, examples)
     charts = [chart for section in sections for chart in section.charts]

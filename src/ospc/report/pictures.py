@@ -14,7 +14,7 @@ from ospc.errors import counted
 from ospc.formats.image_files import encoded
 from ospc.photometry.calibration import PROFILE_RADII, Calibration
 from ospc.photometry.vignette import diagonal_profile
-from ospc.report.charts import Findings
+from ospc.report.charts import ReportFindings
 from ospc.report.curves import RADIUS_LABEL
 from ospc.report.style import BLACK, BLUE, GREEN, ORANGE, as_image, new_figure, printable, rules, save
 
@@ -52,7 +52,7 @@ _NAME_LETTERS = 40
 because their end is more informative."""
 
 
-def pictures_of(findings: Findings) -> dict[str, Image]:
+def pictures_of(findings: ReportFindings) -> dict[str, Image]:
     """Return those of :data:`PICTURES` with known content, by name, shape (height, width, 3) in BGR.
 
     Each chart is drawn only once, even if several pictures show it, because drawing takes most of the time.
@@ -75,7 +75,7 @@ def pictures_of(findings: Findings) -> dict[str, Image]:
     return pictures
 
 
-def pictures_as_png(findings: Findings) -> dict[str, bytes]:
+def pictures_as_png(findings: ReportFindings) -> dict[str, bytes]:
     """Return the same pictures as PNG data."""
     return {name: encoded(picture, ".png", name) for name, picture in pictures_of(findings).items()}
 

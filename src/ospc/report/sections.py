@@ -13,10 +13,11 @@ from ospc.arrays import FloatArray
 from ospc.errors import counted
 from ospc.evaluation.tracking import TrackingComparison
 from ospc.evaluation.tracks import TrackFigures
-from ospc.photometry.calibration import PROFILE_RADII, Calibration, Verdict
+from ospc.photometry.calibration import PROFILE_RADII, Calibration
 from ospc.photometry.response import Response
+from ospc.photometry.verdict import Verdict
 from ospc.photometry.vignette import Vignette, diagonal_profile
-from ospc.report.charts import Chart, Findings
+from ospc.report.charts import Chart, ReportFindings
 from ospc.report.examples import Examples, Pictures
 
 SUMMARY = "Summary"
@@ -50,7 +51,7 @@ class Section:
     tables: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
 
 
-def sections_of(findings: Findings, examples: Examples) -> Iterator[Section]:
+def sections_of(findings: ReportFindings, examples: Examples) -> Iterator[Section]:
     """Yield the sections in the order of a report, without empty ones."""
     calibration, charts = findings.calibration, findings.charts
 

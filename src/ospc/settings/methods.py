@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from ospc.arrays import read_only
+
 # Images (ospc.methods.method)
 
 MIN_SIDE_PX = 32
@@ -63,9 +65,8 @@ MAX_MOTIONS = 200
 OUTLIER_ERROR_LOG = 0.3
 """Prediction errors far beyond this, in ln, are moving objects or wrong registrations."""
 
-CHANGE_GREY_KNOTS = np.array([0.0, 0.15, 0.35, 0.6, 0.85, 1.0])
+CHANGE_GREY_KNOTS = read_only(np.array([0.0, 0.15, 0.35, 0.6, 0.85, 1.0]))
 """Grey levels between which a change of ln g is interpolated linearly."""
-CHANGE_GREY_KNOTS.setflags(write=False)
 
 NO_CHANGE_POINTS = 1.0
 """Weight of the prior that nothing changed, in scene points: it keeps unobserved parts at zero."""
@@ -224,3 +225,19 @@ MIN_CLASS_RESIDUALS = 10
 
 MAX_VIGNETTE_ROUNDS, VIGNETTE_TOLERANCE = 100, 1e-9
 """Maximum number of reweighting rounds, and relative change of the solution at which it has converged."""
+
+ZERO_RESIDUAL = 1e-6
+"""Residuals below this count as zero, relative to their scale: they would get an infinite weight."""
+
+CONSTRAINT_WEIGHT = 1e4
+"""Weight of the equation Σc = 1 relative to all others if c ≥ 0 is enforced: the solution fulfils it to within 1e-8,
+and no digits are lost."""
+
+MONOTONICITY_LEVELS = 1024
+"""Number of grey levels between which a polynomial has to increase: far more than it has bends."""
+
+MIN_POLYNOMIAL_IRRADIANCE = 1e-6
+"""Lower limit of the irradiance before taking its logarithm: below the first grey level of any camera."""
+
+REACH_QUANTILE = 0.9
+"""Quantile of the radial displacements of a pair that counts as its reach: the largest ones may be wrong matches."""

@@ -172,8 +172,7 @@ class DefaultSettings:
         the square root of the recording's length.
     dense_frames
         Beyond this many processed frames, the skips grow with the fourth power of the number of frames. By then,
-        errors
-        common to all pairs, which further pairs do not reduce, dominate.
+        errors common to all pairs, which further pairs do not reduce, dominate.
     longest_pause_frames
         Maximum number of frames skipped between two processed frames. At 20 frames/s, ten seconds then contain twelve
         processed frames, enough to detect a change of the camera.

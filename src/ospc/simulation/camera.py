@@ -12,8 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from ospc.arrays import Float32Array, Image
-from ospc.errors import SettingError
-from ospc.folders import writing
+from ospc.folders import Content, check_usable, writing
 from ospc.formats.dso import write_pcalib, write_vignette
 from ospc.formats.image_files import encoded
 from ospc.photometry.response import Response
@@ -57,21 +56,29 @@ def remove_recording(folder: Path) -> None:
     SettingError
         If the folder contains anything that :func:`simulate` does not write; then nothing is removed.
     """
-    if not folder.exists() or (folder.is_dir() and not any(folder.iterdir())):
-        return
-    if not (folder / "truth.json").is_file():
-        raise SettingError(f"{folder}: is not a simulated recording (it has no truth.json); remove it yourself")
-    images = folder / "images"
-    inside = list(images.iterdir()) if images.is_dir() else []
-    written = [folder / name for name in _FILES if (folder / name).is_file()]
-    written += [path for path in inside if _IMAGE.fullmatch(path.name)]
-    foreign = {*folder.iterdir(), *inside} - {images, *written}
-    if foreign:
-        raise SettingError(f"{folder}: also contains {min(foreign).name}, which no simulation wrote; move it away")
-    for path in written:
+    check_usable(folder, content_of=_content, force=True)
+    for path in _written(folder):
         path.unlink()
-    if images.is_dir():
-        images.rmdir()
+    if (folder / "images").is_dir():
+        (folder / "images").rmdir()
+
+
+def _content(folder: Path) -> Content:
+    if not (folder / "truth.json").is_file():
+        return Content("is not an empty folder, and not a simulated recording (it has no truth.json)", "never")
+    images = folder / "images"
+    inside = images.iterdir() if images.is_dir() else ()
+    foreign = {*folder.iterdir(), *inside} - {images, *_written(folder)}
+    if foreign:
+        return Content(f"contains {min(foreign).name}, which no simulation wrote", "never")
+    return Content("contains a simulated recording", "with force")
+
+
+def _written(folder: Path) -> list[Path]:
+    """Return the files of a simulated recording."""
+    files = [folder / name for name in _FILES if (folder / name).is_file()]
+    images = folder / "images"
+    return files + [path for path in (images.iterdir() if images.is_dir() else ()) if _IMAGE.fullmatch(path.name)]
 
 
 _TABLE = 2**16
@@ -167,8 +174,7 @@ def simulate(
         If a response or vignette file cannot be read.
     """
     place = Path(out)
-    if not overwrite and place.exists() and (not place.is_dir() or any(place.iterdir())):
-        raise SettingError(f"{place}: is not an empty folder; choose another, or empty it")
+    check_usable(place, content_of=_content, force=overwrite)
     known = truth(settings)
     with writing(place):
         if overwrite:

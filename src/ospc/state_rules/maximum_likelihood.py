@@ -14,8 +14,9 @@ from ospc.methods.change_detection import ChangeDetector
 from ospc.methods.maximum_likelihood_state import MaximumLikelihoodState
 from ospc.observations import Observations
 from ospc.settings import DefaultSettings
-from ospc.settings.correspondence import MIN_NOISE_BLOCKS, NOISE_BINS, NOISE_FRAMES
-from ospc.settings.estimation import FACTOR_GREYS, STEP_EXPOSURES
+from ospc.settings.effects import STEP_EXPOSURES
+from ospc.settings.error_model import FACTOR_GREYS
+from ospc.settings.sampling import MIN_NOISE_BLOCKS, NOISE_BINS, NOISE_FRAMES
 from ospc.state_rules.numbers import CHANGES, Numbers, check_settings, require
 
 

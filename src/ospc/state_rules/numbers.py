@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ospc.errors import FormatError
-from ospc.settings.exposures import GREY_BIN_EDGES
+from ospc.settings.brightness import GREY_BIN_EDGES
 from ospc.settings.methods import CHANGE_GREY_KNOTS
 
 MOST = 2**40

@@ -13,8 +13,8 @@ from ospc.engine_state import EngineState, epoch_of
 from ospc.exposures.brightness_history import BrightnessHistory
 from ospc.photometry.geometry import MOST_PIXELS
 from ospc.settings import Settings
-from ospc.settings.correspondence import MAX_GREY_RANGES
-from ospc.settings.exposures import MAX_BRIGHTNESS_CHANGES
+from ospc.settings.brightness import MAX_BRIGHTNESS_CHANGES
+from ospc.settings.grey_values import MAX_GREY_RANGES
 from ospc.state_rules.fields import check_fields
 from ospc.state_rules.numbers import check_settings, count, require, share
 

@@ -19,42 +19,27 @@ from ospc.arrays import FloatArray, ImageSize, IntArray
 from ospc.errors import NotObservableError, counted
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import PolynomialVignette, RasterVignette, Vignette
+from ospc.settings.unknown_exposures import (
+    DAMPING_DOWN,
+    DAMPING_UP,
+    JOINT_HUBER,
+    JOINT_TOLERANCE,
+    MAX_DAMPED_ATTEMPTS,
+    MAX_JOINT_LOG,
+    MAX_JOINT_STEP,
+    MAX_SOLVER_STEPS,
+    MIN_DAMPING,
+    MIN_JOINT_OBSERVATIONS,
+    MIN_JOINT_VIGNETTE,
+    MIN_START_IRRADIANCE,
+    SOLVER_TOLERANCE,
+    START_DAMPING,
+)
 from ospc.unknown_exposures.response_model import SAMPLES, ResponseModel, learned_model
 from ospc.unknown_exposures.tracking import TrackObservations
 
-_HUBER = 0.015
-"""Residual, relative to full scale, above which the Huber loss is linear: four 8-bit levels, a few times the
-noise."""
-
 _RADIAL = 2 * np.arange(1, 4)
 """Powers of R in the vignette, as in the paper: R², R⁴ and R⁶."""
-
-_FEWEST = 200
-"""Fewest observations: a few for each of about ten parameters and for the radiances."""
-
-_LEAST_V, _MOST_LOG = 0.05, 12.0
-"""Smallest V and largest |ln| of the irradiance, far beyond any camera, to keep the optimisation finite."""
-
-_SETTLED = 1e-5
-"""Relative decrease of the cost at which the alternation ends; the data do not determine smaller changes."""
-
-_LEAST_IRRADIANCE = 1e-4
-"""Smallest irradiance whose logarithm is used for the initial exposures: darker samples are noise."""
-
-_MOST_DAMPED, _LARGEST_STEP = 6, 0.5
-"""Most attempts with increased damping, and largest change of ln e or ln L in a step, to keep the linearisation
-valid."""
-
-_START_DAMPING, _LEAST_DAMPING = 1e-3, 1e-7
-_DAMPING_UP, _DAMPING_DOWN = 8, 4
-"""Levenberg-Marquardt damping relative to the diagonal: initial value, lower bound, factor after a failed step, and
-divisor after a successful one."""
-
-_SOLVER_TOLERANCE = 1e-8
-"""Relative accuracy of the linear system for the initial exposures, far below their errors."""
-
-_MOST_SOLVER_STEPS = 400
-"""Most steps of its solver, which propagates exposures along chains of tracks by about one frame per step."""
 
 
 @dataclass(frozen=True)
@@ -90,9 +75,9 @@ class JointEstimate:
     def vignette(self) -> Vignette:
         """The vignette, raised to the exponent."""
         found = PolynomialVignette(self.size, tuple(self.radial.tolist()))
-        if self.exponent == 1.0 and found.profile(1.0) > _LEAST_V:
+        if self.exponent == 1.0 and found.profile(1.0) > MIN_JOINT_VIGNETTE:
             return found
-        image = np.maximum(found.image(), _LEAST_V) ** np.float32(self.exponent)
+        image = np.maximum(found.image(), MIN_JOINT_VIGNETTE) ** np.float32(self.exponent)
         return RasterVignette(image, {"name": "joint", "exponent": self.exponent})
 
     @property
@@ -122,10 +107,10 @@ def estimate_jointly(
     NotObservableError
         If there are too few observations.
     """
-    if tracks.grey.size < _FEWEST or tracks.frames.size < 2:
+    if tracks.grey.size < MIN_JOINT_OBSERVATIONS or tracks.frames.size < 2:
         raise NotObservableError(
             f"joint estimation has {counted(tracks.grey.size, 'observation')} in "
-            f"{counted(tracks.frames.size, 'frame')}; it needs {_FEWEST} in at least two frames"
+            f"{counted(tracks.frames.size, 'frame')}; it needs {MIN_JOINT_OBSERVATIONS} in at least two frames"
         )
     model = model or learned_model()
     c, v, log_e = np.zeros(len(model.components)), np.zeros(3), np.zeros(tracks.frames.size)
@@ -138,7 +123,7 @@ def estimate_jointly(
         problem.fit_parameters()
         problem.fit_radiances()
         before, cost = cost, problem.cost()
-        if np.isfinite(before) and before - cost < _SETTLED * before:
+        if np.isfinite(before) and before - cost < JOINT_TOLERANCE * before:
             break
     return problem.estimate(cost)
 
@@ -154,9 +139,9 @@ class _Problem:
         self._radial = tracks.radius[:, None] ** _RADIAL
         self._points = int(tracks.point.max()) + 1
         irradiance = np.interp(tracks.grey, model.curve(c), np.linspace(0, 1, SAMPLES))
-        first_log = np.log(np.maximum(irradiance, _LEAST_IRRADIANCE)) - np.log(self._attenuation(v))
+        first_log = np.log(np.maximum(irradiance, MIN_START_IRRADIANCE)) - np.log(self._attenuation(v))
         self._log_e, self._log_l = _first_exposures(tracks, first_log, log_e)
-        self._damping = _START_DAMPING
+        self._damping = START_DAMPING
         self._centre()
 
     def estimate(self, cost: float) -> JointEstimate:
@@ -184,25 +169,25 @@ class _Problem:
         d = by_frame(weight * slope**2)
         rhs, rhs_e = inner.T @ (weight * residual), by_frame(weight * slope * residual)
         before = self.cost()
-        for _ in range(_MOST_DAMPED):
+        for _ in range(MAX_DAMPED_ATTEMPTS):
             d_damped = d * (1 + self._damping) + 1e-9
             reduced = a + np.diag(np.diag(a) * self._damping + 1e-9) - (b / d_damped) @ b.T
             step = np.linalg.lstsq(reduced, rhs - (b / d_damped) @ rhs_e, rcond=None)[0]
-            step_e = np.clip((rhs_e - step @ b) / d_damped, -_LARGEST_STEP, _LARGEST_STEP)
+            step_e = np.clip((rhs_e - step @ b) / d_damped, -MAX_JOINT_STEP, MAX_JOINT_STEP)
             c, v = self._c + step[: self._c.size], self._v + step[self._c.size :]
             log_e = self._log_e + step_e
             if self._cost_of(c, v, log_e) < before:
                 self._c, self._v, self._log_e = c, v, log_e
-                self._damping = max(self._damping / _DAMPING_DOWN, _LEAST_DAMPING)
+                self._damping = max(self._damping / DAMPING_DOWN, MIN_DAMPING)
                 return
-            self._damping *= _DAMPING_UP
+            self._damping *= DAMPING_UP
 
     def fit_radiances(self) -> None:
         """Take one Gauss-Newton step in the radiance of every point."""
         _, residual, slope, weight = self._linearised()
         top = np.bincount(self._tracks.point, weights=weight * slope * residual, minlength=self._points)
         bottom = np.bincount(self._tracks.point, weights=weight * slope**2, minlength=self._points)
-        self._log_l = self._log_l + np.clip(top / (bottom * (1 + 1e-6) + 1e-9), -_LARGEST_STEP, _LARGEST_STEP)
+        self._log_l = self._log_l + np.clip(top / (bottom * (1 + 1e-6) + 1e-9), -MAX_JOINT_STEP, MAX_JOINT_STEP)
         self._centre()
 
     def _linearised(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
@@ -211,20 +196,20 @@ class _Problem:
         curve = self._model.curve(self._c)
         residual = self._tracks.grey - self._at(curve[None], x)[:, 0]
         slope = self._at(np.gradient(curve, 1 / (SAMPLES - 1))[None], x)[:, 0] * x
-        weight = self._tracks.weight * np.minimum(1, _HUBER / np.maximum(np.abs(residual), 1e-12))
+        weight = self._tracks.weight * np.minimum(1, JOINT_HUBER / np.maximum(np.abs(residual), 1e-12))
         return x, residual, np.where(x < 1, slope, 0.0), weight
 
     def _attenuation(self, v: FloatArray) -> FloatArray:
-        return np.maximum(1 + self._radial @ v, _LEAST_V)
+        return np.maximum(1 + self._radial @ v, MIN_JOINT_VIGNETTE)
 
     def _irradiance(self, v: FloatArray, log_e: FloatArray) -> FloatArray:
         log_x = np.log(self._attenuation(v)) + log_e[self._tracks.frame] + self._log_l[self._tracks.point]
-        return np.asarray(np.exp(np.clip(log_x, -_MOST_LOG, _MOST_LOG)))
+        return np.asarray(np.exp(np.clip(log_x, -MAX_JOINT_LOG, MAX_JOINT_LOG)))
 
     def _cost_of(self, c: FloatArray, v: FloatArray, log_e: FloatArray) -> float:
         x = self._irradiance(v, log_e)
         residual = np.abs(self._tracks.grey - self._at(self._model.curve(c)[None], x)[:, 0])
-        robust = np.where(residual < _HUBER, residual**2, 2 * _HUBER * residual - _HUBER**2)
+        robust = np.where(residual < JOINT_HUBER, residual**2, 2 * JOINT_HUBER * residual - JOINT_HUBER**2)
         return float(np.average(robust, weights=self._tracks.weight))
 
     def _centre(self) -> None:
@@ -262,9 +247,9 @@ def _first_exposures(
     found = lsqr(
         matrix,
         weight * log_irradiance,
-        atol=_SOLVER_TOLERANCE,
-        btol=_SOLVER_TOLERANCE,
-        iter_lim=_MOST_SOLVER_STEPS,
+        atol=SOLVER_TOLERANCE,
+        btol=SOLVER_TOLERANCE,
+        iter_lim=MAX_SOLVER_STEPS,
         x0=np.append(start, np.zeros(points)),
     )[0]
     return np.asarray(found[:frames]), np.asarray(found[frames:])

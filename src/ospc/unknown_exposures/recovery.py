@@ -19,26 +19,21 @@ import numpy as np
 from ospc.arrays import read_only
 from ospc.calibrator import calibrate
 from ospc.errors import FrameError, NotObservableError, counted
-from ospc.photometry.calibration import PROFILE_RADII, Calibration, Verdict
+from ospc.photometry.calibration import PROFILE_RADII, Calibration
+from ospc.photometry.verdict import Verdict
 from ospc.recording import open_recording
 from ospc.recording.derived import DerivedRecording
 from ospc.recording.options import ReadingOptions
 from ospc.recording.recording import Recording
 from ospc.settings import Settings
+from ospc.settings.unknown_exposures import (
+    EXPONENT_LEVELS,
+    EXPONENT_SIGMA,
+    MAX_RECOVERED_FRAMES,
+)
 from ospc.unknown_exposures.joint_estimation import JointEstimate, estimate_jointly
 from ospc.unknown_exposures.response_model import SAMPLES, learned_model
 from ospc.unknown_exposures.tracking import GainRobustTracker
-
-EXPONENT_SIGMA = 0.34
-"""Standard deviation of ln γ between the mean response used here and the 201 measured ones of the database of
-response functions (Grossberg and Nayar 2004); the mean of ln γ is 0.05."""
-
-MOST_FRAMES = 1500
-"""Most frames, from the first, whose exposures are estimated: memory and time grow with their number."""
-
-_LEVELS = np.linspace(0.1, 0.9, 81)
-"""Grey levels at which a response is compared with the mean response, without the ends, which suffer from noise and
-saturation."""
 
 _REMEDY = "give the exposure of every frame, or of a second recording of the same camera"
 
@@ -56,7 +51,7 @@ def recover_exposures(
     the total. NotObservableError if too little can be tracked between frames.
     """
     tracker = GainRobustTracker(every=1)
-    total = min(len(recording), MOST_FRAMES)
+    total = min(len(recording), MAX_RECOVERED_FRAMES)
     for done, frame in enumerate(islice(recording, total), start=1):
         # Unreadable frames are left out here; the calibration skips them too.
         with suppress(FrameError):
@@ -94,8 +89,8 @@ def calibrate_without_exposures(
 def typical_exponent(found: JointEstimate) -> float:
     """Return the exponent γ for which ln g^γ is closest to the mean response, in least squares over grey levels."""
     x = np.linspace(0, 1, SAMPLES)
-    log_g = np.log(np.maximum(found.response.inverse(_LEVELS), 1e-6))
-    log_mean = np.log(np.interp(_LEVELS, learned_model().mean, x))
+    log_g = np.log(np.maximum(found.response.inverse(EXPONENT_LEVELS), 1e-6))
+    log_mean = np.log(np.interp(EXPONENT_LEVELS, learned_model().mean, x))
     return float(log_g @ log_mean / (log_g @ log_g))
 
 
@@ -131,7 +126,7 @@ def labelled(calibration: Calibration, recording: object) -> Calibration:
 
 def _labelled_verdict(name: str, verdict: Verdict) -> Verdict:
     if not verdict.known:
-        return replace(verdict, reason=verdict.reason.replace(" ms", ""))  # estimated exposures are relative
+        return replace(verdict, reason=f"{verdict.reason} (exposures are estimated: their unit is arbitrary)")
     others = " and ".join(part for part in ("response", "vignette", "exposures") if part != name)
     return Verdict(
         "marginal",

@@ -18,39 +18,20 @@ import numpy.typing as npt
 from ospc.arrays import FloatArray, read_only
 from ospc.formats.hugin import EMOR_SAMPLES, read_emor
 from ospc.photometry.response import Response
+from ospc.settings.unknown_exposures import (
+    EVERY_WITH_KNEE,
+    FAMILY_GAMMAS,
+    FAMILY_KNEES,
+    FAMILY_LOGARITHMS,
+    FAMILY_SIGMOID_MIDDLES,
+    FAMILY_SIGMOID_POWERS,
+    FAMILY_TOE_GAMMAS,
+    FAMILY_TOES,
+    MIN_RESPONSE_SLOPE,
+)
 
 SAMPLES = EMOR_SAMPLES
 """Number of irradiances at which a model is tabulated, as in the published tables."""
-
-_LEAST_SLOPE = 1e-4
-"""Smallest slope of an estimated response, which must increase to have an inverse."""
-
-# Families of curves that a model is learned from, chosen by hand to span the variety of measured responses. Triples
-# are the smallest value, largest value and number of values of a parameter, in geometric progression.
-
-_GAMMAS = (0.6, 4.5, 14)
-"""Exponents g of the powers x^(1/g)."""
-
-_TOE_GAMMAS = (1.2, 3.5, 6)
-"""Exponents of powers with a linear toe, like video curves."""
-
-_TOES = (0.002, 0.01, 0.03)
-"""Irradiances at which the linear toe ends."""
-
-_LOGARITHMS = (1.5, 400.0, 12)
-"""Factors a of the logarithms ln(1 + a x)."""
-
-_SIGMOID_POWERS = (1.0, 1.2, 1.5, 1.9)
-"""Powers p of the sigmoids x^p / (x^p + c)."""
-
-_SIGMOID_MIDDLES = (0.05, 2.0, 5)
-"""Values of c of the sigmoids: x^p at half of the limit."""
-
-_KNEES = ((0.05, 0.3), (0.1, 0.45), (0.3, 0.6), (0.5, 0.8), (0.6, 0.75))
-"""Irradiance and grey level of the knee of curves made of two straight lines."""
-
-_EVERY_WITH_KNEE = 5
-"""Every n-th curve without a knee is averaged with each of these; using every curve would outweigh the others."""
 
 
 @dataclass(frozen=True)
@@ -107,22 +88,22 @@ def family_of_inverses(levels: int) -> FloatArray:
 def _family() -> list[FloatArray]:
     """Return the curves that the model is learned from, at equidistant irradiances, shape (1024,) each."""
     x = np.linspace(0, 1, SAMPLES)
-    curves = [x ** (1 / g) for g in np.geomspace(*_GAMMAS)]
-    for g in np.geomspace(*_TOE_GAMMAS):
-        for toe in _TOES:
+    curves = [x ** (1 / g) for g in np.geomspace(*FAMILY_GAMMAS)]
+    for g in np.geomspace(*FAMILY_TOE_GAMMAS):
+        for toe in FAMILY_TOES:
             # A straight line up to the toe, continued by a power with the same value and slope.
             offset = toe * (g - 1)
             power = (np.maximum(x, toe) + offset) ** (1 / g)
             at_toe = (toe + offset) ** (1 / g)
             curves.append(_unit(np.where(x < toe, at_toe * x / toe, power)))
-    curves += [np.log1p(a * x) / np.log1p(a) for a in np.geomspace(*_LOGARITHMS)]
-    for p in _SIGMOID_POWERS:
-        curves += [(1 + c) * x**p / (x**p + c) for c in np.geomspace(*_SIGMOID_MIDDLES)]
+    curves += [np.log1p(a * x) / np.log1p(a) for a in np.geomspace(*FAMILY_LOGARITHMS)]
+    for p in FAMILY_SIGMOID_POWERS:
+        curves += [(1 + c) * x**p / (x**p + c) for c in np.geomspace(*FAMILY_SIGMOID_MIDDLES)]
     bases = list(curves)
-    for knee_x, knee_y in _KNEES:
+    for knee_x, knee_y in FAMILY_KNEES:
         knee = np.interp(x, [0, knee_x, 1], [0, knee_y, 1])
         curves.append(knee)
-        curves += [_unit(0.5 * knee + 0.5 * base) for base in bases[::_EVERY_WITH_KNEE]]
+        curves += [_unit(0.5 * knee + 0.5 * base) for base in bases[::EVERY_WITH_KNEE]]
     return curves
 
 
@@ -132,6 +113,6 @@ def _unit(curve: FloatArray) -> FloatArray:
 
 def _increasing(curve: FloatArray) -> FloatArray:
     """Return the curve, forced to increase strictly, and scaled to 0 to 1."""
-    steps = np.maximum(np.diff(curve), _LEAST_SLOPE / len(curve))
+    steps = np.maximum(np.diff(curve), MIN_RESPONSE_SLOPE / len(curve))
     raised = np.concatenate([[0.0], np.cumsum(steps)])
     return np.asarray(raised / raised[-1])

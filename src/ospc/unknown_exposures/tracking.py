@@ -17,60 +17,31 @@ import numpy.typing as npt
 from ospc.arrays import BoolArray, Float32Array, FloatArray, Image, ImageSize, IntArray
 from ospc.photometry.geometry import normalised
 from ospc.recording.frame import Frame
-
-_PATTERN = np.array([(0, 0), (3, 0), (-3, 0), (0, 3), (0, -3)], dtype=np.float32)
-"""Offsets in pixels of the scene points that are observed around each feature: they have other grey levels than the
-feature, but are still within the tracked window."""
+from ospc.settings.unknown_exposures import (
+    BRIGHTEST_GAIN_8_BIT,
+    BRIGHTEST_TRACKED_8_BIT,
+    DARKEST_GAIN_8_BIT,
+    DARKEST_TRACKED_8_BIT,
+    FEATURE_QUALITY,
+    FEATURE_SPACING_PX,
+    GAIN_SIDE_PX,
+    MAX_GAIN_ROUNDS,
+    MAX_TRACK_RETURN_PX,
+    MEDIAN_STEP_PX,
+    MIN_GAIN_CHANGE,
+    OBSERVED_OFFSETS_PX,
+    OCCUPIED_PX,
+    PYRAMID_LEVELS,
+    REFILL_SHARE,
+    TRACKED_FEATURES,
+    TRACKED_GRADIENT_SCALE,
+    TRACKED_SMOOTHING_PX,
+    TRACKING_MARGIN_PX,
+    TRACKING_WINDOW_PX,
+)
 
 _RIGHT, _DOWN = np.array([1, 0], dtype=np.float32), np.array([0, 1], dtype=np.float32)
 """Steps of one pixel, (x, y), for computing gradients."""
-
-_ROUNDS, _GAIN_CHANGE = 2, 0.02
-"""Most alternations of tracking and gain, and change of ln gain at which they end: tracking tolerates a smaller
-error."""
-
-_FEATURES = 250
-"""Number of features tracked at a time; the published program tracks more, and takes longer."""
-
-_WINDOW_PX, _LEVELS = 21, 4
-"""Side of the tracking window, and levels of the pyramid above the image, for motion up to about 100 pixels."""
-
-_BACK_PX = 0.7
-"""Largest forward-backward error of a track in pixels: tracks that do not return are on another feature."""
-
-_MARGIN_PX = 6
-"""Smallest distance of a feature from the border in pixels, so that the points around it and their gradients lie
-inside."""
-
-_REFILL = 0.7
-"""Share of the features below which new ones are detected: detection takes time, and long tracks are most
-informative."""
-
-_QUALITY, _SPACING_PX = 0.005, 14
-"""Corner detection: smallest strength relative to the strongest corner, low to include weak texture, and smallest
-distance between corners in pixels, so that they cover the image."""
-
-_OCCUPIED_PX = 12
-"""Radius in pixels around a feature within which no new one is detected: it would be the same feature."""
-
-_SMOOTHING_PX = 0.8
-"""Standard deviation of the smoothing of sampled grey levels: less noise, and hardly any blur."""
-
-_DARKEST, _BRIGHTEST = 1.5, 254.0
-"""Grey levels, of 255, between which a sample is well exposed; the upper limit applies to its brightest neighbour."""
-
-_GAIN_SIDE_PX = 7
-"""Side of the squares around features whose mean brightness determines the gain: averaging reduces the effects of
-noise and motion blur."""
-
-_GAIN_DARKEST, _GAIN_BRIGHTEST = 3, 245
-"""Grey levels, of 255, between which these means are used; otherwise some of their pixels are clipped."""
-
-_MEDIAN_STEP = 4
-"""Row and column step at which the median of an image is computed."""
-
-_GRADIENT_SCALE = 12.0
-"""Gradient, in grey levels per pixel, at which a sample has half its weight: there, displacement errors dominate."""
 
 
 @dataclass(frozen=True)
@@ -137,7 +108,7 @@ class GainRobustTracker:
         self._size = (image.shape[1], image.shape[0])
         if self._previous is not None and len(self._points):
             self._track_into(self._previous, image)
-        if len(self._points) < _REFILL * _FEATURES:
+        if len(self._points) < REFILL_SHARE * TRACKED_FEATURES:
             self._detect(image)
         if self._count % self._every == 0:
             self._keep(frame.index, image)
@@ -172,17 +143,17 @@ class GainRobustTracker:
 
     def _track_into(self, before: Image, after: Image) -> None:
         self.log_gain = log_brightness(after) - log_brightness(before)
-        for _ in range(_ROUNDS):
+        for _ in range(MAX_GAIN_ROUNDS):
             first, second = equalised(before, after, self.log_gain)
-            options = {"winSize": (_WINDOW_PX, _WINDOW_PX), "maxLevel": _LEVELS}
+            options = {"winSize": (TRACKING_WINDOW_PX, TRACKING_WINDOW_PX), "maxLevel": PYRAMID_LEVELS}
             moved, found, _ = cv2.calcOpticalFlowPyrLK(first, second, self._points, None, **options)
             back, found_back, _ = cv2.calcOpticalFlowPyrLK(second, first, moved, None, **options)
             good = (found.ravel() > 0) & (found_back.ravel() > 0)
-            good &= np.linalg.norm(back - self._points, axis=1) < _BACK_PX
+            good &= np.linalg.norm(back - self._points, axis=1) < MAX_TRACK_RETURN_PX
             if not good.any():
                 break
             gain = _gain(before, after, self._points[good], moved[good])
-            if abs(gain - self.log_gain) < _GAIN_CHANGE:
+            if abs(gain - self.log_gain) < MIN_GAIN_CHANGE:
                 break
             self.log_gain = gain
         kept = good & self._inside(moved)
@@ -191,10 +162,12 @@ class GainRobustTracker:
     def _detect(self, image: Image) -> None:
         mask = np.full(image.shape, 255, np.uint8)
         for x, y in self._points:
-            cv2.circle(mask, (round(float(x)), round(float(y))), _OCCUPIED_PX, 0, -1)
-        wanted = _FEATURES - len(self._points)
+            cv2.circle(mask, (round(float(x)), round(float(y))), OCCUPIED_PX, 0, -1)
+        wanted = TRACKED_FEATURES - len(self._points)
         # Histogram equalisation, so that dark parts of the image get features too.
-        corners = cv2.goodFeaturesToTrack(cv2.equalizeHist(image), wanted, _QUALITY, _SPACING_PX, mask=mask)
+        corners = cv2.goodFeaturesToTrack(
+            cv2.equalizeHist(image), wanted, FEATURE_QUALITY, FEATURE_SPACING_PX, mask=mask
+        )
         if corners is None:
             return
         new = corners.reshape(-1, 2).astype(np.float32)
@@ -204,21 +177,21 @@ class GainRobustTracker:
         self._tracks += len(new)
 
     def _inside(self, places: Float32Array) -> BoolArray:
-        far = np.array(self._size) - 1 - _MARGIN_PX
-        return np.asarray(np.all((places > _MARGIN_PX) & (places < far), axis=1))
+        far = np.array(self._size) - 1 - TRACKING_MARGIN_PX
+        return np.asarray(np.all((places > TRACKING_MARGIN_PX) & (places < far), axis=1))
 
     def _keep(self, index: int, image: Image) -> None:
-        places = (self._points[:, None] + _PATTERN).reshape(-1, 2)
-        point = (self._track[:, None] * len(_PATTERN) + np.arange(len(_PATTERN))).ravel()
-        smooth = cv2.GaussianBlur(image, (0, 0), _SMOOTHING_PX).astype(np.float32)
+        places = (self._points[:, None] + OBSERVED_OFFSETS_PX).reshape(-1, 2)
+        point = (self._track[:, None] * len(OBSERVED_OFFSETS_PX) + np.arange(len(OBSERVED_OFFSETS_PX))).ravel()
+        smooth = cv2.GaussianBlur(image, (0, 0), TRACKED_SMOOTHING_PX).astype(np.float32)
         grey = sampled(smooth, places)
         across = sampled(smooth, places + _RIGHT) - sampled(smooth, places - _RIGHT)
         down = sampled(smooth, places + _DOWN) - sampled(smooth, places - _DOWN)
         steep = (across**2 + down**2) / 4
         brightest = sampled(cv2.dilate(image, None).astype(np.float32), places)
-        exposed = (brightest < _BRIGHTEST) & (grey > _DARKEST)
+        exposed = (brightest < BRIGHTEST_TRACKED_8_BIT) & (grey > DARKEST_TRACKED_8_BIT)
         radius = np.linalg.norm(normalised(places.astype(np.float64), self._size), axis=-1)
-        weight = _GRADIENT_SCALE**2 / (_GRADIENT_SCALE**2 + steep)
+        weight = TRACKED_GRADIENT_SCALE**2 / (TRACKED_GRADIENT_SCALE**2 + steep)
         self._rows.append(
             (index, point[exposed], grey[exposed] / 255, np.asarray(radius[exposed]), np.asarray(weight[exposed]))
         )
@@ -235,7 +208,7 @@ def sampled(image: Float32Array, places: npt.ArrayLike) -> FloatArray:
 
 def log_brightness(image: Image) -> float:
     """Return ln of the median grey level, at least 0."""
-    return float(np.log(max(float(np.median(image[::_MEDIAN_STEP, ::_MEDIAN_STEP])), 1.0)))
+    return float(np.log(max(float(np.median(image[::MEDIAN_STEP_PX, ::MEDIAN_STEP_PX])), 1.0)))
 
 
 def equalised(before: Image, after: Image, log_gain: float) -> tuple[Image, Image]:
@@ -248,8 +221,8 @@ def equalised(before: Image, after: Image, log_gain: float) -> tuple[Image, Imag
 def _gain(before: Image, after: Image, places: Float32Array, moved: Float32Array) -> float:
     """Return the median over features of the ln brightness ratio of the second to the first frame."""
     first, second = (
-        sampled(cv2.blur(image, (_GAIN_SIDE_PX, _GAIN_SIDE_PX)).astype(np.float32), p)
+        sampled(cv2.blur(image, (GAIN_SIDE_PX, GAIN_SIDE_PX)).astype(np.float32), p)
         for image, p in ((before, places), (after, moved))
     )
-    exposed = (np.minimum(first, second) > _GAIN_DARKEST) & (np.maximum(first, second) < _GAIN_BRIGHTEST)
+    exposed = (np.minimum(first, second) > DARKEST_GAIN_8_BIT) & (np.maximum(first, second) < BRIGHTEST_GAIN_8_BIT)
     return float(np.median(np.log(second[exposed] / first[exposed]))) if exposed.any() else 0.0

@@ -8,6 +8,7 @@ import pytest
 from ospc.errors import NotObservableError
 from ospc.evaluation.metrics import response_rmse
 from ospc.photometry.response import Response
+from ospc.settings.single_image import PRIOR_LEVELS
 from ospc.simulation.responses import srgb
 from ospc.unknown_exposures.single_image.edges import (
     EdgePatches,
@@ -16,7 +17,7 @@ from ospc.unknown_exposures.single_image.edges import (
     edge_histogram_response,
     histogram_unevenness,
 )
-from ospc.unknown_exposures.single_image.response_prior import LEVELS, response_prior
+from ospc.unknown_exposures.single_image.response_prior import response_prior
 from polygon_pictures import picture
 
 WINDOWS, PIXELS = 20, 40
@@ -57,7 +58,7 @@ def test_edges_are_found_in_a_photograph_and_give_its_response():
 
 
 def test_the_prior_prefers_usual_curves():
-    assert PRIOR.curve(np.zeros(5)).shape == (LEVELS,)
+    assert PRIOR.curve(np.zeros(5)).shape == (PRIOR_LEVELS,)
     assert PRIOR.cost(PRIOR.means[2]) < PRIOR.cost(np.full(5, 6.0))
 
 

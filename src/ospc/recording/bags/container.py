@@ -15,7 +15,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple
 
-from ospc.errors import OspcError, RecordingError, needs_extra, os_error_as, quoted, said_by
+from ospc.errors import OspcError, RecordingError, message_of, needs_extra, os_error_as, quoted
 
 if TYPE_CHECKING:
     from rosbags.interfaces import Connection
@@ -116,7 +116,7 @@ class BagFile(ABC):
         except OspcError:
             raise
         except Exception as error:
-            said = said_by(error, _QUOTED_CHARACTERS)
+            said = message_of(error, _QUOTED_CHARACTERS)
             why = f" ({said})" if said else ""
             raise RecordingError(f"{self.path}: the bag is damaged or truncated{why}; {self._ADVICE}") from None
 

@@ -21,7 +21,7 @@ import numpy as np
 from ospc.arrays import Image
 from ospc.errors import ExposureError, RecordingError, SettingError, needs_extra, quoted
 from ospc.recording.exposure_units import REALSENSE_UNIT_GAIN, ExposureUnit, GainUnit
-from ospc.recording.live.source import Camera, said_by_driver
+from ospc.recording.live.source import Camera, driver_message
 from ospc.recording.options import DEFAULT, ReadingOptions
 
 _UNITS = {"V4L2": ExposureUnit.US100, "DSHOW": ExposureUnit.LOG2_S, "MSMF": ExposureUnit.LOG2_S}
@@ -106,7 +106,7 @@ class RealSenseCamera(Camera):
                 playback.set_real_time(False)
             pipeline.start(config)
         except RuntimeError as error:
-            raise RecordingError(f"{name}: cannot be opened ({said_by_driver(error)}); is it plugged in?") from None
+            raise RecordingError(f"{name}: cannot be opened ({driver_message(error)}); is it plugged in?") from None
 
         def wait() -> Any:
             for _ in range(_WAITS):
@@ -142,7 +142,7 @@ def _module() -> Any:
             raise
         except ImportError as error:
             raise RecordingError(
-                f"pyrealsense2 is installed but cannot be loaded ({said_by_driver(error)}); install what is missing"
+                f"pyrealsense2 is installed but cannot be loaded ({driver_message(error)}); install what is missing"
             ) from None
     return pyrealsense2
 
@@ -174,7 +174,7 @@ class DepthAiCamera(Camera):
             queue = camera.requestOutput(_SIZE, kind).createOutputQueue()
             pipeline.start()
         except RuntimeError as error:
-            raise RecordingError(f"{name}: cannot be opened ({said_by_driver(error)}); is it plugged in?") from None
+            raise RecordingError(f"{name}: cannot be opened ({driver_message(error)}); is it plugged in?") from None
         return cls(lambda: queue.get() if pipeline.isRunning() else None, name, options, stop=pipeline.stop)
 
     def _read(self, frame: Any) -> tuple[Image, float, float, float]:

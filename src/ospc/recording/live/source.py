@@ -11,7 +11,7 @@ from typing import Any, Self
 import numpy as np
 
 from ospc.arrays import Image
-from ospc.errors import ExposureError, RecordingError, said_by
+from ospc.errors import ExposureError, RecordingError, message_of
 from ospc.photometry.correction import EXPOSURE_RANGE_MS
 from ospc.recording.channel import DEFAULT_CHANNEL
 from ospc.recording.exposure_units import ExposureUnit, GainUnit
@@ -83,7 +83,7 @@ class Camera(AbstractContextManager["Camera"]):
             try:
                 waited = self._wait()
             except RuntimeError as error:
-                raise RecordingError(f"{self.name}: stopped delivering frames ({said_by_driver(error)})") from None
+                raise RecordingError(f"{self.name}: stopped delivering frames ({driver_message(error)})") from None
             if waited is None:
                 return
             image, exposure, gain, stamp_s = self._read(waited)
@@ -121,6 +121,6 @@ class Camera(AbstractContextManager["Camera"]):
         return exposure_ms
 
 
-def said_by_driver(error: BaseException) -> str:
+def driver_message(error: BaseException) -> str:
     """Return the shortened message of a driver, for quoting."""
-    return said_by(error, _QUOTED_CHARACTERS)
+    return message_of(error, _QUOTED_CHARACTERS)

@@ -7,14 +7,15 @@ import re
 import shutil
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
 
 from ospc.arrays import ImageSize
-from ospc.errors import FormatError, RecordingError, SettingError, counted, os_error_as
-from ospc.folders import check_usable, writing
+from ospc.errors import FormatError, RecordingError, counted
+from ospc.folders import Content, check_usable, writing
 from ospc.formats.dso import write_times
 from ospc.formats.files import read_text, write_text
 from ospc.formats.rules_camera import input_size
@@ -157,7 +158,8 @@ def convert_recording(
         If no frame can be read, or time stamps are equal when rounded to nanoseconds.
     """
     place = Path(out)
-    existed = _check(place, recording.path, overwrite=overwrite)
+    check_usable(place, content_of=partial(_content, recording.path.resolve()), force=overwrite)
+    existed = place.exists()
     try:
         with writing(place):
             place.mkdir(parents=True, exist_ok=True)
@@ -170,16 +172,11 @@ def convert_recording(
     return converted
 
 
-def _check(place: Path, source: Path, *, overwrite: bool) -> bool:
-    """Return whether the folder exists; SettingError if it cannot be used."""
-    with os_error_as(SettingError, f"{place}: cannot be used for output", "choose another folder"):
-        check_usable(place)
-        if place.is_dir() and any(place.iterdir()) and not overwrite:
-            raise SettingError(f"{place}: is not empty; choose another folder, or replace its content with --force")
-        full, recorded = place.resolve(), source.resolve()
-        if recorded == full or any(recorded.is_relative_to(full / part) for part in PARTS):
-            raise SettingError(f"{place}: contains the recording itself; choose another folder")
-        return place.exists()
+def _content(recorded: Path, place: Path) -> Content:
+    full = place.resolve()
+    if recorded == full or any(recorded.is_relative_to(full / part) for part in PARTS):
+        return Content("contains the recording itself", "never")
+    return Content("is not empty", "with force")
 
 
 def _write(

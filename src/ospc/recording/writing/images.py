@@ -11,8 +11,8 @@ from typing import Literal
 
 import numpy as np
 
-from ospc.errors import RecordingError, SettingError
-from ospc.folders import writing
+from ospc.errors import RecordingError
+from ospc.folders import NOT_EMPTY, check_usable, writing
 from ospc.formats.dso import write_times
 from ospc.formats.image_files import encoded
 from ospc.formats.image_header import JPEG_START, PNG_SIGNATURE, read_header
@@ -152,8 +152,7 @@ def film(
         If no frame arrives.
     """
     place = Path(out)
-    if place.exists() and not (place.is_dir() and not any(place.iterdir())):
-        raise SettingError(f"{place}: is not an empty folder; choose another folder")
+    check_usable(place, content_of=lambda _place: NOT_EMPTY)
     stamps_s: list[float] = []
     exposures_ms: list[float] = []
     repeated = 0

@@ -26,7 +26,7 @@ from ospc.research.faults.footage import STRENGTHS, Fault, Footage, GoodSource, 
 from ospc.research.runner import OnProgress, Task, made_with
 from ospc.research.scoring import profile_along_diagonal
 
-Outcome = Literal[
+FaultOutcome = Literal[
     "detected", "corrected", "harmless", "uncertain", "indistinguishable", "confident and wrong", "crashed"
 ]
 
@@ -79,7 +79,7 @@ class Run:
     fault: str
     strength: str
     value: float | None
-    outcome: Outcome
+    outcome: FaultOutcome
     kappa: float | None = None
     step: float | None = None
     step_sigma: float | None = None
@@ -119,7 +119,7 @@ def _run(source: GoodSource, run: Run, progress: OnProgress) -> dict[str, Any]:
     try:
         found = calibrated(footage)
     except Exception as error:  # a crash is an outcome too
-        outcome: Outcome = "detected" if isinstance(error, OspcError) else "crashed"
+        outcome: FaultOutcome = "detected" if isinstance(error, OspcError) else "crashed"
         return asdict(replace(run, outcome=outcome, said=(one_line(error),), false_alarm=True))
     return asdict(judged(found, footage, replace(run, seconds=process_time() - began)))
 
@@ -192,7 +192,7 @@ def _errors(found: Calibration, footage: Footage) -> dict[str, Any]:
 
 def outcome_of(
     states: dict[str, str], figures: Mapping[str, float | None], *, warned: bool, corrected: bool
-) -> Outcome:
+) -> FaultOutcome:
     """Return the outcome of a run from the verdicts on quantities with known truth; the worst figure decides.
 
     ``figures`` are errors and standard deviations by the names of :class:`Run`. ``corrected`` is whether notes report

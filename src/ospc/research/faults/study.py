@@ -9,13 +9,13 @@ from typing import Any, get_args
 from ospc.formats.files import csv_text
 from ospc.research.accuracy.design import select
 from ospc.research.faults.footage import STRENGTHS, Fault, GoodSource
-from ospc.research.faults.judging import CLEAN, FAULTS, KINDS, Outcome, Run, fault_task
+from ospc.research.faults.judging import CLEAN, FAULTS, KINDS, FaultOutcome, Run, fault_task
 from ospc.research.runner import Task
 from ospc.research.tables import StudyReport, Table, benchmark_report
 
 SCHEMA = "ospc-benchmark-faults/1"
 
-OUTCOMES: tuple[Outcome, ...] = get_args(Outcome)
+OUTCOMES: tuple[FaultOutcome, ...] = get_args(FaultOutcome)
 
 _NOTE = (
     "Detected: an error, a warning, or a quantity said not to be identifiable. Corrected and harmless: errors within "

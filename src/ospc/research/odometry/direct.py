@@ -17,7 +17,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from ospc.arrays import BoolArray, Float32Array, FloatArray
-from ospc.errors import OspcError, RecordingError, said_by
+from ospc.errors import OspcError, RecordingError, message_of
 from ospc.evaluation.trajectory import Trajectory, read_trajectory
 from ospc.formats.files import read_text
 from ospc.photometry.correction import Corrector
@@ -56,7 +56,7 @@ class SceneDepth:
         except (OspcError, ValueError, KeyError, TypeError, RecursionError) as error:
             raise RecordingError(
                 f"{folder}: the built-in odometry needs the depth of a simulated scene, which {_TRUTH} does not "
-                f"describe ({said_by(error)}); "
+                f"describe ({message_of(error)}); "
                 "make the recording with 'ospc simulate', or use --program"
             ) from None
         faces = (*scene.walls, *scene.pictures, *(face for solid in scene.solids for face in solid.faces))

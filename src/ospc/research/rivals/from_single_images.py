@@ -11,9 +11,10 @@ from ospc.arrays import Image
 from ospc.photometry.response import Response
 from ospc.recording.frame import Frame
 from ospc.research.method import Estimate, Outcome, outcomes_of
+from ospc.settings.single_image import PRIOR_COMPONENTS
 from ospc.unknown_exposures.single_image.edges import EdgePatches
 from ospc.unknown_exposures.single_image.fallback import calibrate_single_images
-from ospc.unknown_exposures.single_image.response_prior import COMPONENTS, response_prior
+from ospc.unknown_exposures.single_image.response_prior import response_prior
 from ospc.unknown_exposures.single_image.zheng_2008 import radial_gradient_vignette, segment_vignette
 
 _IMAGES, _APART = 4, 40
@@ -69,7 +70,7 @@ def zheng_segments(truth: Response | None) -> FromSingleImages:
 def _by_response(
     name: str, truth: Response | None, vignette: Callable[[Response, Sequence[Image]], Estimate]
 ) -> FromSingleImages:
-    usual = response_prior().response(np.zeros(COMPONENTS), "usual")
+    usual = response_prior().response(np.zeros(PRIOR_COMPONENTS), "usual")
     responses = {"without": usual} if truth is None else {"with": truth, "without": usual}
     return FromSingleImages({f"{name}-{key}": partial(vignette, response) for key, response in responses.items()})
 

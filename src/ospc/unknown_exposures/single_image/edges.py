@@ -39,39 +39,27 @@ import numpy as np
 from ospc.arrays import BoolArray, FloatArray, Image, IntArray
 from ospc.errors import NotObservableError, counted
 from ospc.photometry.response import Response
+from ospc.settings.single_image import (
+    BETWEEN_MARGIN,
+    CANNY_THRESHOLDS,
+    COLOUR_PRIOR_WEIGHT,
+    EDGE_BLEND_PX,
+    EDGE_SPACING_PX,
+    EDGE_WINDOW_PX,
+    HISTOGRAM_MARGIN,
+    HISTOGRAM_PRIOR_WEIGHT,
+    MAX_EDGE_WINDOWS,
+    MAX_REGION_SPREAD,
+    MIN_EDGE_CONTRAST,
+    MIN_EDGE_PIXELS,
+    MIN_HISTOGRAM_PIXELS,
+    MIN_IRRADIANCE_RANGE,
+    MIN_PATCHES,
+    MIN_REGION_PIXELS,
+    MIN_SQUARED_LENGTH,
+    UNCLIPPED_REGION_8_BIT,
+)
 from ospc.unknown_exposures.single_image.response_prior import response_prior
-
-_SIDE_PX = 15
-"""Side of a window, as published."""
-
-_BLEND_PX = 2
-"""Distance from the edge, in pixels, within which pixels cover both regions."""
-
-_SPACING_PX = 8
-"""Side of the cells that contain at most one window each, centred on the pixel with the strongest gradient."""
-
-_CANNY = (40, 100)
-"""Thresholds of the edge detector, in grey levels."""
-
-_MOST_SPREAD, _LEAST_CONTRAST = 4.0, 20.0
-"""Largest standard deviation within a region and smallest difference between the regions, in grey levels of each
-channel: the error of the means must be small compared with the curvature of the response in between."""
-
-_FEWEST_REGION, _FEWEST_EDGE = 20, 8
-"""Fewest pixels of a region and an edge; with fewer, their means and histograms are noise."""
-
-_BETWEEN = 0.03
-"""Margin between an edge pixel and both regions, relative to their difference: pixels within it cover only one
-region."""
-
-_CLIPPED = (3, 252)
-"""Grey levels outside which a region may be clipped."""
-
-_MOST_WINDOWS = 1500
-"""Most windows of an image, strongest edges first; more take time and do not improve the curve."""
-
-_FEWEST_PATCHES = 5
-"""Fewest patches for estimating a curve."""
 
 
 @dataclass(frozen=True)
@@ -94,10 +82,10 @@ class EdgePatches:
         NotObservableError if there are too few.
         """
         found = [patch for image in images for patch in _patches_in(image)]
-        if len(found) < _FEWEST_PATCHES:
+        if len(found) < MIN_PATCHES:
             raise NotObservableError(
                 f"only {counted(len(found), 'edge')} between even regions found, but a response needs "
-                f"{_FEWEST_PATCHES}; use an image of distinct, evenly lit surfaces"
+                f"{MIN_PATCHES}; use an image of distinct, evenly lit surfaces"
             )
         first, second, edges = zip(*found, strict=True)
         window = np.repeat(np.arange(len(edges)), [len(edge) for edge in edges])
@@ -115,20 +103,20 @@ def _patches_in(image: Image) -> list[tuple[FloatArray, FloatArray, FloatArray]]
     planes = image if image.ndim == 3 else image[:, :, None]
     grey = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY) if image.ndim == 3 else image
     strength = np.hypot(cv2.Sobel(grey, cv2.CV_32F, 1, 0), cv2.Sobel(grey, cv2.CV_32F, 0, 1))
-    strength[cv2.Canny(grey, *_CANNY) == 0] = 0
-    half, (height, width) = _SIDE_PX // 2, grey.shape
+    strength[cv2.Canny(grey, *CANNY_THRESHOLDS) == 0] = 0
+    half, (height, width) = EDGE_WINDOW_PX // 2, grey.shape
     corners = []
-    for y in range(half, height - half - _SPACING_PX, _SPACING_PX):
-        for x in range(half, width - half - _SPACING_PX, _SPACING_PX):
-            cell = strength[y : y + _SPACING_PX, x : x + _SPACING_PX]
+    for y in range(half, height - half - EDGE_SPACING_PX, EDGE_SPACING_PX):
+        for x in range(half, width - half - EDGE_SPACING_PX, EDGE_SPACING_PX):
+            cell = strength[y : y + EDGE_SPACING_PX, x : x + EDGE_SPACING_PX]
             place = int(cell.argmax())
             if cell.flat[place] > 0:
-                dy, dx = divmod(place, _SPACING_PX)
+                dy, dx = divmod(place, EDGE_SPACING_PX)
                 corners.append((float(cell.flat[place]), y + dy - half, x + dx - half))
     taken: BoolArray = np.zeros(grey.shape, dtype=bool)
     found = []
-    for _, y, x in sorted(corners, reverse=True)[:_MOST_WINDOWS]:
-        window = (slice(y, y + _SIDE_PX), slice(x, x + _SIDE_PX))
+    for _, y, x in sorted(corners, reverse=True)[:MAX_EDGE_WINDOWS]:
+        window = (slice(y, y + EDGE_WINDOW_PX), slice(x, x + EDGE_WINDOW_PX))
         if taken[window].mean() > 0.5:
             continue
         patch = _patch(grey[window], planes[window].astype(np.float64))
@@ -141,28 +129,21 @@ def _patches_in(image: Image) -> list[tuple[FloatArray, FloatArray, FloatArray]]
 def _patch(grey: Image, pixels: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray] | None:
     """Split a window at Otsu's threshold; None if it is not an edge between two even regions."""
     _, bright = cv2.threshold(grey, 0, 1, cv2.THRESH_BINARY + cv2.THRESH_OTSU)
-    kernel = np.ones((2 * _BLEND_PX + 1, 2 * _BLEND_PX + 1), np.uint8)
+    kernel = np.ones((2 * EDGE_BLEND_PX + 1, 2 * EDGE_BLEND_PX + 1), np.uint8)
     second = cv2.erode(bright, kernel) > 0
     first = cv2.dilate(bright, kernel) == 0
-    if min(np.count_nonzero(first), np.count_nonzero(second)) < _FEWEST_REGION:
+    if min(np.count_nonzero(first), np.count_nonzero(second)) < MIN_REGION_PIXELS:
         return None
     means = np.array([pixels[region].mean(axis=0) for region in (first, second)])
     spreads = np.array([pixels[region].std(axis=0) for region in (first, second)])
     low, high = means.min(axis=0), means.max(axis=0)
-    even = np.max(spreads) <= _MOST_SPREAD and np.min(high - low) >= _LEAST_CONTRAST
-    if not even or low.min() < _CLIPPED[0] or high.max() > _CLIPPED[1]:
+    even = np.max(spreads) <= MAX_REGION_SPREAD and np.min(high - low) >= MIN_EDGE_CONTRAST
+    if not even or low.min() < UNCLIPPED_REGION_8_BIT[0] or high.max() > UNCLIPPED_REGION_8_BIT[1]:
         return None
     edge = pixels[~first & ~second]
-    margin = _BETWEEN * (high - low)
+    margin = BETWEEN_MARGIN * (high - low)
     edge = edge[np.all((edge > low + margin) & (edge < high - margin), axis=1)]
-    return None if len(edge) < _FEWEST_EDGE else (means[0], means[1], edge)
-
-
-_COLOUR_PRIOR = 3 * 0.001
-"""λ of edge colours, for three channels."""
-
-_LEAST_SQUARE = 1e-12
-"""Lower bound of the squared length of a line, against division by zero."""
+    return None if len(edge) < MIN_EDGE_PIXELS else (means[0], means[1], edge)
 
 
 def edge_colour_distance(patches: EdgePatches, curve: FloatArray) -> float:
@@ -170,10 +151,10 @@ def edge_colour_distance(patches: EdgePatches, curve: FloatArray) -> float:
     first, second, edge = patches.linearised(curve)
     line, offset = first - second, edge - second
     area = np.linalg.norm(np.cross(line, offset), axis=1)
-    return float(np.mean(area / np.maximum(np.sum(line**2, axis=1), _LEAST_SQUARE)))
+    return float(np.mean(area / np.maximum(np.sum(line**2, axis=1), MIN_SQUARED_LENGTH)))
 
 
-def edge_colour_response(patches: EdgePatches, prior_weight: float = _COLOUR_PRIOR) -> Response:
+def edge_colour_response(patches: EdgePatches, prior_weight: float = COLOUR_PRIOR_WEIGHT) -> Response:
     """Return the response that maps edge colours onto the lines between the colours of their regions.
 
     NotObservableError if the patches have no colours.
@@ -185,20 +166,6 @@ def edge_colour_response(patches: EdgePatches, prior_weight: float = _COLOUR_PRI
     )
 
 
-_HISTOGRAM_PRIOR = 0.001
-"""λ of edge histograms."""
-
-_MARGIN = 0.15
-"""Share of the range between the regions that is left out at either end, because it contains pixels of the
-regions."""
-
-_FEWEST_BETWEEN = 5
-"""Fewest pixels of a histogram between these margins."""
-
-_LEAST_RANGE = 1e-6
-"""Lower bound of the irradiance difference of two regions, for curves that are flat."""
-
-
 def histogram_unevenness(patches: EdgePatches, curve: FloatArray) -> float:
     """Return how far irradiances at edges are from a uniform distribution, given g at equidistant grey levels.
 
@@ -207,22 +174,22 @@ def histogram_unevenness(patches: EdgePatches, curve: FloatArray) -> float:
     levels = np.arange(curve.size) * (255 / (curve.size - 1))
     grey, window = patches.edge[:, 0], patches.window
     low, high = np.minimum(patches.first, patches.second)[:, 0], np.maximum(patches.first, patches.second)[:, 0]
-    low, high = low + _MARGIN * (high - low), high - _MARGIN * (high - low)
+    low, high = low + HISTOGRAM_MARGIN * (high - low), high - HISTOGRAM_MARGIN * (high - low)
     inner = (grey > low[window]) & (grey < high[window])
     grey, window = grey[inner], window[inner]
     counts = np.bincount(window, minlength=len(low))
-    if counts.max(initial=0) < _FEWEST_BETWEEN:
+    if counts.max(initial=0) < MIN_HISTOGRAM_PIXELS:
         raise NotObservableError("too few pixels lie on edges to determine the distribution of irradiances")
     order = np.lexsort((grey, window))
     grey, window = grey[order], window[order]
     place = np.arange(window.size) - (np.cumsum(counts) - counts)[window] + 0.5
     darkest, brightest, light = (np.interp(g, levels, curve) for g in (low[window], high[window], grey))
-    share = (light - darkest) / np.maximum(brightest - darkest, _LEAST_RANGE)
-    usable = (counts >= _FEWEST_BETWEEN)[window]
+    share = (light - darkest) / np.maximum(brightest - darkest, MIN_IRRADIANCE_RANGE)
+    usable = (counts >= MIN_HISTOGRAM_PIXELS)[window]
     return float(np.mean((share - place / counts[window])[usable] ** 2))
 
 
-def edge_histogram_response(patches: EdgePatches, prior_weight: float = _HISTOGRAM_PRIOR) -> Response:
+def edge_histogram_response(patches: EdgePatches, prior_weight: float = HISTOGRAM_PRIOR_WEIGHT) -> Response:
     """Return the response for which irradiances at edges are uniformly distributed, using the first channel."""
     return response_prior().most_likely(
         lambda curve: histogram_unevenness(patches, curve), prior_weight, "edge-histograms"

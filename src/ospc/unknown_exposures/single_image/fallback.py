@@ -18,43 +18,32 @@ import numpy as np
 from ospc.arrays import FloatArray, Image, ImageSize, size_of
 from ospc.errors import FrameError, NotObservableError, counted
 from ospc.formats.files import read_bytes
-from ospc.photometry.calibration import PROFILE_RADII, Calibration, Verdict
+from ospc.photometry.calibration import PROFILE_RADII, Calibration
 from ospc.photometry.response import Response
+from ospc.photometry.verdict import Verdict
 from ospc.photometry.vignette import PolynomialVignette
 from ospc.recording import open_recording
 from ospc.recording.channel import Channel
 from ospc.recording.image_source import MAX_FILE_BYTES, decode_stored, is_image_name
 from ospc.recording.options import DEFAULT, ReadingOptions
 from ospc.recording.pixel_layout import detect_bit_depth
+from ospc.settings.single_image import (
+    BRIGHTEST_PIXEL_8_BIT,
+    CORNER_SIGMA,
+    DARKEST_PIXEL_8_BIT,
+    MAX_SINGLE_IMAGES,
+    MIN_SHAPE_SIGMA,
+    MIN_SINGLE_IMAGE_SIDE_PX,
+    OWN_RESPONSE_WEIGHT,
+    OWN_VIGNETTE_WEIGHT,
+    PRIOR_COMPONENTS,
+    SHAPE_SIGMA,
+    TYPICAL_VIGNETTE,
+)
 from ospc.unknown_exposures.single_image.edges import EdgePatches, edge_colour_response
-from ospc.unknown_exposures.single_image.response_prior import COMPONENTS, response_prior
+from ospc.unknown_exposures.single_image.response_prior import response_prior
 from ospc.unknown_exposures.single_image.zheng_2008 import radial_gradient_vignette
 from ospc.versions import versions
-
-_MOST_IMAGES = 8
-"""Number of evenly spaced images of a recording to use: more would show the same surfaces again."""
-
-_SHAPE_SIGMA = 0.4
-"""Relative standard deviation of ln g(M)/g(½), like that of an exponent, on simulated photographs."""
-
-_LEAST_LOG_SIGMA = 0.08
-"""Standard deviation of ln g(M)/g(½) close to ½, where curves differ by more than an exponent."""
-
-_CORNER_SIGMA = 0.2
-"""Standard deviation of V in the corners; it grows linearly with the radius. It is 0.11 on simulated photographs with
-typical lenses, but wide-angle lenses lose more."""
-
-_OWN_RESPONSE, _OWN_VIGNETTE = 0.5, 0.2
-"""Weights of the estimates relative to typical curves, which minimise the errors on simulated photographs."""
-
-_USUAL_VIGNETTE = (-0.2, -0.1, -0.05)
-"""v₁, v₂, v₃ of a typical vignette."""
-
-_DARKEST, _BRIGHTEST = 2, 250
-"""Grey levels outside which a pixel may be clipped."""
-
-_SMALLEST_PX = 32
-"""Smallest width and height of an image; smaller ones contain neither edges nor rings."""
 
 _REMEDY = "record a video with changing, known exposures; check it with 'ospc check'"
 
@@ -69,7 +58,7 @@ def single_images(path: str | Path, kind: str | None = None, options: ReadingOpt
         data = read_bytes(place, MAX_FILE_BYTES, FrameError)
         return [decode_stored(data, str(place), Channel.ALL).pixels]
     recording = open_recording(place, kind, replace(options, unknown_exposures=True, channel=Channel.ALL))
-    wanted = set(np.linspace(0, len(recording) - 1, _MOST_IMAGES).astype(int).tolist())
+    wanted = set(np.linspace(0, len(recording) - 1, MAX_SINGLE_IMAGES).astype(int).tolist())
     return [frame.image_8_bit for number, frame in enumerate(recording) if number in wanted]
 
 
@@ -82,10 +71,10 @@ def calibrate_single_images(images: Sequence[Image]) -> Calibration:
     if len({image.shape for image in images}) != 1:
         raise FrameError("give at least one image, and images of equal size")
     size = size_of(images[0])
-    if min(size) < _SMALLEST_PX:
+    if min(size) < MIN_SINGLE_IMAGE_SIDE_PX:
         raise FrameError(
             f"an image of {size[0]}x{size[1]} pixels is too small; give one of at least "
-            f"{_SMALLEST_PX}x{_SMALLEST_PX} pixels"
+            f"{MIN_SINGLE_IMAGE_SIDE_PX}x{MIN_SINGLE_IMAGE_SIDE_PX} pixels"
         )
     eight = _in_8_bits(images)
     response, basis = _response(eight)
@@ -101,7 +90,7 @@ def calibrate_single_images(images: Sequence[Image]) -> Calibration:
             "vignette": Verdict("marginal", reason.format(shading), _REMEDY),
             "exposures": Verdict("not identifiable", "single images do not determine exposures", _REMEDY),
         },
-        vignette_sigma=np.asarray(_CORNER_SIGMA * PROFILE_RADII),
+        vignette_sigma=np.asarray(CORNER_SIGMA * PROFILE_RADII),
         counts={"frames": len(eight)},
         versions=versions(),
         advice=(_REMEDY,),
@@ -122,26 +111,28 @@ def _response(images: Sequence[Image]) -> tuple[Response, str]:
     try:
         patches = EdgePatches.of(images)
         own = np.array(edge_colour_response(patches).model["coefficients"])
-        found = response_prior().response(_OWN_RESPONSE * own, "edge-colours")
+        found = response_prior().response(OWN_RESPONSE_WEIGHT * own, "edge-colours")
         basis = f"{len(patches.first)} edges in colour and typical curves"
     except NotObservableError:
-        found = response_prior().response(np.zeros(COMPONENTS), "usual")
+        found = response_prior().response(np.zeros(PRIOR_COMPONENTS), "usual")
         basis = "typical curves, for lack of edges in colour"
     log_g = np.log(np.maximum(found.inverse_table, np.finfo(float).tiny))
     log_reference = float(np.log(found.inverse(found.reference_grey)))
-    sigma = np.hypot(_LEAST_LOG_SIGMA, _SHAPE_SIGMA * np.abs(log_g - log_reference))
-    return replace(found, log_sigma=sigma, scale_sigma=float(_SHAPE_SIGMA * abs(log_reference))), basis
+    sigma = np.hypot(MIN_SHAPE_SIGMA, SHAPE_SIGMA * np.abs(log_g - log_reference))
+    return replace(found, log_sigma=sigma, scale_sigma=float(SHAPE_SIGMA * abs(log_reference))), basis
 
 
 def _vignette(size: ImageSize, images: Sequence[Image], response: Response) -> tuple[PolynomialVignette, str]:
     """Return the vignette, and a description of its basis."""
     greys = [image if image.ndim == 2 else image[..., 1] for image in images]
     light: list[FloatArray] = [response.inverse(grey / 255) for grey in greys]
-    usual = PolynomialVignette(size, _USUAL_VIGNETTE)
+    usual = PolynomialVignette(size, TYPICAL_VIGNETTE)
     try:
-        own = radial_gradient_vignette(light, [(grey > _DARKEST) & (grey < _BRIGHTEST) for grey in greys])
+        own = radial_gradient_vignette(
+            light, [(grey > DARKEST_PIXEL_8_BIT) & (grey < BRIGHTEST_PIXEL_8_BIT) for grey in greys]
+        )
     except NotObservableError:
         return usual, "typical curves, for lack of exposed pixels"
-    both = zip(own.coefficients, _USUAL_VIGNETTE, strict=True)
-    blended = tuple(_OWN_VIGNETTE * a + (1 - _OWN_VIGNETTE) * b for a, b in both)
+    both = zip(own.coefficients, TYPICAL_VIGNETTE, strict=True)
+    blended = tuple(OWN_VIGNETTE_WEIGHT * a + (1 - OWN_VIGNETTE_WEIGHT) * b for a, b in both)
     return PolynomialVignette(size, blended), "radial gradients and typical curves"

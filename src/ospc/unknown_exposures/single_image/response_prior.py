@@ -18,29 +18,17 @@ from scipy.special import logsumexp
 from ospc.arrays import FloatArray
 from ospc.errors import NotObservableError
 from ospc.photometry.response import Response
+from ospc.settings.single_image import (
+    ADDED_PRIOR_VARIANCE,
+    DECREASE_WEIGHT,
+    EDGE_TOLERANCE,
+    MIN_PRIOR_SLOPE,
+    PRIOR_COMPONENTS,
+    PRIOR_LEVELS,
+    PRIOR_NORMALS,
+    PRIOR_ROUNDS,
+)
 from ospc.unknown_exposures.response_model import family_of_inverses
-
-LEVELS = 256
-"""Grey levels at which curves are tabulated."""
-
-COMPONENTS, NORMALS = 5, 5
-"""Number of components of g, and of normal distributions in the mixture, as published."""
-
-_LEAST_VARIANCE = 0.05
-"""Added to the variance of each coefficient, which is 1 overall, to allow for curves between the learned ones."""
-
-_LEAST_SLOPE = 1e-3
-"""Smallest slope of g, so that it has an inverse."""
-
-_ROUNDS = 60
-"""Iterations of expectation maximisation, enough for convergence."""
-
-_SETTLED = 1e-6
-"""Gradient of the cost at which the minimisation ends: smaller ones do not change any grey level."""
-
-_FALLING = 100.0
-"""Weight of decreasing parts of a curve (the sum of all decreases in full scale) relative to −ln p: a response must
-not decrease."""
 
 
 @dataclass(frozen=True)
@@ -64,7 +52,7 @@ class ResponsePrior:
 
     def response(self, coefficients: FloatArray, name: str) -> Response:
         """Return the response with these coefficients, forced to increase."""
-        steps = np.maximum(np.diff(self.curve(coefficients)), _LEAST_SLOPE / LEVELS)
+        steps = np.maximum(np.diff(self.curve(coefficients)), MIN_PRIOR_SLOPE / PRIOR_LEVELS)
         model = {"name": name, "coefficients": coefficients.tolist()}
         return Response.from_values(np.append(0.0, np.cumsum(steps)), model=model)
 
@@ -73,7 +61,7 @@ class ResponsePrior:
         offset = coefficients - self.means
         normal = np.einsum("ki,kij,kj->k", offset, self.precisions, offset)
         falls = np.minimum(np.diff(self.curve(coefficients)), 0)
-        return float(-np.logaddexp.reduce(self.log_weights - normal / 2) - _FALLING * falls.sum())
+        return float(-np.logaddexp.reduce(self.log_weights - normal / 2) - DECREASE_WEIGHT * falls.sum())
 
     def most_likely(self, misfit: Callable[[FloatArray], float], weight: float, name: str) -> Response:
         """Return the response that minimises misfit(g) − λ ln p(g), g at 256 grey levels, with λ ``weight``.
@@ -85,7 +73,7 @@ class ResponsePrior:
         def total(coefficients: FloatArray) -> float:
             return misfit(self.curve(coefficients)) + weight * self.cost(coefficients)
 
-        ends = [minimize(total, start, method="BFGS", tol=_SETTLED) for start in self.means]
+        ends = [minimize(total, start, method="BFGS", tol=EDGE_TOLERANCE) for start in self.means]
         best = min(ends, key=lambda end: float(end.fun) if np.isfinite(end.fun) else np.inf)
         if not np.isfinite(best.fun):
             raise NotObservableError(f"the method {name} found no response in this image")
@@ -95,14 +83,14 @@ class ResponsePrior:
 @cache
 def response_prior() -> ResponsePrior:
     """Return the prior, learned by expectation maximisation."""
-    curves = family_of_inverses(LEVELS)
+    curves = family_of_inverses(PRIOR_LEVELS)
     mean = curves.mean(axis=0)
     _, singular, directions = np.linalg.svd(curves - mean, full_matrices=False)
-    components = directions[:COMPONENTS] * singular[:COMPONENTS, None] / np.sqrt(len(curves))
+    components = directions[:PRIOR_COMPONENTS] * singular[:PRIOR_COMPONENTS, None] / np.sqrt(len(curves))
     coefficients = (curves - mean) @ np.linalg.pinv(components)
     # Initialise from curves sorted by their first component, so that the result is reproducible.
     order = np.argsort(coefficients[:, 0])
-    starts = np.array([part.mean(axis=0) for part in np.array_split(coefficients[order], NORMALS)])
+    starts = np.array([part.mean(axis=0) for part in np.array_split(coefficients[order], PRIOR_NORMALS)])
     weights, means, covariances = _mixture(coefficients, starts)
     log_weights = np.log(weights) - np.linalg.slogdet(2 * np.pi * covariances)[1] / 2
     return ResponsePrior(
@@ -112,10 +100,10 @@ def response_prior() -> ResponsePrior:
 
 def _mixture(points: FloatArray, means: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Fit a mixture of normal distributions by expectation maximisation; return weights, means and covariances."""
-    ridge = _LEAST_VARIANCE * np.eye(points.shape[1])
+    ridge = ADDED_PRIOR_VARIANCE * np.eye(points.shape[1])
     weights = np.full(len(means), 1 / len(means))
     covariances = np.array([np.eye(points.shape[1])] * len(means))
-    for _ in range(_ROUNDS):
+    for _ in range(PRIOR_ROUNDS):
         offset = points[:, None] - means
         square = np.einsum("nki,kij,nkj->nk", offset, np.linalg.inv(covariances), offset)
         log = np.log(weights) - np.linalg.slogdet(covariances)[1] / 2 - square / 2

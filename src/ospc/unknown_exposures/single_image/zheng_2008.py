@@ -32,46 +32,29 @@ from ospc.arrays import BoolArray, FloatArray, ImageSize, IntArray
 from ospc.errors import NotObservableError
 from ospc.photometry.geometry import normalised, pixel_grid
 from ospc.photometry.vignette import PolynomialVignette
-
-_SPARSITY, _SMOOTHNESS, _TURNS = 0.6, 0.3, 4
-"""α, λ, and number of reweighting iterations."""
-
-_SHRINK, _SHIFT = 4, 1 / 255
-"""Factor by which images are reduced, and offset added to irradiances to keep their logarithms finite."""
-
-_SMALLEST_SIDE = 60
-"""Shorter side in pixels below which an image is not reduced further, because rings need pixels."""
-
-_RIDGE = 1e-9
-"""Regularisation of B towards zero, which makes the solution unique."""
-
-_LEAST_RESIDUAL = 1e-9
-"""Added to s₁, because it is raised to a negative power."""
-
-_PLACES = np.linspace(0, 1, 61)
-"""Radii at which a polynomial is fitted to V."""
-
-_DARKEST = 1e-3
-"""Irradiance below which its logarithm is noise, for segments."""
-
-_SMOOTHING_PX, _EVEN = 0.7, 0.03
-"""Smoothing before segmentation, and largest gradient of ln I per pixel within a surface."""
-
-_START = (0.1, 0.1)
-"""Initial a and 1/f² of the fit, inside their bounds."""
-
-_SEGMENTATIONS, _FEWEST_IN_SEGMENT = 4, 60
-"""Alternations of segmentation and V, and fewest pixels of a segment."""
-
-_HUBER = 0.05
-"""Residual of ln I above which the Huber loss is linear, for texture or segments with two radiances."""
-
-_LEAST_V = 0.05
-"""Lower bound of V: no usable lens attenuates more."""
+from ospc.settings.single_image import (
+    DARKEST_SEGMENT_IRRADIANCE,
+    FITTED_RADII,
+    MAX_SEGMENT_GRADIENT,
+    MIN_REDUCED_SIDE_PX,
+    MIN_RING_RESIDUAL,
+    MIN_SEGMENT_PIXELS,
+    MIN_SEGMENT_VIGNETTE,
+    RING_OFFSET,
+    RING_REDUCTION,
+    RING_RIDGE,
+    RING_ROUNDS,
+    RING_SMOOTHNESS,
+    RING_SPARSITY,
+    SEGMENT_HUBER,
+    SEGMENT_SMOOTHING_PX,
+    SEGMENT_START,
+    SEGMENTATIONS,
+)
 
 
 def radial_gradient_vignette(
-    images: Sequence[FloatArray], masks: Sequence[BoolArray] | None = None, smoothness: float = _SMOOTHNESS
+    images: Sequence[FloatArray], masks: Sequence[BoolArray] | None = None, smoothness: float = RING_SMOOTHNESS
 ) -> PolynomialVignette:
     """Estimate the vignette of images of equal size from the symmetry of their radial gradients.
 
@@ -81,7 +64,7 @@ def radial_gradient_vignette(
     size = (images[0].shape[1], images[0].shape[0])
     rings, gradients = [], []
     for image, mask in zip(images, masks or [np.ones(image.shape, bool) for image in images], strict=True):
-        ring, psi = _radial_gradients(np.log(_reduced(image) + _SHIFT))
+        ring, psi = _radial_gradients(np.log(_reduced(image) + RING_OFFSET))
         # Gradients involve neighbouring pixels.
         exposed = cv2.erode(_reduced(mask), np.ones((3, 3), np.uint8)) > 1 - 1e-6
         kept = exposed & (ring > 0)
@@ -91,11 +74,11 @@ def radial_gradient_vignette(
     # The same smoothness for any number of images.
     bending = (2 * smoothness * ring.size / (last + 1)) ** 2 * len(images)
     log_v = _log_attenuation(np.concatenate(rings), np.concatenate(gradients), last, bending)
-    return _polynomial(size, np.interp(_PLACES, np.arange(last + 1) / last, log_v))
+    return _polynomial(size, np.interp(FITTED_RADII, np.arange(last + 1) / last, log_v))
 
 
 def _reduced(image: FloatArray | BoolArray) -> FloatArray:
-    shrink = max(1, min(_SHRINK, min(image.shape) // _SMALLEST_SIDE))
+    shrink = max(1, min(RING_REDUCTION, min(image.shape) // MIN_REDUCED_SIDE_PX))
     size = (image.shape[1] // shrink, image.shape[0] // shrink)
     return np.asarray(cv2.resize(image.astype(np.float32), size, interpolation=cv2.INTER_AREA), dtype=np.float64)
 
@@ -116,23 +99,23 @@ def _log_attenuation(ring: IntArray, psi: FloatArray, last: int, bending: float)
     if np.count_nonzero(counts) < last / 2:
         raise NotObservableError("too few well-exposed pixels at too many radii; the vignette cannot be estimated")
     step, second = np.diff(np.eye(last + 1), axis=0), np.diff(np.eye(last + 1), 2, axis=0)
-    smooth = bending * second.T @ second + _RIDGE * np.eye(last + 1)
+    smooth = bending * second.T @ second + RING_RIDGE * np.eye(last + 1)
     weight = np.ones_like(psi)
-    for _ in range(_TURNS):
+    for _ in range(RING_ROUNDS):
         total, target = (
             np.bincount(ring, weights=part, minlength=last + 1)[1:] for part in (weight**2, weight**2 * psi)
         )
         log_v = np.linalg.solve(step.T @ (total[:, None] * step) + smooth, step.T @ target)
-        residual = np.abs(psi - np.diff(log_v)[ring - 1]) + _LEAST_RESIDUAL
-        weight = np.exp(-residual) * (1 - np.exp(-_SPARSITY * residual ** (_SPARSITY - 1)))
+        residual = np.abs(psi - np.diff(log_v)[ring - 1]) + MIN_RING_RESIDUAL
+        weight = np.exp(-residual) * (1 - np.exp(-RING_SPARSITY * residual ** (RING_SPARSITY - 1)))
     # Shading of the scene can dominate the vignette, but no lens gets brighter outwards.
     return np.append(0.0, np.cumsum(np.minimum(np.diff(log_v), 0)))
 
 
 def _polynomial(size: ImageSize, log_v: FloatArray) -> PolynomialVignette:
-    """Fit 1 + v₁R² + v₂R⁴ + v₃R⁶ to V at the radii :data:`_PLACES`, weighted by the area of each ring."""
-    v = np.exp(np.clip(log_v, np.log(_LEAST_V), -np.log(_LEAST_V)))
-    powers, root = _PLACES[:, None] ** np.array([2, 4, 6]), np.sqrt(_PLACES)
+    """Fit 1 + v₁R² + v₂R⁴ + v₃R⁶ to V at the radii :data:`FITTED_RADII`, weighted by the area of each ring."""
+    v = np.exp(np.clip(log_v, np.log(MIN_SEGMENT_VIGNETTE), -np.log(MIN_SEGMENT_VIGNETTE)))
+    powers, root = FITTED_RADII[:, None] ** np.array([2, 4, 6]), np.sqrt(FITTED_RADII)
     found = np.linalg.lstsq(root[:, None] * powers, root * (v - 1), rcond=None)[0]
     return PolynomialVignette(size, tuple(found.tolist()))
 
@@ -145,30 +128,32 @@ def segment_vignette(image: FloatArray) -> PolynomialVignette:
     size = (image.shape[1], image.shape[0])
     small = _reduced(image)
     radius = np.linalg.norm(normalised(pixel_grid(small.shape[::-1]), small.shape[::-1]), axis=-1)
-    log = np.log(np.maximum(small, _DARKEST))
-    found = np.array(_START)
-    for _ in range(_SEGMENTATIONS):
+    log = np.log(np.maximum(small, DARKEST_SEGMENT_IRRADIANCE))
+    found = np.array(SEGMENT_START)
+    for _ in range(SEGMENTATIONS):
         segment = _segments(small / np.exp(_log_kang_weiss(found, radius)))
-        kept = (segment >= 0) & (small > _DARKEST)
+        kept = (segment >= 0) & (small > DARKEST_SEGMENT_IRRADIANCE)
         if not kept.any():
             raise NotObservableError("the image has no segments of even radiance; its vignette cannot be estimated")
         found = _fitted(segment[kept], radius[kept], log[kept], found)
-    return _polynomial(size, _log_kang_weiss(found, _PLACES))
+    return _polynomial(size, _log_kang_weiss(found, FITTED_RADII))
 
 
 def _log_kang_weiss(parameters: FloatArray, radius: FloatArray) -> FloatArray:
     """Return ln V for the parameters a and 1/f²."""
     return np.asarray(
-        np.log(np.maximum(1 - parameters[0] * radius, _LEAST_V)) - 2 * np.log1p(parameters[1] * radius**2)
+        np.log(np.maximum(1 - parameters[0] * radius, MIN_SEGMENT_VIGNETTE)) - 2 * np.log1p(parameters[1] * radius**2)
     )
 
 
 def _segments(light: FloatArray) -> IntArray:
     """Return the segment number of each pixel, -1 in segments that are too small."""
-    smooth = cv2.GaussianBlur(np.log(np.maximum(light, _DARKEST)), (0, 0), _SMOOTHING_PX)
+    smooth = cv2.GaussianBlur(np.log(np.maximum(light, DARKEST_SEGMENT_IRRADIANCE)), (0, 0), SEGMENT_SMOOTHING_PX)
     down, across = np.gradient(smooth)
-    _, labels = cv2.connectedComponents((np.hypot(down, across) < _EVEN).astype(np.uint8), connectivity=4)
-    large = np.bincount(labels.ravel()) >= _FEWEST_IN_SEGMENT
+    _, labels = cv2.connectedComponents(
+        (np.hypot(down, across) < MAX_SEGMENT_GRADIENT).astype(np.uint8), connectivity=4
+    )
+    large = np.bincount(labels.ravel()) >= MIN_SEGMENT_PIXELS
     large[0] = False
     return np.where(large[labels], labels, -1).astype(np.int64)
 
@@ -182,5 +167,5 @@ def _fitted(segment: IntArray, radius: FloatArray, log: FloatArray, start: Float
         flat = log - _log_kang_weiss(parameters, radius)
         return np.asarray(flat - (np.bincount(member, weights=flat) / counts)[member])
 
-    bounds = ([0.0, 0.0], [1 - _LEAST_V, np.inf])
-    return np.asarray(least_squares(residuals, start, bounds=bounds, loss="huber", f_scale=_HUBER).x)
+    bounds = ([0.0, 0.0], [1 - MIN_SEGMENT_VIGNETTE, np.inf])
+    return np.asarray(least_squares(residuals, start, bounds=bounds, loss="huber", f_scale=SEGMENT_HUBER).x)

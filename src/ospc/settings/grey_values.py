@@ -1,0 +1,115 @@
+"""Constants of the statistics of grey values: their meaning, unit and the reason for their value."""
+
+from __future__ import annotations
+
+# The image circle of a fisheye (ospc.correspondence.image_circle)
+
+MIN_CIRCLE_FRAMES = 8
+"""Minimum number of frames before a dark point counts as surround: in a single frame the scene itself may be dark."""
+
+LIT_QUANTILE = 0.9
+MIN_LIT_8_BIT = 60
+"""Grey level, of 255, that the brightest tenth of the image must reach: in the dark, scene and surround look
+similar."""
+
+MAX_SURROUND_SHARE = 0.1
+"""Grey level of the surround relative to the brightest tenth: a little stray light reaches it. A higher limit would
+include dark parts of the scene."""
+
+MIN_SURROUND_AREA = 0.01
+"""Smallest share of the image that counts as a surround: less is strong vignetting in the extreme corners."""
+
+MIN_SURROUND_CORNERS = 3
+"""Minimum number of corners in the surround: a decentred image circle may miss one, a dark wall covers two."""
+
+SURROUND_MARGIN_PX = 3
+"""Widening of the surround, in small pixels: the edge of the circle is blurred, and light falls off steeply there."""
+
+WHOLE_IMAGE_RADIUS = 0.97
+"""If the usable radius reaches this value, the image counts as usable up to its corners."""
+
+# Statistics of grey values (ospc.correspondence.pixel_statistics)
+
+MAX_COUNTED_FRAMES = 1024
+"""Maximum number of frames whose statistics are kept individually; beyond it, every second one is dropped, which
+bounds the memory of endless runs."""
+
+MAX_GREY_RANGES = 100
+"""Number of latest changes of black and white that are kept: usually there is one, in the first frames."""
+
+COVERAGE_GREY_CELLS = 32
+"""Number of equal grey ranges whose coverage is reported: one per interval between the knots of the response."""
+
+COVERAGE_RADIUS_CELLS = 10
+"""Number of equal ranges of radius, from the centre to the corner, whose coverage is reported."""
+
+COUNTED_STRIDE = 2
+"""Every n-th row and column is counted: a quarter of the pixels has the same distribution."""
+
+COMPARED_COLUMNS_PX, LEAST_ROW_VARIANCE = 8, 3e-7
+"""Number of columns whose mean is compared from row to row, and regularisation of the variance of the differences, in
+white squared: that of quantisation to 8 bits."""
+
+INTERLACED_QUANTILE, MIN_INTERLACED_ALTERNATION = 0.75, 0.65
+"""Quantile over frames of the alternation between rows, and its limit for interlaced images: without motion, rows do
+not alternate. In 45 recordings of all kinds, with compression and with noise of rows or pixels, it was at most 0.35;
+with every other row from the next frame, at least 0.78; with doubled or interpolated rows, at most 0."""
+
+MIN_COVERED_SHARE = 0.001
+"""Minimum share of all pixels for a grey range to count as covered: less is noise, lettering or a reflection."""
+
+BLACK_PLACE_LEVEL = 0.045
+"""Grey level of a thumbnail below which a point is black: stray light, noise and a black level of a few grey values
+stay below it."""
+
+USED_SHARE = 0.25
+"""Highest grey value, relative to the largest one stated for a sensor of more than 8 bits, up to which that statement
+is doubted: two bits or more are unused."""
+
+MIN_MEDIAN_LEVEL = 0.15
+"""Median of the points' largest grey levels below which black points are not assessed, because the scene is dark."""
+
+MIN_BORDER_SHARE = 0.002
+"""Smallest share of the image that is reported as a black surround, about forty points of a thumbnail: less is a dark
+object at the edge."""
+
+RECTANGLE_FILL = 0.95
+"""Share of its bounding box above which the lit region is a rectangle in a black border; a disc fills π/4 of it."""
+
+MIN_PILE_SHARE = 0.005
+"""Minimum share of pixels at black or white inside the scale."""
+
+WHITE_NEIGHBOURHOOD = 2 / 255
+"""For the highest grey value to be white, all others within this distance below it must have fewer pixels in total:
+if only a few grey values occur, each has a large share. White had at least four times as many in 20 films."""
+
+HIGHEST_BLACK = LOWEST_WHITE = 0.2
+"""Upper limit of black and lower limit of white. White between grey values 76 and 128 had at least 0.009 of all
+pixels; in 39 dark films without clipping, the highest grey value had less than 0.0005."""
+
+WHITE_LEVELS = 256
+"""Number of grey levels at which scattered values of white are counted: those of 8 bits."""
+
+LOWEST_SCATTERED_WHITE, MAX_WHITE_SCATTER, WHITE_EDGE = 0.75, 8, 0.25
+"""Lower limit of white whose values scatter, the largest width of their peak in the histogram in 8-bit grey values,
+and the height of its edges relative to the top. A real camera's white was 249 ± 1, a quarter as frequent at 248 and
+251 as at the top. Uniform objects have wider peaks, because of the vignette and because exposures differ."""
+
+MIN_WHITE_CONTRAST, MAX_BEYOND_WHITE_SHARE = 4, 0.02
+"""Minimum height of this peak relative to the histogram below it, and maximum number of pixels beyond it relative to
+those in it: 7 and 0.005 with the real camera."""
+
+LOG_EXPOSURES_OF_WHITE = 0.2
+"""Range of ln exposure of the frames with this peak beyond which it is white: other grey levels change with the
+exposure."""
+
+MAX_LOG_EXPOSURE_BELOW_WHITE, BRIGHTEST_SHARES, MIN_CELLS_OF_CLIPPED = 1.2, (0.1, 0.9), 2
+"""If all frames with this peak have about the same exposure, frames with exposures shorter by up to this in ln are
+considered: there, the quantiles of as many of the brightest pixels at these shares have to be at least this many of
+the 32 ranges of grey apart. They are 2 or 3 apart in a real video; those of a uniform object are at most 1 apart."""
+
+MIN_MISSING_LEVELS_SHARE = 0.05
+"""Share of missing grey values between the extremes above which they are reported: a few rare ones miss by chance."""
+
+MIN_COMB_RANGE = 32
+"""Minimum distance between the extremes, in grey values, for counting missing ones: a dark image has few values."""

@@ -1,0 +1,130 @@
+"""Constants of preprocessing and registration: their meaning, unit and the reason for their value."""
+
+from __future__ import annotations
+
+import numpy as np
+
+# Preprocessing (ospc.correspondence.preprocessing)
+
+COMPARED_QUANTILES = np.linspace(0.05, 0.95, 19)
+"""Quantiles of grey level at which the brightness of two images is compared; noise and clipping affect the ends."""
+
+SURROUND_SIGMA = 0.1
+"""Standard deviation of the reach of light scattered nearby, in image widths: between that of bloom, a few pixels,
+and veiling glare, the whole image. Local tone mapping has a similar reach."""
+
+SURROUND_WIDTH_PX = 64
+"""Width of the coarse image in which surroundings are averaged: the means are smooth over six of its pixels."""
+
+MIN_FLAT_AREA_RATIO = 2.0
+"""Minimum area over which the image must be flat, relative to the area over which grey levels are averaged:
+registration may be off by a pixel, and the image must be flat there, too."""
+
+IMPULSE_CONTRAST, IMPULSE_DEVIATIONS = 0.1, 6.0
+"""A pixel that differs from the median of its surroundings by more than this share of white, plus this multiple of
+the usual deviation around it, counts as a defect (a dead pixel, a transmission error), and averages use the median
+instead. In a clean frame with texture, one pixel in 1500 is replaced. Registration uses the unmodified images: with
+chart lines treated as defects, a stationary camera seemed to move."""
+
+MIN_SMOOTHING_VARIANCE = 0.04
+"""Minimum variance of a smoothing, in square pixels: narrower ones have no effect."""
+
+# Thumbnails (ospc.correspondence.thumbnail)
+
+THUMBNAIL_SIDE_PX = 160
+"""Longest side of a thumbnail in pixels: 19 000 points, by which neighbouring frames are compared in a
+millisecond."""
+
+THUMBNAIL_SMOOTHING_PX = 1.0
+"""Standard deviation of the smoothing of grey levels, in thumbnail pixels: about the registration error."""
+
+THUMBNAIL_GRADIENT_SMOOTHING_PX = 1.2
+"""Standard deviation of the additional smoothing before gradients are taken, in thumbnail pixels: a flat point must
+be flat within the registration error."""
+
+DARKEST_EXPOSED_MEAN, BRIGHTEST_EXPOSED_MEAN = 0.04, 0.97
+"""Grey levels beyond which the mean of several pixels counts as clipped: some of them are clipped before the mean is.
+Single pixels have the limits :data:`ospc.photometry.noise.DARKEST_EXPOSED` and ``BRIGHTEST_EXPOSED``."""
+
+THUMBNAIL_CLIP_MARGIN_PX = 2
+"""Points this close to a clipped one are not used, in thumbnail pixels: twice the smoothing."""
+
+# Registration of thumbnails (ospc.correspondence.thumbnail_registration)
+
+MIN_OVERLAP = 0.25
+"""Minimum share of the points of one view that must be found in the other. With less, most matches are chance matches
+of equal grey level, regardless of the exposures: such pairs were wrong by a factor of two on average, others by half
+a per cent."""
+
+THUMBNAIL_MARGIN_PX = 2
+"""Points closer to the border of the second thumbnail are not used, in its pixels."""
+
+THUMBNAIL_SEARCH_STRIDE_PX = 6
+"""Distance between the 8-pixel patches that are matched, in thumbnail pixels: OpenCV's 4 takes twice the time, and ln
+M of a grey bin differs by only 0.0001."""
+
+MAX_THUMBNAIL_ERROR_PX = 1.0
+"""Largest forward-backward registration error of a point, in thumbnail pixels."""
+
+MIN_REGISTERED_SIDE_PX = 32
+"""Dense inverse search needs a few patches along each side; smaller images are treated as stationary."""
+
+MIN_EXPOSED_SHARE = 0.99
+"""Interpolated share of exposed pixels above which a point is exposed: all its neighbours are, up to rounding."""
+
+# Equal brightness before registration (ospc.correspondence.exposure_normalizer)
+
+DISPLAY_GAMMA = 2.2
+"""Exponent of the scale on which images are registered, that of displays: noise and contrast vary little with
+grey."""
+
+DARKEST_QUANTILE_8_BIT, BRIGHTEST_QUANTILE_8_BIT = 8.0, 247.0
+"""Grey levels, of 255, beyond which a quantile of the grey levels of a frame may be clipped."""
+
+MAX_LOG_RATIO_DISAGREEMENT = 0.4
+"""Largest difference, in ln, between the stated exposure ratio and that measured in the images for the stated one to
+be used. The measured one has errors of this size while the response is unknown, and of a few hundredths
+afterwards."""
+
+CLEAR_LOG_RATIO_AGREEMENT = 0.2
+"""Largest difference, in ln, between the stated exposure ratio and that of the grey quantiles for the stated one to
+be used without further checks. Quantiles have smaller errors if the views overlap for the most part."""
+
+MIN_SHARED_PLACES = 0.15
+"""Share of the thumbnail points that two frames must have in common for their brightness to be compared point by
+point; with fewer, the quantiles of their grey levels are compared."""
+
+MAX_LOG_RATIO_SPREAD = 0.15
+"""Standard deviation, in ln, of the ratios of single points up to which their median is trusted."""
+
+MIN_KEPT_BRIGHTNESS = 0.5
+"""Minimum brightness of the middle grey level of the longer exposure after normalisation, on the display scale,
+relative to that in the frame. Of responses from black to white, the logarithm of 1 to 51 keeps 0.77; with grey levels
+ending at 128, quick fits kept a thousandth or less, and moving cameras seemed stationary."""
+
+# Dense registration (ospc.correspondence.registration)
+
+SECOND_SEARCH_STEPS, SECOND_SEARCH_STRIDE_PX = 8, 5
+"""Descent steps per patch and distance between patches, in pixels, of the search for what a homography leaves: a
+third of OpenCV's steps on a coarser grid. The preceding search needs all steps: with fewer, half of a pair's
+information about the vignette was lost."""
+
+REFINEMENT_ITERATIONS, REFINEMENT_GRADIENT_WEIGHT = 5, 20.0
+"""Iterations of the variational refinement (OpenCV's value for this quality), and weight of gradient constancy
+relative to the smoothness of the displacements: twice OpenCV's default, because there is no other data term."""
+
+HOMOGRAPHY_SPACING_PX, HOMOGRAPHY_MIN_ROWS = 16, 12
+"""Distance in pixels between the points to whose coarse displacements a homography is fitted, and minimum number of
+rows and columns of points, which are closer together in small images. There are several hundred of them."""
+
+HOMOGRAPHY_INLIER_PX = 2.0
+"""Largest error, in pixels, of a coarse displacement that supports the homography: the next search easily corrects
+it."""
+
+HOMOGRAPHY_MIN_INLIERS = 16
+"""Fewest points that must support a homography: one through four points fits them whatever their errors."""
+
+JACOBIAN_CELL_PX = 32
+"""Side of the squares over which displacements are averaged before they are differentiated, in pixels of the small
+images. With squares of 8 pixels, area ratios were off by 3 %, enough to shift the vignette centre in films that only
+move sideways."""

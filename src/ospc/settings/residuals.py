@@ -1,0 +1,88 @@
+"""Constants of what the residuals of a fit reveal: their meaning, unit and the reason for their value.
+
+"Chosen by hand" and "no effect" are explained in :mod:`ospc.settings`.
+"""
+
+from __future__ import annotations
+
+# Smoothness of the vignette (ospc.estimation.residual_effects)
+
+UNEVEN_CELLS = (16, 12)
+"""Number of image cells, across and down. Each square of four cells, about as large as dirt, is one tested part."""
+
+UNEVEN_FEWEST = 60
+"""Minimum number of observations in a tested part."""
+
+UNEVEN_FEWEST_BLOCKS = 3
+"""Minimum number of blocks of pairs with observations in the part: the scatter of two is hardly known."""
+
+UNEVEN_SYSTEMATIC = 3e-4
+"""Standard deviation of ln L that errors common to all pairs add to the mean of a part."""
+
+UNEVEN_GROUPS_PER_BLOCK = 3
+"""Maximum number of consecutive pairs whose residuals in a part are added before their scatter is measured: a part is
+visible only briefly, and longer blocks would be too few."""
+
+UNEVEN_SIGMAS = 4.5
+"""Normal deviate of the mean of a part above which the vignette is uneven. In 33 clean simulated recordings and a
+real video, the largest of all parts was 2.8, but 4.0 in single cells. A smudge that absorbs three fifths of the light
+had 5.4, but 4.4 in single cells, because few points on its slopes are flat enough to be sampled."""
+
+# Constancy of response and vignette (ospc.estimation.residual_effects)
+
+UNSTEADY_FEWEST_POINTS = 20
+"""Minimum number of scene points of a pair for estimating its slope."""
+
+UNSTEADY_SPREAD = 0.1
+"""Smallest standard deviation of these points' ln M, or position in half diagonals: a slope needs a range."""
+
+UNSTEADY_FEWEST_PAIRS = 30
+"""Minimum number of such pairs: the scatter of 30 slopes is known to an eighth."""
+
+UNSTEADY_SIGMAS = 3.5
+"""Scatter of the slopes between pairs, relative to their standard errors, above which response or vignette are
+unsteady. Registration and moving objects add to it: in 67 clean simulated recordings it was at most 3.0 over ln M and
+2.4 over the position. It was 3.4 to 9 with two exponents a fifth apart, 3 to 16 with automatic contrast, and 2.2 to
+8.6 with electronic stabilisation."""
+
+UNSTEADY_SLOPE = 0.01
+"""Smallest standard deviation of the slope between pairs that matters, in ln L per ln M or per half diagonal."""
+
+GAIN_SIGMAS = 3.0
+"""Number of standard deviations by which the scatter of the pairs' mean residuals must exceed chance before frames
+get latent gains. Relative to independent errors of the points, it was at most 1 in 23 of 24 clean simulated
+recordings, 2.5 in a real video, and 5 to 18 with clouds, flicker or drifting white balance."""
+
+MOST_LOG_GAIN = 10.0
+"""Largest latent gain, in ln, a factor of twenty thousand: a degenerate response would make it overflow."""
+
+EXCEPTIONAL_SIGMAS = 2.5
+"""Number of standard deviations from the prediction of all other pairs beyond which the gain of a pair is
+exceptional, such as a frame with a wrong exposure or a light that is switched. Its variance is then increased until
+it is exactly this far away. One in eighty normally distributed gains is exceptional."""
+
+GAIN_MEMORIES = (3.0, 10.0, 30.0, 100.0)
+"""Correlation times of the frames' gains, in frames. A mixture of these and of independent gains approximates
+flicker, white balance and clouds; slower changes are hardly visible between the frames of a pair."""
+
+PAIRS_PER_GAIN_BLOCK = 256
+"""Maximum number of pairs whose gains are correlated. They span many times the longest memory, and matrices stay
+small in runs of hours."""
+
+EXCEPTIONAL_ITERATIONS, VARIANCE_ITERATIONS = 3, 3
+"""Iterations for the weights of exceptional pairs, and for the variances of gains, per round of a fit."""
+
+MOST_RADIANCE_SIGMA = 0.04
+"""Relative standard deviation of a point's radiance between frames, beyond noise, above which one response and one
+vignette do not explain the images. It was at most 0.01 in 39 clean simulated recordings, 0.005 in a real video, with
+crowds and with glossy surfaces, and 0.07 to 0.09 if contrast was equalised in tiles."""
+
+# Uncertainty of exposure ratios (ospc.methods.summary)
+
+MISREGISTERED_SPREAD = 3.0
+"""Scatter of a pair's points, relative to typical pairs, above which the frames count as misregistered: two thirds of
+such pairs are wrong by more than a tenth. No effect from 2 to 6."""
+
+MISREGISTERED_SIGMAS = 2.0
+"""Standard deviation of such a pair's exposure ratio, as a multiple of that scatter: the points share one error, so
+their number does not reduce it."""

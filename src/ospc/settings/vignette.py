@@ -1,0 +1,60 @@
+"""Constants of the vignette's basis and its prior: their meaning, unit and the reason for their value.
+
+"Chosen by hand" and "no effect" are explained in :mod:`ospc.settings`.
+"""
+
+from __future__ import annotations
+
+# The vignette basis (ospc.estimation.vignette_basis, model_choice)
+
+VIGNETTE_SIGMA = 2.0
+"""Prior standard deviation of the slope of ln V in R² at the centre; further out it increases, see
+:data:`DARK_RADIUS`. This is wide compared to real lenses: cos⁴ at a half angle of 45° has a slope of -2. On 42
+simulated recordings, 1 and 4 changed the mean vignette error by about a tenth."""
+
+CENTRE_SIGMA, NON_RADIAL_SIGMA = 0.1, 0.1
+"""Prior standard deviations of the vignette's centre along each axis, in half diagonals, and of the non-radial terms,
+in ln V: as large as in real lenses. A shift of the centre is nearly a sum of non-radial terms; with 2 for both, the
+centres of decentred elliptic vignettes were wrong by up to 0.46 and the RMSE of five such cameras reached 0.23. With
+these values it is at most 0.007."""
+
+DARK_RADIUS = 1.2
+"""Distance from the vignette's centre, in usable radii of the image, at which the smooth part of the prior lets V
+reach zero, as V does at the edge of the image circle. The far corner is at 1.15 if the centre is off by 0.15. With
+powers of R² instead of a spline, on 42 simulated recordings, 28 of them decentred, 1.3 raised the error of these from
+1.25 to 1.7 standard deviations, and 1.1 raised the vignette error of the centred ones by a tenth."""
+
+VIGNETTE_WALK_CANDIDATES = (0.01, 0.1, 0.3, 1.0, 3.0, 10.0)
+"""Candidate standard deviations of the random walk of the slope over the usable image. 0.01 leaves a smooth curve,
+which the cos⁴ vignettes of five recordings selected; mechanical ones selected 1."""
+
+START_VIGNETTE_WALK = 0.1
+"""That standard deviation until it is first selected, in the first round. Chosen by hand."""
+
+VIGNETTE_REACH = 1.1
+"""Radius of the last knot of ln V, in usable radii: the far corner if the centre is off by 0.1. Beyond, the slope is
+constant. Chosen by hand."""
+
+VIGNETTE_NUGGET = 1e-6
+"""Independent variance of the slopes of ln V, which keeps their prior covariance invertible: a standard deviation of
+0.001, far below that of any slope."""
+
+ASYMMETRY_SIGMA = 0.0015
+"""Apparent asymmetry caused by registration errors common to all samples, in ln V over a half diagonal; for the
+centre, the shift that changes ln V by this much on average. It is added to the covariance before a free centre or
+non-radial terms are accepted: without it, one of 50 centred recordings met the criterion. With 0.004, a weak vignette
+decentred by 2 per cent was taken as centred, and its profile was wrong by six standard deviations."""
+
+PROMISING_SHARE = 0.25
+"""Further parameters are fitted only if one Newton step, which takes a third of the time, reaches this share of the
+criterion. Near the criterion, the step reached 0.5 to 0.7 of the value of the full fit."""
+
+FIRST_FIT_POINTS = 10_000
+"""Number of scene points of the first, approximate fit, which only provides the start of the full fit and saves time.
+20000 has no harmful effect; 5000 raises the errors by a quarter to two thirds."""
+
+MIN_CRITERION_GROUPS = 3
+"""Minimum number of pairs of frames assumed in the criterion: the logarithm of one or two is no penalty."""
+
+MIN_USABLE_RADIUS = 0.01
+"""Smallest usable radius of a vignette, in half diagonals: a few pixels, which contain no information about it."""
