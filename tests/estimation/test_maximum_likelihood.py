@@ -192,10 +192,10 @@ def test_the_kink_of_a_mechanical_vignette_is_found(begins):
     radii = np.linspace(0.05, 1, 96)
     along = np.stack([radii, np.zeros_like(radii)], axis=1)
     found = fit.vignette_basis.log_value(fit.vignette_parameters, along)
-    deviation = (found - np.log(vignette.at_normalised(along))) / fit.log_vignette_sigma(radii)
+    deviation = (found - np.log(vignette.at_normalised(along))) / fit.vignette_errors(SIZE).log_sigma(radii)
     assert np.sqrt(np.mean(deviation**2)) < 2
     plain = fitted(Camera(GAMMA).pairs(2, points=150))
-    assert fit.log_vignette_sigma(np.ones(1)) > plain.log_vignette_sigma(np.ones(1))
+    assert fit.vignette_errors(SIZE).log_sigma(np.ones(1)) > plain.vignette_errors(SIZE).log_sigma(np.ones(1))
 
 
 def test_a_flat_vignette_has_no_centre():
@@ -262,10 +262,26 @@ def test_stated_sigmas_match_the_errors(camera):
         error = [log_step(fit, *s) - log_step(camera.response, *s) for s in steps]
         error += [log_fall(fit, r) - truly_fallen(camera.vignette, r) for r in radii]
         sigma = [chance_step_sigma(fit, *s) for s in steps]
-        z.append(np.array(error) / [*sigma, *replace(fit, covariance=fit.chance).log_vignette_sigma(radii)])
+        z.append(
+            np.array(error) / [*sigma, *replace(fit, covariance=fit.chance).vignette_errors(SIZE).log_sigma(radii)]
+        )
     spread, mean = np.std(z, axis=0), np.mean(z, axis=0)
     assert np.all((spread > 0.5) & (spread < 2))
     assert np.all(np.abs(mean) < 1)
+
+
+def test_the_sigma_at_the_corners_is_that_of_the_corners_of_the_image():
+    """An ellipse, x² − y², is zero on the diagonals of a square, but not at the corners of a wide image."""
+    fit = fitted(Camera(GAMMA).pairs(0, groups=10), non_radial=True)
+    ellipse = fit.vignette_part.start + fit.vignette_basis.names.index("x2-y2")
+    uncertain = fit.covariance.copy()
+    uncertain[ellipse, ellipse] += 1.0
+    for size, expected in (((480, 480), 0.0), ((1281, 721), (16**2 - 9**2) / (16**2 + 9**2))):
+        before, after = (
+            replace(fit, covariance=covariance).vignette_errors(size).worst_log_sigma(1.0)
+            for covariance in (fit.covariance, uncertain)
+        )
+        assert np.sqrt(after**2 - before**2) == pytest.approx(expected, abs=1e-4)
 
 
 def test_the_sigma_of_an_unseen_corner_covers_its_error():
@@ -278,7 +294,7 @@ def test_the_sigma_of_an_unseen_corner_covers_its_error():
         seen = everywhere.seen_twice(np.linalg.norm(everywhere.position - truth.centre, axis=1) < 1.05)
         fit = fitted(seen, DefaultSettings().radial_terms, free_centre=True)
         error = fit.vignette_basis.log_value(fit.vignette_parameters, corner) - truth.log_at_normalised(corner)
-        assert abs(error[0]) < 2 * fit.worst_log_vignette_sigma(1.0) < 0.25
+        assert abs(error[0]) < 2 * fit.vignette_errors(SIZE).worst_log_sigma(1.0) < 0.25
 
 
 @dataclass(frozen=True)
@@ -298,9 +314,9 @@ def test_the_sigma_covers_a_vignette_that_gets_ever_steeper_beyond_the_last_obse
         seen = everywhere.seen_twice(np.linalg.norm(everywhere.position, axis=1) < 0.93)
         fit = fitted(seen)
         error = fit.vignette_basis.log_value(fit.vignette_parameters, corner) - np.log(Case().at_normalised(corner))
-        deviations.append(float(error[0]) / fit.worst_log_vignette_sigma(1.0))
-        assert fit.worst_log_vignette_sigma(1.0) < 0.1
-        assert fit.worst_log_vignette_sigma(0.9) < 0.01
+        deviations.append(float(error[0]) / fit.vignette_errors(SIZE).worst_log_sigma(1.0))
+        assert fit.vignette_errors(SIZE).worst_log_sigma(1.0) < 0.1
+        assert fit.vignette_errors(SIZE).worst_log_sigma(0.9) < 0.01
     assert np.sqrt(np.mean(np.square(deviations))) < 2
 
 
@@ -373,7 +389,9 @@ def test_error_bounds_are_neither_exceeded_nor_too_wide(name):
     camera = Camera(RESPONSES[name]())
     fits = [fit_of_response(name, seed) for seed in range(3)]
     shares = [log_ratio_error(fit.response(255), camera.response) / fit.log_ratio_error_bound for fit in fits]
-    shares += [vignette_rmse(fit.vignette(SIZE), camera.vignette) / fit.vignette_error_bound(1.0) for fit in fits]
+    shares += [
+        vignette_rmse(fit.vignette(SIZE), camera.vignette) / fit.vignette_errors(SIZE).bound(1.0) for fit in fits
+    ]
     assert max(shares) < 1.2
     assert np.mean(shares) > 0.15
 
@@ -382,7 +400,10 @@ def test_more_points_make_smaller_deviations():
     few, many = (fitted(Camera(GAMMA).pairs(0, groups=g), intervals=16) for g in (15, 120))
     ratio = chance_step_sigma(few, 0.25, 0.75) / chance_step_sigma(many, 0.25, 0.75)
     assert 1.7 < ratio < 5
-    assert many.log_vignette_sigma(np.array([1.0]))[0] < few.log_vignette_sigma(np.array([1.0]))[0]
+    assert (
+        many.vignette_errors(SIZE).log_sigma(np.array([1.0]))[0]
+        < few.vignette_errors(SIZE).log_sigma(np.array([1.0]))[0]
+    )
 
 
 def test_uncertainty_is_large_where_nothing_was_measured():
@@ -392,7 +413,7 @@ def test_uncertainty_is_large_where_nothing_was_measured():
     fit = fitted(dark.where(below))
     assert fit.log_response_step_sigma(0.6, 0.9) > 5 * fit.log_response_step_sigma(0.15, 0.45)
     still = replace(dark, position=np.repeat(dark.position[::2], 2, axis=0))
-    assert fitted(still).vignette_sigma_at_corner > 0.2
+    assert fitted(still).vignette_errors(SIZE).sigma_at_corner > 0.2
 
 
 # Invariance

@@ -44,7 +44,7 @@ def test_response_and_vignette_are_found():
     found = ospc.fit(as_pairs(exposed), exposures_ms, noise=NOISE)
     assert response_shape_rmse(found.response(), GAMMA) < 0.006
     assert vignette_rmse(found.vignette(SIZE), POLYNOMIAL) < 0.006
-    assert found.vignette_sigma_at_corner < 0.05
+    assert found.vignette_errors(SIZE).sigma_at_corner < 0.05
 
 
 def inverse(exposures_ms):

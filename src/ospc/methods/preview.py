@@ -98,7 +98,7 @@ def preview_of(
         coverage_of(observations, None, size),
         response=fit.response(max_grey, measured_greys(observations)) if fit else None,
         vignette=fit.vignette(size, usable_radius) if fit else None,
-        vignette_sigma=vignette_sigma(fit, usable_radius) if fit else None,
+        vignette_sigma=vignette_sigma(fit, size, usable_radius) if fit else None,
         matches=_matches_of(latest, fit, size),
         observations=observations,
         fit=fit,

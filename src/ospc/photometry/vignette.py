@@ -16,7 +16,7 @@ from ospc.arrays import Float32Array, FloatArray, ImageSize
 from ospc.atomic import write_atomically
 from ospc.by_value import ByValue
 from ospc.errors import UNREADABLE, FormatError
-from ospc.photometry.geometry import image_of, normalised, pixel_grid
+from ospc.photometry.geometry import along_diagonals, image_of, normalised, pixel_grid, pixels_of
 from ospc.photometry.radial_spline import radial_spline
 
 LARGEST_ATTENUATION = 1e3
@@ -68,9 +68,8 @@ class VignetteModel:
         return self._values(position[..., 0], position[..., 1])
 
     def profile(self, radius: npt.ArrayLike) -> FloatArray:
-        """Return the attenuation at distances to the right of the image centre in half diagonals."""
-        x = np.asarray(radius, dtype=np.float64)
-        return self._values(x, np.zeros_like(x))
+        """Return the mean attenuation along the four half diagonals, at distances from the image centre in these."""
+        return np.asarray(self.at_normalised(along_diagonals(radius, self.size)).mean(axis=-1))
 
     def image(self) -> Float32Array:
         """Return the attenuation of every pixel, shape (height, width)."""
@@ -273,10 +272,9 @@ def diagonal_profile(vignette: Vignette, radii: FloatArray) -> FloatArray:
 
     ``radii`` are distances from the image centre in half diagonals, shape (radii,) -> (radii,).
     """
-    to_corner = (np.array(vignette.size, dtype=np.float64) - 1) / 2
-    directions = np.array([(1, 1), (1, -1), (-1, 1), (-1, -1)]) * to_corner
-    centre = float(vignette.at(to_corner))
-    mean = vignette.at(to_corner + radii[:, None, None] * directions).mean(axis=1)
+    size = vignette.size
+    centre = float(vignette.at(pixels_of(np.zeros(2), size)))
+    mean = vignette.at(pixels_of(along_diagonals(radii, size), size)).mean(axis=1)
     return np.asarray(mean / centre if centre > 0 else mean)
 
 
