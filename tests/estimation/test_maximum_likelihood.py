@@ -370,9 +370,8 @@ def test_the_uncertainty_is_not_relative_to_a_level_at_a_sharp_bend():
 def test_sigmas_cover_noise_that_was_amplified_after_the_response():
     """Sharpening quadruples the variance of pixels: the measured noise is not the one that the response bends."""
     levels, truth = np.array([12, 16, 22, 30, 40, 60, 80]) / 255, RESPONSES["srgb"]()
-    amplified = NoiseModel(
-        4e-4, 0.0, tuple(np.interp(np.linspace(0, 1, 25), [0.12, 0.3, 0.9], [4e-4, 2.6e-4, 1.3e-4]))
-    )
+    variances = np.interp(np.linspace(0, 1, 25), [0.12, 0.3, 0.9], [4e-4, 2.6e-4, 1.3e-4])
+    amplified = NoiseModel(4e-4, 0.0, tuple(variances), measured=(0.12, 0.9))
     estimator = MaximumLikelihoodEstimator(ResponseBasis(32), VignetteBasis(RADIAL_TERMS), amplified)
     for seed in range(2):
         fit = estimator.fit(Camera(truth, spread=1.3).pairs(seed, groups=160))

@@ -61,6 +61,11 @@ def test_noise_is_stretched_too():
     assert FULL_RANGE.stretched_noise(noise) is noise
 
 
+def test_the_grey_levels_with_measured_noise_are_stretched_too():
+    noise = NoiseModel(1e-5, 2e-5, measured=(0.0, 0.5))
+    assert VIDEO_RANGE.stretched_noise(noise).measured == (0.0, float(VIDEO_RANGE.level(0.5)))
+
+
 @pytest.mark.parametrize(
     ("low", "high", "expected"),
     [

@@ -202,7 +202,8 @@ def _noise(content: dict[str, Any]) -> NoiseModel:
     if table.size > LARGEST_GREY + 1:
         raise FormatError(f"the noise table has {table.size} values, more than the number of grey levels")
     read, shot = (_number(content, name, high=1.0) for name in ("read_variance", "shot_variance"))
-    return NoiseModel(read, shot, tuple(table.tolist()))
+    lowest, highest = _array(content.get("measured", (0.0, 1.0)), "measured grey levels", (2,), high=1.0).tolist()
+    return NoiseModel(read, shot, tuple(table.tolist()), (lowest, highest))
 
 
 def _ratios(content: dict[str, Any]) -> ExposureRatios:

@@ -30,7 +30,7 @@ from ospc.state.run import load_summary
 from ospc.state.values import pack, unpack
 from ospc.versions import versions
 
-KIND, VERSION = "pool", 7
+KIND, VERSION = "pool", 8
 """Kind and version that pool files declare."""
 
 _FREE = 1e-4

@@ -143,6 +143,7 @@ class Summary:
             and abs(self.unexplained) <= _LARGEST
             and all(0 <= variance <= 1 for variance in noise)
             and len(noise) <= LARGEST_GREY
+            and all(0 <= level <= 1 for level in self.noise.measured)
             and max(np.abs(self.estimate).max(), np.abs(self.vector).max(), np.abs(self.triangle).max()) <= _LARGEST
             and np.abs(self.systematic).max() <= _LARGEST**2
         )
