@@ -34,6 +34,10 @@ _SINGLE_PRECISION = ("frame_moments", "surround_moments")
 _OF_A_FRAME = ("grey", "grey_variance", "position", "gradient", "frame_moments", "surround_moments", "frame")
 
 
+_NUMBERS = ("frame", "point", "group")
+"""Fields of integers."""
+
+
 class ExposureLookup(Protocol):
     """Exposures by frame number.
 
@@ -172,7 +176,7 @@ class Observations(ByValue):
             return ends.reshape(2 * n, *width)
 
         values = {name: both(name) for name in _OF_A_FRAME}
-        frame = values.pop("frame").astype(np.int64)
+        frame = _whole_numbers(values.pop("frame"))
         point, pair = np.repeat(np.arange(n), 2), np.repeat(np.asarray(group, dtype=np.int64), 2)
         return cls(**values, frame=frame, point=point, group=pair)
 
@@ -192,6 +196,8 @@ class Observations(ByValue):
                 raise SettingError(f"{entry.name} of {n} observations must have shape {shape}, not {values.shape}")
             if not np.all(np.isfinite(values)):
                 raise SettingError(f"{entry.name} must be finite; leave out points for which it is unknown")
+            if entry.name in _NUMBERS and values.dtype.kind not in "iu":
+                raise SettingError(f"{entry.name} must have an integer type, not {values.dtype}")
         if np.any((self.grey < 0) | (self.grey > 1)):
             raise SettingError("grey levels must be in [0, 1]; divide grey values by the largest possible value")
         moments = np.concatenate([self.frame_moments, self.surround_moments], axis=1)
@@ -330,6 +336,16 @@ class ExposedObservations(Observations):
             frame_moments=(np.hstack([known, kept.frame_moments]) @ powers[:, 1:]).astype(np.float32),
             surround_moments=(kept.surround_moments @ powers).astype(np.float32),
         )
+
+
+def _whole_numbers(frame: FloatArray) -> IntArray:
+    whole = np.isfinite(frame) & (frame == np.rint(frame))
+    if not whole.all():
+        raise SettingError(
+            f"frame0 and frame1 must be whole numbers, not {frame[~whole][0]:g}: give the number of each frame, by "
+            "which its exposure is found, not its time stamp"
+        )
+    return frame.astype(np.int64)
 
 
 AnyObservations = TypeVar("AnyObservations", bound=Observations)
