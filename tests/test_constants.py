@@ -19,7 +19,7 @@ CORE = [path for path in MODULES if path.relative_to(ROOT).parts[0] in STEPS_OF_
 STAY_IN_THE_CODE = {
     # Parts of formulas: stencils, nodes, powers, directions, and sizes and indices that follow from settings.
     "NODES", "CENTRE", "(_VALUE, _SLOPE, _CURVATURE)", "_STENCILS", "_LAPLACIANS", "_NEIGHBOURS", "_CORNERS",
-    "_VIGNETTE_POWERS", "RESPONSE_PARAMETERS", "PARTS", "_LATER", "_DIAGONALS", "_NORMAL",
+    "_VIGNETTE_POWERS", "RESPONSE_PARAMETERS", "PARTS", "_LATER", "_NORMAL",
     # Effects, which are defined by settings; their bound of 0 excludes negative light.
     "EFFECTS",
     # Points at which curves are tabulated or drawn, and a displacement larger than any image.

@@ -15,11 +15,11 @@ from ospc.photometry.calibration import PROFILE_RADII, SCHEMA, Calibration
 from ospc.photometry.coverage import Coverage, ExposureRatios
 from ospc.photometry.geometry import image_size
 from ospc.photometry.noise import NoiseModel
+from ospc.photometry.non_radial import NON_RADIAL
 from ospc.photometry.response import Response
 from ospc.photometry.verdict import EffectEstimate, State, Verdict
 from ospc.photometry.vignette import (
     LARGEST_ATTENUATION,
-    NON_RADIAL,
     LogSplineVignette,
     LogVignette,
     PolynomialVignette,

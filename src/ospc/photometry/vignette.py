@@ -17,6 +17,7 @@ from ospc.atomic import write_atomically
 from ospc.by_value import ByValue
 from ospc.errors import UNREADABLE, FormatError
 from ospc.photometry.geometry import along_diagonals, image_of, normalised, pixel_grid, pixels_of
+from ospc.photometry.non_radial import DEGREES, non_radial_terms
 from ospc.photometry.radial_spline import radial_spline
 
 LARGEST_ATTENUATION = 1e3
@@ -96,21 +97,6 @@ _LARGEST_LOG = 50.0
 """Limit of |ln V| that keeps the exponential finite: a fit to wrong exposures may reach any value."""
 
 
-NON_RADIAL = ("x", "y", "xy", "x2-y2", "xR2", "yR2", "xyR2", "(x2-y2)R2")
-"""Names of the terms of ln V that depend on the direction: a tilt and an ellipse, and both growing outwards."""
-
-
-def non_radial_terms(x: FloatArray, y: FloatArray) -> tuple[FloatArray, ...]:
-    """Return the terms :data:`NON_RADIAL` at positions relative to the centre of the vignette; x and y broadcast."""
-    squared = x**2 + y**2
-    xy, difference = x * y, x**2 - y**2
-    return x, y, xy, difference, x * squared, y * squared, xy * squared, difference * squared
-
-
-_DEGREES = (1, 1, 2, 2, 3, 3, 4, 4)
-"""Degrees of the terms :data:`NON_RADIAL` in x and y."""
-
-
 @dataclass(frozen=True)
 class LogVignette(VignetteModel):
     """ln V = Σ aᵢ R²ⁱ about its own centre, plus non-radial terms; zero at that centre."""
@@ -122,7 +108,7 @@ class LogVignette(VignetteModel):
     centre: tuple[float, float] = (0.0, 0.0)
     """Centre of the vignette relative to the image centre, in half diagonals."""
     non_radial: tuple[float, ...] = ()
-    """Coefficients of the terms :data:`NON_RADIAL`, in this order; empty for none."""
+    """Coefficients of the terms :data:`~ospc.photometry.non_radial.NON_RADIAL`, in this order; empty for none."""
     limit: float = math.inf
     """Distance from ``centre`` in half diagonals beyond which V is unknown, as outside the image circle of a fisheye.
     Beyond, V keeps its value at this distance."""
@@ -136,7 +122,7 @@ class LogVignette(VignetteModel):
 
         ``centre`` is its centre in them, and ``unit`` the length of their half diagonal in present ones.
         """
-        non_radial = tuple(c * unit**degree for c, degree in zip(self.non_radial, _DEGREES, strict=False))
+        non_radial = tuple(c * unit**degree for c, degree in zip(self.non_radial, DEGREES, strict=False))
         moved = replace(self, size=size, centre=centre, non_radial=non_radial, limit=self.limit / unit)
         return moved._in_unit(unit)
 
