@@ -96,11 +96,14 @@ class Fit(Model):
 
     def log_irradiance(self, observations: ExposedObservations) -> FloatArray:
         """Return ln e·L of observations, without vignette and additional light, shape (n,)."""
-        log_g = np.interp(self.grey_of_mean(observations), self.response_basis.grid, self.log_response)
-        without_vignette = log_g - self.vignette_basis.log_value(self.vignette_parameters, observations.position)
+        log_irradiance = self._log_irradiance_with_added_light(observations)
         if not len(self.effects):
-            return without_vignette
-        return without_vignette - self.effects.log_added(self.effect_parameters, self._effect_terms(observations))
+            return log_irradiance
+        return log_irradiance - self.effects.log_added(self.effect_parameters, self._effect_terms(observations))
+
+    def _log_irradiance_with_added_light(self, observations: ExposedObservations) -> FloatArray:
+        log_g = np.interp(self.grey_of_mean(observations), self.response_basis.grid, self.log_response)
+        return log_g - self.vignette_basis.log_value(self.vignette_parameters, observations.position)
 
     def grey_of_mean(self, observations: Observations) -> FloatArray:
         """Return the grey level of the mean irradiance of each observation's pixels, shape (n,)."""
@@ -128,11 +131,10 @@ class Fit(Model):
 
     def log_radiance(self, observations: ExposedObservations) -> FloatArray:
         """Return ln L of observations, given their exposures, shape (n,)."""
-        found = self.log_irradiance(observations) - observations.log_exposure
+        found = self._log_irradiance_with_added_light(observations) - observations.log_exposure
         if not len(self.effects):
             return found
-        terms, values = self._effect_terms(observations), self.effect_parameters
-        return np.asarray(found - self.effects.log_gain(values, terms) + self.effects.log_added(values, terms))
+        return found - self.effects.log_gain(self.effect_parameters, self._effect_terms(observations))
 
     def residuals(self, observations: ExposedObservations) -> FloatArray:
         """Return the deviation of each observation's ln L from the mean of its point, shape (n,).
