@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 from ospc.arrays import ImageSize
 from ospc.correspondence.features import EXTRACTORS
-from ospc.errors import SettingError, known_names
+from ospc.errors import SettingError, known_names, named
 
 if TYPE_CHECKING:
     from ospc.correspondence.frame_sampling import FrameSampler
@@ -272,9 +272,7 @@ def preset(name: str) -> Settings:
     SettingError
         If there is no preset of that name.
     """
-    if name not in _PRESETS:
-        raise SettingError(f"no preset is called '{name}'; known: {', '.join(_PRESETS)}")
-    return _PRESETS[name]
+    return named("preset", name, _PRESETS)
 
 
 def with_overrides(settings: Settings, overrides: dict[str, str], others: Sequence[str] = ()) -> Settings:
