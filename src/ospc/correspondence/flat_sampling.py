@@ -8,6 +8,7 @@ from functools import cache
 import numpy as np
 
 from ospc.arrays import BoolArray, Float32Array, FloatArray, ImageSize, IntArray, read_only
+from ospc.correspondence.cells import ranks_in_cells
 from ospc.correspondence.equal_smoothing import (
     CENTRE,
     NODES,
@@ -182,11 +183,7 @@ class FlatSampler:
         radius_cell = np.minimum((radius * SAMPLING_RADIUS_CELLS).astype(int), SAMPLING_RADIUS_CELLS - 1)
         cell = grey_cell * SAMPLING_RADIUS_CELLS + radius_cell
         random = np.random.default_rng(seed).random(n)
-        # Take one point of each cell, then a second one, and so on.
-        order = np.argsort(cell + random)
-        count = np.bincount(cell)
-        rank = np.empty(n)
-        rank[order] = np.arange(n) - np.repeat(np.cumsum(count) - count, count)
+        rank = ranks_in_cells(cell, np.argsort(cell + random))
         return np.sort(np.argpartition(rank + random, self.max_points)[: self.max_points])
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ospc.arrays import BoolArray, FloatArray, Image, IntArray, size_of
+from ospc.correspondence.cells import ranks_in_cells
 from ospc.observations import MOMENTS, Observations
 from ospc.photometry.geometry import normalised
 from ospc.photometry.noise import BRIGHTEST_EXPOSED, DARKEST_EXPOSED
@@ -96,7 +97,5 @@ class StaticSeries:
         # The sum over all frames increases with radiance for any response, and noise hardly affects it.
         brightness = np.log(grey[usable].sum(axis=1))
         cell = np.digitize(brightness, np.histogram_bin_edges(brightness, SERIES_BRIGHTNESS_CELLS))
-        order = np.lexsort((np.arange(len(usable)), cell))
-        _, start, count = np.unique(cell[order], return_index=True, return_counts=True)
-        rank = np.arange(len(usable)) - np.repeat(start, count)
-        return np.sort(usable[order[np.argsort(rank, kind="stable")[: self.points]]])
+        rank = ranks_in_cells(cell, np.argsort(cell, kind="stable"))
+        return np.sort(usable[np.lexsort((cell, rank))[: self.points]])
