@@ -7,8 +7,9 @@ from functools import cache
 
 import numpy as np
 
-from ospc.estimation.model_choice import fit_with_chosen_vignette
+from ospc.estimation.fit_plan import FitPlan
 from ospc.estimation.response_basis import ResponseBasis
+from ospc.estimation.vignette_choice import fit_with_chosen_vignette
 from ospc.methods.summary import FitInputs
 from ospc.photometry.noise import NoiseModel
 from ospc.photometry.response import Response
@@ -26,7 +27,7 @@ OTHER_RESPONSE = replace(CAMERA, response=Response.gamma(2.2, 4097))
 def inputs_of(camera: Camera, seed: int, groups: int = 40, points: int = 40) -> FitInputs:
     """Return the fit inputs of a short recording of a camera."""
     observations = camera.pairs(seed, groups, points)
-    fit = fit_with_chosen_vignette(observations, ResponseBasis(32), VIGNETTE, NOISE, rounds=5).fit
+    fit = fit_with_chosen_vignette(observations, FitPlan(ResponseBasis(32), VIGNETTE, NOISE, rounds=5)).fit
     return FitInputs(SIZE, 255, NOISE, observations, fit, standing_still=False, pairs=groups)
 
 
@@ -37,7 +38,7 @@ def fisheye_inputs_of(camera: Camera, seed: int, radius: float) -> FitInputs:
     inside = np.logical_and.reduceat(np.linalg.norm(whole.position, axis=1) < radius, whole.starts)
     observations = whole.of_points(inside)
     vignette = replace(VIGNETTE, usable_radius=radius)
-    fit = fit_with_chosen_vignette(observations, ResponseBasis(32), vignette, NOISE, rounds=5).fit
+    fit = fit_with_chosen_vignette(observations, FitPlan(ResponseBasis(32), vignette, NOISE, rounds=5)).fit
     return replace(
         inputs_of(camera, seed, groups=6), observations=observations, fit=fit, pairs=60, usable_radius=radius
     )

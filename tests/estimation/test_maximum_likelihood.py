@@ -10,10 +10,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from ospc.estimation.fit_plan import FitPlan
 from ospc.estimation.maximum_likelihood import MaximumLikelihoodEstimator
-from ospc.estimation.model_choice import fit_with_chosen_vignette
 from ospc.estimation.response_basis import ResponseBasis, typical_gamma
 from ospc.estimation.vignette_basis import VignetteBasis
+from ospc.estimation.vignette_choice import fit_with_chosen_vignette
 from ospc.evaluation.metrics import log_ratio_error, response_shape_rmse, vignette_pixel_rmse, vignette_rmse
 from ospc.methods.paper import solve_kkt
 from ospc.observations import ExposedObservations
@@ -23,7 +24,7 @@ from ospc.photometry.response import Response
 from ospc.photometry.vignette import LogVignette, RasterVignette
 from ospc.settings import DefaultSettings
 from ospc.simulation.responses import RESPONSES
-from synthetic_observations import NONE, POLYNOMIAL, SIZE, Camera, reordered
+from synthetic_observations import NONE, POLYNOMIAL, ROUNDS, SIZE, Camera, reordered
 
 NOISE = NoiseModel(1e-5, 0.0)
 GAMMA = Response.gamma(2.0, 2041)
@@ -31,9 +32,12 @@ RADIAL_TERMS = DefaultSettings().radial_terms
 
 
 def fitted(observations, radial=RADIAL_TERMS, intervals=32, **vignette):
-    return MaximumLikelihoodEstimator(ResponseBasis(intervals), VignetteBasis(radial, **vignette), NOISE).fit(
-        observations
-    )
+    estimator = MaximumLikelihoodEstimator(ResponseBasis(intervals), VignetteBasis(radial, **vignette), NOISE)
+    return estimator.fit(observations, ROUNDS)
+
+
+def with_chosen_vignette(observations, widest):
+    return fit_with_chosen_vignette(observations, FitPlan(ResponseBasis(32), widest, NOISE, ROUNDS)).fit
 
 
 @cache
@@ -120,15 +124,15 @@ def test_points_seen_many_times_are_used_as_a_whole():
 
 def test_the_simplest_vignette_that_explains_the_data_is_chosen():
     widest = VignetteBasis(RADIAL_TERMS, free_centre=True, non_radial=True)
-    plain = fit_with_chosen_vignette(Camera(GAMMA).pairs(4), ResponseBasis(32), widest, NOISE, 8).fit
+    plain = with_chosen_vignette(Camera(GAMMA).pairs(4), widest)
     assert not plain.vignette_basis.non_radial
     truth = LogVignette(SIZE, (-0.5, 0.05, -0.2), (0.1, -0.06))
-    moved = fit_with_chosen_vignette(Camera(GAMMA, truth).pairs(4), ResponseBasis(32), widest, NOISE, 8).fit
+    moved = with_chosen_vignette(Camera(GAMMA, truth).pairs(4), widest)
     assert moved.vignette_basis.free_centre
     np.testing.assert_allclose(moved.vignette_basis.centre(moved.vignette_parameters), truth.centre, atol=0.006)
     assert vignette_pixel_rmse(moved.vignette(SIZE), truth) < 0.004
     skew = LogVignette(SIZE, (-0.5, 0.05, -0.2), (0.0, 0.0), (0.05, -0.04, 0.1, -0.05, 0.08, 0.0, 0.05, -0.1))
-    wide = fit_with_chosen_vignette(Camera(GAMMA, skew).pairs(4), ResponseBasis(32), widest, NOISE, 8).fit
+    wide = with_chosen_vignette(Camera(GAMMA, skew).pairs(4), widest)
     assert wide.vignette_basis.non_radial
     assert vignette_pixel_rmse(wide.vignette(SIZE), skew) < 0.006
 
@@ -150,7 +154,7 @@ def test_a_strongly_elliptic_vignette_is_followed():
     widest = VignetteBasis(RADIAL_TERMS, free_centre=True, non_radial=True)
     vignette = Elliptic(fall=0.8, stretch=1.4)
     seen = Camera(GAMMA, vignette).pairs(5, points=150)
-    fit = fit_with_chosen_vignette(seen, ResponseBasis(32), widest, NOISE, 8).fit
+    fit = with_chosen_vignette(seen, widest)
     truth = RasterVignette(vignette.at_normalised(normalised(pixel_grid(SIZE), SIZE)))
     assert vignette_pixel_rmse(fit.vignette(SIZE), truth) < 0.0025
 
@@ -163,7 +167,7 @@ def test_the_centre_of_an_elliptic_vignette_stays_near_the_middle(seed, centre):
     vignette = Elliptic(centre)
     everywhere = Camera(GAMMA, vignette).pairs(seed, points=150)
     seen = everywhere.seen_twice(np.linalg.norm(everywhere.position, axis=1) < 0.8)
-    fit = fit_with_chosen_vignette(seen, ResponseBasis(32), widest, NOISE, 8).fit
+    fit = with_chosen_vignette(seen, widest)
     assert fit.vignette_basis.non_radial
     assert np.abs(fit.vignette_basis.centre(fit.vignette_parameters)).max() < 0.25
     truth = RasterVignette(vignette.at_normalised(normalised(pixel_grid(SIZE), SIZE)))
@@ -186,7 +190,7 @@ def test_the_kink_of_a_mechanical_vignette_is_found(begins):
     widest = VignetteBasis(RADIAL_TERMS, free_centre=True, non_radial=True)
     vignette = Mechanical(begins)
     seen = Camera(GAMMA, vignette).pairs(2, points=150)
-    fit = fit_with_chosen_vignette(seen, ResponseBasis(32), widest, NOISE, 8).fit
+    fit = with_chosen_vignette(seen, widest)
     truth = RasterVignette(vignette.at_normalised(normalised(pixel_grid(SIZE), SIZE)))
     assert vignette_pixel_rmse(fit.vignette(SIZE), truth) < 0.004
     radii = np.linspace(0.05, 1, 96)
@@ -202,7 +206,7 @@ def test_a_flat_vignette_has_no_centre():
     widest = VignetteBasis(RADIAL_TERMS, free_centre=True, non_radial=True)
     flat = Camera(GAMMA, LogVignette(SIZE, (0.0,)))
     for seed in range(8):
-        fit = fit_with_chosen_vignette(flat.pairs(seed), ResponseBasis(32), widest, NOISE, 8).fit
+        fit = with_chosen_vignette(flat.pairs(seed), widest)
         assert not fit.vignette_basis.free_centre
 
 
@@ -335,8 +339,8 @@ def test_a_single_pair_of_frames_gives_no_certainty_without_limit():
     observations = Camera(GAMMA).pairs(0, groups=1, points=2000)
     late = replace(observations, log_exposure=observations.log_exposure + 0.02 * (observations.frame % 2))
     sigma = [
-        MaximumLikelihoodEstimator(ResponseBasis(32), VignetteBasis(0), rounds=rounds)
-        .fit(late)
+        MaximumLikelihoodEstimator(ResponseBasis(32), VignetteBasis(0))
+        .fit(late, rounds)
         .log_response_step_sigma(0.25, 0.75)
         for rounds in (4, 12)
     ]
@@ -374,7 +378,7 @@ def test_sigmas_cover_noise_that_was_amplified_after_the_response():
     amplified = NoiseModel(4e-4, 0.0, tuple(variances), measured=(0.12, 0.9))
     estimator = MaximumLikelihoodEstimator(ResponseBasis(32), VignetteBasis(RADIAL_TERMS), amplified)
     for seed in range(2):
-        fit = estimator.fit(Camera(truth, spread=1.3).pairs(seed, groups=160))
+        fit = estimator.fit(Camera(truth, spread=1.3).pairs(seed, groups=160), ROUNDS)
         error = np.log(fit.response(255).inverse(levels) / truth.inverse(levels))
         error -= np.log(fit.response(255).inverse(0.5) / truth.inverse(0.5))
         sigma = fit.log_response_sigma(levels, 0.5)
@@ -467,8 +471,8 @@ def test_the_same_observations_give_the_same_fit_bit_for_bit():
 
 def test_a_fit_may_start_from_another_and_ends_at_the_same():
     estimator = MaximumLikelihoodEstimator(ResponseBasis(32), VignetteBasis(4), NOISE)
-    first = estimator.fit(SOME)
-    again = estimator.fit(SOME, first)
+    first = estimator.fit(SOME, ROUNDS)
+    again = estimator.fit(SOME, ROUNDS, first)
     assert log_step(again) == pytest.approx(log_step(first), abs=0.003)
     assert log_fall(again) == pytest.approx(log_fall(first), abs=0.003)
 

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from ospc.errors import SettingError
-from ospc.estimation.model_choice import fit_with_chosen_vignette
+from ospc.estimation.fit_plan import FitPlan
 from ospc.estimation.response_basis import ResponseBasis
+from ospc.estimation.vignette_choice import fit_with_chosen_vignette
 from ospc.evaluation.metrics import log_ratio_error, response_shape_rmse, vignette_rmse
 from ospc.methods.summary import summarise
 from ospc.pooling.pool import Pool, merge
@@ -105,7 +106,7 @@ def test_one_recording_alone_stays_as_uncertain_as_it_was(error):
 def test_corners_that_no_recording_shows_are_as_uncertain_as_in_one_alone():
     everywhere = OTHER_LENS.pairs(0, groups=160)
     seen = everywhere.seen_twice(np.linalg.norm(everywhere.position, axis=1) < 0.85)
-    fit = fit_with_chosen_vignette(seen, ResponseBasis(32), VIGNETTE, NOISE, rounds=5).fit
+    fit = fit_with_chosen_vignette(seen, FitPlan(ResponseBasis(32), VIGNETTE, NOISE, rounds=5)).fit
     own = summary_of(replace(inputs_of(OTHER_LENS, 0), observations=seen, fit=fit), "frames", {}, 100)
     pooled = solve_with_chosen_vignette(Information.of([own]))
     radii = np.array([0.5, 0.9, 1.0])

@@ -55,8 +55,8 @@ class QuickFit:
         """
         rounds = self._settings.rounds if self.fit is None else QUICK_FIT_ROUNDS
         vignette = VignetteBasis(QUICK_FIT_RADIAL_TERMS, usable_radius=usable_radius)
-        estimator = MaximumLikelihoodEstimator(self._basis, vignette, noise, rounds)
-        fit = estimator.fit(observations, self.fit)
+        estimator = MaximumLikelihoodEstimator(self._basis, vignette, noise)
+        fit = estimator.fit(observations, rounds, self.fit)
         if unexplained_share(exposure_ratios(fit, observations)) <= CONTRADICTING_UNEXPLAINED_SHARE:
             self.rely_on(fit, usable_radius, trusts_stated=trusts_stated)
 
