@@ -29,6 +29,7 @@ from ospc.settings.correspondence import (
     SAMPLING_RADIUS_CELLS,
     STRUCTURE_QUANTILE,
 )
+from ospc.settings.preprocessing import SAMPLING_MARGIN_PX
 
 
 @dataclass(frozen=True)
@@ -81,16 +82,16 @@ class FlatSampler:
     smoothed correspondingly more.
     """
 
-    spacing_px: int = 8
+    spacing_px: int
     """Distance between grid points, in reduced pixels."""
-    margin_px: int = 5
-    """Points closer to the border are not used."""
-    max_gradient: float = 0.006
+    max_gradient: float
     """Largest grey gradient, in full scale per reduced pixel, of a flat point."""
-    max_forward_backward_error_px: float = 2.0
+    max_forward_backward_error_px: float
     """Largest forward-backward registration error of a point, in reduced pixels."""
-    max_points: int = 400
+    max_points: int
     """Maximum number of scene points sampled from a pair, spread evenly over mean grey level and radius."""
+    margin_px: int = SAMPLING_MARGIN_PX
+    """Points closer to the border are not used."""
 
     def keyframe(self, frame: PreprocessedFrame) -> Keyframe:
         """Return the keyframe of a frame: its small images, and its values on the grid."""

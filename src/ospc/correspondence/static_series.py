@@ -13,18 +13,18 @@ from ospc.photometry.geometry import normalised
 from ospc.photometry.noise import BRIGHTEST_EXPOSED, DARKEST_EXPOSED
 from ospc.recording.frame import Frame
 from ospc.settings.correspondence import SERIES_BRIGHTNESS_CELLS
+from ospc.settings.preprocessing import SERIES_FRAMES, SERIES_PIXELS
 
 
 @dataclass
 class StaticSeries:
     """Keeps the grey values of a fixed selection of pixels, for a bounded number of frames."""
 
-    pixels: int = 12_000
-    """Number of pixels kept: four times the points, so that they include dark and bright ones."""
-    points: int = 3_000
-    """Number of these pixels, spread evenly over their brightness, that are used for estimation."""
-    frames: int = 256
-    """Maximum number of frames kept; beyond it, every second one is dropped and only every second new one is kept."""
+    points: int
+    """Number of pixels, spread evenly over their brightness, that are used for estimation."""
+    pixels: int = SERIES_PIXELS
+    frames: int = SERIES_FRAMES
+    """Number of pixels, and maximum number of frames kept."""
     _places: IntArray | None = field(default=None, repr=False)
     _size: tuple[int, int] = (0, 0)
     _grey: list[Image] = field(default_factory=list, repr=False)

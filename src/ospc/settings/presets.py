@@ -116,7 +116,7 @@ class PaperSettings:
         """Return the preprocessor for the exposure check."""
         from ospc.correspondence.preprocessing import Preprocessor
 
-        return Preprocessor()
+        return Preprocessor(DefaultSettings.longest_side_px, DefaultSettings.smoothing_px)
 
     def build(self, size: ImageSize, max_grey: int) -> Method:
         """Return the method for an image size and bit depth."""
@@ -149,7 +149,8 @@ class DefaultSettings:
     max_log_ratio
         Change of ln exposure beyond which a pair no longer provides information about the response.
     longest_side_px
-        Images are reduced until their longer side has this length, in pixels, before they are compared.
+        Images are reduced until their longer side has at most this length, in pixels, before they are compared; 800
+        keeps 640×480 unchanged and halves 1280×1024.
     smoothing_px
         Standard deviation, in pixels, of the smoothing applied to grey levels before sampling.
     grid_spacing_px
