@@ -110,10 +110,10 @@ def test_corners_that_no_recording_shows_are_as_uncertain_as_in_one_alone():
     own = summary_of(replace(inputs_of(OTHER_LENS, 0), observations=seen, fit=fit), "frames", {}, 100)
     pooled = solve_with_chosen_vignette(Information.of([own]))
     radii = np.array([0.5, 0.9, 1.0])
-    sigma, own_sigma = (found.vignette_errors(SIZE).log_sigma(radii) for found in (pooled, fit))
+    sigma, own_sigma = (found.vignette_errors(SIZE).sigma(radii) for found in (pooled, fit))
     np.testing.assert_allclose(sigma, own_sigma, rtol=0.35)
     complete = solve_with_chosen_vignette(Information.of([own, summary(OTHER_LENS, 1)]))
-    assert complete.vignette_errors(SIZE).log_sigma(radii)[2] < 0.5 * sigma[2]
+    assert complete.vignette_errors(SIZE).sigma(radii)[2] < 0.5 * sigma[2]
 
 
 def test_merging_keeps_where_the_image_ends():

@@ -38,10 +38,6 @@ class VignetteErrors:
     measured_radius: float
     size: ImageSize
 
-    def log_sigma(self, radius: FloatArray) -> FloatArray:
-        """Return the root mean square standard deviation of ln V at radii in half diagonals, shape (n,) -> (n,)."""
-        return np.asarray(np.sqrt(self._total_log_variance(radius).mean(axis=1)))
-
     def worst_log_sigma(self, radius: float) -> float:
         """Return the largest standard deviation of ln V at a radius in half diagonals."""
         return float(np.sqrt(self._total_log_variance(np.array([radius])).max()))
