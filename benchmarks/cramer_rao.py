@@ -21,6 +21,7 @@ import numpy as np
 from ospc import OnlineCalibrator
 from ospc.estimation.error_model import ErrorModel
 from ospc.estimation.fit import Fit
+from ospc.estimation.fitted import Fitted
 from ospc.estimation.maximum_likelihood import MaximumLikelihoodEstimator
 from ospc.evaluation.metrics import log_ratio_error, response_shape_rmse, vignette_rmse
 from ospc.methods.summary import FitInputs
@@ -52,7 +53,8 @@ def bound(inputs: FitInputs, fit: Fit, settings: SimulationSettings) -> dict[str
     sensor = ErrorModel(*variances.tolist(), registration_sigma_px=0.0, radiance_sigma=0.0)
     estimator = MaximumLikelihoodEstimator(fit.response_basis, fit.vignette_basis, inputs.noise, effects=fit.effects)
     assert inputs.observations is not None
-    equations = estimator.information(inputs.observations, replace(fit, errors=sensor), fit.parameters)
+    fitted = Fitted(replace(fit, errors=sensor), inputs.observations, inputs.noise)
+    equations = estimator.information(fitted, fit.parameters)
     precision = equations.matrix + fit.prior(fit.parameters).precision(fit.hyperparameters)
     root = np.linalg.cholesky(np.linalg.inv(precision))
     response, vignette = fit.response(inputs.max_grey), fit.vignette(inputs.size)

@@ -7,8 +7,9 @@ from functools import cache
 
 import numpy as np
 
-from ospc.estimation.model_choice import fit_with_chosen_vignette
+from ospc.estimation.fit_plan import FitPlan
 from ospc.estimation.response_basis import ResponseBasis
+from ospc.estimation.vignette_choice import fit_with_chosen_vignette
 from ospc.methods.summary import FitInputs
 from ospc.photometry.noise import NoiseModel
 from ospc.photometry.response import Response
@@ -28,7 +29,7 @@ def inputs_of(
 ) -> FitInputs:
     """Return the fit inputs of a short recording of a camera."""
     observations = camera.pairs(seed, groups, points)
-    fit = fit_with_chosen_vignette(observations, basis, VIGNETTE, NOISE, rounds=5).fit
+    fit = fit_with_chosen_vignette(observations, FitPlan(basis, VIGNETTE, NOISE, rounds=5)).fit
     return FitInputs(SIZE, 255, NOISE, observations, fit, standing_still=False, pairs=groups)
 
 
@@ -39,7 +40,7 @@ def fisheye_inputs_of(camera: Camera, seed: int, radius: float) -> FitInputs:
     inside = np.logical_and.reduceat(np.linalg.norm(whole.position, axis=1) < radius, whole.starts)
     observations = whole.of_points(inside)
     vignette = replace(VIGNETTE, usable_radius=radius)
-    fit = fit_with_chosen_vignette(observations, RESPONSE, vignette, NOISE, rounds=5).fit
+    fit = fit_with_chosen_vignette(observations, FitPlan(RESPONSE, vignette, NOISE, rounds=5)).fit
     return replace(
         inputs_of(camera, seed, groups=6), observations=observations, fit=fit, pairs=60, usable_radius=radius
     )

@@ -9,10 +9,12 @@ import numpy as np
 from ospc.observations import ExposedObservations
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import LogVignette
+from ospc.settings import DefaultSettings
 
 SIZE = (640, 480)
 POLYNOMIAL = LogVignette(SIZE, (-0.5, 0.05, -0.2))
 NONE = LogVignette(SIZE, (0.0,))
+ROUNDS = DefaultSettings().rounds
 
 
 @dataclass(frozen=True)

@@ -27,6 +27,7 @@ from ospc.photometry.calibration import Calibration
 from ospc.recording import ArrayRecording, Frame
 from ospc.recording.recording import identity
 from ospc.settings import DefaultSettings, PaperSettings, as_dict, preset, with_overrides
+from workers import preprocessor
 
 IMAGE = np.full((6, 8), 90, np.uint8)
 
@@ -72,7 +73,7 @@ class NotingSettings:
         return FrameSampler.every_frame()
 
     def preprocessor(self):
-        return Preprocessor()
+        return preprocessor()
 
     def state_type(self):
         return None

@@ -12,9 +12,11 @@ import struct
 import tokenize
 import zipfile
 import zlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from typing import SupportsIndex
+from typing import SupportsIndex, TypeVar
+
+Named = TypeVar("Named")
 
 UNREADABLE = (
     *(LookupError, TypeError, ValueError, RecursionError, MemoryError, EOFError, OverflowError),
@@ -143,6 +145,13 @@ def known_names(name: str, known: Sequence[str]) -> str:
     """Return which of the known names an unknown one resembles, or all of them if it resembles none."""
     close = difflib.get_close_matches(name, known, cutoff=_CLOSE)
     return f"did you mean {' or '.join(close)}?" if close else f"known: {', '.join(known)}"
+
+
+def named(what: str, name: str, known: Mapping[str, Named]) -> Named:
+    """Return the entry of a name; SettingError if there is none, with ``what`` it should be."""
+    if name not in known:
+        raise SettingError(f"no {what} is called '{name}'; {known_names(name, list(known))}")
+    return known[name]
 
 
 def counted(number: SupportsIndex, noun: str) -> str:

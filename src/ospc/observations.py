@@ -13,9 +13,10 @@ import numpy.typing as npt
 from ospc.arrays import Float32Array, FloatArray, IntArray
 from ospc.by_value import ByValue
 from ospc.errors import SettingError
+from ospc.observation_checks import check_values, whole_numbers
 from ospc.photometry.grey_range import GreyRange
 from ospc.robust import weighted_median
-from ospc.settings.sampling import CLIPPED_MARGIN, POSITION_TOLERANCE
+from ospc.settings.sampling import CLIPPED_MARGIN
 
 POWERS = 5
 """Powers of the grey level whose means are kept. A polynomial of this degree approximates the inverse of smooth
@@ -172,7 +173,7 @@ class Observations(ByValue):
             return ends.reshape(2 * n, *width)
 
         values = {name: both(name) for name in _OF_A_FRAME}
-        frame = values.pop("frame").astype(np.int64)
+        frame = whole_numbers(values.pop("frame"))
         point, pair = np.repeat(np.arange(n), 2), np.repeat(np.asarray(group, dtype=np.int64), 2)
         return cls(**values, frame=frame, point=point, group=pair)
 
@@ -184,25 +185,9 @@ class Observations(ByValue):
         SettingError
             If shapes do not match, values are out of range, or a scene point has only one observation.
         """
-        n = np.size(self.grey)
-        for entry in fields(Observations):
-            shape = (n, *_WIDTHS.get(entry.name, ()))
-            values = np.asarray(getattr(self, entry.name))
-            if values.shape != shape:
-                raise SettingError(f"{entry.name} of {n} observations must have shape {shape}, not {values.shape}")
-            if not np.all(np.isfinite(values)):
-                raise SettingError(f"{entry.name} must be finite; leave out points for which it is unknown")
-        if np.any((self.grey < 0) | (self.grey > 1)):
-            raise SettingError("grey levels must be in [0, 1]; divide grey values by the largest possible value")
-        moments = np.concatenate([self.frame_moments, self.surround_moments], axis=1)
-        if np.any((moments < 0) | (moments > 1)):
-            raise SettingError("means of powers of the grey level must be in [0, 1]")
-        if np.any(np.hypot(*self.position.T) > 1 + POSITION_TOLERANCE):
-            raise SettingError(
-                "a position is outside the image; positions are relative to its centre, in half diagonals"
-            )
-        if np.any(self.gradient < 0) or np.any(self.grey_variance < 0) or np.any(self.frame < 0):
-            raise SettingError("gradients, variances and frame numbers must not be negative")
+        n, names = np.size(self.grey), [entry.name for entry in fields(Observations)]
+        values = {name: getattr(self, name) for name in names}
+        check_values(values, {name: (n, *_WIDTHS.get(name, ())) for name in names})
         if np.any(np.diff(self.point) < 0) or np.any(self.counts < 2):
             raise SettingError("each scene point needs two or more observations, stored consecutively")
 

@@ -8,11 +8,11 @@ import pytest
 
 from ospc import Frame
 from ospc.correspondence.pixel_statistics import PixelStatistics
-from ospc.correspondence.preprocessing import Preprocessor
 from ospc.photometry.grey_range import FULL_RANGE, VIDEO_RANGE, GreyRange
+from workers import preprocessor
 
 LIMITED, FULL = (16, 235), (0, 255)
-PREPROCESS = Preprocessor()
+PREPROCESS = preprocessor()
 
 
 def observed(statistics: PixelStatistics, number: int, low: int, high: int, *, piled: bool = True) -> None:

@@ -9,8 +9,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ospc.correspondence.exposure_normalizer import ExposureNormalizer
-from ospc.correspondence.flat_sampling import FlatSampler
-from ospc.correspondence.preprocessing import Preprocessor
 from ospc.correspondence.registration import (
     DenseRegistration,
     Registration,
@@ -25,6 +23,8 @@ from ospc.photometry.response import Response
 from ospc.photometry.vignette import PolynomialVignette
 from ospc.recording.frame import Frame
 from ospc.second_thread import SecondThread
+from ospc.settings import DefaultSettings
+from workers import flat_sampler, preprocessor
 
 SIZE = (320, 240)
 RESPONSE = Response.gamma(2.0)
@@ -46,7 +46,7 @@ def ramp(width, height, across, down, base, white=255, dtype=np.uint8):
 
 @given(st.integers(2, 253), st.sampled_from([(64, 48), (90, 61), (33, 200)]), st.integers(20, 100))
 def test_reduction_keeps_an_even_image(level, size, longest):
-    frame = Preprocessor(longest_side=longest, registration_side=30)(
+    frame = preprocessor(longest_side=longest, registration_side=30)(
         of_array(np.full(size[::-1], level, np.uint8), 2.5)
     )
     assert max(frame.grey.shape) <= longest
@@ -62,7 +62,7 @@ def test_reduction_keeps_an_even_image(level, size, longest):
 @pytest.mark.parametrize(("dtype", "white"), [(np.uint8, 255), (np.uint16, 4095), (np.uint16, 65535)])
 def test_grey_levels_and_slopes_belong_to_the_stated_positions(longest, reduction, dtype, white):
     image = ramp(400, 300, 0.0015, 0.0008, 0.05, white, dtype)
-    frame = Preprocessor(longest_side=longest)(of_array(image, max_grey=white))
+    frame = preprocessor(longest_side=longest)(of_array(image, max_grey=white))
     assert frame.reduction == reduction
     height, width = frame.grey.shape
     places = pixel_grid((width, height))
@@ -77,8 +77,8 @@ def test_grey_levels_and_slopes_belong_to_the_stated_positions(longest, reductio
 @pytest.mark.parametrize("longest", [400, 200])
 def test_the_noise_of_a_sample_is_that_of_so_many_pixels(longest):
     noise = np.random.default_rng(0).normal(0, 12, (300, 400))
-    frame = Preprocessor(longest_side=longest)(of_array(np.rint(128 + noise).astype(np.uint8)))
-    pixels = 4 * np.pi * (Preprocessor.smoothing_px * frame.reduction) ** 2
+    frame = preprocessor(longest_side=longest)(of_array(np.rint(128 + noise).astype(np.uint8)))
+    pixels = 4 * np.pi * (DefaultSettings.smoothing_px * frame.reduction) ** 2
     assert frame.grey.std() * 255 == pytest.approx(12 / np.sqrt(pixels), rel=0.06)
 
 
@@ -87,7 +87,7 @@ def test_clipped_areas_are_marked_and_single_clipped_pixels_are_not(level):
     image = np.full((120, 160), 128, np.uint8)
     image[40:70, 50:90] = level
     image[90, 120] = level
-    frame = Preprocessor()(of_array(image))
+    frame = preprocessor()(of_array(image))
     assert frame.clipped[45:65, 55:85].all()
     marked = np.argwhere(frame.clipped)
     assert np.all((marked >= [34, 44]) & (marked <= [75, 95]))
@@ -100,7 +100,7 @@ def test_the_tips_of_texture_keep_means_from_being_used_where_they_are_white_but
     size = 3 * 160 // longest
     for image, level in ((white, 255), (black, 0)):
         image[60 : 60 + size, 80 : 80 + size] = level
-    frames = [Preprocessor(longest_side=longest)(of_array(image)) for image in (white, black)]
+    frames = [preprocessor(longest_side=longest)(of_array(image)) for image in (white, black)]
     there = np.array([61, 81]) * longest // 160
     distance = np.abs(np.argwhere(frames[0].clipped) - there).max(axis=1)
     assert np.count_nonzero(distance <= 4) == 9**2
@@ -113,8 +113,8 @@ def test_pixels_that_are_wrong_hardly_change_the_grey_levels_around(dtype, white
     random = np.random.default_rng(0)
     image = ramp(320, 240, 0.001, 0.0005, 0.05, white, dtype)
     wrong = np.where(random.random(image.shape) < 0.01, random.choice([0, white], image.shape), image).astype(dtype)
-    clean, disturbed = (Preprocessor()(of_array(one, max_grey=white)).grey for one in (image, wrong))
-    smoothed = cv2.GaussianBlur(wrong.astype(np.float32) / white, (0, 0), Preprocessor.smoothing_px)
+    clean, disturbed = (preprocessor()(of_array(one, max_grey=white)).grey for one in (image, wrong))
+    smoothed = cv2.GaussianBlur(wrong.astype(np.float32) / white, (0, 0), DefaultSettings.smoothing_px)
     assert abs(np.mean(disturbed - clean)) < 0.1 * abs(np.mean(smoothed - clean))
     assert np.std(disturbed - clean) < 0.3 * np.std(smoothed - clean)
 
@@ -122,7 +122,7 @@ def test_pixels_that_are_wrong_hardly_change_the_grey_levels_around(dtype, white
 def test_deep_images_clip_where_their_eight_most_significant_bits_would():
     image = np.full((80, 100), 2000, np.uint16)
     image[:40, :50], image[40:, 50:] = 4090, 10
-    frame = Preprocessor()(of_array(image, max_grey=4095))
+    frame = preprocessor()(of_array(image, max_grey=4095))
     assert frame.clipped[10, 10]
     assert frame.clipped[70, 90]
     assert not frame.clipped[10, 90]
@@ -165,7 +165,7 @@ def seen(shift, exposure, vignette=VIGNETTE, noise=0.003):
     ids=["nothing known", "response known", "both known", "next to no light below a white never seen"],
 )
 def test_registration_finds_a_shift_in_spite_of_exposure_and_vignette(normalizer):
-    frame0, frame1 = (Preprocessor()(seen(s, e)) for s, e in ((np.zeros(2), 1.0), (SHIFT, 2.0)))
+    frame0, frame1 = (preprocessor()(seen(s, e)) for s, e in ((np.zeros(2), 1.0), (SHIFT, 2.0)))
     registration = DenseRegistration()(frame0, frame1, normalizer)
     places = pixel_grid(SIZE)[20:-20:6, 20:-20:6].reshape(-1, 2)
     displacement, forward_backward_error = displacement_at(registration, places, 1.0)
@@ -177,28 +177,28 @@ def test_registration_finds_a_shift_in_spite_of_exposure_and_vignette(normalizer
 
 @pytest.mark.parametrize("stated", [np.log(1.9), np.nan, np.log(1 / 1.9), 3.0])
 def test_a_normalizer_brings_frames_to_one_brightness_whatever_exposures_are_stated(stated):
-    frame0, frame1 = (Preprocessor()(seen(np.zeros(2), e, noise=0)) for e in (1.0, 1.9))
+    frame0, frame1 = (preprocessor()(seen(np.zeros(2), e, noise=0)) for e in (1.0, 1.9))
     image0, image1 = (image.astype(float) for image in ExposureNormalizer(LOG_RESPONSE)(frame0, frame1, stated))
     unclipped = (frame1.small < 250) & (frame0.small > 20)
     np.testing.assert_allclose(image0[unclipped], image1[unclipped], atol=4)
 
 
 def test_a_ratio_that_is_unknown_is_measured_though_exposures_are_trusted():
-    frames = [Preprocessor()(seen(np.zeros(2), e, noise=0)) for e in (1.0, 1.9)]
+    frames = [preprocessor()(seen(np.zeros(2), e, noise=0)) for e in (1.0, 1.9)]
     trusting, looking = ExposureNormalizer(LOG_RESPONSE, trusts_stated=True), ExposureNormalizer(LOG_RESPONSE)
     for found, expected in zip(trusting(*frames, np.nan), looking(*frames, np.nan), strict=True):
         np.testing.assert_array_equal(found, expected)
 
 
 def test_with_the_vignette_known_the_same_scene_looks_the_same_wherever_it_is():
-    frames = (Preprocessor()(seen(np.array(s), 1.0, noise=0)) for s in ((0.0, 0.0), (40.0, 30.0)))
+    frames = (preprocessor()(seen(np.array(s), 1.0, noise=0)) for s in ((0.0, 0.0), (40.0, 30.0)))
     whole, shifted = ExposureNormalizer(LOG_RESPONSE, VIGNETTE)(*frames, 0.0)
     np.testing.assert_allclose(whole[:-30, :-40].astype(float), shifted[30:, 40:], atol=4)
 
 
 @pytest.mark.parametrize("exposure", [0.4, 1.0, 2.5])
 def test_the_exposure_ratio_is_read_off_the_images(exposure):
-    frame0, frame1 = (Preprocessor()(seen(s, e)) for s, e in ((np.zeros(2), 1.0), (SHIFT, exposure)))
+    frame0, frame1 = (preprocessor()(seen(s, e)) for s, e in ((np.zeros(2), 1.0), (SHIFT, exposure)))
     log_ratio, sure = ExposureNormalizer(LOG_RESPONSE, VIGNETTE).log_ratio(frame0, frame1)
     assert sure
     assert log_ratio == pytest.approx(np.log(exposure), abs=0.02)
@@ -211,7 +211,7 @@ def test_displacements_that_grow_from_place_to_place_are_not_held_back(angle):
     image = np.clip(128 + 60 * texture / texture.std(), 0, 255).astype(np.uint8)
     centre = (np.array(SIZE) - 1) / 2
     to_second = cv2.getRotationMatrix2D(centre.tolist(), angle, 1.2)
-    frames = (Preprocessor()(of_array(view)) for view in (image, cv2.warpAffine(image, to_second, SIZE)))
+    frames = (preprocessor()(of_array(view)) for view in (image, cv2.warpAffine(image, to_second, SIZE)))
     registration = DenseRegistration()(*frames, ExposureNormalizer(LOG_RESPONSE), 0.0)
     places = pixel_grid(SIZE)
     true = places @ to_second[:, :2].T + to_second[:, 2]
@@ -227,7 +227,7 @@ def test_images_of_every_size_are_registered(size):
     width, height = size
     texture = cv2.GaussianBlur(np.random.default_rng(2).normal(0, 1, (height, width + 2)), (0, 0), 2)
     image = np.clip(128 + 60 * texture / texture.std(), 0, 255).astype(np.uint8)
-    frames = (Preprocessor()(of_array(np.ascontiguousarray(view))) for view in (image[:, 2:], image[:, :-2]))
+    frames = (preprocessor()(of_array(np.ascontiguousarray(view))) for view in (image[:, 2:], image[:, :-2]))
     registration = DenseRegistration()(*frames, ExposureNormalizer(LOG_RESPONSE), 0.0)
     assert registration is not None
     inner = registration.forward[8:-8, 8:-8]
@@ -235,7 +235,7 @@ def test_images_of_every_size_are_registered(size):
 
 
 def test_what_leaves_the_image_has_a_large_forward_backward_error():
-    frame0, frame1 = (Preprocessor()(seen(s, 1.0)) for s in (np.zeros(2), np.array([40.0, 0.0])))
+    frame0, frame1 = (preprocessor()(seen(s, 1.0)) for s in (np.zeros(2), np.array([40.0, 0.0])))
     registration = DenseRegistration()(frame0, frame1, ExposureNormalizer(LOG_RESPONSE))
     gone = pixel_grid(SIZE)[20:-20, -24:-10].reshape(-1, 2)
     assert np.median(displacement_at(registration, gone, 1.0)[1]) > 5
@@ -284,7 +284,7 @@ def zoomed(magnification, turned=0.0):
 def shifted_pair(shift=(6.0, -3.0), reduction=1, exposures=(1.0, 2.0)):
     """Return two views of a ramp and their true registration."""
     width, height = SIZE[0] * reduction, SIZE[1] * reduction
-    maker = Preprocessor(longest_side=SIZE[0], registration_side=SIZE[0])
+    maker = preprocessor(longest_side=SIZE[0], registration_side=SIZE[0])
     views = []
     for offset, exposure in zip((np.zeros(2), np.array(shift)), exposures, strict=True):
         at = pixel_grid((width, height)) / reduction - offset
@@ -302,7 +302,7 @@ def sampled(sampler, frame0, frame1, registration, group):
 @pytest.mark.parametrize("reduction", [1, 2])
 def test_samples_are_the_same_scene_point_in_both_frames(reduction):
     frame0, frame1, registration = shifted_pair(reduction=reduction)
-    samples = sampled(FlatSampler(max_points=100_000), frame0, frame1, registration, 17)
+    samples = sampled(flat_sampler(max_points=100_000), frame0, frame1, registration, 17)
     made = samples.observations
     assert len(made.starts) > 500
     assert np.all(made.counts == 2)
@@ -332,12 +332,12 @@ def test_a_magnified_extreme_is_read_as_if_it_were_not_magnified(magnification):
     An approaching floor is magnified more along one direction than along the other.
     """
     places = pixel_grid(SIZE)
-    maker = Preprocessor(longest_side=SIZE[0], registration_side=SIZE[0])
+    maker = preprocessor(longest_side=SIZE[0], registration_side=SIZE[0])
     views = [
         maker(of_array(np.rint(radiance_of(at) * 65535).astype(np.uint16), index=number))
         for number, at in enumerate((places, places / np.array(magnification)))
     ]
-    made = sampled(FlatSampler(max_points=100_000), *views, zoomed(magnification), 0).observations
+    made = sampled(flat_sampler(max_points=100_000), *views, zoomed(magnification), 0).observations
     read = made.grey.reshape(-1, 2).T
     half = (np.array(SIZE) - 1) / 2
     at = [(made.position[i::2] * np.linalg.norm(half) + half).astype(np.float32) for i in (0, 1)]
@@ -357,7 +357,7 @@ def test_steep_clipped_lost_and_outer_places_are_left_out():
     frame1.gradient[:60] = 0.02
     frame1.clipped[180:] = True
     registration.forward_backward_error[:, 250:] = 5.0
-    made = sampled(FlatSampler(margin_px=10, max_points=100_000), frame0, frame1, registration, 0).observations
+    made = sampled(flat_sampler(margin_px=10, max_points=100_000), frame0, frame1, registration, 0).observations
     half = np.linalg.norm(np.array(SIZE) - 1) / 2
     x, y = (made.position * half + (np.array(SIZE) - 1) / 2).T
     assert len(x) > 100
@@ -366,7 +366,7 @@ def test_steep_clipped_lost_and_outer_places_are_left_out():
 
 def test_what_moves_out_of_the_image_is_not_sampled():
     frame0, frame1, registration = shifted_pair(shift=(60.0, 0.0), exposures=(1.0, 1.0))
-    sampler = FlatSampler(max_points=100_000)
+    sampler = flat_sampler(max_points=100_000)
     samples = sampled(sampler, frame0, frame1, registration, 0)
     outermost = samples.observations.position[:, 0].max() * np.linalg.norm(np.array(SIZE) - 1) / 2
     assert outermost <= SIZE[0] / 2 - sampler.margin_px
@@ -376,7 +376,7 @@ def test_what_moves_out_of_the_image_is_not_sampled():
 def test_nothing_in_common_makes_no_samples():
     frame0, frame1, registration = shifted_pair()
     lost = Registration(registration.forward, np.full_like(registration.forward_backward_error, 100.0))
-    samples = sampled(FlatSampler(), frame0, frame1, lost, 0)
+    samples = sampled(flat_sampler(), frame0, frame1, lost, 0)
     assert len(samples.observations) == 0
     assert samples.overlap == samples.radial_motion == 0
     assert np.isnan(samples.motion_px)
@@ -391,11 +391,11 @@ def test_views_of_different_scenes_make_no_samples(seed):
         coarse, fine = (cv2.GaussianBlur(noise, (0, 0), sigma) for sigma in (20, 4))
         scenes.append(128 + 1200 * (coarse - 0.5) + 200 * (fine - 0.5))
     frame0, frame1 = (
-        Preprocessor()(of_array(np.clip(scene, 5, 250).astype(np.uint8), index=number))
+        preprocessor()(of_array(np.clip(scene, 5, 250).astype(np.uint8), index=number))
         for number, scene in enumerate(scenes)
     )
     registration = DenseRegistration()(frame0, frame1, ExposureNormalizer(), 0.0)
-    assert len(sampled(FlatSampler(), frame0, frame1, registration, 0).observations) == 0
+    assert len(sampled(flat_sampler(), frame0, frame1, registration, 0).observations) == 0
     change = BrightnessComparer()(frame0.thumbnail, frame1.thumbnail)
     assert not change.weight.any()
     assert np.isnan(change.motion_px)
@@ -403,8 +403,8 @@ def test_views_of_different_scenes_make_no_samples(seed):
 
 def test_a_bounded_number_of_points_is_spread_over_grey_levels_and_does_not_change():
     frame0, frame1, registration = shifted_pair()
-    everything = sampled(FlatSampler(max_points=100_000), frame0, frame1, registration, 3).observations
-    some = FlatSampler(max_points=120)
+    everything = sampled(flat_sampler(max_points=100_000), frame0, frame1, registration, 3).observations
+    some = flat_sampler(max_points=120)
     few, again = (sampled(some, frame0, frame1, registration, 3).observations for _ in range(2))
     assert len(few.starts) == 120
     np.testing.assert_array_equal(few.grey, again.grey)
@@ -419,7 +419,7 @@ def test_a_bounded_number_of_points_is_spread_over_grey_levels_and_does_not_chan
 def test_views_do_not_depend_on_the_type_the_image_is_stored_in():
     image = np.random.default_rng(1).integers(0, 256, (60, 80)).astype(np.uint8)
     image = cv2.GaussianBlur(image, (0, 0), 2)
-    narrow, wide = Preprocessor()(of_array(image)), Preprocessor()(of_array(image.astype(np.uint16), max_grey=255))
+    narrow, wide = preprocessor()(of_array(image)), preprocessor()(of_array(image.astype(np.uint16), max_grey=255))
     np.testing.assert_allclose(narrow.grey, wide.grey, atol=1e-6)
     np.testing.assert_array_equal(narrow.small, wide.small)
 

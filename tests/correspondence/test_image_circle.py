@@ -7,7 +7,7 @@ import pytest
 
 from ospc import Frame
 from ospc.correspondence.image_circle import ImageCircle
-from ospc.correspondence.preprocessing import Preprocessor
+from workers import preprocessor
 
 SIZE = (160, 120)
 
@@ -28,5 +28,5 @@ def test_a_mask_reaches_as_far_as_any_pixel_in_use(used: tuple[slice, slice], ex
     circle = ImageCircle()
     image = np.random.default_rng(0).integers(50, 200, SIZE[::-1]).astype(np.uint8)
     frame = Frame.of_array(image, 1.0)
-    circle.observe(Preprocessor()(frame), mask)
+    circle.observe(preprocessor()(frame), mask)
     assert circle.usable_radius() == pytest.approx(expected, abs=0.03)

@@ -11,10 +11,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ospc.correspondence.flat_sampling import Keyframe, Samples
-from ospc.correspondence.keyframe_selection import KeyframeSelector
 from ospc.correspondence.thumbnail import Thumbnail
 from ospc.observations import Observations
 from ospc.photometry.grey_range import FULL_RANGE
+from workers import keyframe_selector
 
 TINY = np.zeros((1, 1), np.float32)
 NONE = np.empty(0)
@@ -29,7 +29,7 @@ def frame(number):
 
 def kept_ages(capacity, count):
     """Return the ages of the keyframes still kept after adding ``count``, oldest first."""
-    keyframes, alive = KeyframeSelector(capacity), []
+    keyframes, alive = keyframe_selector(capacity), []
     for number in range(count):
         alive.append(weakref.ref(one := frame(number)))
         keyframes.add(one, 0.0)
@@ -53,11 +53,11 @@ def test_ages_of_the_keyframes_grow_geometrically(count):
 
 
 def test_there_is_no_keyframe_for_the_first_frame():
-    assert KeyframeSelector().select(0, 0.0) is None
+    assert keyframe_selector().select(0, 0.0) is None
 
 
 def with_exposures(log_exposures, **limits):
-    keyframes = KeyframeSelector(**limits)
+    keyframes = keyframe_selector(**limits)
     for number, log_exposure in enumerate(log_exposures):
         keyframes.add(frame(number), log_exposure)
     return keyframes
@@ -78,7 +78,7 @@ def test_a_keyframe_that_was_used_steps_back_behind_its_equals():
 
 
 def test_changes_beyond_the_limit_count_no_more_than_the_limit():
-    keyframes = KeyframeSelector(max_log_ratio=1.0)
+    keyframes = keyframe_selector(max_log_ratio=1.0)
     frames = [frame(number) for number in range(5)]
     for one, log_exposure in zip(frames, [5.0, 0.0, 0.0, 0.0, 1.0], strict=True):
         keyframes.add(one, log_exposure)
@@ -93,7 +93,7 @@ def lost():
 
 
 def test_pair_distances_without_matches_are_avoided():
-    keyframes = KeyframeSelector()
+    keyframes = keyframe_selector()
     frames = [frame(number) for number in range(16)]
     for one in frames:
         keyframes.add(one, 0.8 * (one.number % 2))
@@ -108,7 +108,7 @@ def test_pair_distances_without_matches_are_avoided():
 
 def test_frames_that_are_farther_apart_are_expected_to_overlap_no_more():
     # With a fast camera only neighbours overlap, so no other frame deserves many attempts.
-    keyframes, attempts = KeyframeSelector(), []
+    keyframes, attempts = keyframe_selector(), []
     for number in range(0, 400, 4):
         for one in (number, number + 1):
             selected = keyframes.select(one, 0.0)
@@ -124,7 +124,7 @@ def test_frames_that_are_farther_apart_are_expected_to_overlap_no_more():
 
 
 def test_a_camera_that_stops_moving_is_detected():
-    keyframes = KeyframeSelector()
+    keyframes = keyframe_selector()
     for number in range(120):
         if number:
             selected = keyframes.select(number, 0.0)
@@ -138,7 +138,7 @@ def test_a_camera_that_stops_moving_is_detected():
 def test_the_unit_of_exposure_does_not_matter(course, shift):
     # Shifting numbers with few binary digits leaves their differences exact, so that ties remain ties.
     def selections(shift):
-        keyframes, made = KeyframeSelector(6), []
+        keyframes, made = keyframe_selector(6), []
         for number, log_exposure in enumerate(np.round(1024 * np.array(course)) / 1024):
             found = keyframes.select(number, log_exposure + shift)
             made.append(None if found is None else found.number)

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from ospc.correspondence.noise_estimation import NoiseEstimator
 from ospc.recording import Frame
+from ospc.settings.sampling import NOISE_BINS
 
 
 def of_array(image):
@@ -47,6 +48,13 @@ def test_small_images_measure_noise_together():
     model = measured(2e-5, 1e-3, images=60, reduction=4)
     grey = np.array([0.15, 0.3, 0.5, 0.8])
     np.testing.assert_allclose(model.variance(grey), 2e-5 + 1e-3 * grey, rtol=0.2)
+
+
+def test_the_measured_grey_levels_are_known_also_if_neighbours_are_equally_noisy():
+    first, last, equal = 4, 11, [1e-5]
+    found = [equal if first <= number <= last else [] for number in range(NOISE_BINS)]
+    found[8] = [2e-5]
+    assert NoiseEstimator(255, found).model().measured == (first / NOISE_BINS, (last + 1) / NOISE_BINS)
 
 
 def test_edges_are_not_taken_for_noise():

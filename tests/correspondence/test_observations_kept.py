@@ -287,4 +287,4 @@ def test_two_cameras_that_see_the_same_give_the_same():
 
 def test_a_series_without_frames_is_refused():
     with pytest.raises(ValueError, match="no frame"):
-        StaticSeries().observations()
+        StaticSeries(points=100).observations()

@@ -9,7 +9,6 @@ import pytest
 from filmed import Film, observed, wandering
 
 from ospc import Frame, OnlineCalibrator
-from ospc.correspondence.preprocessing import Preprocessor
 from ospc.correspondence.thumbnail import Thumbnail
 from ospc.exposures import brightness_history, monitor
 from ospc.exposures.findings import assess_exposures
@@ -17,6 +16,7 @@ from ospc.exposures.lag_choice import LagChoice
 from ospc.exposures.monitor import ExposureMonitor
 from ospc.exposures.verdicts import verdict_on
 from ospc.settings.exposures import FIRST_ASSESSMENT_CHANGES
+from workers import preprocessor
 
 SIZE = (64, 48)
 
@@ -28,7 +28,7 @@ def image(number: int) -> np.ndarray:
 
 
 def thumbnail(number: int) -> Thumbnail:
-    return Preprocessor().thumbnail(Frame.of_array(image(number), 1.0, index=number))
+    return preprocessor().thumbnail(Frame.of_array(image(number), 1.0, index=number))
 
 
 def after(frames: int, choice: LagChoice = "auto") -> ExposureMonitor:

@@ -13,7 +13,7 @@ from ospc.estimation.effect_models import CONTRADICTIONS, CORRECTED, EFFECTS, GA
 from ospc.estimation.effect_trials import trial_of
 from ospc.estimation.effects import Effects
 from ospc.estimation.fit import Fit
-from ospc.estimation.maximum_likelihood import MaximumLikelihoodEstimator
+from ospc.estimation.fit_plan import FitPlan
 from ospc.estimation.model_choice import fit_with_chosen_effects
 from ospc.estimation.response_basis import ResponseBasis, typical_gamma
 from ospc.estimation.vignette_basis import VignetteBasis
@@ -24,7 +24,7 @@ from ospc.photometry.noise import NoiseModel
 from ospc.photometry.verdict import EffectEstimate
 from ospc.settings.effects import ADDED_LIGHT_MODEL_ERROR, BEYOND_WHITE
 from ospc.simulation.responses import RESPONSES
-from synthetic_observations import POLYNOMIAL, SIZE
+from synthetic_observations import POLYNOMIAL, ROUNDS, SIZE
 
 GAMMA = RESPONSES["srgb"]()
 NOISE = NoiseModel(0.0, 0.0)
@@ -137,7 +137,7 @@ class Disturbed:
         everything = self.pairs(seed)
         observations = everything.of_points(everything.group[everything.starts] < frames)
         widest = VignetteBasis(8, free_centre=True, non_radial=True)
-        return fit_with_chosen_effects(observations, ResponseBasis(32), widest, NOISE, 8)
+        return fit_with_chosen_effects(observations, FitPlan(ResponseBasis(32), widest, NOISE, ROUNDS))
 
 
 def stated(fit: Fit) -> dict[str, float]:
@@ -383,10 +383,9 @@ def test_the_bands_allow_for_an_inexact_model_of_corrected_light(camera: Disturb
 def test_the_trial_of_a_joint_fit_leads_back_to_the_fit_without_the_effect() -> None:
     observations = Disturbed(offset=0.006).pairs()
     none = Effects.none_of(observations)
-    without, joint = (
-        MaximumLikelihoodEstimator(ResponseBasis(32), VignetteBasis(8), NOISE, effects=effects).fit(observations)
-        for effects in (none, none.and_("exposure offset"))
-    )
+    vignette = VignetteBasis(8)
+    plan = FitPlan(ResponseBasis(32), vignette, NOISE, ROUNDS)
+    without, joint = (plan.fit(observations, vignette, effects) for effects in (none, none.and_("exposure offset")))
     trial = trial_of(joint)
     assert (trial.name, trial.value) == ("exposure offset", joint.parameters[-1])
     assert trial.value == pytest.approx(0.006, abs=4 * trial.sigma)

@@ -10,10 +10,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from ospc.estimation.fit_plan import FitPlan
 from ospc.estimation.maximum_likelihood import MaximumLikelihoodEstimator
-from ospc.estimation.model_choice import fit_with_chosen_vignette
 from ospc.estimation.response_basis import ResponseBasis, typical_gamma
 from ospc.estimation.vignette_basis import VignetteBasis
+from ospc.estimation.vignette_choice import fit_with_chosen_vignette
 from ospc.evaluation.metrics import log_ratio_error, response_shape_rmse, vignette_pixel_rmse, vignette_rmse
 from ospc.methods.paper import solve_kkt
 from ospc.observations import ExposedObservations
@@ -23,7 +24,7 @@ from ospc.photometry.response import Response
 from ospc.photometry.vignette import LogVignette, RasterVignette
 from ospc.settings import DefaultSettings
 from ospc.simulation.responses import RESPONSES
-from synthetic_observations import NONE, POLYNOMIAL, SIZE, Camera, reordered
+from synthetic_observations import NONE, POLYNOMIAL, ROUNDS, SIZE, Camera, reordered
 
 NOISE = NoiseModel(1e-5, 0.0)
 GAMMA = Response.gamma(2.0, 2041)
@@ -31,9 +32,12 @@ RADIAL_TERMS = DefaultSettings().radial_terms
 
 
 def fitted(observations, radial=RADIAL_TERMS, intervals=32, **vignette):
-    return MaximumLikelihoodEstimator(ResponseBasis(intervals), VignetteBasis(radial, **vignette), NOISE).fit(
-        observations
-    )
+    estimator = MaximumLikelihoodEstimator(ResponseBasis(intervals), VignetteBasis(radial, **vignette), NOISE)
+    return estimator.fit(observations, ROUNDS)
+
+
+def with_chosen_vignette(observations, widest):
+    return fit_with_chosen_vignette(observations, FitPlan(ResponseBasis(32), widest, NOISE, ROUNDS)).fit
 
 
 @cache
@@ -58,6 +62,10 @@ def log_step(curve, low=0.25, high=0.75):
 def log_fall(fit, radius=1.0):
     """Return ln V at a radius along a diagonal."""
     return float(fit.vignette_basis.log_value(fit.vignette_parameters, np.array([[radius, radius]]) / np.sqrt(2))[0])
+
+
+def log_sigma(fit, radii):
+    return np.array([fit.vignette_errors(SIZE).worst_log_sigma(radius) for radius in radii])
 
 
 def truly_fallen(vignette, radius=1.0):
@@ -120,15 +128,15 @@ def test_points_seen_many_times_are_used_as_a_whole():
 
 def test_the_simplest_vignette_that_explains_the_data_is_chosen():
     widest = VignetteBasis(RADIAL_TERMS, free_centre=True, non_radial=True)
-    plain = fit_with_chosen_vignette(Camera(GAMMA).pairs(4), ResponseBasis(32), widest, NOISE, 8).fit
+    plain = with_chosen_vignette(Camera(GAMMA).pairs(4), widest)
     assert not plain.vignette_basis.non_radial
     truth = LogVignette(SIZE, (-0.5, 0.05, -0.2), (0.1, -0.06))
-    moved = fit_with_chosen_vignette(Camera(GAMMA, truth).pairs(4), ResponseBasis(32), widest, NOISE, 8).fit
+    moved = with_chosen_vignette(Camera(GAMMA, truth).pairs(4), widest)
     assert moved.vignette_basis.free_centre
     np.testing.assert_allclose(moved.vignette_basis.centre(moved.vignette_parameters), truth.centre, atol=0.006)
     assert vignette_pixel_rmse(moved.vignette(SIZE), truth) < 0.004
     skew = LogVignette(SIZE, (-0.5, 0.05, -0.2), (0.0, 0.0), (0.05, -0.04, 0.1, -0.05, 0.08, 0.0, 0.05, -0.1))
-    wide = fit_with_chosen_vignette(Camera(GAMMA, skew).pairs(4), ResponseBasis(32), widest, NOISE, 8).fit
+    wide = with_chosen_vignette(Camera(GAMMA, skew).pairs(4), widest)
     assert wide.vignette_basis.non_radial
     assert vignette_pixel_rmse(wide.vignette(SIZE), skew) < 0.006
 
@@ -150,7 +158,7 @@ def test_a_strongly_elliptic_vignette_is_followed():
     widest = VignetteBasis(RADIAL_TERMS, free_centre=True, non_radial=True)
     vignette = Elliptic(fall=0.8, stretch=1.4)
     seen = Camera(GAMMA, vignette).pairs(5, points=150)
-    fit = fit_with_chosen_vignette(seen, ResponseBasis(32), widest, NOISE, 8).fit
+    fit = with_chosen_vignette(seen, widest)
     truth = RasterVignette(vignette.at_normalised(normalised(pixel_grid(SIZE), SIZE)))
     assert vignette_pixel_rmse(fit.vignette(SIZE), truth) < 0.0025
 
@@ -163,7 +171,7 @@ def test_the_centre_of_an_elliptic_vignette_stays_near_the_middle(seed, centre):
     vignette = Elliptic(centre)
     everywhere = Camera(GAMMA, vignette).pairs(seed, points=150)
     seen = everywhere.seen_twice(np.linalg.norm(everywhere.position, axis=1) < 0.8)
-    fit = fit_with_chosen_vignette(seen, ResponseBasis(32), widest, NOISE, 8).fit
+    fit = with_chosen_vignette(seen, widest)
     assert fit.vignette_basis.non_radial
     assert np.abs(fit.vignette_basis.centre(fit.vignette_parameters)).max() < 0.25
     truth = RasterVignette(vignette.at_normalised(normalised(pixel_grid(SIZE), SIZE)))
@@ -186,23 +194,23 @@ def test_the_kink_of_a_mechanical_vignette_is_found(begins):
     widest = VignetteBasis(RADIAL_TERMS, free_centre=True, non_radial=True)
     vignette = Mechanical(begins)
     seen = Camera(GAMMA, vignette).pairs(2, points=150)
-    fit = fit_with_chosen_vignette(seen, ResponseBasis(32), widest, NOISE, 8).fit
+    fit = with_chosen_vignette(seen, widest)
     truth = RasterVignette(vignette.at_normalised(normalised(pixel_grid(SIZE), SIZE)))
     assert vignette_pixel_rmse(fit.vignette(SIZE), truth) < 0.004
     radii = np.linspace(0.05, 1, 96)
     along = np.stack([radii, np.zeros_like(radii)], axis=1)
     found = fit.vignette_basis.log_value(fit.vignette_parameters, along)
-    deviation = (found - np.log(vignette.at_normalised(along))) / fit.log_vignette_sigma(radii)
+    deviation = (found - np.log(vignette.at_normalised(along))) / log_sigma(fit, radii)
     assert np.sqrt(np.mean(deviation**2)) < 2
     plain = fitted(Camera(GAMMA).pairs(2, points=150))
-    assert fit.log_vignette_sigma(np.ones(1)) > plain.log_vignette_sigma(np.ones(1))
+    assert log_sigma(fit, [1.0]) > log_sigma(plain, [1.0])
 
 
 def test_a_flat_vignette_has_no_centre():
     widest = VignetteBasis(RADIAL_TERMS, free_centre=True, non_radial=True)
     flat = Camera(GAMMA, LogVignette(SIZE, (0.0,)))
     for seed in range(8):
-        fit = fit_with_chosen_vignette(flat.pairs(seed), ResponseBasis(32), widest, NOISE, 8).fit
+        fit = with_chosen_vignette(flat.pairs(seed), widest)
         assert not fit.vignette_basis.free_centre
 
 
@@ -262,10 +270,24 @@ def test_stated_sigmas_match_the_errors(camera):
         error = [log_step(fit, *s) - log_step(camera.response, *s) for s in steps]
         error += [log_fall(fit, r) - truly_fallen(camera.vignette, r) for r in radii]
         sigma = [chance_step_sigma(fit, *s) for s in steps]
-        z.append(np.array(error) / [*sigma, *replace(fit, covariance=fit.chance).log_vignette_sigma(radii)])
+        z.append(np.array(error) / [*sigma, *log_sigma(replace(fit, covariance=fit.chance), radii)])
     spread, mean = np.std(z, axis=0), np.mean(z, axis=0)
     assert np.all((spread > 0.5) & (spread < 2))
     assert np.all(np.abs(mean) < 1)
+
+
+def test_the_sigma_at_the_corners_is_that_of_the_corners_of_the_image():
+    """An ellipse, x² − y², is zero on the diagonals of a square, but not at the corners of a wide image."""
+    fit = fitted(Camera(GAMMA).pairs(0, groups=10), non_radial=True)
+    ellipse = fit.vignette_part.start + fit.vignette_basis.names.index("x2-y2")
+    uncertain = fit.covariance.copy()
+    uncertain[ellipse, ellipse] += 1.0
+    for size, expected in (((480, 480), 0.0), ((1281, 721), (16**2 - 9**2) / (16**2 + 9**2))):
+        before, after = (
+            replace(fit, covariance=covariance).vignette_errors(size).worst_log_sigma(1.0)
+            for covariance in (fit.covariance, uncertain)
+        )
+        assert np.sqrt(after**2 - before**2) == pytest.approx(expected, abs=1e-4)
 
 
 def test_the_sigma_of_an_unseen_corner_covers_its_error():
@@ -278,7 +300,7 @@ def test_the_sigma_of_an_unseen_corner_covers_its_error():
         seen = everywhere.seen_twice(np.linalg.norm(everywhere.position - truth.centre, axis=1) < 1.05)
         fit = fitted(seen, DefaultSettings().radial_terms, free_centre=True)
         error = fit.vignette_basis.log_value(fit.vignette_parameters, corner) - truth.log_at_normalised(corner)
-        assert abs(error[0]) < 2 * fit.worst_log_vignette_sigma(1.0) < 0.25
+        assert abs(error[0]) < 2 * fit.vignette_errors(SIZE).worst_log_sigma(1.0) < 0.25
 
 
 @dataclass(frozen=True)
@@ -298,9 +320,9 @@ def test_the_sigma_covers_a_vignette_that_gets_ever_steeper_beyond_the_last_obse
         seen = everywhere.seen_twice(np.linalg.norm(everywhere.position, axis=1) < 0.93)
         fit = fitted(seen)
         error = fit.vignette_basis.log_value(fit.vignette_parameters, corner) - np.log(Case().at_normalised(corner))
-        deviations.append(float(error[0]) / fit.worst_log_vignette_sigma(1.0))
-        assert fit.worst_log_vignette_sigma(1.0) < 0.1
-        assert fit.worst_log_vignette_sigma(0.9) < 0.01
+        deviations.append(float(error[0]) / fit.vignette_errors(SIZE).worst_log_sigma(1.0))
+        assert fit.vignette_errors(SIZE).worst_log_sigma(1.0) < 0.1
+        assert fit.vignette_errors(SIZE).worst_log_sigma(0.9) < 0.01
     assert np.sqrt(np.mean(np.square(deviations))) < 2
 
 
@@ -319,8 +341,8 @@ def test_a_single_pair_of_frames_gives_no_certainty_without_limit():
     observations = Camera(GAMMA).pairs(0, groups=1, points=2000)
     late = replace(observations, log_exposure=observations.log_exposure + 0.02 * (observations.frame % 2))
     sigma = [
-        MaximumLikelihoodEstimator(ResponseBasis(32), VignetteBasis(0), rounds=rounds)
-        .fit(late)
+        MaximumLikelihoodEstimator(ResponseBasis(32), VignetteBasis(0))
+        .fit(late, rounds)
         .log_response_step_sigma(0.25, 0.75)
         for rounds in (4, 12)
     ]
@@ -354,12 +376,11 @@ def test_the_uncertainty_is_not_relative_to_a_level_at_a_sharp_bend():
 def test_sigmas_cover_noise_that_was_amplified_after_the_response():
     """Sharpening quadruples the variance of pixels: the measured noise is not the one that the response bends."""
     levels, truth = np.array([12, 16, 22, 30, 40, 60, 80]) / 255, RESPONSES["srgb"]()
-    amplified = NoiseModel(
-        4e-4, 0.0, tuple(np.interp(np.linspace(0, 1, 25), [0.12, 0.3, 0.9], [4e-4, 2.6e-4, 1.3e-4]))
-    )
+    variances = np.interp(np.linspace(0, 1, 25), [0.12, 0.3, 0.9], [4e-4, 2.6e-4, 1.3e-4])
+    amplified = NoiseModel(4e-4, 0.0, tuple(variances), measured=(0.12, 0.9))
     estimator = MaximumLikelihoodEstimator(ResponseBasis(32), VignetteBasis(RADIAL_TERMS), amplified)
     for seed in range(2):
-        fit = estimator.fit(Camera(truth, spread=1.3).pairs(seed, groups=160))
+        fit = estimator.fit(Camera(truth, spread=1.3).pairs(seed, groups=160), ROUNDS)
         error = np.log(fit.response(255).inverse(levels) / truth.inverse(levels))
         error -= np.log(fit.response(255).inverse(0.5) / truth.inverse(0.5))
         sigma = fit.log_response_sigma(levels, 0.5)
@@ -373,7 +394,9 @@ def test_error_bounds_are_neither_exceeded_nor_too_wide(name):
     camera = Camera(RESPONSES[name]())
     fits = [fit_of_response(name, seed) for seed in range(3)]
     shares = [log_ratio_error(fit.response(255), camera.response) / fit.log_ratio_error_bound for fit in fits]
-    shares += [vignette_rmse(fit.vignette(SIZE), camera.vignette) / fit.vignette_error_bound(1.0) for fit in fits]
+    shares += [
+        vignette_rmse(fit.vignette(SIZE), camera.vignette) / fit.vignette_errors(SIZE).bound(1.0) for fit in fits
+    ]
     assert max(shares) < 1.2
     assert np.mean(shares) > 0.15
 
@@ -382,7 +405,7 @@ def test_more_points_make_smaller_deviations():
     few, many = (fitted(Camera(GAMMA).pairs(0, groups=g), intervals=16) for g in (15, 120))
     ratio = chance_step_sigma(few, 0.25, 0.75) / chance_step_sigma(many, 0.25, 0.75)
     assert 1.7 < ratio < 5
-    assert many.log_vignette_sigma(np.array([1.0]))[0] < few.log_vignette_sigma(np.array([1.0]))[0]
+    assert log_sigma(many, [1.0]) < log_sigma(few, [1.0])
 
 
 def test_uncertainty_is_large_where_nothing_was_measured():
@@ -392,7 +415,7 @@ def test_uncertainty_is_large_where_nothing_was_measured():
     fit = fitted(dark.where(below))
     assert fit.log_response_step_sigma(0.6, 0.9) > 5 * fit.log_response_step_sigma(0.15, 0.45)
     still = replace(dark, position=np.repeat(dark.position[::2], 2, axis=0))
-    assert fitted(still).vignette_sigma_at_corner > 0.2
+    assert fitted(still).vignette_errors(SIZE).sigma_at_corner > 0.2
 
 
 # Invariance
@@ -447,8 +470,8 @@ def test_the_same_observations_give_the_same_fit_bit_for_bit():
 
 def test_a_fit_may_start_from_another_and_ends_at_the_same():
     estimator = MaximumLikelihoodEstimator(ResponseBasis(32), VignetteBasis(4), NOISE)
-    first = estimator.fit(SOME)
-    again = estimator.fit(SOME, first)
+    first = estimator.fit(SOME, ROUNDS)
+    again = estimator.fit(SOME, ROUNDS, first)
     assert log_step(again) == pytest.approx(log_step(first), abs=0.003)
     assert log_fall(again) == pytest.approx(log_fall(first), abs=0.003)
 

@@ -57,9 +57,10 @@ def test_noise_unmeasured_in_the_dark_is_extrapolated_from_brighter_levels():
     _, variances = drawn(response, grid, 3000, 12, TABLE_DRAWS)
     first = np.searchsorted(grid, 0.3)
     variances[:first] = variances[first]
+    noise = NoiseModel(0, 0, tuple(variances), measured=(grid[first], 1.0))
     levels = np.linspace(0.18, 0.4, 6)
     means, _ = drawn(response, levels, 3000, 12, DRAWS)
-    shift = np.interp(levels, GRID, mean_shift(GRID, log_response(response), NoiseModel(0, 0, tuple(variances))))
+    shift = np.interp(levels, GRID, mean_shift(GRID, log_response(response), noise))
     np.testing.assert_allclose(shift, means - levels, rtol=0.2, atol=2e-4)
 
 

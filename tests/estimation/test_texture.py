@@ -13,6 +13,7 @@ from ospc.evaluation.metrics import log_ratio_error
 from ospc.observations import Observations
 from ospc.photometry.noise import NoiseModel
 from ospc.photometry.response import Response
+from synthetic_observations import ROUNDS
 
 LEVELS = np.linspace(0, 1, 256)
 TOE_AND_SHOULDER = Response.from_values(LEVELS**2.2 * (0.35 + 0.65 * LEVELS**3))
@@ -50,13 +51,13 @@ def textured(contrast, response):
 
 def error(observations, response):
     estimator = MaximumLikelihoodEstimator(ResponseBasis(32), VignetteBasis(0), NOISE)
-    return log_ratio_error(estimator.fit(observations).response(), response)
+    return log_ratio_error(estimator.fit(observations, ROUNDS).response(), response)
 
 
 def test_grey_levels_are_predicted_by_the_exposures_however_strong_the_texture():
     """Both predicted grey levels of a point come from the same radiance, so no measurement noise enters the rows."""
     seen = textured(0.2, TOE_AND_SHOULDER)
-    found = MaximumLikelihoodEstimator(ResponseBasis(32), VignetteBasis(0), NOISE).fit(seen)
+    found = MaximumLikelihoodEstimator(ResponseBasis(32), VignetteBasis(0), NOISE).fit(seen, ROUNDS)
     share = found.texture_share
     predict = LatentModel(found.response_basis, found.parameters, found.errors, NOISE, share, trusted=True)
     latent = predict(seen, np.zeros(len(seen)), np.ones(len(seen)))
@@ -85,5 +86,5 @@ def test_variance_that_is_no_texture_is_left_alone():
     share = np.repeat(0.1 * np.random.default_rng(4).random(len(seen.starts)) ** 2, 2)
     false = replace(seen, grey_variance=seen.grey_variance + share * seen.grey**2)
     estimator = MaximumLikelihoodEstimator(ResponseBasis(32), VignetteBasis(0), NOISE)
-    assert estimator.fit(false).texture_share < 0.1
+    assert estimator.fit(false, ROUNDS).texture_share < 0.1
     assert error(false, TOE_AND_SHOULDER) == pytest.approx(error(seen, TOE_AND_SHOULDER), abs=2e-4)

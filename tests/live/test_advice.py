@@ -30,8 +30,8 @@ CAMERA = Camera(Response.gamma(2.2))
 
 
 def fitted(observations):
-    estimator = MaximumLikelihoodEstimator(ResponseBasis(16), VignetteBasis(16), rounds=3)
-    return estimator.fit(observations)
+    estimator = MaximumLikelihoodEstimator(ResponseBasis(16), VignetteBasis(16))
+    return estimator.fit(observations, rounds=3)
 
 
 def state(seen, *, camera=CAMERA, pairs=40, seed=1):

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from ospc.estimation.fit import Fit
-from ospc.estimation.model_choice import fit_with_chosen_vignette
+from ospc.estimation.fit_plan import FitPlan
 from ospc.estimation.response_basis import ResponseBasis
 from ospc.estimation.vignette_basis import VignetteBasis
+from ospc.estimation.vignette_choice import fit_with_chosen_vignette
 from ospc.exposures.table import ExposureTable
 from ospc.methods.change_detection import Change, ChangeDetector
 from ospc.observations import ExposedObservations
@@ -72,7 +73,8 @@ def fitted(camera: Camera) -> Fit:
     settings = DefaultSettings()
     basis = ResponseBasis(settings.response_intervals, settings.response_functions)
     seen = camera.pairs(10**6, groups=80, points=200)
-    return fit_with_chosen_vignette(seen, basis, VignetteBasis(settings.radial_terms), None, settings.rounds).fit
+    plan = FitPlan(basis, VignetteBasis(settings.radial_terms), None, settings.rounds)
+    return fit_with_chosen_vignette(seen, plan).fit
 
 
 @pytest.fixture(scope="module")

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from ospc.arrays import FloatArray
-from ospc.estimation.model_choice import fit_with_chosen_vignette
+from ospc.estimation.fit_plan import FitPlan
 from ospc.estimation.response_basis import ResponseBasis
 from ospc.estimation.vignette_basis import VignetteBasis
+from ospc.estimation.vignette_choice import fit_with_chosen_vignette
 from ospc.exposures.table import ExposureTable
 from ospc.methods.change_hypotheses import explain
 from ospc.methods.prediction_errors import PARTS, ExplainedChange, PairErrors
@@ -36,9 +37,8 @@ def fit():
     """The fit to the observations before the change."""
     settings = DefaultSettings()
     basis = ResponseBasis(settings.response_intervals, settings.response_functions)
-    return fit_with_chosen_vignette(
-        CAMERA.pairs(0, groups=80, points=200), basis, VignetteBasis(settings.radial_terms), None, settings.rounds
-    ).fit
+    plan = FitPlan(basis, VignetteBasis(settings.radial_terms), None, settings.rounds)
+    return fit_with_chosen_vignette(CAMERA.pairs(0, groups=80, points=200), plan).fit
 
 
 def course(seed: int) -> FloatArray:

@@ -9,7 +9,7 @@ from ospc.estimation.response_basis import ResponseBasis
 from ospc.estimation.vignette_basis import VignetteBasis
 from ospc.methods.summary import exposure_ratios
 from ospc.photometry.response import Response
-from synthetic_observations import Camera
+from synthetic_observations import ROUNDS, Camera
 
 CAMERA = Camera(Response.gamma(2.2, 256), outliers=0.01)
 
@@ -17,7 +17,7 @@ CAMERA = Camera(Response.gamma(2.2, 256), outliers=0.01)
 def ratios_of_other_pairs(seed: int):
     """Fit one set of pairs, and return the exposure ratios of other pairs from the same camera."""
     estimator = MaximumLikelihoodEstimator(ResponseBasis(32), VignetteBasis(3), None)
-    fit = estimator.fit(CAMERA.pairs(2 * seed))
+    fit = estimator.fit(CAMERA.pairs(2 * seed), ROUNDS)
     return fit, exposure_ratios(fit, CAMERA.pairs(2 * seed + 1))
 
 

@@ -44,7 +44,7 @@ def test_response_and_vignette_are_found():
     found = ospc.fit(as_pairs(exposed), exposures_ms, noise=NOISE)
     assert response_shape_rmse(found.response(), GAMMA) < 0.006
     assert vignette_rmse(found.vignette(SIZE), POLYNOMIAL) < 0.006
-    assert found.vignette_sigma_at_corner < 0.05
+    assert found.vignette_errors(SIZE).sigma_at_corner < 0.05
 
 
 def inverse(exposures_ms):
@@ -156,6 +156,8 @@ def test_exposures_that_do_not_fit_are_refused(exposures_ms, said):
         (3, np.zeros((1, 30, 2)), "position0 and position1"),
         (4, np.zeros(7), "frame0 and frame1"),
         (5, np.full(30, -1), "frame numbers"),
+        (4, np.full(30, 0.9), "whole numbers, not 0.9"),
+        (5, np.nan, "whole numbers, not nan"),
     ],
 )
 def test_pairs_of_wrong_shapes_or_values_are_refused(index, wrong, said):
@@ -164,6 +166,20 @@ def test_pairs_of_wrong_shapes_or_values_are_refused(index, wrong, said):
     given[index] = wrong
     with pytest.raises(SettingError, match=said):
         ospc.Observations.of_pairs(*given)
+
+
+def test_whole_frame_numbers_may_be_floats():
+    pairs = ospc.Observations.of_pairs(
+        np.full(2, 0.5), np.full(2, 0.4), np.zeros((2, 2)), np.zeros((2, 2)), 2.0, [3.0, 4.0]
+    )
+    np.testing.assert_array_equal(pairs.frame, [2, 3, 2, 4])
+    assert pairs.frame.dtype == np.int64
+
+
+def test_frame_numbers_that_are_floats_are_refused_in_complete_observations():
+    exposed, exposures_ms = made(Camera(GAMMA))
+    with pytest.raises(SettingError, match="frame must have an integer type"):
+        ospc.fit(replace(exposed, frame=exposed.frame + 0.5), exposures_ms)
 
 
 def test_points_observed_once_are_refused():

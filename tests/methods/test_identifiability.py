@@ -27,7 +27,9 @@ def response(*, times, unexplained=0.0, contradictions=()):
 
 
 def vignette(*, reach, standing_still=False, contradictions=()):
-    return vignette_verdict(DefaultSettings(), UNCERTAIN, reach, standing_still, 0.0, contradictions=contradictions)
+    return vignette_verdict(
+        DefaultSettings(), UNCERTAIN, reach, standing_still, 0.0, size=INPUTS.size, contradictions=contradictions
+    )
 
 
 @pytest.mark.parametrize("covariance", [1.0, 1e4])

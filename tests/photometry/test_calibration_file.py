@@ -51,7 +51,7 @@ FULL = Calibration(
         "exposures": Verdict("marginal", "exposures are recorded 1 frame late"),
     },
     vignette_sigma=PROFILE_RADII**2 / 70,
-    noise=NoiseModel(1 / 3e5, 2 / 7e4),
+    noise=NoiseModel(1 / 3e5, 2 / 7e4, (1 / 3e5, 1 / 7e4), (0.25, 0.75)),
     exposure_ratios=ExposureRatios(
         np.array([[0, 3], [1, 4]]), np.array([1 / 3, 1.7]), np.array([0.34, 5 / 3]), np.array([120, 7])
     ),
@@ -339,6 +339,7 @@ def check_usable(loaded):
         (["response", "support"], [0.8, 0.2], "support"),
         (["noise", "read_variance"], -1.0, "read_variance"),
         (["noise", "table"], [1e-4, 1e300], "noise table"),
+        (["noise", "measured"], [0.0, 1.5], "measured grey levels"),
         (["exposure_ratios", "samples"], [1], "samples"),
         (["exposure_ratios", "estimated", 0], 0.0, "estimated"),
         (["covariance", "vignette", "matrix"], [[1e-4]], "covariance"),

@@ -6,11 +6,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ospc.correspondence.pixel_statistics import PixelStatistics
-from ospc.correspondence.preprocessing import Preprocessor
 from ospc.observations import Observations
 from ospc.photometry.grey_range import FULL_RANGE, VIDEO_RANGE, GreyRange
 from ospc.photometry.noise import NoiseModel
 from ospc.recording import Frame
+from workers import preprocessor
 
 RANGES = st.builds(GreyRange, st.floats(0, 0.2), st.floats(0.6, 1))
 NOTHING = type("Exposures", (), {"log_exposure_of": lambda self, frames: np.zeros(len(frames))})()
@@ -61,6 +61,11 @@ def test_noise_is_stretched_too():
     assert FULL_RANGE.stretched_noise(noise) is noise
 
 
+def test_the_grey_levels_with_measured_noise_are_stretched_too():
+    noise = NoiseModel(1e-5, 2e-5, measured=(0.0, 0.5))
+    assert VIDEO_RANGE.stretched_noise(noise).measured == (0.0, float(VIDEO_RANGE.level(0.5)))
+
+
 @pytest.mark.parametrize(
     ("low", "high", "expected"),
     [
@@ -74,7 +79,7 @@ def test_noise_is_stretched_too():
 def test_the_grey_range_ends_where_grey_values_accumulate(low, high, expected):
     random = np.random.default_rng(0)
     statistics = PixelStatistics()
-    preprocess = Preprocessor()
+    preprocess = preprocessor()
     for i in range(3):
         image = np.clip(random.normal(128, 90, (120, 160)), low, high).astype(np.uint8)
         frame = Frame.of_array(image, 1.0, index=i)
@@ -87,5 +92,5 @@ def test_an_end_that_hardly_any_value_reaches_is_none():
     image = np.clip(random.normal(128, 25, (240, 320)), 0, 255).astype(np.uint8)
     statistics = PixelStatistics()
     frame = Frame.of_array(image, 1.0, index=0)
-    statistics.observe(frame, Preprocessor().thumbnail(frame))
+    statistics.observe(frame, preprocessor().thumbnail(frame))
     assert statistics.grey_range == FULL_RANGE

@@ -27,10 +27,3 @@ def test_grey_levels_are_clipped_to_black_and_white(read, shot):
 def test_a_table_replaces_the_affine_law_and_is_interpolated():
     noise = NoiseModel(1.0, 1.0, table=(0.0, 4e-4, 1e-4))
     np.testing.assert_allclose(noise.variance([0.0, 0.25, 0.5, 1.0]), [0.0, 2e-4, 4e-4, 1e-4], atol=1e-18)
-
-
-def test_repeated_values_at_the_ends_of_a_table_were_not_measured():
-    assert NoiseModel(0.0, 0.0, table=(2e-4, 2e-4, 3e-4, 1e-4, 1e-4)).measured == (0.25, 0.75)
-    assert NoiseModel(0.0, 0.0, table=(2e-4, 3e-4, 1e-4)).measured == (0.0, 1.0)
-    assert NoiseModel(0.0, 0.0, table=(1e-4,) * 3).measured == (0.0, 1.0)
-    assert NoiseModel(1e-4, 1e-4).measured == (0.0, 1.0)

@@ -13,8 +13,8 @@ from scipy.interpolate import RegularGridInterpolator
 
 from ospc.errors import FormatError
 from ospc.photometry.geometry import half_diagonal, normalised, pixel_grid
+from ospc.photometry.non_radial import NON_RADIAL
 from ospc.photometry.vignette import (
-    NON_RADIAL,
     LogSplineVignette,
     LogVignette,
     PolynomialVignette,

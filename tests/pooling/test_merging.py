@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from ospc.errors import SettingError
-from ospc.estimation.model_choice import fit_with_chosen_vignette
+from ospc.estimation.fit_plan import FitPlan
 from ospc.estimation.response_basis import ResponseBasis
+from ospc.estimation.vignette_choice import fit_with_chosen_vignette
 from ospc.evaluation.metrics import log_ratio_error, response_shape_rmse, vignette_rmse
 from ospc.methods.summary import summarise
 from ospc.pooling.pool import Pool, merge
@@ -19,6 +20,7 @@ from ospc.pooling.summary import VIGNETTE, summary_of
 from ospc.research.faults.judging import step_sigma
 from ospc.settings import DefaultSettings
 from summaries import CAMERA, NOISE, OTHER_LENS, OTHER_RESPONSE, fisheye_inputs_of, inputs_of, summary
+from synthetic_observations import SIZE
 
 RECORDINGS = 8
 
@@ -104,13 +106,14 @@ def test_one_recording_alone_stays_as_uncertain_as_it_was(error):
 def test_corners_that_no_recording_shows_are_as_uncertain_as_in_one_alone():
     everywhere = OTHER_LENS.pairs(0, groups=160)
     seen = everywhere.seen_twice(np.linalg.norm(everywhere.position, axis=1) < 0.85)
-    fit = fit_with_chosen_vignette(seen, ResponseBasis(32), VIGNETTE, NOISE, rounds=5).fit
+    fit = fit_with_chosen_vignette(seen, FitPlan(ResponseBasis(32), VIGNETTE, NOISE, rounds=5)).fit
     own = summary_of(replace(inputs_of(OTHER_LENS, 0), observations=seen, fit=fit), "frames", {}, 100)
     pooled = solve_with_chosen_vignette(Information.of([own]))
     radii = np.array([0.5, 0.9, 1.0])
-    np.testing.assert_allclose(pooled.log_vignette_sigma(radii), fit.log_vignette_sigma(radii), rtol=0.35)
+    sigma, own_sigma = (found.vignette_errors(SIZE).sigma(radii) for found in (pooled, fit))
+    np.testing.assert_allclose(sigma, own_sigma, rtol=0.35)
     complete = solve_with_chosen_vignette(Information.of([own, summary(OTHER_LENS, 1)]))
-    assert complete.log_vignette_sigma(radii)[2] < 0.5 * pooled.log_vignette_sigma(radii)[2]
+    assert complete.vignette_errors(SIZE).sigma(radii)[2] < 0.5 * sigma[2]
 
 
 def test_merging_keeps_where_the_image_ends():

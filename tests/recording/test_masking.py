@@ -11,13 +11,12 @@ from image_samples import encoded, grey
 
 from ospc.correspondence.exposure_normalizer import ExposureNormalizer
 from ospc.correspondence.features import OrbExtractor, extract
-from ospc.correspondence.flat_sampling import FlatSampler
-from ospc.correspondence.preprocessing import Preprocessor
 from ospc.correspondence.registration import DenseRegistration
 from ospc.correspondence.static_series import StaticSeries
 from ospc.errors import SettingError
 from ospc.recording import ArrayRecording, identity
 from ospc.recording.derived import Region, masked, read_mask
+from workers import flat_sampler, preprocessor
 
 SIZE = (160, 120)
 
@@ -53,8 +52,8 @@ def test_frames_carry_mask_and_region_and_images_stay_as_they_are() -> None:
 
 @pytest.mark.parametrize("longest", [160, 80])
 def test_no_sample_of_two_views_rests_on_a_masked_pixel(longest: int) -> None:
-    views = [Preprocessor(longest_side=longest)(frame) for frame in masked(recorded(), half())]
-    sample = FlatSampler(spacing_px=4, max_gradient=1.0)
+    views = [preprocessor(longest_side=longest)(frame) for frame in masked(recorded(), half())]
+    sample = flat_sampler(spacing_px=4, max_gradient=1.0)
     registration = DenseRegistration()(*views, ExposureNormalizer())
     samples = sample(sample.keyframe(views[0]), views[1], registration, group=0).observations
     assert len(samples.grey) > 40
@@ -63,7 +62,7 @@ def test_no_sample_of_two_views_rests_on_a_masked_pixel(longest: int) -> None:
 
 
 def test_a_camera_that_stands_still_uses_no_masked_pixel() -> None:
-    series = StaticSeries()
+    series = StaticSeries(points=100)
     for frame in masked(recorded(), half()):
         series.observe(frame)
     assert np.all(half().ravel()[series._places])

@@ -16,7 +16,7 @@ from ospc.state import container
 from ospc.state.container import Container
 from ospc.state.values import pack, unpack
 
-KIND, VERSION = "batch-result", 6
+KIND, VERSION = "batch-result", 7
 """Kind and version that the result files declare."""
 
 

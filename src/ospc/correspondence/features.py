@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ospc.arrays import FloatArray, IntArray
-from ospc.errors import SettingError, needs_extra
+from ospc.errors import named, needs_extra
 from ospc.recording.frame import Frame
 
 
@@ -116,9 +116,7 @@ def make_extractor(name: str, max_features: int) -> FeatureExtractor:
     SettingError
         If there is none of that name.
     """
-    if name not in EXTRACTORS:
-        raise SettingError(f"no feature extractor is called '{name}'; known: {', '.join(EXTRACTORS)}")
-    return EXTRACTORS[name](max_features)
+    return named("feature extractor", name, EXTRACTORS)(max_features)
 
 
 def extract(frame: Frame, extractor: FeatureExtractor) -> Features:

@@ -8,6 +8,7 @@ from functools import cache
 import numpy as np
 
 from ospc.arrays import BoolArray, Float32Array, FloatArray, ImageSize, IntArray, read_only
+from ospc.correspondence.cells import ranks_in_cells
 from ospc.correspondence.equal_smoothing import (
     CENTRE,
     NODES,
@@ -25,6 +26,7 @@ from ospc.settings.sampling import (
     MIN_PART_PLACES,
     MOTION_PARTS_PER_SIDE,
     SAMPLING_GREY_CELLS,
+    SAMPLING_MARGIN_PX,
     SAMPLING_RADIUS_CELLS,
     STRUCTURE_QUANTILE,
 )
@@ -80,16 +82,16 @@ class FlatSampler:
     smoothed correspondingly more.
     """
 
-    spacing_px: int = 8
+    spacing_px: int
     """Distance between grid points, in reduced pixels."""
-    margin_px: int = 5
-    """Points closer to the border are not used."""
-    max_gradient: float = 0.006
+    max_gradient: float
     """Largest grey gradient, in full scale per reduced pixel, of a flat point."""
-    max_forward_backward_error_px: float = 2.0
+    max_forward_backward_error_px: float
     """Largest forward-backward registration error of a point, in reduced pixels."""
-    max_points: int = 400
+    max_points: int
     """Maximum number of scene points sampled from a pair, spread evenly over mean grey level and radius."""
+    margin_px: int = SAMPLING_MARGIN_PX
+    """Points closer to the border are not used."""
 
     def keyframe(self, frame: PreprocessedFrame) -> Keyframe:
         """Return the keyframe of a frame: its small images, and its values on the grid."""
@@ -182,11 +184,7 @@ class FlatSampler:
         radius_cell = np.minimum((radius * SAMPLING_RADIUS_CELLS).astype(int), SAMPLING_RADIUS_CELLS - 1)
         cell = grey_cell * SAMPLING_RADIUS_CELLS + radius_cell
         random = np.random.default_rng(seed).random(n)
-        # Take one point of each cell, then a second one, and so on.
-        order = np.argsort(cell + random)
-        count = np.bincount(cell)
-        rank = np.empty(n)
-        rank[order] = np.arange(n) - np.repeat(np.cumsum(count) - count, count)
+        rank = ranks_in_cells(cell, np.argsort(cell + random))
         return np.sort(np.argpartition(rank + random, self.max_points)[: self.max_points])
 
 

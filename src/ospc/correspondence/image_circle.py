@@ -8,9 +8,9 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from ospc.arrays import BoolArray, FloatArray
+from ospc.arrays import BoolArray, FloatArray, size_of
 from ospc.correspondence.preprocessing import PreprocessedFrame
-from ospc.photometry.geometry import normalised, pixel_grid
+from ospc.photometry.geometry import normalised, pixel_grid, pixels_of
 from ospc.settings.grey_values import (
     LIT_QUANTILE,
     MAX_SURROUND_SHARE,
@@ -87,6 +87,6 @@ class ImageCircle:
         surround = self.surround()
         if surround is None:
             return None
-        last = np.array(surround.shape[::-1]) - 1
-        x, y = np.clip(np.rint(position * np.hypot(*last) / 2 + last / 2).astype(np.int64), 0, last).T
+        size = size_of(surround)
+        x, y = np.clip(np.rint(pixels_of(position, size)).astype(np.int64), 0, np.array(size) - 1).T
         return np.asarray(~surround[y, x])

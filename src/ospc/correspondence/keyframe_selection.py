@@ -58,9 +58,9 @@ class KeyframeSelector:
     exposure), the others for the vignette (radial motion).
     """
 
-    capacity: int = 20
+    capacity: int
     """Maximum number of keyframes."""
-    max_log_ratio: float = 1.2
+    max_log_ratio: float
     """Changes of exposure beyond this, in ln, add no information: most points are then clipped in one of the two
     frames."""
     _kept: list[_Kept] = field(default_factory=list, repr=False)

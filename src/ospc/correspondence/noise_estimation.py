@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import cv2
 import numpy as np
@@ -81,15 +81,17 @@ class NoiseEstimator:
     def model(self) -> NoiseModel:
         """Return the noise model; an assumed one if nothing was measured."""
         floor = QUANTISATION_VARIANCE / self.max_grey**2
-        known = np.array([len(found) > 0 for found in self._found])
-        if not known.any():
+        known = np.flatnonzero([len(found) > 0 for found in self._found])
+        if not len(known):
             return NoiseModel(max(floor, ASSUMED_NOISE_SIGMA**2), 0.0)
-        level = (np.arange(NOISE_BINS)[known] + 0.5) / NOISE_BINS
+        level = (known + 0.5) / NOISE_BINS
         variance = np.maximum([np.median(found) for found in self._found if found], floor)
         rows = np.stack([1 / variance, level / variance], axis=1)
         read, shot = non_negative_least_squares(rows, np.ones(len(level)))
         trusted = MIN_END_DISTANCE_SIGMAS * np.sqrt(variance) < np.minimum(level, 1 - level)
-        table: tuple[float, ...] = ()
-        if trusted.any():
-            table = tuple(np.interp(np.linspace(0, 1, NOISE_BINS + 1), level[trusted], variance[trusted]))
-        return NoiseModel(max(float(read), floor), float(shot), table)
+        affine = NoiseModel(max(float(read), floor), float(shot))
+        if not trusted.any():
+            return affine
+        table = np.interp(np.linspace(0, 1, NOISE_BINS + 1), level[trusted], variance[trusted])
+        first, last = known[trusted][[0, -1]].tolist()
+        return replace(affine, table=tuple(table.tolist()), measured=(first / NOISE_BINS, (last + 1) / NOISE_BINS))

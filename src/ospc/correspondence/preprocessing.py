@@ -17,13 +17,19 @@ from ospc.photometry.grey_range import FULL_RANGE, GreyRange
 from ospc.photometry.noise import BRIGHTEST_EXPOSED
 from ospc.recording.frame import Frame
 from ospc.settings.registration import (
+    BLACK_MARGIN_PX,
     COMPARED_QUANTILES,
+    FLATNESS_PX,
     IMPULSE_CONTRAST,
     IMPULSE_DEVIATIONS,
+    MAX_BLACK_SHARE,
+    MAX_WHITE_SHARE,
     MIN_FLAT_AREA_RATIO,
     MIN_SMOOTHING_VARIANCE,
+    REGISTRATION_SIDE_PX,
     SURROUND_SIGMA,
     SURROUND_WIDTH_PX,
+    WHITE_MARGIN_PX,
 )
 
 
@@ -88,24 +94,11 @@ class PreprocessedFrame(ReducedFrame):
 class Preprocessor:
     """Preprocesses frames; raises a FrameError if a frame's image cannot be read."""
 
-    longest_side: int = 800
-    """Maximum side length of reduced frames; 800 keeps 640×480 unchanged and halves 1280×1024."""
-    smoothing_px: float = 1.5
+    longest_side: int
+    """Maximum side length of reduced frames."""
+    smoothing_px: float
     """Standard deviation of the smoothing of the grey levels, in reduced pixels."""
-    flatness_px: float = 2.5
-    """Standard deviation of the smoothing before gradients are taken, in reduced pixels: the distance over which the
-    image has to be flat."""
-    registration_side: int = 400
-    """Frames are registered at the reduced size or its first half, quarter, … that is at most this long."""
-    black_margin_px: int = 3
-    max_black_share: float = 0.25
-    """Half the side of the square in which black pixels are counted, and their largest share at an exposed point;
-    none may be masked. In the dark, noise alone makes some pixels black, and its effect on the mean is corrected; a
-    larger share has other causes."""
-    white_margin_px: int = 5
-    max_white_share: float = 0.02
-    """The same for white pixels. Noise hardly clips there, but the peaks of texture do: with a quarter of white
-    pixels and 3 px, ln g at grey 225 to 240 was off by up to 0.02."""
+    registration_side: int = REGISTRATION_SIDE_PX
 
     def __call__(self, frame: Frame, grey_range: GreyRange = FULL_RANGE) -> PreprocessedFrame:
         """Preprocess a frame, given the currently known grey range."""
@@ -163,7 +156,7 @@ class Preprocessor:
 
     def _gradient(self, small: Float32Array, further: int, white: int) -> Float32Array:
         # Variances of successive smoothings add up, including that of the reduction to the small image.
-        flat = max(self.flatness_px**2, MIN_FLAT_AREA_RATIO * self.smoothing_px**2)
+        flat = max(FLATNESS_PX**2, MIN_FLAT_AREA_RATIO * self.smoothing_px**2)
         further_px = np.sqrt(max(flat - (further**2 - 1) / 12, MIN_SMOOTHING_VARIANCE)) / further
         return gradient_magnitude(cv2.GaussianBlur(small, (0, 0), further_px)) / np.float32(white * further)
 
@@ -173,15 +166,15 @@ class Preprocessor:
         at_black = cv2.compare(image, low + white // 255, cv2.CMP_LE)
         at_white = cv2.compare(image, high - white // 255, cv2.CMP_GE)
         # In bytes for speed: these shares need no higher resolution.
-        black_share = _mean_nearby(_means(at_black, reduction), self.black_margin_px)
-        white_share = _mean_nearby(_means(at_white, reduction), self.white_margin_px)
+        black_share = _mean_nearby(_means(at_black, reduction), BLACK_MARGIN_PX)
+        white_share = _mean_nearby(_means(at_white, reduction), WHITE_MARGIN_PX)
         # Compared with whole numbers: with others, NumPy would convert the images to floats.
-        most_black, most_white = int(255 * self.max_black_share), int(255 * self.max_white_share)
+        most_black, most_white = int(255 * MAX_BLACK_SHARE), int(255 * MAX_WHITE_SHARE)
         clipped = np.asarray((black_share > most_black) | (white_share > most_white))
         if frame.mask is None:
             return clipped
         # Not in bytes, where a single masked pixel could be rounded to zero.
-        masked = _mean_nearby(_reduced((~frame.mask).view(np.uint8), reduction), self.black_margin_px)
+        masked = _mean_nearby(_reduced((~frame.mask).view(np.uint8), reduction), BLACK_MARGIN_PX)
         return np.asarray(clipped | (masked > 0))
 
 

@@ -23,7 +23,7 @@ from ospc.correspondence.thumbnail_registration import (
     there_and_back,
     values_at,
 )
-from ospc.errors import SettingError
+from ospc.errors import named
 from ospc.second_thread import SecondThread
 from ospc.settings.registration import (
     HOMOGRAPHY_INLIER_PX,
@@ -126,9 +126,7 @@ def make_registrar(name: str, second: SecondThread) -> Registrar:
     SettingError
         If there is none of that name.
     """
-    if name not in REGISTRARS:
-        raise SettingError(f"no registration is called '{name}'; known: {', '.join(REGISTRARS)}")
-    return REGISTRARS[name](second)
+    return named("registration", name, REGISTRARS)(second)
 
 
 def _short_search(finest_scale: int) -> cv2.DISOpticalFlow:

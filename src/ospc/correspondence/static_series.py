@@ -7,23 +7,23 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ospc.arrays import BoolArray, FloatArray, Image, IntArray, size_of
+from ospc.correspondence.cells import ranks_in_cells
 from ospc.observations import MOMENTS, Observations
 from ospc.photometry.geometry import normalised
 from ospc.photometry.noise import BRIGHTEST_EXPOSED, DARKEST_EXPOSED
 from ospc.recording.frame import Frame
-from ospc.settings.sampling import SERIES_BRIGHTNESS_CELLS
+from ospc.settings.sampling import SERIES_BRIGHTNESS_CELLS, SERIES_FRAMES, SERIES_PIXELS
 
 
 @dataclass
 class StaticSeries:
     """Keeps the grey values of a fixed selection of pixels, for a bounded number of frames."""
 
-    pixels: int = 12_000
-    """Number of pixels kept: four times the points, so that they include dark and bright ones."""
-    points: int = 3_000
-    """Number of these pixels, spread evenly over their brightness, that are used for estimation."""
-    frames: int = 256
-    """Maximum number of frames kept; beyond it, every second one is dropped and only every second new one is kept."""
+    points: int
+    """Number of pixels, spread evenly over their brightness, that are used for estimation."""
+    pixels: int = SERIES_PIXELS
+    frames: int = SERIES_FRAMES
+    """Number of pixels, and maximum number of frames kept."""
     _places: IntArray | None = field(default=None, repr=False)
     _size: tuple[int, int] = (0, 0)
     _grey: list[Image] = field(default_factory=list, repr=False)
@@ -96,7 +96,5 @@ class StaticSeries:
         # The sum over all frames increases with radiance for any response, and noise hardly affects it.
         brightness = np.log(grey[usable].sum(axis=1))
         cell = np.digitize(brightness, np.histogram_bin_edges(brightness, SERIES_BRIGHTNESS_CELLS))
-        order = np.lexsort((np.arange(len(usable)), cell))
-        _, start, count = np.unique(cell[order], return_index=True, return_counts=True)
-        rank = np.arange(len(usable)) - np.repeat(start, count)
-        return np.sort(usable[order[np.argsort(rank, kind="stable")[: self.points]]])
+        rank = ranks_in_cells(cell, np.argsort(cell, kind="stable"))
+        return np.sort(usable[np.lexsort((cell, rank))[: self.points]])

@@ -49,7 +49,11 @@ Addition = Literal["light", "exposure", "log"]
 
 @dataclass(frozen=True)
 class AbsorbedLight:
-    """Additional light contained in the response, as that of a rather dark observation: its moments."""
+    """The additional light that the response contains.
+
+    A constant amount of it cannot be distinguished from the response. It is the light in an observation with rather
+    little of it, given by the moments of the grey levels that cause it: of the frame and of the surroundings.
+    """
 
     frame_moments: tuple[float, ...] = (0.0,) * MOMENTS
     surround_moments: tuple[float, ...] = (0.0,) * (1 + MOMENTS)
@@ -231,7 +235,7 @@ CORRECTED = (
 """Effects of real cameras. Those that the observations show are corrected in the result."""
 
 ONLY_IF_FOUND = (NOMINAL_EXPOSURES, *GAIN_STEPS)
-"""Effects of which a small amount has no meaning."""
+"""Effects that are either there or not: their size is only stated if the observations clearly show them."""
 
 CONTRADICTIONS = tuple(name for name in EFFECTS if name not in CORRECTED)
 """Effects that contradict a camera with one response and one vignette."""

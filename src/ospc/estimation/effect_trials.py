@@ -10,7 +10,8 @@ import numpy as np
 from ospc.arrays import FloatArray
 from ospc.estimation.effect_models import CONTRADICTIONS, EFFECTS, GAIN_STEPS
 from ospc.estimation.fit import Fit
-from ospc.estimation.maximum_likelihood import Fitted, MaximumLikelihoodEstimator
+from ospc.estimation.fitted import Fitted
+from ospc.estimation.maximum_likelihood import MaximumLikelihoodEstimator
 from ospc.settings.effects import CONTRADICTION_PROBABILITY, EFFECT_PROBABILITY
 
 

@@ -13,9 +13,9 @@ import numpy as np
 
 from ospc.arrays import Float32Array, FloatArray, IntArray
 from ospc.estimation.effect_models import (
-    CORRECTED,
     EFFECTS,
     LIGHT_FIXED_TO_CAMERA,
+    SCATTERED_LIGHT,
     AbsorbedLight,
     Addition,
     Circumstances,
@@ -135,7 +135,7 @@ class Effects:
         irradiance = np.exp(basis.log_of(parameters[:n]))
         factors = _light_of_moments(basis.grid, irradiance)
         values = dict(zip(self.chosen, parameters[len(parameters) - len(self) :], strict=True))
-        glare, scatter = (values.get(name, 0.0) for name in CORRECTED[:2])
+        glare, scatter = (values.get(name, 0.0) for name in SCATTERED_LIGHT)
         share, *around = self.absorbed.surround_moments
         # The response g̃ containing the light and the one without it, g, satisfy g ∝ g̃ + c. Mean irradiances contain
         # c, too: hence the divisor.

@@ -14,6 +14,7 @@ from ospc.estimation.error_model import ErrorModel
 from ospc.estimation.mean_of_pixels import PixelMeans
 from ospc.estimation.model import Model
 from ospc.estimation.prior import PriorHyperparameters
+from ospc.estimation.vignette_errors import VignetteErrors, drawn_errors
 from ospc.observations import ExposedObservations, Observations
 from ospc.photometry.grey_range import FULL_RANGE, GreyRange
 from ospc.photometry.noise import BRIGHTEST_EXPOSED, DARKEST_EXPOSED, NoiseModel
@@ -22,11 +23,9 @@ from ospc.photometry.verdict import EffectEstimate
 from ospc.photometry.vignette import LogSplineVignette
 from ospc.settings.fit import (
     CONFIDENCE,
-    ERROR_DRAWS,
     MAX_REFERENCE_UNRESOLVED,
     MAX_RESPONSE_LEVELS,
     MIN_RESPONSE_STEP,
-    PROFILE_POINTS,
     RATIO_BRIGHTEST_GREY,
     RATIO_DARKEST_GREY,
     RATIO_LEVELS,
@@ -35,9 +34,6 @@ from ospc.settings.fit import (
     SUPPORT_QUANTILES,
     UNSEEN_RESPONSE,
 )
-
-_DIAGONALS = np.array([(1, 1), (-1, 1), (1, -1), (-1, -1)]) / np.sqrt(2)
-"""Unit vectors towards the four corners of a square image; the vignette's confidence bands are averaged over them."""
 
 
 @dataclass(frozen=True)
@@ -100,11 +96,14 @@ class Fit(Model):
 
     def log_irradiance(self, observations: ExposedObservations) -> FloatArray:
         """Return ln e·L of observations, without vignette and additional light, shape (n,)."""
-        log_g = np.interp(self.grey_of_mean(observations), self.response_basis.grid, self.log_response)
-        without_vignette = log_g - self.vignette_basis.log_value(self.vignette_parameters, observations.position)
+        log_irradiance = self._log_irradiance_with_added_light(observations)
         if not len(self.effects):
-            return without_vignette
-        return without_vignette - self.effects.log_added(self.effect_parameters, self._effect_terms(observations))
+            return log_irradiance
+        return log_irradiance - self.effects.log_added(self.effect_parameters, self._effect_terms(observations))
+
+    def _log_irradiance_with_added_light(self, observations: ExposedObservations) -> FloatArray:
+        log_g = np.interp(self.grey_of_mean(observations), self.response_basis.grid, self.log_response)
+        return log_g - self.vignette_basis.log_value(self.vignette_parameters, observations.position)
 
     def grey_of_mean(self, observations: Observations) -> FloatArray:
         """Return the grey level of the mean irradiance of each observation's pixels, shape (n,)."""
@@ -132,11 +131,10 @@ class Fit(Model):
 
     def log_radiance(self, observations: ExposedObservations) -> FloatArray:
         """Return ln L of observations, given their exposures, shape (n,)."""
-        found = self.log_irradiance(observations) - observations.log_exposure
+        found = self._log_irradiance_with_added_light(observations) - observations.log_exposure
         if not len(self.effects):
             return found
-        terms, values = self._effect_terms(observations), self.effect_parameters
-        return np.asarray(found - self.effects.log_gain(values, terms) + self.effects.log_added(values, terms))
+        return found - self.effects.log_gain(self.effect_parameters, self._effect_terms(observations))
 
     def residuals(self, observations: ExposedObservations) -> FloatArray:
         """Return the deviation of each observation's ln L from the mean of its point, shape (n,).
@@ -234,79 +232,16 @@ class Fit(Model):
         basis = self.response_basis
         rows = basis.log_rows(both[0]) - basis.log_rows(both[1])
         unresolved = np.hypot(*(basis.unresolved(self.response_parameters, levels) for levels in both))
-        drawn = self._drawn_errors(rows, slice(len(basis)), random)
+        drawn = drawn_errors(rows, self.covariance[: len(basis), : len(basis)], random)
         drawn += unresolved[:, None] * random.normal(size=drawn.shape)
         return float(np.quantile(np.median(np.abs(drawn), axis=0), CONFIDENCE))
 
-    def _drawn_errors(self, rows: FloatArray, part: slice, random: np.random.Generator) -> FloatArray:
-        """Draw errors of n values, given their derivatives, from the parameters' covariance, shape (n, draws)."""
-        values, vectors = np.linalg.eigh(self._covariance_with_unseen[part, part])
-        drawn = vectors @ (np.sqrt(np.maximum(values, 0))[:, None] * random.normal(size=(len(values), ERROR_DRAWS)))
-        return np.asarray(rows @ drawn)
-
-    def log_vignette_sigma(self, radius: FloatArray) -> FloatArray:
-        """Return the standard deviation of ln V at radii in half diagonals, shape (n,) -> (n,).
-
-        It is the root mean square over the directions to the four corners, which differ for a decentred vignette.
-        """
-        return np.asarray(np.sqrt(self._total_log_vignette_variance(radius).mean(axis=0)))
-
-    def worst_log_vignette_sigma(self, radius: float) -> float:
-        """Return the largest standard deviation of ln V towards any of the corners, at a radius in half diagonals."""
-        return float(np.sqrt(self._total_log_vignette_variance(np.array([radius])).max()))
-
-    def vignette_error_bound(self, radius: float) -> float:
-        """Return the root mean square error of V up to a radius that is exceeded in 5 % of cases.
-
-        It is taken along the half diagonals, not of their mean, in which the errors of a tilt cancel.
-        """
-        radii = np.linspace(0, radius, PROFILE_POINTS)
-        along = (radii[:, None, None] * _DIAGONALS).reshape(-1, 2)
-        value = np.exp(self.vignette_basis.log_value(self.vignette_parameters, along))
-        slope = self.vignette_basis.jacobian(self.vignette_parameters, along) * value[:, None]
-        drawn = self._drawn_errors(slope, self.vignette_part, np.random.default_rng(0))
-        unresolved = value * self.vignette_basis.unresolved(self.vignette_parameters, along)
-        return float(np.quantile(np.sqrt(np.mean(drawn**2, axis=0) + np.mean(unresolved**2)), CONFIDENCE))
-
-    @cached_property
-    def _covariance_with_unseen(self) -> FloatArray:
-        """Covariance of the parameters with bends of the vignette beyond the last observations, shape (p, p)."""
-        covariance, part = self.covariance.copy(), self.vignette_part
-        covariance[part, part] += self.vignette_basis.unseen(self.vignette_parameters, self.measured_radius)
-        return covariance
-
-    def _log_vignette_variance(self, radius: FloatArray, covariance: FloatArray) -> FloatArray:
-        """Return the variance of ln V at radii, shape (n,), along the half diagonals, shape (4, n)."""
-        part, along = self.vignette_part, _along_diagonals(radius)
-        rows = self.vignette_basis.jacobian(self.vignette_parameters, along)
-        variance = np.einsum("ij,jk,ik->i", rows, covariance[part, part], rows)
-        return np.asarray(variance.reshape(len(_DIAGONALS), -1))
-
-    def _total_log_vignette_variance(self, radius: FloatArray) -> FloatArray:
-        """Return the variance of ln V with bends between knots and beyond the last observations, shape (4, n)."""
-        unresolved = self.vignette_basis.unresolved(self.vignette_parameters, _along_diagonals(radius))
-        variance = self._log_vignette_variance(radius, self._covariance_with_unseen)
-        return variance + unresolved.reshape(len(_DIAGONALS), -1) ** 2
-
-    @property
-    def vignette_sigma_at_corner(self) -> float:
-        """Standard deviation of V at the corner that more samples can reduce, which excludes unseen bends."""
-        return self._sigma_at_corner(self.covariance)
-
-    @property
-    def chance_vignette_sigma_at_corner(self) -> float:
-        """The random part of :attr:`vignette_sigma_at_corner`, which decreases with more samples."""
-        return self._sigma_at_corner(self.chance)
-
-    def _sigma_at_corner(self, covariance: FloatArray) -> float:
-        corner = np.array([[1.0, 1.0]]) / np.sqrt(2)
-        value = float(np.exp(self.vignette_basis.log_value(self.vignette_parameters, corner))[0])
-        return value * float(np.sqrt(self._log_vignette_variance(np.array([1.0]), covariance).mean()))
-
-
-def _along_diagonals(radius: FloatArray) -> FloatArray:
-    """Return the positions at radii, shape (n,), along each half diagonal in turn, shape (4 n, 2)."""
-    return np.asarray((radius[None, :, None] * _DIAGONALS[:, None, :]).reshape(-1, 2))
+    def vignette_errors(self, size: ImageSize) -> VignetteErrors:
+        """Return the uncertainty of the vignette for an image size."""
+        part = self.vignette_part
+        covariance, chance = self.covariance[part, part], self.chance[part, part]
+        parameters, radius = self.vignette_parameters, self.measured_radius
+        return VignetteErrors(self.vignette_basis, parameters, covariance, chance, radius, size)
 
 
 def _unseen_sigma(grey: npt.ArrayLike, highest: float) -> FloatArray:

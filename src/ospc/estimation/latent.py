@@ -186,7 +186,10 @@ class LatentModel:
 
     @cached_property
     def error_by_noise(self) -> FloatArray:
-        """Error of the coefficients if the share of bent noise is off by its standard deviation, (len(basis),)."""
+        """Error of the coefficients if a part of the noise is added after the response, shape (len(basis),).
+
+        The share that is added before, and bent by the response, is then wrong by its standard deviation.
+        """
         # Below half an interval between knots, the shift of clipped noise may have any slope.
         levels = slice(len(self.basis.grid) // (2 * self.basis.intervals), None, PIXEL_NOISE_STRIDE)
         shift = NOISE_SHARE_SIGMA * (self._pixel_means.by_noise * self._log_response_slope)[levels]

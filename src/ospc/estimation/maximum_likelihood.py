@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 
 import numpy as np
 
@@ -17,7 +16,8 @@ from ospc.arrays import FloatArray, IntArray
 from ospc.estimation.effects import Effects
 from ospc.estimation.error_model import ErrorModel
 from ospc.estimation.fit import Fit
-from ospc.estimation.latent import Latent, LatentModel
+from ospc.estimation.fitted import Fitted
+from ospc.estimation.latent import LatentModel
 from ospc.estimation.model import LinearSystem, Model
 from ospc.estimation.normal_equations import NormalEquations, at_least
 from ospc.estimation.prior import START, Prior, PriorHyperparameters
@@ -33,41 +33,6 @@ from ospc.settings.fit import (
     SETTLED_SIGMAS,
     TEXTURE_SHARE_INFORMATION,
 )
-
-
-@dataclass(frozen=True)
-class Fitted:
-    """A fit with its observations and pixel noise, from which several other models are tried."""
-
-    fit: Fit
-    observations: ExposedObservations
-    noise: NoiseModel | None
-
-    @cached_property
-    def weighted(self) -> tuple[Latent, FloatArray, float]:
-        """The observations linearised about the fit, with their robust weights and sandwich factor."""
-        fit = self.fit
-        log_gain = fit.log_gain(
-            fit.parameters, self.observations, fit.response_basis.index_of(self.observations.grey)
-        )
-        first = self._predict(self.observations, log_gain, np.ones(len(self.observations)))
-        weight, _ = redescending_weights(first.studentised, self._predict.unclipped(first))
-        del first  # it takes as much memory as the observations
-        # Repeat with radiances no longer biased by outliers.
-        latent = self._predict(self.observations, log_gain, weight)
-        return latent, *redescending_weights(latent.studentised, self._predict.unclipped(latent))
-
-    @property
-    def log_response(self) -> FloatArray:
-        """The logarithm of the fitted response on the basis's grid."""
-        return self._predict.log_response
-
-    @cached_property
-    def _predict(self) -> LatentModel:
-        fit = self.fit
-        return LatentModel(
-            fit.response_basis, fit.response_parameters, fit.errors, self.noise, fit.texture_share, trusted=True
-        )
 
 
 @dataclass(frozen=True)
@@ -114,15 +79,11 @@ class MaximumLikelihoodEstimator:
     noise
         Noise of single pixels, by which clipping biases the mean near the ends. None if the observations are single
         pixels.
-    rounds
-        Maximum number of rounds after the first; the fit ends earlier once no parameter moves by more than about a
-        tenth of a standard deviation.
     """
 
     response_basis: ResponseBasis
     vignette_basis: VignetteBasis
     noise: NoiseModel | None = None
-    rounds: int = 8
     effects: Effects = field(default_factory=Effects)
 
     @property
@@ -130,17 +91,19 @@ class MaximumLikelihoodEstimator:
         """The model that is fitted."""
         return Model(self.response_basis, self.vignette_basis, self.effects)
 
-    def fit(self, observations: ExposedObservations, start: Fit | None = None) -> Fit:
+    def fit(self, observations: ExposedObservations, rounds: int, start: Fit | None = None) -> Fit:
         """Fit the model, starting from an earlier fit with the same response basis if there is one.
 
-        It uses one core: threads slow down its many small matrix products.
+        After the first round there are at most ``rounds`` more; the fit ends earlier once no parameter moves by more
+        than about a tenth of a standard deviation. It uses one core: threads slow down its many small matrix
+        products.
         """
         with one_blas_thread():
-            return self._fit(observations, start)
+            return self._fit(observations, rounds, start)
 
-    def _fit(self, observations: ExposedObservations, start: Fit | None) -> Fit:
+    def _fit(self, observations: ExposedObservations, rounds: int, start: Fit | None) -> Fit:
         present = self._beginning(observations, start)
-        for number in range(self.rounds + 1):
+        for number in range(rounds + 1):
             trusted, convex = number > 0 or start is not None, start is None and number < CONVEX_ROUNDS
             predict = LatentModel(
                 self.response_basis,
@@ -154,7 +117,7 @@ class MaximumLikelihoodEstimator:
             solution = self._solved(system, present, trusted=trusted)
             present = solution.estimate
             settled = number > 1 and solution.squared_sigmas < SETTLED_SIGMAS**2 * len(present.parameters)
-            if settled or number == self.rounds:
+            if settled or number == rounds:
                 disagreement = system.disagreement(present.parameters, solution.before, present.sandwich_factor)
                 break
             del system  # it takes as much memory as the observations
@@ -251,21 +214,12 @@ class MaximumLikelihoodEstimator:
             measured_radius=measured_radius(observations, centre),
         )
 
-    def information(self, observations: ExposedObservations, fit: Fit, about: FloatArray) -> NormalEquations:
+    def information(self, fitted: Fitted, about: FloatArray) -> NormalEquations:
         """Return the information of the observations about the parameters of this model, without a prior.
 
-        Parameters
-        ----------
-        observations
-            The observations.
-        fit
-            Fit to them, possibly of another model, from which response and error model are taken.
-        about
-            The same fit in parameters of this model, at which it is linearised, shape (p,).
+        Response and error model are taken from the fit, possibly of another model. ``about`` is the same fit in
+        parameters of this model, at which it is linearised, shape (p,).
         """
-        return self._information(Fitted(fit, observations, self.noise), about)
-
-    def _information(self, fitted: Fitted, about: FloatArray) -> NormalEquations:
         with one_blas_thread():
             system, sandwich_factor = self._system(fitted, about)
             precision = self.model.prior(about).precision(fitted.fit.hyperparameters)
@@ -301,7 +255,7 @@ class MaximumLikelihoodEstimator:
         ------
         The parameters of a subset after the step, shape (m,), and their covariance by chance, (m, m).
         """
-        equations = self._information(fitted, about).centred(about)
+        equations = self.information(fitted, about).centred(about)
         prior = self.model.prior(about)
         precision = prior.precision(fitted.fit.hyperparameters)
         for chosen in choices:

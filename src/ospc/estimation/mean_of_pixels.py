@@ -61,7 +61,7 @@ class PixelMeans:
         Increase of the mean by noise.
     grid
         Grey levels.
-    lowering
+    decrease_per_variance
         Decrease of the mean by texture over its variance, for each of :data:`TEXTURE_WIDTHS`, shape (grid, widths);
         one column for all widths if there is no knee.
     noise_variance
@@ -70,7 +70,7 @@ class PixelMeans:
 
     by_noise: FloatArray
     grid: FloatArray
-    lowering: FloatArray
+    decrease_per_variance: FloatArray
     noise_variance: FloatArray
 
     @classmethod
@@ -78,7 +78,7 @@ class PixelMeans:
         """Return the shifts for a response, given by its coefficients, and the noise of single pixels."""
         by_noise = mean_shift(basis.grid, basis.log_of(coefficients), noise)
         bend = basis.bend_of(coefficients)
-        lowering = bend[:, None] / 2
+        decrease = bend[:, None] / 2
         # Near white, there are few measurements and a sharp bend may be chance; near black, the window exceeds the
         # scale.
         inner = (basis.grid > BEND_SMOOTHING) & (basis.grid < SHOULDER_GREY)
@@ -86,9 +86,11 @@ class PixelMeans:
         at_knee = _around(sharp & inner, round(BEND_SMOOTHING * len(basis.grid)))
         if np.any(at_knee):
             log_response = basis.smoothed_log_of(coefficients, KNEE_SMOOTHING)
-            lowering = np.repeat(lowering, len(TEXTURE_WIDTHS), axis=1)
-            lowering[at_knee] = _lowering_at(basis.grid[at_knee], basis.grid, log_response, basis.grid + by_noise)
-        return cls(by_noise, basis.grid, lowering, noise.variance(basis.grid))
+            decrease = np.repeat(decrease, len(TEXTURE_WIDTHS), axis=1)
+            decrease[at_knee] = _decrease_at_knee(
+                basis.grid[at_knee], basis.grid, log_response, basis.grid + by_noise
+            )
+        return cls(by_noise, basis.grid, decrease, noise.variance(basis.grid))
 
     def texture(self, observations: Observations, index: IntArray) -> FloatArray:
         """Return the variance of the texture over the squared grey level, (n,); zero if unknown.
@@ -114,15 +116,16 @@ class PixelMeans:
 
     def by_texture(self, texture: FloatArray, index: IntArray) -> FloatArray:
         """Return the decrease of the mean by texture, (n,), given the result of :meth:`texture`."""
-        return np.asarray(self._lowering_of(texture, index) * self._squared_grey[index] * texture)
+        return np.asarray(self._decrease_per_variance_of(texture, index) * self._squared_grey[index] * texture)
 
-    def _lowering_of(self, texture: FloatArray, index: IntArray) -> FloatArray:
-        if self.lowering.shape[1] == 1:
-            return np.asarray(self.lowering[index, 0])
+    def _decrease_per_variance_of(self, texture: FloatArray, index: IntArray) -> FloatArray:
+        if self.decrease_per_variance.shape[1] == 1:
+            return np.asarray(self.decrease_per_variance[index, 0])
         width = np.interp(np.sqrt(np.abs(texture)), TEXTURE_WIDTHS, np.arange(len(TEXTURE_WIDTHS)))
         lower = np.minimum(width.astype(np.int64), len(TEXTURE_WIDTHS) - 2)
         part = width - lower
-        return np.asarray(self.lowering[index, lower] * (1 - part) + self.lowering[index, lower + 1] * part)
+        narrower, wider = (self.decrease_per_variance[index, each] for each in (lower, lower + 1))
+        return np.asarray(narrower * (1 - part) + wider * part)
 
     @cached_property
     def _squared_grey(self) -> FloatArray:
@@ -134,7 +137,7 @@ class PixelMeans:
         return 1 + (self.noise_variance / (MAX_NOISE**2 * self._squared_grey)) ** 2
 
 
-def _lowering_at(level: FloatArray, grid: FloatArray, log_response: FloatArray, mean: FloatArray) -> FloatArray:
+def _decrease_at_knee(level: FloatArray, grid: FloatArray, log_response: FloatArray, mean: FloatArray) -> FloatArray:
     """Return the decrease of the mean by normally distributed texture over its variance, (n,) -> (n, widths).
 
     ``mean`` is the mean of noisy pixels at each irradiance: noise and texture together are wider than either.
@@ -144,9 +147,9 @@ def _lowering_at(level: FloatArray, grid: FloatArray, log_response: FloatArray, 
     textured = irradiance * (1 + np.multiply.outer(TEXTURE_SPREADS, _NORMAL))
     grey = np.interp(np.log(np.maximum(textured, _TINY)), log_response, mean)
     variance = grey.var(axis=2)
-    lowering = (np.interp(coarse, grid, mean)[:, None] - grey.mean(axis=2)) / np.maximum(variance, _TINY)
+    decrease = (np.interp(coarse, grid, mean)[:, None] - grey.mean(axis=2)) / np.maximum(variance, _TINY)
     width = np.sqrt(variance) / coarse[:, None]
-    by_width = np.stack([np.interp(TEXTURE_WIDTHS, *each) for each in zip(width, lowering, strict=True)])
+    by_width = np.stack([np.interp(TEXTURE_WIDTHS, *each) for each in zip(width, decrease, strict=True)])
     return np.stack([np.interp(level, coarse, each) for each in by_width.T], axis=1)
 
 

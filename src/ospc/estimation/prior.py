@@ -11,7 +11,7 @@ import numpy as np
 from ospc.arrays import FloatArray, read_only
 from ospc.estimation.response_basis import typical_gamma
 from ospc.estimation.vignette_basis import VignetteBasis
-from ospc.photometry.vignette import NON_RADIAL
+from ospc.photometry.non_radial import NON_RADIAL
 from ospc.settings.response import (
     BLACK_SIGMA,
     DRIFT_CANDIDATES,

@@ -22,7 +22,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ospc.arrays import FloatArray, IntArray, read_only
-from ospc.errors import SettingError
+from ospc.errors import named
 from ospc.estimation.bends import sharpest_bend
 from ospc.settings.error_model import DARKEST_GREY
 from ospc.settings.fit import BEND_SMOOTHING, UNRESOLVED_JUMP
@@ -87,8 +87,7 @@ class ResponseBasis:
 
     def __post_init__(self) -> None:
         """Check the name of the functions."""
-        if self.functions not in FUNCTIONS:
-            raise SettingError(f"no response functions are called '{self.functions}'; known: {', '.join(FUNCTIONS)}")
+        named("set of response functions", self.functions, FUNCTIONS)
 
     def __len__(self) -> int:
         """Return the number of coefficients."""

@@ -9,8 +9,9 @@ import numpy as np
 from ospc.arrays import FloatArray, ImageSize
 from ospc.estimation.bends import sharpest_bend
 from ospc.observations import Observations
+from ospc.photometry.non_radial import NON_RADIAL, non_radial_terms, slope_of_non_radial
 from ospc.photometry.radial_spline import RadialSpline, radial_spline
-from ospc.photometry.vignette import NON_RADIAL, LogSplineVignette, non_radial_terms
+from ospc.photometry.vignette import LogSplineVignette
 from ospc.settings.fit import (
     MAX_DECENTRING,
     UNRESOLVED_JUMP,
@@ -25,7 +26,7 @@ class VignetteBasis:
     """A radial spline of ln V in R², optionally about a free centre and with non-radial terms.
 
     The parameters are the slopes d ln V / d(R²) at a number of knots, the free centre, in which ln V is not linear,
-    and the coefficients of the terms :data:`~ospc.photometry.vignette.NON_RADIAL`. The usable radius, in half
+    and the coefficients of the terms :data:`~ospc.photometry.non_radial.NON_RADIAL`. The usable radius, in half
     diagonals, is the radius that the image reaches.
     """
 
@@ -74,7 +75,10 @@ class VignetteBasis:
         columns = [spline.jacobian(squared)]
         if self.free_centre:
             slope = spline.slope(parameters[: self.radial], squared)
-            columns.append(-2 * offset * slope[:, None] - self._slope_of_non_radial(parameters, offset))
+            by_centre = -2 * offset * slope[:, None]
+            if self.non_radial:
+                by_centre -= slope_of_non_radial(parameters[-len(NON_RADIAL) :], offset)
+            columns.append(by_centre)
         if self.non_radial:
             columns.append(np.stack(non_radial_terms(*offset.T), axis=1))
         return np.concatenate(columns, axis=1) if len(columns) > 1 else columns[0]
@@ -106,19 +110,6 @@ class VignetteBasis:
             rate = UNSEEN_CHANGE * rates[max(end - 2, 0) : end].max()
             change[: self.radial] = rate * np.maximum(knots - radius**2, 0.0)
         return np.outer(change, change)
-
-    def _slope_of_non_radial(self, parameters: FloatArray, offset: FloatArray) -> FloatArray:
-        """Return the derivative of the non-radial part by the offset from the centre, shape (n, 2)."""
-        if not self.non_radial:
-            return np.zeros_like(offset)
-        tilt_x, tilt_y, saddle, ellipse, *growing = parameters[-len(NON_RADIAL) :]
-        slope_x, slope_y, saddle_slope, ellipse_slope = growing
-        x, y = offset.T
-        by_x = tilt_x + saddle * y + 2 * ellipse * x + slope_x * (3 * x**2 + y**2) + 2 * slope_y * x * y
-        by_y = tilt_y + saddle * x - 2 * ellipse * y + 2 * slope_x * x * y + slope_y * (x**2 + 3 * y**2)
-        by_x += saddle_slope * y * (3 * x**2 + y**2) + 4 * ellipse_slope * x**3
-        by_y += saddle_slope * x * (x**2 + 3 * y**2) - 4 * ellipse_slope * y**3
-        return np.stack([by_x, by_y], axis=1)
 
     def centre(self, parameters: FloatArray) -> FloatArray:
         """Return the centre of the vignette relative to the image centre, in half diagonals, shape (2,)."""

@@ -10,7 +10,7 @@ import numpy as np
 from ospc.arrays import BoolArray, Float32Array, FloatArray, ImageSize, IntArray, read_only
 from ospc.correspondence.thumbnail import Thumbnail
 from ospc.correspondence.thumbnail_registration import ThumbnailRegistration, exposed_in_both, pixel_places, values_at
-from ospc.observations import MOMENTS, Observations
+from ospc.observations import Observations
 from ospc.photometry.geometry import normalised, pixel_grid
 from ospc.robust import median, robust_scale
 from ospc.settings.brightness import (
@@ -49,18 +49,12 @@ class PixelSamples:
 
     def observations(self, frame0: int, frame1: int) -> Observations:
         """Return the points as scene points observed in the two frames."""
-        n = len(self.log_ratio)
-        log_grey = np.stack([self.log_grey - self.log_ratio / 2, self.log_grey + self.log_ratio / 2], axis=1)
-        return Observations(
-            grey=np.exp(log_grey).ravel(),
-            position=np.stack([self.position0, self.position1], axis=1).reshape(2 * n, 2),
-            gradient=np.zeros(2 * n),
-            grey_variance=np.zeros(2 * n),
-            frame_moments=np.zeros((2 * n, MOMENTS), np.float32),
-            surround_moments=np.zeros((2 * n, 1 + MOMENTS), np.float32),
-            frame=np.tile(np.array([frame0, frame1], dtype=np.int64), n),
-            point=np.repeat(np.arange(n), 2),
-            group=np.zeros(2 * n, dtype=np.int64),
+        grey0, grey1 = (np.exp(self.log_grey + side * self.log_ratio / 2) for side in (-1, 1))
+        unknown = {"gradient": 0.0, "grey_variance": 0.0, "frame_moments": 0.0, "surround_moments": 0.0}
+        return Observations.alternating(
+            {"grey": grey0, "position": self.position0, "frame": frame0, **unknown},
+            {"grey": grey1, "position": self.position1, "frame": frame1, **unknown},
+            np.zeros(len(grey0)),
         )
 
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from ospc.arrays import FloatArray
 from ospc.estimation.fit import Fit, measured_greys
+from ospc.estimation.fitted import Fitted
 from ospc.estimation.maximum_likelihood import MaximumLikelihoodEstimator
 from ospc.methods.preview import Preview
 from ospc.observations import ExposedObservations
@@ -132,7 +133,7 @@ def certainty(calibration: Calibration, usable_radius: float = 1.0) -> tuple[flo
 
 def _covariance(fit: Fit, some: ExposedObservations, step: int) -> tuple[FloatArray, float]:
     estimator = MaximumLikelihoodEstimator(fit.response_basis, fit.vignette_basis, fit.pixel_noise)
-    equations = estimator.information(some, fit, fit.parameters)
+    equations = estimator.information(Fitted(fit, some, fit.pixel_noise), fit.parameters)
     prior = fit.prior(fit.parameters).precision(fit.hyperparameters)
     information = step * equations.information_scale * equations.matrix + prior
     return np.asarray(np.linalg.inv(information), dtype=np.float64), equations.information_scale

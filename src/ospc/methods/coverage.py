@@ -8,7 +8,7 @@ from ospc.arrays import FloatArray, ImageSize, IntArray
 from ospc.estimation.fit import Fit
 from ospc.observations import ExposedObservations
 from ospc.photometry.coverage import QUANTILES, Coverage
-from ospc.photometry.geometry import half_diagonal
+from ospc.photometry.geometry import pixels_of
 from ospc.settings.methods import (
     GREY_CLASSES,
     MAX_EXPOSURE_CLASSES,
@@ -59,7 +59,7 @@ def _counts(first: IntArray, second: IntArray, shape: tuple[int, int]) -> IntArr
 
 
 def _place(observations: ExposedObservations, size: ImageSize, rows: int) -> IntArray:
-    pixel = observations.position * half_diagonal(size) + (np.array(size) - 1) / 2
+    pixel = pixels_of(observations.position, size)
     cells = np.array([PLACE_COLUMNS, rows])
     cell = np.clip((pixel / np.array(size) * cells).astype(np.int64), 0, cells - 1)
     return np.asarray(cell[:, 1] * PLACE_COLUMNS + cell[:, 0])

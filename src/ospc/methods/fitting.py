@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import numpy.typing as npt
 
-from ospc.arrays import FloatArray, IntArray
+from ospc.arrays import FloatArray
 from ospc.errors import ExposureError, NotObservableError, SettingError, counted
 from ospc.estimation.fit import Fit
 from ospc.estimation.model_choice import fit_with_chosen_effects
-from ospc.estimation.response_basis import ResponseBasis
-from ospc.estimation.vignette_basis import VignetteBasis
+from ospc.exposures.table import ExposureTable
 from ospc.methods.identifiability import unexplained_share
+from ospc.methods.planned_fit import plan_of_moving_camera, plan_of_stationary_camera
 from ospc.methods.summary import exposure_ratios
 from ospc.observations import ExposedObservations, Observations
 from ospc.photometry.noise import NoiseModel
@@ -70,15 +68,14 @@ def fit(
     """
     known = settings or DefaultSettings()
     observations.check()
-    exposed = observations.with_exposures(_Exposures(_log_exposure(exposures_ms, observations)))
+    exposed = observations.with_exposures(ExposureTable.of(_log_exposure(exposures_ms, observations)))
     _check_observable(exposed, known, vignette)
-    intervals = known.response_intervals if vignette else known.series_intervals
-    widest = VignetteBasis(0)
     if vignette:
         reach = float(np.clip(np.linalg.norm(exposed.position, axis=1).max(), MIN_USABLE_RADIUS, 1.0))
-        widest = VignetteBasis(known.radial_terms, free_centre=True, non_radial=True, usable_radius=reach)
-    response = ResponseBasis(intervals, known.response_functions)
-    found = fit_with_chosen_effects(exposed, response, widest, noise, known.rounds)
+        plan = plan_of_moving_camera(known, noise, reach)
+    else:
+        plan = plan_of_stationary_camera(known, noise)
+    found = fit_with_chosen_effects(exposed, plan)
     unexplained = unexplained_share(exposure_ratios(found, exposed))
     if unexplained > CONTRADICTING_UNEXPLAINED_SHARE:
         raise ExposureError(
@@ -98,16 +95,6 @@ def _log_exposure(exposures_ms: npt.ArrayLike, observations: Observations) -> Fl
     if np.any(values <= 0) or np.any(np.isinf(values)):
         raise SettingError("exposures must be positive numbers of milliseconds, or NaN if unknown")
     return np.log(values)
-
-
-@dataclass(frozen=True)
-class _Exposures:
-    """Exposures by frame number."""
-
-    log_exposure: FloatArray
-
-    def log_exposure_of(self, frames: IntArray) -> FloatArray:
-        return np.asarray(np.pad(self.log_exposure, 1, constant_values=np.nan)[frames + 1])
 
 
 def _check_observable(observations: ExposedObservations, settings: DefaultSettings, vignette: bool) -> None:

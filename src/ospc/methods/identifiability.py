@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ospc.arrays import ImageSize
 from ospc.errors import counted
 from ospc.estimation.effect_models import SCATTERED_LIGHT
 from ospc.estimation.fit import Fit
@@ -118,6 +119,7 @@ def vignette_verdict(
     standing_still: bool,
     unexplained: float,
     *,
+    size: ImageSize,
     contradictions: Contradictions = (),
     usable_radius: float = 1.0,
 ) -> Verdict:
@@ -130,6 +132,8 @@ def vignette_verdict(
         information comes from points that move farther.
     unexplained
         Share of a typical change of exposure that is missing in the images.
+    size
+        Width and height of the images in pixels.
     usable_radius
         Radius, in half diagonals, of the usable part of the image.
     """
@@ -146,7 +150,8 @@ def vignette_verdict(
         )
     if fit is None or unexplained > CONTRADICTING_UNEXPLAINED_SHARE:
         return Verdict("not identifiable", "without a response there is no irradiance to compare", "")
-    error, sigma = fit.vignette_error_bound(usable_radius), fit.worst_log_vignette_sigma(usable_radius)
+    errors = fit.vignette_errors(size)
+    error, sigma = errors.bound(usable_radius), errors.worst_log_sigma(usable_radius)
     where = "at the corner" if usable_radius >= 1 else f"at {usable_radius:.2f} half diagonals, the image edge,"
     figure = (
         f"V is known to within {100 * error:.2g}% (95% confidence), and ln V {where} to ±{sigma:.2g}, "

@@ -18,13 +18,12 @@ from ospc.correspondence.reservoir import Reservoir
 from ospc.correspondence.static_series import StaticSeries
 from ospc.estimation.fit import Fit
 from ospc.estimation.model_choice import fit_with_chosen_effects
-from ospc.estimation.response_basis import ResponseBasis
-from ospc.estimation.vignette_basis import VignetteBasis
 from ospc.exposures.brightness import BrightnessChange
 from ospc.exposures.table import ExposureTable
 from ospc.methods.change_detection import Change, ChangeDetector
 from ospc.methods.maximum_likelihood_state import MaximumLikelihoodState
 from ospc.methods.method import Progress, check_size
+from ospc.methods.planned_fit import plan_of_moving_camera, plan_of_stationary_camera
 from ospc.methods.preview import Preview, preview_of
 from ospc.methods.quick_fit import QuickFit
 from ospc.methods.stationary_camera import StationaryCamera
@@ -305,15 +304,12 @@ class MaximumLikelihoodMethod:
             return None
         if observations.log_exposure_change(settings.min_points) < settings.min_log_exposure_change:
             return None
-        single_pixels = self._stationary.used_series is not None
-        intervals = settings.series_intervals if single_pixels else settings.response_intervals
-        basis = ResponseBasis(intervals, settings.response_functions)
-        noise = None if single_pixels else grey_range.stretched_noise(self._noise.model())
-        widest = VignetteBasis(0)
-        if not self._stationary.stands_still:
-            reach = self._circle.usable_radius()
-            widest = VignetteBasis(settings.radial_terms, free_centre=True, non_radial=True, usable_radius=reach)
-        fit = fit_with_chosen_effects(observations, basis, widest, noise, settings.rounds)
+        if self._stationary.stands_still:
+            plan = plan_of_stationary_camera(settings, noise=None)
+        else:
+            noise = grey_range.stretched_noise(self._noise.model())
+            plan = plan_of_moving_camera(settings, noise, self._circle.usable_radius())
+        fit = fit_with_chosen_effects(observations, plan)
         return replace(fit, covariance=INTER_CODED_SIGMAS**2 * fit.covariance) if self._inter_coded else fit
 
 

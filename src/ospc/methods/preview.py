@@ -12,7 +12,7 @@ from ospc.methods.coverage import coverage_of
 from ospc.methods.summary import vignette_sigma
 from ospc.observations import ExposedObservations
 from ospc.photometry.coverage import Coverage
-from ospc.photometry.geometry import half_diagonal
+from ospc.photometry.geometry import pixels_of
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import Vignette
 
@@ -98,7 +98,7 @@ def preview_of(
         coverage_of(observations, None, size),
         response=fit.response(max_grey, measured_greys(observations)) if fit else None,
         vignette=fit.vignette(size, usable_radius) if fit else None,
-        vignette_sigma=vignette_sigma(fit, usable_radius) if fit else None,
+        vignette_sigma=vignette_sigma(fit, size, usable_radius) if fit else None,
         matches=_matches_of(latest, fit, size),
         observations=observations,
         fit=fit,
@@ -110,7 +110,7 @@ def _matches_of(latest: ExposedObservations | None, fit: Fit | None, size: Image
     """Return the matches of a pair of frames; None without any."""
     if latest is None or not len(latest):
         return None
-    pixel = latest.position * half_diagonal(size) + (np.array(size) - 1) / 2
+    pixel = pixels_of(latest.position, size)
     first_ms, second_ms = np.exp(latest.log_exposure[:2]).tolist()
     ratios = None
     if fit is not None:

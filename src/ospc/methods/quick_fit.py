@@ -55,8 +55,8 @@ class QuickFit:
         """
         rounds = self._settings.rounds if self.fit is None else QUICK_FIT_ROUNDS
         vignette = VignetteBasis(QUICK_FIT_RADIAL_TERMS, usable_radius=usable_radius)
-        estimator = MaximumLikelihoodEstimator(self._basis, vignette, noise, rounds)
-        fit = estimator.fit(observations, self.fit)
+        estimator = MaximumLikelihoodEstimator(self._basis, vignette, noise)
+        fit = estimator.fit(observations, rounds, self.fit)
         if unexplained_share(exposure_ratios(fit, observations)) <= CONTRADICTING_UNEXPLAINED_SHARE:
             self.rely_on(fit, usable_radius, trusts_stated=trusts_stated)
 
@@ -65,12 +65,12 @@ class QuickFit:
         self.fit, self.trusts_stated = fit, trusts_stated
         sigma = fit.response(self._max_grey).inverse_sigma
         self.response_sigma = None if sigma is None else float(sigma.max())
-        reliable = fit.chance_vignette_sigma_at_corner < MAX_VIGNETTE_SIGMA
+        reliable = fit.vignette_errors(self._size).chance_sigma_at_corner < MAX_VIGNETTE_SIGMA
         vignette = fit.vignette(self._size, usable_radius) if reliable else None
         log_response = np.interp(np.arange(256) / 255, fit.response_basis.grid, fit.log_response)
         self.normalize = ExposureNormalizer(log_response, vignette, trusts_stated=trusts_stated)
 
     @property
     def vignette_sigma(self) -> float | None:
-        """Standard deviation of V at the corner; None without a fit."""
-        return None if self.fit is None else self.fit.vignette_sigma_at_corner
+        """Standard deviation of V at the corners; None without a fit."""
+        return None if self.fit is None else self.fit.vignette_errors(self._size).sigma_at_corner

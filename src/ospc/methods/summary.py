@@ -110,6 +110,7 @@ def summarise(inputs: FitInputs, settings: DefaultSettings) -> Calibration:
             inputs.standing_still,
             unexplained,
             contradictions=contradictions,
+            size=inputs.size,
             usable_radius=inputs.usable_radius,
         ),
     }
@@ -120,7 +121,7 @@ def summarise(inputs: FitInputs, settings: DefaultSettings) -> Calibration:
         response=fit.response(inputs.max_grey, (low, high), inputs.grey_range) if fit and response_known else None,
         vignette=fit.vignette(inputs.size, inputs.usable_radius) if fit is not None and vignette_known else None,
         verdicts=verdicts,
-        vignette_sigma=vignette_sigma(fit, inputs.usable_radius) if fit is not None and vignette_known else None,
+        vignette_sigma=vignette_sigma(fit, inputs.size, inputs.usable_radius) if fit and vignette_known else None,
         noise=inputs.noise,
         exposure_ratios=ratios,
         covariance={} if fit is None else covariance_of(fit, response_known, vignette_known),
@@ -142,15 +143,12 @@ def summarise(inputs: FitInputs, settings: DefaultSettings) -> Calibration:
     )
 
 
-def vignette_sigma(fit: Fit, usable_radius: float) -> FloatArray:
+def vignette_sigma(fit: Fit, size: ImageSize, usable_radius: float) -> FloatArray:
     """Return the standard deviation of the profile at :data:`PROFILE_RADII`, shape (51,).
 
     Like the vignette, it is constant beyond the usable radius.
     """
-    radii = np.minimum(PROFILE_RADII, usable_radius)
-    along = np.stack([radii, radii], axis=1) / np.sqrt(2)
-    value = np.exp(fit.vignette_basis.log_value(fit.vignette_parameters, along))
-    return np.asarray(value * fit.log_vignette_sigma(radii))
+    return fit.vignette_errors(size).sigma(np.minimum(PROFILE_RADII, usable_radius))
 
 
 def exposure_ratios(fit: Fit, observations: ExposedObservations) -> ExposureRatios:

@@ -15,11 +15,11 @@ from ospc.photometry.calibration import PROFILE_RADII, SCHEMA, Calibration
 from ospc.photometry.coverage import Coverage, ExposureRatios
 from ospc.photometry.geometry import image_size
 from ospc.photometry.noise import NoiseModel
+from ospc.photometry.non_radial import NON_RADIAL
 from ospc.photometry.response import Response
 from ospc.photometry.verdict import EffectEstimate, State, Verdict
 from ospc.photometry.vignette import (
     LARGEST_ATTENUATION,
-    NON_RADIAL,
     LogSplineVignette,
     LogVignette,
     PolynomialVignette,
@@ -202,7 +202,8 @@ def _noise(content: dict[str, Any]) -> NoiseModel:
     if table.size > LARGEST_GREY + 1:
         raise FormatError(f"the noise table has {table.size} values, more than the number of grey levels")
     read, shot = (_number(content, name, high=1.0) for name in ("read_variance", "shot_variance"))
-    return NoiseModel(read, shot, tuple(table.tolist()))
+    lowest, highest = _array(content.get("measured", (0.0, 1.0)), "measured grey levels", (2,), high=1.0).tolist()
+    return NoiseModel(read, shot, tuple(table.tolist()), (lowest, highest))
 
 
 def _ratios(content: dict[str, Any]) -> ExposureRatios:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+import numpy.typing as npt
 
 from ospc.arrays import Float32Array, FloatArray, ImageSize
 from ospc.errors import FormatError
@@ -41,6 +42,23 @@ def normalised(points: FloatArray, size: ImageSize) -> FloatArray:
     """
     centre = np.array([(size[0] - 1) / 2, (size[1] - 1) / 2])
     return np.asarray((np.asarray(points, dtype=np.float64) - centre) / half_diagonal(size), dtype=np.float64)
+
+
+def pixels_of(position: FloatArray, size: ImageSize) -> FloatArray:
+    """Return the pixel coordinates of positions relative to the image centre in half diagonals, (..., 2) -> (..., 2).
+
+    It is the inverse of :func:`normalised`.
+    """
+    return np.asarray(position * half_diagonal(size) + (np.array(size) - 1) / 2)
+
+
+def along_diagonals(radius: npt.ArrayLike, size: ImageSize) -> FloatArray:
+    """Return the positions at radii along the four half diagonals of an image, shape (...) -> (..., 4, 2).
+
+    Radii and positions are relative to the image centre, in half diagonals: at radius 1 are the corners.
+    """
+    corners = np.array([(1, 1), (1, -1), (-1, 1), (-1, -1)]) * (np.array(size) - 1) / 2 / half_diagonal(size)
+    return np.asarray(np.asarray(radius, dtype=np.float64)[..., None, None] * corners)
 
 
 def image_of(function: Callable[[FloatArray, FloatArray], FloatArray], size: ImageSize) -> Float32Array:

@@ -46,7 +46,8 @@ class GreyRange:
         if self.is_full:
             return noise
         variance = noise.variance(self.grey(np.linspace(0, 1, _NOISE_LEVELS))) / self.span**2
-        return replace(noise, table=tuple(variance.tolist()))
+        lowest, highest = self.level(noise.measured).tolist()
+        return replace(noise, table=tuple(variance.tolist()), measured=(lowest, highest))
 
     def level(self, grey: npt.ArrayLike) -> FloatArray:
         """Return grey levels stretched to the full scale and clipped to [0, 1]."""

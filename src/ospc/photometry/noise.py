@@ -29,19 +29,12 @@ class NoiseModel:
     """Growth of the variance from black to white, in the same units."""
     table: tuple[float, ...] = ()
     """Variances at equidistant grey levels from 0 to 1, used instead of the affine law; empty if not measured."""
+    measured: tuple[float, float] = (0.0, 1.0)
+    """Lowest and highest measured grey level; outside, the table repeats the nearest measurement."""
 
     def __post_init__(self) -> None:
         """Freeze the table."""
         object.__setattr__(self, "table", tuple(float(v) for v in self.table))
-
-    @property
-    def measured(self) -> tuple[float, float]:
-        """Lowest and highest measured grey level; outside, the table repeats the nearest measurement."""
-        table = np.array(self.table)
-        different_low, different_high = (np.flatnonzero(table != end) for end in (table[:1], table[-1:]))
-        if not len(different_low):
-            return 0.0, 1.0
-        return (different_low[0] - 1) / (len(table) - 1), (different_high[-1] + 1) / (len(table) - 1)
 
     def variance(self, grey: npt.ArrayLike) -> FloatArray:
         """Return the variance of one pixel at grey levels in [0, 1]."""

@@ -16,7 +16,8 @@ from ospc.arrays import Float32Array, FloatArray, ImageSize, read_only
 from ospc.atomic import write_atomically
 from ospc.by_value import ByValue
 from ospc.errors import UNREADABLE, FormatError
-from ospc.photometry.geometry import image_of, normalised, pixel_grid
+from ospc.photometry.geometry import along_diagonals, image_of, normalised, pixel_grid, pixels_of
+from ospc.photometry.non_radial import DEGREES, non_radial_terms
 from ospc.photometry.radial_spline import radial_spline
 
 LARGEST_ATTENUATION = 1e3
@@ -68,9 +69,8 @@ class VignetteModel:
         return self._values(position[..., 0], position[..., 1])
 
     def profile(self, radius: npt.ArrayLike) -> FloatArray:
-        """Return the attenuation at distances to the right of the image centre in half diagonals."""
-        x = np.asarray(radius, dtype=np.float64)
-        return self._values(x, np.zeros_like(x))
+        """Return the mean attenuation along the four half diagonals, at distances from the image centre in these."""
+        return np.asarray(self.at_normalised(along_diagonals(radius, self.size)).mean(axis=-1))
 
     def image(self) -> Float32Array:
         """Return the attenuation of every pixel, shape (height, width)."""
@@ -97,21 +97,6 @@ _LARGEST_LOG = 50.0
 """Limit of |ln V| that keeps the exponential finite: a fit to wrong exposures may reach any value."""
 
 
-NON_RADIAL = ("x", "y", "xy", "x2-y2", "xR2", "yR2", "xyR2", "(x2-y2)R2")
-"""Names of the terms of ln V that depend on the direction: a tilt and an ellipse, and both growing outwards."""
-
-
-def non_radial_terms(x: FloatArray, y: FloatArray) -> tuple[FloatArray, ...]:
-    """Return the terms :data:`NON_RADIAL` at positions relative to the centre of the vignette; x and y broadcast."""
-    squared = x**2 + y**2
-    xy, difference = x * y, x**2 - y**2
-    return x, y, xy, difference, x * squared, y * squared, xy * squared, difference * squared
-
-
-_DEGREES = (1, 1, 2, 2, 3, 3, 4, 4)
-"""Degrees of the terms :data:`NON_RADIAL` in x and y."""
-
-
 @dataclass(frozen=True)
 class LogVignette(VignetteModel):
     """ln V = Σ aᵢ R²ⁱ about its own centre, plus non-radial terms; zero at that centre."""
@@ -123,7 +108,7 @@ class LogVignette(VignetteModel):
     centre: tuple[float, float] = (0.0, 0.0)
     """Centre of the vignette relative to the image centre, in half diagonals."""
     non_radial: tuple[float, ...] = ()
-    """Coefficients of the terms :data:`NON_RADIAL`, in this order; empty for none."""
+    """Coefficients of the terms :data:`~ospc.photometry.non_radial.NON_RADIAL`, in this order; empty for none."""
     limit: float = math.inf
     """Distance from ``centre`` in half diagonals beyond which V is unknown, as outside the image circle of a fisheye.
     Beyond, V keeps its value at this distance."""
@@ -137,7 +122,7 @@ class LogVignette(VignetteModel):
 
         ``centre`` is its centre in them, and ``unit`` the length of their half diagonal in present ones.
         """
-        non_radial = tuple(c * unit**degree for c, degree in zip(self.non_radial, _DEGREES, strict=False))
+        non_radial = tuple(c * unit**degree for c, degree in zip(self.non_radial, DEGREES, strict=False))
         moved = replace(self, size=size, centre=centre, non_radial=non_radial, limit=self.limit / unit)
         return moved._in_unit(unit)
 
@@ -272,10 +257,9 @@ def diagonal_profile(vignette: Vignette, radii: FloatArray) -> FloatArray:
 
     ``radii`` are distances from the image centre in half diagonals, shape (radii,) -> (radii,).
     """
-    to_corner = (np.array(vignette.size, dtype=np.float64) - 1) / 2
-    directions = np.array([(1, 1), (1, -1), (-1, 1), (-1, -1)]) * to_corner
-    centre = float(vignette.at(to_corner))
-    mean = vignette.at(to_corner + radii[:, None, None] * directions).mean(axis=1)
+    size = vignette.size
+    centre = float(vignette.at(pixels_of(np.zeros(2), size)))
+    mean = vignette.at(pixels_of(along_diagonals(radii, size), size)).mean(axis=1)
     return np.asarray(mean / centre if centre > 0 else mean)
 
 

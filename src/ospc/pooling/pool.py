@@ -35,7 +35,7 @@ from ospc.state.run import load_summary
 from ospc.state.values import pack, unpack
 from ospc.versions import versions
 
-KIND, VERSION = "pool", 7
+KIND, VERSION = "pool", 8
 """Kind and version that pool files declare."""
 
 _MOST_NAMED = 5
@@ -163,7 +163,7 @@ def merge(pool: Pool) -> Merged:
     fit = solve_with_chosen_vignette(Information.of(used, radius).weakened(agreed.scatter))
     verdicts = {
         "response": _judged("response", _response_verdict(fit, used), agreed, len(pool)),
-        "vignette": _judged("vignette", _vignette_verdict(fit, used, radius), agreed, len(pool)),
+        "vignette": _judged("vignette", _vignette_verdict(fit, used, pool.size, radius), agreed, len(pool)),
     }
     response, vignette = verdicts["response"].known, verdicts["vignette"].known
     support = joint_range(s.support for s in used) if used else (0.0, 1.0)
@@ -173,7 +173,7 @@ def merge(pool: Pool) -> Merged:
         response=fit.response(pool.max_grey, support, used[0].grey_range) if response else None,
         vignette=fit.vignette(pool.size, radius) if vignette else None,
         verdicts=verdicts,
-        vignette_sigma=vignette_sigma(fit, radius) if vignette else None,
+        vignette_sigma=vignette_sigma(fit, pool.size, radius) if vignette else None,
         # From the recording with the most scene points.
         noise=max(used, key=lambda s: (s.points, s.key)).noise if used else None,
         covariance=covariance_of(fit, response, vignette),
@@ -224,7 +224,8 @@ def usable_radius(used: Sequence[Summary]) -> float:
     information = Information.of(used)
     fit = solve(information)
     rough = replace(fit, hyperparameters=replace(fit.hyperparameters, vignette_walk=ROUGH_VIGNETTE_WALK))
-    known = solve(information, start=rough).worst_log_vignette_sigma(max(radii)) <= IDENTIFIABLE_CORNER_SIGMA
+    errors = solve(information, start=rough).vignette_errors(used[0].size)
+    known = errors.worst_log_sigma(max(radii)) <= IDENTIFIABLE_CORNER_SIGMA
     return max(radii) if known else min(radii)
 
 
@@ -256,11 +257,13 @@ def _response_verdict(fit: Fit, used: Sequence[Summary]) -> Verdict:
     return response_verdict_of_fit(fit, range_ms, float(np.median([s.unexplained for s in used])))
 
 
-def _vignette_verdict(fit: Fit, used: Sequence[Summary], radius: float) -> Verdict:
+def _vignette_verdict(fit: Fit, used: Sequence[Summary], size: ImageSize, radius: float) -> Verdict:
     standing_still = bool(used) and all(s.standing_still for s in used)
     unexplained = float(np.median([s.unexplained for s in used])) if used else 0.0
     reach = max((s.reach for s in used), default=0.0)
-    return vignette_verdict(DefaultSettings(), fit, reach, standing_still, unexplained, usable_radius=radius)
+    return vignette_verdict(
+        DefaultSettings(), fit, reach, standing_still, unexplained, size=size, usable_radius=radius
+    )
 
 
 def _judged(part: Part, verdict: Verdict, agreed: Agreement, recordings: int) -> Verdict:

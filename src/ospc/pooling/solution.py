@@ -12,10 +12,10 @@ from ospc.estimation.effects import Effects
 from ospc.estimation.error_model import ErrorModel
 from ospc.estimation.fit import Fit
 from ospc.estimation.model import Model
-from ospc.estimation.model_choice import supported
 from ospc.estimation.normal_equations import NormalEquations
 from ospc.estimation.prior import START
 from ospc.estimation.vignette_basis import VignetteBasis
+from ospc.estimation.vignette_choice import supported
 from ospc.library_threads import one_blas_thread
 from ospc.pooling.summary import PARAMETERS, RESPONSE, VIGNETTE, Summary
 from ospc.settings.pooling import (

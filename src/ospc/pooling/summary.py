@@ -17,6 +17,7 @@ import numpy as np
 from ospc.arrays import FloatArray, ImageSize
 from ospc.errors import FormatError
 from ospc.estimation.fit import Fit, measured_greys
+from ospc.estimation.fitted import Fitted
 from ospc.estimation.maximum_likelihood import MaximumLikelihoodEstimator
 from ospc.estimation.response_basis import ResponseBasis
 from ospc.estimation.vignette_basis import VignetteBasis
@@ -144,6 +145,7 @@ class Summary:
             and abs(self.unexplained) <= _LARGEST
             and all(0 <= variance <= 1 for variance in noise)
             and len(noise) <= LARGEST_GREY
+            and all(0 <= level <= 1 for level in self.noise.measured)
             and max(np.abs(self.estimate).max(), np.abs(self.vector).max(), np.abs(self.triangle).max()) <= _LARGEST
             and np.abs(self.systematic).max() <= _LARGEST**2
         )
@@ -256,10 +258,10 @@ def _information(
     """Return A, b, A S A and the estimate, all in the common parameters."""
     noise = None if inputs.single_pixels else inputs.grey_range.stretched_noise(inputs.noise)
     vignette = replace(VIGNETTE, usable_radius=inputs.usable_radius)
-    estimator = MaximumLikelihoodEstimator(RESPONSE, vignette, noise, effects=fit.effects)
-    in_common = _in_common(fit, vignette)
+    estimator = MaximumLikelihoodEstimator(RESPONSE, vignette, noise, fit.effects)
+    fitted, in_common = Fitted(fit, observations, noise), _in_common(fit, vignette)
     estimate = in_common @ fit.parameters[: fit.vignette_part.stop]
-    equations = estimator.information(observations, fit, np.concatenate([estimate, fit.effect_parameters]))
+    equations = estimator.information(fitted, np.concatenate([estimate, fit.effect_parameters]))
     equations = equations.without_last(len(fit.effects), 1 / fit.effects.sigma**2)
     matrix = equations.information_scale * equations.matrix
     systematic = matrix @ in_common @ _systematic_errors(fit)

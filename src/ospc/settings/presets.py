@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Protocol, TypeVar
 
 from ospc.arrays import ImageSize
 from ospc.correspondence.features import EXTRACTORS
-from ospc.errors import SettingError, known_names
+from ospc.errors import SettingError, known_names, named
 
 if TYPE_CHECKING:
     from ospc.correspondence.frame_sampling import FrameSampler
@@ -149,7 +149,7 @@ class PaperSettings:
         """Return the preprocessor for the exposure check."""
         from ospc.correspondence.preprocessing import Preprocessor
 
-        return Preprocessor()
+        return Preprocessor(DefaultSettings.longest_side_px, DefaultSettings.smoothing_px)
 
     def state_type(self) -> None:
         """Return None: the features of hundreds of frames are too large for a state."""
@@ -184,7 +184,8 @@ class DefaultSettings:
     max_log_ratio
         Change of ln exposure beyond which a pair no longer provides information about the response.
     longest_side_px
-        Images are reduced until their longer side has this length, in pixels, before they are compared.
+        Images are reduced until their longer side has at most this length, in pixels, before they are compared; 800
+        keeps 640×480 unchanged and halves 1280×1024.
     smoothing_px
         Standard deviation, in pixels, of the smoothing applied to grey levels before sampling.
     grid_spacing_px
@@ -314,9 +315,7 @@ def preset(name: str) -> Settings:
     SettingError
         If there is no preset of that name.
     """
-    if name not in PRESETS:
-        raise SettingError(f"no preset is called '{name}'; known: {', '.join(PRESETS)}")
-    return PRESETS[name]
+    return named("preset", name, PRESETS)
 
 
 def with_overrides(settings: S, overrides: dict[str, str], others: Sequence[str] = ()) -> S:

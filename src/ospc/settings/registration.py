@@ -6,6 +6,24 @@ import numpy as np
 
 # Preprocessing (ospc.correspondence.preprocessing)
 
+FLATNESS_PX = 2.5
+"""Standard deviation of the smoothing before gradients are taken, in reduced pixels: the distance over which the
+image has to be flat."""
+
+REGISTRATION_SIDE_PX = 400
+"""Frames are registered at the reduced size or its first half, quarter, … that is at most this long."""
+
+BLACK_MARGIN_PX = 3
+MAX_BLACK_SHARE = 0.25
+"""Half the side of the square in which black pixels are counted, and their largest share at an exposed point; none
+may be masked. In the dark, noise alone makes some pixels black, and its effect on the mean is corrected; a larger
+share has other causes."""
+
+WHITE_MARGIN_PX = 5
+MAX_WHITE_SHARE = 0.02
+"""The same for white pixels. Noise hardly clips there, but the peaks of texture do: with a quarter of white pixels
+and 3 px, ln g at grey 225 to 240 was off by up to 0.02."""
+
 COMPARED_QUANTILES = np.linspace(0.05, 0.95, 19)
 """Quantiles of grey level at which the brightness of two images is compared; noise and clipping affect the ends."""
 

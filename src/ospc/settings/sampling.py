@@ -40,6 +40,9 @@ OLDEST_AGE_FACTOR = 1.5
 
 # Sampling of flat points (ospc.correspondence.flat_sampling)
 
+SAMPLING_MARGIN_PX = 5
+"""Points closer to the border than this, in reduced pixels, are not used: their surroundings are not seen whole."""
+
 SAMPLING_GREY_CELLS, SAMPLING_RADIUS_CELLS = 8, 4
 """Numbers of ranges of the square root of grey level and of radius. If there are too many scene points, they are
 taken from these ranges in turn; otherwise the sky or a wall would make up most of them."""
@@ -104,6 +107,12 @@ ASSUMED_NOISE_SIGMA = 0.5 / 255
 """Standard deviation assumed if nothing was measured: half an 8-bit grey level."""
 
 # A stationary camera (ospc.correspondence.static_series)
+
+SERIES_PIXELS = 12_000
+"""Number of pixels kept: eight times the scene points of the presets, so that they include dark and bright ones."""
+
+SERIES_FRAMES = 256
+"""Maximum number of frames kept; beyond it, every second one is dropped and only every second new one is kept."""
 
 SERIES_BRIGHTNESS_CELLS = 64
 """Number of equal ranges of ln brightness from which pixels are taken in turn: dark and bright ones are rare but the

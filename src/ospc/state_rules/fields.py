@@ -116,7 +116,12 @@ RULES: Mapping[type, Mapping[str, Numbers | str]] = {
         "measured_radius": Numbers(0, 3),
     },
     GreyRange: {"black white": UNIT},
-    NoiseModel: {"read_variance": UNIT, "shot_variance": Numbers(-1, 1), "table": Numbers(0, 1, ("levels",))},
+    NoiseModel: {
+        "read_variance": UNIT,
+        "shot_variance": Numbers(-1, 1),
+        "table": Numbers(0, 1, ("levels",)),
+        "measured": Numbers(0, 1, (2,)),
+    },
     ResponseBasis: {"intervals": Numbers(1, MOST_INTERVALS)},
     Effects: {
         "chosen": ELSEWHERE,

@@ -21,6 +21,7 @@ from ospc.calibrator import calibrate
 from ospc.errors import FrameError, NotObservableError, counted
 from ospc.photometry.calibration import PROFILE_RADII, Calibration
 from ospc.photometry.verdict import Verdict
+from ospc.photometry.vignette import diagonal_profile
 from ospc.recording import open_recording
 from ospc.recording.derived import DerivedRecording
 from ospc.recording.options import ReadingOptions
@@ -109,8 +110,7 @@ def labelled(calibration: Calibration, recording: object) -> Calibration:
             scale_sigma=float(np.hypot(response.scale_sigma or 0.0, log_reference * sigma)),
         )
     if calibration.vignette is not None and vignette_sigma is not None:
-        half = (np.array(calibration.size, dtype=np.float64) - 1) / 2
-        profile = calibration.vignette.at(half + PROFILE_RADII[:, None] * half)
+        profile = diagonal_profile(calibration.vignette, PROFILE_RADII)
         vignette_sigma = np.hypot(vignette_sigma, np.abs(profile * np.log(np.maximum(profile, 1e-12))) * sigma)
     verdicts = {name: _labelled_verdict(name, verdict) for name, verdict in calibration.verdicts.items()}
     return replace(

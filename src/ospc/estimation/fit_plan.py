@@ -1,0 +1,46 @@
+"""What is fitted to observations, except for the choices that the observations decide."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ospc.estimation.effects import Effects
+from ospc.estimation.fit import Fit
+from ospc.estimation.maximum_likelihood import MaximumLikelihoodEstimator
+from ospc.estimation.response_basis import ResponseBasis
+from ospc.estimation.vignette_basis import VignetteBasis
+from ospc.observations import ExposedObservations
+from ospc.photometry.noise import NoiseModel
+
+
+@dataclass(frozen=True)
+class FitPlan:
+    """What is fitted to observations.
+
+    Attributes
+    ----------
+    response
+        Basis of the response.
+    widest
+        The vignette model with the most parameters.
+    noise
+        Noise of single pixels; None if the observations are single pixels.
+    rounds
+        Maximum number of rounds of each fit after the first, convex one.
+    """
+
+    response: ResponseBasis
+    widest: VignetteBasis
+    noise: NoiseModel | None
+    rounds: int
+
+    def fit(
+        self, observations: ExposedObservations, vignette: VignetteBasis, effects: Effects, start: Fit | None = None
+    ) -> Fit:
+        """Fit a choice of vignette model and effects, starting from an earlier fit if there is one."""
+        estimator = MaximumLikelihoodEstimator(self.response, vignette, self.noise, effects)
+        return estimator.fit(observations, self.rounds, start)
+
+    def refit(self, observations: ExposedObservations, start: Fit) -> Fit:
+        """Fit the model of an earlier fit, starting from it."""
+        return self.fit(observations, start.vignette_basis, start.effects, start)

@@ -1,0 +1,50 @@
+"""A fit together with what it was fitted to, from which other models are tried."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from ospc.arrays import FloatArray
+from ospc.estimation.fit import Fit
+from ospc.estimation.latent import Latent, LatentModel
+from ospc.estimation.robust_weights import redescending_weights
+from ospc.observations import ExposedObservations
+from ospc.photometry.noise import NoiseModel
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """A fit with its observations and pixel noise, from which several other models are tried."""
+
+    fit: Fit
+    observations: ExposedObservations
+    noise: NoiseModel | None
+
+    @cached_property
+    def weighted(self) -> tuple[Latent, FloatArray, float]:
+        """The observations linearised about the fit, with their robust weights and sandwich factor."""
+        fit = self.fit
+        log_gain = fit.log_gain(
+            fit.parameters, self.observations, fit.response_basis.index_of(self.observations.grey)
+        )
+        first = self._predict(self.observations, log_gain, np.ones(len(self.observations)))
+        weight, _ = redescending_weights(first.studentised, self._predict.unclipped(first))
+        del first  # it takes as much memory as the observations
+        # Repeat with radiances no longer biased by outliers.
+        latent = self._predict(self.observations, log_gain, weight)
+        return latent, *redescending_weights(latent.studentised, self._predict.unclipped(latent))
+
+    @property
+    def log_response(self) -> FloatArray:
+        """The logarithm of the fitted response on the basis's grid."""
+        return self._predict.log_response
+
+    @cached_property
+    def _predict(self) -> LatentModel:
+        fit = self.fit
+        return LatentModel(
+            fit.response_basis, fit.response_parameters, fit.errors, self.noise, fit.texture_share, trusted=True
+        )

@@ -1,0 +1,88 @@
+"""Selection of the vignette model by an information criterion: radial, decentred, or with non-radial terms."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from ospc.arrays import FloatArray
+from ospc.estimation.effects import Effects
+from ospc.estimation.fit import Fit
+from ospc.estimation.fit_plan import FitPlan
+from ospc.estimation.fitted import Fitted
+from ospc.estimation.maximum_likelihood import MaximumLikelihoodEstimator
+from ospc.estimation.vignette_basis import VignetteBasis
+from ospc.observations import ExposedObservations
+from ospc.settings.vignette import ASYMMETRY_SIGMA, FIRST_FIT_POINTS, MIN_CRITERION_GROUPS, PROMISING_SHARE
+
+
+def fit_with_chosen_vignette(
+    observations: ExposedObservations, plan: FitPlan, effects: Effects | None = None
+) -> Fitted:
+    """Fit response and vignette, with no more vignette parameters than the data support.
+
+    Starting from the purely radial model, first a free centre is tried, and then the non-radial terms, which include
+    the centre if it was rejected. Each step has to meet the criterion of Schwarz (1978): the joint Wald statistic of
+    the added parameters, with a covariance that includes correlated errors, must exceed their number times the
+    logarithm of the number of groups. ``effects`` are fitted with the vignette; None for none.
+    """
+    effects = Effects() if effects is None else effects
+    widest = plan.widest
+    simplest = replace(widest, free_centre=False, non_radial=False)
+    # A subset of the points already gives most of the solution; only the last rounds need all of them.
+    step = len(observations.starts) // FIRST_FIT_POINTS
+    start = None
+    if step > 1:
+        start = plan.fit(observations.of_points(slice(None, None, step)), simplest, effects)
+    fitted = Fitted(plan.fit(observations, simplest, effects, start), observations, plan.noise)
+    richer = [
+        basis for basis in (replace(simplest, free_centre=True), widest) if len(simplest) < len(basis) <= len(widest)
+    ]
+    while richer and (promising := _first_promising(fitted, richer)):
+        richer = richer[richer.index(promising) + 1 :]
+        wider = plan.fit(observations, promising, effects, fitted.fit)
+        if supported(wider, len(promising) - len(fitted.fit.vignette_basis)):
+            fitted = replace(fitted, fit=wider)
+    return fitted
+
+
+def _first_promising(fitted: Fitted, richer: Sequence[VignetteBasis]) -> VignetteBasis | None:
+    """Return the first of several vignette models, the largest last, that one Newton step nearly supports."""
+    fit, widest = fitted.fit, richer[-1]
+    estimator = MaximumLikelihoodEstimator(fit.response_basis, widest, fitted.noise, fit.effects)
+    about = estimator.parameters_of(fit)
+    # The parameters of a model come first among those of a larger one.
+    first = fit.vignette_part.start
+    choices = [np.delete(np.arange(len(about)), np.s_[first + len(basis) : first + len(widest)]) for basis in richer]
+    steps = estimator.newton_steps(fitted, about, choices)
+    for basis, (found, chance) in zip(richer, steps, strict=True):
+        after = replace(fit, vignette_basis=basis, parameters=found, chance=chance)
+        if supported(after, len(basis) - len(fit.vignette_basis), PROMISING_SHARE):
+            return basis
+    return None
+
+
+def supported(fit: Fit, last: int, share: float = 1.0) -> bool:
+    """Return whether the last ``last`` parameters of the vignette meet the criterion, or a share of it."""
+    end = fit.vignette_part.stop
+    part = slice(end - last, end)
+    value = fit.parameters[part]
+    covariance = fit.chance[part, part] + np.diag(_registration_sigma(fit)[-last:] ** 2)
+    statistic = float(value @ np.linalg.solve(covariance, value))
+    return bool(statistic > share * last * np.log(max(fit.groups, MIN_CRITERION_GROUPS)))
+
+
+def _registration_sigma(fit: Fit) -> FloatArray:
+    """Return the standard deviation of each vignette parameter from errors that all pairs share, (len,)."""
+    basis, parameters = fit.vignette_basis, fit.vignette_parameters
+    sigma = np.full(len(basis), ASYMMETRY_SIGMA)
+    if basis.free_centre:
+        # A shift of the centre makes ln V asymmetric in proportion to its slope: a flat vignette has no centre.
+        centre = slice(basis.radial, basis.radial + 2)
+        radii = np.linspace(0, basis.usable_radius)
+        along = basis.centre(parameters) + np.stack([radii, np.zeros_like(radii)], axis=1)
+        slope = basis.jacobian(parameters, along)[:, basis.radial]
+        sigma[centre] *= np.linalg.norm(radii) / max(float(np.linalg.norm(slope)), 1e-9)
+    return sigma
