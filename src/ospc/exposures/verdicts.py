@@ -32,7 +32,7 @@ _MORE_FRAMES = "record at least sixty consecutive frames"
 
 
 def verdicts(
-    course: ExposureReport,
+    recorded: ExposureReport,
     lag: LagEstimate,
     brightness: BrightnessReport | None,
     frames: int,
@@ -44,7 +44,7 @@ def verdicts(
 
     Parameters
     ----------
-    course, lag, brightness
+    recorded, lag, brightness
         The parts of :class:`~ospc.exposures.findings.ExposureFindings`.
     frames
         Number of frames of the recording.
@@ -62,7 +62,7 @@ def verdicts(
         yield Verdict("marginal", f"{few}, too few to check the exposures", _SLOWER)
         return
     if brightness.stale:
-        stay = "stay constant" if course.values == 1 else "often stay constant"
+        stay = "stay constant" if recorded.values == 1 else "often stay constant"
         yield Verdict(
             "not identifiable",
             f"the recorded exposures {stay} while the brightness of the same objects changes by "
@@ -71,7 +71,7 @@ def verdicts(
             _FIX_METADATA,
         )
     if lag.state == "constant exposure":
-        yield Verdict("identifiable", f"the exposure is constant at {course.in_words()}, and the images agree")
+        yield Verdict("identifiable", f"the exposure is constant at {recorded.in_words()}, and the images agree")
     if inverse_share > 1 - MAX_UNEXPLAINED_SHARE:
         yield Verdict(
             "not identifiable",
@@ -80,7 +80,7 @@ def verdicts(
             _GIVE_TIMES,
         )
     if lag.state == "no response to exposure":
-        text = f"exposures range from {course.in_words()}, but the brightness of the scene does not follow them"
+        text = f"exposures range from {recorded.in_words()}, but the brightness of the scene does not follow them"
         yield Verdict("not identifiable", text, _FIX_METADATA)
     share = 1 - brightness.unexplained_share  # negative if the exposures add changes instead of explaining them
     explained = f"{f'{share:.0%}' if share > 0 else 'none'} of the brightness changes"
@@ -88,9 +88,9 @@ def verdicts(
         rest = f"the rest, {_percent(brightness.unexplained_rms_log)} per frame, may be flicker or an unrecorded gain"
         only = f"only {explained}" if share > 0 else explained
         yield Verdict("marginal", f"exposures fit badly: they explain {only}; {rest}", _STEADY_LIGHT)
-    certain = lag.correction(course.cycle_frames)
+    certain = lag.correction(recorded.cycle_frames)
     if certain is None:
-        yield _unknown_lag(course, lag)
+        yield _unknown_lag(recorded, lag)
     if certain:
         yield Verdict(
             "marginal",
@@ -99,7 +99,7 @@ def verdicts(
         )
     text = "exposures belong to their frames"
     if lag.frames is None:
-        text += f", or to others with the same exposure, because they repeat every {course.cycle_frames} frames"
+        text += f", or to others with the same exposure, because they repeat every {recorded.cycle_frames} frames"
     yield Verdict("identifiable", f"{text}: they explain {explained}")
 
 
@@ -110,7 +110,7 @@ def either(lag: LagEstimate) -> str:
     return f"{lags[0]} to {lags[-1]}" if is_range else " or ".join(map(str, lags))
 
 
-def _unknown_lag(course: ExposureReport, lag: LagEstimate) -> Verdict:
+def _unknown_lag(recorded: ExposureReport, lag: LagEstimate) -> Verdict:
     lags = either(lag)
     reasons = {
         "changes too small": "the exposures change too little between the compared frames to check them",
@@ -121,8 +121,8 @@ def _unknown_lag(course: ExposureReport, lag: LagEstimate) -> Verdict:
         "changing": "the lag of the exposures differs between the two halves of the recording",
     }
     reason = reasons.get(lag.state, f"lags of {lags} frames fit the images equally well")
-    if lag.state == "ambiguous" and course.cycle_frames is not None:
-        reason = f"the exposures repeat every {course.cycle_frames} frames: lags of {lags} cannot be distinguished"
+    if lag.state == "ambiguous" and recorded.cycle_frames is not None:
+        reason = f"the exposures repeat every {recorded.cycle_frames} frames: lags of {lags} cannot be distinguished"
     return Verdict("marginal", reason, CHANGE_IRREGULARLY)
 
 
