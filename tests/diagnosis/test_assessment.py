@@ -85,5 +85,5 @@ def test_exposures_never_explain_less_than_none_of_the_changes(unexplained: floa
     assert found.brightness is not None
     brightness = replace(found.brightness, unexplained_share=unexplained)
     lag = replace(found.lag, candidates=(0,), state="determined")
-    first = verdict_on(found.course, lag, brightness, 100, 0.0, fits_badly=True)
+    first = verdict_on(found.recorded, lag, brightness, 100, 0.0, fits_badly=True)
     assert f"exposures fit badly: they {said} the brightness changes; the rest" in first.reason

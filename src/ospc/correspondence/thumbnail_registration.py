@@ -47,9 +47,11 @@ class ThumbnailRegistration:
         return there, inside & (error < MAX_THUMBNAIL_ERROR_PX)
 
 
-def values_at(image: Float32Array | npt.NDArray[np.uint8], places: Float32Array) -> Float32Array:
-    """Interpolate an image, (h, w) or (h, w, n), at points (x, y), (..., 2)."""
-    values = cv2.remap(image, places, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+def values_at(
+    image: Float32Array | npt.NDArray[np.uint8], places: Float32Array, border: int = cv2.BORDER_REPLICATE
+) -> Float32Array:
+    """Interpolate an image, (h, w) or (h, w, n), at points (x, y), (..., 2); ``border`` is OpenCV's border mode."""
+    values = cv2.remap(image, places, None, cv2.INTER_LINEAR, borderMode=border)
     return np.asarray(values, dtype=np.float32)
 
 

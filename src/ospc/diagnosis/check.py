@@ -109,7 +109,7 @@ def _about_frames(timing: Timing, counts: Mapping[str, int], reasons: Sequence[s
 
 
 def _about_lag(found: ExposureFindings) -> Iterator[str]:
-    lag, cycle = found.lag, found.course.cycle_frames
+    lag, cycle = found.lag, found.recorded.cycle_frames
     if lag.frames is not None and cycle is not None and cycle <= 2 * MAX_LAG:
         yield (
             f"the exposures repeat every {cycle} frames, so a lag of {lag.frames} cannot be distinguished from "

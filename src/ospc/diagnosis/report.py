@@ -183,15 +183,15 @@ def _known(value: float | None) -> float | None:
 
 
 def _exposure_figures(found: ExposureFindings, interval_s: float) -> dict[str, Any]:
-    course, lag, tone = found.course, found.lag, found.local_tone
+    recorded, lag, tone = found.recorded, found.lag, found.local_tone
     return {
         "exposure": {
-            "lowest_ms": course.lowest_ms,
-            "highest_ms": course.highest_ms,
-            "highest_over_lowest_ratio": course.ratio,
-            "different_exposures": course.values,
-            "changed_frames_share": course.changed_share,
-            "cycle_frames": course.cycle_frames,
+            "lowest_ms": recorded.lowest_ms,
+            "highest_ms": recorded.highest_ms,
+            "highest_over_lowest_ratio": recorded.ratio,
+            "different_exposures": recorded.values,
+            "changed_frames_share": recorded.changed_share,
+            "cycle_frames": recorded.cycle_frames,
         },
         "lag": {
             "state": lag.state,

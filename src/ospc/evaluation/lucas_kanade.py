@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 
 from ospc.arrays import BoolArray, FloatArray, Image
+from ospc.correspondence.point_tracking import track_and_return
+from ospc.correspondence.thumbnail_registration import values_at
 from ospc.settings.evaluation import (
     MAX_MISMATCH,
     MAX_RETURN_PX,
@@ -41,10 +42,9 @@ def follow(before: Image, after: Image, places: FloatArray) -> Step:
     """Track points, shape (n, 2), from one 8-bit image to the next."""
     if len(places) == 0:
         return Step(places, np.zeros((len(LOSSES), 0), np.bool_))
-    there, found = _flow(before, after, places)
-    back, found_back = _flow(after, before, there)
-    gave_up = ~(found & found_back)
-    elsewhere = ~gave_up & (np.linalg.norm(back - places, axis=1) > MAX_RETURN_PX)
+    tracked = track_and_return(before, after, places.astype(np.float32), WINDOW_PX, TRACKING_LEVELS)
+    there, gave_up = tracked.places.astype(np.float64), ~tracked.found
+    elsewhere = ~gave_up & (tracked.return_px > MAX_RETURN_PX)
     first, second = windows(before, places), windows(after, there)
     mismatch = in_contrasts(np.abs(first - second).mean(axis=1), first, second)
     different = ~gave_up & ~elsewhere & (mismatch > MAX_MISMATCH)
@@ -55,19 +55,11 @@ def windows(image: Image, places: FloatArray, side_px: int = WINDOW_PX) -> Float
     """Return the bilinearly interpolated windows around points, shape (n, 2) -> (n, side_px²)."""
     reach = np.arange(side_px, dtype=np.float64) - side_px // 2
     y, x = (grid.ravel() for grid in np.meshgrid(reach, reach, indexing="ij"))
-    at = [(places[:, i, None] + offset).astype(np.float32) for i, offset in enumerate((x, y))]
-    values = cv2.remap(image.astype(np.float32), *at, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    return np.asarray(values, dtype=np.float64)
+    at = (places[:, None] + np.stack([x, y], axis=-1)).astype(np.float32)
+    return values_at(image.astype(np.float32), at).astype(np.float64)
 
 
 def in_contrasts(change: FloatArray, first: FloatArray, second: FloatArray) -> FloatArray:
     """Divide changes, shape (n,), by the mean absolute deviation within two windows, shape (n, pixels) each."""
     deviations = [np.abs(w - w.mean(axis=1, keepdims=True)).mean(axis=1) for w in (first, second)]
     return np.asarray(change / np.maximum(np.mean(deviations, axis=0), MIN_CONTRAST))
-
-
-def _flow(before: Image, after: Image, places: FloatArray) -> tuple[FloatArray, BoolArray]:
-    points = places.astype(np.float32).reshape(-1, 1, 2)
-    window = (WINDOW_PX, WINDOW_PX)
-    there, status, _ = cv2.calcOpticalFlowPyrLK(before, after, points, None, winSize=window, maxLevel=TRACKING_LEVELS)
-    return np.asarray(there, dtype=np.float64).reshape(-1, 2), np.asarray(status.ravel() == 1)

@@ -43,7 +43,7 @@ class ExposureFindings:
 
     Attributes
     ----------
-    course
+    recorded
         Summary of the exposures as recorded.
     lag
         Estimated lag of the recorded exposures, before any correction.
@@ -64,7 +64,7 @@ class ExposureFindings:
         Why the exposures, as used, are unreliable; empty if they are reliable.
     """
 
-    course: ExposureReport
+    recorded: ExposureReport
     lag: LagEstimate
     corrected_frames: int
     brightness: BrightnessReport | None
@@ -211,7 +211,7 @@ def _assess_choice(series: BrightnessSeries, written: FloatArray, choice: LagCho
     if choice == "trusted":
         reason = "the exposures were estimated from the images"
         return replace(found, verdict=Verdict("marginal", reason), question="", warnings=())
-    certain = found.lag.correction(found.course.cycle_frames)
+    certain = found.lag.correction(found.recorded.cycle_frames)
     if not certain or choice == "never":
         return found
     corrected = _assess_shifted(series, written, certain)
@@ -254,7 +254,7 @@ def _assess_shifted(series: BrightnessSeries, written: FloatArray, lag: int) -> 
 
 
 def _assess(series: BrightnessSeries, written: FloatArray) -> ExposureFindings:
-    course = ExposureReport.of(written)
+    recorded = ExposureReport.of(written)
     lag = estimate_lag(series, written)
     brightness = brightness_report(lag, written)
     few = brightness is None and len(written) < MIN_CHECKED_FRAMES
@@ -266,10 +266,10 @@ def _assess(series: BrightnessSeries, written: FloatArray) -> ExposureFindings:
         and brightness.unexplained_rms_log > NOTABLE_RMS_LOG
     )
     inverse_share = explained_by_inverse(lag, series, written)
-    verdict = verdict_on(course, lag, brightness, len(written), inverse_share, fits_badly=fits_badly)
+    verdict = verdict_on(recorded, lag, brightness, len(written), inverse_share, fits_badly=fits_badly)
     late = bool(lag.candidates) and 0 not in lag.candidates
     contradicted = not verdict.known or late or fits_badly
     warnings = (verdict.reason,) if contradicted and not few else ()
     is_open = lag.frames is None and verdict.state == "marginal" and not few and not warnings
     question = _uncertain(verdict.reason) if is_open else ""
-    return ExposureFindings(course, lag, 0, brightness, verdict, question=question, warnings=warnings)
+    return ExposureFindings(recorded, lag, 0, brightness, verdict, question=question, warnings=warnings)

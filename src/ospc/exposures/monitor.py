@@ -90,7 +90,7 @@ class ExposureMonitor:
         self._next_assessment = int(ASSESSMENT_GROWTH * self.history.observed)
         found = self.findings()
         self.table.lag_frames = found.corrected_frames
-        certain = found.lag.correction(found.course.cycle_frames)
+        certain = found.lag.correction(found.recorded.cycle_frames)
         self.table.trusted = certain is not None and not found.warnings
         if certain is not None:  # if the lag becomes uncertain, keep the last certain one to detect its change
             self._known_lag = certain

@@ -30,7 +30,7 @@ _MORE_FRAMES = "record at least sixty consecutive frames"
 
 
 def verdict_on(
-    course: ExposureReport,
+    recorded: ExposureReport,
     lag: LagEstimate,
     brightness: BrightnessReport | None,
     frames: int,
@@ -42,7 +42,7 @@ def verdict_on(
 
     Parameters
     ----------
-    course, lag, brightness
+    recorded, lag, brightness
         The parts of :class:`~ospc.exposures.findings.ExposureFindings`.
     frames
         Number of frames of the recording.
@@ -57,16 +57,16 @@ def verdict_on(
     if brightness is None:
         few = f"only {counted(lag.pairs, 'pair')} of consecutive frames could be compared"
         return Verdict("marginal", f"{few}, too few to check the exposures", _SLOWER)
-    contradiction = _contradiction(course, lag, brightness, inverse_share, fits_badly=fits_badly)
+    contradiction = _contradiction(recorded, lag, brightness, inverse_share, fits_badly=fits_badly)
     if contradiction is not None:
         return contradiction
     if lag.state == "constant exposure":
-        return Verdict("identifiable", f"the exposure is constant at {course.in_words()}, and the images agree")
-    return _on_lag(course, lag, _explained(brightness))
+        return Verdict("identifiable", f"the exposure is constant at {recorded.in_words()}, and the images agree")
+    return _on_lag(recorded, lag, _explained(brightness))
 
 
 def _contradiction(
-    course: ExposureReport,
+    recorded: ExposureReport,
     lag: LagEstimate,
     brightness: BrightnessReport,
     inverse_share: float,
@@ -75,7 +75,7 @@ def _contradiction(
 ) -> Verdict | None:
     """Return the verdict on exposures that contradict the images; None if they do not."""
     if brightness.stale:
-        stay = "stay constant" if course.values == 1 else "often stay constant"
+        stay = "stay constant" if recorded.values == 1 else "often stay constant"
         changes = (
             f"the recorded exposures {stay} while the brightness of the same objects changes by "
             f"{_percent(brightness.drift_at_constant_exposure_log)} within {DRIFT_FRAMES} frames"
@@ -90,7 +90,7 @@ def _contradiction(
             _GIVE_TIMES,
         )
     if lag.state == "no response to exposure":
-        text = f"exposures range from {course.in_words()}, but the brightness of the scene does not follow them"
+        text = f"exposures range from {recorded.in_words()}, but the brightness of the scene does not follow them"
         return Verdict("not identifiable", text, _FIX_METADATA)
     if fits_badly and not lag.frames:
         rest = f"the rest, {_percent(brightness.unexplained_rms_log)} per frame, may be flicker or an unrecorded gain"
@@ -106,16 +106,16 @@ def _explained(brightness: BrightnessReport) -> str:
     return f"{f'{share:.0%}' if share > 0 else 'none'} of the brightness changes"
 
 
-def _on_lag(course: ExposureReport, lag: LagEstimate, explained: str) -> Verdict:
-    certain = lag.correction(course.cycle_frames)
+def _on_lag(recorded: ExposureReport, lag: LagEstimate, explained: str) -> Verdict:
+    certain = lag.correction(recorded.cycle_frames)
     if certain is None:
-        return _unknown_lag(course, lag)
+        return _unknown_lag(recorded, lag)
     if certain:
         late = f"exposures are recorded {lag_in_words(certain)}; once moved to their frames, they explain {explained}"
         return Verdict("marginal", late, f"leave --correct-lag at auto, or set it to {certain}")
     text = "exposures belong to their frames"
     if lag.frames is None:
-        text += f", or to others with the same exposure, because they repeat every {course.cycle_frames} frames"
+        text += f", or to others with the same exposure, because they repeat every {recorded.cycle_frames} frames"
     return Verdict("identifiable", f"{text}: they explain {explained}")
 
 
@@ -126,7 +126,7 @@ def either(lag: LagEstimate) -> str:
     return f"{lags[0]} to {lags[-1]}" if is_range else " or ".join(map(str, lags))
 
 
-def _unknown_lag(course: ExposureReport, lag: LagEstimate) -> Verdict:
+def _unknown_lag(recorded: ExposureReport, lag: LagEstimate) -> Verdict:
     lags = either(lag)
     reasons = {
         "changes too small": "the exposures change too little between the compared frames to check them",
@@ -137,8 +137,8 @@ def _unknown_lag(course: ExposureReport, lag: LagEstimate) -> Verdict:
         "changing": "the lag of the exposures differs between the two halves of the recording",
     }
     reason = reasons.get(lag.state, f"lags of {lags} frames fit the images equally well")
-    if lag.state == "ambiguous" and course.cycle_frames is not None:
-        reason = f"the exposures repeat every {course.cycle_frames} frames: lags of {lags} cannot be distinguished"
+    if lag.state == "ambiguous" and recorded.cycle_frames is not None:
+        reason = f"the exposures repeat every {recorded.cycle_frames} frames: lags of {lags} cannot be distinguished"
     return Verdict("marginal", reason, CHANGE_IRREGULARLY)
 
 

@@ -14,13 +14,6 @@ modules contain constants, grouped by step or task:
   :mod:`~ospc.settings.diagnosis`, :mod:`~ospc.settings.evaluation`.
 
 Grey levels range from 0 to 1; those of constants whose names end in ``_8_BIT`` range from 0 to 255.
-
-"Chosen by hand" means that a value rests on judgement alone. Where the constants of the estimation mention another
-value, the fit was repeated with it on six simulated recordings (200 frames of 480×360 pixels; six responses, three
-vignettes, both noise levels, one with moving objects and one with flicker). "No effect" means that the median
-response shape error, κ and vignette error changed by less than 3 per cent; otherwise the change is given. "Raises the
-vignette error by half" and "raises κ by a quarter" are mostly due to one recording for which a different vignette
-model is selected.
 """
 
 from ospc.settings.presets import (

@@ -1,6 +1,6 @@
 """Constants of effects other than response and vignette: their meaning, unit and the reason for their value.
 
-"Chosen by hand" and "no effect" are explained in :mod:`ospc.settings`.
+"Chosen by hand" and "no effect" are explained in :mod:`ospc.settings.fit`.
 """
 
 from __future__ import annotations

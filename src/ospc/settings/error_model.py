@@ -1,6 +1,6 @@
 """Constants of the expected grey levels and their errors: their meaning, unit and the reason for their value.
 
-"Chosen by hand" and "no effect" are explained in :mod:`ospc.settings`.
+"Chosen by hand" and "no effect" are explained in :mod:`ospc.settings.fit`.
 """
 
 from __future__ import annotations

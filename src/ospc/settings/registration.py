@@ -62,7 +62,7 @@ be flat within the registration error."""
 
 DARKEST_EXPOSED_MEAN, BRIGHTEST_EXPOSED_MEAN = 0.04, 0.97
 """Grey levels beyond which the mean of several pixels counts as clipped: some of them are clipped before the mean is.
-Single pixels have the limits :data:`ospc.photometry.noise.DARKEST_EXPOSED` and ``BRIGHTEST_EXPOSED``."""
+Single pixels have the limits ``DARKEST_EXPOSED`` and ``BRIGHTEST_EXPOSED`` of :mod:`ospc.photometry.noise`."""
 
 THUMBNAIL_CLIP_MARGIN_PX = 2
 """Points this close to a clipped one are not used, in thumbnail pixels: twice the smoothing."""

@@ -15,6 +15,8 @@ import numpy as np
 import numpy.typing as npt
 
 from ospc.arrays import BoolArray, Float32Array, FloatArray, Image, ImageSize, IntArray
+from ospc.correspondence.point_tracking import track_and_return
+from ospc.correspondence.thumbnail_registration import values_at
 from ospc.photometry.geometry import normalised
 from ospc.recording.frame import Frame
 from ospc.settings.unknown_exposures import (
@@ -145,11 +147,10 @@ class GainRobustTracker:
         self.log_gain = log_brightness(after) - log_brightness(before)
         for _ in range(MAX_GAIN_ROUNDS):
             first, second = equalised(before, after, self.log_gain)
-            options = {"winSize": (TRACKING_WINDOW_PX, TRACKING_WINDOW_PX), "maxLevel": PYRAMID_LEVELS}
-            moved, found, _ = cv2.calcOpticalFlowPyrLK(first, second, self._points, None, **options)
-            back, found_back, _ = cv2.calcOpticalFlowPyrLK(second, first, moved, None, **options)
-            good = (found.ravel() > 0) & (found_back.ravel() > 0)
-            good &= np.linalg.norm(back - self._points, axis=1) < MAX_TRACK_RETURN_PX
+            moved, found, return_px = track_and_return(
+                first, second, self._points, TRACKING_WINDOW_PX, PYRAMID_LEVELS
+            )
+            good = found & (return_px < MAX_TRACK_RETURN_PX)
             if not good.any():
                 break
             gain = _gain(before, after, self._points[good], moved[good])
@@ -198,12 +199,12 @@ class GainRobustTracker:
 
 
 def sampled(image: Float32Array, places: npt.ArrayLike) -> FloatArray:
-    """Sample an image at pixels (x, y) with bilinear interpolation, shape (n, 2) -> (n,) or (n, channels)."""
-    maps = np.ascontiguousarray(places, dtype=np.float32).reshape(-1, 1, 2)
-    if not len(maps):
-        return np.empty((0, *image.shape[2:]))
-    values = cv2.remap(image, maps, None, cv2.INTER_LINEAR)
-    return np.asarray(values, dtype=np.float64).reshape(len(maps), *image.shape[2:])
+    """Interpolate an image at pixels (x, y), shape (n, 2) -> (n,) or (n, channels); outside, it is zero."""
+    column = np.ascontiguousarray(places, dtype=np.float32).reshape(-1, 1, 2)
+    shape = (len(column), *image.shape[2:])
+    if not len(column):
+        return np.empty(shape)
+    return values_at(image, column, cv2.BORDER_CONSTANT).astype(np.float64).reshape(shape)
 
 
 def log_brightness(image: Image) -> float:
