@@ -116,7 +116,7 @@ def test_a_lag_that_is_no_choice_is_refused(make, choice):
         make(correct_lag=choice)
 
 
-@pytest.mark.parametrize("choice", ["auto", "never", "trusted", 0, -2, np.int64(3)])
+@pytest.mark.parametrize("choice", ["auto", "never", "estimated", 0, -2, np.int64(3)])
 def test_a_lag_is_kept_as_it_was_chosen(choice):
     kept = OnlineCalibrator(correct_lag=choice).correct_lag
     assert kept == choice

@@ -51,7 +51,7 @@ class OnlineCalibrator(Engine):
         """
         choice = checked_lag_choice(correct_lag)
         check_lag(choice, len(recording))
-        calibrator = cls(settings, correct_lag=lag_choice_for(recording.kind, choice))
+        calibrator = cls(settings, correct_lag=lag_choice_for(recording, choice))
         calibrator.source = identity(recording)
         return calibrator
 
@@ -108,7 +108,7 @@ class OnlineCalibrator(Engine):
         settings = _settings_of(run.settings, str(path))
         try:
             check_run(run, settings)
-            lag: LagChoice = "trusted" if run.correct_lag == "trusted" else lag_choice(run.correct_lag)
+            lag: LagChoice = "estimated" if run.correct_lag == "estimated" else lag_choice(run.correct_lag)
             calibrator = cls(settings, correct_lag=lag)
             calibrator._restore(run, method)
         except (FormatError, SettingError, LookupError, TypeError, ValueError, AttributeError) as error:

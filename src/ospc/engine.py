@@ -15,6 +15,7 @@ from ospc.engine_verdicts import checked_by_fit, judged_calibration
 from ospc.errors import ExposureError, FrameError, OspcError, RecordingError, SettingError
 from ospc.exposures.brightness import BrightnessChange
 from ospc.exposures.brightness_history import BrightnessHistory
+from ospc.exposures.estimated import labelled
 from ospc.exposures.findings import ExposureFindings
 from ospc.exposures.lag_choice import LagChoice, lag_in_words
 from ospc.exposures.monitor import ExposureMonitor
@@ -291,8 +292,11 @@ class Engine:
         unused_greys = why_greys_are_unused(self.pixels.highest_grey, self._max_grey)
         cause = self._skipped.why_most_of(self.frames) or unused_greys
         changes = [epoch.change.text for epoch in self._epochs if epoch.change]
+        judged = judged_calibration(known, found, cause, changes)
+        if self._exposures.choice == "estimated":
+            judged = labelled(judged)
         return replace(
-            judged_calibration(known, found, cause, changes),
+            judged,
             counts=counts | known.counts,
             settings=as_dict(self.settings),
             versions=versions(),

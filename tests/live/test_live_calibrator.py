@@ -125,10 +125,10 @@ def test_frames_that_cannot_be_used_are_counted_and_explained_as_by_the_command(
     frames = [replace(f, exposure_ms=e) for f, e in zip(cameras.before, exposures_ms, strict=False)]
     frames[0] = replace(frames[0], load=torn, threads=False)
     monkeypatch.setattr(DefaultSettings, "sampler", lambda _settings: FrameSampler(1, 99, 99, 1000, 0))
-    calibrator = OnlineCalibrator(correct_lag="trusted")
+    calibrator = OnlineCalibrator(correct_lag="estimated")
     drive(calibrator, frames)
     assert calibrator.processed < len(frames) // 2
-    with LiveCalibrator(correct_lag="trusted") as live:
+    with LiveCalibrator(correct_lag="estimated") as live:
         for frame in frames:
             push_and_await(live, frame)
         assert live.calibration().counts == calibrator.calibration().counts

@@ -12,8 +12,10 @@ from click.testing import CliRunner
 from PIL import Image
 
 from command_line import leave_out
+from ospc.calibrator import calibrate
 from ospc.cli.main import cli
 from ospc.errors import NotObservableError, RecordingError
+from ospc.exposures.estimated import labelled
 from ospc.formats.dso import CAVEAT
 from ospc.output import OutputFolder
 from ospc.photometry.calibration import PROFILE_RADII, Calibration
@@ -24,9 +26,9 @@ from ospc.recording.options import ReadingOptions
 from ospc.report.pictures import words_around
 from ospc.settings.unknown_exposures import EXPONENT_SIGMA
 from ospc.simulation import SimulationSettings, simulate, truth
-from ospc.unknown_exposures import calibrate_without_exposures, recover_exposures
+from ospc.unknown_exposures import recover_exposures
 from ospc.unknown_exposures.joint_estimation import JointEstimate
-from ospc.unknown_exposures.recovery import labelled, typical_exponent
+from ospc.unknown_exposures.recovery import typical_exponent
 from ospc.unknown_exposures.response_model import SAMPLES, learned_model
 
 SETTINGS = SimulationSettings(
@@ -51,10 +53,8 @@ def recovered(folder: Path) -> Recording:
 
 
 @pytest.fixture(scope="module")
-def found(folder: Path, recovered: Recording) -> Calibration:
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("ospc.unknown_exposures.recovery.recover_exposures", lambda _: recovered)
-        return calibrate_without_exposures(open_recording(folder, options=ReadingOptions(unknown_exposures=True)))
+def found(recovered: Recording) -> Calibration:
+    return calibrate(recovered)
 
 
 def test_exposures_are_found_up_to_a_factor_and_an_exponent(recovered: Recording) -> None:
@@ -67,11 +67,9 @@ def test_exposures_are_found_up_to_a_factor_and_an_exponent(recovered: Recording
     assert any("relative, and up to one exponent" in note for note in recovered.notes)
 
 
-def test_the_unit_of_estimated_exposures_is_arbitrary(recovered: Recording) -> None:
+def test_the_unit_of_estimated_exposures_is_arbitrary() -> None:
     verdict = Verdict("not identifiable", "from exposures of 0.6 to 1.1 ms, assumed proportional to the light")
-    reason = (
-        labelled(Calibration(SETTINGS.size, verdicts={"response": verdict}), recovered).verdicts["response"].reason
-    )
+    reason = labelled(Calibration(SETTINGS.size, verdicts={"response": verdict})).verdicts["response"].reason
     assert reason == f"{verdict.reason} (exposures are estimated: their unit is arbitrary)"
 
 

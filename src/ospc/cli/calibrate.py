@@ -227,8 +227,7 @@ def _calibrate_one(request: _Request, opened: Callable[[], Recording]) -> dict[s
             # A state does not contain an exponent, so it must not be merged with states of known exposures.
             wanted=not request.exposures_unknown,
         ),
-        # Exposures that come from the images cannot disagree with them.
-        "trusted" if request.exposures_unknown else request.correct_lag,
+        request.correct_lag,
         request.rerun,
         request.rerun_file,
     ).calibrate()

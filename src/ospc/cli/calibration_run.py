@@ -23,7 +23,6 @@ from ospc.report.drawing import drawing_process
 from ospc.settings import Settings, as_dict
 from ospc.state.container import STATE_NAME
 from ospc.throttle import Throttle
-from ospc.unknown_exposures import labelled
 from ospc.versions import versions
 
 _EVERY_S, _LARGEST_SHARE = 5.0, 0.02
@@ -199,7 +198,7 @@ class CalibrationRun:
                     raise KeyboardInterrupt(one_line(error)) from error
                 raise OspcError(failure or one_line(error)) from error
         stopped = self.result.interruption.requested
-        calibration = replace(labelled(calibration, self.recording), partial=stopped or bool(failure))
+        calibration = replace(calibration, partial=stopped or bool(failure))
         return calibrator, CalibrationOutcome(calibration, self.recording, calibrator.first_reasons, stopped, failure)
 
     def _push_all(self, calibrator: OnlineCalibrator, after: Callable[[Frame, bool], None]) -> str:

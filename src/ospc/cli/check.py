@@ -58,7 +58,6 @@ def command(
             raise click.UsageError("--unknown-exposures cannot be combined with --mask")
         with progress_of("exposures") as step:
             recording = recover_exposures(recording, step)
-        correct_lag = "trusted"
     with progress_of("checking") as step:
         report = check_recording(recording, frames=frames, correct_lag=correct_lag, progress=step)
     code = COMPLETE if report.complete else UNDETERMINED

@@ -87,7 +87,7 @@ def command(
             say_notes(found)
         aim = goal or _GOAL
         if recording is not None:
-            correct_lag = lag_choice_for(recording.kind, correct_lag)
+            correct_lag = lag_choice_for(recording, correct_lag)
         live = stack.enter_context(LiveCalibrator(correct_lag=correct_lag, goal=aim, source=identity))
         capture = Capture(live, ends=goal > 0, out=str(out))
         if not no_page:

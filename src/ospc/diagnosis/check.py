@@ -25,7 +25,6 @@ from ospc.settings.diagnosis import (
     WEAK_SLOPE,
 )
 from ospc.settings.lag import MAX_LAG
-from ospc.unknown_exposures import labelled
 
 
 def check_recording(
@@ -64,7 +63,7 @@ def check_recording(
     if pixels is None:
         why = calibrator.first_reasons[0] if calibrator.first_reasons else "there are none"
         raise RecordingError(f"{recording.path}: none of its frames can be used; the first: {why}")
-    found, calibration = calibrator.exposure_findings(), labelled(calibrator.calibration(), recording)
+    found, calibration = calibrator.exposure_findings(), calibrator.calibration()
     when = timing(recording.stamps_s[:total], brightness.repeated, brightness.compared)
     remarks = (
         *_about_frames(when, calibration.counts, calibrator.first_reasons),

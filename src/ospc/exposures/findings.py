@@ -189,7 +189,7 @@ def assess_exposures(
         Number of the first frame to use.
     """
     series = BrightnessSeries.from_changes(changes).renumbered(-first_frame)
-    if choice == "trusted":
+    if choice == "estimated":
         return _assess_choice(series, filled(log_exposure[first_frame:]), choice).renumbered(first_frame)
     wrong = tuple((wrong_exposures(series, filled(log_exposure[first_frame:])) + first_frame).tolist())
     known = filled(without(log_exposure, wrong))
@@ -208,7 +208,7 @@ def _assess_choice(series: BrightnessSeries, written: FloatArray, choice: LagCho
         )
         return replace(_as_stated(found, choice), corrected_frames=choice)
     found = _assess(series, written)
-    if choice == "trusted":
+    if choice == "estimated":
         reason = "the exposures were estimated from the images"
         return replace(found, verdict=Verdict("marginal", reason), question="", warnings=())
     certain = found.lag.correction(found.recorded.cycle_frames)

@@ -7,18 +7,21 @@ from typing import Literal
 import numpy as np
 
 from ospc.errors import SettingError, counted
+from ospc.recording import Recording
 
-LagChoice = int | Literal["auto", "never", "trusted"]
+LagChoice = int | Literal["auto", "never", "estimated"]
 """What to do about a lag of the exposures: correct it if it is certain (``"auto"``), never, or by a fixed number of
-frames. ``"trusted"`` is for exposures that were estimated from the images, which cannot disagree with them."""
+frames. ``"estimated"`` is for exposures that were estimated from the images, which cannot disagree with them."""
 
 _WITH_OWN_EXPOSURES = "exif_photos"
 """Kind of recording that stores exposures in the image files themselves."""
 
 
-def lag_choice_for(kind: str, choice: LagChoice) -> LagChoice:
-    """Return the choice for a kind of recording: photographs store their own exposures, which cannot lag."""
-    return 0 if choice == "auto" and kind == _WITH_OWN_EXPOSURES else choice
+def lag_choice_for(recording: Recording, choice: LagChoice) -> LagChoice:
+    """Return the choice for a recording: estimated exposures, and those stored in photographs, cannot lag."""
+    if getattr(recording, "exposures_estimated", False):
+        return "estimated"
+    return 0 if choice == "auto" and recording.kind == _WITH_OWN_EXPOSURES else choice
 
 
 def lag_choice(text: str) -> LagChoice:
@@ -38,12 +41,12 @@ def lag_choice(text: str) -> LagChoice:
 def checked_lag_choice(choice: LagChoice) -> LagChoice:
     """Return the choice, with any number of frames as int; SettingError if it is not a :data:`LagChoice`."""
     match choice:
-        case "auto" | "never" | "trusted":
+        case "auto" | "never" | "estimated":
             return choice
         case int() | np.integer() if not isinstance(choice, bool):
             return int(choice)
     raise SettingError(
-        f"correct_lag is {choice!r}; give 'auto', 'never', 'trusted' or a whole number of frames such as 2 or -1"
+        f"correct_lag is {choice!r}; give 'auto', 'never', 'estimated' or a whole number of frames such as 2 or -1"
     )
 
 

@@ -130,7 +130,7 @@ class ExposureMonitor:
     @property
     def lag_is_uncertain(self) -> bool:
         """Whether more brightness changes may still help to determine the lag."""
-        if self.choice == "trusted":
+        if self.choice == "estimated":
             return False
         return self._suspected_lag != 0 or (len(self.history) < LAG_SEARCH_CHANGES and not self.table.trusted)
 

@@ -32,7 +32,14 @@ class DerivedRecording(StoredRecording):
 
     @classmethod
     def of(
-        cls, inner: Recording, frames: IntArray, exposures_ms: FloatArray, *, mask: BoolArray | None = None, note: str
+        cls,
+        inner: Recording,
+        frames: IntArray,
+        exposures_ms: FloatArray,
+        *,
+        mask: BoolArray | None = None,
+        note: str,
+        exposures_estimated: bool = False,
     ) -> Self:
         """Return some frames of a recording with other exposures or a mask, and a note about the change."""
         return cls(
@@ -44,6 +51,7 @@ class DerivedRecording(StoredRecording):
             stamps_s=inner.stamps_s[frames],
             notes=(*inner.notes, note),
             channel=getattr(inner, "channel", None),
+            exposures_estimated=exposures_estimated or getattr(inner, "exposures_estimated", False),
             inner=inner,
             frames=frames,
             mask=mask,

@@ -87,6 +87,7 @@ class StoredRecording(AbstractContextManager["StoredRecording"]):
     """Base class of the readers in this package: a recording whose images are decoded on demand.
 
     ``channel`` is the channel of colour images to use, None for the default; ``ALL`` keeps them in colour.
+    ``exposures_estimated`` is whether exposures were estimated from the images, up to one exponent.
     """
 
     path: Path
@@ -97,6 +98,7 @@ class StoredRecording(AbstractContextManager["StoredRecording"]):
     stamps_s: FloatArray = field(repr=False)
     notes: tuple[str, ...] = ()
     channel: Channel | None = None
+    exposures_estimated: bool = False
 
     @abstractmethod
     def stored_bytes(self, index: int) -> bytes:
