@@ -112,7 +112,7 @@ def in_colour(index):
     "make", [OnlineCalibrator, LiveCalibrator, partial(calibrate, ArrayRecording([IMAGE] * 3, [1.0] * 3))]
 )
 def test_a_lag_that_is_no_choice_is_refused(make, choice):
-    with pytest.raises(SettingError, match="'auto', 'never', 'trusted' or a whole number"):
+    with pytest.raises(SettingError, match="'auto', 'never', 'estimated' or a whole number"):
         make(correct_lag=choice)
 
 
