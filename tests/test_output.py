@@ -96,11 +96,21 @@ def test_drawing_stops_when_asked(tmp_path):
 def test_exposures_dso_cannot_read_are_noted(tmp_path):
     class WithoutExposure:
         stamps_s = np.array([1.0, 2.0])
-        exposures_ms = np.array([1.0, 0.0])
+        exposures_ms = np.array([np.nan, np.nan])
 
     written = OutputFolder.at(tmp_path).write(calibration(), WithoutExposure())
     assert "times.txt" in written.notes[0]
     assert not (tmp_path / "times.txt").exists()
+
+
+def test_single_unknown_exposures_are_interpolated_in_times_txt(tmp_path):
+    class WithGaps:
+        stamps_s = np.arange(4.0)
+        exposures_ms = np.array([np.nan, 4.0, np.nan, 16.0])
+
+    written = OutputFolder.at(tmp_path).write(calibration(), WithGaps())
+    np.testing.assert_allclose(read_times(tmp_path / "times.txt").exposures_ms, [4.0, 4.0, 8.0, 16.0], rtol=1e-5)
+    assert "unknown ones are interpolated" in written.notes[0]
 
 
 class TestRefusals:

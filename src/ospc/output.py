@@ -10,7 +10,7 @@ from typing import Protocol
 
 from ospc.arrays import FloatArray
 from ospc.errors import ExposureError, FormatError, OspcError, one_line, os_error_as
-from ospc.exposures.used import used_exposures, with_used_exposures
+from ospc.exposures.used import used_exposures, with_used_exposures, without_gaps
 from ospc.folders import Content, check_usable
 from ospc.formats.dso import PARAMETER_FILES, parameter_files, write_times
 from ospc.formats.files import json_object, write_bytes
@@ -49,7 +49,7 @@ class Written:
 
 
 _USED_EXPOSURES = (
-    "times.txt has the exposures that the calibration used, at their frames; those not recorded are interpolated"
+    "times.txt has the exposures that the calibration used, at their frames; unknown ones are interpolated"
 )
 
 
@@ -110,7 +110,7 @@ class OutputFolder:
         writers = [*parameter_files(response, vignette, calibration.max_grey, caveat)]
         if times is not None:
             ids, stamps_s = range(len(times.stamps_s)), times.stamps_s
-            exposures_ms = used_exposures(calibration, times.exposures_ms)
+            exposures_ms = without_gaps(used_exposures(calibration, times.exposures_ms))
             if exposures_ms is not times.exposures_ms:
                 written += Written(notes=(_USED_EXPOSURES,))
             writers.append(("times.txt", lambda place: write_times(place, ids, stamps_s, exposures_ms)))

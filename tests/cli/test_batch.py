@@ -116,13 +116,13 @@ def test_folders_without_a_recording_are_named_with_the_reason(folder, tmp_path)
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_the_reason_for_a_missing_calibration_is_printed(folder, tmp_path):
+def test_a_recording_of_another_size_is_left_out_and_named(folder, tmp_path):
     shutil.copytree(folder / "A" / "r0", tmp_path / "data" / "r0")
     simulate(tmp_path / "data" / "r1", SimulationSettings(size=(96, 64), frames=20, exposure="cycle"))
     result = run(tmp_path / "data", "-o", tmp_path / "out", *SETTINGS)
     assert "0 of 1 camera fully calibrated" in result.stdout
-    assert "warning: data: " in result.stderr
-    assert "pixels" in result.stderr
+    assert "r1 contradicts others of data: another camera or mode: " in result.stderr
+    assert (tmp_path / "out" / "cameras" / "data" / "calibration.json").exists()
 
 
 @pytest.mark.usefixtures("undrawn")

@@ -149,6 +149,22 @@ def test_white_makes_room_for_bright_corners(made, calibration, tmp_path):
     assert np.median(ratio) == pytest.approx(4, rel=0.01)
 
 
+def test_frames_with_unknown_exposures_are_corrected_too(made, calibration, tmp_path):
+    recording = tmp_path / "recording"
+    shutil.copytree(made.path, recording)
+    lines = (recording / "times.txt").read_text().splitlines()
+    gaps = [f"{' '.join(line.split()[:2])} nan" if i % 2 else line for i, line in enumerate(lines)]
+    (recording / "times.txt").write_text("\n".join(gaps))
+    for place, name in ((made.path, "with all"), (recording, "with gaps")):
+        result = run(place, calibration, "-o", tmp_path / name, "--output", "grey16")
+        assert result.exit_code == 0, result.output
+    for one, other in zip(written(tmp_path / "with all"), written(tmp_path / "with gaps"), strict=True):
+        np.testing.assert_array_equal(one, other)
+    assert None in json.loads((tmp_path / "with gaps" / "correction.json").read_text())["original_exposures_ms"]
+    result = run(recording, calibration, "-o", tmp_path / "normalised", "--normalise-exposure")
+    assert len(written(tmp_path / "normalised")) == SETTINGS.frames / 2, result.output
+
+
 def test_masked_grey_is_white_in_saturated_pixels(made, calibration, tmp_path):
     options = ["--output", "grey16", "--normalise-exposure", "--mask-saturated"]
     assert run(made.path, calibration, "-o", tmp_path / "out", *options).exit_code == 0

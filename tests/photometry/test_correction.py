@@ -193,6 +193,20 @@ def test_saturated_pixels_are_marked_and_no_others(max_grey):
     np.testing.assert_allclose(bound[saturated], 1 / VIGNETTE.image()[saturated], rtol=1e-6)
 
 
+@pytest.mark.parametrize(("white", "max_grey"), [(234, 255), (3800, 4095)])
+def test_the_white_level_of_a_limited_range_is_saturated(white, max_grey):
+    response = Response.gamma(2.2, 256)
+    limited = replace(response, model=response.model | {"grey_range": [0.0, white / max_grey]})
+    corrector = Corrector(limited, None, max_grey, assume_missing=True)
+    image = np.arange(max_grey + 1).astype(np.uint8 if max_grey == 255 else np.uint16)[None]
+    saturated = image >= white
+    np.testing.assert_array_equal(corrector.saturated(image), saturated)
+    np.testing.assert_array_equal(np.isnan(corrector.correct(image)), saturated)
+    assert np.all(corrector.warp_exposure(image, 1.0, 1.0)[saturated] == max_grey)
+    colour = Corrector([limited, response, limited], None, max_grey, assume_missing=True)
+    np.testing.assert_array_equal(colour.saturated(np.repeat(image[..., None], 3, axis=2))[..., 1], image >= max_grey)
+
+
 def test_values_beyond_the_largest_grey_value_are_saturated():
     image = np.full((8, 12), 60_000, np.uint16)
     assert np.isnan(Corrector(LINEAR, VIGNETTE, 4095).correct(image)).all()

@@ -19,6 +19,7 @@ from ospc.methods.change_detection import Change
 from ospc.methods.identifiability import judged
 from ospc.methods.summary import summarise
 from ospc.photometry.calibration import Calibration
+from ospc.photometry.grey_range import GreyRange
 from ospc.photometry.verdict import Verdict
 from ospc.pooling.calibration_summary import summary_of_calibration
 from ospc.pooling.pool import Pool, merge
@@ -202,6 +203,15 @@ def test_a_warning_about_the_exposures_counts_however_much_was_known(yesterday, 
     assert not found.converged
     assert {verdict.state for verdict in found.verdicts.values()} == {"marginal"}
     assert "; the metadata are stale" in found.verdicts["response"].reason
+
+
+def test_an_earlier_calibration_of_another_range_of_grey_values_is_not_used_and_nothing_is_lost(yesterday):
+    own, seen = today(CAMERA, groups=6)
+    for other in (replace(seen, grey_range=GreyRange(16 / 255, 235 / 255)), replace(seen, max_grey=4095)):
+        found = PriorCalibration.open(yesterday).continued(own, other)
+        np.testing.assert_array_equal(found.response.inverse_table, own.response.inverse_table)
+        assert found.verdicts == own.verdicts
+        assert any("was not used: " in note and "another camera or mode" in note for note in found.notes)
 
 
 def test_frames_of_another_size_are_refused(yesterday):

@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 
 from ospc.calibrator import OnlineCalibrator
 from ospc.errors import FormatError, SettingError
-from ospc.pooling.pool import KIND, VERSION, Pool
+from ospc.photometry.grey_range import GreyRange
+from ospc.pooling.pool import KIND, VERSION, Pool, largest_alike
 from ospc.settings import DefaultSettings
 from ospc.simulation import SimulationSettings, frames
 from ospc.state import container
@@ -105,3 +106,23 @@ def test_a_state_without_a_result_is_reported(tmp_path):
     OnlineCalibrator().save_state(tmp_path / "state.ospc")
     with pytest.raises(FormatError, match="nothing could be learned"):
         Pool.load(tmp_path)
+
+
+SCATTERED = [GreyRange(0, white / 255) for white in (233, 234)]
+
+
+def test_recordings_whose_white_scatters_are_of_one_camera():
+    one, other = (replace(plain(key), grey_range=found) for key, found in zip("ab", SCATTERED, strict=True))
+    assert len(Pool.of([one, other])) == 2
+    with pytest.raises(SettingError, match=r"0 and 233 of 255 for black and white, .* 0 and 255 of 255"):
+        Pool.of([replace(plain("a", frames=11), grey_range=SCATTERED[0]), plain("b")])
+
+
+def test_the_largest_group_of_like_recordings_is_used_and_the_others_named():
+    alike = [replace(plain(key), grey_range=SCATTERED[0]) for key in "abc"]
+    others = [plain("d"), replace(plain("e"), max_grey=4095)]
+    pool, differing = largest_alike([others[0], *alike, others[1]])
+    assert [one.name for one in pool.summaries] == ["a", "b", "c"]
+    assert [found.name for found in differing] == ["d", "e"]
+    assert all("another camera or mode" in found.text for found in differing)
+    assert len(largest_alike([])[0]) == 0

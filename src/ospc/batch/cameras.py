@@ -12,7 +12,7 @@ from ospc.errors import OspcError, counted
 from ospc.output import OutputFolder
 from ospc.photometry.calibration import Calibration
 from ospc.pooling.agreement import Difference
-from ospc.pooling.pool import Pool, merge
+from ospc.pooling.pool import largest_alike, merge
 from ospc.recording.kinds import safe_name
 from ospc.report.html import Html, document, join, tag
 from ospc.state.container import STATE_NAME
@@ -78,7 +78,8 @@ def _merged(name: str, rows: Sequence[Row], store: Store, folder: Path) -> Camer
     try:
         found = [(row, store.get(row.key).summary) for row in done]
         # Recordings in different folders may have the same name; their paths are unique.
-        pool = Pool.of(replace(summary, name=row.recording) for row, summary in found if summary is not None)
+        named = [replace(summary, name=row.recording) for row, summary in found if summary is not None]
+        pool, others = largest_alike(named)
         if not len(pool):
             why = "nothing could be learned from its recordings" if done else "no recording was calibrated"
             return replace(camera, error=why)
@@ -93,7 +94,7 @@ def _merged(name: str, rows: Sequence[Row], store: Store, folder: Path) -> Camer
         camera,
         folder=place.path.relative_to(folder).as_posix(),
         calibration=merged.calibration,
-        differing=tuple(merged.agreement.differing.values()),
+        differing=(*others, *merged.agreement.differing.values()),
         error="; ".join(written.problems),
     )
 

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from hashlib import sha256
 from pathlib import Path, PurePosixPath
 
-import cv2
 import numpy as np
 
 from ospc.arrays import FloatArray
@@ -16,7 +15,7 @@ from ospc.correction.folder import CorrectedFolder, Counts
 from ospc.correction.settings import CorrectionSettings
 from ospc.correction.source import Source, ids_for
 from ospc.errors import ExposureError, FrameError, NotObservableError, RecordingError, SettingError
-from ospc.exposures.used import use_of_exposures, with_used_exposures
+from ospc.exposures.used import use_of_exposures, with_used_exposures, without_gaps
 from ospc.formats.dso import parameter_files, write_times
 from ospc.formats.image_header import JPEG_START, WITH_METADATA, read_header
 from ospc.formats.opening import Photometry
@@ -135,7 +134,8 @@ def correct_recording(
     corrector = corrector_for(recording, photometry, assume_missing=settings.assume_missing)
     if source.unexposed is not None and settings.normalise_exposure:
         raise ExposureError(f"{source.unexposed}; or leave out --normalise-exposure, which needs exposures")
-    exposures_ms = with_used_exposures(recording, photometry.calibration).exposures_ms
+    known = with_used_exposures(recording, photometry.calibration)
+    exposures_ms = known.exposures_ms
     settings = settings.for_images(recording.max_grey, exposures_ms)
     notes = list(_notes_on(source, photometry, settings))
     note = {
@@ -151,8 +151,10 @@ def correct_recording(
     done = folder.begin(note, names)
     counts = dict(done)
     reasons: list[str] = []
-    work = _Work(source, corrector, folder, settings, names, exposures_ms)
-    left = (frame for frame in recording if frame.index not in done)
+    work = _Work(source, corrector, folder, settings, names)
+    # Without a reference, exposures do not matter: frames with unknown ones are corrected too.
+    needed = settings.reference_ms is not None
+    left = (f if needed else replace(f, exposure_ms=1.0) for f in known if f.index not in done)
     for index, counted in mapped(work, usable_frames(left, reasons.append)):
         folder.mark_written(index, counted)
         counts[index] = counted
@@ -184,11 +186,16 @@ def correct_recording(
         "skipped": {"frames": result.skipped, "reasons": list(result.reasons)},
         "saturated_share": result.saturated,
         "clipped_share": result.clipped,
-        "original_exposures_ms": None if source.unexposed else exposures_ms.tolist(),
+        "original_exposures_ms": None if source.unexposed else _or_none(exposures_ms),
         "copied": folder.copy_geometry(recording.path),
     }
     folder.finish(note | facts, files)
     return result
+
+
+def _or_none(values: FloatArray) -> list[float | None]:
+    """Return values for JSON, which has no NaN."""
+    return [value if np.isfinite(value) else None for value in values.tolist()]
 
 
 def _output_names(source: Source, settings: CorrectionSettings) -> list[PurePosixPath]:
@@ -255,14 +262,13 @@ class _Work:
     folder: CorrectedFolder
     settings: CorrectionSettings
     names: Sequence[PurePosixPath]
-    exposures_ms: FloatArray
 
     def __call__(self, frame: Frame) -> tuple[int, Counts]:
         image, settings = frame.image, self.settings
         correct = self.corrector.without_vignette if settings.keep_response else self.corrector.correct
         corrected = correct(
             image,
-            None if settings.reference_ms is None else self.exposures_ms[frame.index] / settings.reference_ms,
+            None if settings.reference_ms is None else frame.exposure_ms / settings.reference_ms,
             dtype=settings.dtype,
             white=settings.white,
             mark_saturated=settings.mask_saturated,
@@ -270,14 +276,11 @@ class _Work:
         name = self.names[frame.index]
         original = self._original(frame.index) if name.suffix.lower() in WITH_METADATA else b""
         self.folder.write_image(name, corrected, original, self.source.modified_ns(frame.index))
-        # Channels side by side, because OpenCV only counts in single-channel images.
-        before, after = image.reshape(len(image), -1), corrected.reshape(len(image), -1)
-        saturated = cv2.compare(before, float(self.corrector.max_grey), cv2.CMP_GE)
+        saturated = self.corrector.saturated(image)
         clipped = 0
         if settings.limit is not None:
-            white = cv2.compare(after, float(settings.limit), cv2.CMP_EQ)
-            clipped = cv2.countNonZero(cv2.subtract(white, saturated))
-        return frame.index, Counts(image.size, cv2.countNonZero(saturated), clipped)
+            clipped = int(np.count_nonzero((corrected == settings.limit) & ~saturated))
+        return frame.index, Counts(image.size, int(np.count_nonzero(saturated)), clipped)
 
     def describe(self, files: Sequence[PurePosixPath], result: Corrected) -> None:
         """Write files that describe the images to other programs: parameters, time stamps, exposures."""
@@ -292,7 +295,7 @@ class _Work:
         numbered = np.array_equal(recording.stamps_s, np.arange(len(recording)))
         if ids is None or (self.source.unexposed and numbered):
             return  # there are no time stamps, or a list could not assign them to these names
-        exposures_ms = None if self.source.unexposed else result.exposures_ms
+        exposures_ms = None if self.source.unexposed else without_gaps(result.exposures_ms)
         write_times(self.folder.path / "times.txt", ids, recording.stamps_s[list(result.frames)], exposures_ms)
 
     def _original(self, index: int) -> bytes:

@@ -167,7 +167,7 @@ class Tracks:
     """Tracks that start at the same points in raw frames, and in frames corrected with a response and vignette."""
 
     def __init__(self, corrector: Corrector) -> None:
-        self._max_grey = corrector.max_grey
+        self._corrector = corrector
         self._corrected = CorrectedFrames(corrector)
         self._lives = [LifeTable(TRACK_HORIZON_FRAMES) for _ in KINDS]
         self._lost = [np.zeros(len(CAUSES), np.int64) for _ in KINDS]
@@ -182,7 +182,8 @@ class Tracks:
     def begin(self, frame: Frame) -> None:
         """Start tracks at the unsaturated corners of a raw frame."""
         image = frame.image_8_bit
-        usable = cv2.erode((frame.image < self._max_grey).view(np.uint8), np.ones((WINDOW_PX, WINDOW_PX), np.uint8))
+        exposed = ~self._corrector.saturated(frame.image)
+        usable = cv2.erode(exposed.view(np.uint8), np.ones((WINDOW_PX, WINDOW_PX), np.uint8))
         found = cv2.goodFeaturesToTrack(
             image, MAX_STARTED_TRACKS, CORNER_QUALITY, CORNER_DISTANCE_PX, mask=usable, blockSize=CORNER_BLOCK_PX
         )

@@ -43,10 +43,10 @@ def _wrong(calibration: Calibration, count: int) -> list[int]:
 
 
 def used_exposures(calibration: Calibration, exposures_ms: FloatArray) -> FloatArray:
-    """Return the exposure of every frame of a recording as its calibration used it, shape (frames,).
+    """Return the exposure of every frame of a recording as its calibration used it, shape (frames,), NaN if unknown.
 
     Each is moved to the frame that it belongs to. Those that are wrong or not recorded, such as the last ones if
-    exposures are recorded late, are interpolated; at either end, they equal the nearest known one.
+    exposures are recorded late, are unknown.
     """
     lag, count = corrected_lag(calibration), len(exposures_ms)
     wrong = _wrong(calibration, count)
@@ -54,11 +54,22 @@ def used_exposures(calibration: Calibration, exposures_ms: FloatArray) -> FloatA
         return exposures_ms
     known = np.where(np.isfinite(exposures_ms) & (exposures_ms > 0), exposures_ms, np.nan)
     table = ExposureTable.of(np.log(known), lag).without(wrong)
-    return np.asarray(np.exp(filled(table.log_exposure_of(np.arange(count)))))
+    return np.exp(table.log_exposure_of(np.arange(count)))
+
+
+def without_gaps(exposures_ms: FloatArray) -> FloatArray:
+    """Return exposures with unknown ones interpolated; at either end, they equal the nearest known one.
+
+    The input itself is returned if all are known or none is.
+    """
+    known = np.isfinite(exposures_ms) & (exposures_ms > 0)
+    if known.all() or not known.any():
+        return exposures_ms
+    return np.asarray(np.exp(filled(np.log(np.where(known, exposures_ms, np.nan)))))
 
 
 def with_used_exposures(recording: Recording, calibration: Calibration | None) -> Recording:
-    """Return a recording with the exposures that its calibration used, and a note.
+    """Return a recording with the exposures that its calibration used, without gaps, and a note.
 
     Without a calibration, with one from another recording, or if exposures were used as recorded, the recording
     itself is returned.
@@ -68,6 +79,7 @@ def with_used_exposures(recording: Recording, calibration: Calibration | None) -
     exposures_ms = used_exposures(calibration, recording.exposures_ms)
     if exposures_ms is recording.exposures_ms:
         return recording
+    exposures_ms = without_gaps(exposures_ms)
     note = use_of_exposures(recording, calibration)
     return DerivedRecording.of(recording, np.arange(len(recording)), exposures_ms, note=note)
 

@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from ospc.arrays import BoolArray, Float32Array, FloatArray, Image, ImageSize
+from ospc.arrays import BoolArray, Float32Array, FloatArray, Image, ImageSize, IntArray
 from ospc.errors import ExposureError, FrameError, NotObservableError, SettingError, counted
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import Vignette
@@ -172,14 +172,16 @@ class Corrector:
         return look_up(roots, np.rint(np.stack(greys, axis=-1) * np.iinfo(kind).max).astype(kind))
 
     def saturated(self, image: Image) -> BoolArray:
-        """Return which pixels have the largest grey value, which is only a lower bound of their irradiance.
+        """Return which pixels are saturated, so that their grey value is only a lower bound of their irradiance.
+
+        These have the largest grey value, or at least the white level of a limited range.
 
         Raises
         ------
         FrameError
             If the type or the bit depth of the image is wrong.
         """
-        return np.asarray(self._checked(image) >= self.max_grey)
+        return np.asarray(self._checked(image) >= self._saturated_from)
 
     def warp_exposure(self, image: Image, from_ms: float, to_ms: float) -> Image:
         """Return the image the camera would have recorded of the same scene at another exposure: f(g(M) · to / from).
@@ -201,6 +203,12 @@ class Corrector:
         return tuple(self.response) if isinstance(self.response, Sequence) else (self.response,)
 
     @cached_property
+    def _saturated_from(self) -> IntArray:
+        """Smallest grey value of saturated pixels, shape (channels or 1,)."""
+        levels = np.array([1.0 if response is None else response.white for response in self._responses])
+        return np.asarray(np.rint(levels * self.max_grey), dtype=np.int64)
+
+    @cached_property
     def _inverse_columns(self) -> FloatArray:
         """Values of g at all grey levels, shape (max_grey + 1, channels or 1)."""
         levels = np.linspace(0.0, 1.0, self.max_grey + 1)
@@ -210,7 +218,8 @@ class Corrector:
         """Return tables with an entry for every value of the pixel type, so that no index is out of bounds."""
         greys = np.iinfo(pixels.dtype).max + 1
         filled = np.full((greys, columns.shape[1]), saturated)
-        filled[: self.max_grey] = columns[: self.max_grey]
+        exposed = np.arange(len(columns))[:, None] < self._saturated_from
+        filled[: len(columns)] = np.where(exposed, columns, saturated)
         return filled
 
     def _inverse_vignette(self, pixels: Image) -> Float32Array | None:

@@ -35,6 +35,11 @@ class GreyRange:
         return max(abs(self.black - other.black), abs(self.white - other.white)) < _UNCERTAINTY
 
     @property
+    def in_words(self) -> str:
+        """Black and white as text, such as "16 and 235 of 255"."""
+        return f"{round(255 * self.black)} and {round(255 * self.white)} of 255"
+
+    @property
     def note(self) -> str:
         """A sentence about the range; empty if it is full."""
         ends = (("black", self.black, 0.0), ("white", self.white, 1.0))

@@ -93,6 +93,14 @@ class Response(ByValue):
             array[-1] = 1.0
         return cls(array, **attributes)
 
+    @property
+    def white(self) -> float:
+        """Grey level in [0, 1] from which pixels are saturated: below 1 for a limited range of grey values."""
+        stated = self.model.get("grey_range", ())
+        limits = stated if isinstance(stated, list | tuple) else ()
+        level = limits[1] if len(limits) == 2 else 1.0
+        return float(level) if isinstance(level, int | float) and 0 < level < 1 else 1.0
+
     @classmethod
     def gamma(cls, exponent: float, levels: int = 256) -> Response:
         """Return the response with g(M) = M**exponent."""

@@ -6,6 +6,7 @@ computed in the order of the recordings' keys, which makes them reproducible to 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -19,7 +20,7 @@ from ospc.methods.identifiability import response_verdict_of_fit, vignette_verdi
 from ospc.methods.summary import covariance_of, vignette_sigma
 from ospc.photometry.calibration import Calibration
 from ospc.photometry.verdict import Verdict
-from ospc.pooling.agreement import Agreement, Part, agreement
+from ospc.pooling.agreement import Agreement, Difference, Part, agreement
 from ospc.pooling.solution import Information, solve, solve_with_chosen_vignette
 from ospc.pooling.summary import PARAMETERS, VIGNETTE_PART, Summary, joint_range, triangle_of
 from ospc.settings import DefaultSettings
@@ -55,7 +56,7 @@ class Pool:
         Raises
         ------
         SettingError
-            If their frames differ in size or bit depth.
+            If their frames differ in size, bit depth, or range of grey values.
         """
         kept: dict[str, Summary] = {}
         for summary in summaries:
@@ -64,7 +65,11 @@ class Pool:
                 kept[summary.key] = summary
         ordered = tuple(kept[key] for key in sorted(kept))
         for summary in ordered[1:]:
-            _check_alike(ordered[0], summary)
+            if unlike := why_unlike(ordered[0], summary):
+                raise SettingError(
+                    f"{unlike}: they are not recordings of one camera in one mode; merge those of each camera and "
+                    "mode separately"
+                )
         return cls(ordered)
 
     def __add__(self, other: Pool) -> Pool:
@@ -124,17 +129,34 @@ class Pool:
             raise FormatError(f"{place}: not readable as a state, {error}") from None
 
 
-def _check_alike(one: Summary, other: Summary) -> None:
-    for what, first, second in (
-        ("pixels", f"{one.size[0]}×{one.size[1]}", f"{other.size[0]}×{other.size[1]}"),
-        ("for white", str(one.max_grey), str(other.max_grey)),
-        ("as the range of grey values", str(one.grey_range), str(other.grey_range)),
+def why_unlike(one: Summary, other: Summary) -> str:
+    """Return why two recordings cannot be of one camera in one mode; empty if they can."""
+    for what, alike, first, second in (
+        ("pixels", one.size == other.size, f"{one.size[0]}×{one.size[1]}", f"{other.size[0]}×{other.size[1]}"),
+        ("for white", one.max_grey == other.max_grey, str(one.max_grey), str(other.max_grey)),
+        (
+            "for black and white",
+            one.grey_range.resembles(other.grey_range),
+            one.grey_range.in_words,
+            other.grey_range.in_words,
+        ),
     ):
-        if first != second:
-            raise SettingError(
-                f"{one.name} has {first} {what}, {other.name} {second}: they are not recordings of one camera in one "
-                "mode; merge those of each camera and mode separately"
-            )
+        if not alike:
+            return f"{one.name} has {first} {what}, {other.name} {second}"
+    return ""
+
+
+def largest_alike(summaries: Iterable[Summary]) -> tuple[Pool, tuple[Difference, ...]]:
+    """Return the largest pool of recordings of one size and range of grey values, and how the others differ."""
+    every = list(summaries)
+    groups = [[other for other in every if not why_unlike(one, other)] for one in every]
+    largest = max(groups, key=len, default=[])
+    others = [summary for summary in every if all(summary is not kept for kept in largest)]
+    both: tuple[Part, ...] = ("response", "vignette")
+    return Pool.of(largest), tuple(
+        Difference(other.key, other.name, both, math.inf, f"another camera or mode: {why_unlike(other, largest[0])}")
+        for other in others
+    )
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from ospc.methods.identifiability import judged
 from ospc.photometry.calibration import Calibration
 from ospc.pooling.agreement import Difference, agreement, difference_of
 from ospc.pooling.calibration_summary import summary_of_calibration
-from ospc.pooling.pool import Pool, agreeing, merge, usable_radius
+from ospc.pooling.pool import Pool, agreeing, merge, usable_radius, why_unlike
 from ospc.pooling.solution import Information, solve
 from ospc.pooling.summary import (
     RESPONSE_PART,
@@ -145,11 +145,15 @@ class PriorCalibration:
         """
         self.check_size(own.size)
         earlier = self._apart_from(today)
-        difference = difference_of(today, earlier)
+        unlike = "" if earlier is None or today is None else why_unlike(earlier, today)
+        difference = None if unlike else difference_of(today, earlier)
         changed, text = ([], "") if difference is None else (list(difference.parts), difference.text)
         source = own.source | {"started_from": {"name": self.name, "changed": changed, "text": text}}
         if earlier is None:
             note = f"{self.name} was not used: it is from this same recording, which must not count twice"
+            return replace(own, source=source, notes=(*own.notes, note))
+        if unlike:
+            note = f"{self.name} was not used: {unlike}, so it is of another camera or mode"
             return replace(own, source=source, notes=(*own.notes, note))
         verdicts = dict(own.verdicts)
         if difference is not None:
