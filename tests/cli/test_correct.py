@@ -277,6 +277,13 @@ def interrupt(monkeypatch):
     monkeypatch.setattr("ospc.correction.recording.correct_recording", interrupted)
 
 
+def test_earlier_output_inside_the_recording_is_replaced_with_force(made, calibration, tmp_path):
+    inside = shutil.copytree(made.path, tmp_path / "recording") / "corrected"
+    assert run(inside.parent, calibration, "-o", inside).exit_code == 0
+    assert isinstance(run(inside.parent, calibration, "-o", inside).exception, SettingError)
+    assert run(inside.parent, calibration, "-o", inside, "--force").exit_code == 0
+
+
 def test_an_interrupted_run_leaves_no_recording_and_is_completed_by_the_same_command(
     made, calibration, tmp_path, monkeypatch
 ):

@@ -242,10 +242,17 @@ def test_a_folder_in_use_is_only_replaced_on_request_and_other_files_stay(tmp_pa
     assert sorted(p.name for p in place.iterdir()) == ["images", "notes.txt", "times.txt"]
 
 
-def test_a_recording_is_never_converted_into_itself(folder: Path) -> None:
+@pytest.mark.parametrize("inside", [".", "images"])
+def test_a_recording_is_never_converted_into_itself(inside: str, folder: Path) -> None:
     with pytest.raises(SettingError, match="contains the recording itself"):
-        convert_recording(open_recording(folder), folder, overwrite=True)
+        convert_recording(open_recording(folder), folder / inside, overwrite=True)
     assert_same(folder, images())
+
+
+def test_a_recording_can_be_converted_into_a_new_folder_inside_it(folder: Path) -> None:
+    convert_recording(open_recording(folder), folder / "converted")
+    assert_same(folder, images())
+    assert_same(folder / "converted", images())
 
 
 def test_a_file_is_no_folder(tmp_path: Path) -> None:

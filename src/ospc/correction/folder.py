@@ -8,7 +8,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -157,4 +157,5 @@ def _content(place: Path) -> Content:
     note = json_object(place / NOTE)
     if note.get("schema") != SCHEMA:
         return Content("contains other files than corrected images", "never")
-    return Content("contains corrected images", "always" if note.get("finished") is False else "with force")
+    allowed: Literal["always", "with force"] = "always" if note.get("finished") is False else "with force"
+    return Content("contains corrected images", allowed, earlier_output=True)
