@@ -139,6 +139,19 @@ class TestRefusals:
         with pytest.raises(SettingError, match="recording"):
             OutputFolder.at(tmp_path / inside, recording=tmp_path, force=True)
 
+    @pytest.mark.parametrize("inside", ["mav0", "mav0/cam0", "mav0/cam0/data", "dso/cam0"])
+    def test_folders_with_files_inside_a_recording_are_never_written_into(self, tmp_path, inside):
+        for file in ("mav0/cam0/data.csv", "mav0/cam0/data/0.png", "dso/cam0/times.txt"):
+            (tmp_path / file).parent.mkdir(parents=True, exist_ok=True)
+            (tmp_path / file).write_text("")
+        with pytest.raises(SettingError, match="recording"):
+            OutputFolder.at(tmp_path / inside, recording=tmp_path, force=True)
+
+    def test_new_and_empty_folders_and_earlier_output_inside_a_recording_are_usable(self, tmp_path):
+        (tmp_path / "empty").mkdir()
+        for name in ("empty", "new", "new"):
+            OutputFolder.at(tmp_path / name, recording=tmp_path).write(calibration())
+
     def test_a_file_is_no_folder(self, tmp_path):
         (tmp_path / "a").write_text("")
         for place in (tmp_path / "a", tmp_path / "a" / "b"):

@@ -20,10 +20,14 @@ except ImportError:  # Windows has no such locks, so a second process is not kep
 
 @dataclass(frozen=True)
 class Content:
-    """What an output folder contains, and when new output may be written to it nevertheless."""
+    """What an output folder contains, and when new output may be written to it nevertheless.
+
+    ``earlier_output`` is whether it is the output of an earlier run, even if that is only replaced with force.
+    """
 
     description: str
     allowed: Literal["always", "with force", "never"]
+    earlier_output: bool = False
 
 
 NOT_EMPTY = Content("is not an empty folder", "never")
@@ -38,7 +42,8 @@ def check_usable(
 ) -> None:
     """Check that a path can be used as an output folder, without changing anything.
 
-    ``content_of`` is called with a folder that is not empty.
+    ``content_of`` is called with a folder that is not empty. Inside the folder of the recording, ``force`` only
+    replaces earlier output, because other files may be part of the recording.
 
     Raises
     ------
@@ -55,10 +60,19 @@ def check_usable(
             raise SettingError(f"{place}: is a file; choose a folder for the output")
         nearest = next(folder for folder in (place, *place.absolute().parents) if folder.exists())
         if nearest == place and any(place.iterdir()):
-            _check_content(place, content_of(place), force=force)
+            content = content_of(place)
+            if recording is not None and recording.resolve() in place.resolve().parents:
+                content = _inside_recording(content)
+            _check_content(place, content, force=force)
     if not (nearest.is_dir() and os.access(nearest, os.W_OK | os.X_OK)):
         why = "is not writable" if nearest == place else f"cannot be created: {nearest} is not writable"
         raise SettingError(f"{place}: {why}; choose another folder")
+
+
+def _inside_recording(content: Content) -> Content:
+    if content.allowed == "always" or content.earlier_output:
+        return content
+    return Content("is inside the recording and may contain a part of it", "never")
 
 
 def _check_content(place: Path, content: Content, *, force: bool) -> None:

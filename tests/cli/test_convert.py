@@ -63,6 +63,12 @@ def test_impossible_requests_are_one_line_errors(
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.parametrize("options", [("--mask", "mask.png"), ("--roi", "0,0,8,8"), ("--channel", "each")])
+def test_whole_images_of_one_channel_are_written(options: tuple[str, str], recording: Path, tmp_path: Path) -> None:
+    assert convert(recording, "-o", tmp_path / "out", *options).exit_code == 2
+    assert not (tmp_path / "out").exists()
+
+
 def test_an_interrupted_conversion_leaves_nothing(
     recording: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

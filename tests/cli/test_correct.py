@@ -21,6 +21,7 @@ from ospc.formats.validation import validate
 from ospc.photometry.calibration import Calibration
 from ospc.photometry.response import Response
 from ospc.photometry.verdict import Verdict
+from ospc.photometry.vignette import PolynomialVignette
 from ospc.recording import open_recording
 from ospc.recording.options import ReadingOptions
 from ospc.simulation import SimulationSettings, irradiances, simulate
@@ -118,6 +119,18 @@ def test_grey_output_is_a_linear_recording_without_vignette(output, limit, depth
     for first, second in zip(written(out), written(again), strict=True):
         np.testing.assert_array_equal(first, second)
     assert (out / "camera.txt").read_bytes() == (recording.path / "camera.txt").read_bytes()
+
+
+def test_a_camera_for_the_images_before_a_mosaic_was_read_is_left_out(made, tmp_path):
+    half = tmp_path / "half.json"
+    Calibration((32, 24), made.response, PolynomialVignette((32, 24), (-0.3, 0.0, 0.0))).save(half)
+    out = tmp_path / "out"
+    assert (
+        run(made.path, half, "-o", out, "--output", "grey8", "--bayer", "rggb", "--channel", "green").exit_code == 0
+    )
+    assert cv2.imread(str(out / "images" / "00000.png"), cv2.IMREAD_UNCHANGED).shape[:2] == (24, 32)
+    assert not (out / "camera.txt").exists()
+    assert "camera.txt" not in json.loads((out / "correction.json").read_text())["copied"]
 
 
 def test_normalised_grey_images_have_one_exposure(made, calibration, tmp_path):
@@ -278,6 +291,13 @@ def interrupt(monkeypatch):
         return correct_recording(source, photometry, folder, settings, stop)
 
     monkeypatch.setattr("ospc.correction.recording.correct_recording", interrupted)
+
+
+def test_earlier_output_inside_the_recording_is_replaced_with_force(made, calibration, tmp_path):
+    inside = shutil.copytree(made.path, tmp_path / "recording") / "corrected"
+    assert run(inside.parent, calibration, "-o", inside).exit_code == 0
+    assert isinstance(run(inside.parent, calibration, "-o", inside).exception, SettingError)
+    assert run(inside.parent, calibration, "-o", inside, "--force").exit_code == 0
 
 
 def test_an_interrupted_run_leaves_no_recording_and_is_completed_by_the_same_command(

@@ -122,7 +122,7 @@ def test_jpeg_is_near_and_says_what_it_cuts(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("channel", [None, Channel.GREEN, Channel.LUMINANCE])
-def test_of_colour_images_other_programs_read_the_channel(channel: Channel | None, tmp_path: Path) -> None:
+def test_of_colour_images_every_program_reads_the_channel(channel: Channel | None, tmp_path: Path) -> None:
     (tmp_path / "images").mkdir()
     colour = cv2.GaussianBlur(np.random.default_rng(0).integers(0, 256, (64, 80, 3)).astype(np.uint8), (0, 0), 3)
     for i in range(3):
@@ -130,8 +130,10 @@ def test_of_colour_images_other_programs_read_the_channel(channel: Channel | Non
     (tmp_path / "times.txt").write_text("".join(f"{i} {i} {i + 1}\n" for i in range(3)))
     recording = open_recording(tmp_path, options=ReadingOptions(channel=channel))
     convert_recording(recording, tmp_path / "out")
-    for frame, written in zip(recording, sorted((tmp_path / "out" / "images").iterdir()), strict=True):
-        np.testing.assert_array_equal(cv2.imread(str(written), cv2.IMREAD_GRAYSCALE), frame.image)
+    written = sorted((tmp_path / "out" / "images").iterdir())
+    for frame, back, file in zip(recording, open_recording(tmp_path / "out"), written, strict=True):
+        np.testing.assert_array_equal(cv2.imread(str(file), cv2.IMREAD_GRAYSCALE), frame.image)
+        np.testing.assert_array_equal(back.image, frame.image)
 
 
 def test_euroc_intrinsics_become_a_camera(tmp_path: Path) -> None:
@@ -242,10 +244,17 @@ def test_a_folder_in_use_is_only_replaced_on_request_and_other_files_stay(tmp_pa
     assert sorted(p.name for p in place.iterdir()) == ["images", "notes.txt", "times.txt"]
 
 
-def test_a_recording_is_never_converted_into_itself(folder: Path) -> None:
+@pytest.mark.parametrize("inside", [".", "images"])
+def test_a_recording_is_never_converted_into_itself(inside: str, folder: Path) -> None:
     with pytest.raises(SettingError, match="contains the recording itself"):
-        convert_recording(open_recording(folder), folder, overwrite=True)
+        convert_recording(open_recording(folder), folder / inside, overwrite=True)
     assert_same(folder, images())
+
+
+def test_a_recording_can_be_converted_into_a_new_folder_inside_it(folder: Path) -> None:
+    convert_recording(open_recording(folder), folder / "converted")
+    assert_same(folder, images())
+    assert_same(folder / "converted", images())
 
 
 def test_a_file_is_no_folder(tmp_path: Path) -> None:

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import json
+from array import array
+from collections.abc import Callable
+from functools import partial
 from types import SimpleNamespace
 
 import numpy as np
@@ -12,6 +15,7 @@ from hypothesis import strategies as st
 from image_samples import grey
 
 from ospc.errors import ExposureError, FrameError
+from ospc.recording.bags.messages import DamagedMessageError
 from ospc.recording.live.ros import RosFrames
 from ospc.recording.options import ReadingOptions
 
@@ -24,6 +28,7 @@ class Message(SimpleNamespace):
 
 
 FLIR, REALSENSE = "flir_camera_msgs/msg/ImageMetaData", "realsense2_camera_msgs/msg/Metadata"
+UNIT = {"exposure_unit": "100us"}
 
 
 def header(number: int) -> Message:
@@ -74,11 +79,41 @@ def test_exposure_is_time_times_gain() -> None:
 
 
 def test_the_field_of_other_messages_can_be_stated() -> None:
-    options = ReadingOptions.of({"exposure_field": "point.x", "exposure_unit": "100us"})
+    options = ReadingOptions.of({"exposure_field": "point.x"} | UNIT)
     pairs = RosFrames("geometry_msgs/msg/PointStamped", options)
     pairs.image(image(0))
     fields = {"header": header(0), "point": Message(x=50.0)}
     assert pairs.exposure(Message(**fields)).exposure_ms == pytest.approx(5)
+
+
+class Point:
+    """Behaves like a message of ROS 1, which has no dictionary."""
+
+    __slots__ = ("x",)
+
+    def __init__(self, x: float) -> None:
+        self.x = x
+
+
+@pytest.mark.parametrize("point", [SimpleNamespace(x=50.0), Point(50.0)])
+def test_messages_are_any_objects_with_the_fields_of_their_types(point: object) -> None:
+    pairs = RosFrames("geometry_msgs/msg/PointStamped", ReadingOptions.of({"exposure_field": "point.x"} | UNIT))
+    pairs.image(image(0))
+    assert pairs.exposure(SimpleNamespace(header=header(0), point=point)).exposure_ms == pytest.approx(5)
+    with pytest.raises(DamagedMessageError, match=r"has no field point\.x; it has header, x"):
+        pairs.exposure(SimpleNamespace(header=header(0), x=50.0))
+
+
+@pytest.mark.parametrize("stored", [bytes, bytearray, memoryview, list, tuple, partial(array, "B"), np.asarray])
+@pytest.mark.parametrize("encoding", ["mono8", "mono16"])
+def test_the_bytes_of_an_image_have_any_type(stored: Callable[[bytes], object], encoding: str) -> None:
+    message, pairs = image(0), RosFrames(FLIR)
+    words = message.data.reshape(6, 8).astype("u1" if encoding == "mono8" else "<u2")
+    rows = np.pad(words.view(np.uint8), ((0, 0), (0, 4)))  # padded at the end of each row
+    content = rows.ravel() if stored is np.asarray else rows.tobytes()
+    message.encoding, message.step, message.data = encoding, rows.shape[1], stored(content)
+    pairs.exposure(exposure(0))
+    np.testing.assert_array_equal(pairs.image(message).image, words)
 
 
 def test_the_stamp_may_be_that_of_the_camera_info_in_a_message() -> None:

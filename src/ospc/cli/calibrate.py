@@ -239,8 +239,8 @@ def _guess(request: _Request, truth: Photometry | None) -> dict[str, Any]:
     from ospc.output import Written
     from ospc.unknown_exposures.single_image.fallback import calibrate_single_images, single_images
 
-    images = single_images(request.path, request.reading.kind, request.reading.options)
-    calibration = replace(calibrate_single_images(images), source={"name": request.path.name})
+    images, max_grey = single_images(request.path, request.reading.kind, request.reading.options)
+    calibration = replace(calibrate_single_images(images, max_grey), source={"name": request.path.name})
     content = request.result(truth).take(CalibrationOutcome(calibration), lambda: (Written(), [calibration.caveat]))
     return content | {"rests_on": calibration.rests_on}
 

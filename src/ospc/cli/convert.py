@@ -8,7 +8,7 @@ import click
 
 from ospc.cli.interruption import Interruption, leaving
 from ospc.cli.options import QUIET, argument, declared, option, out_option
-from ospc.cli.reading import READING, Reading
+from ospc.cli.reading import READING_WHOLE_IMAGES, Reading
 from ospc.cli.terminal import progress_of, say, say_notes
 from ospc.errors import counted
 from ospc.recording.derived import with_exposure_lag
@@ -34,7 +34,7 @@ def command(
     ),
     force: bool = option("Write into OUT even if it is not empty; files of the same names are replaced."),
     quiet: bool = QUIET,
-    reading: Reading = READING,
+    reading: Reading = READING_WHOLE_IMAGES,
 ) -> None:
     """Write RECORDING in the layout of the TUM monocular data set, for DSO and its descendants.
 

@@ -61,9 +61,9 @@ def command(
     of hugin (.pto), Adobe (.lcp), lensfun (.xml) or OpenCV (.yml).
 
     OUT/images gets the corrected images under their own names, with their EXIF (PNG and JPEG) and file times. OUT
-    also gets correction.json, which describes the correction, the original camera.txt, and times.txt if stamps are
-    known. For 8- and 16-bit images, it gets a matching pcalib.txt and a constant vignette.png, and is a recording if
-    exposures are known; 32-bit images are for other programs.
+    also gets correction.json, which describes the correction, the original camera.txt if it is for images of the same
+    size, and times.txt if stamps are known. For 8- and 16-bit images, it gets a matching pcalib.txt and a constant
+    vignette.png, and is a recording if exposures are known; 32-bit images are for other programs.
 
     Correct images before undistortion, rectification or scaling, never after it.
     """

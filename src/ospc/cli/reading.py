@@ -123,6 +123,11 @@ READING: Any = OptionGroup(_reading, _READING)
 READING_OR_ESTIMATING: Any = OptionGroup(_reading, _READING | {"unknown_exposures": _UNKNOWN_EXPOSURES})
 """The same with ``--unknown-exposures``, for commands that can estimate exposures."""
 
+READING_WHOLE_IMAGES: Any = OptionGroup(
+    partial(_reading, mask=None, roi=None), {"kind": KIND} | {name: _stated(name) for name in _FIELDS}
+)
+"""The same without ``--mask``, ``--roi`` and ``--channel each``, for commands that write whole images."""
+
 STATED: Any = OptionGroup(lambda **stated: ReadingOptions.of(stated), {name: _stated(name) for name in _FIELDS})
 """Declares :class:`ReadingOptions` alone."""
 

@@ -8,7 +8,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -19,6 +19,7 @@ from ospc.folders import Content, check_usable, writing
 from ospc.formats.files import json_object, json_text, read_bytes, read_text, write_bytes, write_text
 from ospc.formats.image_files import encoded
 from ospc.formats.image_header import with_metadata
+from ospc.formats.rules_camera import input_size
 
 NOTE = "correction.json"
 """Describes the correction. Every output folder has it; it is written before the first image."""
@@ -109,11 +110,17 @@ class CorrectedFolder:
             file.write(f"\n{index} {counts.values} {counts.saturated} {counts.clipped} .")
 
     def copy_geometry(self, recording: Path) -> list[str]:
-        """Copy camera.txt and groundtruthSync.txt, which stay valid, if they exist, and return their names."""
+        """Copy camera.txt and groundtruthSync.txt, which stay valid, if they exist, and return their names.
+
+        A camera.txt for images of another size, such as those before a Bayer mosaic was read, is left out.
+        """
+        size = tuple(json_object(self.path / NOTE)["recording"]["size"])
         copied = []
         for name in _GEOMETRY:
             if (recording / name).is_file():
                 try:
+                    if name == "camera.txt" and input_size(read_text(recording / name)) != size:
+                        continue
                     write_bytes(self.path / name, read_bytes(recording / name))
                 except OspcError:
                     continue  # optional: the images do not depend on it
@@ -150,4 +157,5 @@ def _content(place: Path) -> Content:
     note = json_object(place / NOTE)
     if note.get("schema") != SCHEMA:
         return Content("contains other files than corrected images", "never")
-    return Content("contains corrected images", "always" if note.get("finished") is False else "with force")
+    allowed: Literal["always", "with force"] = "always" if note.get("finished") is False else "with force"
+    return Content("contains corrected images", allowed, earlier_output=True)

@@ -80,12 +80,27 @@ def part(photographs):
     return image, calibrate_single_images([image])
 
 
-@pytest.mark.parametrize("factor", [257, 16])
-def test_words_of_16_and_of_12_bits_are_8_bits_scaled(part, factor):
+@pytest.mark.parametrize(("factor", "max_grey"), [(257, 65535), (16, 4095)])
+def test_words_of_16_and_of_12_bits_are_8_bits_scaled(part, factor, max_grey):
     image, found = part
     assert "edges" in found.rests_on
     words = calibrate_single_images([image.astype(np.uint16) * factor])
     np.testing.assert_allclose(words.response.inverse_table, found.response.inverse_table, atol=0.02)
+    assert (found.max_grey, words.max_grey) == (255, max_grey)
+
+
+def test_a_calibration_is_for_the_grey_values_of_its_photograph_or_recording(part, tmp_path, monkeypatch):
+    leave_out(monkeypatch, "draw", "report")
+    words = part[0][..., 1].astype(np.uint16) << 4
+    (tmp_path / "folder").mkdir()
+    for place in ("photo.png", "folder/0.png", "folder/1.png"):
+        cv2.imwrite(str(tmp_path / place), words)
+    for place in ("photo.png", "folder"):
+        out = tmp_path / f"of_{place}"
+        result = ospc("calibrate", tmp_path / place, "-o", out, "--fallback", "single-image", "-q")
+        assert result.exit_code == 3, result.output
+        assert Calibration.load(out).max_grey == 4095
+        assert (out / "pcalib_16bit.txt").is_file()
 
 
 def test_black_images_give_usual_curves_and_tiny_ones_none():

@@ -13,6 +13,7 @@ from functools import cache
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from ospc.arrays import Image, IntArray
 from ospc.errors import FrameError, RecordingError, escaped, quoted
@@ -94,7 +95,7 @@ def image_of(message: Any, name: str, channel: Channel | None = None) -> StoredI
             f"{name}: its {len(message.data)} bytes are not {width}x{height} pixels of {quoted(encoding)}; remove it"
         )
     # Without the padding at the ends of rows.
-    rows = np.lib.stride_tricks.as_strided(message.data, (height, row_bytes), (step, 1), writeable=False)
+    rows = np.lib.stride_tricks.as_strided(_bytes(message.data), (height, row_bytes), (step, 1), writeable=False)
     pixels: Image = np.ascontiguousarray(rows)
     if layout.bits == 16:
         pixels = pixels.view(">u2" if message.is_bigendian else "<u2").astype(np.uint16)
@@ -108,6 +109,13 @@ def image_of(message: Any, name: str, channel: Channel | None = None) -> StoredI
         luma = pixels.reshape(height, width, layout.channels)[:, :, layout.order[0] if layout.order else 0]
         return StoredImage(np.ascontiguousarray(luma), Channel.LUMINANCE)
     return StoredImage(pixels, mosaic=Mosaic(encoding[6:10]) if encoding.startswith("bayer_") else None)
+
+
+def _bytes(data: Any) -> npt.NDArray[np.uint8]:
+    """Return the bytes of an image, which are an array, a list or a buffer, depending on the library."""
+    if isinstance(data, list | tuple | np.ndarray):
+        return np.ascontiguousarray(data, np.uint8)
+    return np.frombuffer(data, np.uint8)
 
 
 def _compressed(message: Any, name: str, channel: Channel | None) -> StoredImage:

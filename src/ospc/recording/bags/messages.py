@@ -190,9 +190,10 @@ def shown(fields: Sequence[str]) -> str:
 
 
 def _fields(value: Any) -> list[str]:
-    """Return the field names of a message from rosbags or from a ROS 2 node."""
+    """Return the field names of a message from rosbags, from a ROS 2 node, or of another object."""
     of_node = getattr(value, "get_fields_and_field_types", dict)
-    names = getattr(value, "__dataclass_fields__", None) or of_node()
+    declared = getattr(value, "__dataclass_fields__", None) or of_node()
+    names = declared or getattr(value, "__dict__", ()) or getattr(value, "__slots__", ())
     return [name for name in names if not name.startswith("_")]  # rosbags adds its own
 
 

@@ -153,12 +153,12 @@ def convert_recording(
     Raises
     ------
     SettingError
-        If the folder is not empty, contains the recording itself, or cannot be written.
+        If the folder is not empty, contains the recording or may contain a part of it, or cannot be written.
     RecordingError
         If no frame can be read, or time stamps are equal when rounded to nanoseconds.
     """
     place = Path(out)
-    check_usable(place, content_of=partial(_content, recording.path.resolve()), force=overwrite)
+    check_usable(place, recording.path, partial(_content, recording.path.resolve()), force=overwrite)
     existed = place.exists()
     try:
         with writing(place):
@@ -174,7 +174,7 @@ def convert_recording(
 
 def _content(recorded: Path, place: Path) -> Content:
     full = place.resolve()
-    if recorded == full or any(recorded.is_relative_to(full / part) for part in PARTS):
+    if any(recorded.is_relative_to(full / part) for part in PARTS):
         return Content("contains the recording itself", "never")
     return Content("is not empty", "with force")
 

@@ -16,7 +16,6 @@ from ospc.folders import NOT_EMPTY, check_usable, writing
 from ospc.formats.dso import write_times
 from ospc.formats.image_files import encoded
 from ospc.formats.image_header import JPEG_START, PNG_SIGNATURE, read_header
-from ospc.recording.channel import Channel
 from ospc.recording.derived import innermost
 from ospc.recording.frame import Frame
 from ospc.recording.image_sequence import ImageSequence
@@ -65,7 +64,7 @@ class NumberedImages(AbstractContextManager["NumberedImages"]):
 
 
 def original_file(recording: Recording, frame: Frame, image_format: ImageFormat | None) -> bytes | None:
-    """Return the file of a frame if other programs read the same image from it; None if it must be encoded again.
+    """Return the file of a frame if every program reads the same image from it; None if it must be encoded again.
 
     The image must have been read before, which verifies the file. ``image_format`` is the only accepted format; None
     for any.
@@ -88,10 +87,9 @@ def original_file(recording: Recording, frame: Frame, image_format: ImageFormat 
     depth = source.layout.depth
     header = read_header(data, source.source.label(source.names[index]))
     same = (header.width, header.height) == source.layout.stored_size and header.bits == depth.stored_bits
-    # JPEG stores luma; programs convert colour in other formats to grey differently.
-    grey = header.channels == 1 or (kind == "jpg" and source.channel is Channel.LUMINANCE)
     aligned = depth.stored_bits == depth.bits + depth.shift
-    return data if same and grey and aligned else None
+    # Of colour images, other programs read the luma, and this package the green channel.
+    return data if same and header.channels == 1 and aligned else None
 
 
 def encode(frame: Frame, image_format: ImageFormat) -> bytes:

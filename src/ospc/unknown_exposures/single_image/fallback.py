@@ -48,25 +48,31 @@ from ospc.versions import versions
 _REMEDY = "record a video with changing, known exposures; check it with 'ospc check'"
 
 
-def single_images(path: str | Path, kind: str | None = None, options: ReadingOptions = DEFAULT) -> list[Image]:
+def single_images(
+    path: str | Path, kind: str | None = None, options: ReadingOptions = DEFAULT
+) -> tuple[list[Image], int]:
     """Return the photograph at a path, or a few frames of the recording there, in colour if available.
 
-    RecordingError if it is neither, FrameError if an image is damaged.
+    The second value is their largest possible grey value. RecordingError if it is neither, FrameError if an image is
+    damaged.
     """
     place = Path(path)
     if place.is_file() and is_image_name(place.name):
         data = read_bytes(place, MAX_FILE_BYTES, FrameError)
-        return [decode_stored(data, str(place), Channel.ALL).pixels]
+        stored = decode_stored(data, str(place), Channel.ALL)
+        depth = stored.depth or detect_bit_depth([stored.pixels])
+        return [stored.pixels >> depth.shift], depth.max_grey
     recording = open_recording(place, kind, replace(options, unknown_exposures=True, channel=Channel.ALL))
     wanted = set(np.linspace(0, len(recording) - 1, MAX_SINGLE_IMAGES).astype(int).tolist())
-    return [frame.image_8_bit for number, frame in enumerate(recording) if number in wanted]
+    return [frame.image for number, frame in enumerate(recording) if number in wanted], recording.max_grey
 
 
-def calibrate_single_images(images: Sequence[Image]) -> Calibration:
+def calibrate_single_images(images: Sequence[Image], max_grey: int | None = None) -> Calibration:
     """Estimate response and vignette from one photograph, or from several by the same camera, with wide bands.
 
     The images have 8 or 16 bits, equal sizes, and shape (height, width), or (height, width, 3) in the order blue,
-    green, red. FrameError if there are none, they differ in size, or they are too small.
+    green, red. ``max_grey`` is their largest possible grey value; None to infer it. FrameError if there are none,
+    they differ in size, or they are too small.
     """
     if len({image.shape for image in images}) != 1:
         raise FrameError("give at least one image, and images of equal size")
@@ -76,7 +82,10 @@ def calibrate_single_images(images: Sequence[Image]) -> Calibration:
             f"an image of {size[0]}x{size[1]} pixels is too small; give one of at least "
             f"{MIN_SINGLE_IMAGE_SIDE_PX}x{MIN_SINGLE_IMAGE_SIDE_PX} pixels"
         )
-    eight = _in_8_bits(images)
+    if max_grey is None:
+        depth = detect_bit_depth(images)
+        images, max_grey = [image >> depth.shift for image in images], depth.max_grey
+    eight = [np.rint(np.minimum(image, max_grey) * (255 / max_grey)).astype(np.uint8) for image in images]
     response, basis = _response(eight)
     vignette, shading = _vignette(size, eight, response)
     count = counted(len(eight), "image")
@@ -91,19 +100,12 @@ def calibrate_single_images(images: Sequence[Image]) -> Calibration:
             "exposures": Verdict("not identifiable", "single images do not determine exposures", _REMEDY),
         },
         vignette_sigma=np.asarray(CORNER_SIGMA * PROFILE_RADII),
+        max_grey=max_grey,
         counts={"frames": len(eight)},
         versions=versions(),
         advice=(_REMEDY,),
         rests_on=f"Guessed from {count} without exposures: g from {basis}, V from {shading}",
     )
-
-
-def _in_8_bits(images: Sequence[Image]) -> list[Image]:
-    if images[0].dtype == np.uint8:
-        return list(images)
-    depth = detect_bit_depth(images)
-    whole = depth.max_grey << depth.shift
-    return [np.rint(np.minimum(image, whole) * (255 / whole)).astype(np.uint8) for image in images]
 
 
 def _response(images: Sequence[Image]) -> tuple[Response, str]:
