@@ -56,6 +56,14 @@ def test_own_centre_is_kept_on_demand():
     assert np.abs(back - expected).max() < 0.003
 
 
+def test_polynomial_about_its_own_centre_is_kept_or_fitted_about_that_of_the_image():
+    vignette = PolynomialVignette(SIZE, (-0.3, 0.1), (0.2, -0.1))
+    own, image_centre = fit_radial(vignette, about_its_centre=True), fit_radial(vignette)
+    assert (own.coefficients, own.centre, own.worst) == ((-0.3, 0.1, 0.0), (0.2, -0.1), 0)
+    assert image_centre.centre == (0, 0)
+    assert image_centre.rms > 0.001
+
+
 def test_dark_surround_does_not_count():
     values = PolynomialVignette(SIZE, (-0.3, 0.0, 0.0)).image().copy()
     values[:, :8] = 0
@@ -117,7 +125,7 @@ def test_focal_length_in_either_unit():
 def test_a_map_needs_little_more_memory_than_its_pixels(size):
     tracemalloc.start()
     try:
-        RadialFit(size, (-0.1, 0.0, 0.0), centre=(0.01, 0.0)).vignette()
+        RadialFit(size, (-0.1, 0.0, 0.0), centre=(0.01, 0.0)).vignette().image()
         _, peak = tracemalloc.get_traced_memory()
     finally:
         tracemalloc.stop()

@@ -10,12 +10,11 @@ import numpy as np
 
 from ospc.arrays import FloatArray, ImageSize
 from ospc.errors import FormatError, SettingError, escaped
-from ospc.photometry.geometry import half_diagonal, image_of, image_size, normalised
+from ospc.photometry.geometry import half_diagonal, image_size, normalised
 from ospc.photometry.vignette import (
     LARGEST_ATTENUATION,
     LogVignette,
     PolynomialVignette,
-    RasterVignette,
     Vignette,
     powers_in_unit,
 )
@@ -68,13 +67,9 @@ class RadialFit:
             f"at most {self.worst:.2g}"
         )
 
-    def vignette(self) -> Vignette:
-        """Return the vignette; a map of pixels if its centre is not the image centre."""
-        if self.centre == (0.0, 0.0):
-            return PolynomialVignette(self.size, self.coefficients)
-        centre_x, centre_y = self.centre
-        values = image_of(lambda x, y: self._at((x - centre_x) ** 2 + (y - centre_y) ** 2), self.size)
-        return RasterVignette(values, {"coefficients": list(self.coefficients), "centre": list(self.centre)})
+    def vignette(self) -> PolynomialVignette:
+        """Return the vignette."""
+        return PolynomialVignette(self.size, self.coefficients, self.centre)
 
     def _at(self, squared_radius: FloatArray) -> FloatArray:
         return np.asarray(np.polynomial.polynomial.polyval(squared_radius, [1.0, *self.coefficients]))
@@ -137,10 +132,12 @@ def fit_radial(vignette: Vignette, *, about_its_centre: bool = False) -> RadialF
     FormatError
         If the polynomial is not positive everywhere in the image.
     """
-    if isinstance(vignette, PolynomialVignette) and len(vignette.coefficients) <= 3:
+    centre = (0.0, 0.0)
+    if about_its_centre and isinstance(vignette, PolynomialVignette | LogVignette):
+        centre = vignette.centre
+    if isinstance(vignette, PolynomialVignette) and len(vignette.coefficients) <= 3 and vignette.centre == centre:
         v1, v2, v3 = (*vignette.coefficients, 0.0, 0.0, 0.0)[:3]
-        return RadialFit(vignette.size, (v1, v2, v3))
-    centre = vignette.centre if about_its_centre and isinstance(vignette, LogVignette) else (0.0, 0.0)
+        return RadialFit(vignette.size, (v1, v2, v3), centre)
     # Large images are sampled on a regular grid.
     step = max(1, math.ceil(math.sqrt(vignette.size[0] * vignette.size[1] / _FITTED_PIXELS)))
     x, y = np.meshgrid(*(np.arange(0.0, side, step) for side in vignette.size))
