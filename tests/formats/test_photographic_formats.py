@@ -14,6 +14,7 @@ from ospc.errors import FormatError, SettingError
 from ospc.formats.hugin import EmorBasis, read_emor, read_pto, write_pto
 from ospc.formats.lens_profiles import read_lcp, read_lensfun, write_lcp, write_lensfun
 from ospc.formats.radial import Optics
+from ospc.photometry.calibration import Calibration
 from ospc.photometry.geometry import half_diagonal
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import LogVignette, PolynomialVignette
@@ -108,6 +109,24 @@ def test_adobe_and_hugin_keep_a_centre_of_its_own(tmp_path):
     expected = DECENTRED.image() / DECENTRED.image().max()
     for back in (read_lcp(tmp_path / "a.lcp")[0].vignette(), hugin.vignette()):
         assert np.abs(back.image() - expected).max() < fit.worst + 0.002
+
+
+@pytest.mark.parametrize("name", ["a.pto", "a.lcp"])
+def test_an_imported_centre_is_exported_again(name, tmp_path):
+    def write(vignette, path):
+        return write_pto(path, vignette)[0] if path.suffix == ".pto" else write_lcp(vignette, path, OPTICS)
+
+    def read(path):
+        return (read_pto if path.suffix == ".pto" else read_lcp)(path)[0]
+
+    write(DECENTRED, tmp_path / name)
+    first = read(tmp_path / name)
+    Calibration(SIZE, vignette=first.vignette()).save(tmp_path / "calibration.json")
+    again = write(Calibration.load(tmp_path).vignette, tmp_path / f"again_{name}")
+    assert (again.centre, again.coefficients, again.worst) == (first.centre, first.coefficients, 0)
+    second = read(tmp_path / f"again_{name}")
+    assert second.centre == pytest.approx(first.centre, abs=1e-8)
+    assert second.coefficients == pytest.approx(first.coefficients, abs=1e-8)
 
 
 def test_lcp_in_attribute_form_and_without_its_own_focal_length_is_read(tmp_path):

@@ -26,6 +26,7 @@ from ospc.photometry.vignette import LogSplineVignette, LogVignette, PolynomialV
 SIZE = (12, 9)
 VIGNETTES = {
     "polynomial": PolynomialVignette(SIZE, (-0.31, 0.07, -0.1 / 3)),
+    "decentred polynomial": PolynomialVignette(SIZE, (-0.31, 0.07, -0.1 / 3), (0.05, -0.02)),
     "log": LogVignette(
         SIZE, (-0.31, 0.07, -0.1 / 3, 1e-9), (0.05, -0.02), (0.02, -0.01, 0.01, -0.02, 0.03, -0.04, 0.05, -0.06)
     ),
@@ -424,3 +425,17 @@ def test_notebooks_draw_the_curves_that_are_known_inside_their_axes(known):
         for shape in (*picture.findall("polyline"), *picture.findall("polygon")):
             places = np.array([point.split(",") for point in shape.get("points").split()], float)
             assert np.all((places > 0) & (places < (right, bottom)))
+
+
+def test_a_polynomial_without_a_centre_has_that_of_the_image(tmp_path):
+    vignette = VIGNETTES["polynomial"]
+    replace(FULL, vignette=vignette).save(tmp_path / "calibration.json")
+    content = json.loads((tmp_path / "calibration.json").read_text())
+    del content["vignette"]["model"]["centre"]
+    (tmp_path / "calibration.json").write_text(json.dumps(content))
+    assert Calibration.load(tmp_path).vignette == vignette
+    for damaged in ([0.1], [0.1, "x"], [0.1, 1e300]):
+        content["vignette"]["model"]["centre"] = damaged
+        (tmp_path / "calibration.json").write_text(json.dumps(content))
+        with pytest.raises(FormatError):
+            Calibration.load(tmp_path)

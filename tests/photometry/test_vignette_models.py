@@ -59,7 +59,7 @@ def test_nothing_is_lost_at_the_centre(vignette):
     assert vignette.profile(0.0) == 1
 
 
-@given(logs)
+@given(st.one_of(logs, st.builds(PolynomialVignette, sizes, triples, st.tuples(small, small))))
 def test_a_vignette_of_its_own_centre_is_one_there(vignette):
     at_its_centre = centre_of(vignette.size) + np.array(vignette.centre) * half_diagonal(vignette.size)
     assert vignette.at(at_its_centre) == pytest.approx(1, abs=1e-9)

@@ -6,6 +6,7 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from click.testing import CliRunner
@@ -22,14 +23,17 @@ from ospc.photometry.calibration import PROFILE_RADII, Calibration
 from ospc.photometry.response import Response
 from ospc.photometry.verdict import Verdict
 from ospc.recording import ArrayRecording, Recording, open_recording
+from ospc.recording.derived import Region, masked
+from ospc.recording.frame import Frame
 from ospc.recording.options import ReadingOptions
 from ospc.report.pictures import words_around
-from ospc.settings.unknown_exposures import EXPONENT_SIGMA
+from ospc.settings.unknown_exposures import EXPONENT_SIGMA, OBSERVED_OFFSETS_PX
 from ospc.simulation import SimulationSettings, simulate, truth
 from ospc.unknown_exposures import recover_exposures
 from ospc.unknown_exposures.joint_estimation import JointEstimate
 from ospc.unknown_exposures.recovery import typical_exponent
 from ospc.unknown_exposures.response_model import SAMPLES, learned_model
+from ospc.unknown_exposures.tracking import GainRobustTracker
 
 SETTINGS = SimulationSettings(
     size=(200, 150), frames=40, speed=3.0, exposure="cycle", exposures_ms=(3.0, 6.0, 12.0, 24.0), response="srgb"
@@ -65,6 +69,44 @@ def test_exposures_are_found_up_to_a_factor_and_an_exponent(recovered: Recording
     assert np.std(estimated - exponent * true - factor) < 0.03
     assert abs(np.log(exponent)) < 2 * EXPONENT_SIGMA
     assert any("relative, and up to one exponent" in note for note in recovered.notes)
+
+
+def slope_on_the_truth(recording: Recording) -> float:
+    found = recover_exposures(recording)
+    return float(np.polyfit(np.log(truth(SETTINGS).exposures_ms)[found.frames], np.log(found.exposures_ms), 1)[0])
+
+
+def test_a_static_overlay_outside_the_mask_has_no_effect(folder: Path) -> None:
+    opened = open_recording(folder, options=ReadingOptions(unknown_exposures=True))
+    images = np.stack([frame.image for frame in opened])
+    region = Region(80, 0, 120, 150)
+    clean = masked(ArrayRecording(images, np.ones(len(images))), region=region)
+    pattern = np.random.default_rng(0).integers(30, 220, (25, 14)).repeat(6, axis=0).repeat(6, axis=1)
+    overlaid = images.copy()
+    overlaid[:, :, :80] = pattern[:, :80]
+    recording = ArrayRecording(overlaid, np.ones(len(images)))
+    assert slope_on_the_truth(recording) < 0.4
+    slope = slope_on_the_truth(masked(recording, region=region))
+    assert slope == slope_on_the_truth(clean)
+    assert abs(np.log(slope)) < 2 * EXPONENT_SIGMA
+
+
+def test_no_point_outside_the_mask_is_observed() -> None:
+    rng = np.random.default_rng(1)
+    scene = cv2.GaussianBlur(rng.integers(0, 256, (150, 240)).astype(np.uint8), (0, 0), 2)
+    scene = cv2.normalize(scene, None, 20, 230, cv2.NORM_MINMAX)
+    usable = np.zeros((150, 200), bool)
+    usable[40:110, 60:160] = True
+    tracker = GainRobustTracker(every=1)
+    for index in range(10):
+        frame = Frame.of_array(scene[:, 2 * index : 2 * index + 200].copy(), None, index=index, mask=usable)
+        tracker.push(frame)
+        _, places = tracker.current
+        assert len(places) > 10
+        column, row = np.rint(places[:, None] + OBSERVED_OFFSETS_PX).astype(int).T
+        assert usable[row, column].all()
+    tracker.push(replace(frame, mask=np.zeros_like(usable)))
+    assert not len(tracker.current[0])
 
 
 def test_the_unit_of_estimated_exposures_is_arbitrary() -> None:
@@ -163,9 +205,27 @@ def test_pictures_are_labelled(found: Calibration) -> None:
 
 
 def test_options_it_cannot_be_combined_with(folder: Path, tmp_path: Path) -> None:
-    for options in (["--resume"], ["--start-from", str(tmp_path)], ["--mask", "m.png"]):
+    for options in (["--resume"], ["--start-from", str(tmp_path)]):
         arguments = ["calibrate", str(folder), "-o", str(tmp_path / "out"), "--unknown-exposures", *options]
         assert CliRunner().invoke(cli, arguments).exit_code == 2
+
+
+@pytest.mark.parametrize("command", ["calibrate", "check"])
+def test_it_can_be_combined_with_a_mask(
+    command: str, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def stop(recording: Recording, *_: object) -> Recording:
+        raise NotObservableError(f"{np.count_nonzero(next(iter(recording)).mask)} pixels")
+
+    monkeypatch.setattr("ospc.unknown_exposures.recover_exposures", stop)
+    mask = np.zeros((150, 200), np.uint8)
+    mask[:, 80:] = 255
+    Image.fromarray(mask).save(tmp_path / "mask.png")
+    out = ["-o", str(tmp_path / "out")] if command == "calibrate" else []
+    arguments = [command, str(folder), *out, "--unknown-exposures", "--mask", str(tmp_path / "mask.png")]
+    result = CliRunner().invoke(cli, arguments)
+    assert isinstance(result.exception, NotObservableError)
+    assert str(result.exception) == "18000 pixels"
 
 
 def test_images_alone_are_a_recording_then(folder: Path) -> None:

@@ -111,8 +111,8 @@ class _Request:
         unknown, mask, region = self.exposures_unknown, self.reading.mask, self.reading.region
         if self.out is None:
             raise click.UsageError("Missing option '-o' / '--out'.")
-        if unknown and (self.resume or self.start_from or mask):
-            raise click.UsageError("--unknown-exposures cannot be combined with --resume, --start-from or --mask")
+        if unknown and (self.resume or self.start_from):
+            raise click.UsageError("--unknown-exposures cannot be combined with --resume or --start-from")
         if self.fallback and (unknown or mask or region):
             raise click.UsageError("--fallback cannot be combined with --unknown-exposures, --mask or --roi")
         with leaving("no result was written"):

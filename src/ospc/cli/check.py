@@ -54,8 +54,6 @@ def command(
     if reading.options.unknown_exposures:
         from ospc.unknown_exposures import recover_exposures
 
-        if reading.mask is not None:
-            raise click.UsageError("--unknown-exposures cannot be combined with --mask")
         with progress_of("exposures") as step:
             recording = recover_exposures(recording, step)
     with progress_of("checking") as step:

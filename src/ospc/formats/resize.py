@@ -16,7 +16,7 @@ from ospc.arrays import Image, ImageSize
 from ospc.errors import SettingError
 from ospc.photometry.calibration import PROFILE_RADII, Calibration
 from ospc.photometry.geometry import half_diagonal, pixel_grid
-from ospc.photometry.vignette import LogVignette, PolynomialVignette, RasterVignette, Vignette, powers_in_unit
+from ospc.photometry.vignette import LogVignette, PolynomialVignette, RasterVignette, Vignette
 
 _ASPECT_TOLERANCE = 0.01
 """Largest difference between logarithms of aspect ratios for the same field of view; it allows for rounding."""
@@ -49,11 +49,9 @@ def resize_vignette(vignette: Vignette, size: ImageSize) -> Vignette:
         return RasterVignette(resampled(vignette.values, size), vignette.source)
     scale = math.hypot(*vignette.size) / math.hypot(*size)
     unit = scale * half_diagonal(size) / half_diagonal(vignette.size)
-    if isinstance(vignette, LogVignette):
+    if isinstance(vignette, PolynomialVignette | LogVignette):
         centre = (vignette.centre[0] / unit, vignette.centre[1] / unit)
         return vignette.moved(size, centre, unit)
-    if isinstance(vignette, PolynomialVignette):
-        return PolynomialVignette(size, powers_in_unit(vignette.coefficients, unit))
     at = (pixel_grid(size) + 0.5) * scale - 0.5
     return RasterVignette(vignette.at(at).astype(np.float32), vignette.as_dict())
 
@@ -61,8 +59,7 @@ def resize_vignette(vignette: Vignette, size: ImageSize) -> Vignette:
 def crop_vignette(vignette: Vignette, offset: tuple[int, int], size: ImageSize) -> Vignette:
     """Return the vignette of a part of the image; ``offset`` is the column and row of its first pixel.
 
-    Each pixel keeps its attenuation, so the centre moves in the image. A polynomial about the image centre becomes a
-    map of pixels unless the part is centred.
+    Each pixel keeps its attenuation, so the centre moves in the image.
 
     Raises
     ------
@@ -70,13 +67,11 @@ def crop_vignette(vignette: Vignette, offset: tuple[int, int], size: ImageSize) 
         If the part is not inside the image.
     """
     _check_part(vignette.size, offset, size)
-    half, new_half = half_diagonal(vignette.size), half_diagonal(size)
-    shift = [(w - 1) / 2 - o - (s - 1) / 2 for w, o, s in zip(vignette.size, offset, size, strict=True)]
-    if isinstance(vignette, LogVignette):
+    if isinstance(vignette, PolynomialVignette | LogVignette):
+        half, new_half = half_diagonal(vignette.size), half_diagonal(size)
+        shift = [(w - 1) / 2 - o - (s - 1) / 2 for w, o, s in zip(vignette.size, offset, size, strict=True)]
         centre = tuple((c * half + move) / new_half for c, move in zip(vignette.centre, shift, strict=True))
         return vignette.moved(size, (centre[0], centre[1]), new_half / half)
-    if isinstance(vignette, PolynomialVignette) and math.hypot(*shift) == 0:
-        return PolynomialVignette(size, powers_in_unit(vignette.coefficients, new_half / half))
     values = vignette.at(pixel_grid(size) + np.array(offset, dtype=np.float64))
     return RasterVignette(values.astype(np.float32), {**vignette.as_dict(), "crop": [*offset, *size]})
 

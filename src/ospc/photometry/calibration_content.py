@@ -157,7 +157,8 @@ def _vignette_from_dict(model: dict[str, Any], size: ImageSize, place: Path) -> 
         raise FormatError(f"the vignette has {len(coefficients)} coefficients, more than {_MOST_COEFFICIENTS}")
     vignette: Vignette
     if model["name"] == "polynomial":
-        vignette = PolynomialVignette(size, coefficients)
+        x, y = _signed(model.get("centre", (0.0, 0.0)), "centre", (2,)).tolist()
+        vignette = PolynomialVignette(size, coefficients, (x, y))
     elif model["name"] in {"log_polynomial", "log_spline"}:
         non_radial = tuple(_signed(model["non_radial"], "non_radial", (None,)).tolist())
         if len(non_radial) not in (0, len(NON_RADIAL)):

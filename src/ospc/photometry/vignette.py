@@ -79,18 +79,35 @@ class VignetteModel:
 
 @dataclass(frozen=True)
 class PolynomialVignette(VignetteModel):
-    """V(R) = 1 + v₁R² + v₂R⁴ + v₃R⁶ about the image centre, R in half diagonals (paper, eq. radial)."""
+    """V(R) = 1 + v₁R² + v₂R⁴ + v₃R⁶, R in half diagonals (paper, eq. radial, there about the image centre)."""
 
     size: ImageSize
+    """Width and height in pixels."""
     coefficients: tuple[float, ...]
+    """(v₁, v₂, …) for the radius in half diagonals, measured from ``centre``."""
+    centre: tuple[float, float] = (0.0, 0.0)
+    """Centre of the vignette relative to the image centre, in half diagonals."""
+
+    def moved(self, size: ImageSize, centre: tuple[float, float], unit: float) -> Self:
+        """Return the same vignette in images of another size.
+
+        ``centre`` is its centre in them, and ``unit`` the length of their half diagonal in present ones.
+        """
+        return replace(self, size=size, centre=centre, coefficients=powers_in_unit(self.coefficients, unit))
 
     def _values(self, x: FloatArray, y: FloatArray) -> FloatArray:
+        x, y = x - self.centre[0], y - self.centre[1]
         squared = np.sqrt(x**2 + y**2) ** 2
         return np.asarray(np.polynomial.polynomial.polyval(squared, [1.0, *self.coefficients]), dtype=np.float64)
 
     def as_dict(self) -> dict[str, Any]:
         """Return name and parameters."""
-        return {"name": "polynomial", "size": list(self.size), "coefficients": list(self.coefficients)}
+        return {
+            "name": "polynomial",
+            "size": list(self.size),
+            "coefficients": list(self.coefficients),
+            "centre": list(self.centre),
+        }
 
 
 _LARGEST_LOG = 50.0

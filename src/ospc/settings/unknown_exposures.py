@@ -70,8 +70,8 @@ MAX_TRACK_RETURN_PX = 0.7
 """Largest forward-backward error of a track in pixels: tracks that do not return are on another feature."""
 
 TRACKING_MARGIN_PX = 6
-"""Smallest distance of a feature from the border in pixels, so that the points around it and their gradients lie
-inside."""
+"""Smallest distance of a feature from the border and from masked pixels, in pixels, so that the points around it and
+their gradients lie inside."""
 
 REFILL_SHARE = 0.7
 """Share of the features below which new ones are detected: detection takes time, and long tracks are most

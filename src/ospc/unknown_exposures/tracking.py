@@ -90,11 +90,15 @@ class TrackObservations:
 
 
 class GainRobustTracker:
-    """Tracks features between frames, and keeps the observations of every ``every``-th frame."""
+    """Tracks features between frames, and keeps the observations of every ``every``-th frame.
+
+    Pixels outside the mask of a frame are not used.
+    """
 
     def __init__(self, every: int = 2) -> None:
         self._every = every
         self._previous: Image | None = None
+        self._usable: BoolArray | None = None
         self._points: Float32Array = np.empty((0, 2), np.float32)
         self._track: IntArray = np.empty(0, np.int64)
         self._tracks = 0
@@ -106,7 +110,8 @@ class GainRobustTracker:
 
     def push(self, frame: Frame) -> None:
         """Take the next frame."""
-        image = frame.image_8_bit
+        image = frame.image_8_bit if frame.mask is None else _filled(frame.image_8_bit, frame.mask)
+        self._usable = None if frame.mask is None else _far_from_unused(frame.mask)
         self._size = (image.shape[1], image.shape[0])
         if self._previous is not None and len(self._points):
             self._track_into(self._previous, image)
@@ -161,7 +166,7 @@ class GainRobustTracker:
         self._points, self._track = moved[kept], self._track[kept]
 
     def _detect(self, image: Image) -> None:
-        mask = np.full(image.shape, 255, np.uint8)
+        mask = np.ones(image.shape, np.uint8) if self._usable is None else self._usable.astype(np.uint8)
         for x, y in self._points:
             cv2.circle(mask, (round(float(x)), round(float(y))), OCCUPIED_PX, 0, -1)
         wanted = TRACKED_FEATURES - len(self._points)
@@ -179,7 +184,11 @@ class GainRobustTracker:
 
     def _inside(self, places: Float32Array) -> BoolArray:
         far = np.array(self._size) - 1 - TRACKING_MARGIN_PX
-        return np.asarray(np.all((places > TRACKING_MARGIN_PX) & (places < far), axis=1))
+        inside = np.asarray(np.all((places > TRACKING_MARGIN_PX) & (places < far), axis=1))
+        if self._usable is not None:
+            column, row = np.rint(places[inside]).astype(np.int64).T
+            inside[inside] = self._usable[row, column]
+        return inside
 
     def _keep(self, index: int, image: Image) -> None:
         places = (self._points[:, None] + OBSERVED_OFFSETS_PX).reshape(-1, 2)
@@ -227,3 +236,14 @@ def _gain(before: Image, after: Image, places: Float32Array, moved: Float32Array
     )
     exposed = (np.minimum(first, second) > DARKEST_GAIN_8_BIT) & (np.maximum(first, second) < BRIGHTEST_GAIN_8_BIT)
     return float(np.median(np.log(second[exposed] / first[exposed]))) if exposed.any() else 0.0
+
+
+def _filled(image: Image, mask: BoolArray) -> Image:
+    """Return the image with the median of the used pixels in place of all others, which must not be tracked."""
+    median = float(np.median(image[mask])) if mask.any() else 0.0
+    return np.where(mask, image, np.uint8(median))
+
+
+def _far_from_unused(mask: BoolArray) -> BoolArray:
+    side = 2 * TRACKING_MARGIN_PX + 1
+    return np.asarray(cv2.erode(mask.astype(np.uint8), np.ones((side, side), np.uint8)) > 0)
