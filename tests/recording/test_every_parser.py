@@ -41,6 +41,7 @@ PARSERS = {
     "recording/bags/bag.py": ["ROS 1 bag", "ROS 2 bag, sqlite3"],
     "recording/bags/carriers.py": ["exposure message"],
     "recording/bags/container.py": ["ROS 1 bag", "ROS 2 bag, sqlite3"],
+    "recording/bags/image_messages.py": ["image message"],
     "recording/bags/mcap_file.py": ["ROS 2 bag, mcap", "recording in mcap"],
     "recording/exif_photos.py": ["EXIF"],
     "recording/image_formats.py": ["EXIF", "HEIC photograph", "raw photograph"],
