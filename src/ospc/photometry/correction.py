@@ -181,7 +181,9 @@ class Corrector:
         FrameError
             If the type or the bit depth of the image is wrong.
         """
-        return np.asarray(self._checked(image) >= self._saturated_from)
+        pixels = self._checked(image)
+        # In the type of the pixels: NumPy would convert all of them to a wider one.
+        return np.asarray(pixels >= self._saturated_from.astype(pixels.dtype))
 
     def warp_exposure(self, image: Image, from_ms: float, to_ms: float) -> Image:
         """Return the image the camera would have recorded of the same scene at another exposure: f(g(M) · to / from).
