@@ -8,10 +8,11 @@ import click
 
 from ospc.cli.interruption import Interruption, leaving
 from ospc.cli.options import QUIET, argument, declared, option, out_option
-from ospc.cli.reading import READING_WHOLE_IMAGES, Reading
+from ospc.cli.reading import KIND, STATED, Reading
 from ospc.cli.terminal import progress_of, say, say_notes
 from ospc.errors import counted
 from ospc.recording.derived import with_exposure_lag
+from ospc.recording.options import ReadingOptions
 from ospc.recording.writing.images import ImageFormat
 
 
@@ -34,7 +35,8 @@ def command(
     ),
     force: bool = option("Write into OUT even if it is not empty; files of the same names are replaced."),
     quiet: bool = QUIET,
-    reading: Reading = READING_WHOLE_IMAGES,
+    kind: str | None = KIND,
+    stated: ReadingOptions = STATED,
 ) -> None:
     """Write RECORDING in the layout of the TUM monocular data set, for DSO and its descendants.
 
@@ -43,7 +45,7 @@ def command(
     """
     from ospc.recording.writing.conversion import convert_recording
 
-    recording = with_exposure_lag(reading.open(path), lag)
+    recording = with_exposure_lag(Reading(stated, kind).open(path), lag)
     with (
         leaving(f"nothing was written to {out}"),
         progress_of("converting", quiet=quiet, interruption=interruption) as step,

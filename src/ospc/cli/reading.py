@@ -17,7 +17,7 @@ from ospc.recording import Recording, cameras_of, open_recording
 from ospc.recording.channel import Channel
 from ospc.recording.derived import Region, masked, read_mask
 from ospc.recording.kinds import kinds
-from ospc.recording.options import ReadingOptions, declared_options
+from ospc.recording.options import ReadingOptions, declared_options, options_with_exposures
 
 _EACH = "each"
 """Value of ``--channel`` that calibrates each channel separately."""
@@ -98,7 +98,7 @@ def _stated(name: str, *, each: bool = False) -> Any:
 
 
 # Only some commands can handle unknown exposures.
-_FIELDS = [name for name in declared_options() if name != "unknown_exposures"]
+_FIELDS = tuple(options_with_exposures())
 _READING: dict[str, Declared] = {
     "kind": KIND,
     **{name: _stated(name, each=name == "channel") for name in _FIELDS},
@@ -122,11 +122,6 @@ READING: Any = OptionGroup(_reading, _READING)
 
 READING_OR_ESTIMATING: Any = OptionGroup(_reading, _READING | {"unknown_exposures": _UNKNOWN_EXPOSURES})
 """The same with ``--unknown-exposures``, for commands that can estimate exposures."""
-
-READING_WHOLE_IMAGES: Any = OptionGroup(
-    partial(_reading, mask=None, roi=None), {"kind": KIND} | {name: _stated(name) for name in _FIELDS}
-)
-"""The same without ``--mask``, ``--roi`` and ``--channel each``, for commands that write whole images."""
 
 STATED: Any = OptionGroup(lambda **stated: ReadingOptions.of(stated), {name: _stated(name) for name in _FIELDS})
 """Declares :class:`ReadingOptions` alone."""

@@ -13,6 +13,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from ospc.arrays import ImageSize
 from ospc.atomic import write_atomically
 from ospc.errors import OspcError
 from ospc.folders import Content, check_usable, writing
@@ -109,12 +110,12 @@ class CorrectedFolder:
             # The line break comes first, so that a truncated line before it stays separate.
             file.write(f"\n{index} {counts.values} {counts.saturated} {counts.clipped} .")
 
-    def copy_geometry(self, recording: Path) -> list[str]:
+    def copy_geometry(self, recording: Path, size: ImageSize) -> list[str]:
         """Copy camera.txt and groundtruthSync.txt, which stay valid, if they exist, and return their names.
 
-        A camera.txt for images of another size, such as those before a Bayer mosaic was read, is left out.
+        A camera.txt for images of another size than the corrected ones, such as those before a Bayer mosaic was read,
+        is left out.
         """
-        size = tuple(json_object(self.path / NOTE)["recording"]["size"])
         copied = []
         for name in _GEOMETRY:
             if (recording / name).is_file():

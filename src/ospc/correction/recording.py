@@ -187,7 +187,7 @@ def correct_recording(
         "saturated_share": result.saturated,
         "clipped_share": result.clipped,
         "original_exposures_ms": None if source.unexposed else _or_none(exposures_ms),
-        "copied": folder.copy_geometry(recording.path),
+        "copied": folder.copy_geometry(recording.path, recording.size),
     }
     folder.finish(note | facts, files)
     return result

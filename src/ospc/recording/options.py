@@ -108,4 +108,9 @@ def declared_options() -> dict[str, Option]:
     return {name: hint.__metadata__[0] for name, hint in get_type_hints(ReadingOptions, include_extras=True).items()}
 
 
+def options_with_exposures() -> dict[str, Option]:
+    """Return the options for recordings whose exposures must be known: all but ``unknown_exposures``."""
+    return {name: option for name, option in declared_options().items() if name != "unknown_exposures"}
+
+
 DEFAULT = ReadingOptions()
