@@ -40,9 +40,16 @@ class OnlineCalibrator(Engine):
 
     @classmethod
     def of(
-        cls, recording: Recording, settings: Settings | str = "default", *, correct_lag: LagChoice = "auto"
+        cls,
+        recording: Recording,
+        settings: Settings | str = "default",
+        *,
+        correct_lag: LagChoice = "auto",
+        source: dict[str, Any] | None = None,
     ) -> OnlineCalibrator:
         """Return a calibrator for a recording; some kinds of recording guarantee that exposures do not lag.
+
+        ``source`` identifies the recording. By default, it is computed, for which a few images are read.
 
         Raises
         ------
@@ -52,7 +59,7 @@ class OnlineCalibrator(Engine):
         choice = checked_lag_choice(correct_lag)
         check_lag(choice, len(recording))
         calibrator = cls(settings, correct_lag=lag_choice_for(recording, choice))
-        calibrator.source = identity(recording)
+        calibrator.source = identity(recording) if source is None else source
         return calibrator
 
     def save_state(self, path: str | Path, *, complete: bool = False) -> Path:

@@ -78,8 +78,7 @@ def work(task: Task) -> Answer:
 
 
 def _calibrated(recording: Recording, source: dict[str, object], key: str, entry: Entry) -> Result:
-    calibrator = OnlineCalibrator.of(recording, entry.settings, correct_lag=entry.correct_lag)
-    calibrator.source = source
+    calibrator = OnlineCalibrator.of(recording, entry.settings, correct_lag=entry.correct_lag, source=source)
     drive(calibrator, recording)
     calibration = calibrator.calibration()
     notes = (*calibration.notes, *calibration.warnings, *calibrator.first_reasons)

@@ -52,7 +52,7 @@ def check_recording(
         If none of the frames can be used.
     """
     total = min(frames or len(recording), len(recording))
-    calibrator = OnlineCalibrator.of(recording, correct_lag=correct_lag)
+    calibrator = OnlineCalibrator.of(recording, correct_lag=correct_lag, source={})  # nothing is saved
 
     def count(_frame: Frame, _used: bool) -> None:
         if progress is not None:
