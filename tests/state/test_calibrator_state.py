@@ -166,7 +166,7 @@ def test_everything_a_method_learns_is_in_its_state():
     """An attribute that is neither saved nor recreated would be lost silently."""
     made_anew = {"settings", "size", "max_grey", "register", "sample", "second"}
     not_needed = {"inputs", "restored_keyframes", "latest", "lost"}
-    saved = {"reservoir", "noise", "pairs", "circle", "changes", "inter_coded"}
+    saved = {"reservoir", "noise", "pairs", "scene_area", "changes", "inter_coded"}
     in_parts = {"stationary": {"series", "motions"}, "quick_fit": {"fit", "trusts_stated"}}
     method = MaximumLikelihoodMethod(DefaultSettings(), (64, 48), 255)
     known = {name.lstrip("_") for name in vars(method)}

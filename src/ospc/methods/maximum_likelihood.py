@@ -9,12 +9,12 @@ import numpy as np
 
 from ospc.arrays import FloatArray, ImageSize
 from ospc.correspondence.flat_sampling import NOTHING_FOUND, FlatSampler, Samples
-from ospc.correspondence.image_circle import ImageCircle
 from ospc.correspondence.keyframe_selection import KeyframeSelector, KeyframeSelectorState
 from ospc.correspondence.noise_estimation import NoiseEstimator
 from ospc.correspondence.preprocessing import PreprocessedFrame
 from ospc.correspondence.registration import make_registrar
 from ospc.correspondence.reservoir import Reservoir
+from ospc.correspondence.scene_area import SceneArea
 from ospc.correspondence.static_series import StaticSeries
 from ospc.estimation.fit import Fit
 from ospc.estimation.model_choice import fit_with_chosen_effects
@@ -56,7 +56,7 @@ class MaximumLikelihoodMethod:
         self._second = SecondThread()
         self._noise = NoiseEstimator(max_grey)
         self._changes = ChangeDetector()
-        self._circle = ImageCircle()
+        self._scene_area = SceneArea()
         self._stationary = StationaryCamera(settings.still_px, StaticSeries(points=settings.series_points))
         self._select_keyframe = KeyframeSelector(settings.keyframes, settings.max_log_ratio)
         self._register = make_registrar(settings.registration, self._second)
@@ -81,7 +81,7 @@ class MaximumLikelihoodMethod:
         self._inputs = {}  # outdated, and as large as everything kept of the frames
         log_exposure = _log_exposure(exposures, prepared.number)
         self._inter_coded |= frame.inter_coded
-        self._circle.observe(prepared, frame.mask)
+        self._scene_area.observe(prepared, frame.mask)
         self._changes.observe_time(prepared.number, frame.stamp_s)
         self._stationary.observe(frame)
         new_keyframe = self._second.submit(self._sample.keyframe, prepared)
@@ -130,7 +130,7 @@ class MaximumLikelihoodMethod:
         if self._reservoir.points >= self._settings.min_points:
             some = self._reservoir.some(QUICK_FIT_POINTS).with_exposures(exposures)
             if some.log_exposure_change() >= self._settings.min_log_exposure_change:
-                radius = self._circle.usable_radius()
+                radius = self._scene_area.usable_radius()
                 self._quick_fit.refine(some, self._noise.model(), radius, trusts_stated=exposures.trusted)
                 if self._quick_fit.fit is not None and self._pairs >= REFERENCE_FIT_PAIRS:
                     self._changes.set_reference(self._quick_fit.fit)
@@ -162,7 +162,7 @@ class MaximumLikelihoodMethod:
     def split(self, number: int) -> MaximumLikelihoodMethod:
         """Return a method that continues with the observations from a frame on; this one is not used any more."""
         later = MaximumLikelihoodMethod(self._settings, self._size, self._max_grey)
-        later._noise, later._circle, later._inter_coded = self._noise, self._circle, self._inter_coded
+        later._noise, later._scene_area, later._inter_coded = self._noise, self._scene_area, self._inter_coded
         later._reservoir, later._pairs = self._reservoir.since(number)
         later._select_keyframe = self._select_keyframe
         later._select_keyframe.forget_before(number)
@@ -201,7 +201,7 @@ class MaximumLikelihoodMethod:
             size=self._size,
             max_grey=self._max_grey,
             pairs=self._pairs,
-            usable_radius=self._circle.usable_radius(),
+            usable_radius=self._scene_area.usable_radius(),
         )
 
     def inputs(self, exposures: ExposureTable, grey_range: GreyRange = FULL_RANGE) -> FitInputs:
@@ -226,10 +226,11 @@ class MaximumLikelihoodMethod:
             fit=None if observations is None else self._fitted(observations, grey_range),
             standing_still=self._stationary.stands_still,
             pairs=self._reservoir.groups_before(len(exposures), self._pairs),
-            usable_radius=self._circle.usable_radius(),
+            usable_radius=self._scene_area.usable_radius(),
             grey_range=grey_range,
             single_pixels=self._stationary.used_series is not None,
             inter_coded=self._inter_coded,
+            overlay_share=self._scene_area.overlay_share,
         )
 
     def calibration(self, exposures: ExposureTable, grey_range: GreyRange = FULL_RANGE) -> Calibration:
@@ -246,7 +247,7 @@ class MaximumLikelihoodMethod:
             fit=self._quick_fit.fit,
             motions=self._stationary.motions,
             pairs=self._pairs,
-            circle=self._circle,
+            scene_area=self._scene_area,
             changes=self._changes,
             trusts_stated=self._quick_fit.trusts_stated,
             inter_coded=self._inter_coded,
@@ -264,10 +265,10 @@ class MaximumLikelihoodMethod:
         self._select_keyframe.restore(state.keyframes)
         self._reservoir, self._noise, self._pairs = state.reservoir, state.noise, state.pairs
         self._stationary.series, self._stationary.motions = state.series, state.motions
-        self._circle, self._changes, self._restored_keyframes = state.circle, state.changes, state.keyframes
+        self._scene_area, self._changes, self._restored_keyframes = state.scene_area, state.changes, state.keyframes
         self._inter_coded = state.inter_coded
         if state.fit is not None:
-            self._quick_fit.rely_on(state.fit, self._circle.usable_radius(), trusts_stated=state.trusts_stated)
+            self._quick_fit.rely_on(state.fit, self._scene_area.usable_radius(), trusts_stated=state.trusts_stated)
 
     @property
     def frames_to_replay(self) -> frozenset[int]:
@@ -290,8 +291,8 @@ class MaximumLikelihoodMethod:
             found = series.observations()
         elif self._reservoir.kept is not None:
             found = self._reservoir.kept
-            # A surround that never receives light is equal in all frames.
-            seen = self._circle.receives_light(found.position)
+            # A surround and overlays are the same in all frames, whatever their exposures.
+            seen = self._scene_area.shows_scene(found.position)
             found = found if seen is None else found.of_points(np.logical_and.reduceat(seen, found.starts))
         else:
             return None
@@ -308,7 +309,7 @@ class MaximumLikelihoodMethod:
             plan = plan_of_stationary_camera(settings, noise=None)
         else:
             noise = grey_range.stretched_noise(self._noise.model())
-            plan = plan_of_moving_camera(settings, noise, self._circle.usable_radius())
+            plan = plan_of_moving_camera(settings, noise, self._scene_area.usable_radius())
         fit = fit_with_chosen_effects(observations, plan)
         return replace(fit, covariance=INTER_CODED_SIGMAS**2 * fit.covariance) if self._inter_coded else fit
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ospc.correspondence.image_circle import ImageCircle
 from ospc.correspondence.keyframe_selection import KeyframeSelectorState
 from ospc.correspondence.noise_estimation import NoiseEstimator
 from ospc.correspondence.reservoir import Reservoir
+from ospc.correspondence.scene_area import SceneArea
 from ospc.correspondence.static_series import StaticSeries
 from ospc.estimation.fit import Fit
 from ospc.methods.change_detection import ChangeDetector
@@ -27,8 +27,8 @@ class MaximumLikelihoodState:
         The fit that registration uses.
     motions, pairs
         Recent displacements in pixels, and number of compared pairs of frames.
-    circle
-        The part of the image that receives light.
+    scene_area
+        The part of the image that shows the scene.
     trusts_stated
         Whether frames are normalised to equal brightness with the stated exposures alone.
     inter_coded
@@ -42,7 +42,7 @@ class MaximumLikelihoodState:
     fit: Fit | None
     motions: list[float]
     pairs: int
-    circle: ImageCircle
+    scene_area: SceneArea
     changes: ChangeDetector
     trusts_stated: bool
     inter_coded: bool

@@ -33,6 +33,11 @@ _INTER_CODED = (
     "are doubled; record images or MJPEG for more accuracy"
 )
 
+_OVERLAY = (
+    "{share:.2g} % of the image shows something fixed to the camera, such as an overlay or part of the vehicle, and "
+    "is not used"
+)
+
 
 @dataclass(frozen=True)
 class FitInputs:
@@ -59,6 +64,8 @@ class FitInputs:
         Whether each observation is a single pixel instead of a mean of several.
     inter_coded
         Whether the frames come from a video that codes them as changes of others, see :data:`INTER_CODED_SIGMAS`.
+    overlay_share
+        Share of the image that shows something fixed to the camera, which is not used.
     """
 
     size: ImageSize
@@ -72,6 +79,7 @@ class FitInputs:
     grey_range: GreyRange = FULL_RANGE
     single_pixels: bool = False
     inter_coded: bool = False
+    overlay_share: float = 0.0
 
     @property
     def effects(self) -> tuple[EffectEstimate, ...]:
@@ -81,7 +89,8 @@ class FitInputs:
     @property
     def notes(self) -> tuple[str, ...]:
         """Notes about the frames."""
-        return tuple(filter(None, [self.grey_range.note, _INTER_CODED if self.inter_coded else ""]))
+        overlay = _OVERLAY.format(share=100 * self.overlay_share) if self.overlay_share else ""
+        return tuple(filter(None, [self.grey_range.note, overlay, _INTER_CODED if self.inter_coded else ""]))
 
     @cached_property
     def ratios(self) -> ExposureRatios:

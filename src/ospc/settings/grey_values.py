@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-# The image circle of a fisheye (ospc.correspondence.image_circle)
+# The image circle of a fisheye, and overlays (ospc.correspondence.scene_area)
 
 MIN_CIRCLE_FRAMES = 8
 """Minimum number of frames before a dark point counts as surround: in a single frame the scene itself may be dark."""
@@ -24,6 +24,39 @@ MIN_SURROUND_CORNERS = 3
 
 SURROUND_MARGIN_PX = 3
 """Widening of the surround, in small pixels: the edge of the circle is blurred, and light falls off steeply there."""
+
+MAX_VIEW_AGREEMENT, MIN_VIEW_PX = 0.8, 100
+"""Share of the pixels with fine structure in two views whose deviations have the same sign, and the minimum number of
+these pixels. Half of them have if the view has moved by more than the width of the structures, nearly all if not, and
+up to four in five if an overlay is among them."""
+
+MIN_VIEWS = 16
+"""Minimum number of different views: in fewer, the structure of the scene agrees by chance, in 8 views in 1 % of the
+pixels."""
+
+MAX_SCENE_AGREEMENT = 0.5
+"""Maximum of the median agreement of fine structure over all views: more if the camera returns to a few views."""
+
+OVERLAY_LINE_PX = 5
+"""Side of the square whose mean is compared with its central pixel, in small pixels: wider than a blurred edge, and
+narrow enough that vignetting, dust and blurred shadows are flat."""
+
+MIN_FINE_STRUCTURE_8_BIT, MAX_FINE_STRUCTURE_8_BIT = 2.0, 8.0
+"""Minimum deviation of a line of an overlay from its surroundings, in grey levels of 255: more than noise and fixed
+patterns. Larger deviations than the maximum count as the maximum, so that no single pair decides."""
+
+MIN_OVERLAY_AGREEMENT = 0.8
+"""Minimum agreement of fine structure between views, from 0 to 1, for it to be fixed to the camera."""
+
+MIN_OVERLAY_PX = 24
+"""Minimum number of connected small pixels of a line: fewer agree by chance, or are a group of defective pixels."""
+
+MAX_ENCLOSED_SHARE = 0.05
+"""Maximum share of the image that lines enclose and that counts as covered: the inside of a letter or a box. The
+horizon also stays where it is if the camera only turns, but separates larger parts."""
+
+MAX_OVERLAY_SHARE = 0.4
+"""Maximum share of the image that overlays cover: if it is exceeded, the scene itself hardly changes."""
 
 WHOLE_IMAGE_RADIUS = 0.97
 """If the usable radius reaches this value, the image counts as usable up to its corners."""

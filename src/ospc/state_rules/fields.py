@@ -11,9 +11,9 @@ from typing import Any
 
 from ospc.correspondence import noise_estimation, pixel_statistics
 from ospc.correspondence.frame_sampling import FrameSampler
-from ospc.correspondence.image_circle import ImageCircle
 from ospc.correspondence.keyframe_selection import KeyframeSelectorState
 from ospc.correspondence.reservoir import Reservoir
+from ospc.correspondence.scene_area import SceneArea
 from ospc.correspondence.static_series import StaticSeries
 from ospc.engine_state import EngineState
 from ospc.estimation.effect_models import AbsorbedLight
@@ -138,7 +138,11 @@ RULES: Mapping[type, Mapping[str, Numbers | str]] = {
         "gain_variances": Numbers(0, 100, ("gain variances",)),
     },
     PriorHyperparameters: {"walk": Numbers(1e-6, 1e6), "drift vignette_walk": Numbers(0, 1e6)},
-    ImageCircle: {"brightest allowed": ELSEWHERE},
+    SceneArea: {
+        "brightest allowed": ELSEWHERE,
+        "latest fine": Numbers(shape=("rows", "columns")),
+        "contrast": Numbers(0, shape=("rows", "columns")),
+    },
     Baseline: {
         "errors": Numbers(0, LARGEST, ("errors",), most=MAX_BASELINE_PAIRS),
         "effects": Numbers(0, LARGEST, ("effects",), most=MAX_BASELINE_PAIRS),

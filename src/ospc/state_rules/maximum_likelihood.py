@@ -44,8 +44,11 @@ def check_state(
         for variances in ranges:
             rule.check("noise", variances)
     width, height = settings.preprocessor().small_size(size)
-    for image in (method.circle.brightest, method.circle.allowed):
-        require(image is None or image.shape == (height, width), "its image circle has another size")
+    area = method.scene_area
+    for image in (area.brightest, area.allowed, area.latest, area.fine, area.contrast):
+        require(image is None or image.shape == (height, width), "its images of the scene area have another size")
+    known = [one is not None for one in (area.latest, area.fine, area.contrast)]
+    require(all(known) or not any(known), "a part of its fine structure is missing")
     if method.fit is not None:
         _check_fit(method.fit)
         require(_is_quick(method.fit), "a quick fit has effects")

@@ -1,0 +1,182 @@
+"""The part of the image that shows the scene: without a fisheye's dark surround, overlays and masked parts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from ospc.arrays import BoolArray, Float32Array, FloatArray, size_of
+from ospc.correspondence.preprocessing import PreprocessedFrame
+from ospc.photometry.geometry import normalised, pixel_grid, pixels_of
+from ospc.settings.grey_values import (
+    LIT_QUANTILE,
+    MAX_ENCLOSED_SHARE,
+    MAX_FINE_STRUCTURE_8_BIT,
+    MAX_OVERLAY_SHARE,
+    MAX_SCENE_AGREEMENT,
+    MAX_SURROUND_SHARE,
+    MAX_VIEW_AGREEMENT,
+    MIN_CIRCLE_FRAMES,
+    MIN_FINE_STRUCTURE_8_BIT,
+    MIN_LIT_8_BIT,
+    MIN_OVERLAY_AGREEMENT,
+    MIN_OVERLAY_PX,
+    MIN_SURROUND_AREA,
+    MIN_SURROUND_CORNERS,
+    MIN_VIEW_PX,
+    MIN_VIEWS,
+    OVERLAY_LINE_PX,
+    SURROUND_MARGIN_PX,
+    WHOLE_IMAGE_RADIUS,
+)
+
+_CORNERS = np.array([(1, 1), (-1, 1), (1, -1), (-1, -1)])
+"""Directions to the four corners."""
+
+
+@dataclass
+class SceneArea:
+    """Finds the pixels that do not show the scene.
+
+    A pixel that shows a dark part of the scene becomes bright sooner or later; one outside the image circle never
+    does. A region that stays dark and reaches the corners is treated as the surround of a fisheye image.
+
+    Fine structure of the scene moves with the view. What stays at the same pixels is an overlay, such as a clock or a
+    watermark, or a part of the vehicle. Dekel and others (2017) find the edges of watermarks in this way.
+    """
+
+    brightest: npt.NDArray[np.uint8] | None = None
+    """Largest grey level of each pixel at the size used for registration, 8 bit, shape (h, w)."""
+    frames: int = 0
+    """Number of frames observed."""
+    allowed: BoolArray | None = None
+    """Which pixels may be used, in the same size; None for all."""
+    latest: Float32Array | None = None
+    """Deviation d of each pixel from its surroundings in the latest view, in grey levels of 8 bit, shape (h, w)."""
+    fine: Float32Array | None = None
+    contrast: Float32Array | None = None
+    """Sums of d and |d| over all views, shape (h, w)."""
+    views: int = 0
+    """Number of different views so far."""
+
+    def observe(self, frame: PreprocessedFrame, mask: BoolArray | None) -> None:
+        """Add a frame; the mask marks its usable pixels, shape (height, width), None for all."""
+        self.frames += 1
+        # The small image of a frame never changes, so it need not be copied.
+        self.brightest = frame.small if self.brightest is None else np.maximum(self.brightest, frame.small)
+        if mask is not None and self.allowed is None:
+            height, width = frame.small.shape
+            self.allowed = cv2.resize(mask.view(np.uint8), (width, height), interpolation=cv2.INTER_NEAREST) > 0
+        self._observe_fine_structure(_fine_structure(frame.small))
+
+    def surround(self) -> BoolArray | None:
+        """Return which pixels never receive light, in the small size, shape (h, w); None if all do."""
+        if self.brightest is None or self.frames < MIN_CIRCLE_FRAMES:
+            return None
+        lit = float(np.quantile(self.brightest, LIT_QUANTILE))
+        if lit < MIN_LIT_8_BIT:
+            return None
+        dark = (self.brightest <= MAX_SURROUND_SHARE * lit).astype(np.uint8)
+        _, label = cv2.connectedComponents(dark)
+        corners = label[[0, 0, -1, -1], [0, -1, 0, -1]]
+        outside = np.isin(label, corners[corners > 0])
+        if np.count_nonzero(corners) < MIN_SURROUND_CORNERS or outside.mean() < MIN_SURROUND_AREA:
+            return None
+        return _widened(outside)
+
+    def overlay(self) -> BoolArray | None:
+        """Return which pixels show something fixed to the camera, in the small size, shape (h, w); None if none."""
+        if self.fine is None or self.contrast is None or self.views < MIN_VIEWS:
+            return None
+        visible = self.contrast > self.views * MIN_FINE_STRUCTURE_8_BIT
+        if self.allowed is not None:
+            visible &= self.allowed
+        if (surround := self.surround()) is not None:
+            visible &= ~surround  # its edge is fixed as well
+        agreement = np.abs(self.fine[visible]) / self.contrast[visible]
+        if not agreement.size or np.median(agreement) > MAX_SCENE_AGREEMENT:
+            return None
+        fixed = visible.copy()
+        fixed[visible] = agreement > MIN_OVERLAY_AGREEMENT
+        lines = _large_parts(fixed, MIN_OVERLAY_PX, connectivity=8)
+        if not lines.any():
+            return None
+        line = np.ones((OVERLAY_LINE_PX, OVERLAY_LINE_PX), np.uint8)
+        outside = cv2.morphologyEx(lines.astype(np.uint8), cv2.MORPH_CLOSE, line) == 0
+        # Lines enclose the inside of a letter or a box, possibly together with the border of the image.
+        found = _widened(~_large_parts(outside, MAX_ENCLOSED_SHARE * lines.size, connectivity=4))
+        return found if found.mean() <= MAX_OVERLAY_SHARE else None
+
+    @property
+    def overlay_share(self) -> float:
+        """Share of the image that shows something fixed to the camera."""
+        found = self.overlay()
+        return 0.0 if found is None else float(found.mean())
+
+    def usable_radius(self) -> float:
+        """Return the radius of the usable part, in half diagonals about the image centre; at most 1."""
+        surround = self.surround()
+        if self.brightest is None or (surround is None and self.allowed is None):
+            return 1.0
+        height, width = self.brightest.shape
+        place = normalised(pixel_grid((width, height)), (width, height))
+        lit = np.ones((height, width), dtype=bool) if surround is None else ~surround
+        radius = np.where(lit, np.linalg.norm(place, axis=-1), 0.0)
+        # A decentred image circle may include one corner, which alone does not determine the radius.
+        reached = float(np.median([radius[(place * corner >= 0).all(axis=-1)].max() for corner in _CORNERS]))
+        if self.allowed is not None:
+            # A mask may hide any side: the vignette is needed up to the outermost usable pixel.
+            reached = min(reached, float(radius[self.allowed].max(initial=0.0)))
+        return reached if 0 < reached < WHOLE_IMAGE_RADIUS else 1.0
+
+    def shows_scene(self, position: FloatArray) -> BoolArray | None:
+        """Return which positions, in half diagonals, show the scene, (n, 2) -> (n,); None if all do."""
+        hidden = [one for one in (self.surround(), self.overlay()) if one is not None]
+        if not hidden:
+            return None
+        anything = np.logical_or.reduce(hidden)
+        size = size_of(anything)
+        x, y = np.clip(np.rint(pixels_of(position, size)).astype(np.int64), 0, np.array(size) - 1).T
+        return np.asarray(~anything[y, x])
+
+    def _observe_fine_structure(self, deviation: Float32Array) -> None:
+        """Add the fine structure of a frame if it shows another view than the latest one."""
+        if self.latest is None or self.fine is None or self.contrast is None:
+            self.latest, self.fine, self.contrast = deviation, deviation.copy(), np.abs(deviation)
+        else:
+            visible = np.minimum(np.abs(deviation), np.abs(self.latest)) > MIN_FINE_STRUCTURE_8_BIT
+            agreeing = np.signbit(deviation[visible]) == np.signbit(self.latest[visible])
+            if agreeing.size < MIN_VIEW_PX or agreeing.mean() > MAX_VIEW_AGREEMENT:
+                return
+            self.latest = deviation
+            self.fine += deviation
+            self.contrast += np.abs(deviation)
+        self.views += 1
+
+
+def _fine_structure(image: npt.NDArray[np.uint8]) -> Float32Array:
+    """Return the deviation of each pixel from its surroundings, limited so that no single pair decides."""
+    level = cv2.medianBlur(image, 3).astype(np.float32)  # without defective pixels and columns
+    deviation = level - cv2.blur(level, (OVERLAY_LINE_PX, OVERLAY_LINE_PX))
+    found = np.clip(deviation, -MAX_FINE_STRUCTURE_8_BIT, MAX_FINE_STRUCTURE_8_BIT)
+    inside = np.zeros_like(found)  # surroundings that extend beyond the border are mirrored, so they deviate
+    margin = OVERLAY_LINE_PX // 2
+    inside[margin:-margin, margin:-margin] = found[margin:-margin, margin:-margin]
+    return np.asarray(inside)
+
+
+def _large_parts(mask: BoolArray, min_px: float, *, connectivity: int) -> BoolArray:
+    """Return the connected parts of a mask with at least this many pixels."""
+    _, label, statistics, _ = cv2.connectedComponentsWithStats(mask.view(np.uint8), connectivity=connectivity)
+    large = statistics[:, cv2.CC_STAT_AREA] >= min_px
+    large[0] = False  # the background
+    return np.asarray(large[label])
+
+
+def _widened(mask: BoolArray) -> BoolArray:
+    """Return a mask with a margin around it."""
+    side = 2 * SURROUND_MARGIN_PX + 1
+    return np.asarray(cv2.dilate(mask.astype(np.uint8), np.ones((side, side), np.uint8)) > 0)

@@ -1,0 +1,118 @@
+"""The part of the image that shows the scene: usable radius and overlays."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+
+import cv2
+import numpy as np
+import pytest
+
+from ospc import Frame
+from ospc.arrays import BoolArray, Image
+from ospc.correspondence.scene_area import SceneArea
+from ospc.photometry.geometry import normalised
+from workers import preprocessor
+
+SIZE = (160, 120)
+
+
+def area_of(images: Iterable[Image], mask: BoolArray | None = None) -> SceneArea:
+    """Return what is known after these images."""
+    area, prepare = SceneArea(), preprocessor()
+    for image in images:
+        area.observe(prepare(Frame.of_array(image, 1.0)), mask)
+    return area
+
+
+def views(offsets: Iterable[tuple[int, int]], seed: int = 0) -> list[Image]:
+    """Return views of a textured plane at offsets (x, y) in pixels, with noise."""
+    random = np.random.default_rng(seed)
+    texture = sum(
+        cv2.resize(random.normal(0, 12, (600 // n, 800 // n)), (800, 600), interpolation=cv2.INTER_CUBIC)
+        for n in (2, 5, 20)
+    )
+    width, height = SIZE
+    return [
+        np.clip(110 + texture[y : y + height, x : x + width] + random.normal(0, 1, SIZE[::-1]), 0, 255).astype(
+            np.uint8
+        )
+        for x, y in offsets
+    ]
+
+
+WALK = [(11 * i % 600, 17 * i % 450) for i in range(40)]
+TREMBLE = [(100 + i % 3, 100 + i % 2) for i in range(40)]
+TWO_VIEWS = [(0, 0), (300, 300)] * 20
+
+
+def letters() -> BoolArray:
+    """Return the pixels of a word."""
+    word = np.zeros(SIZE[::-1], np.uint8)
+    cv2.putText(word, "REC", (30, 70), cv2.FONT_HERSHEY_SIMPLEX, 1.6, 255, 6)
+    return word > 0
+
+
+def box() -> BoolArray:
+    """Return the pixels of a box in a corner."""
+    mask = np.zeros(SIZE[::-1], bool)
+    mask[:22, :50] = True
+    return mask
+
+
+@pytest.mark.parametrize(
+    ("used", "expected"),
+    [
+        (np.s_[:59, :], 1.0),
+        (np.s_[:75, :], 1.0),
+        (np.s_[:, 80:], 1.0),
+        (np.s_[30:90, 40:120], 0.5),
+        (np.s_[30:90, :], 0.86),
+    ],
+)
+def test_a_mask_reaches_as_far_as_any_pixel_in_use(used: tuple[slice, slice], expected: float) -> None:
+    mask = np.zeros(SIZE[::-1], bool)
+    mask[used] = True
+    image = np.random.default_rng(0).integers(50, 200, SIZE[::-1]).astype(np.uint8)
+    assert area_of([image], mask).usable_radius() == pytest.approx(expected, abs=0.03)
+
+
+@pytest.mark.parametrize("shape", [letters, box])
+@pytest.mark.parametrize("opacity", [0.4, 1.0])
+def test_an_overlay_is_covered_with_its_inside_and_little_else(
+    shape: Callable[[], BoolArray], opacity: float
+) -> None:
+    covered = shape()
+    images = [
+        np.where(covered, (1 - opacity) * image + opacity * 240, image).astype(np.uint8) for image in views(WALK)
+    ]
+    found = area_of(images).overlay()
+    assert found is not None
+    assert found[covered].all()
+    nearby = cv2.dilate(covered.astype(np.uint8), np.ones((21, 21), np.uint8)) > 0
+    assert not found[~nearby].any()
+
+
+@pytest.mark.parametrize("offsets", [WALK, WALK[:5], WALK[:12], TREMBLE, TWO_VIEWS, [(0, 0)] * 40])
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_a_scene_is_no_overlay(offsets: list[tuple[int, int]], seed: int) -> None:
+    area = area_of(views(offsets, seed))
+    assert area.overlay() is None
+    assert area.overlay_share == 0
+
+
+def test_defective_pixels_and_the_edge_of_a_fisheye_are_no_overlay() -> None:
+    random = np.random.default_rng(3)
+    defects = random.random(SIZE[::-1]) < 0.005
+    disc = np.linalg.norm(np.indices(SIZE[::-1]) - np.reshape([60, 80], (2, 1, 1)), axis=0) < 55
+    images = [np.where(disc, np.where(defects, 255, image), 0).astype(np.uint8) for image in views(WALK)]
+    assert area_of(images).overlay() is None
+
+
+def test_places_under_an_overlay_do_not_show_the_scene() -> None:
+    covered = box()
+    images = [np.where(covered, 0, image).astype(np.uint8) for image in views(WALK)]
+    pixels = np.array([[25.0, 10.0], [120.0, 80.0], [25.0, 100.0]])
+    shown = area_of(images).shows_scene(normalised(pixels, SIZE))
+    assert shown is not None
+    assert shown.tolist() == [False, True, True]
