@@ -186,9 +186,10 @@ def good_sources(count: int, frames: int, data: Path | None = None) -> tuple[lis
     return [*sources, VideoSource(VIDEO, data / VIDEO, most_frames=None)], []
 
 
-_SATURATED, _SATURATED_FROM = 2.0, 246
-"""Irradiance, relative to white, assumed for saturated pixels of the real video, and the lowest grey value that
-counts as saturated: its white is not 255 but accumulates at 249, with noise of two levels."""
+_SATURATED, _SATURATED_FROM = 1.16, 246
+"""Irradiance of saturated pixels of the real video, relative to white, and the lowest grey value that counts as
+saturated: its white is not 255 but accumulates at 249, with noise of two levels. Only frames of 32 ms have them. With
+this irradiance, the mean of such a frame is twice that of the frame of 16 ms before it, as for all shorter exposures."""
 
 _GREY_NOISE = 0.5
 """Noise of images made from the real video, in grey values. They contain the noise of its frames, but a frame that is
@@ -235,7 +236,6 @@ def _filmed(source: VideoSource) -> Footage:
         return np.clip(noisy, 0, 255).astype(np.uint8)
 
     images = tuple(frame.image_8_bit for frame in frames)
-    # The brightness of saturated pixels is unknown; they must stay saturated if a fault takes some of the light.
     light = np.stack(
         [
             np.where(image >= _SATURATED_FROM, _SATURATED, response.inverse(image / 255)).astype(np.float32)

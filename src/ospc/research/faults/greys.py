@@ -90,7 +90,8 @@ def _tone_mapped(footage: Footage, share: float) -> Footage:
         around = cv2.resize(cv2.GaussianBlur(small, (0, 0), small.shape[1] / 8), image.shape[::-1])
         return np.asarray(image * (128 / np.maximum(around, 1.0)) ** share)
 
-    return _filtered(footage, mapped)
+    # In a bracket of one view, the surroundings brighten with the exposure: to the images, it is a power of it.
+    return replace(_filtered(footage, mapped), power=1 / (1 - share))
 
 
 def _temporal(footage: Footage, share: float) -> Footage:
