@@ -49,7 +49,6 @@ def test_a_few_frames_of_the_same_camera_only_refine_the_calibration(yesterday, 
     earlier = PriorCalibration.open(yesterday / name)
     own, seen = today(CAMERA, groups=6)
     found = earlier.continued(own, seen)
-    assert earlier.difference(seen) is None
     assert found.complete
     assert "starting from" in found.verdicts["response"].reason
     assert found.source["started_from"]["changed"] == []
@@ -64,7 +63,6 @@ def test_another_lens_is_noticed_and_yesterday_forgotten(yesterday, name):
     earlier = PriorCalibration.open(yesterday / name)
     own, seen = today(OTHER_LENS, groups=60)
     found = earlier.continued(own, seen)
-    assert earlier.difference(seen).parts == ("vignette",)
     assert found.source["started_from"]["changed"] == ["vignette"]
     assert "another lens, or its focus" in found.verdicts["vignette"].reason
     np.testing.assert_array_equal(found.vignette.image(), own.vignette.image())
@@ -101,10 +99,10 @@ def test_the_earlier_response_may_have_another_basis(monkeypatch, tmp_path, inte
     grey = np.linspace(0.05, 0.95, 19)
     np.testing.assert_allclose(found.response.inverse(grey), before.response.inverse(grey), rtol=0.01)
     own, seen = today(CAMERA, groups=6)
-    assert earlier.difference(seen) is None
     assert earlier.continued(own, seen).complete
     ended = Epoch(0, 9, before, Change(10, 20, "vignette", "the vignette changed"))
-    assert response_before_change([ended], np.zeros(20)).difference(seen) is None
+    after_change = response_before_change([ended], np.zeros(20)).continued(own, seen)
+    assert after_change.source["started_from"]["changed"] == []
 
 
 @pytest.mark.parametrize("change", [{"functions": "no such"}, {"knots": [0.0, 0.7, 1.0]}, {"coefficients": [1.0]}])

@@ -228,7 +228,6 @@ class MaximumLikelihoodMethod:
             pairs=self._reservoir.groups_before(len(exposures), self._pairs),
             usable_radius=self._scene_area.usable_radius(),
             grey_range=grey_range,
-            single_pixels=self._stationary.used_series is not None,
             inter_coded=self._inter_coded,
             overlay_share=self._scene_area.overlay_share,
         )

@@ -53,15 +53,13 @@ class FitInputs:
         All observations with their exposures, stretched to the grey range, and the fit to them; None if there are
         none or they do not allow a fit.
     standing_still
-        Whether the camera was stationary.
+        Whether the camera was stationary: each observation is then a single pixel instead of a mean of several.
     pairs
         Number of pairs of frames registered.
     usable_radius
         Radius in half diagonals of the usable part of the image: less than 1 for a fisheye.
     grey_range
         Grey levels of black and white.
-    single_pixels
-        Whether each observation is a single pixel instead of a mean of several.
     inter_coded
         Whether the frames come from a video that codes them as changes of others, see :data:`INTER_CODED_SIGMAS`.
     overlay_share
@@ -77,7 +75,6 @@ class FitInputs:
     pairs: int
     usable_radius: float = 1.0
     grey_range: GreyRange = FULL_RANGE
-    single_pixels: bool = False
     inter_coded: bool = False
     overlay_share: float = 0.0
 

@@ -114,10 +114,6 @@ class PriorCalibration:
                 f"{size[0]}×{size[1]}; start from a calibration of the same size"
             )
 
-    def difference(self, today: Summary | None) -> Difference | None:
-        """Return how today's recording differs from the earlier ones; None if it does not."""
-        return difference_of(today, self._apart_from(today))
-
     def _apart_from(self, today: Summary | None) -> Summary | None:
         """Return the joint summary without today's recording, which must not count twice; None if there is none."""
         others = tuple(s for s in self.pool.summaries if today is None or s.key != today.key)
@@ -148,21 +144,33 @@ class PriorCalibration:
         unlike = "" if earlier is None or today is None else why_unlike(earlier, today)
         difference = None if unlike else difference_of(today, earlier)
         changed, text = ([], "") if difference is None else (list(difference.parts), difference.text)
-        source = own.source | {"started_from": {"name": self.name, "changed": changed, "text": text}}
+        own = replace(
+            own, source=own.source | {"started_from": {"name": self.name, "changed": changed, "text": text}}
+        )
         if earlier is None:
-            note = f"{self.name} was not used: it is from this same recording, which must not count twice"
-            return replace(own, source=source, notes=(*own.notes, note))
+            return self._not_used(own, "it is from this same recording, which must not count twice")
         if unlike:
-            note = f"{self.name} was not used: {unlike}, so it is of another camera or mode"
-            return replace(own, source=source, notes=(*own.notes, note))
-        verdicts = dict(own.verdicts)
+            return self._not_used(own, f"{unlike}, so it is of another camera or mode")
         if difference is not None:
-            for part in difference.parts:
-                reason = f"{verdicts[part].reason}; it has changed since {self.name}: {text}"
-                verdicts[part] = replace(verdicts[part], reason=reason)
-            note = f"this is not the camera of {self.name}: {text}"
-            return replace(own, source=source, verdicts=verdicts, notes=(*own.notes, note))
+            return self._contradicted(own, difference)
+        return self._together(own, earlier, today)
+
+    def _not_used(self, own: Calibration, reason: str) -> Calibration:
+        return replace(own, notes=(*own.notes, f"{self.name} was not used: {reason}"))
+
+    def _contradicted(self, own: Calibration, difference: Difference) -> Calibration:
+        """Return today's calibration with verdicts that say what has changed."""
+        verdicts = dict(own.verdicts)
+        for part in difference.parts:
+            reason = f"{verdicts[part].reason}; it has changed since {self.name}: {difference.text}"
+            verdicts[part] = replace(verdicts[part], reason=reason)
+        note = f"this is not the camera of {self.name}: {difference.text}"
+        return replace(own, verdicts=verdicts, notes=(*own.notes, note))
+
+    def _together(self, own: Calibration, earlier: Summary, today: Summary | None) -> Calibration:
+        """Return the calibration from the earlier recordings and today's."""
         together = merge(Pool.of([earlier] if today is None else [earlier, today])).calibration
+        verdicts = dict(own.verdicts)
         for name, verdict in together.verdicts.items():
             begins = _knows(earlier, name)
             if today is None and not begins:
@@ -183,7 +191,6 @@ class PriorCalibration:
                 *(verdicts[name].remedy for name in together.verdicts if verdicts[name].remedy),
                 *(() if own.coverage is None else own.coverage.gaps(own.max_grey)),
             ),
-            source=source,
         )
 
 

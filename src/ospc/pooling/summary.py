@@ -256,7 +256,7 @@ def _information(
     inputs: FitInputs, fit: Fit, observations: ExposedObservations
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return A, b, A S A and the estimate, all in the common parameters."""
-    noise = None if inputs.single_pixels else inputs.grey_range.stretched_noise(inputs.noise)
+    noise = None if inputs.standing_still else inputs.grey_range.stretched_noise(inputs.noise)
     vignette = replace(VIGNETTE, usable_radius=inputs.usable_radius)
     estimator = MaximumLikelihoodEstimator(RESPONSE, vignette, noise, fit.effects)
     fitted, in_common = Fitted(fit, observations, noise), _in_common(fit, vignette)

@@ -189,7 +189,7 @@ def good_sources(count: int, frames: int, data: Path | None = None) -> tuple[lis
 _SATURATED, _SATURATED_FROM = 1.16, 246
 """Irradiance of saturated pixels of the real video, relative to white, and the lowest grey value that counts as
 saturated: its white is not 255 but accumulates at 249, with noise of two levels. Only frames of 32 ms have them. With
-this irradiance, the mean of such a frame is twice that of the frame of 16 ms before it, as for all shorter exposures."""
+this irradiance, their mean is twice that of the frames of 16 ms before them, as for all shorter exposures."""
 
 _GREY_NOISE = 0.5
 """Noise of images made from the real video, in grey values. They contain the noise of its frames, but a frame that is
