@@ -109,6 +109,21 @@ def test_defective_pixels_and_the_edge_of_a_fisheye_are_no_overlay() -> None:
     assert area_of(images).overlay() is None
 
 
+def test_the_dark_corners_of_a_wide_lens_show_the_scene() -> None:
+    width, height = SIZE
+    y, x = np.indices((height, width)) - np.reshape([(height - 1) / 2, (width - 1) / 2], (2, 1, 1))
+    tangent = 1.6 * np.hypot(x, y) / np.hypot(width / 2, height / 2)
+    attenuation = (1 + tangent**2) ** -2  # cos⁴: 0.08 at the corners
+    corners = area_of((2 * image * attenuation).clip(0, 255).astype(np.uint8) for image in views(WALK))
+    assert corners.surround() is None
+    assert corners.usable_radius() == 1
+    circle = np.where(tangent < 1.2, attenuation, 0.02)
+    surround = area_of((2 * image * circle).clip(0, 255).astype(np.uint8) for image in views(WALK)).surround()
+    assert surround is not None
+    assert surround[tangent >= 1.2].all()
+    assert not surround[tangent < 1.0].any()
+
+
 def test_places_under_an_overlay_do_not_show_the_scene() -> None:
     covered = box()
     images = [np.where(covered, 0, image).astype(np.uint8) for image in views(WALK)]

@@ -20,6 +20,7 @@ from ospc.settings.grey_values import (
     MAX_SURROUND_SHARE,
     MAX_VIEW_AGREEMENT,
     MIN_CIRCLE_FRAMES,
+    MIN_EDGE_RATIO,
     MIN_FINE_STRUCTURE_8_BIT,
     MIN_LIT_8_BIT,
     MIN_OVERLAY_AGREEMENT,
@@ -85,7 +86,10 @@ class SceneArea:
         outside = np.isin(label, corners[corners > 0])
         if np.count_nonzero(corners) < MIN_SURROUND_CORNERS or outside.mean() < MIN_SURROUND_AREA:
             return None
-        return _widened(outside)
+        # An image circle has an edge. The dark corners of a wide lens do not, and they show the scene.
+        inside = _widened(outside, 2 * SURROUND_MARGIN_PX) & ~_widened(outside)
+        within, beyond = np.median(self.brightest[inside]), np.median(self.brightest[outside])
+        return _widened(outside) if within > MIN_EDGE_RATIO * beyond else None
 
     def overlay(self) -> BoolArray | None:
         """Return which pixels show something fixed to the camera, in the small size, shape (h, w); None if none."""
@@ -176,7 +180,7 @@ def _large_parts(mask: BoolArray, min_px: float, *, connectivity: int) -> BoolAr
     return np.asarray(large[label])
 
 
-def _widened(mask: BoolArray) -> BoolArray:
+def _widened(mask: BoolArray, margin_px: int = SURROUND_MARGIN_PX) -> BoolArray:
     """Return a mask with a margin around it."""
-    side = 2 * SURROUND_MARGIN_PX + 1
+    side = 2 * margin_px + 1
     return np.asarray(cv2.dilate(mask.astype(np.uint8), np.ones((side, side), np.uint8)) > 0)

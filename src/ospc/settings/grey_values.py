@@ -58,6 +58,11 @@ horizon also stays where it is if the camera only turns, but separates larger pa
 MAX_OVERLAY_SHARE = 0.4
 """Maximum share of the image that overlays cover: if it is exceeded, the scene itself hardly changes."""
 
+MIN_EDGE_RATIO = 3.0
+"""Minimum typical grey level next to the margin of a surround, relative to that of the surround. Inside the edge of
+an image circle, it is ten times as bright, or still five times where V falls to 0.3 and stray light reaches 0.06. In
+dark corners of wide lenses, where V falls smoothly to 0.08 or 0.18, it is 1.5 to 2.3 times as bright."""
+
 WHOLE_IMAGE_RADIUS = 0.97
 """If the usable radius reaches this value, the image counts as usable up to its corners."""
 
