@@ -16,6 +16,7 @@ from ospc.correspondence.registration import make_registrar
 from ospc.correspondence.reservoir import Reservoir
 from ospc.correspondence.scene_area import SceneArea
 from ospc.correspondence.static_series import StaticSeries
+from ospc.estimation.black_level import black_level
 from ospc.estimation.fit import Fit
 from ospc.estimation.model_choice import fit_with_chosen_effects
 from ospc.exposures.brightness import BrightnessChange
@@ -42,6 +43,7 @@ from ospc.settings.methods import (
     QUICK_FIT_POINTS,
     REFERENCE_FIT_PAIRS,
 )
+from ospc.settings.response import BLACK_LEVEL_ACCURACY, MIN_BLACK_LEVEL
 from ospc.state_rules.maximum_likelihood import check_state
 
 
@@ -216,14 +218,22 @@ class MaximumLikelihoodMethod:
             self._inputs = {**of_same_frames, key: self._new_inputs(exposures, grey_range)}
         return self._inputs[key]
 
-    def _new_inputs(self, exposures: ExposureTable, grey_range: GreyRange) -> FitInputs:
+    def _new_inputs(
+        self, exposures: ExposureTable, grey_range: GreyRange, least_black: float = MIN_BLACK_LEVEL
+    ) -> FitInputs:
+        """Return the inputs; if the fit shows a higher black level, the fit with that one."""
         observations = self._observations(exposures, grey_range)
+        fit = None if observations is None else self._fitted(observations, grey_range)
+        if fit is not None and observations is not None and not self._stationary.stands_still:
+            black = black_level(fit, observations, least_black)
+            if black > 0:
+                return self._new_inputs(exposures, grey_range.with_black_at(black), BLACK_LEVEL_ACCURACY)
         return FitInputs(
             size=self._size,
             max_grey=self._max_grey,
             noise=self._noise.model(),
             observations=observations,
-            fit=None if observations is None else self._fitted(observations, grey_range),
+            fit=fit,
             standing_still=self._stationary.stands_still,
             pairs=self._reservoir.groups_before(len(exposures), self._pairs),
             usable_radius=self._scene_area.usable_radius(),

@@ -62,6 +62,10 @@ class GreyRange:
         """Return the original grey levels of stretched ones."""
         return np.asarray(self.black + self.span * np.asarray(level, dtype=np.float64))
 
+    def with_black_at(self, level: float) -> GreyRange:
+        """Return the range with black at a stretched grey level."""
+        return replace(self, black=self.black + level * self.span)
+
     @property
     def span(self) -> float:
         """White minus black."""

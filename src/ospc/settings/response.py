@@ -75,3 +75,23 @@ every knot."""
 START_WALK = 1.0
 START_DRIFT = 1.0
 """Hyperparameters until they are first selected, in the first round."""
+
+# The black level (ospc.estimation.black_level)
+
+BRIGHTEST_OF_BLACK_LEVEL = 0.5
+"""Highest knot of the line that shows the black level: above, it changes the local gamma by less than the response's
+own shape does."""
+
+MIN_BLACK_LEVEL_KNOTS = 4
+"""Minimum number of knots for a line with an error."""
+
+MIN_RECIPROCAL_GAMMA_SIGMA = 0.001
+"""Lower limit of the standard deviation of a reciprocal local gamma: between knots, it is not exactly a line."""
+
+BLACK_LEVEL_SIGMAS, MIN_BLACK_LEVEL, BLACK_LEVEL_ACCURACY = 3.0, 1 / 255, 0.0005
+"""Significance of a black level; the lowest that counts, because the basis can follow a lower one; and the accuracy
+to which one that counts is found. With pedestals of 0.04 to 0.0625, the first estimate is 0.038 to 0.0625; that of
+gamma curves is 0.0000 ± 0.0005."""
+
+MAX_BLACK_LEVEL = 0.25
+"""Highest black level: pedestals are at most a tenth of the scale, and lifted blacks of photographs hardly more."""
