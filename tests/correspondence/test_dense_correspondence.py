@@ -24,6 +24,7 @@ from ospc.photometry.vignette import PolynomialVignette
 from ospc.recording.frame import Frame
 from ospc.second_thread import SecondThread
 from ospc.settings import DefaultSettings
+from ospc.settings.registration import MIN_REGISTERED_SIDE_PX
 from workers import flat_sampler, preprocessor
 
 SIZE = (320, 240)
@@ -44,9 +45,9 @@ def ramp(width, height, across, down, base, white=255, dtype=np.uint8):
 # Views
 
 
-@given(st.integers(2, 253), st.sampled_from([(64, 48), (90, 61), (33, 200)]), st.integers(20, 100))
+@given(st.integers(2, 253), st.sampled_from([(256, 192), (361, 245), (203, 400)]), st.integers(130, 400))
 def test_reduction_keeps_an_even_image(level, size, longest):
-    frame = preprocessor(longest_side=longest, registration_side=30)(
+    frame = preprocessor(longest_side=longest, registration_side=130)(
         of_array(np.full(size[::-1], level, np.uint8), 2.5)
     )
     assert max(frame.grey.shape) <= longest
@@ -54,8 +55,19 @@ def test_reduction_keeps_an_even_image(level, size, longest):
     np.testing.assert_allclose(frame.gradient, 0, atol=1e-7)
     assert not frame.clipped.any()
     assert np.all(frame.small == level)
-    assert max(frame.small.shape) <= 30
+    assert max(frame.small.shape) <= 130
     assert frame.size == size
+
+
+@pytest.mark.parametrize("size", [(640, 48), (1920, 150), (8192, 100), (1600, 33), (33, 1600)])
+def test_a_strip_stays_wide_enough_to_be_registered(size):
+    """OpenCV's dense search crashes on images that are wide and only a few patches high."""
+    noise = np.random.default_rng(0).integers(0, 256, size[::-1], np.uint8)
+    frame = preprocessor()(of_array(cv2.GaussianBlur(noise, (0, 0), 6)))
+    assert min(*frame.grey.shape, *frame.small.shape) >= MIN_REGISTERED_SIDE_PX
+    assert preprocessor().small_size(size) == frame.small.shape[::-1]
+    registration = DenseRegistration()(frame, frame, lambda first, second, _ratio: (first.small, second.small))
+    np.testing.assert_allclose(registration.forward, 0, atol=0.1)
 
 
 @pytest.mark.parametrize(("longest", "reduction"), [(400, 1), (200, 2), (100, 4)])

@@ -25,6 +25,7 @@ from ospc.settings.registration import (
     MAX_BLACK_SHARE,
     MAX_WHITE_SHARE,
     MIN_FLAT_AREA_RATIO,
+    MIN_REGISTERED_SIDE_PX,
     MIN_SMOOTHING_VARIANCE,
     REGISTRATION_SIDE_PX,
     SURROUND_SIGMA,
@@ -95,7 +96,7 @@ class Preprocessor:
     """Preprocesses frames; raises a FrameError if a frame's image cannot be read."""
 
     longest_side: int
-    """Maximum side length of reduced frames."""
+    """Maximum side length of reduced frames, unless they would be too narrow to be registered."""
     smoothing_px: float
     """Standard deviation of the smoothing of the grey levels, in reduced pixels."""
     registration_side: int = REGISTRATION_SIDE_PX
@@ -114,7 +115,7 @@ class Preprocessor:
         squares = _reduced(cv2.multiply(averaged, averaged, dtype=cv2.CV_32F), reduction)
         squares = cv2.GaussianBlur(squares, (0, 0), self.smoothing_px, dst=squares)
         squares /= np.float32(white) ** 2
-        further = self._further_reduction(max(reduced.shape))
+        further = self._further_reduction(size_of(reduced))
         small = _reduced(reduced, further)
         levels = cv2.convertScaleAbs(small, alpha=255.0 / white)
         counts = cv2.calcHist([levels], [0], None, [256], [0, 256]).ravel().astype(np.int64)
@@ -144,15 +145,17 @@ class Preprocessor:
 
     def small_size(self, size: ImageSize) -> ImageSize:
         """Return the width and height used for registration, for frames of a size."""
-        width, height = (side // self._reduction(size) for side in size)
-        further = self._further_reduction(max(width, height))
+        reduction = self._reduction(size)
+        width, height = size[0] // reduction, size[1] // reduction
+        further = self._further_reduction((width, height))
         return width // further, height // further
 
     def _reduction(self, size: ImageSize) -> int:
-        return -(-max(size) // self.longest_side)
+        return min(-(-max(size) // self.longest_side), _largest_reduction(size))
 
-    def _further_reduction(self, longest: int) -> int:
-        return int(2 ** max(0, int(np.ceil(np.log2(longest / self.registration_side)))))
+    def _further_reduction(self, size: ImageSize) -> int:
+        halvings = np.ceil(np.log2(max(size) / self.registration_side))
+        return int(2 ** np.clip(halvings, 0, np.floor(np.log2(_largest_reduction(size)))))
 
     def _gradient(self, small: Float32Array, further: int, white: int) -> Float32Array:
         # Variances of successive smoothings add up, including that of the reduction to the small image.
@@ -176,6 +179,11 @@ class Preprocessor:
         # Not in bytes, where a single masked pixel could be rounded to zero.
         masked = _mean_nearby(_reduced((~frame.mask).view(np.uint8), reduction), BLACK_MARGIN_PX)
         return np.asarray(clipped | (masked > 0))
+
+
+def _largest_reduction(size: ImageSize) -> int:
+    """Return the largest reduction after which an image can be registered."""
+    return max(1, min(size) // MIN_REGISTERED_SIDE_PX)
 
 
 def _mean_nearby(image: Image, margin_px: int) -> Image:

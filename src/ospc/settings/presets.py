@@ -185,7 +185,7 @@ class DefaultSettings:
         Change of ln exposure beyond which a pair no longer provides information about the response.
     longest_side_px
         Images are reduced until their longer side has at most this length, in pixels, before they are compared; 800
-        keeps 640×480 unchanged and halves 1280×1024.
+        keeps 640×480 unchanged and halves 1280×1024. The shorter side keeps at least 32 pixels.
     smoothing_px
         Standard deviation, in pixels, of the smoothing applied to grey levels before sampling.
     grid_spacing_px

@@ -11,7 +11,8 @@ FLATNESS_PX = 2.5
 image has to be flat."""
 
 REGISTRATION_SIDE_PX = 400
-"""Frames are registered at the reduced size or its first half, quarter, … that is at most this long."""
+"""Frames are registered at the reduced size or its first half, quarter, … that is at most this long, unless it is
+narrower than :data:`MIN_REGISTERED_SIDE_PX`."""
 
 BLACK_MARGIN_PX = 3
 MAX_BLACK_SHARE = 0.25
@@ -85,7 +86,9 @@ MAX_THUMBNAIL_ERROR_PX = 1.0
 """Largest forward-backward registration error of a point, in thumbnail pixels."""
 
 MIN_REGISTERED_SIDE_PX = 32
-"""Dense inverse search needs a few patches along each side; smaller images are treated as stationary."""
+"""Dense inverse search needs a few patches along each side: OpenCV's ends the process with a segmentation fault on
+images that are wide and lower than this. Frames are not reduced any further; smaller thumbnails are treated as
+stationary."""
 
 MIN_EXPOSED_SHARE = 0.99
 """Interpolated share of exposed pixels above which a point is exposed: all its neighbours are, up to rounding."""
