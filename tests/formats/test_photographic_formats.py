@@ -111,6 +111,19 @@ def test_adobe_and_hugin_keep_a_centre_of_its_own(tmp_path):
         assert np.abs(back.image() - expected).max() < fit.worst + 0.002
 
 
+def test_hugin_computes_the_same_vignette(tmp_path):
+    """ResponseTransform::calcVigFactor of hugin, whose radius is 1 at half the hypotenuse of width and height."""
+    width, height = SIZE
+    vignette = PolynomialVignette(SIZE, POLYNOMIAL.coefficients, DECENTRED.centre)
+    write_pto(tmp_path / "a.pto", vignette)
+    text = (tmp_path / "a.pto").read_text()
+    b, c, d, shift_x, shift_y = (float(re.search(rf" V{key}(\S+)", text)[1]) for key in "bcdxy")
+    x, y = np.meshgrid(np.arange(width) - (width - 1) / 2 - shift_x, np.arange(height) - (height - 1) / 2 - shift_y)
+    squared = (x**2 + y**2) / ((width / 2) ** 2 + (height / 2) ** 2)
+    factor = 1 + b * squared + c * squared**2 + d * squared**3
+    np.testing.assert_allclose(factor, vignette.image(), atol=1e-6)
+
+
 @pytest.mark.parametrize("name", ["a.pto", "a.lcp"])
 def test_an_imported_centre_is_exported_again(name, tmp_path):
     def write(vignette, path):

@@ -1,12 +1,14 @@
 """Responses and vignettes in project files of hugin (.pto).
 
-An image line has the vignette as Vb, Vc, Vd for radii in half diagonals, with a shift Vx, Vy of its centre in pixels,
-and the response as five coefficients Ra to Re of the empirical model of response (EMoR, Grossberg and Nayar 2004).
-The base curves of this model are not distributed with this package; they are read from ``emor.txt`` of the authors.
+An image line has the vignette as Vb, Vc, Vd for radii that are 1 at the outer corner of a corner pixel, with a shift
+Vx, Vy of its centre in pixels, and the response as five coefficients Ra to Re of the empirical model of response
+(EMoR, Grossberg and Nayar 2004). The base curves of this model are not distributed with this package; they are read
+from ``emor.txt`` of the authors.
 """
 
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,7 +18,7 @@ import numpy as np
 from ospc.arrays import FloatArray, ImageSize
 from ospc.errors import FormatError
 from ospc.formats.files import read_text, write_text
-from ospc.formats.radial import RadialFit, fit_radial
+from ospc.formats.radial import RadialFit, fit_radial, rescaled
 from ospc.formats.scanning import finite_number
 from ospc.photometry.geometry import half_diagonal, image_size
 from ospc.photometry.response import Response
@@ -127,7 +129,7 @@ def write_pto(
         coefficients, residual = emor.fit(response)
         emor.response(coefficients)  # raises an error if the curve cannot be inverted
     width, height = size if fit is None else fit.size
-    v = (0.0, 0.0, 0.0) if fit is None else fit.coefficients
+    v = (0.0, 0.0, 0.0) if fit is None else rescaled(fit.coefficients, _unit(fit.size))
     shift = (0.0, 0.0) if fit is None else tuple(c * half_diagonal(fit.size) for c in fit.centre)
     curve = " ".join(
         f"{key}{value:.12g}" for key, value in zip(("Ra", "Rb", "Rc", "Rd", "Re"), coefficients, strict=True)
@@ -168,4 +170,10 @@ def _fit(images: list[dict[str, str]], index: int) -> RadialFit:
 
     size = image_size(value("w"), value("h"))
     half = half_diagonal(size)
-    return RadialFit(size, (value("Vb"), value("Vc"), value("Vd")), (value("Vx") / half, value("Vy") / half))
+    coefficients = rescaled((value("Vb"), value("Vc"), value("Vd")), 1 / _unit(size))
+    return RadialFit(size, coefficients, (value("Vx") / half, value("Vy") / half))
+
+
+def _unit(size: ImageSize) -> float:
+    """Return the unit of hugin's radii in half diagonals, which end at the centre of a corner pixel."""
+    return math.hypot(*size) / 2 / half_diagonal(size)
