@@ -112,6 +112,9 @@ def one_line(error: BaseException) -> str:
     text = message_of(error)
     if isinstance(error, MemoryError) or any(sign in text for sign in _NO_MEMORY):
         return "not enough memory; close other programs, or raise the memory limit of this one (ulimit -v)"
+    if isinstance(error, OSError) and error.strerror:
+        reason = error.strerror + "; free some space" * (error.errno in _NO_SPACE)
+        return reason if error.filename is None else f"{error.filename}: {reason}"
     return text if isinstance(error, OspcError) else f"unexpected {type(error).__name__}: {text}".rstrip(": ")
 
 

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import ast
+import errno
 import json
 import os
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import click
@@ -124,3 +127,26 @@ def test_every_command_accepts_a_recording_with_any_name(short_recording, tmp_pa
     assert "\x1b" not in (out / "report.html").read_text("utf-8")
     assert "<b>" not in (out / "report.html").read_text("utf-8")
     (tmp_path / "batch" / "batch.csv").read_text("utf-8")
+
+
+def test_a_name_that_the_file_system_refuses_is_an_ordinary_error():
+    name = "x" * 300
+    assert str(run("compare", name, name).exception) == f"{name}: {os.strerror(errno.ENAMETOOLONG)}"
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs the device /dev/full")
+@pytest.mark.parametrize("words", [("--help",), ("validate", "pcalib.txt", "--json")])
+def test_output_that_cannot_be_written_is_one_line(tmp_path, words):
+    (tmp_path / "pcalib.txt").write_text(" ".join(map(str, range(256))))
+    program = "from ospc.cli.main import main; main()"
+    with Path("/dev/full").open("w") as full:
+        found = subprocess.run(
+            [sys.executable, "-c", program, *words],
+            stdout=full,
+            stderr=subprocess.PIPE,
+            cwd=tmp_path,
+            text=True,
+            check=False,
+        )
+    assert found.stderr == f"ospc: error: {os.strerror(errno.ENOSPC)}; free some space\n"
+    assert found.returncode == 1

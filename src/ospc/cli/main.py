@@ -142,6 +142,6 @@ def main() -> None:
             stream.reconfigure(errors="backslashreplace")  # characters the terminal cannot show must not end a run
     try:
         cli(prog_name="ospc")
-    except OspcError as error:
-        say(f"ospc: error: {error}", err=True)
+    except (OspcError, OSError) as error:  # click prints help before any command is invoked
+        say(f"ospc: error: {one_line(error)}", err=True)
         sys.exit(1)
