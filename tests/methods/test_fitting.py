@@ -13,7 +13,7 @@ from ospc.estimation.response_basis import FUNCTIONS, ResponseBasis
 from ospc.evaluation.metrics import response_shape_rmse, vignette_rmse
 from ospc.photometry.noise import NoiseModel
 from ospc.photometry.response import Response
-from ospc.settings import DefaultSettings
+from ospc.settings import DefaultSettings, FastSettings, PaperSettings
 from synthetic_observations import NONE, POLYNOMIAL, SIZE, Camera
 
 GAMMA = Response.gamma(2.2)
@@ -94,6 +94,19 @@ def test_a_camera_that_stood_still_has_a_response_without_a_vignette():
     found = ospc.fit(still, exposures_ms, noise=NOISE, vignette=False)
     assert response_shape_rmse(found.response(), GAMMA) < 0.006
     assert len(found.vignette_basis) == 0
+
+
+def test_a_preset_can_be_given_by_its_name():
+    exposed, exposures_ms = made(Camera(GAMMA), groups=15)
+    named, given = (ospc.fit(exposed, exposures_ms, settings=chosen) for chosen in ("fast", FastSettings()))
+    np.testing.assert_array_equal(named.parameters, given.parameters)
+
+
+@pytest.mark.parametrize("settings", ["paper", "nonsense", PaperSettings(), 3, None])
+def test_settings_of_another_method_are_refused(settings):
+    exposed, exposures_ms = made(Camera(GAMMA), groups=2)
+    with pytest.raises(SettingError):
+        ospc.fit(exposed, exposures_ms, settings=settings)
 
 
 def test_too_few_points_are_refused():

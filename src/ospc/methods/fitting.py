@@ -15,7 +15,7 @@ from ospc.methods.planned_fit import plan_of_moving_camera, plan_of_stationary_c
 from ospc.methods.summary import exposure_ratios
 from ospc.observations import ExposedObservations, Observations
 from ospc.photometry.noise import NoiseModel
-from ospc.settings import DefaultSettings
+from ospc.settings import DefaultSettings, Settings, preset
 from ospc.settings.methods import CONTRADICTING_UNEXPLAINED_SHARE
 from ospc.settings.vignette import MIN_USABLE_RADIUS
 
@@ -26,7 +26,7 @@ def fit(
     *,
     noise: NoiseModel | None = None,
     vignette: bool = True,
-    settings: DefaultSettings | None = None,
+    settings: Settings | str = "default",
 ) -> Fit:
     """Fit response and vignette to your own correspondences, as the default method does to its own.
 
@@ -43,7 +43,7 @@ def fit(
     vignette
         Whether to estimate the vignette; False for a stationary camera.
     settings
-        Settings of the method; by default those of the preset "default".
+        Settings of the default method, or the name of a preset of it.
 
     Returns
     -------
@@ -53,7 +53,8 @@ def fit(
     Raises
     ------
     SettingError
-        If shapes do not match, values are out of range, or a frame has no exposure.
+        If shapes do not match, values are out of range, a frame has no exposure, or the settings are not of the
+        default method.
     NotObservableError
         If there are too few scene points, their exposures hardly change, or they hardly move radially.
     ExposureError
@@ -66,7 +67,11 @@ def fit(
     >>> found = ospc.fit(pairs, exposures_ms)  # doctest: +SKIP
     >>> response, vignette = found.response(), found.vignette((640, 480))  # doctest: +SKIP
     """
-    known = settings or DefaultSettings()
+    known = preset(settings) if isinstance(settings, str) else settings
+    if not isinstance(known, DefaultSettings):
+        raise SettingError(
+            f"settings are {settings!r}; give 'default', 'fast' or settings such as DefaultSettings(min_points=100)"
+        )
     observations.check()
     exposed = observations.with_exposures(ExposureTable.of(_log_exposure(exposures_ms, observations)))
     _check_observable(exposed, known, vignette)
