@@ -347,9 +347,14 @@ def test_bags_that_are_joined_are_named_in_a_note(tmp_path: Path) -> None:
     assert not any("as one recording" in note for note in open_recording(tmp_path / "made").notes)
 
 
-def test_an_exposure_of_zero_is_unknown(tmp_path: Path) -> None:
-    recording = open_recording(write_bag1(tmp_path / "made", images(FRAMES) + floats([0.0, *MS[1:]])))
+@pytest.mark.parametrize("unknown", [0.0, -1.0])
+def test_an_exposure_that_is_not_positive_is_unknown(unknown: float, tmp_path: Path) -> None:
+    path = write_bag1(tmp_path / "made", images(FRAMES) + floats([unknown, *MS[1:]]))
+    recording = open_recording(path, options=ReadingOptions(exposure_unit=ExposureUnit.MS))
     assert recording.exposures_ms == pytest.approx([np.nan, *MS[1:]], nan_ok=True)
+
+
+def test_exposures_that_are_all_zero_are_refused(tmp_path: Path) -> None:
     with pytest.raises(ExposureError, match="has no positive exposures; check that it is the right field"):
         open_recording(write_bag2(tmp_path / "all", images(FRAMES) + floats([0.0] * 4)))
 

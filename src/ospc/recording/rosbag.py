@@ -263,7 +263,7 @@ def _in_ms(
     values, gains = readings
     unit = carrier.unit or infer_unit(values, interval_ms, source)
     if unit is not ExposureUnit.LOG2_S:
-        values = np.where(values == 0, np.nan, values)  # drivers send 0 while they do not know the exposure
+        values = np.where(values <= 0, np.nan, values)  # drivers send 0 or -1 while they do not know the exposure
     how = "" if carrier.unit is not None else f", in {unit.value}, inferred from their size and the frame rate"
     notes = [f"{source}: exposures are {carrier.summary}{how}"]
     gain_unit = carrier.gain_unit
