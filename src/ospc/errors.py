@@ -103,8 +103,8 @@ def os_error_as(kind: type[OspcError], what: str, remedy: str = "") -> Iterator[
 
 
 def message_of(error: BaseException, most: int | None = None) -> str:
-    """Return the message of an error on one line, cut after ``most`` characters."""
-    return " ".join(str(error).split())[:most]
+    """Return the message of an error on one line, or its type if it has none, cut after ``most`` characters."""
+    return (" ".join(str(error).split()) or type(error).__name__)[:most]
 
 
 def one_line(error: BaseException) -> str:
@@ -115,7 +115,8 @@ def one_line(error: BaseException) -> str:
     if isinstance(error, OSError) and error.strerror:
         reason = error.strerror + "; free some space" * (error.errno in _NO_SPACE)
         return reason if error.filename is None else f"{error.filename}: {reason}"
-    return text if isinstance(error, OspcError) else f"unexpected {type(error).__name__}: {text}".rstrip(": ")
+    name = type(error).__name__
+    return text if isinstance(error, OspcError) else f"unexpected {name}: {text}".removesuffix(f": {name}")
 
 
 def _shortened(message: str) -> str:

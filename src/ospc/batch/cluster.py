@@ -47,8 +47,7 @@ class Cluster:
         try:
             client = distributed.Client(self.address, timeout=_CONNECT_S, set_as_default=False)
         except (OSError, ValueError) as error:
-            text = message_of(error) or type(error).__name__
-            raise SettingError(f"{self.address}: no Dask scheduler answers there ({text})") from None
+            raise SettingError(f"{self.address}: no Dask scheduler answers there ({message_of(error)})") from None
         try:
             yield from _Run(distributed, client, self).answers(iter(tasks))
         finally:

@@ -73,7 +73,7 @@ def work(task: Task) -> Answer:
                     raise RecordingError(f"{place}: its files changed meanwhile; run the command again")
                 answer = replace(answer, result=result.to_bytes())
     except Exception as error:  # the other recordings go on
-        answer = replace(answer, error=one_line(error) or type(error).__name__, result=b"")
+        answer = replace(answer, error=one_line(error), result=b"")
     return replace(answer, seconds=time.monotonic() - begun_s, worker=f"{socket.gethostname()}:{os.getpid()}")
 
 
