@@ -1,4 +1,4 @@
-"""Array types shared between modules, and helpers for sizes, read-only arrays, nearest times and group members."""
+"""Array types shared between modules, and helpers for numbers, sizes, read-only arrays, nearest times and groups."""
 
 from __future__ import annotations
 
@@ -24,6 +24,14 @@ Image: TypeAlias = npt.NDArray[Any]
 
 ImageSize: TypeAlias = tuple[int, int]
 """Width and height in pixels, in this order."""
+
+
+def number_of(value: Any) -> float | None:
+    """Return a number as float, or None if it is not a number. Texts are rejected as ambiguous."""
+    try:
+        return None if isinstance(value, str | bytes) else float(value)
+    except (TypeError, ValueError, OverflowError):
+        return None
 
 
 def size_of(image: Image) -> ImageSize:

@@ -343,7 +343,7 @@ def test_depths_are_not_guessed():
     )
 
 
-@pytest.mark.parametrize("exposure_ms", [0.0, -1.0, np.nan, np.inf, 1e-12])
+@pytest.mark.parametrize("exposure_ms", [0.0, -1.0, np.nan, np.inf, 1e-12, "8", [8.0, 9.0]])
 def test_what_is_no_exposure_is_refused(exposure_ms):
     corrector = Corrector(LINEAR, VIGNETTE)
     for use in (
@@ -357,9 +357,10 @@ def test_what_is_no_exposure_is_refused(exposure_ms):
 
 def test_impossible_options_are_refused():
     corrector = Corrector(LINEAR, VIGNETTE)
-    with pytest.raises(SettingError, match="dtype"):
-        corrector.correct(image_of(0), dtype=np.float64)
-    for white in (0.0, -1.0, np.nan, np.inf):
+    for dtype in (np.float64, "png"):
+        with pytest.raises(SettingError, match="dtype"):
+            corrector.correct(image_of(0), dtype=dtype)
+    for white in (0.0, -1.0, np.nan, np.inf, None, "1", [1.0, 2.0]):
         with pytest.raises(SettingError, match="white"):
             corrector.correct(image_of(0), dtype=np.uint8, white=white)
     for max_grey in (0, 65536):

@@ -8,14 +8,16 @@ at the new position is different.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache, cached_property
+from typing import Any
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 
-from ospc.arrays import BoolArray, Float32Array, FloatArray, Image, ImageSize, IntArray
+from ospc.arrays import BoolArray, Float32Array, FloatArray, Image, ImageSize, IntArray, number_of
 from ospc.errors import ExposureError, FrameError, NotObservableError, SettingError, counted
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import Vignette
@@ -121,9 +123,7 @@ class Corrector:
         """
         pixels = self._checked(image)
         self._require("response", "vignette")
-        kind, scale = np.dtype(dtype), 1.0
-        if kind not in _OUTPUT_TYPES:
-            raise SettingError(f"dtype is {kind}; choose float32, uint8 or uint16")
+        kind, scale = _checked_type(dtype, _OUTPUT_TYPES), 1.0
         if exposure_ms is not None:
             scale = 1.0 / _checked_exposure(exposure_ms)
         inverse = self._inverse_vignette(pixels)
@@ -154,9 +154,7 @@ class Corrector:
         level of the camera becomes the largest value of this type. The image is unchanged where V = 1, and 0 where V
         is below :data:`LEAST_ATTENUATION`.
         """
-        kind = np.dtype(dtype)
-        if kind not in _OUTPUT_TYPES[1:]:
-            raise SettingError(f"dtype is {kind}; re-encoded images are uint8 or uint16")
+        kind = _checked_type(dtype, _OUTPUT_TYPES[1:])
         pixels = self._checked(image)
         self._require("response", "vignette")
         scale = (1.0 if exposure_ms is None else 1.0 / _checked_exposure(exposure_ms)) / _checked_white(white)
@@ -281,19 +279,27 @@ def wrong_size(what: str, found: ImageSize, calibration: str, expected: ImageSiz
     )
 
 
+def _checked_type(dtype: npt.DTypeLike, allowed: Sequence[np.dtype[Any]]) -> np.dtype[Any]:
+    with suppress(TypeError, ValueError):
+        if (kind := np.dtype(dtype)) in allowed:
+            return kind
+    raise SettingError(f"dtype is {dtype!r}; choose {' or '.join(map(str, allowed))}")
+
+
 def _checked_exposure(exposure_ms: float) -> float:
-    low, high = EXPOSURE_RANGE_MS
-    if not low <= exposure_ms <= high:
+    number, (low, high) = number_of(exposure_ms), EXPOSURE_RANGE_MS
+    if number is None or not low <= number <= high:
         raise ExposureError(
             f"exposure {exposure_ms} ms is not a positive number of milliseconds; give the exposure of the image"
         )
-    return float(exposure_ms)
+    return number
 
 
 def _checked_white(white: float) -> float:
-    if not (np.isfinite(white) and _WHITE_RANGE[0] < white < _WHITE_RANGE[1]):
+    number, (low, high) = number_of(white), _WHITE_RANGE
+    if number is None or not low < number < high:
         raise SettingError(f"white is {white}; give a positive number, the irradiance that becomes white")
-    return float(white)
+    return number
 
 
 def look_up(pixels: Image, tables: npt.NDArray[np.generic]) -> npt.NDArray[np.generic]:

@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from ospc.arrays import BoolArray, Image, ImageSize
+from ospc.arrays import BoolArray, Image, ImageSize, number_of
 from ospc.errors import ExposureError, FrameError, message_of
 
 MAX_DECODED_BYTES = 512 * 2**20
@@ -173,13 +173,11 @@ def check_image(pixels: npt.ArrayLike, name: str, *, colour: bool = False) -> Im
 
 
 def checked_number(value: Any, what: str, name: str) -> float:
-    """Return a number as float; ExposureError if it is not a number. Texts are rejected as ambiguous."""
-    try:
-        if not isinstance(value, str | bytes):
-            return float(value)
-    except (TypeError, ValueError, OverflowError):
-        pass
-    raise ExposureError(f"{name}: {what} is {value!r}; give a number")
+    """Return a number as float; ExposureError if it is not a number."""
+    number = number_of(value)
+    if number is None:
+        raise ExposureError(f"{name}: {what} is {value!r}; give a number")
+    return number
 
 
 def check_exposure(exposure_ms: float, name: str) -> None:
