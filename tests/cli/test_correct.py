@@ -244,6 +244,19 @@ def test_another_bit_depth_is_reported(deep, calibration, tmp_path):
     assert "up to 255; its response is stretched to the grey values of the recording, up to 4095" in result.output
 
 
+def test_dark_images_of_a_deep_sensor_are_corrected_like_bright_ones(tmp_path):
+    """They do not show how many bits the sensor has; the calibration knows it."""
+    settings = replace(SETTINGS, bit_depth=12, exposures_ms=(0.1, 0.2))
+    dark = simulate(tmp_path / "dark", settings)
+    assert open_recording(dark.path).max_grey == 1023
+    known = Calibration(settings.size, dark.response, dark.vignette, max_grey=4095)
+    known.save(tmp_path / "calibration.json")
+    result = run(dark.path, tmp_path / "calibration.json", "-o", tmp_path / "out")
+    assert "up to 4095" in result.output
+    for image, frame in zip(written(tmp_path / "out"), open_recording(dark.path), strict=True):
+        np.testing.assert_allclose(image, known.correct(frame.image), rtol=1e-6)
+
+
 # --- existing output ---------------------------------------------------------------------------------------------
 
 

@@ -102,11 +102,12 @@ def tracking(
     from ospc.correction.recording import corrector_for
     from ospc.correction.source import open_source
     from ospc.evaluation.tracking import compare_tracking
-    from ospc.exposures.used import with_used_exposures
+    from ospc.exposures.used import with_calibrated_greys, with_used_exposures
     from ospc.formats.opening import open_photometry
 
     source, photometry = open_source([recording], kind), open_photometry(calibration)
-    frames = with_used_exposures(source.recording, photometry.calibration)
+    known = photometry.calibration
+    frames = with_used_exposures(with_calibrated_greys(source.recording, known), known)
     corrector = corrector_for(frames, photometry, assume_missing=assume_missing)
     with progress_of("tracking", quiet=as_json) as step:
         result = compare_tracking(frames, corrector, progress=step)

@@ -15,7 +15,7 @@ from ospc.correction.folder import CorrectedFolder, Counts
 from ospc.correction.settings import CorrectionSettings
 from ospc.correction.source import Source, ids_for
 from ospc.errors import ExposureError, FrameError, NotObservableError, RecordingError, SettingError
-from ospc.exposures.used import use_of_exposures, with_used_exposures, without_gaps
+from ospc.exposures.used import use_of_exposures, with_calibrated_greys, with_used_exposures, without_gaps
 from ospc.formats.dso import parameter_files, write_times
 from ospc.formats.image_header import JPEG_START, WITH_METADATA, read_header
 from ospc.formats.opening import Photometry
@@ -130,14 +130,14 @@ def correct_recording(
     RecordingError
         If no image can be read.
     """
-    recording = source.recording
+    recording = with_calibrated_greys(source.recording, photometry.calibration)
     corrector = corrector_for(recording, photometry, assume_missing=settings.assume_missing)
     if source.unexposed is not None and settings.normalise_exposure:
         raise ExposureError(f"{source.unexposed}; or leave out --normalise-exposure, which needs exposures")
     known = with_used_exposures(recording, photometry.calibration)
     exposures_ms = known.exposures_ms
     settings = settings.for_images(recording.max_grey, exposures_ms)
-    notes = list(_notes_on(source, photometry, settings))
+    notes = list(_notes_on(source, recording, photometry, settings))
     note = {
         "formula": settings.formula,
         "settings": vars(settings),
@@ -220,9 +220,10 @@ def _sha256(photometry: Photometry) -> str:
     return sha256(table + (b"" if vignette is None else vignette.image().tobytes())).hexdigest()
 
 
-def _notes_on(source: Source, photometry: Photometry, settings: CorrectionSettings) -> Iterator[str]:
+def _notes_on(
+    source: Source, recording: Recording, photometry: Photometry, settings: CorrectionSettings
+) -> Iterator[str]:
     """Yield remarks that the user should read before using the result."""
-    recording = source.recording
     calibrated = None if photometry.calibration is None else photometry.calibration.max_grey
     if calibrated not in (None, recording.max_grey):
         yield (
@@ -233,7 +234,7 @@ def _notes_on(source: Source, photometry: Photometry, settings: CorrectionSettin
         yield photometry.caveat
     if photometry.calibration and (note := use_of_exposures(recording, photometry.calibration)):
         yield note
-    if _has_alpha(recording):
+    if _has_alpha(source.recording):
         yield "images have an alpha channel, which is not written"
     low, high = np.nanmin(recording.exposures_ms), np.nanmax(recording.exposures_ms)
     if settings.output == "grey8" and settings.normalise_exposure and high > _WIDE * low:

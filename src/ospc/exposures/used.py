@@ -1,4 +1,4 @@
-"""The exposures of a recording as its calibration used them: each at its own frame, without wrong ones."""
+"""A recording as its calibration used it: each exposure at its own frame, without wrong ones, and with all bits."""
 
 from __future__ import annotations
 
@@ -82,6 +82,22 @@ def with_used_exposures(recording: Recording, calibration: Calibration | None) -
     exposures_ms = without_gaps(exposures_ms)
     note = use_of_exposures(recording, calibration)
     return DerivedRecording.of(recording, np.arange(len(recording)), exposures_ms, note=note)
+
+
+def with_calibrated_greys(recording: Recording, calibration: Calibration | None) -> Recording:
+    """Return a recording with the largest grey value of the calibration of its camera, and a note, if that is larger.
+
+    It is inferred from the images, and dark ones in 16-bit words do not show all bits of the sensor.
+    """
+    if calibration is None or not calibration.max_grey > recording.max_grey > np.iinfo(np.uint8).max:
+        return recording
+    note = (
+        f"the images only use grey values up to {recording.max_grey}, but the sensor is assumed to have those of the "
+        f"calibration, up to {calibration.max_grey}"
+    )
+    return DerivedRecording.of(
+        recording, np.arange(len(recording)), recording.exposures_ms, max_grey=calibration.max_grey, note=note
+    )
 
 
 def use_of_exposures(recording: Recording, calibration: Calibration) -> str:

@@ -1,4 +1,4 @@
-"""Recordings derived from another one: with fewer frames, other exposures, or a mask."""
+"""Recordings derived from another one: with fewer frames, other exposures, a mask, or more bits."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from ospc.recording.recording import Recording, StoredRecording, stored_bytes
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class DerivedRecording(StoredRecording):
-    """Frames of another recording with different exposures or a mask; the images are unchanged.
+    """Frames of another recording with other exposures, a mask, or another largest grey value; images are unchanged.
 
     ``frames`` are the increasing indices of the frames that are kept, shape (frames,). ``mask`` is True where pixels
     may be used, shape (height, width); None to keep the masks of the inner recording.
@@ -38,15 +38,16 @@ class DerivedRecording(StoredRecording):
         exposures_ms: FloatArray,
         *,
         mask: BoolArray | None = None,
+        max_grey: int | None = None,
         note: str,
         exposures_estimated: bool = False,
     ) -> Self:
-        """Return some frames of a recording with other exposures or a mask, and a note about the change."""
+        """Return some frames of a recording with something else changed, and a note about the change."""
         return cls(
             path=inner.path,
             kind=inner.kind,
             size=inner.size,
-            max_grey=inner.max_grey,
+            max_grey=max_grey or inner.max_grey,
             exposures_ms=exposures_ms,
             stamps_s=inner.stamps_s[frames],
             notes=(*inner.notes, note),
@@ -63,7 +64,8 @@ class DerivedRecording(StoredRecording):
             index = kept.pop(frame.index, None)
             if index is not None:
                 mask = frame.mask if self.mask is None else self.mask
-                yield replace(frame, index=index, exposure_ms=float(self.exposures_ms[index]), mask=mask)
+                exposure_ms = float(self.exposures_ms[index])
+                yield replace(frame, index=index, exposure_ms=exposure_ms, mask=mask, max_grey=self.max_grey)
             if not kept:
                 return  # so that the rest of a video is not decoded
 
