@@ -14,6 +14,7 @@ from image_samples import encoded, grey
 from ospc.errors import FrameError
 from ospc.recording import open_recording
 from ospc.recording.frame import Frame
+from ospc.recording.options import ReadingOptions
 from ospc.recording.pixel_layout import BitDepth, detect_bit_depth
 
 Make = Callable[..., Path]
@@ -52,6 +53,12 @@ def test_the_longest_exposures_decide_not_the_dark_beginning(tum_folder: Make) -
     images = {f"{i}.png": encoded(grey(i, dtype=np.uint16, top=top)) for i, top in enumerate(tops)}
     recording = open_recording(tum_folder("".join(f"{i} {i} {i + 1}\n" for i in range(6)), images))
     assert recording.max_grey == 4095
+
+
+def test_a_dark_beginning_does_not_decide_if_exposures_are_unknown(tmp_path: Path) -> None:
+    for i, top in enumerate((300, 300, 300, 300, 4096, 4096)):
+        (tmp_path / f"{i}.png").write_bytes(encoded(grey(i, dtype=np.uint16, top=top)))
+    assert open_recording(tmp_path, options=ReadingOptions(unknown_exposures=True)).max_grey == 4095
 
 
 @pytest.mark.parametrize(("shift", "odd"), [(0, 5000), (4, 1)])

@@ -18,8 +18,8 @@ _SENSOR_BITS = (8, 10, 12, 14, 16)
 
 
 _DEPTH_SAMPLES = 4
-"""Number of frames that determine the bit depth: the first readable one, and the longest exposures, which use all
-bits."""
+"""Number of frames that determine the bit depth: the first readable one, and some with the longest exposures, which
+use all bits."""
 
 _TAKEN = {
     Channel.GREEN: "the mean of the two green pixels",
@@ -197,11 +197,15 @@ def _first(read: Callable[[int], StoredImage], count: int, place: str) -> Stored
 
 
 def _samples(first: Image, read: Callable[[int], StoredImage], exposures_ms: FloatArray) -> Iterator[Image]:
-    """Yield the first image and, if it has 16 bits, those with the longest exposures."""
+    """Yield the first image and, if it has 16 bits, some with the longest exposures."""
     yield first
     if first.dtype == np.uint8:
         return
-    for index in sorted(np.argsort(-exposures_ms, kind="stable")[: _DEPTH_SAMPLES - 1]):
+    longest = np.argsort(-exposures_ms, kind="stable")
+    equal = int(np.count_nonzero(exposures_ms == exposures_ms[longest[0]]))  # all, if exposures are unknown
+    most = _DEPTH_SAMPLES - 1
+    spread = np.linspace(0, equal - 1, most).astype(int) if equal > most else slice(most)
+    for index in sorted(longest[spread]):
         try:
             image = read(int(index)).pixels
         except FrameError:
