@@ -132,6 +132,14 @@ def test_an_invalid_pcalib_is_refused(tmp_path, text):
         open_photometry(place)
 
 
+def test_the_folder_of_several_calibrations_names_them(tmp_path):
+    for channel in ("red", "green"):
+        (tmp_path / channel).mkdir()
+        export(FULL, "json", tmp_path / channel / "calibration.json")
+    with pytest.raises(FormatError, match="; give one of its folders: green, red"):
+        open_photometry(tmp_path)
+
+
 def test_files_with_several_vignettes_are_not_chosen_from(tmp_path):
     export(FULL, "hugin", tmp_path / "a.pto")
     second = 'i w96 h72 Vb-0.9 Vc0 Vd0 n"b.jpg"\n'

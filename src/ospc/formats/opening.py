@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ospc.arrays import ImageSize
-from ospc.errors import FormatError, SettingError
+from ospc.errors import FormatError, SettingError, listed
 from ospc.formats.dso import read_pcalib, read_vignette
 from ospc.formats.files import read_text
 from ospc.formats.hugin import read_pto
@@ -139,7 +139,9 @@ def _check_numeric(place: Path) -> None:
 def _folder(place: Path) -> Photometry:
     table, picture = place / "pcalib.txt", place / "vignette.png"
     if not table.exists() and not picture.exists():
-        raise FormatError(f"{place}: has no calibration.json, pcalib.txt or vignette.png")
+        inner = sorted(path.parent.name for path in place.glob("*/calibration.json"))
+        remedy = f"give one of its folders: {listed(inner)}" if inner else ""
+        raise FormatError(f"{place}: has no calibration.json, pcalib.txt or vignette.png", remedy)
     return Photometry(
         str(place),
         read_pcalib(table) if table.exists() else None,
