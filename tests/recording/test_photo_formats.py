@@ -54,11 +54,12 @@ class TestHeic:
         assert stored.channel is None
         assert np.abs(stored.pixels.astype(int) - smooth(channels=1)).max() <= 2
 
-    def test_ten_bits_are_kept(self, tmp_path: Path) -> None:
-        (tmp_path / "a.heic").write_bytes(heic(smooth(top=65535), exif()))
+    @pytest.mark.parametrize("top", [65535, 9000])
+    def test_ten_bits_are_kept_also_of_dark_images(self, tmp_path: Path, top: int) -> None:
+        (tmp_path / "a.heic").write_bytes(heic(smooth(top=top), exif()))
         recording = open_recording(tmp_path, options=ReadingOptions(channel=Channel.GREEN))
         assert recording.max_grey == 1023
-        expected = smooth(top=1023)[:, :, 1].astype(int)
+        expected = smooth(top=top)[:, :, 1].astype(int) >> 6
         assert np.abs(next(iter(recording)).image.astype(int) - expected).max() <= 8
 
     @pytest.mark.parametrize("orientation", range(1, 9))

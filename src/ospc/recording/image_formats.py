@@ -122,13 +122,17 @@ class Heic(ImageFormat):
     suffixes = frozenset({".heic", ".heif", ".hif"})
 
     def decode(self, data: bytes, name: str, channel: Channel | None) -> StoredImage:
-        """Decode to a channel, by default green; more than 8 bits are left-aligned in 16."""
+        """Decode to a channel, by default green; more than 8 bits are right-aligned in 16."""
         photo = self._opened(data, name)
         check_decoded_size(photo.size, len(photo.mode.partition(";")[0]), 16 if ";" in photo.mode else 8, name)
         try:
             pixels = np.asarray(photo)
         except Exception as error:
             raise self._damaged(name) from error
+        depth = None
+        if pixels.dtype == np.uint16:  # decoded left-aligned; dark images would not show how many bits there are
+            depth = BitDepth(int(photo.info["bit_depth"]), 0, 16)
+            pixels = pixels >> (16 - depth.bits)
         colour = pixels.ndim == 3 and pixels.shape[2] >= 3
         if pixels.ndim == 3:  # drop transparency
             pixels = np.ascontiguousarray(pixels[:, :, :3]) if colour else pixels[:, :, 0]
@@ -138,7 +142,7 @@ class Heic(ImageFormat):
         # libheif rotates the image for display, but response and vignette refer to the axes of the sensor.
         for kind, (value,) in reversed(_TURNS.findall(data)[:2]):
             pixels = np.rot90(pixels, -value) if kind == b"irot" else np.flip(pixels, value & 1)
-        return StoredImage(np.ascontiguousarray(pixels), taken)
+        return StoredImage(np.ascontiguousarray(pixels), taken, depth=depth)
 
     def shot(self, data: bytes, name: str) -> Shot:
         """Return how the photograph was taken, from its EXIF."""
