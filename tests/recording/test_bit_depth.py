@@ -28,6 +28,12 @@ def test_bits_and_their_place_are_found(bits: int, left: bool, seed: int) -> Non
     assert detect_bit_depth([image << shift]) == BitDepth(bits, shift, 16)
 
 
+@pytest.mark.parametrize("bits", [8, 10, 12])
+def test_dark_left_aligned_images_are_recognised_by_their_low_bits(bits: int) -> None:
+    image = grey(0, (40, 30), np.uint16, 2 ** (bits - 3))
+    assert detect_bit_depth([image << (16 - bits)]) == BitDepth(bits, 16 - bits, 16)
+
+
 def test_eight_bit_images_are_what_they_are() -> None:
     assert detect_bit_depth([grey()]) == BitDepth(8)
     assert BitDepth(8).note is None

@@ -59,7 +59,9 @@ class BitDepth:
 def detect_bit_depth(images: Iterable[Image]) -> BitDepth:
     """Infer the bit depth from sample images, which should be bright.
 
-    Bits that are zero everywhere are unused: low ones in left-aligned data, high ones in right-aligned data.
+    Bits that are zero everywhere are unused: low ones in left-aligned data, high ones in right-aligned data. If the
+    low bits that are zero are those that a sensor leaves, and the values do not fit into the others, the data are
+    left-aligned and dark.
     """
     union = 0
     for image in images:
@@ -68,9 +70,9 @@ def detect_bit_depth(images: Iterable[Image]) -> BitDepth:
         union |= int(np.bitwise_or.reduce(image, axis=None))
     if union == 0:
         return BitDepth(16, 0, 16)
-    highest = union.bit_length()
-    left_aligned = highest == 16
-    used = 17 - (union & -union).bit_length() if left_aligned else highest
+    highest, above_lowest = union.bit_length(), 17 - (union & -union).bit_length()
+    left_aligned = highest == 16 or (above_lowest in _SENSOR_BITS and highest > above_lowest)
+    used = above_lowest if left_aligned else highest
     bits = next(b for b in _SENSOR_BITS if b >= used)
     return BitDepth(bits, 16 - bits if left_aligned else 0, 16)
 
