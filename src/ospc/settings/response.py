@@ -88,9 +88,9 @@ MIN_BLACK_LEVEL_KNOTS = 4
 MIN_RECIPROCAL_GAMMA_SIGMA = 0.001
 """Lower limit of the standard deviation of a reciprocal local gamma: between knots, it is not exactly a line."""
 
-BLACK_LEVEL_SIGMAS, MIN_BLACK_LEVEL, BLACK_LEVEL_ACCURACY = 3.0, 1 / 255, 0.0005
-"""Significance of a black level; the lowest that counts, because the basis can follow a lower one; and the accuracy
-to which one that counts is found. With pedestals of 0.04 to 0.0625, the first estimate is 0.038 to 0.0625; that of
+BLACK_LEVEL_SIGMAS, MIN_BLACK_LEVEL, BLACK_LEVEL_ACCURACY = 3.0, 1 / 64, 0.0005
+"""Significance of a black level; the lowest that counts, half a knot, because the basis follows lower ones; and the
+accuracy of one that counts. With pedestals of 0.04 to 0.0625, the first estimate is 0.038 to 0.0625; that of
 gamma curves is 0.0000 ± 0.0005."""
 
 MAX_BLACK_LEVEL = 0.25
