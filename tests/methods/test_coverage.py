@@ -11,6 +11,7 @@ from ospc.errors import FormatError
 from ospc.methods.coverage import coverage_of
 from ospc.observations import ExposedObservations
 from ospc.photometry.coverage import Coverage
+from ospc.photometry.grey_range import GreyRange
 
 SIZE = (640, 480)
 
@@ -43,6 +44,16 @@ def test_every_sighting_is_counted_once_by_grey_and_every_pair_by_radius():
     np.testing.assert_array_equal(coverage.grey_exposure.sum(axis=1), [4000, 4000])
     radius = np.linalg.norm(observations().position[1::2], axis=1)
     np.testing.assert_array_equal(coverage.by_radius, np.histogram(radius, 20, (0, 1))[0])
+
+
+def test_grey_levels_are_those_of_the_images():
+    """Observations are stretched to a limited range, but reports and advice speak of the grey levels of images."""
+    limited = GreyRange(0.25, 0.75)
+    coverage = coverage_of(observations(), None, SIZE, limited)
+    assert coverage.by_grey[:8].sum() == coverage.by_grey[24:].sum() == 0
+    assert coverage.by_grey[8:24].all()
+    assert not any("grey" in gap for gap in coverage.gaps(255, limited))
+    assert any("0–64, 191–255" in gap for gap in coverage.gaps(255))
 
 
 def test_tables_survive_their_dictionary():

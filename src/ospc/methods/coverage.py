@@ -9,6 +9,7 @@ from ospc.estimation.fit import Fit
 from ospc.observations import ExposedObservations
 from ospc.photometry.coverage import QUANTILES, Coverage
 from ospc.photometry.geometry import pixels_of
+from ospc.photometry.grey_range import FULL_RANGE, GreyRange
 from ospc.settings.methods import (
     GREY_CLASSES,
     MAX_EXPOSURE_CLASSES,
@@ -18,14 +19,17 @@ from ospc.settings.methods import (
 )
 
 
-def coverage_of(observations: ExposedObservations, fit: Fit | None, size: ImageSize) -> Coverage:
+def coverage_of(
+    observations: ExposedObservations, fit: Fit | None, size: ImageSize, grey_range: GreyRange = FULL_RANGE
+) -> Coverage:
     """Return the tables of a report: counts of observations and, with a fit to them, their residuals.
 
-    ``size`` is the frame size in pixels.
+    ``size`` is the frame size in pixels, ``grey_range`` the range to which the observations are stretched.
     """
     radius = np.linalg.norm(observations.position, axis=1)
     ring = np.clip((radius * RADIUS_CLASSES).astype(np.int64), 0, RADIUS_CLASSES - 1)
-    grey = np.clip((observations.grey * GREY_CLASSES).astype(np.int64), 0, GREY_CLASSES - 1)
+    original = grey_range.grey(observations.grey)
+    grey = np.clip((original * GREY_CLASSES).astype(np.int64), 0, GREY_CLASSES - 1)
     edges = _exposure_edges(observations.log_exposure)
     exposure = np.clip(np.searchsorted(edges, observations.log_exposure, "right") - 1, 0, len(edges) - 2)
     later = np.flatnonzero(np.diff(observations.point) == 0) + 1

@@ -121,7 +121,7 @@ def summarise(inputs: FitInputs, settings: DefaultSettings) -> Calibration:
         ),
     }
     response_known, vignette_known = (verdicts[name].known and fit is not None for name in ("response", "vignette"))
-    coverage = None if observations is None else coverage_of(observations, fit, inputs.size)
+    coverage = None if observations is None else coverage_of(observations, fit, inputs.size, inputs.grey_range)
     return Calibration(
         size=inputs.size,
         response=fit.response(inputs.max_grey, (low, high), inputs.grey_range) if fit and response_known else None,
@@ -137,7 +137,7 @@ def summarise(inputs: FitInputs, settings: DefaultSettings) -> Calibration:
         advice=(
             *(remedy for _, remedy in contradictions),
             *(verdict.remedy for verdict in verdicts.values() if verdict.remedy),
-            *(() if coverage is None else coverage.gaps(inputs.max_grey)),
+            *(() if coverage is None else coverage.gaps(inputs.max_grey, inputs.grey_range)),
         ),
         effects=() if trusted is None else trusted.effect_estimates,
         notes=(

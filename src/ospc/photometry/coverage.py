@@ -11,6 +11,7 @@ import numpy as np
 from ospc.arrays import FloatArray, IntArray
 from ospc.by_value import ByValue
 from ospc.errors import FormatError
+from ospc.photometry.grey_range import FULL_RANGE, GreyRange
 from ospc.robust import weighted_median
 
 
@@ -99,9 +100,12 @@ class Coverage(ByValue):
         """Observations by radius, shape (radii,)."""
         return np.asarray(self.radius_radius.sum(axis=0))
 
-    def gaps(self, max_grey: int) -> tuple[str, ...]:
-        """Return one phrase for each gap in the coverage, which also says how to fill it."""
-        greys = ", ".join(f"{a * max_grey:.0f}–{b * max_grey:.0f}" for a, b in _uncovered(self.by_grey))
+    def gaps(self, max_grey: int, grey_range: GreyRange = FULL_RANGE) -> tuple[str, ...]:
+        """Return one phrase for each gap in the coverage between black and white, which also says how to fill it."""
+        middle = (np.arange(len(self.by_grey)) + 0.5) / len(self.by_grey)
+        inside = (middle > grey_range.black) & (middle < grey_range.white)
+        by_grey = np.where(inside, self.by_grey, _FEW_OBSERVATIONS)
+        greys = ", ".join(f"{a * max_grey:.0f}–{b * max_grey:.0f}" for a, b in _uncovered(by_grey))
         radii = ", ".join(f"{a:.2f}–{b:.2f}" for a, b in _uncovered(self.by_radius))
         film_greys = (
             f"few observations have grey levels {greys}: record even surfaces of this brightness at several exposures"

@@ -189,7 +189,7 @@ class PriorCalibration:
             converged=together.converged and not own.warnings,
             advice=(
                 *(verdicts[name].remedy for name in together.verdicts if verdicts[name].remedy),
-                *(() if own.coverage is None else own.coverage.gaps(own.max_grey)),
+                *(() if own.coverage is None else own.coverage.gaps(own.max_grey, earlier.grey_range)),
             ),
         )
 
