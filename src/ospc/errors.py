@@ -34,8 +34,8 @@ _SHOWN_CHARACTERS, _SHOWN_ITEMS = 40, 3
 _CLOSE = 0.75
 """Similarity of names, from 0 to 1, above which one is probably a misspelling of the other."""
 
-_NO_SPACE = (errno.ENOSPC, errno.EDQUOT)
-"""Errors of a full disk or quota."""
+_NO_SPACE, _FREE_SPACE = (errno.ENOSPC, errno.EDQUOT), "free some space"
+"""Errors of a full disk or quota, and what to do about them."""
 
 _NO_MEMORY = ("std::bad_alloc", "Failed to allocate", "failed to map segment", "Cannot allocate memory")
 """How libraries and the loader report running out of memory."""
@@ -98,7 +98,7 @@ def os_error_as(kind: type[OspcError], what: str, remedy: str = "") -> Iterator[
         yield
     except OSError as error:
         if error.errno in _NO_SPACE:
-            remedy = "free some space"
+            remedy = _FREE_SPACE
         raise kind(f"{what} ({error.strerror or error})", remedy) from None
 
 
@@ -113,7 +113,7 @@ def one_line(error: BaseException) -> str:
     if isinstance(error, MemoryError) or any(sign in text for sign in _NO_MEMORY):
         return "not enough memory; close other programs, or raise the memory limit of this one (ulimit -v)"
     if isinstance(error, OSError) and error.strerror:
-        reason = error.strerror + "; free some space" * (error.errno in _NO_SPACE)
+        reason = f"{error.strerror}; {_FREE_SPACE}" if error.errno in _NO_SPACE else error.strerror
         return reason if error.filename is None else f"{error.filename}: {reason}"
     name = type(error).__name__
     return text if isinstance(error, OspcError) else f"unexpected {name}: {text}".removesuffix(f": {name}")

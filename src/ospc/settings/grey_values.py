@@ -43,7 +43,7 @@ narrow enough that vignetting, dust and blurred shadows are flat."""
 
 MIN_FINE_STRUCTURE_8_BIT, MAX_FINE_STRUCTURE_8_BIT = 2.0, 8.0
 """Minimum deviation of a line of an overlay from its surroundings, in grey levels of 255: more than noise and fixed
-patterns. Larger deviations than the maximum count as the maximum, so that no single pair decides."""
+patterns. Larger deviations than the maximum count as the maximum, so that no single view decides."""
 
 MIN_OVERLAY_AGREEMENT = 0.8
 """Minimum agreement of fine structure between views, from 0 to 1, for it to be fixed to the camera."""
