@@ -79,7 +79,15 @@ def test_cameras_that_recorded_at_other_times_have_nothing_in_common(rig):
             return len(self._recording)
 
     apart = {"left": recordings["left"], "right": Later(recordings["right"])}
-    assert "right" in rig_scale(apart, calibrations).left_out
+    assert "time stamps of all cameras must come from one clock" in rig_scale(apart, calibrations).left_out["right"]
+
+
+def test_estimated_exposures_of_two_cameras_have_no_common_scale(rig):
+    recordings, calibrations = rig
+    estimated = replace(calibrations["right"], exponent_sigma=0.1)
+    found = rig_scale(recordings, calibrations | {"right": estimated})
+    assert "right" not in found.scale
+    assert "exposures are unknown" in found.left_out["right"]
 
 
 def test_loops_are_closed_by_least_squares():

@@ -8,7 +8,7 @@ every point of radiance L, where s is the scale of the camera.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import combinations
 from pathlib import Path
 from typing import Any
@@ -102,17 +102,13 @@ def rig_scale(recordings: Mapping[str, Recording], calibrations: Mapping[str, Ca
     Raises
     ------
     NotObservableError
-        If fewer than two cameras have both response and vignette.
+        If fewer than two cameras have both response and vignette, from known exposures.
     """
-    left_out = {
-        name: f"its {' and '.join(unknown)} could not be determined"
-        for name in recordings
-        if (unknown := _unknown(calibrations.get(name)))
-    }
+    left_out = {name: why for name in recordings if (why := _unsuitable(calibrations.get(name)))}
     names = [name for name in recordings if name not in left_out]
     if len(names) < 2:
         raise NotObservableError(
-            "a relative scale needs at least two cameras with known response and vignette, but there is "
+            "a relative scale needs at least two cameras with known response, vignette and exposures, but there is "
             f"{'only one' if names else 'none'}"
         )
     moments = _moments([recordings[name] for name in names])
@@ -125,12 +121,23 @@ def rig_scale(recordings: Mapping[str, Recording], calibrations: Mapping[str, Ca
         for first, second in combinations(names, 2)
         if (found := _compared((first, second), seen[first], seen[second])) is not None
     ]
-    return _solved(names, tuple(pairs), left_out)
+    scale = _solved(names, tuple(pairs), left_out)
+    apart = (
+        f"none of its frames was recorded within {1000 * MAX_GAP_S:g} ms of one of {names[0]}; the time stamps of "
+        "all cameras must come from one clock"
+    )
+    never = {name: apart for name, frames in zip(names, moments.T, strict=True) if np.all(frames < 0)}
+    return replace(scale, left_out=scale.left_out | never)
 
 
-def _unknown(calibration: Calibration | None) -> list[str]:
+def _unsuitable(calibration: Calibration | None) -> str:
+    """Return why a camera cannot be compared with others, or an empty string."""
     parts = ("response", "vignette")
-    return [part for part in parts if calibration is None or getattr(calibration, part) is None]
+    unknown = [part for part in parts if calibration is None or getattr(calibration, part) is None]
+    if unknown:
+        return f"its {' and '.join(unknown)} could not be determined"
+    # Estimated exposures have a scale and an exponent of their own.
+    return "its exposures are unknown" if calibration is not None and calibration.caveat else ""
 
 
 def _moments(recordings: Sequence[Recording]) -> IntArray:
