@@ -145,3 +145,12 @@ def test_calibrate_writes_a_folder_for_each(tmp_path: Path) -> None:
         assert told["cameras"][camera]["exit_code"] == 3
         assert json.loads((out / camera / "calibration.json").read_text())["source"]["frames"] == 3
     assert open_recording(place / "mav0" / "cam0").exposures_ms[0] == 1.0
+
+
+def test_a_camera_that_failed_has_no_part_in_the_scale(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its folder may contain an earlier calibration."""
+    place, scaled = euroc(tmp_path / "made"), []
+    (place / "mav0" / "cam1" / "exposures.csv").write_text("")
+    monkeypatch.setattr("ospc.cli.calibrate.add_rig_scale", lambda _out, cameras, **_how: scaled.extend(cameras))
+    CliRunner().invoke(cli, ["calibrate", str(place), "-o", str(tmp_path / "out"), "--all-cameras"])
+    assert scaled == ["cam0", "cam10"]

@@ -265,7 +265,9 @@ def _calibrate_rig(request: _Request) -> int:
     scale = None
     if len(cameras) > 1 and not request.interruption.requested:
         try:
-            scale = add_rig_scale(request.out, cameras, prints_text=request.prints_text)
+            # The folder of a camera that failed may contain an earlier calibration.
+            written = {name: opened for name, opened in cameras.items() if "out" in contents[name]}
+            scale = add_rig_scale(request.out, written, prints_text=request.prints_text)
         except OspcError as error:  # the calibrations are valid without the scale
             say(f"ospc: error: no relative irradiance scale: {error}", err=True)
             scale = {"error": str(error)}
