@@ -68,6 +68,14 @@ def test_another_lens_is_noticed_and_yesterday_forgotten(yesterday, name):
     np.testing.assert_array_equal(found.vignette.image(), own.vignette.image())
 
 
+@pytest.mark.parametrize("unknown", [{"exponent_sigma": 0.3}, {"rests_on": "a guess from one image"}])
+def test_a_calibration_without_known_exposures_is_not_started_from(yesterday, tmp_path, unknown):
+    """Its exponent is uncertain, which the result could not state."""
+    replace(Calibration.load(yesterday), **unknown).save(tmp_path / "calibration.json")
+    with pytest.raises(NotObservableError, match="is not from known exposures"):
+        PriorCalibration.open(tmp_path)
+
+
 def test_starting_from_a_calibration_without_new_frames_returns_it(yesterday):
     before = Calibration.load(yesterday)
     nothing = Calibration(size=SIZE, verdicts=before.verdicts)

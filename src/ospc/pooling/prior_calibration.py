@@ -43,13 +43,21 @@ class PriorCalibration:
         FormatError
             If it is none of these, or damaged.
         NotObservableError
-            If it contains neither response nor vignette, or no majority of its recordings agrees.
+            If it contains neither response nor vignette, or no majority of its recordings agrees, or if its exposures
+            were unknown.
         """
         place = Path(path)
         if place.is_dir():
             place = place / (STATE_NAME if (place / STATE_NAME).exists() else "calibration.json")
         if place.suffix == ".json":
-            return cls.of(Calibration.load(place), str(path))
+            calibration = Calibration.load(place)
+            if calibration.caveat:
+                # Its covariance does not include the exponent.
+                raise NotObservableError(
+                    f"{path}: is not from known exposures, so its exponent is uncertain; start from a calibration "
+                    "with known exposures"
+                )
+            return cls.of(calibration, str(path))
         found = cls(str(path), Pool.load(place))
         if found.summary is None:
             raise NotObservableError(
