@@ -47,6 +47,14 @@ def test_recordings_of_one_name_are_refused(study, tiny_room, tmp_path):
     assert "two recordings are named room" in str(result.exception)
 
 
+def test_a_folder_with_other_files_is_refused_and_unchanged(tiny_room, tmp_path):
+    (tmp_path / "table.md").write_text("my notes")
+    result = run("ambiguity", tiny_room, "-o", tmp_path)
+    assert isinstance(result.exception, SettingError)
+    assert "not from an earlier study" in str(result.exception)
+    assert [place.name for place in tmp_path.iterdir()] == ["table.md"]
+
+
 def test_an_interruption_is_reported_and_finished_results_are_kept(tmp_path, monkeypatch):
     whole = Task.run
 

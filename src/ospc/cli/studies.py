@@ -11,6 +11,7 @@ import click
 from ospc.cli.options import named, option, out_option
 from ospc.cli.terminal import console, print_json, progress_line, say
 from ospc.errors import SettingError, escaped
+from ospc.folders import Content, check_usable
 
 if TYPE_CHECKING:
     from ospc.formats.opening import Photometry
@@ -19,6 +20,9 @@ if TYPE_CHECKING:
 
 _EXAMPLE = "theirs=pcalib.txt,vignette.png"
 """Example of a calibration of another program."""
+
+_CACHE = "cache"
+"""Folder of finished results in the folder of a study."""
 
 _WIDTH = 400
 """Width of tables in characters: the terminal wraps longer lines, whereas cut cells would be lost."""
@@ -98,6 +102,7 @@ def run_study(
     """
     from ospc.research.runner import ResultStore, run
 
+    check_usable(out, content_of=_content)
     found: dict[str, Finished] = {}
 
     def finished() -> list[Finished]:
@@ -107,7 +112,7 @@ def run_study(
     with progress_line() as show:
         results = run(
             tasks,
-            ResultStore(out / "cache"),
+            ResultStore(out / _CACHE),
             jobs,
             lambda task, share: show(task.name, len(found) + share, len(tasks)),
         )
@@ -122,6 +127,12 @@ def run_study(
         _present(report(finished()), out, as_json=as_json)
     if interrupted:
         raise KeyboardInterrupt("the same command continues where it stopped")
+
+
+def _content(place: Path) -> Content:
+    if (place / _CACHE).is_dir():
+        return Content("contains an earlier study", "always")
+    return Content("contains files that are not from an earlier study", "never")
 
 
 def _present(report: StudyReport, out: Path, *, as_json: bool) -> None:
