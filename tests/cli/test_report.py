@@ -11,6 +11,7 @@ from calibrations import SIZE, calibration
 from command_line import leave_out, ospc
 from ospc.errors import FormatError, OspcError
 from ospc.recording import identity, open_recording
+from ospc.recording.derived import Region, masked
 from ospc.simulation import SimulationSettings, simulate
 
 
@@ -71,6 +72,15 @@ def test_another_recording_is_named_and_another_size_refused(folder, recording, 
     assert f"P{said}" in (folder / "report.html").read_text(encoding="utf-8")
     simulate(tmp_path / "small", SimulationSettings(size=(80, 60), frames=3))
     assert "has images of 80x60 pixels" in str(ospc("report", folder, "--recording", tmp_path / "small").exception)
+
+
+def test_other_pixels_of_the_same_recording_are_not_called_another_recording(folder, recording):
+    shown = masked(open_recording(recording), region=Region(0, 0, 40, 30))
+    replace(calibration(), source=identity(shown)).save(folder / "calibration.json")
+    said = ospc("report", folder, "--recording", recording).output
+    assert "made from other pixels" in said
+    assert "--roi" in said
+    assert "warning" not in ospc("report", folder, "--recording", recording, "--roi", "0,0,40,30").output
 
 
 def test_options_for_reading_need_a_recording(folder):

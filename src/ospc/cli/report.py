@@ -64,8 +64,13 @@ def _checked(recording: Recording, calibration: Calibration) -> str:
             f"{recording.path}: has images of {recording.size[0]}x{recording.size[1]} pixels, but the calibration is "
             f"for {width}x{height}; give a recording of this size"
         )
-    known = calibration.source.get("images_sha256")
-    if known is None or known == identity(recording)["images_sha256"]:
+    source, shown = calibration.source, identity(recording)
+    if source.get("images_sha256") in (None, shown["images_sha256"]):
         return ""
-    name = calibration.source.get("name", "another recording")
+    if all(source.get(part) == shown[part] for part in ("name", "frames_sha256")):
+        return (
+            f"the calibration was made from other pixels of {shown['name']}; give the same --roi, --mask, --channel "
+            "and --bayer"
+        )
+    name = source.get("name", "another recording")
     return f"pictures and points are from {recording.path.name}, but the calibration was made from {name}"
