@@ -150,3 +150,13 @@ def test_output_that_cannot_be_written_is_one_line(tmp_path, words):
         )
     assert found.stderr == f"ospc: error: {os.strerror(errno.ENOSPC)}; free some space\n"
     assert found.returncode == 1
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no shell that closes streams")
+@pytest.mark.parametrize("closed", [">&-", "2>&-", ">&- 2>&-"])
+def test_closed_output_streams_do_not_prevent_the_result(short_recording, tmp_path, closed):
+    program = "from ospc.cli.main import main; main()"
+    words = ["calibrate", str(short_recording), "-o", str(tmp_path / "out")]
+    shell = ["sh", "-c", f'"$@" {closed}', "sh", sys.executable, "-c", program, *words]
+    assert subprocess.run(shell, capture_output=True, check=False).returncode == 3
+    assert (tmp_path / "out" / "report.html").is_file()
