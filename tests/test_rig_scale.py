@@ -122,4 +122,3 @@ def test_the_command_writes_it_next_to_the_cameras_and_prints_it(rig, found, tmp
     (tmp_path / "right" / "calibration.json").unlink()
     (tmp_path / "rear" / "calibration.json").unlink()
     assert "error" in add_rig_scale(tmp_path, openers, prints_text=True)
-    assert not (tmp_path / RIG_NAME).exists()

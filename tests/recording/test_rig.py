@@ -154,3 +154,21 @@ def test_a_camera_that_failed_has_no_part_in_the_scale(tmp_path: Path, monkeypat
     monkeypatch.setattr("ospc.cli.calibrate.add_rig_scale", lambda _out, cameras, **_how: scaled.extend(cameras))
     CliRunner().invoke(cli, ["calibrate", str(place), "-o", str(tmp_path / "out"), "--all-cameras"])
     assert scaled == ["cam0", "cam10"]
+
+
+def test_an_interruption_at_the_second_camera_keeps_the_first_and_removes_the_earlier_scale(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def calibrated(request: object, _opened: object) -> dict[str, object]:
+        if Path(request.out).name != "cam0":  # type: ignore[attr-defined]
+            raise KeyboardInterrupt
+        return {"exit_code": 0, "error": None, "out": "cam0"}
+
+    monkeypatch.setattr("ospc.cli.calibrate._calibrate_one", calibrated)
+    out = tmp_path / "out"
+    out.mkdir()
+    (out / "rig.json").write_text("{}")
+    result = CliRunner().invoke(cli, ["calibrate", str(euroc(tmp_path / "made")), "-o", str(out), "--all-cameras"])
+    assert result.exit_code == 130
+    assert "no result was written for cam" in result.stderr
+    assert not (out / "rig.json").exists()

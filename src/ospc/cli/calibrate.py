@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -115,9 +116,9 @@ class _Request:
             raise click.UsageError("--unknown-exposures cannot be combined with --resume or --start-from")
         if self.fallback and (unknown or mask or region):
             raise click.UsageError("--fallback cannot be combined with --unknown-exposures, --mask or --roi")
+        if self.all_cameras or self.reading.each_channel:
+            return _calibrate_rig(self)
         with leaving("no result was written"):
-            if self.all_cameras or self.reading.each_channel:
-                return _calibrate_rig(self)
             content = _calibrate_one(self, partial(self.reading.open, self.path))
         return concluded(content, as_json=self.as_json)
 
@@ -253,7 +254,10 @@ def _calibrate_rig(request: _Request) -> int:
         if request.prints_text:
             say(f"{name}:")
         try:
-            contents[name] = _calibrate_one(request.of_camera(name), opened)
+            with leaving(f"no result was written for {name}"):
+                contents[name] = _calibrate_one(request.of_camera(name), opened)
+            with suppress(OSError):  # that of an earlier run belongs to other calibrations
+                (request.out / RIG_NAME).unlink()
         except OspcError as error:
             contents[name] = {"exit_code": FAILED, "error": str(error)}
         if contents[name]["error"]:
@@ -267,7 +271,8 @@ def _calibrate_rig(request: _Request) -> int:
         try:
             # The folder of a camera that failed may contain an earlier calibration.
             written = {name: opened for name, opened in cameras.items() if "out" in contents[name]}
-            scale = add_rig_scale(request.out, written, prints_text=request.prints_text)
+            with leaving("the calibrations were written, but no relative irradiance scale"):
+                scale = add_rig_scale(request.out, written, prints_text=request.prints_text)
         except OspcError as error:  # the calibrations are valid without the scale
             say(f"ospc: error: no relative irradiance scale: {error}", err=True)
             scale = {"error": str(error)}
@@ -284,7 +289,6 @@ def add_rig_scale(out: Path, cameras: Mapping[str, Callable[[], Recording]], *, 
     from ospc.photometry.calibration import Calibration
     from ospc.rig import rig_scale
 
-    (out / RIG_NAME).unlink(missing_ok=True)  # that of an earlier run would belong to other calibrations
     recordings, calibrations = {}, {}
     for name, opened in cameras.items():
         if (out / name / "calibration.json").exists():
