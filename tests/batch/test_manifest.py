@@ -132,6 +132,7 @@ def test_options_of_an_entry_go_before_those_of_the_command():
         (b"recording,options\na,channel=ultraviolet\n", SettingError, "option channel must be one of luminance"),
         (b"recording\n", RecordingError, "no recordings there"),
         (b'recording\n"a', FormatError, "cannot be read as CSV"),
+        (b"recording,camera\na,1/b,left\n", FormatError, "row 2: has more cells .* quote paths with commas"),
         (b"\xff\xfe\x00", FormatError, "is not UTF-8 text"),
     ],
 )
@@ -139,6 +140,11 @@ def test_tables_that_make_no_sense_are_refused(tmp_path, content, error, said):
     (tmp_path / "m.csv").write_bytes(content)
     with pytest.raises(error, match=said):
         read_manifest(str(tmp_path / "m.csv"))
+
+
+def test_empty_cells_at_the_end_of_a_row_are_ignored(tmp_path):
+    (tmp_path / "m.csv").write_text("recording,camera\na,left,,\n")
+    assert [entry.camera for entry in read_manifest(str(tmp_path / "m.csv"))] == ["left"]
 
 
 def test_what_is_not_there_is_refused(tmp_path):

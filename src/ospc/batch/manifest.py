@@ -215,9 +215,13 @@ def _of_csv(place: Path) -> list[dict[str, str]]:
     try:
         reader = csv.DictReader(io.StringIO(text, newline=""), strict=True)
         _check_columns(place, reader.fieldnames or [])
-        return [{name: row[name] or "" for name in _COLUMNS if name in row} for row in reader]
+        rows = list(reader)
     except csv.Error as error:
         raise FormatError(f"{place}: cannot be read as CSV ({error})") from None
+    for number, row in enumerate(rows, start=2):
+        if any(row.get(None, ())):  # cells beyond the last column
+            raise FormatError(f"{place}, row {number}: has more cells than the first line; quote paths with commas")
+    return [{name: row[name] or "" for name in _COLUMNS if name in row} for row in rows]
 
 
 def _of_parquet(place: Path) -> list[dict[str, str]]:
