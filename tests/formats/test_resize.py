@@ -11,9 +11,7 @@ from ospc.errors import SettingError
 from ospc.formats.resize import (
     bin_calibration,
     crop_calibration,
-    crop_vignette,
     resize_calibration,
-    resize_vignette,
 )
 from ospc.photometry.calibration import Calibration
 from ospc.photometry.noise import NoiseModel
@@ -34,6 +32,14 @@ def relative(image: np.ndarray) -> np.ndarray:
     return image / image.max()
 
 
+def cropped(vignette, offset, size):
+    return crop_calibration(Calibration(vignette.size, vignette=vignette), offset, size).vignette
+
+
+def resized(vignette, size):
+    return resize_calibration(Calibration(vignette.size, vignette=vignette), size).vignette
+
+
 def full(**attributes) -> Calibration:
     return Calibration(
         SIZE,
@@ -51,7 +57,7 @@ def full(**attributes) -> Calibration:
 @settings(max_examples=20, deadline=None)
 @given(st.integers(0, 40), st.integers(0, 30), st.integers(20, 50), st.integers(20, 40))
 def test_crop_is_the_part_of_the_image(vignette, x, y, width, height):
-    part = crop_vignette(vignette, (x, y), (width, height))
+    part = cropped(vignette, (x, y), (width, height))
     assert part.size == (width, height)
     expected = vignette.image()[y : y + height, x : x + width]
     np.testing.assert_allclose(relative(part.image()), relative(expected), atol=1e-5)
@@ -60,7 +66,7 @@ def test_crop_is_the_part_of_the_image(vignette, x, y, width, height):
 @EVERY
 @pytest.mark.parametrize("size", [(48, 36), (192, 144), (64, 48), (95, 71)])
 def test_scaling_samples_the_same_places(vignette, size):
-    scaled = resize_vignette(vignette, size)
+    scaled = resized(vignette, size)
     assert scaled.size == size
     scale = np.array(SIZE) / size
     y, x = np.mgrid[: size[1], : size[0]]
@@ -72,16 +78,16 @@ def test_scaling_samples_the_same_places(vignette, size):
 
 @pytest.mark.parametrize("vignette", [POLYNOMIAL, LOG])
 def test_analytic_models_stay_analytic_and_scaling_back_is_exact(vignette):
-    there = resize_vignette(vignette, (48, 36))
+    there = resized(vignette, (48, 36))
     assert type(there) is type(vignette)
-    np.testing.assert_allclose(resize_vignette(there, SIZE).coefficients, vignette.coefficients, rtol=1e-12)
-    centred = crop_vignette(vignette, (8, 6), (80, 60))
+    np.testing.assert_allclose(resized(there, SIZE).coefficients, vignette.coefficients, rtol=1e-12)
+    centred = cropped(vignette, (8, 6), (80, 60))
     assert type(centred) is type(vignette)
 
 
 @pytest.mark.parametrize("vignette", [POLYNOMIAL, LOG])
 def test_crop_moves_the_centre(vignette):
-    moved = crop_vignette(vignette, (20, 10), (60, 50))
+    moved = cropped(vignette, (20, 10), (60, 50))
     old_centre = np.array([47.5, 35.5]) + np.array(vignette.centre) * np.hypot(47.5, 35.5)
     new_centre = np.array([29.5, 24.5]) + np.array(moved.centre) * np.hypot(29.5, 24.5)
     np.testing.assert_allclose(new_centre, old_centre - [20, 10])
@@ -122,10 +128,10 @@ def test_unknown_parts_stay_unknown():
 
 def test_impossible_changes_are_refused():
     for change, reason in (
-        (lambda: resize_vignette(POLYNOMIAL, (96, 96)), "aspect"),
-        (lambda: crop_vignette(POLYNOMIAL, (50, 0), (50, 50)), "not inside"),
-        (lambda: crop_vignette(POLYNOMIAL, (-1, 0), (50, 50)), "not inside"),
-        (lambda: resize_vignette(POLYNOMIAL, (1, 1)), "1x1"),
+        (lambda: resized(POLYNOMIAL, (96, 96)), "aspect"),
+        (lambda: cropped(POLYNOMIAL, (50, 0), (50, 50)), "not inside"),
+        (lambda: cropped(POLYNOMIAL, (-1, 0), (50, 50)), "not inside"),
+        (lambda: resized(POLYNOMIAL, (1, 1)), "1x1"),
         (lambda: resize_calibration(Calibration(SIZE), (96, 96)), "aspect"),
         (lambda: crop_calibration(Calibration(SIZE), (50, 0), (50, 50)), "not inside"),
         (lambda: bin_calibration(full(), 0), "binned by 0"),

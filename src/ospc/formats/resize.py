@@ -36,15 +36,26 @@ def resampled(image: Image, size: ImageSize) -> Image:
     return np.asarray(cv2.resize(image, size, interpolation=how))
 
 
-def resize_vignette(vignette: Vignette, size: ImageSize) -> Vignette:
-    """Return the vignette for the same field of view at another resolution.
+def resize_calibration(calibration: Calibration, size: ImageSize) -> Calibration:
+    """Return the calibration for the same field of view at another resolution, without noise.
 
     Raises
     ------
     SettingError
         If the aspect ratio differs by more than 1 %, because the images are also cropped.
     """
-    _check_scaled(vignette.size, size)
+    _check_size(size)
+    whole = calibration.size
+    if not same_aspect(size, whole):
+        raise SettingError(
+            f"{whole[0]}x{whole[1]} cannot be scaled to {size[0]}x{size[1]}, which has another aspect ratio; crop it "
+            "first"
+        )
+    vignette = None if calibration.vignette is None else _resized(calibration.vignette, size)
+    return _changed(calibration, size, vignette, {"resized_to": list(size)})
+
+
+def _resized(vignette: Vignette, size: ImageSize) -> Vignette:
     if isinstance(vignette, RasterVignette):
         return RasterVignette(resampled(vignette.values, size), vignette.source)
     scale = math.hypot(*vignette.size) / math.hypot(*size)
@@ -56,17 +67,36 @@ def resize_vignette(vignette: Vignette, size: ImageSize) -> Vignette:
     return RasterVignette(vignette.at(at).astype(np.float32), vignette.as_dict())
 
 
-def crop_vignette(vignette: Vignette, offset: tuple[int, int], size: ImageSize) -> Vignette:
-    """Return the vignette of a part of the image; ``offset`` is the column and row of its first pixel.
+def crop_calibration(calibration: Calibration, offset: tuple[int, int], size: ImageSize) -> Calibration:
+    """Return the calibration for a part of the images; ``offset`` is the column and row of its first pixel.
 
-    Each pixel keeps its attenuation, so the centre moves in the image.
+    Each pixel keeps its attenuation, so the centre moves in the image. If the part is centred, the uncertainty of the
+    profile is kept for the remaining radii.
 
     Raises
     ------
     SettingError
         If the part is not inside the image.
     """
-    _check_part(vignette.size, offset, size)
+    _check_size(size)
+    whole = calibration.size
+    if not all(o >= 0 and o + s <= w for o, s, w in zip(offset, size, whole, strict=True)):
+        raise SettingError(
+            f"{size[0]}x{size[1]} pixels from ({offset[0]}, {offset[1]}) are not inside {whole[0]}x{whole[1]}"
+        )
+    vignette = None if calibration.vignette is None else _cropped(calibration.vignette, offset, size)
+    margins = [w - o - s - o for w, o, s in zip(whole, offset, size, strict=True)]
+    sigma = calibration.vignette_sigma
+    if max(map(abs, margins)) > _CENTRED_PX:
+        sigma = None
+    if sigma is not None:
+        radii = PROFILE_RADII * (half_diagonal(size) / half_diagonal(whole))
+        sigma = np.interp(radii, PROFILE_RADII, sigma)
+    changed = _changed(calibration, size, vignette, {"cropped_to": [*offset, *size]})
+    return replace(changed, vignette_sigma=sigma, noise=calibration.noise)
+
+
+def _cropped(vignette: Vignette, offset: tuple[int, int], size: ImageSize) -> Vignette:
     if isinstance(vignette, PolynomialVignette | LogVignette):
         half, new_half = half_diagonal(vignette.size), half_diagonal(size)
         shift = [(w - 1) / 2 - o - (s - 1) / 2 for w, o, s in zip(vignette.size, offset, size, strict=True)]
@@ -74,31 +104,6 @@ def crop_vignette(vignette: Vignette, offset: tuple[int, int], size: ImageSize) 
         return vignette.moved(size, (centre[0], centre[1]), new_half / half)
     values = vignette.at(pixel_grid(size) + np.array(offset, dtype=np.float64))
     return RasterVignette(values.astype(np.float32), {**vignette.as_dict(), "crop": [*offset, *size]})
-
-
-def resize_calibration(calibration: Calibration, size: ImageSize) -> Calibration:
-    """Return the calibration for scaled images, without noise; see :func:`resize_vignette`."""
-    _check_scaled(calibration.size, size)
-    vignette = None if calibration.vignette is None else resize_vignette(calibration.vignette, size)
-    return _changed(calibration, size, vignette, {"resized_to": list(size)})
-
-
-def crop_calibration(calibration: Calibration, offset: tuple[int, int], size: ImageSize) -> Calibration:
-    """Return the calibration for a part of the images; see :func:`crop_vignette`.
-
-    If the part is centred, the uncertainty of the profile is kept for the remaining radii.
-    """
-    _check_part(calibration.size, offset, size)
-    vignette = None if calibration.vignette is None else crop_vignette(calibration.vignette, offset, size)
-    margins = [w - o - s - o for w, o, s in zip(calibration.size, offset, size, strict=True)]
-    sigma = calibration.vignette_sigma
-    if max(map(abs, margins)) > _CENTRED_PX:
-        sigma = None
-    if sigma is not None:
-        radii = PROFILE_RADII * (half_diagonal(size) / half_diagonal(calibration.size))
-        sigma = np.interp(radii, PROFILE_RADII, sigma)
-    changed = _changed(calibration, size, vignette, {"cropped_to": [*offset, *size]})
-    return replace(changed, vignette_sigma=sigma, noise=calibration.noise)
 
 
 def bin_calibration(calibration: Calibration, factor: int) -> Calibration:
@@ -132,23 +137,6 @@ def _changed(
         covariance={name: part for name, part in calibration.covariance.items() if name == "response"},
         source={**calibration.source, **change},
     )
-
-
-def _check_scaled(whole: ImageSize, size: ImageSize) -> None:
-    _check_size(size)
-    if not same_aspect(size, whole):
-        raise SettingError(
-            f"{whole[0]}x{whole[1]} cannot be scaled to {size[0]}x{size[1]}, which has another aspect ratio; crop it "
-            "first"
-        )
-
-
-def _check_part(whole: ImageSize, offset: tuple[int, int], size: ImageSize) -> None:
-    _check_size(size)
-    if not all(o >= 0 and o + s <= w for o, s, w in zip(offset, size, whole, strict=True)):
-        raise SettingError(
-            f"{size[0]}x{size[1]} pixels from ({offset[0]}, {offset[1]}) are not inside {whole[0]}x{whole[1]}"
-        )
 
 
 def _check_size(size: ImageSize) -> None:
