@@ -5,9 +5,9 @@ from __future__ import annotations
 import io
 import math
 import zipfile
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
-from typing import Any, Protocol, Self
+from typing import Any, ClassVar, Protocol, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -52,10 +52,18 @@ class Vignette(Protocol):
         ...
 
 
+@dataclass(frozen=True)
 class VignetteModel:
     """A vignette that is a function of the position relative to the image centre in half diagonals."""
 
     size: ImageSize
+    """Width and height in pixels."""
+    coefficients: tuple[float, ...]
+    """Coefficients for the radius in half diagonals, measured from ``centre``."""
+    centre: tuple[float, float] = (0.0, 0.0)
+    """Centre of the vignette relative to the image centre, in half diagonals."""
+
+    _NAME: ClassVar[str]
 
     def _values(self, x: FloatArray, y: FloatArray) -> FloatArray:
         raise NotImplementedError
@@ -76,18 +84,6 @@ class VignetteModel:
         """Return the attenuation of every pixel, shape (height, width)."""
         return image_of(self._values, self.size)
 
-
-@dataclass(frozen=True)
-class PolynomialVignette(VignetteModel):
-    """V(R) = 1 + v₁R² + v₂R⁴ + v₃R⁶, R in half diagonals (paper, eq. radial, there about the image centre)."""
-
-    size: ImageSize
-    """Width and height in pixels."""
-    coefficients: tuple[float, ...]
-    """(v₁, v₂, …) for the radius in half diagonals, measured from ``centre``."""
-    centre: tuple[float, float] = (0.0, 0.0)
-    """Centre of the vignette relative to the image centre, in half diagonals."""
-
     def moved(self, size: ImageSize, centre: tuple[float, float], unit: float) -> Self:
         """Return the same vignette in images of another size.
 
@@ -95,19 +91,29 @@ class PolynomialVignette(VignetteModel):
         """
         return replace(self, size=size, centre=centre, coefficients=powers_in_unit(self.coefficients, unit))
 
+    def as_dict(self) -> dict[str, Any]:
+        """Return name and parameters as JSON-compatible values, without those that are infinite."""
+        stored: dict[str, Any] = {"name": self._NAME}
+        for entry in fields(self):
+            value = getattr(self, entry.name)
+            if value != math.inf:
+                stored[entry.name] = list(value) if isinstance(value, tuple) else value
+        return stored
+
+
+@dataclass(frozen=True)
+class PolynomialVignette(VignetteModel):
+    """V(R) = 1 + v₁R² + v₂R⁴ + v₃R⁶, R in half diagonals (paper, eq. radial, there about the image centre).
+
+    The coefficients are (v₁, v₂, …).
+    """
+
+    _NAME = "polynomial"
+
     def _values(self, x: FloatArray, y: FloatArray) -> FloatArray:
         x, y = x - self.centre[0], y - self.centre[1]
         squared = np.sqrt(x**2 + y**2) ** 2
         return np.asarray(np.polynomial.polynomial.polyval(squared, [1.0, *self.coefficients]), dtype=np.float64)
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return name and parameters."""
-        return {
-            "name": "polynomial",
-            "size": list(self.size),
-            "coefficients": list(self.coefficients),
-            "centre": list(self.centre),
-        }
 
 
 _LARGEST_LOG = 50.0
@@ -116,36 +122,27 @@ _LARGEST_LOG = 50.0
 
 @dataclass(frozen=True)
 class LogVignette(VignetteModel):
-    """ln V = Σ aᵢ R²ⁱ about its own centre, plus non-radial terms; zero at that centre."""
+    """ln V = Σ aᵢ R²ⁱ about its own centre, plus non-radial terms; zero at that centre.
 
-    size: ImageSize
-    """Width and height in pixels."""
-    coefficients: tuple[float, ...]
-    """(a₁, a₂, …) for the radius in half diagonals, measured from ``centre``."""
-    centre: tuple[float, float] = (0.0, 0.0)
-    """Centre of the vignette relative to the image centre, in half diagonals."""
+    The coefficients are (a₁, a₂, …).
+    """
+
     non_radial: tuple[float, ...] = ()
     """Coefficients of the terms :data:`~ospc.photometry.non_radial.NON_RADIAL`, in this order; empty for none."""
     limit: float = math.inf
     """Distance from ``centre`` in half diagonals beyond which V is unknown, as outside the image circle of a fisheye.
     Beyond, V keeps its value at this distance."""
 
+    _NAME = "log_polynomial"
+
     def log_at_normalised(self, position: FloatArray) -> FloatArray:
         """Return ln V at positions relative to the image centre in half diagonals, (..., 2) -> (...)."""
         return self._log_values(position[..., 0], position[..., 1])
 
     def moved(self, size: ImageSize, centre: tuple[float, float], unit: float) -> Self:
-        """Return the same vignette in images of another size.
-
-        ``centre`` is its centre in them, and ``unit`` the length of their half diagonal in present ones.
-        """
+        """Return the same vignette in images of another size; see :meth:`VignetteModel.moved`."""
         non_radial = tuple(c * unit**degree for c, degree in zip(self.non_radial, DEGREES, strict=False))
-        moved = replace(self, size=size, centre=centre, non_radial=non_radial, limit=self.limit / unit)
-        return moved._in_unit(unit)
-
-    def _in_unit(self, unit: float) -> Self:
-        """Return the radial part for a unit of radius that is ``unit`` times as long."""
-        return replace(self, coefficients=powers_in_unit(self.coefficients, unit))
+        return replace(super().moved(size, centre, unit), non_radial=non_radial, limit=self.limit / unit)
 
     def _radial(self, squared: FloatArray) -> FloatArray:
         """Return the radial part of ln V at squared radii."""
@@ -165,17 +162,6 @@ class LogVignette(VignetteModel):
             log_v = log_v + sum(c * t for c, t in zip(self.non_radial, non_radial_terms(x, y), strict=True))
         return np.asarray(log_v)
 
-    def as_dict(self) -> dict[str, Any]:
-        """Return name and parameters."""
-        return {
-            "name": "log_polynomial",
-            "size": list(self.size),
-            "coefficients": list(self.coefficients),
-            "centre": list(self.centre),
-            "non_radial": list(self.non_radial),
-            **({"limit": self.limit} if math.isfinite(self.limit) else {}),
-        }
-
 
 @dataclass(frozen=True)
 class LogSplineVignette(LogVignette):
@@ -187,15 +173,15 @@ class LogSplineVignette(LogVignette):
     reach: float = 1.0
     """Radius of the last knot in half diagonals, measured from ``centre``."""
 
-    def _in_unit(self, unit: float) -> Self:
-        return replace(self, coefficients=tuple(c * unit**2 for c in self.coefficients), reach=self.reach / unit)
+    _NAME = "log_spline"
+
+    def moved(self, size: ImageSize, centre: tuple[float, float], unit: float) -> Self:
+        """Return the same vignette in images of another size; see :meth:`VignetteModel.moved`."""
+        slopes = tuple(c * unit**2 for c in self.coefficients)
+        return replace(super().moved(size, centre, unit), coefficients=slopes, reach=self.reach / unit)
 
     def _radial(self, squared: FloatArray) -> FloatArray:
         return radial_spline(len(self.coefficients), self.reach).values(np.array(self.coefficients), squared)
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return name and parameters."""
-        return {**super().as_dict(), "name": "log_spline", "reach": self.reach}
 
 
 def powers_in_unit(coefficients: tuple[float, ...], unit: float) -> tuple[float, ...]:
