@@ -18,12 +18,7 @@ from ospc.exposures.tone_mapping import NO_LOCAL_TONE, LocalTone
 from ospc.frame_checks import skipped_in_words
 from ospc.recording.frame import Frame
 from ospc.recording.recording import Recording
-from ospc.settings.diagnosis import (
-    DARK_CORNER_SHARE,
-    MANY_CLIPPED_SHARE,
-    SLOWEST_VIDEO_S,
-    WEAK_SLOPE,
-)
+from ospc.settings.diagnosis import DARK_CORNER_SHARE, MANY_CLIPPED_SHARE, SLOWEST_VIDEO_S, WEAK_SLOPE
 from ospc.settings.lag import MAX_LAG
 
 

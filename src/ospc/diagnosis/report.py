@@ -17,9 +17,7 @@ from ospc.exposures.findings import ExposureFindings
 from ospc.methods.summary import FitInputs
 from ospc.photometry.verdict import Verdict
 from ospc.settings.brightness import GREY_BIN_EDGES
-from ospc.settings.diagnosis import (
-    GAP_RATIO,
-)
+from ospc.settings.diagnosis import GAP_RATIO
 
 _MOST_DROPPED = 1e9
 """Most dropped frames counted: stamps from two clocks may be decades apart, and the count must fit an integer."""

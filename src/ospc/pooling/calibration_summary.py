@@ -27,13 +27,7 @@ from ospc.pooling.summary import (
     triangle_of,
 )
 from ospc.settings.fit import MAX_GAMMA
-from ospc.settings.pooling import (
-    MAX_RESPONSE_KNOTS,
-    MAX_WALK,
-    MIN_OBSERVED,
-    MIN_RELATIVE_INFORMATION,
-    OMITTED_SIGMA,
-)
+from ospc.settings.pooling import MAX_RESPONSE_KNOTS, MAX_WALK, MIN_OBSERVED, MIN_RELATIVE_INFORMATION, OMITTED_SIGMA
 from ospc.settings.sampling import ASSUMED_NOISE_SIGMA
 from ospc.settings.vignette import VIGNETTE_REACH
 

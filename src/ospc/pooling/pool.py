@@ -25,10 +25,7 @@ from ospc.pooling.solution import Information, solve, solve_with_chosen_vignette
 from ospc.pooling.summary import PARAMETERS, VIGNETTE_PART, Summary, joint_range, triangle_of
 from ospc.settings import DefaultSettings
 from ospc.settings.methods import IDENTIFIABLE_CORNER_SIGMA
-from ospc.settings.pooling import (
-    FREE_PRECISION,
-    ROUGH_VIGNETTE_WALK,
-)
+from ospc.settings.pooling import FREE_PRECISION, ROUGH_VIGNETTE_WALK
 from ospc.state import container
 from ospc.state.container import STATE_NAME, Container
 from ospc.state.run import KIND as RUN_KIND

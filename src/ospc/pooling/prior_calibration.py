@@ -15,13 +15,7 @@ from ospc.pooling.agreement import Difference, agreement, difference_of
 from ospc.pooling.calibration_summary import summary_of_calibration
 from ospc.pooling.pool import Pool, agreeing, merge, usable_radius, why_unlike
 from ospc.pooling.solution import Information, solve
-from ospc.pooling.summary import (
-    RESPONSE_PART,
-    VIGNETTE_PART,
-    Summary,
-    joint_range,
-    triangle_of,
-)
+from ospc.pooling.summary import RESPONSE_PART, VIGNETTE_PART, Summary, joint_range, triangle_of
 from ospc.state.container import STATE_NAME
 
 

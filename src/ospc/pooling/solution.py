@@ -18,10 +18,7 @@ from ospc.estimation.vignette_basis import VignetteBasis
 from ospc.estimation.vignette_choice import supported
 from ospc.library_threads import one_blas_thread
 from ospc.pooling.summary import PARAMETERS, RESPONSE, VIGNETTE, Summary
-from ospc.settings.pooling import (
-    MAX_SOLUTION_ROUNDS,
-    SOLUTION_TOLERANCE,
-)
+from ospc.settings.pooling import MAX_SOLUTION_ROUNDS, SOLUTION_TOLERANCE
 
 _SIMPLER = (VignetteBasis(VIGNETTE.radial, free_centre=True), VignetteBasis(VIGNETTE.radial))
 

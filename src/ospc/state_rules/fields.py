@@ -36,11 +36,7 @@ from ospc.photometry.grey_range import GreyRange
 from ospc.photometry.noise import NoiseModel
 from ospc.settings.brightness import MAX_REPEATED_FRAMES
 from ospc.settings.effects import STEP_EXPOSURES
-from ospc.settings.grey_values import (
-    COVERAGE_GREY_CELLS,
-    COVERAGE_RADIUS_CELLS,
-    MAX_COUNTED_FRAMES,
-)
+from ospc.settings.grey_values import COVERAGE_GREY_CELLS, COVERAGE_RADIUS_CELLS, MAX_COUNTED_FRAMES
 from ospc.settings.methods import MAX_BASELINE_PAIRS, MAX_FRAME_RATE, MIN_FRAME_RATE
 from ospc.settings.sampling import AGE_CLASSES, MAX_COMPARISONS
 from ospc.settings.vignette import MIN_USABLE_RADIUS
