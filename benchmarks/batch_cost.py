@@ -17,7 +17,7 @@ import resource
 import shutil
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Generator, Iterable
 from pathlib import Path
 
 import cv2
@@ -28,7 +28,7 @@ from ospc.batch.cameras import merged_cameras
 from ospc.batch.manifest import Entry
 from ospc.batch.run import run_batch
 from ospc.batch.store import Store
-from ospc.batch.work import Processes, ThisProcess
+from ospc.batch.work import Answer, Processes, Task, work
 from ospc.calibrator import OnlineCalibrator
 from ospc.recording import open_recording
 from ospc.recording.recording import identity
@@ -90,6 +90,13 @@ def parts(entries: list[Entry]) -> dict[str, float]:
         times.append(np.diff([*marks, time.process_time()]))
     names = ("open and identify", "read and compare frames", "estimate", "summary")
     return dict(zip(names, np.mean(times, axis=0).tolist(), strict=True))
+
+
+class ThisProcess:
+    """Runs tasks one after the other in this process, whose processor time is measured."""
+
+    def run(self, tasks: Iterable[Task]) -> Generator[Answer, None, None]:
+        yield from map(work, tasks)
 
 
 def cost(folder: Path, count: int, size: tuple[int, int], frames: int) -> dict[str, object]:

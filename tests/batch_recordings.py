@@ -42,7 +42,7 @@ def variant(original: Path, place: Path, factor: float) -> Path:
 
 @dataclass
 class Pretending:
-    """A runner that fails on demand and records its tasks.
+    """A runner in this process that fails on demand and records its tasks.
 
     Attributes
     ----------

@@ -17,7 +17,7 @@ from command_line import leave_out
 from ospc.batch.manifest import Entry
 from ospc.batch.run import run_batch
 from ospc.batch.store import Store
-from ospc.batch.work import Processes, Task, ThisProcess, work
+from ospc.batch.work import Processes, Task, work
 from ospc.errors import FormatError, SettingError
 from ospc.photometry.calibration import Calibration
 from ospc.pooling.pool import Pool
@@ -54,7 +54,7 @@ def entries(recordings):
 @pytest.fixture(scope="module")
 def done(entries, tmp_path_factory):
     out = tmp_path_factory.mktemp("done") / "out"
-    return run_batch(entries, out, ThisProcess()), out
+    return run_batch(entries, out, Pretending()), out
 
 
 def statuses(out):
@@ -129,7 +129,7 @@ def test_a_changed_recording_or_setting_is_processed_again(recordings, tmp_path,
     place = tmp_path / "r"
     shutil.copytree(recordings / "A" / "r0", place)
     entry = Entry(str(place), "A", QUICK)
-    run_batch([entry], tmp_path / "out", ThisProcess())
+    run_batch([entry], tmp_path / "out", Pretending())
     if change == "settings":
         entry = Entry(str(place), "A", (*QUICK, ("max_points", "100")))
     elif change == "exposures":
@@ -160,7 +160,7 @@ def test_interrupted_it_writes_what_is_done_and_goes_on_later(entries, tmp_path)
         if stage == "calibrating" and done == 2:
             raise KeyboardInterrupt
 
-    outcome = run_batch(entries[:4], tmp_path / "out", ThisProcess(), progress=stop)
+    outcome = run_batch(entries[:4], tmp_path / "out", Pretending(), progress=stop)
     assert outcome.interrupted
     assert [row.status for row in outcome.rows] == ["done", "done", "not done", "not done"]
     assert "2 recordings not done yet" in (tmp_path / "out" / "index.html").read_text()
@@ -196,7 +196,7 @@ def test_without_workers_nothing_is_written(entries, tmp_path):
 
 def test_without_pyarrow_there_is_no_parquet_and_a_note(entries, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "pyarrow", None)
-    outcome = run_batch(entries[:1], tmp_path / "out", ThisProcess())
+    outcome = run_batch(entries[:1], tmp_path / "out", Pretending())
     assert "pip install 'ospc[parquet]'" in outcome.notes[0]
     assert not (tmp_path / "out" / "batch.parquet").exists()
 
@@ -208,7 +208,7 @@ def test_a_batch_whose_last_files_are_missing_goes_on(done, entries, tmp_path):
         shutil.copytree(out, copy, dirs_exist_ok=missing != "batch.json")
         for name in {"batch.json", missing}:
             (copy / name).unlink()
-        run_batch(entries, copy, ThisProcess())
+        run_batch(entries, copy, Pretending())
         assert (copy / "index.html").read_bytes() == (out / "index.html").read_bytes()
 
 
@@ -216,13 +216,13 @@ def test_other_folders_and_batches_of_other_versions_are_refused(entries, tmp_pa
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "thesis.tex").write_text("all of it")
     with pytest.raises(SettingError, match="something other than an earlier batch"):
-        run_batch(entries[:1], tmp_path / "mine", ThisProcess())
+        run_batch(entries[:1], tmp_path / "mine", Pretending())
     (tmp_path / "old").mkdir()
     (tmp_path / "old" / "batch.json").write_text('{"schema": "ospc-batch/0"}')
     with pytest.raises(SettingError, match=r"a batch of another version .*ospc-batch/0"):
-        run_batch(entries[:1], tmp_path / "old", ThisProcess(), force=True)
+        run_batch(entries[:1], tmp_path / "old", Pretending(), force=True)
     with pytest.raises(SettingError, match="is a file"):
-        run_batch(entries[:1], tmp_path / "old" / "batch.json", ThisProcess())
+        run_batch(entries[:1], tmp_path / "old" / "batch.json", Pretending())
 
 
 def test_results_of_other_versions_are_made_again(done, entries, tmp_path):

@@ -9,9 +9,8 @@ from functools import partial
 
 import pytest
 
-from batch_recordings import QUICK, simulated, variant
+from batch_recordings import QUICK, Pretending, simulated, variant
 from command_line import leave_out, ospc
-from ospc.batch.work import ThisProcess
 from ospc.errors import RecordingError
 from ospc.simulation import SimulationSettings, simulate
 
@@ -30,7 +29,7 @@ def folder(tmp_path_factory):
 @pytest.fixture(autouse=True)
 def in_this_process(monkeypatch):
     """Run in this process: starting others takes seconds and is tested elsewhere."""
-    monkeypatch.setattr("ospc.batch.work.Processes", lambda _count: ThisProcess())
+    monkeypatch.setattr("ospc.batch.work.Processes", lambda _count: Pretending())
 
 
 @pytest.fixture

@@ -13,8 +13,8 @@ import pytest
 from documented_code import DOCS, ROOT, Block, blocks, pages
 from stage import QUICK, Stage, run_command
 
+from batch_recordings import Pretending
 from command_line import leave_out
-from ospc.batch.work import ThisProcess
 from ospc.cli.main import cli
 from ospc.correspondence.features import EXTRACTORS
 from ospc.correspondence.registration import REGISTRARS
@@ -84,7 +84,7 @@ def _run(block: Block, names: dict[str, object]) -> None:
         with pytest.MonkeyPatch.context() as patch:
             # Pictures, reports and other processes take most of the time and are tested elsewhere.
             leave_out(patch, *(["draw"] if words[0] == "report" else ["draw", "report"]))
-            patch.setattr("ospc.batch.work.Processes", lambda _count: ThisProcess())
+            patch.setattr("ospc.batch.work.Processes", lambda _count: Pretending())
             arguments = [*arguments, *FEWER_FRAMES.get(words[0], [])]
             printed = run_command(arguments, block.exit_codes if number == len(commands) - 1 else (0, 3))
         if output:

@@ -121,14 +121,6 @@ class Runner(Protocol):
         ...
 
 
-class ThisProcess:
-    """Runs tasks one after the other in this process."""
-
-    def run(self, tasks: Iterable[Task]) -> Generator[Answer, None, None]:
-        """Yield the answers in the order of the tasks."""
-        yield from map(work, tasks)
-
-
 @dataclass(frozen=True)
 class Processes:
     """Runs tasks in processes of this machine; if one dies, only its task fails."""
@@ -137,13 +129,10 @@ class Processes:
 
     def run(self, tasks: Iterable[Task]) -> Generator[Answer, None, None]:
         """Yield the answers as they arrive."""
-        with closing(in_processes(work, tasks, self.count, _lost)) as answers:
+        found = in_processes(work, tasks, self.count, lambda task, why: Answer(task.number, error=why))
+        with closing(found) as answers:
             for _, answer in answers:
                 yield answer
-
-
-def _lost(task: Task, why: str) -> Answer:
-    return Answer(task.number, error=why)
 
 
 def cores() -> int:

@@ -186,16 +186,11 @@ def correct_recording(
         "skipped": {"frames": result.skipped, "reasons": list(result.reasons)},
         "saturated_share": result.saturated,
         "clipped_share": result.clipped,
-        "original_exposures_ms": None if source.unexposed else _or_none(exposures_ms),
+        "original_exposures_ms": None if source.unexposed else exposures_ms.tolist(),
         "copied": folder.copy_geometry(recording.path, recording.size),
     }
     folder.finish(note | facts, files)
     return result
-
-
-def _or_none(values: FloatArray) -> list[float | None]:
-    """Return values for JSON, which has no NaN."""
-    return [value if np.isfinite(value) else None for value in values.tolist()]
 
 
 def _output_names(source: Source, settings: CorrectionSettings) -> list[PurePosixPath]:

@@ -64,7 +64,8 @@ class RadialFit:
         half = half_diagonal(self.size)
         ends = [abs(c) + (side - 1) / 2 / half for c, side in zip(self.centre, self.size, strict=True)]
         with np.errstate(over="ignore", invalid="ignore"):
-            values = self._at(np.linspace(0, math.hypot(*ends), 201) ** 2)
+            squared = np.linspace(0, math.hypot(*ends), 201) ** 2
+            values = np.polynomial.polynomial.polyval(squared, [1.0, *self.coefficients])
         if not (values.min() > 0 and values.max() <= LARGEST_ATTENUATION):
             v1, v2, v3 = self.coefficients
             raise FormatError(
@@ -85,9 +86,6 @@ class RadialFit:
     def vignette(self) -> PolynomialVignette:
         """Return the vignette."""
         return PolynomialVignette(self.size, self.coefficients, self.centre)
-
-    def _at(self, squared_radius: FloatArray) -> FloatArray:
-        return np.asarray(np.polynomial.polynomial.polyval(squared_radius, [1.0, *self.coefficients]))
 
 
 @dataclass(frozen=True)
