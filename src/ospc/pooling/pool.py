@@ -128,19 +128,15 @@ class Pool:
 
 def why_unlike(one: Summary, other: Summary) -> str:
     """Return why two recordings cannot be of one camera in one mode; empty if they can."""
-    for what, alike, first, second in (
-        ("pixels", one.size == other.size, f"{one.size[0]}×{one.size[1]}", f"{other.size[0]}×{other.size[1]}"),
-        ("for white", one.max_grey == other.max_grey, str(one.max_grey), str(other.max_grey)),
-        (
-            "for black and white",
-            one.grey_range.resembles(other.grey_range),
-            one.grey_range.in_words,
-            other.grey_range.in_words,
-        ),
-    ):
-        if not alike:
-            return f"{one.name} has {first} {what}, {other.name} {second}"
-    return ""
+    if one.size != other.size:
+        what, (first, second) = "pixels", (f"{s.size[0]}×{s.size[1]}" for s in (one, other))
+    elif one.max_grey != other.max_grey:
+        what, first, second = "for white", str(one.max_grey), str(other.max_grey)
+    elif not one.grey_range.resembles(other.grey_range):
+        what, first, second = "for black and white", one.grey_range.in_words, other.grey_range.in_words
+    else:
+        return ""
+    return f"{one.name} has {first} {what}, {other.name} {second}"
 
 
 def largest_alike(summaries: Iterable[Summary]) -> tuple[Pool, tuple[Difference, ...]]:

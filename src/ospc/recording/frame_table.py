@@ -11,7 +11,7 @@ from pathlib import Path, PurePosixPath
 import numpy as np
 import numpy.typing as npt
 
-from ospc.arrays import FloatArray, read_only
+from ospc.arrays import FloatArray, nearest, read_only
 from ospc.errors import ExposureError, MissingExtraError, RecordingError, counted, listed, quoted
 from ospc.formats.files import by_name, read_bytes
 from ospc.formats.scanning import NUMBER
@@ -276,9 +276,9 @@ def _images_by_time(table: FrameTable, names: Sequence[str], stems: Sequence[str
     if min(times_s.min(), table.stamps_s[0]) < _EARLIEST_S:
         return []
     order = np.argsort(times_s)
-    nearest = order[np.rint(np.interp(table.stamps_s, times_s[order], np.arange(len(order)))).astype(np.int64)]
-    near = np.abs(times_s[nearest] - table.stamps_s) < _SAME_TIME * float(np.median(np.diff(table.stamps_s)))
-    return [names[i] if fits else None for i, fits in zip(nearest.tolist(), near, strict=True)] if near.any() else []
+    closest = order[nearest(times_s[order], table.stamps_s)]
+    near = np.abs(times_s[closest] - table.stamps_s) < _SAME_TIME * float(np.median(np.diff(table.stamps_s)))
+    return [names[i] if fits else None for i, fits in zip(closest.tolist(), near, strict=True)] if near.any() else []
 
 
 def _number(text: str) -> str:
