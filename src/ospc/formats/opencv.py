@@ -100,7 +100,7 @@ def _matrices(path: str | Path) -> dict[str, FloatArray]:
         shape = (int(rows), int(columns), int(channels or 1))
         count = math.prod(shape)
         try:
-            values = _decoded(data, letter) if data.startswith("!") else _listed(data)
+            values = _values(data, letter)
         except ValueError:
             raise FormatError(f"{path}: the values of the matrix '{name}' are not numbers") from None
         if not 0 < count <= MOST_PIXELS or values.size != count or not np.all(np.abs(values) < _LARGEST_VALUE):
@@ -109,14 +109,12 @@ def _matrices(path: str | Path) -> dict[str, FloatArray]:
     return found
 
 
-def _decoded(data: str, letter: str) -> FloatArray:
+def _values(data: str, letter: str) -> FloatArray:
+    if data.startswith("["):
+        return np.array([float(word) for word in data.strip("[]").split(",")], dtype=np.float64)
     binary = base64.b64decode("".join(data.split()[2:]), validate=True)[_BASE64_HEADER:]
     with np.errstate(invalid="ignore"):  # NaN is rejected later
         return np.frombuffer(binary, np.dtype("<f4" if letter == "f" else "<f8")).astype(np.float64)
-
-
-def _listed(data: str) -> FloatArray:
-    return np.array([float(word) for word in data.strip("[]").split(",")], dtype=np.float64)
 
 
 def _one_channel(path: str | Path, response: FloatArray, channel: int | None) -> FloatArray:
