@@ -29,7 +29,7 @@ def checked_by_fit(
     if undoes_correction and found.corrected_frames and inputs is not None and found.refuted_by(inputs.effects):
         exposures, found = replace(exposures, lag_frames=0), found.without_correction()
         inputs = method.inputs(exposures, grey_range)
-    return exposures, found if inputs is None else found.judged_by(inputs.effects)
+    return exposures, found if inputs is None else found.judged_by(inputs.effects, inputs.ratios)
 
 
 def judged_calibration(

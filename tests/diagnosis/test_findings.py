@@ -15,6 +15,7 @@ from ospc.exposures.brightness_series import BrightnessSeries
 from ospc.exposures.findings import assess_exposures
 from ospc.exposures.lag_selection import LagEstimate
 from ospc.methods.maximum_likelihood import MaximumLikelihoodMethod
+from ospc.photometry.coverage import ExposureRatios
 from ospc.photometry.verdict import LATE_EXPOSURES, EffectEstimate
 from ospc.recording import Frame
 from ospc.settings import DefaultSettings
@@ -23,6 +24,8 @@ FRAMES = 56
 LATE = Film(wandering(FRAMES), lag=2)
 STALE = Film(np.zeros(FRAMES), hidden_log_gain=wandering(FRAMES))
 RISING = Film(np.linspace(-0.6, 0.6, 60))
+HALF_STOPS = Film(np.repeat(np.resize([0.0, 0.35], 4), 14), hidden_log_gain=wandering(FRAMES))
+NO_RATIOS = ExposureRatios.none()
 QUICK = replace(DefaultSettings(), points_per_pair=120, rounds=5, response_intervals=16)
 
 
@@ -51,7 +54,7 @@ def test_a_lag_is_corrected_and_reported() -> None:
     ],
 )
 def test_a_fit_that_shows_exposures_of_other_frames_leaves_a_doubt(effect: EffectEstimate, state: str) -> None:
-    assert found(LATE).judged_by([effect]).verdict.state == state
+    assert found(LATE).judged_by([effect], NO_RATIOS).verdict.state == state
 
 
 @pytest.mark.parametrize(
@@ -68,7 +71,7 @@ def test_a_part_of_a_frame_late_is_usual_and_early_is_noise_reduction(
     frames: float, sigma: float, state: str
 ) -> None:
     effect = EffectEstimate(LATE_EXPOSURES, frames, sigma, corrected=True)
-    verdict = found(Film(wandering(FRAMES))).judged_by([effect]).verdict
+    verdict = found(Film(wandering(FRAMES))).judged_by([effect], NO_RATIOS).verdict
     assert verdict.state == state
     assert ("noise reduction" in verdict.remedy) == (state == "marginal")
 
@@ -86,7 +89,7 @@ def test_a_part_of_a_frame_late_is_usual_and_early_is_noise_reduction(
 def test_a_fit_settles_a_lag_that_changes_of_brightness_leave_open(effect: EffectEstimate, state: str) -> None:
     unsettled = found(RISING)
     assert (unsettled.lag_frames, unsettled.verdict.state) == (None, "marginal")
-    judged = unsettled.judged_by([effect])
+    judged = unsettled.judged_by([effect], NO_RATIOS)
     assert judged.verdict.state == state
     assert (judged.lag_frames == 0) is (not judged.notes) is (state == "identifiable")
 
@@ -95,14 +98,14 @@ def test_a_fit_settles_a_lag_that_changes_of_brightness_leave_open(effect: Effec
 def test_a_fit_settles_the_lag_if_no_consecutive_frames_overlap(frames: float, sigma: float, state: str) -> None:
     unsettled = assess_exposures([], wandering(FRAMES))
     assert (unsettled.lag.state, unsettled.verdict.state) == ("too few pairs", "marginal")
-    judged = unsettled.judged_by([EffectEstimate(LATE_EXPOSURES, frames, sigma)])
+    judged = unsettled.judged_by([EffectEstimate(LATE_EXPOSURES, frames, sigma)], NO_RATIOS)
     assert judged.verdict.state == state
     assert (judged.lag_frames == 0) is (not judged.notes) is (state == "identifiable")
 
 
 def test_a_fit_does_not_overrule_a_lag_contradicted_by_brightness() -> None:
     refuted = found(LATE).without_correction()
-    assert refuted.judged_by([EffectEstimate(LATE_EXPOSURES, 0.0, 0.01)]) == refuted
+    assert refuted.judged_by([EffectEstimate(LATE_EXPOSURES, 0.0, 0.01)], NO_RATIOS) == refuted
 
 
 @pytest.mark.parametrize(
@@ -162,6 +165,37 @@ def test_stale_exposures_are_a_warning() -> None:
     assert "stale" in findings.warnings[0]
     assert findings.verdict.remedy
     assert findings.corrected_frames == 0
+
+
+def ratios_with(errors: np.ndarray) -> ExposureRatios:
+    """Return exposure ratios, half of them of unchanged exposures, that a fit explains up to these errors in ln."""
+    n = len(errors)
+    metadata = np.where(np.arange(n) % 2, 1.0, 1.4)
+    return ExposureRatios(np.arange(2 * n).reshape(n, 2), metadata, metadata * np.exp(errors), np.full(n, 100))
+
+
+@pytest.mark.parametrize(
+    ("error", "exceptions", "state"),
+    [
+        (0.003, 0, "identifiable"),
+        (0.003, 1, "identifiable"),
+        (0.003, 8, "not identifiable"),
+        (0.02, 0, "not identifiable"),
+    ],
+)
+def test_exposures_that_a_fit_explains_are_not_stale(error: float, exceptions: int, state: str) -> None:
+    errors = np.full(40, error)
+    errors[1 : 2 * exceptions : 2] = 0.3  # pairs of unchanged exposure
+    judged = found(HALF_STOPS).judged_by([], ratios_with(errors))
+    assert judged.verdict.state == state
+    assert (judged.warnings == ()) == (state == "identifiable")
+
+
+def test_a_fit_to_constant_exposures_or_to_few_pairs_does_not_make_them_right() -> None:
+    good = ratios_with(np.full(40, 0.001))
+    assert found(STALE).judged_by([], good).warnings
+    assert found(HALF_STOPS).judged_by([], ratios_with(np.full(8, 0.001))).warnings
+    assert found(HALF_STOPS).judged_by([], NO_RATIOS).warnings
 
 
 def test_constant_exposures_that_are_true_are_none() -> None:

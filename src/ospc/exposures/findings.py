@@ -19,8 +19,14 @@ from ospc.exposures.table import ExposureReport, filled, without
 from ospc.exposures.tone_mapping import NO_LOCAL_TONE, LocalTone, local_tone
 from ospc.exposures.verdicts import CHANGE_IRREGULARLY, either, verdict_on
 from ospc.exposures.wrong_exposures import in_words, wrong_exposures
+from ospc.photometry.coverage import ExposureRatios
 from ospc.photometry.verdict import LATE_EXPOSURES, EffectEstimate, Verdict
-from ospc.settings.brightness import NOTABLE_RMS_LOG
+from ospc.settings.brightness import (
+    EXPLAINED_PAIRS,
+    MIN_STALE_PAIRS,
+    NOTABLE_RMS_LOG,
+    UNCHANGED_EXPOSURE_LOG,
+)
 from ospc.settings.exposures import (
     BLENDED_LAG_FRAMES,
     DOUBTED_LAG_FRAMES,
@@ -122,10 +128,33 @@ class ExposureFindings:
         reason = "alternate rows of the images show different moments, as in interlaced video"
         return self.with_warning(reason, _PROGRESSIVE)
 
-    def judged_by(self, effects: Iterable[EffectEstimate]) -> ExposureFindings:
-        """Return the findings updated by the lag that a fit measured: it may settle a doubt or raise one."""
+    def judged_by(self, effects: Iterable[EffectEstimate], ratios: ExposureRatios) -> ExposureFindings:
+        """Return the findings updated by a fit: its lag and its exposure ratios may settle doubts or raise them."""
+        found = self._explained_by(ratios)
         lateness = _lateness(effects)
-        return self if lateness is None else self._confirmed_by(lateness)._doubted_by(lateness)
+        return found if lateness is None else found._confirmed_by(lateness)._doubted_by(lateness)
+
+    def _explained_by(self, ratios: ExposureRatios) -> ExposureFindings:
+        """Return the findings without stale exposures if the fit explains the brightness at these exposures.
+
+        Brightness changes are compared through a typical response, from which extreme ones differ too much.
+        """
+        brightness = self.brightness
+        if (
+            brightness is None
+            or not brightness.stale
+            or self.recorded.values == 1
+            or self.warnings != (self.verdict.reason,)
+        ):
+            return self
+        unchanged = np.abs(np.log(ratios.metadata)) < UNCHANGED_EXPOSURE_LOG
+        parts = [np.abs(part) for part in (ratios.log_residual, ratios.log_residual[unchanged])]
+        largest = max((float(np.quantile(part, EXPLAINED_PAIRS)) for part in parts if len(part)), default=np.inf)
+        if len(parts[0]) < MIN_STALE_PAIRS or largest > NOTABLE_RMS_LOG:
+            return self
+        pairs = f"{EXPLAINED_PAIRS:.0%} of the pairs of frames to within {np.expm1(largest):.1%}"
+        verdict = Verdict("identifiable", f"exposures belong to their frames: with the fit, they explain {pairs}")
+        return replace(self, brightness=replace(brightness, stale=False), verdict=verdict, warnings=())
 
     def _confirmed_by(self, lateness: EffectEstimate) -> ExposureFindings:
         """Return the findings with a lag of 0 if only the fit shows it and brightness changes leave it open."""

@@ -90,6 +90,11 @@ within `DRIFT_FRAMES`, an exposure control changes it by more, registration erro
 MIN_STALE_PAIRS = 12
 """Fewest pairs of unchanged exposure for it to count as stale: their root mean square is known to a fifth."""
 
+EXPLAINED_PAIRS = 0.9
+"""Share of pairs of frames whose exposure ratios a fit must explain to within `NOTABLE_RMS_LOG` for exposures not to
+be stale: with extreme film responses it explained this share to within 0.005, with stale exposures to within 0.04 at
+best."""
+
 REPORTED_FLICKER_SHARE = 0.6
 """Minimum share of the fast unexplained changes for a flicker to be reported: more than :func:`find_flicker`
 requires, because a false report would send the user looking for a lamp."""
