@@ -12,7 +12,7 @@ from ospc.evaluation.comparison import aligning_exponent, compare
 from ospc.evaluation.metrics import log_ratio_error, response_rmse, vignette_rmse
 from ospc.formats.dso import write_pcalib, write_vignette
 from ospc.formats.opening import Photometry, open_photometry
-from ospc.photometry.calibration import Calibration
+from ospc.photometry.calibration import PROFILE_RADII, Calibration
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import PolynomialVignette, RasterVignette
 
@@ -76,6 +76,16 @@ def test_stated_uncertainty_is_compared():
     result = compare(Photometry("a", estimate, None), Photometry("b", RESPONSE, None))
     assert result.response_coverage == (1.0, 1.0)
     assert compare(Photometry("a", estimate, None), Photometry("b", RESPONSE, None), 1.1).response_coverage is None
+
+
+@pytest.mark.parametrize(("sigmas", "shares"), [(0.99, (1.0, 1.0)), (1.5, (0.0, 1.0)), (2.5, (0.0, 0.0))])
+def test_stated_uncertainty_of_the_vignette_is_compared(sigmas, shares):
+    vignette = PolynomialVignette(SIZE, (-0.2, -0.1, 0.0))
+    sigma = np.abs(vignette.profile(PROFILE_RADII) - VIGNETTE.profile(PROFILE_RADII)) / sigmas
+    estimate = Photometry("a", None, vignette, Calibration(SIZE, None, vignette, vignette_sigma=sigma))
+    assert compare(estimate, TRUTH).vignette_coverage == shares
+    assert compare(estimate, TRUTH, 1.1).vignette_coverage is None
+    assert compare(Photometry("a", None, vignette), TRUTH).vignette_coverage is None
 
 
 def test_every_kind_of_source_is_opened(folder, tmp_path):

@@ -19,6 +19,7 @@ from ospc.photometry.vignette import (
     LogVignette,
     PolynomialVignette,
     RasterVignette,
+    half_diagonal_profiles,
     radial_profile,
 )
 
@@ -51,6 +52,12 @@ def test_the_corners_are_at_radius_one_and_the_centre_at_zero(size):
     np.testing.assert_allclose(np.linalg.norm(normalised(corners, size), axis=1), 1, atol=1e-12)
     np.testing.assert_allclose(normalised(centre_of(size), size), 0, atol=1e-12)
     assert half_diagonal(size) == pytest.approx(np.linalg.norm(corners[3]) / 2)
+
+
+@given(polynomials, st.floats(0, 1))
+def test_a_centred_vignette_is_the_same_along_all_half_diagonals(vignette, radius):
+    found = half_diagonal_profiles(vignette, np.array([radius]))
+    assert found == pytest.approx(np.full((1, 4), vignette.profile(radius)), rel=1e-9)
 
 
 @given(st.one_of(polynomials, radial_logs))

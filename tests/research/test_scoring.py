@@ -10,13 +10,13 @@ import pytest
 
 from ospc.errors import ExposureError
 from ospc.evaluation.metrics import log_ratio_error, response_rmse, response_shape_rmse, vignette_rmse
-from ospc.photometry.calibration import PROFILE_RADII, Calibration
+from ospc.photometry.calibration import Calibration
 from ospc.photometry.response import Response
 from ospc.photometry.verdict import Verdict
 from ospc.photometry.vignette import PolynomialVignette
 from ospc.research.measurement import METRICS, Measurement, medians
 from ospc.research.method import Estimate, Result
-from ospc.research.scoring import HeldOut, Truth, exposure_error, profile_along_diagonal, score
+from ospc.research.scoring import HeldOut, Truth, exposure_error, score
 from ospc.research.source import SimulatedSource, measurement
 from ospc.simulation import SimulationSettings
 
@@ -117,11 +117,6 @@ def test_exposures_are_compared_up_to_a_factor():
         exposure_error(dict(enumerate(values, start=1)), true)
     with pytest.raises(ExposureError, match="above 0"):
         exposure_error(dict(enumerate(-values)), true)
-
-
-def test_profile_begins_at_one_and_is_that_of_the_model():
-    found = profile_along_diagonal(TRUTH.vignette)
-    assert found == pytest.approx(TRUTH.vignette.profile(PROFILE_RADII), abs=1e-9)
 
 
 def test_measurements_survive_the_way_through_json():

@@ -21,6 +21,7 @@ from ospc.cli.terminal import (
 )
 from ospc.errors import counted
 from ospc.evaluation.comparison import Comparison, compare
+from ospc.evaluation.metrics import Coverage
 from ospc.formats.opening import Photometry
 from ospc.frame_checks import skipped_in_words
 from ospc.output import OutputFolder, Times, Written
@@ -229,15 +230,18 @@ def error_rows(comparison: Comparison) -> dict[str, str]:
     """Return the known figures of a comparison as text, by label."""
     figures = {label: getattr(comparison, name) for name, label in _ERRORS.items()}
     rows = {label: f"{figure:.4f}" for label, figure in figures.items() if figure is not None}
-    share = comparison.response_coverage
-    if share is not None:
-        rows["response within ±1σ / ±2σ"] = f"{share.within_1_sigma:.0%} / {share.within_2_sigma:.0%}"
+    for part, share in _coverages(comparison).items():
+        rows[f"{part} within ±1σ / ±2σ"] = f"{share.within_1_sigma:.0%} / {share.within_2_sigma:.0%}"
     return rows
 
 
 def errors_as_dict(comparison: Comparison) -> dict[str, Any]:
     """Return the figures of a comparison as JSON-compatible values."""
     figures: dict[str, Any] = {name: getattr(comparison, name) for name in _ERRORS}
-    if comparison.response_coverage is not None:
-        figures["response_coverage"] = comparison.response_coverage._asdict()
-    return figures
+    return figures | {f"{part}_coverage": share._asdict() for part, share in _coverages(comparison).items()}
+
+
+def _coverages(comparison: Comparison) -> dict[str, Coverage]:
+    """Return the known coverages of a comparison by part."""
+    coverages = {"response": comparison.response_coverage, "vignette": comparison.vignette_coverage}
+    return {part: share for part, share in coverages.items() if share is not None}

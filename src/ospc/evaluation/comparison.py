@@ -19,12 +19,14 @@ from ospc.evaluation.metrics import (
     vignette_rmse,
 )
 from ospc.formats.opening import Photometry
+from ospc.photometry.calibration import PROFILE_RADII
 from ospc.photometry.response import Response
-from ospc.photometry.vignette import RasterVignette, Vignette, radial_profile
+from ospc.photometry.vignette import RasterVignette, Vignette, half_diagonal_profiles, radial_profile
 from ospc.settings.evaluation import (
     END_OF_RANGE,
     EXPONENT_RANGE,
     METRIC_GREYS,
+    MIN_COVERED_RADIUS,
     RAMP_HEIGHT,
 )
 
@@ -39,8 +41,9 @@ class Comparison:
         Power γ to which the first was raised before the comparison.
     response_rmse, response_shape_rmse, log_ratio_error, vignette_rmse, vignette_pixel_rmse
         The metrics of these names; the last only for vignettes of equal size.
-    response_coverage
-        Share of the second response within the standard deviations of the first, if it states them.
+    response_coverage, vignette_coverage
+        Share of the second response, and of the second vignette along the half diagonals, within the standard
+        deviations of the first, if it states them.
     """
 
     exponent: float = 1.0
@@ -50,6 +53,7 @@ class Comparison:
     vignette_rmse: float | None = None
     vignette_pixel_rmse: float | None = None
     response_coverage: Coverage | None = None
+    vignette_coverage: Coverage | None = None
 
 
 def compare(estimate: Photometry, truth: Photometry, exponent: float = 1.0) -> Comparison:
@@ -80,6 +84,11 @@ def compare(estimate: Photometry, truth: Photometry, exponent: float = 1.0) -> C
         found["vignette_rmse"] = vignette_rmse(vignette, truth.vignette)
         if vignette.size == truth.vignette.size:
             found["vignette_pixel_rmse"] = vignette_pixel_rmse(vignette, truth.vignette)
+        stated = None if estimate.calibration is None else estimate.calibration.vignette_sigma
+        if exponent == 1 and stated is not None:
+            seen = PROFILE_RADII > MIN_COVERED_RADIUS
+            values, known = (half_diagonal_profiles(v, PROFILE_RADII[seen]) for v in (vignette, truth.vignette))
+            found["vignette_coverage"] = coverage(values, stated[seen, None], known)
     return Comparison(exponent, **found)
 
 

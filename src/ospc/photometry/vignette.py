@@ -256,14 +256,19 @@ class RasterVignette(ByValue):
 
 
 def diagonal_profile(vignette: Vignette, radii: FloatArray) -> FloatArray:
-    """Return the mean of V along the four half diagonals, relative to V at the image centre.
+    """Return the mean of :func:`half_diagonal_profiles`, shape (radii,) -> (radii,)."""
+    return np.asarray(half_diagonal_profiles(vignette, radii).mean(axis=1))
 
-    ``radii`` are distances from the image centre in half diagonals, shape (radii,) -> (radii,).
+
+def half_diagonal_profiles(vignette: Vignette, radii: FloatArray) -> FloatArray:
+    """Return V along each of the four half diagonals, relative to V at the image centre.
+
+    ``radii`` are distances from the image centre in half diagonals, shape (radii,) -> (radii, 4).
     """
     size = vignette.size
     centre = float(vignette.at(pixels_of(np.zeros(2), size)))
-    mean = vignette.at(pixels_of(along_diagonals(radii, size), size)).mean(axis=1)
-    return np.asarray(mean / centre if centre > 0 else mean)
+    values = vignette.at(pixels_of(along_diagonals(radii, size), size))
+    return np.asarray(values / centre if centre > 0 else values)
 
 
 def radial_profile(vignette: Vignette, bins: int = 50) -> FloatArray:

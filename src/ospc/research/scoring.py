@@ -10,10 +10,9 @@ import numpy as np
 from ospc.arrays import FloatArray, ImageSize
 from ospc.errors import ExposureError, counted
 from ospc.evaluation.comparison import compare
-from ospc.evaluation.metrics import Coverage, RatioError, coverage, exposure_ratio_error, response_shape_rmse
+from ospc.evaluation.metrics import Coverage, RatioError, exposure_ratio_error, response_shape_rmse
 from ospc.formats.opening import Photometry
 from ospc.methods.paper import Correspondences, irradiance_ratios
-from ospc.photometry.calibration import PROFILE_RADII
 from ospc.photometry.geometry import half_diagonal
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import Vignette, radial_profile
@@ -21,9 +20,6 @@ from ospc.research.measurement import METRICS
 from ospc.research.method import Estimate
 from ospc.simulation import SimulationSettings, irradiances
 from ospc.simulation.responses import make_response, make_vignette
-
-_COVERED_RADII = PROFILE_RADII > 0.1
-"""Radii at which coverage is counted; V is 1 at the centre by definition."""
 
 
 @dataclass(frozen=True)
@@ -69,14 +65,12 @@ def score(estimate: Estimate, truth: Truth, held_out: HeldOut = HeldOut()) -> di
         figures["response_shape_rmse"] = response_shape_rmse(response, true, *truth.greys)
         true = None
     if true is not None or (vignette is not None and truth.vignette is not None):
-        found = compare(Photometry("estimate", response, vignette), Photometry("truth", true, truth.vignette))
+        estimated = Photometry("estimate", response, vignette, estimate.calibration)
+        found = compare(estimated, Photometry("truth", true, truth.vignette))
         values = {metric.figure: getattr(found, metric.figure, None) for metric in METRICS}
         figures |= {name: value for name, value in values.items() if value is not None}
         figures |= _shares("response", found.response_coverage)
-    sigma = None if estimate.calibration is None else estimate.calibration.vignette_sigma
-    if vignette is not None and truth.vignette is not None and sigma is not None:
-        curves = (profile_along_diagonal(vignette), sigma, profile_along_diagonal(truth.vignette))
-        figures |= _shares("vignette", coverage(*(curve[_COVERED_RADII] for curve in curves)))
+        figures |= _shares("vignette", found.vignette_coverage)
     if response is not None and held_out.pairs:
         error = prediction_error(held_out.pairs, response, vignette)
         figures |= {"ratio_median_abs": error.median_abs, "ratio_bias": error.bias}
@@ -110,13 +104,6 @@ def exposure_error(estimate: Mapping[int, float], truth: Mapping[int, float]) ->
             f"recording; give one for each frame"
         )
     return float(np.std(np.log(values) - np.log([truth[frame] for frame in estimate])))
-
-
-def profile_along_diagonal(vignette: Vignette) -> FloatArray:
-    """Return V from the image centre to a corner, divided by V at the centre, at :data:`PROFILE_RADII`."""
-    corner = np.array(vignette.size, dtype=np.float64) - 1
-    along = vignette.at(corner / 2 + PROFILE_RADII[:, None] * corner / 2)
-    return np.asarray(along / along[0])
 
 
 def curves_of(found: Estimate | Truth) -> dict[str, list[float]]:

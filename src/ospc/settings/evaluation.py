@@ -13,7 +13,11 @@ PROFILE_BINS, CENTRE_BINS = 50, 3
 RANDOM_PAIRS = 20_000
 """Number of grey value pairs for the log-ratio error."""
 
-# Comparison up to an exponent (ospc.evaluation.comparison)
+# Comparison (ospc.evaluation.comparison)
+
+MIN_COVERED_RADIUS = 0.1
+"""Radius in half diagonals from which the uncertainty of a vignette is compared with its error: both are almost zero
+near the centre, where V is 1 by definition."""
 
 EXPONENT_RANGE = (0.1, 10.0)
 """Search range of the aligning exponent; no two camera responses differ by more."""

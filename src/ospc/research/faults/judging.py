@@ -20,11 +20,11 @@ from ospc.estimation.response_basis import ResponseBasis
 from ospc.evaluation.metrics import log_ratio_error, vignette_rmse
 from ospc.photometry.calibration import PROFILE_RADII, Calibration
 from ospc.photometry.response import Response
+from ospc.photometry.vignette import half_diagonal_profiles
 from ospc.recording import Frame
 from ospc.research.faults import exposures, greys, light, sequence
 from ospc.research.faults.footage import STRENGTHS, Fault, Footage, GoodSource, good_footage
 from ospc.research.runner import OnProgress, Task, made_with
-from ospc.research.scoring import profile_along_diagonal
 
 FaultOutcome = Literal[
     "detected", "corrected", "harmless", "uncertain", "indistinguishable", "confident and wrong", "crashed"
@@ -184,7 +184,8 @@ def _errors(found: Calibration, footage: Footage) -> dict[str, Any]:
         figures["vignette"] = vignette_rmse(found.vignette, footage.vignette, footage.reach)
         if found.vignette_sigma is not None:
             judged = (PROFILE_RADII > _CENTRE) & (footage.reach >= PROFILE_RADII)
-            error = profile_along_diagonal(found.vignette) - profile_along_diagonal(footage.vignette)
+            one, other = (half_diagonal_profiles(v, PROFILE_RADII)[:, 0] for v in (found.vignette, footage.vignette))
+            error = one - other
             mean_square = np.mean(error[judged] ** 2) / np.mean(found.vignette_sigma[judged] ** 2)
             figures["vignette_sigmas"] = float(np.sqrt(mean_square))
     return figures
