@@ -43,6 +43,11 @@ def test_exit_codes_are_listed_one_per_line(name: str) -> None:
     assert [line.split()[0] for line in lines if line.strip()[:1].isdigit()][:3] == ["0", "1", "2"]
 
 
+def test_the_package_can_be_run_as_a_module() -> None:
+    done = subprocess.run([sys.executable, "-m", "ospc", "--help"], capture_output=True, text=True, check=True)
+    assert done.stdout.startswith("Usage: ospc [OPTIONS] COMMAND")
+
+
 def test_help_texts_import_nothing_heavy() -> None:
     program = (
         "import sys; from click.testing import CliRunner; from ospc.cli.main import cli\n"
