@@ -19,27 +19,26 @@ from ospc.settings.vignette import ASYMMETRY_SIGMA, FIRST_FIT_POINTS, MIN_CRITER
 
 
 def fit_with_chosen_vignette(
-    observations: ExposedObservations, plan: FitPlan, effects: Effects | None = None
+    observations: ExposedObservations, plan: FitPlan, effects: Effects | None = None, start: Fit | None = None
 ) -> Fitted:
     """Fit response and vignette, with no more vignette parameters than the data support.
 
     Starting from the purely radial model, first a free centre is tried, and then the non-radial terms, which include
     the centre if it was rejected. Each step has to meet the criterion of Schwarz (1978): the joint Wald statistic of
     the added parameters, with a covariance that includes correlated errors, must exceed their number times the
-    logarithm of the number of groups. ``effects`` are fitted with the vignette; None for none.
+    logarithm of the number of groups. ``effects`` are fitted with the vignette; None for none. ``start`` is an
+    earlier fit with the same response basis, if there is one.
     """
     effects = Effects() if effects is None else effects
     widest = plan.widest
     simplest = replace(widest, free_centre=False, non_radial=False)
     # A subset of the points already gives most of the solution; only the last rounds need all of them.
     step = len(observations.starts) // FIRST_FIT_POINTS
-    start = None
-    if step > 1:
+    if start is None and step > 1:
         start = plan.fit(observations.of_points(slice(None, None, step)), simplest, effects)
     fitted = Fitted(plan.fit(observations, simplest, effects, start), observations, plan.noise)
-    richer = [
-        basis for basis in (replace(simplest, free_centre=True), widest) if len(simplest) < len(basis) <= len(widest)
-    ]
+    candidates = dict.fromkeys((replace(simplest, free_centre=True), widest))
+    richer = [basis for basis in candidates if len(simplest) < len(basis) <= len(widest)]
     while richer and (promising := _first_promising(fitted, richer)):
         richer = richer[richer.index(promising) + 1 :]
         wider = plan.fit(observations, promising, effects, fitted.fit)

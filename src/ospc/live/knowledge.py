@@ -21,7 +21,7 @@ from ospc.settings.live import (
 )
 
 _DIAGONAL = np.ones(2) / np.sqrt(2)
-"""Direction from the centre to a corner of a square image; quick fits are radially symmetric."""
+"""Direction from the image centre to a corner of a square image, along which the vignette is assessed."""
 
 
 @dataclass(frozen=True)

@@ -7,9 +7,10 @@ import numpy as np
 from ospc.arrays import ImageSize
 from ospc.correspondence.exposure_normalizer import ExposureNormalizer
 from ospc.estimation.fit import Fit
-from ospc.estimation.maximum_likelihood import MaximumLikelihoodEstimator
+from ospc.estimation.fit_plan import FitPlan
 from ospc.estimation.response_basis import ResponseBasis
 from ospc.estimation.vignette_basis import VignetteBasis
+from ospc.estimation.vignette_choice import fit_with_chosen_vignette
 from ospc.methods.identifiability import unexplained_share
 from ospc.methods.summary import exposure_ratios
 from ospc.observations import ExposedObservations
@@ -54,9 +55,9 @@ class QuickFit:
         A fit whose exposures contradict the images is not used: with its response, no frame could be registered.
         """
         rounds = self._settings.rounds if self.fit is None else QUICK_FIT_ROUNDS
-        vignette = VignetteBasis(QUICK_FIT_RADIAL_TERMS, usable_radius=usable_radius)
-        estimator = MaximumLikelihoodEstimator(self._basis, vignette, noise)
-        fit = estimator.fit(observations, rounds, self.fit)
+        vignette = VignetteBasis(QUICK_FIT_RADIAL_TERMS, free_centre=True, usable_radius=usable_radius)
+        plan = FitPlan(self._basis, vignette, noise, rounds)
+        fit = fit_with_chosen_vignette(observations, plan, start=self.fit).fit
         if unexplained_share(exposure_ratios(fit, observations)) <= CONTRADICTING_UNEXPLAINED_SHARE:
             self.rely_on(fit, usable_radius, trusts_stated=trusts_stated)
 

@@ -40,7 +40,9 @@ QUICK_FIT_ROUNDS = 3
 
 QUICK_FIT_RADIAL_TERMS = 10
 """Number of knots of the vignette in a quick fit. With 5 or 16, frames of one simulated recording were registered
-worse, so that it needed 125 pairs instead of 108; with 8, a real video seemed to have local tone mapping."""
+worse, so that it needed 125 pairs instead of 108; with 8, a real video seemed to have local tone mapping. The centre
+is free if the observations support it: where a steep vignette is decentred, registration with a centred one is biased
+in the far corner."""
 
 MAX_VIGNETTE_SIGMA = 0.05
 """Frames are registered with the vignette of the quick fit once its standard deviation at the corner, by chance, is
