@@ -93,10 +93,7 @@ class _Run:
 
         source, *_ = self._sources(1, _AMBIGUITY_FRAMES)
         run_study(
-            [ambiguity_task(source)],
-            self.out,
-            1,
-            lambda finished: ambiguity_report(finished[0].result, source.name),
+            [ambiguity_task(source)], self.out, 1, lambda finished: ambiguity_report(finished[0].result, source.name)
         )
 
     def _sources(self, count: int, frames: int, *, speed: float = 1.0, at_rest: bool = False) -> list[Source]:

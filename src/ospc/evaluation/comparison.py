@@ -22,13 +22,7 @@ from ospc.formats.opening import Photometry
 from ospc.photometry.calibration import PROFILE_RADII
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import RasterVignette, Vignette, half_diagonal_profiles, radial_profile
-from ospc.settings.evaluation import (
-    END_OF_RANGE,
-    EXPONENT_RANGE,
-    METRIC_GREYS,
-    MIN_COVERED_RADIUS,
-    RAMP_HEIGHT,
-)
+from ospc.settings.evaluation import END_OF_RANGE, EXPONENT_RANGE, METRIC_GREYS, MIN_COVERED_RADIUS, RAMP_HEIGHT
 
 
 @dataclass(frozen=True)

@@ -15,17 +15,8 @@ from ospc.errors import ExposureError, FormatError
 from ospc.photometry.geometry import normalised, pixel_grid
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import Vignette, radial_profile
-from ospc.settings.evaluation import (
-    CENTRE_BINS,
-    METRIC_GREYS,
-    PROFILE_BINS,
-    RANDOM_PAIRS,
-)
-from ospc.settings.fit import (
-    RATIO_BRIGHTEST_GREY,
-    RATIO_DARKEST_GREY,
-    RATIO_LOG_GREY_SPREAD,
-)
+from ospc.settings.evaluation import CENTRE_BINS, METRIC_GREYS, PROFILE_BINS, RANDOM_PAIRS
+from ospc.settings.fit import RATIO_BRIGHTEST_GREY, RATIO_DARKEST_GREY, RATIO_LOG_GREY_SPREAD
 
 
 class RatioError(NamedTuple):

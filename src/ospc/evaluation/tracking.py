@@ -24,10 +24,7 @@ from ospc.evaluation.tracks import TrackFigures, Tracks
 from ospc.photometry.correction import Corrector
 from ospc.recording import Frame, Recording
 from ospc.recording.stream import usable_frames
-from ospc.settings.evaluation import (
-    NOTICEABLE_RATIO,
-    TRACKS_EVERY_FRAMES,
-)
+from ospc.settings.evaluation import NOTICEABLE_RATIO, TRACKS_EVERY_FRAMES
 
 
 @dataclass(frozen=True)

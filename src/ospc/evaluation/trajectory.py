@@ -17,11 +17,7 @@ from scipy.spatial.transform import Rotation
 from ospc.arrays import BoolArray, FloatArray, IntArray, nearest
 from ospc.errors import FormatError, NotObservableError, SettingError, counted
 from ospc.formats.files import read_text
-from ospc.settings.evaluation import (
-    COLLINEAR_RATIO,
-    MIN_POSES,
-    STAMP_TOLERANCE_S,
-)
+from ospc.settings.evaluation import COLLINEAR_RATIO, MIN_POSES, STAMP_TOLERANCE_S
 
 
 @dataclass(frozen=True)

@@ -13,12 +13,7 @@ from ospc.estimation.maximum_likelihood import MaximumLikelihoodEstimator
 from ospc.methods.preview import Preview
 from ospc.observations import ExposedObservations
 from ospc.photometry.calibration import PROFILE_RADII, Calibration
-from ospc.settings.live import (
-    ASSESSED_GREYS,
-    EXPECTED_GRADIENT,
-    EXPECTED_PAIR_POINTS,
-    INFORMATION_POINTS,
-)
+from ospc.settings.live import ASSESSED_GREYS, EXPECTED_GRADIENT, EXPECTED_PAIR_POINTS, INFORMATION_POINTS
 
 _DIAGONAL = np.ones(2) / np.sqrt(2)
 """Direction from the image centre to a corner of a square image, along which the vignette is assessed."""

@@ -131,11 +131,7 @@ def draw_vignette_map(cell: Any, vignette: Vignette) -> Any:
     values = vignette.at(np.stack([x, y], axis=-1))
     steps = MaxNLocator(_MAP_STEPS).tick_values(float(values.min()), max(float(values.max()), values.min() + 1e-3))
     shown = axes.imshow(
-        values,
-        cmap="cividis",
-        norm=BoundaryNorm(steps, 256),
-        extent=(0, width, height, 0),
-        interpolation="none",
+        values, cmap="cividis", norm=BoundaryNorm(steps, 256), extent=(0, width, height, 0), interpolation="none"
     )
     axes.figure.colorbar(shown, cax=bar, label="attenuation V")
     axes.set(xlabel="x in pixels", ylabel="y in pixels")

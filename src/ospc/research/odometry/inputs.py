@@ -95,10 +95,7 @@ def chosen(names: Sequence[str]) -> tuple[Condition, ...]:
 
 
 CAMERA, TIMES, TRUTH = "camera.txt", "times.txt", "groundtruthSync.txt"
-_NEEDED_FOR = {
-    CAMERA: "odometry needs the camera's geometry",
-    TRUTH: "trajectory errors need the ground truth",
-}
+_NEEDED_FOR = {CAMERA: "odometry needs the camera's geometry", TRUTH: "trajectory errors need the ground truth"}
 _SUFFIXES = (".png", ".jpg", ".jpeg")
 
 
