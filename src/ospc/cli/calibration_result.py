@@ -119,7 +119,8 @@ class ResultFolder:
             written += state
             comparison = self._compared(outcome.calibration)
             if not self.quiet:
-                self._warn(outcome.calibration)
+                for warning in outcome.calibration.warnings:
+                    say(styled("WARNING", fg="red", bold=True), f": {warning}", err=True)
             if self.prints_text:
                 say_notes((*outcome.calibration.notes, *notes))
                 self._say(outcome, written, comparison)
@@ -148,11 +149,6 @@ class ResultFolder:
             return None
         both_known = (None not in pair for pair in ((response, truth.response), (vignette, truth.vignette)))
         return compare(Photometry("estimate", response, vignette, calibration), truth) if any(both_known) else None
-
-    @staticmethod
-    def _warn(calibration: Calibration) -> None:
-        for warning in calibration.warnings:
-            say(styled("WARNING", fg="red", bold=True), f": {warning}", err=True)
 
     def _say(self, outcome: CalibrationOutcome, written: Written, comparison: Comparison | None) -> None:
         """Print skipped frames, verdicts, the data behind them, the files, and the errors against a truth."""

@@ -69,10 +69,7 @@ class _Run:
     def run(self) -> None:
         if self.name == "ambiguity":
             self._show_ambiguity()
-        else:
-            self._compare_methods()
-
-    def _compare_methods(self) -> None:
+            return
         from ospc.research.experiments.design import EXPERIMENTS, experiment_report
         from ospc.research.source import judge, measured, measuring_task
 

@@ -193,7 +193,6 @@ class LiveView:
 
 
 def _figures(status: LiveStatus) -> str:
-    """Return frames and uncertainty in one line."""
     parts = [counted(status.frames, "frame"), counted(status.progress.pairs, "pair")]
     if status.dropped:
         parts.append(f"{status.dropped} dropped")

@@ -71,10 +71,7 @@ def command(
 
 
 def _summaries(place: Path) -> Sequence[Summary]:
-    """Return the summaries in a state; for the checkpoint of an unfinished run, that of the frames so far.
-
-    It is empty if there are no usable observations.
-    """
+    """Return the summaries with usable observations in a state; for an unfinished run, that of the frames so far."""
     from ospc.calibrator import OnlineCalibrator
     from ospc.pooling.pool import Pool
     from ospc.pooling.summary import Summary

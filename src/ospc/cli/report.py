@@ -54,10 +54,7 @@ def command(
 
 
 def _checked(recording: Recording, calibration: Calibration) -> str:
-    """Return what the report says of a recording that the calibration was not made from; empty if it was.
-
-    RecordingError if its images have another size.
-    """
+    """Return what the report says of a recording of the camera that the calibration is not from; empty if it is."""
     width, height = calibration.size
     if recording.size != calibration.size:
         raise RecordingError(

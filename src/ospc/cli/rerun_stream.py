@@ -60,7 +60,10 @@ class RerunStream:
         stream = rr.RecordingStream("ospc")
         sinks: list[Any] = []
         if file is not None:
-            _check_place(file)
+            # Rerun would report a file that cannot be written only much later, if ever.
+            with os_error_as(FormatError, f"{file}: cannot be written", "name another file"):
+                file.parent.mkdir(parents=True, exist_ok=True)
+                file.open("ab").close()
             sinks.append(rr.FileSink(str(file)))
         if spawn:
             try:
@@ -76,7 +79,13 @@ class RerunStream:
             rr.TextDocument(f"{recording.path}, {recording.kind}, {counted(len(recording), 'frame')}"),
             static=True,
         )
-        _style(rr, stream)
+        for place, style in (
+            ("exposure/stated", rr.SeriesLines(colors=_GREY, names="stated")),
+            ("exposure/from_images", rr.SeriesPoints(colors=_GREEN, names="from the images")),
+            ("spread/response", rr.SeriesLines(colors=_BLUE, names="g")),
+            ("spread/vignette", rr.SeriesLines(colors=_ORANGE, names="V at the corner")),
+        ):
+            stream.log(place, style, static=True)
         try:
             yield cls(rr, stream, throttle)
         finally:
@@ -139,20 +148,6 @@ class RerunStream:
     def _log_image(self, name: str, image: Image) -> None:
         picture = self._rr.Image(image, color_model="L")
         self._stream.log(name, picture if image.size < 4096 else picture.compress(jpeg_quality=_JPEG))
-
-
-def _check_place(file: Path) -> None:
-    """Refuse a file that cannot be written, which Rerun would report only much later, if ever."""
-    with os_error_as(FormatError, f"{file}: cannot be written", "name another file"):
-        file.parent.mkdir(parents=True, exist_ok=True)
-        file.open("ab").close()
-
-
-def _style(rr: Any, stream: Any) -> None:
-    stream.log("exposure/stated", rr.SeriesLines(colors=_GREY, names="stated"), static=True)
-    stream.log("exposure/from_images", rr.SeriesPoints(colors=_GREEN, names="from the images"), static=True)
-    stream.log("spread/response", rr.SeriesLines(colors=_BLUE, names="g"), static=True)
-    stream.log("spread/vignette", rr.SeriesLines(colors=_ORANGE, names="V at the corner"), static=True)
 
 
 def _blueprint(rrb: Any) -> Any:

@@ -149,7 +149,6 @@ def _present(report: StudyReport, out: Path, *, as_json: bool) -> None:
 
 
 def _print_table(table: Table) -> None:
-    """Print a table with marked cells in bold."""
     from rich.table import Table as RichTable
     from rich.text import Text
 

@@ -8,7 +8,6 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from ospc.arrays import Image
 from ospc.formats.files import write_bytes
 from ospc.formats.image_files import encoded
 from ospc.photometry.verdict import Verdict
@@ -82,16 +81,12 @@ def _chart(chart: Chart, drawn: Mapping[str, str]) -> Html:
 
 
 def _pictures(scene: Pictures) -> Html:
-    figures = [
-        tag("figure", tag("img", src=_as_jpeg(image), alt=caption), tag("figcaption", caption))
-        for image, caption in scene
-    ]
+    figures = []
+    for image, caption in scene:
+        data = base64.b64encode(encoded(image, ".jpg", "picture", jpeg_quality=_JPEG_QUALITY)).decode("ascii")
+        picture = tag("img", src=f"data:image/jpeg;base64,{data}", alt=caption)
+        figures.append(tag("figure", picture, tag("figcaption", caption)))
     return tag("div", *figures, class_="pictures")
-
-
-def _as_jpeg(image: Image) -> str:
-    data = encoded(image, ".jpg", "picture", jpeg_quality=_JPEG_QUALITY)
-    return f"data:image/jpeg;base64,{base64.b64encode(data).decode('ascii')}"
 
 
 def _figures(rows: tuple[tuple[str, str, str, str], ...]) -> Html:

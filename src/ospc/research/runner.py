@@ -13,7 +13,8 @@ from typing import Any, TypeAlias
 
 import ospc
 from ospc.atomic import write_atomically
-from ospc.errors import OspcError, SettingError, os_error_as
+from ospc.errors import OspcError
+from ospc.folders import writing
 from ospc.processes import in_processes
 from ospc.versions import versions
 
@@ -47,7 +48,7 @@ class ResultStore:
         """Store a result and return the path of its file."""
         place = self._place(name, description)
         content = {"schema": _SCHEMA, "name": name, "depends_on": description, "result": result}
-        with os_error_as(SettingError, f"{place}: cannot be written", "choose another folder"):
+        with writing(place):
             place.parent.mkdir(parents=True, exist_ok=True)
             return write_atomically(place, (json.dumps(content, indent=1) + "\n").encode())
 

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from ospc.atomic import write_atomically
-from ospc.errors import SettingError, escaped, os_error_as
-from ospc.formats.files import csv_text
+from ospc.errors import escaped
+from ospc.folders import writing
+from ospc.formats.files import csv_text, json_text, write_text
 from ospc.report.style import rules, save
 from ospc.research.measurement import METRICS, Measurement
 from ospc.research.runner import source_hash
@@ -44,11 +43,6 @@ class Table:
 def _as_cell(text: str) -> str:
     """Return a text on one line, escaped so that Markdown sees no end of a cell and no HTML."""
     return escaped(text).replace("|", "\\|").replace("<", "&lt;")
-
-
-def as_json(content: Any) -> str:
-    """Return JSON-compatible values as JSON text."""
-    return json.dumps(content, indent=1, allow_nan=False) + "\n"
 
 
 def rounded(value: float, digits: int = 6) -> float:
@@ -89,13 +83,10 @@ class StudyReport:
     content: Any = None
 
     def write(self, folder: Path) -> list[Path]:
-        """Create the folder, write all files into it, and return them; raise SettingError if that fails."""
-        with os_error_as(SettingError, f"{folder}: cannot be written", "choose another folder"):
+        """Create the folder, write all files into it, and return them; SettingError or FormatError if that fails."""
+        with writing(folder):
             folder.mkdir(parents=True, exist_ok=True)
-            files = [
-                write_atomically(folder / name, text.encode("utf-8", "backslashreplace"))
-                for name, text in self.texts.items()
-            ]
+        files = [write_text(folder / name, text) for name, text in self.texts.items()]
         with rules():
             return files + [save(draw(), folder / name) for name, draw in self.pictures.items()]
 
@@ -114,5 +105,5 @@ def benchmark_report(
     lines = (*notes, f"Made with {made}; source {source_hash()[:12]}; ospc bench {name}.")
     head = [f"# {name.capitalize()}\n", f"{note}\n", *(f"- {line}\n" for line in lines)]
     document = "\n".join([*head, *(table.as_markdown() for table in tables)])
-    texts = {"results.json": as_json(everything), "results.csv": csv, "table.md": document}
+    texts = {"results.json": json_text(everything) + "\n", "results.csv": csv, "table.md": document}
     return StudyReport(tables, texts, notes=notes, content=everything)

@@ -51,7 +51,10 @@ def stand_ins(
     """
     if count < 1 or frames < 2:
         raise SettingError("an experiment needs at least one recording, of two frames or more")
-    response, vignette = _camera(size, data)
+    response: str | Response = "tum_narrow"
+    vignette: str | Vignette = "polynomial"
+    if data is not None and (data / RESPONSE).is_file() and (data / VIGNETTE).is_file():
+        response, vignette = read_pcalib(data / RESPONSE), _radial(data / VIGNETTE, size)
     courses = _courses(count, frames, data)
     common = SimulationSettings(size=size, frames=frames, speed=speed, response=response, vignette=vignette)
     found = []
@@ -73,13 +76,6 @@ def sweeps(count: int, frames: int, size: ImageSize) -> list[SimulatedSource]:
         settings = replace(SWEEP, size=size, frames=frames, seed=_STATIC_SEED + number, response=response)
         found.append(SimulatedSource(f"static-{response}-{number}", settings, group="static"))
     return found
-
-
-def _camera(size: ImageSize, data: Path | None) -> tuple[str | Response, str | Vignette]:
-    """Return response and vignette of the narrow camera, or the names of analytic ones."""
-    if data is None or not (data / RESPONSE).is_file() or not (data / VIGNETTE).is_file():
-        return "tum_narrow", "polynomial"
-    return read_pcalib(data / RESPONSE), _radial(data / VIGNETTE, size)
 
 
 def _radial(path: Path, size: ImageSize) -> PolynomialVignette:

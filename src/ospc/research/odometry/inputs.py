@@ -24,7 +24,8 @@ from typing import Any, Literal
 import numpy as np
 
 from ospc.arrays import FloatArray
-from ospc.errors import FormatError, NotObservableError, RecordingError, SettingError, counted, os_error_as
+from ospc.errors import FormatError, NotObservableError, RecordingError, SettingError, counted
+from ospc.folders import writing
 from ospc.formats.dso import write_pcalib, write_times, write_vignette
 from ospc.formats.opening import Photometry, open_photometry
 from ospc.photometry.calibration import Calibration
@@ -232,7 +233,7 @@ class Calibrations:
                 raise NotObservableError(f"{recording.path}: {found}")
             if found.response is None:
                 raise NotObservableError(f"{recording.path}: its exposures do not show the response")
-            with os_error_as(SettingError, f"{folder}: cannot be written", "choose another folder"):
+            with writing(folder):
                 folder.mkdir(parents=True, exist_ok=True)
             known = found.calibration or Calibration(recording.size, found.response, found.vignette)
             known.save(folder / f"{re.sub('joint-(online|batch)', 'joint', result.variant)}.json")

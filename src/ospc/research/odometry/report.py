@@ -12,12 +12,12 @@ import numpy as np
 from ospc.arrays import FloatArray
 from ospc.errors import FormatError, NotObservableError
 from ospc.evaluation.trajectory import Trajectory, half_alignments
-from ospc.formats.files import csv_text
+from ospc.formats.files import csv_text, json_text
 from ospc.report.style import BLUE, GREEN, ORANGE, new_figure, printable
 from ospc.research.odometry.experiment import Experiment, RunResult
 from ospc.research.odometry.inputs import Condition
 from ospc.research.pictures import figure_of_panels, line_style
-from ospc.research.tables import StudyReport, Table, as_json
+from ospc.research.tables import StudyReport, Table
 
 _PANEL_IN = (4.4, 4.4)
 """Width and height of one trajectory plot, in inches."""
@@ -74,7 +74,7 @@ def odometry_report(experiment: Experiment, results: Iterable[RunResult]) -> Stu
     table = median_table(columns)
     texts = {
         "runs.csv": csv_text([lines[0] if lines else [], *(line.values() for line in lines)]),
-        "results.json": as_json({"runs": lines, "medians": medians}),
+        "results.json": json_text({"runs": lines, "medians": medians}) + "\n",
         "table.md": table.as_markdown(),
     }
     pictures: dict[str, Callable[[], Any]] = {

@@ -53,16 +53,16 @@ class Bergmann:
         """Return the possible variants, as ``-wgt`` and ``-wogt``."""
         name = "joint-online" if self._online else "joint-batch"
         free = self.estimate()
-        variants = {} if self._truth is None else {f"{name}-wgt": free.aligned_to(self._truth)}
-        variants[f"{name}-wogt"] = free
-        outcomes: dict[str, Outcome] = {}
-        for variant, one in variants.items():
-            exposures = dict(zip(one.frames.tolist(), one.exposures.tolist(), strict=True))
-            outcomes[variant] = Estimate(one.response, one.vignette, exposures=exposures)
-        return outcomes
+        outcomes = {} if self._truth is None else {f"{name}-wgt": _as_estimate(free.aligned_to(self._truth))}
+        return {**outcomes, f"{name}-wogt": _as_estimate(free)}
 
     def _estimated(self, iterations: int) -> JointEstimate:
         tracks = self._tracker.observations()
         if self._online:
             tracks = tracks.since(self._last - self._window + 1)
         return estimate_jointly(tracks, start=self._latest, iterations=iterations)
+
+
+def _as_estimate(found: JointEstimate) -> Estimate:
+    exposures = dict(zip(found.frames.tolist(), found.exposures.tolist(), strict=True))
+    return Estimate(found.response, found.vignette, exposures=exposures)

@@ -12,7 +12,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import partial
 
 import cv2
 import numpy as np
@@ -207,17 +206,15 @@ class KimPollefeys:
 
     def found(self) -> dict[str, Outcome]:
         """Return both variants."""
-        variants = {"kim-pollefeys-known": self._largest_change(), "kim-pollefeys-assumed": None}
-        return outcomes_of({name: partial(self._estimate, known) for name, known in variants.items()})
-
-    def _estimate(self, known: tuple[int, float] | None) -> Estimate:
-        return estimate_decoupled(self._pairs, known)[0]
-
-    def _largest_change(self) -> tuple[int, float] | None:
-        """Return the number of the usable pair with the largest exposure ratio, and ln of that ratio."""
         usable = [number for number, pair in enumerate(self._pairs) if _transfer(pair) is not None]
         best = max(usable, key=lambda number: abs(self._log_ratios[number]), default=None)
-        return None if best is None else (best, self._log_ratios[best])
+        known = None if best is None else (best, self._log_ratios[best])
+        return outcomes_of(
+            {
+                "kim-pollefeys-known": lambda: estimate_decoupled(self._pairs, known)[0],
+                "kim-pollefeys-assumed": lambda: estimate_decoupled(self._pairs)[0],
+            }
+        )
 
 
 def _registered(frame0: Frame, frame1: Frame) -> Correspondences:

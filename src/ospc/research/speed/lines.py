@@ -10,12 +10,13 @@ from multiprocessing import get_context
 from typing import Any, TypeAlias
 
 from ospc.arrays import ImageSize
+from ospc.formats.files import json_text
 from ospc.report.style import new_figure
 from ospc.research.pictures import line_style
 from ospc.research.runner import OnProgress, Task, made_with
 from ospc.research.speed.measuring import SpeedRow, calibrate_command, calibrating, correct_command, correcting, live
 from ospc.research.speed.reel import Reel, reel_of
-from ospc.research.tables import StudyReport, Table, as_json
+from ospc.research.tables import StudyReport, Table
 from ospc.versions import versions
 
 VGA, LARGE = (640, 480), (1280, 1024)
@@ -116,7 +117,7 @@ def speed_report(rows: Sequence[SpeedRow]) -> StudyReport:
     content = {"rows": judged, "machine": machine, "versions": versions()}
     lines = [_cells(row) for row in rows]
     table = Table("Speed", tuple(lines[0]), tuple(tuple(line.values()) for line in lines), 2)
-    texts = {"speed.json": as_json(content), "speed.md": table.as_markdown()}
+    texts = {"speed.json": json_text(content) + "\n", "speed.md": table.as_markdown()}
     pictures = {"speed.png": partial(_draw, rows)} if any(row.stages for row in rows) else {}
     return StudyReport([table], texts, pictures, content=content)
 
