@@ -70,11 +70,12 @@ def faults(
     data. OUT gets results.json, results.csv and table.md. Finished runs are kept in OUT/cache: the same command
     continues an interrupted run, and recomputes only what has changed.
     """
+    from ospc.research.accuracy.design import select
     from ospc.research.faults.footage import STRENGTHS, good_sources
-    from ospc.research.faults.judging import Run
-    from ospc.research.faults.study import chosen_faults, fault_tasks, faults_report
+    from ospc.research.faults.judging import FAULTS, Run
+    from ospc.research.faults.study import fault_tasks, faults_report
 
-    chosen = chosen_faults(only)
+    chosen = select(FAULTS, only, "fault")
     if only_list:
         for fault in chosen:
             say(f"{fault.name:20} {', '.join(f'{s:g}' for s in fault.strengths):20} {fault.text.format('…')}")

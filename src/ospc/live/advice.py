@@ -225,16 +225,11 @@ def _options(preview: Preview, knowledge: Knowledge, goal: float) -> Iterator[_O
             yield _Option(replace(instruction, greys=greys), float(gains[at]))
         middle = (TARGET_GREYS >= DARK_GREY) & (TARGET_GREYS <= BRIGHT_GREY)
         yield _Option(_VARY, float(gains[middle].max()))
-    yield _best_motion(preview, knowledge, goal)
-
-
-def _best_motion(preview: Preview, knowledge: Knowledge, goal: float) -> _Option:
     reach = min(1.0, preview.usable_radius / TARGET_RADII[-1])
-    ways = [(a, b) for a in TARGET_RADII for b in TARGET_RADII if b > a]
-    gains = [knowledge.gain_of_motion(reach * a, reach * b, TYPICAL_GREY, goal) for a, b in ways]
-    best = int(np.argmax(gains))
-    radius0, radius1 = (reach * radius for radius in ways[best])
-    return _Option(_motion(radius0, radius1, _least_seen_corner(preview)), gains[best])
+    ways = [(reach * a, reach * b) for a in TARGET_RADII for b in TARGET_RADII if b > a]
+    gains_of_motion = [knowledge.gain_of_motion(*radii, TYPICAL_GREY, goal) for radii in ways]
+    best = int(np.argmax(gains_of_motion))
+    yield _Option(_motion(*ways[best], _least_seen_corner(preview)), gains_of_motion[best])
 
 
 def _motion(radius0: float, radius1: float, corner: tuple[int, int]) -> Instruction:

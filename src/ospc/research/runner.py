@@ -130,17 +130,13 @@ def run(
             missing.append(task)
         else:
             yield Finished(task, result)
-    for task, result in _computed(missing, jobs, on_share):
+    if jobs == 1 or len(missing) < 2:
+        computed = ((task, task.run(partial(on_share, task))) for task in missing)
+    else:
+        computed = in_processes(_compute, missing, jobs, _lost)
+    for task, result in computed:
         store.put(task.name, task.depends_on, result)
         yield Finished(task, result)
-
-
-def _computed(tasks: list[Task], jobs: int, on_share: OnShare) -> Iterator[tuple[Task, Any]]:
-    if jobs == 1 or len(tasks) < 2:
-        for task in tasks:
-            yield task, task.run(partial(on_share, task))
-    else:
-        yield from in_processes(_compute, tasks, jobs, _lost)
 
 
 def _compute(task: Task) -> Any:

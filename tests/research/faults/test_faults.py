@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from ospc.research.faults.footage import STRENGTHS, Fault, Footage
-from ospc.research.faults.study import KINDS, chosen_faults
+from ospc.research.faults.judging import FAULTS, KINDS
 
-FAULTS = {fault.name: fault for fault in chosen_faults(None)}
 IMAGES_ONLY = [f.name for kind in ("light, optics and scene", "grey values") for f in KINDS[kind]]
 SCENE = ("constant-exposure", "small-range", "nominal-exposures")
 """Scene faults that change the exposures and the metadata consistently."""

@@ -8,10 +8,11 @@ import pytest
 from ospc.photometry.calibration import Calibration
 from ospc.photometry.response import Response
 from ospc.photometry.verdict import Verdict
+from ospc.research.accuracy.design import select
 from ospc.research.faults import judging
 from ospc.research.faults.footage import Fault, good_footage, good_sources
-from ospc.research.faults.judging import Run, calibrated, fault_task, judged, outcome_of, step_sigma
-from ospc.research.faults.study import chosen_faults, fault_tables, fault_tasks
+from ospc.research.faults.judging import FAULTS, Run, calibrated, fault_task, judged, outcome_of, step_sigma
+from ospc.research.faults.study import fault_tables, fault_tasks
 
 GOOD = {"response": "identifiable", "vignette": "identifiable", "exposures": "identifiable"}
 SMALL = {"kappa": 0.002, "step": 0.01, "step_sigma": 0.005, "vignette": 0.003, "vignette_sigmas": 1.0}
@@ -78,7 +79,7 @@ def test_another_exponent_is_wrong(footage):
 
 @pytest.mark.parametrize("name", ["power", "power-up", "dimming"])
 def test_a_power_of_the_exposures_is_indistinguishable(footage, name):
-    (fault,) = (one for one in chosen_faults(name) if one.name == name)
+    (fault,) = (one for one in select(FAULTS, name, "fault") if one.name == name)
     faulty = fault.put_on(footage, fault.strengths[1])
     stated = faulty.as_stated()
     # Proof: radiance raised to the fault's power gives the same grey levels with the twin, in two different frames.
@@ -150,6 +151,6 @@ def test_tables_count_outcomes_and_list_what_is_wrong():
 
 
 def test_faults_are_chosen_by_name_pattern_or_word():
-    assert [fault.name for fault in chosen_faults("late")] == ["late"]
-    assert [fault.name for fault in chosen_faults("late-*")] == ["late-by-a-part"]
-    assert {"bilateral"} == {fault.name for fault in chosen_faults("ilat")}
+    assert [fault.name for fault in select(FAULTS, "late", "fault")] == ["late"]
+    assert [fault.name for fault in select(FAULTS, "late-*", "fault")] == ["late-by-a-part"]
+    assert {"bilateral"} == {fault.name for fault in select(FAULTS, "ilat", "fault")}

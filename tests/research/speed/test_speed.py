@@ -11,14 +11,14 @@ from ospc.correspondence.preprocessing import Preprocessor
 from ospc.recording import open_recording
 from ospc.research.speed.lines import LARGE, VGA, goal_of, row_of, speed_report, speed_tasks
 from ospc.research.speed.measuring import calibrate_command, calibrating, correct_command, correcting, live
-from ospc.research.speed.reel import OTHER, Reel, clocks
+from ospc.research.speed.reel import OTHER, clocks, reel_of
 
 SIZE = (128, 96)
 
 
 @pytest.fixture(scope="module")
 def reel():
-    return Reel.simulated(SIZE, 12)
+    return reel_of(SIZE, 12)
 
 
 @pytest.fixture(scope="module")

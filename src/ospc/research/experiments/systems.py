@@ -243,14 +243,14 @@ def _draw(systems: Sequence[System], rows: Sequence[Measurement]) -> Any:
         axes.set_yticks(range(len(systems)), [f"{system.name} ({system.year})" for system in systems])
     for label, colour in (("with its known point", BLUE), ("without, or needs none", ORANGE)):
         panels[0].plot([], [], "o", color=colour, label=label)
-    for group in dict.fromkeys(row.group for row in rows):
+    for group in groups_of(rows):
         panels[0].plot([], [], _MARKERS.get(group, "s"), color=GREY, label=f"median, {group}")
     figure.legend(loc="outside lower center", ncols=5)
     return figure
 
 
 def _draw_errors(axes: Any, rows: Sequence[Measurement], figure: str, place: float, colour: str) -> None:
-    for group in dict.fromkeys(row.group for row in rows):
-        values = [row.figures[figure] for row in rows if row.group == group]
+    for group, members in groups_of(rows).items():
+        values = [row.figures[figure] for row in members]
         axes.plot(values, np.full(len(values), place), ".", color=colour, ms=3, alpha=0.35)
         axes.plot(np.median(values), place, _MARKERS.get(group, "s"), color=colour, ms=7)

@@ -7,9 +7,8 @@ from dataclasses import asdict, fields
 from typing import Any, get_args
 
 from ospc.formats.files import csv_text
-from ospc.research.accuracy.design import select
 from ospc.research.faults.footage import STRENGTHS, Fault, GoodSource
-from ospc.research.faults.judging import CLEAN, FAULTS, KINDS, FaultOutcome, Run, fault_task
+from ospc.research.faults.judging import CLEAN, KINDS, FaultOutcome, Run, fault_task
 from ospc.research.runner import Task
 from ospc.research.tables import StudyReport, Table, benchmark_report
 
@@ -23,11 +22,6 @@ _NOTE = (
     "marginal. Indistinguishable: right for another camera that takes the same images at the exposures stated. "
     "Confident and wrong: the rest. Step is the error of ln g(0.75)/g(0.25)."
 )
-
-
-def chosen_faults(pattern: str | None) -> list[Fault]:
-    """Return the fault with this name, or those whose names match a shell pattern or contain a word."""
-    return select(FAULTS, pattern, "fault")
 
 
 def fault_tasks(

@@ -36,18 +36,6 @@ class Reel:
     images: tuple[bytes, ...]
     exposures_ms: tuple[float, ...]
 
-    @classmethod
-    def simulated(cls, size: ImageSize, distinct: int = _DISTINCT) -> Reel:
-        """Simulate a walk of this many frames."""
-        from ospc.simulation import SimulationSettings, frames  # not at the top: its textures take memory
-
-        settings = SimulationSettings(size=size, frames=distinct, seed=_SEED, response="srgb", moving_objects=4)
-        images, exposures_ms = [], []
-        for frame in frames(settings):
-            images.append(encoded(frame.image, ".jpg", frame.name, jpeg_quality=_QUALITY))
-            exposures_ms.append(frame.exposure_ms)
-        return cls(tuple(images), tuple(exposures_ms))
-
     @property
     def megabytes(self) -> float:
         """Memory of the encoded frames, which does not count towards a measurement."""
@@ -100,8 +88,16 @@ class Reel:
 
 @lru_cache(1)
 def reel_of(size: ImageSize, most: int) -> Reel:
-    """Return a reel of this size with at most ``most`` distinct frames; the latest one is cached."""
-    return Reel.simulated(size, min(_DISTINCT, most))
+    """Simulate a reel of this size with at most ``most`` distinct frames; the latest one is cached."""
+    from ospc.simulation import SimulationSettings, frames  # not at the top: its textures take memory
+
+    count = min(_DISTINCT, most)
+    settings = SimulationSettings(size=size, frames=count, seed=_SEED, response="srgb", moving_objects=4)
+    images, exposures_ms = [], []
+    for frame in frames(settings):
+        images.append(encoded(frame.image, ".jpg", frame.name, jpeg_quality=_QUALITY))
+        exposures_ms.append(frame.exposure_ms)
+    return Reel(tuple(images), tuple(exposures_ms))
 
 
 _STEPS = (
