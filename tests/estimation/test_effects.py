@@ -57,6 +57,7 @@ class Disturbed:
     black_drift: float = 0.0
     black_by_exposure: float = 0.0
     vignette_drift: float = 0.0
+    vignette_by_exposure: float = 0.0
     vignette_motion: tuple[float, float] = (0.0, 0.0)
     smudge: float = 0.0
     unsteady: float = 0.0
@@ -91,6 +92,7 @@ class Disturbed:
         squared_radius = np.sum(place**2, axis=2)
         moved = self.stabilised * random.standard_normal((FRAMES, 2, 2))[group]
         attenuation = POLYNOMIAL.at_normalised(place + moved) * np.exp(self.vignette_drift * time * squared_radius)
+        attenuation *= np.exp(self.vignette_by_exposure * np.log(true_ms / TYPICAL_MS) * squared_radius)
         attenuation *= np.exp(time * (place @ np.array(self.vignette_motion)))
         attenuation *= 1 - self.smudge * np.exp(-np.sum((place - [0.3, 0.2]) ** 2, axis=2) / (2 * 0.1**2))
         # Mean light and surroundings are each simulated as a uniform patch, so the grey moments are plain powers.
@@ -272,6 +274,7 @@ def test_unsteadiness_that_only_corrections_cause_is_none(
         (Disturbed(black_drift=0.02), "drifting black level"),
         (Disturbed(black_by_exposure=0.02), "black level by exposure"),
         (Disturbed(vignette_drift=0.08), "drifting vignette"),
+        (Disturbed(vignette_by_exposure=0.05), "vignette by exposure"),
         (Disturbed(vignette_motion=(0.08, 0.0)), "vignette moving sideways"),
         (Disturbed(vignette_motion=(0.0, 0.08)), "vignette moving vertically"),
         (Disturbed(smudge=0.08), "uneven vignette"),

@@ -39,6 +39,7 @@ from ospc.settings.effects import (
     SCATTER,
     STEP_EXPOSURES,
     STRAY_LIGHT,
+    VIGNETTE_BY_EXPOSURE,
     VIGNETTE_DRIFT,
 )
 from ospc.settings.error_model import DARKEST_GREY
@@ -208,6 +209,9 @@ EFFECTS = {
         "log", lambda seen: np.log(seen.exposure) * seen.gamma / seen.grey, *BLACK_BY_EXPOSURE
     ),
     "drifting vignette": Effect("log", lambda seen: seen.time * np.sum(seen.position**2, axis=1), *VIGNETTE_DRIFT),
+    "vignette by exposure": Effect(
+        "log", lambda seen: np.log(seen.exposure) * np.sum(seen.position**2, axis=1), *VIGNETTE_BY_EXPOSURE
+    ),
     "vignette moving sideways": Effect("log", lambda seen: seen.time * seen.position[:, 0], *VIGNETTE_DRIFT),
     "vignette moving vertically": Effect("log", lambda seen: seen.time * seen.position[:, 1], *VIGNETTE_DRIFT),
 }

@@ -72,6 +72,11 @@ _CONTRADICTIONS = {
         "in ln V at the corners",
         "fix zoom, focus and aperture, and switch off shading correction",
     ),
+    "vignette by exposure": (
+        "the vignette differs between long and short exposures, as with a leaf shutter or an automatic iris",
+        "in ln V at the corners per factor e",
+        "fix the aperture, and use an electronic shutter",
+    ),
     "vignette moving sideways": (
         "the vignette moves sideways during the recording",
         "in ln V per half diagonal",

@@ -99,6 +99,9 @@ VIGNETTE_DRIFT = (0.1, 0.0, 0.002)
 """Half the change of ln V at the corner, or of its sideways slope per half diagonal. For the latter, clean recordings
 had at most 1.7 standard deviations."""
 
+VIGNETTE_BY_EXPOSURE = (0.1, 0.0, 0.001)
+"""Rise of ln V at the corner when the exposure increases by a factor of e."""
+
 MAX_ADDED_SHARE = 0.9
 """Largest share of added light at a point: keeps the logarithm finite on the way to the solution."""
 

@@ -118,15 +118,28 @@ def test_faults_of_a_half_leave_the_first_alone(footage):
         assert np.array_equal(found.exposures_ms[:30], footage.exposures_ms[:30])
 
 
-def test_glare_is_a_share_of_the_mean_irradiance(footage):
+def light_with(name, footage, strength):
+    """Return the light on the sensor in each frame with a fault."""
     seen = []
     camera = footage.camera
     recorder = Footage(
         **vars(footage) | {"camera": type(camera)(**vars(camera) | {"expose": lambda light, _i: seen.append(light)})}
     )
-    put("glare", recorder, 0.05)
-    for light, before in zip(seen, camera.irradiance, strict=True):
+    put(name, recorder, strength)
+    return seen
+
+
+def test_glare_is_a_share_of_the_mean_irradiance(footage):
+    for light, before in zip(light_with("glare", footage, 0.05), footage.camera.irradiance, strict=True):
         assert light - before == pytest.approx(0.05 * before.mean(), abs=1e-5)
+
+
+def test_a_leaf_shutter_brightens_the_corners_in_long_exposures(footage):
+    shown = light_with("leaf-shutter", footage, 0.1)
+    exposures_ms = footage.camera.exposures_ms
+    for light, before, exposure_ms in zip(shown, footage.camera.irradiance, exposures_ms, strict=True):
+        rise = np.log(light[[0, -1], [-1, 0]] / before[[0, -1], [-1, 0]])
+        assert rise == pytest.approx(0.1 * np.log(exposure_ms / np.median(exposures_ms)), abs=1e-3)
 
 
 def test_constant_shading_belongs_to_the_true_vignette(footage):

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from ospc.arrays import Float32Array, FloatArray
-from ospc.photometry.geometry import pixel_grid
+from ospc.photometry.geometry import half_diagonal, pixel_grid
 from ospc.photometry.vignette import RasterVignette
 from ospc.research.faults.footage import Fault, Footage
 
@@ -109,6 +109,15 @@ def _decentred(footage: Footage, shift: float) -> Footage:
     height, width = footage.images[0].shape
     moved = footage.vignette.at(pixel_grid((width, height)) - [shift * height, shift * height / 2])
     return _shaded(footage, np.asarray(moved / footage.camera.attenuation, np.float32))
+
+
+def _leaf_shutter(footage: Footage, rise: float) -> Footage:
+    """Brighten the corners in proportion to ln exposure: the blades of a leaf shutter uncover the centre first."""
+    height, width = footage.images[0].shape
+    squared_radius = np.sum((footage.from_centre() / half_diagonal((width, height))) ** 2, axis=-1)
+    exposures_ms = footage.camera.exposures_ms
+    log_exposure = np.log(exposures_ms / np.median(exposures_ms))
+    return footage.relit(lambda light, i: light * np.exp(rise * log_exposure[i] * squared_radius).astype(np.float32))
 
 
 def _shot_noise(footage: Footage, sigma: float) -> Footage:
@@ -237,6 +246,8 @@ FAULTS = (
         lambda f, x: f.relit(
             lambda light, i: light * f.camera.attenuation ** np.float32(x - 1) if i >= f.half else light
         )),
+    Fault("leaf-shutter", "ln V at the corners rising by {} per factor e of the exposure", (0.01, 0.03, 0.1),
+        _leaf_shutter),
     Fault("pixel-gains", "pixel gains that scatter by {}", (0.01, 0.02, 0.05),
         lambda f, x: _times(f, np.exp(x * f.random.standard_normal(f.images[0].shape)).astype(np.float32))),
     Fault("shot-noise", "shot noise of {} at saturation", (0.02, 0.04, 0.08), _shot_noise),
