@@ -241,6 +241,17 @@ def test_a_static_camera_gives_no_vignette(calibrated, tmp_path):
     assert Calibration.load(result.save(tmp_path / "c.json")).vignette is None
 
 
+@pytest.mark.parametrize("missing_ms", [0.0, 0.1])
+def test_an_exposure_offset_is_found_and_corrected_with_a_static_camera(calibrated, missing_ms):
+    made = recorded(
+        frames=60, size=(160, 120), motion="static", exposure="cycle", exposures_ms=tuple(np.geomspace(1, 30, 15))
+    )
+    result = calibrated([replace(f, exposure_ms=f.exposure_ms - missing_ms) for f in made.frames])
+    assert log_ratio_error(result.response, made.truth.response) < 0.002
+    assert result.verdicts["response"].state == "identifiable"
+    assert any("too short" in note for note in result.notes) == (missing_ms > 0)
+
+
 def test_exposures_of_other_frames_are_detected(walk, calibrated):
     shuffled = np.random.default_rng(0).permutation(QUICK_FRAMES)
     mixed_up = [

@@ -9,7 +9,14 @@ from dataclasses import replace
 import numpy as np
 
 from ospc.arrays import FloatArray
-from ospc.estimation.effect_models import CONTRADICTIONS, CORRECTED, EFFECTS, GAIN_STEPS, ONLY_IF_FOUND
+from ospc.estimation.effect_models import (
+    CONTRADICTIONS,
+    CORRECTED,
+    EFFECTS,
+    EXPOSURE_ERRORS,
+    GAIN_STEPS,
+    ONLY_IF_FOUND,
+)
 from ospc.estimation.effect_trials import Trial, after_newton_step, estimate_effects, slope_of_left_out, trial_of
 from ospc.estimation.effects import Effects
 from ospc.estimation.fit import Fit
@@ -40,21 +47,25 @@ def fit_with_chosen_effects(observations: ExposedObservations, plan: FitPlan) ->
     Effects are tried one by one, the clearest first, and kept if they are significant given the scatter of the
     observations. If anything contradicts the model, nothing is corrected, because effects imitate each other. Too few
     pairs of frames are not tested. If frames are still brighter or darker than predicted, by more than chance, each
-    frame gets a latent gain. The possible size of every effect that is left out is added to the covariance. A
-    stationary camera is fitted without effects.
+    frame gets a latent gain. The possible size of every effect that is left out is added to the covariance. With a
+    stationary camera, only errors of the exposures are tried.
     """
     plain = fit_with_chosen_vignette(observations, plan, Effects.none_of(observations))
-    if not len(plan.widest):
-        return plain.fit  # in the few frames of a stationary camera, time and exposure are confounded
-    plain_trials = estimate_effects(plain, tuple(EFFECTS))
+    is_stationary = not len(plan.widest)
+    if is_stationary and plain.fit.groups < MIN_GROUPS:
+        return plain.fit  # in a few brackets, an error of the exposures is part of the response
+    plain_trials = estimate_effects(plain, EXPOSURE_ERRORS if is_stationary else tuple(EFFECTS))
     fitted, trials = _with_effects(plain, plain_trials, plan)
+    if is_stationary:
+        fit = _with_model_errors(fitted.fit)
+        return _with_estimates(fit, trials, _estimates(fit, observations))
     # Gains come last, and not if exposures lag: they would hide the cause of the brightness changes.
     if not _shows_lag(trials) and (variances := _gain_variances(fitted)):
         found_none = fitted is plain
         plain = _with_gains(plain, variances, plan)
         plain_trials = estimate_effects(plain, tuple(EFFECTS))
         fitted = plain if found_none else _with_gains(fitted, variances, plan)
-        trials = plain_trials if found_none else estimate_effects(fitted, _left_out(fitted.fit))
+        trials = plain_trials if found_none else estimate_effects(fitted, _left_out(fitted.fit, tuple(EFFECTS)))
     fit = _with_model_errors(fitted.fit)
     if any(name in CONTRADICTIONS for name in fit.effects.chosen):
         return _with_estimates(plain.fit, plain_trials, _estimates(fit, observations)[-1:])
@@ -79,7 +90,8 @@ def _with_effects(
     fitted, trials = plain, plain_trials
     observations = fitted.observations
     tested = fitted.fit.groups >= MIN_GROUPS
-    untried = tuple(name for name in EFFECTS if tested and name not in left_out)
+    names = tuple(trial.name for trial in plain_trials)
+    untried = tuple(name for name in names if tested and name not in left_out)
     while suspect := _suspected(trials, untried):
         untried = tuple(name for name in untried if name != suspect.name)
         chosen = fitted.fit.effects.chosen
@@ -96,22 +108,30 @@ def _with_effects(
         if suspect.name in CONTRADICTIONS:
             return replace(fitted, fit=wider), trials
         fitted = fit_with_chosen_vignette(observations, plan, start.effects)
-        trials = estimate_effects(fitted, _left_out(fitted.fit))
+        trials = estimate_effects(fitted, _left_out(fitted.fit, names))
+    # An effect that was found first may be explained by one that was found later.
+    kept = _only_significant(fitted, plan)
+    if len(kept.fit.effects) < len(fitted.fit.effects):
+        return kept, estimate_effects(kept, _left_out(kept.fit, names))
     return fitted, trials
 
 
 def _with_gains(fitted: Fitted, variances: tuple[float, ...], plan: FitPlan) -> Fitted:
     """Return a fit with latent gains, and with those effects that are still significant."""
     start = replace(fitted.fit, errors=replace(fitted.fit.errors, gain_variances=variances))
-    while True:
-        fit = plan.refit(fitted.observations, start)
-        doubtful = [i for i in range(len(fit.effects)) if not _significant(fit, i)]
-        if not doubtful:
-            return replace(fitted, fit=fit)
+    return _only_significant(replace(fitted, fit=plan.refit(fitted.observations, start)), plan)
+
+
+def _only_significant(fitted: Fitted, plan: FitPlan) -> Fitted:
+    """Return a fit without the effects that are not significant beside the others; the weakest goes first."""
+    fit = fitted.fit
+    while doubtful := [i for i in range(len(fit.effects)) if not _significant(fit, i)]:
         weakest = min(doubtful, key=lambda i: _sigmas_of(fit, i, fit.chance))
         kept = tuple(name for i, name in enumerate(fit.effects.chosen) if i != weakest)
         parameters = np.delete(fit.parameters, fit.vignette_part.stop + weakest)
         start = replace(fit, effects=replace(fit.effects, chosen=kept), parameters=parameters)
+        fit = plan.refit(fitted.observations, start)
+    return replace(fitted, fit=fit)
 
 
 def _shows_lag(left_out: Sequence[Trial]) -> bool:
@@ -120,8 +140,8 @@ def _shows_lag(left_out: Sequence[Trial]) -> bool:
     return any(abs(trial.value) > SIGNIFICANT_SIGMAS * trial.total_sigma for trial in late)
 
 
-def _left_out(fit: Fit) -> tuple[str, ...]:
-    return tuple(name for name in EFFECTS if name not in fit.effects.chosen)
+def _left_out(fit: Fit, names: Sequence[str]) -> tuple[str, ...]:
+    return tuple(name for name in names if name not in fit.effects.chosen)
 
 
 def _gain_variances(fitted: Fitted) -> tuple[float, ...]:

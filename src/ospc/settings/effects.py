@@ -100,7 +100,8 @@ VIGNETTE_DRIFT = (0.1, 0.0, 0.002)
 had at most 1.7 standard deviations."""
 
 VIGNETTE_BY_EXPOSURE = (0.1, 0.0, 0.001)
-"""Rise of ln V at the corner when the exposure increases by a factor of e."""
+"""Rise of ln V at the corner when the exposure increases by a factor of e. 47 clean recordings had at most 2.1
+standard deviations; corners 6 per cent darker at 1 ms than at 16 ms had 5."""
 
 MAX_ADDED_SHARE = 0.9
 """Largest share of added light at a point: keeps the logarithm finite on the way to the solution."""
