@@ -228,12 +228,17 @@ is distributed like V cannot be distinguished from the scene, so the amount in t
 SCATTERED_LIGHT = ("veiling glare", "light scattered nearby")
 """Light of the scene that reaches other parts of the image."""
 
-EXPOSURE_ERRORS = ("exposure offset", NOMINAL_EXPOSURES, *GAIN_STEPS)
-"""Errors that each exposure has wherever it recurs. The other effects also change with time, place or light, which a
+EXPOSURE_ERRORS = ("exposure offset", NOMINAL_EXPOSURES)
+"""Errors that each exposure has wherever it recurs. Most other effects also change with time, place or light, which a
 stationary camera does not vary independently."""
 
-CORRECTED = tuple(
-    name for name in EFFECTS if name in (*SCATTERED_LIGHT, *LIGHT_FIXED_TO_CAMERA, LATE_EXPOSURES, *EXPOSURE_ERRORS)
+CORRECTED = (
+    *SCATTERED_LIGHT,
+    *LIGHT_FIXED_TO_CAMERA,
+    "exposure offset",
+    LATE_EXPOSURES,
+    NOMINAL_EXPOSURES,
+    *GAIN_STEPS,
 )
 """Effects of real cameras. Those that the observations show are corrected in the result."""
 

@@ -107,7 +107,9 @@ def _with_effects(
             continue
         if suspect.name in CONTRADICTIONS:
             return replace(fitted, fit=wider), trials
-        fitted = fit_with_chosen_vignette(observations, plan, start.effects)
+        fitted = replace(fitted, fit=wider)
+        if len(plan.widest):
+            fitted = fit_with_chosen_vignette(observations, plan, start.effects)
         trials = estimate_effects(fitted, _left_out(fitted.fit, names))
     # An effect that was found first may be explained by one that was found later.
     kept = _only_significant(fitted, plan)
