@@ -54,7 +54,7 @@ def command(
 
 
 def _checked(recording: Recording, calibration: Calibration) -> str:
-    """Return what the report says of a recording of the camera that the calibration is not from; empty if it is."""
+    """Return what the report says if the calibration is not from this recording; empty if it is."""
     width, height = calibration.size
     if recording.size != calibration.size:
         raise RecordingError(

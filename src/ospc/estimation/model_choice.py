@@ -108,7 +108,7 @@ def _with_effects(
         if suspect.name in CONTRADICTIONS:
             return replace(fitted, fit=wider), trials
         fitted = replace(fitted, fit=wider)
-        if len(plan.widest):
+        if len(plan.widest):  # the effect may have imitated a part of the vignette, or hidden one
             fitted = fit_with_chosen_vignette(observations, plan, start.effects)
         trials = estimate_effects(fitted, _left_out(fitted.fit, names))
     # An effect that was found first may be explained by one that was found later.

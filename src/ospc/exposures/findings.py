@@ -152,8 +152,11 @@ class ExposureFindings:
         largest = max((float(np.quantile(part, EXPLAINED_PAIRS)) for part in parts if len(part)), default=np.inf)
         if len(parts[0]) < MIN_STALE_PAIRS or largest > NOTABLE_RMS_LOG:
             return self
-        pairs = f"{EXPLAINED_PAIRS:.0%} of the pairs of frames to within {np.expm1(largest):.1%}"
-        verdict = Verdict("identifiable", f"exposures belong to their frames: with the fit, they explain {pairs}")
+        reason = (
+            "exposures belong to their frames: with the fitted curves, they explain the brightness of "
+            f"{EXPLAINED_PAIRS:.0%} of the pairs of frames to within {np.expm1(largest):.1%}"
+        )
+        verdict = Verdict("identifiable", reason)
         return replace(self, brightness=replace(brightness, stale=False), verdict=verdict, warnings=())
 
     def _confirmed_by(self, lateness: EffectEstimate) -> ExposureFindings:
