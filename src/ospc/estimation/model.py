@@ -181,7 +181,10 @@ class LinearSystem:
             vector += target @ rows
             wrong = target - rows @ about
             inside = number[part][member]
-            # A group's observations are mostly consecutive, and short products take less time than one of all.
+            if np.any(np.diff(inside) < 0):  # as in a series, whose points are in every group
+                order = np.argsort(inside, kind="stable")
+                inside, rows, root, wrong = inside[order], rows[order], root[order], wrong[order]
+            # A group's observations are consecutive, and short products take less time than one of all.
             for begin, end in pairwise([*np.flatnonzero(np.diff(inside, prepend=-1)), len(inside)]):
                 group, own = inside[begin], slice(begin, end)
                 precision[group] += root[own] @ root[own]
