@@ -30,7 +30,7 @@ def limited(mebibytes, *command):
 @pytest.mark.parametrize("mebibytes", [320, 500, 620])
 def test_too_little_memory_is_refused_before_libraries_fail(mebibytes, tmp_path):
     result = limited(mebibytes, PROGRAM, "simulate", tmp_path / "recording", "--frames", "5")
-    said = f"{mebibytes} MiB of memory are too few; allow at least 1024 MiB (ulimit -v)"
+    said = f"{mebibytes} MiB of memory is too little; allow at least 1024 MiB (ulimit -v)"
     assert (result.returncode, result.stderr) == (1, f"ospc: error: {said}\n")
 
 

@@ -200,7 +200,7 @@ def test_padded_bits_are_reported() -> None:
     padded = ArrayRecording([frame.image << 2 for frame in recording], recording.exposures_ms, max_grey=4095)
     report = check_recording(padded)
     assert report.pixels.empty_low_bits == 2
-    assert said(report, "lowest 2 bits")
+    assert said(report, "multiples of 4, with 2 unused low bits")
 
 
 def test_few_frames_cannot_be_checked_and_do_not_speak_against_the_response() -> None:

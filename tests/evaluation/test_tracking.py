@@ -276,7 +276,15 @@ def run(*arguments):
 def test_the_command_prints_a_table_and_a_sentence(made):
     result = run(made.path, "--calibration", made.path)
     assert result.exit_code == 0, result.output
-    for expected in ("raw", "corrected", "mean life", "median life", "residual", "2.5:1", "The calibration helps: "):
+    for expected in (
+        "raw",
+        "corrected",
+        "mean lifetime",
+        "median lifetime",
+        "residual",
+        "2.5:1",
+        "The calibration helps",
+    ):
         assert expected in result.output
     assert result.output.strip().splitlines()[-1].startswith("The calibration helps")
 

@@ -428,7 +428,7 @@ def test_all_that_ask_learn_why_the_background_failed(ask_together, monkeypatch)
     with LiveCalibrator() as live:
         monkeypatch.setattr(live._found, "estimate", fail)
         answers = ask_together(live, 2)
-    assert [str(answer) for answer in answers] == ["the background failed: Singular matrix"] * 2
+    assert [str(answer) for answer in answers] == ["the background thread failed: Singular matrix"] * 2
     assert [answer.__cause__ for answer in answers] == [failure] * 2
 
 
@@ -480,7 +480,7 @@ def test_wait_raises_the_error_of_the_background(monkeypatch):
     answers = []
 
     def wait():
-        with pytest.raises(OspcError, match="the background failed: no number"):
+        with pytest.raises(OspcError, match="the background thread failed: no number"):
             live.wait()
         answers.append("failed")
 
@@ -490,7 +490,7 @@ def test_wait_raises_the_error_of_the_background(monkeypatch):
     held.go.set()
     waiting.join(10)
     assert answers == ["failed"]
-    with pytest.raises(OspcError, match="the background failed"):
+    with pytest.raises(OspcError, match="the background thread failed"):
         live.push(grey())
 
 

@@ -96,14 +96,14 @@ def test_unsteady_light_is_accounted_for_and_its_remedy_asks_for_no_wider_exposu
     assert "different exposures" not in remedy
     light = EffectEstimate("unsteady light", 0.02, 0.001, corrected=True)
     (note,) = notes_of(replace(FIT, effect_estimates=(light,)))
-    assert note.endswith("by 2% between pairs; this was accounted for")
+    assert note.endswith("by 2% between the frames of a pair; this was accounted for")
 
 
 @pytest.mark.parametrize(
     ("name", "value", "words"),
     [
-        ("gain step 3 of 15", -0.007, "images are 0.7% ± 0.1% darker beyond exposures of 8 ms than"),
-        ("gain step 3 of 15", 0.02, "images are 2.0% ± 0.1% brighter beyond exposures of 8 ms than"),
+        ("gain step 3 of 15", -0.007, "images with exposures above 8 ms are 0.7% ± 0.1% darker than"),
+        ("gain step 3 of 15", 0.02, "images with exposures above 8 ms are 2.0% ± 0.1% brighter than"),
         (
             "stray light at the corners",
             0.01,

@@ -130,8 +130,10 @@ def page(cameras: Sequence[Camera], rows: Sequence[Row]) -> str:
         _STYLE,
         tag("h1", title),
         _table("Failed", ("recording", "camera", "why"), failed),
-        tag("p", f"{counted(left, 'recording')} not done yet: run the same command again to go on.") if left else "",
-        _table("Contradicting other recordings of their camera", ("recording", "camera", "in what"), differing),
+        tag("p", f"{counted(left, 'recording')} not done yet: run the same command again to continue.")
+        if left
+        else "",
+        _table("Contradicting other recordings of their camera", ("recording", "camera", "difference"), differing),
         _cameras(cameras),
     )
 

@@ -10,7 +10,7 @@ from ospc.cli.options import AS_JSON, STUDY_SIZE, declared, option
 from ospc.cli.studies import DATA, JOBS, presets_option, run_study, study_out_option
 from ospc.cli.terminal import say
 
-command = click.Group("bench", help="Measure the accuracy and speed of the methods.")
+command = click.Group("bench", help="Measure accuracy, speed and robustness on recordings with known truth.")
 
 _FRAMES = option("Frames per simulated recording.", type=click.IntRange(2, 100_000), default=500)
 
@@ -59,7 +59,9 @@ def faults(
         "--strength",
         type=click.Choice(["weak", "medium", "strong"]),
     ),
-    recordings: int = option("Simulated recordings, each of another camera.", type=click.IntRange(1, 28), default=5),
+    recordings: int = option(
+        "Number of simulated recordings, each from a different camera.", type=click.IntRange(1, 28), default=5
+    ),
     frames: int = _FRAMES,
     only_list: bool = option("Print the faults and exit.", "--list"),
     as_json: bool = AS_JSON,

@@ -67,7 +67,7 @@ def command(
         print_json(report.as_dict())
         return code
     width, height = report.size
-    say(f"{path}: {counted(report.frames, 'frame')} {width}×{height}, {report.processed} of them processed")
+    say(f"{path}: {counted(report.frames, 'frame')} of {width}×{height} pixels, {report.processed} of them processed")
     say_verdicts(report.verdicts)
     unit = "" if reading.options.unknown_exposures else " ms"
     for label, figure in _figures(report, unit).items():

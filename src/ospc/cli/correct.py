@@ -9,7 +9,7 @@ import click
 
 from ospc.cli.interruption import leaving
 from ospc.cli.options import ASSUME_MISSING, QUIET, argument, declared, option, out_option
-from ospc.cli.reading import KIND, STATED
+from ospc.cli.reading import KIND, STATED_IN_COLOUR
 from ospc.cli.terminal import INTERRUPTED, progress_of, say, say_notes
 from ospc.correction.settings import CorrectionSettings, Output
 from ospc.errors import counted
@@ -47,7 +47,7 @@ def command(
     mask_saturated: bool = option("Set saturated pixels to NaN, or to the largest grey value."),
     assume_missing: bool = ASSUME_MISSING,
     kind: str | None = KIND,
-    stated: ReadingOptions = STATED,
+    stated: ReadingOptions = STATED_IN_COLOUR,
     force: bool = option("Replace finished corrected images in OUT."),
     quiet: bool = QUIET,
 ) -> None:

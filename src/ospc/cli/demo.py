@@ -50,7 +50,7 @@ def command(
     recording, result, settings = out / "recording", out / "calibration", _settings(frames, seed)
     folder = OutputFolder.at(result)
     if not quiet:
-        say(f"simulating {settings.frames} frames {settings.size[0]}×{settings.size[1]} in {recording}")
+        say(f"simulating {settings.frames} frames of {settings.size[0]}×{settings.size[1]} pixels in {recording}")
     with leaving("no result was written"):
         with progress_of("simulating", quiet=quiet) as step:
             simulate(recording, settings, overwrite=True, progress=step)

@@ -28,7 +28,7 @@ def ealign(
     *,
     trajectory: Path = argument(),
     truth: Path = argument(),
-    interval: float = option("Time between the poses of relative errors, in seconds.", default=1.0),
+    interval: float = option("Interval for the relative pose error (RPE), in seconds.", default=1.0),
     as_json: bool = AS_JSON,
 ) -> None:
     """Compute the drift of TRAJECTORY from its alignments to the two halves of TRUTH.
@@ -128,7 +128,7 @@ def _print_tracking(result: TrackingComparison, *, exposures_known: bool) -> Non
     from ospc.report.sections import tracking_rows
 
     for label, before, after, unit in [("", "raw", "corrected", ""), *tracking_rows(result)]:
-        say(f"{label:22} {before:>10} {after:>10}   {unit}".rstrip())
+        say(f"{label:26} {before:>10} {after:>10}   {unit}".rstrip())
     exposures = (
         f"exposures change by up to {result.largest_step:.3g}:1 from frame to frame"
         if exposures_known

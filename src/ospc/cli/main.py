@@ -21,7 +21,7 @@ from ospc.errors import OspcError, one_line
 
 _COMMANDS = {
     "batch": "Calibrate many recordings, locally or on a cluster, and merge those of one camera.",
-    "bench": "Benchmark the methods on recordings with known truth.",
+    "bench": "Measure accuracy, speed and robustness on recordings with known truth.",
     "calibrate": "Calibrate a camera from a recording.",
     "check": "Check whether a recording is suitable for calibration, and report problems.",
     "compare": "Compare two calibrations.",
@@ -111,7 +111,7 @@ def _check_memory_limit() -> None:
         return
     if limit_bytes < _LEAST_MEMORY_MIB * 2**20:
         given = limit_bytes // 2**20
-        raise OspcError(f"{given} MiB of memory are too few; allow at least {_LEAST_MEMORY_MIB} MiB (ulimit -v)")
+        raise OspcError(f"{given} MiB of memory is too little; allow at least {_LEAST_MEMORY_MIB} MiB (ulimit -v)")
 
 
 def _reuse_freed_memory() -> None:

@@ -22,7 +22,7 @@ from ospc.recording.options import ReadingOptions, declared_options, options_wit
 _EACH = "each"
 """Value of ``--channel`` that calibrates each channel separately."""
 
-_EACH_HELP = " With each, 'ospc calibrate' calibrates red, green and blue into OUT/red, OUT/green and OUT/blue."
+_EACH_HELP = " each, for 'ospc calibrate' only, calibrates all three, into OUT/red, OUT/green and OUT/blue."
 _WIDTH_WHEN_PIPED = 200
 """Characters per line of a table outside a terminal; long topic names fit."""
 
@@ -88,12 +88,12 @@ def _known_kind(name: str) -> str:
 KIND = option("Kind of recording (tum_mono, euroc, …); recognised by default.", type=Parsed("kind", _known_kind))
 
 
-def _stated(name: str, *, each: bool = False) -> Any:
+def _stated(name: str, *, each: bool = False, text: str = "") -> Any:
     """Declare the option for a field of :class:`ReadingOptions`; with ``each``, that word is a choice too."""
     stated = declared_options()[name]
     choices = (*stated.choices, _EACH) if each else stated.choices
     flags = (f"--{name.replace('_', '-')}", *stated.aliases)
-    text = stated.help + (_EACH_HELP if each else "")
+    text = (text or stated.help) + (_EACH_HELP if each else "")
     return option(text, *flags, type=click.Choice(choices) if choices else None, metavar=stated.metavar)
 
 
@@ -125,6 +125,13 @@ READING_OR_ESTIMATING: Any = OptionGroup(_reading, _READING | {"unknown_exposure
 
 STATED: Any = OptionGroup(lambda **stated: ReadingOptions.of(stated), {name: _stated(name) for name in _FIELDS})
 """Declares :class:`ReadingOptions` alone."""
+
+_ONE_CHANNEL = "Write only this channel of colour or Bayer images, which otherwise remain in colour."
+STATED_IN_COLOUR: Any = OptionGroup(
+    lambda **stated: ReadingOptions.of(stated),
+    {name: _stated(name, text=_ONE_CHANNEL if name == "channel" else "") for name in _FIELDS},
+)
+"""The same for a command that keeps colours."""
 
 STATED_OF_CAMERA: Any = OptionGroup(
     lambda **stated: ReadingOptions.of(stated),

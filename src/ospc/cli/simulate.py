@@ -89,8 +89,8 @@ class _Simulation:
             made = simulate(self.out, settings, overwrite=self.force, progress=step)
         low, high = made.exposures_ms.min(), made.exposures_ms.max()
         say(
-            f"{self.out}: {settings.frames} frames {settings.size[0]}×{settings.size[1]}, exposures {low:.3g} to "
-            f"{high:.3g} ms; truth in {self.out / 'truth.json'}, pcalib.txt and vignette.png"
+            f"{self.out}: {settings.frames} frames of {settings.size[0]}×{settings.size[1]} pixels, exposures "
+            f"{low:.3g} to {high:.3g} ms; truth in {self.out / 'truth.json'}, pcalib.txt and vignette.png"
         )
 
     def _settings(self) -> SimulationSettings:

@@ -30,7 +30,7 @@ _WIDTH = 400
 
 def study_out_option(default: str) -> Any:
     """Declare the option for the output folder."""
-    return out_option("Folder of the results.", default=Path(default))
+    return out_option("Folder to write the results to.", default=Path(default))
 
 
 def presets_option(default: str) -> Any:

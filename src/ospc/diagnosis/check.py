@@ -156,8 +156,8 @@ def _about_pixels(pixels: PixelReport) -> Iterator[str]:
         yield f"the border of the image ({pixels.surround_share:.1%} of it) is always black; crop or mask it"
     if pixels.empty_low_bits:
         yield (
-            f"the lowest {pixels.empty_low_bits} bits of all grey values are empty: the values are padded, and "
-            f"only every {2**pixels.empty_low_bits}th occurs"
+            f"all grey values are multiples of {2**pixels.empty_low_bits}, with "
+            f"{counted(pixels.empty_low_bits, 'unused low bit')}"
         )
     elif pixels.missing_levels_share:
         yield (

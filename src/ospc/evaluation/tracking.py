@@ -72,7 +72,7 @@ class TrackingComparison:
         longer = _times(self.life_ratio, "long", "as long as before")
         smaller = _times(1 / self.residual_ratio, "large", "as before")
         return (
-            f"The calibration {verdict}: tracks live {longer} ({life}), and their brightness residual is {smaller} "
+            f"The calibration {verdict}: tracks last {longer} ({life}), and their brightness residual is {smaller} "
             f"({residual})."
         )
 

@@ -47,8 +47,8 @@ def find_flicker(frame: IntArray, change: FloatArray) -> Flicker | None:
     """Find the strongest periodic component of unexplained changes of ln brightness between frames.
 
     ``frame`` holds the increasing frame index of each change; the phase is fitted anew after a long gap. Both arrays
-    have shape (n,). Returns None if no frequency is significant (Fisher's test for the largest peak of a periodogram)
-    or has at least four periods in the observed time.
+    have shape (n,). Returns None unless the strongest frequency with at least four periods in the observed time is
+    significant (Fisher's test for the largest peak of a periodogram).
     """
     if not in_long_runs(frame).any():
         return None

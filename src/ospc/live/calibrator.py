@@ -38,7 +38,7 @@ class LiveCalibrator(AbstractContextManager["LiveCalibrator"]):
 
     It drives the same engine as :class:`~ospc.calibrator.OnlineCalibrator`. If no frame is dropped, the result is
     identical to the last bit, except that unreadable images are not counted if they are not needed. Images wait in a
-    bounded queue while the background is busy. If the queue is full, they are dropped, and only their exposures are
+    bounded queue while the thread is busy. If the queue is full, they are dropped, and only their exposures are
     kept. :meth:`push` may be called from any thread, a callback, or a coroutine.
 
     Parameters
@@ -58,7 +58,7 @@ class LiveCalibrator(AbstractContextManager["LiveCalibrator"]):
         If the settings are those of preset "paper", which is too slow, or the goal is not positive.
     OspcError
         By :meth:`push`, :meth:`wait`, :meth:`calibration`, :meth:`save_state` and :attr:`status` in a forked process;
-        by the first three also if the calibrator was closed or the background failed.
+        by the first three also if the calibrator was closed or the background thread failed.
 
     Examples
     --------
@@ -172,9 +172,9 @@ class LiveCalibrator(AbstractContextManager["LiveCalibrator"]):
         return self._engine.save_state(path, complete=True)
 
     def close(self) -> None:
-        """Stop the background once its current work is done; :attr:`latest` remains available.
+        """Stop the background thread once its current work is done; :attr:`latest` remains available.
 
-        In a forked process this does nothing: the background continues in the process that created it.
+        In a forked process this does nothing: the thread continues in the process that created it.
         """
         if self._process != os.getpid():
             return
@@ -190,7 +190,7 @@ class LiveCalibrator(AbstractContextManager["LiveCalibrator"]):
 
     @contextmanager
     def _running(self) -> Iterator[None]:
-        """Hold the lock while the background is known to be working."""
+        """Hold the lock while the background thread is known to be running."""
         self._check_process()
         with self._changed:
             self._check()
@@ -212,7 +212,7 @@ class LiveCalibrator(AbstractContextManager["LiveCalibrator"]):
         self._waiting_bytes += size
         self._changed.notify_all()
 
-    # The background.
+    # The background thread.
 
     def _work(self) -> None:
         try:
@@ -286,7 +286,7 @@ def _with_safe_load(frame: Frame) -> Frame:
 
 
 def _failed(failure: BaseException) -> OspcError:
-    """Return the error for callers that need the background, chained to its failure."""
-    error = OspcError(f"the background failed: {message_of(failure)}")
+    """Return the error for callers that need the background thread, chained to its failure."""
+    error = OspcError(f"the background thread failed: {message_of(failure)}")
     error.__cause__ = failure
     return error

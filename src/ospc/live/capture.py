@@ -117,7 +117,7 @@ class Capture:
         """Push frames until they end, the goal is reached, or the capture is stopped.
 
         ``stop`` is called after every frame, and ends the capture if it returns True. Frames ``replayed`` from a
-        recording wait for the background, so that none is dropped.
+        recording wait for the background thread, so that none is dropped.
         """
         for frame in frames:
             self._show(frame)

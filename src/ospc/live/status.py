@@ -35,7 +35,7 @@ class LiveStatus:
     frames
         Number of frames pushed so far.
     processed
-        Number of frames that the background has processed.
+        Number of frames that the background thread has processed.
     dropped
         Number of frames that were needed, but dropped because the queue was full.
     unusable, reasons

@@ -37,8 +37,8 @@ def _corrected(found: EffectEstimate, effects: Effects) -> str:
         limit_ms = effects.step_exposures[GAIN_STEPS.index(found.name)] * typical_ms
         than = "brighter" if found.value > 0 else "darker"
         return (
-            f"images are {share} {than} beyond exposures of {limit_ms:.3g} ms than their exposures predict, as with "
-            "a gain that is not exact; this was corrected"
+            f"images with exposures above {limit_ms:.3g} ms are {share} {than} than predicted, as with a gain that "
+            "is not exact; this was corrected"
         )
     if found.name == NOMINAL_EXPOSURES:
         return "exposures are nominal, such as 1/60 s for 1/64 s; the exact thirds of a stop were used instead"
@@ -47,8 +47,8 @@ def _corrected(found: EffectEstimate, effects: Effects) -> str:
         return f"exposures are {lag} frames {when}; this was corrected"
     if found.name == UNSTEADY_LIGHT:
         return (
-            f"frames are brighter or darker than their exposures predict, by {100 * found.value:.2g}% between pairs; "
-            "this was accounted for"
+            f"frames are brighter or darker than their exposures predict, by {100 * found.value:.2g}% between the "
+            "frames of a pair; this was accounted for"
         )
     offset = f"{abs(found.value) * typical_ms:.3g} ± {found.sigma * typical_ms:.1g} ms"
     too = "short" if found.value > 0 else "long"

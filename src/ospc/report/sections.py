@@ -112,8 +112,8 @@ def tracking_rows(tracking: TrackingComparison) -> Iterator[tuple[str, str, str,
         return [f"{tracks.mean_life:.1f}", median, *shares, f"{tracks.residual:.3f}"]
 
     labels = {
-        "mean life of a track": f"frames, of at most {tracking.horizon}",
-        "median life": "frames",
+        "mean lifetime of a track": f"frames, of at most {tracking.horizon}",
+        "median lifetime": "frames",
         "tracks lost": "of the steps from frame to frame",
         **{f"  {cause}": "" for cause in causes},
         "brightness residual": "of the local contrast, median",

@@ -105,7 +105,7 @@ def image_of(message: Any, name: str, channel: Channel | None = None) -> StoredI
         return StoredImage(taken.of(ordered), taken)
     if layout.order or encoding.startswith("nv"):
         if channel not in (None, Channel.LUMINANCE, Channel.ALL):
-            raise FrameError(f"{name}: {encoding} has no {channel.value} channel; use the luminance")
+            raise FrameError(f"{name}: {encoding} has no {channel.value} channel; use --channel luminance")
         luma = pixels.reshape(height, width, layout.channels)[:, :, layout.order[0] if layout.order else 0]
         return StoredImage(np.ascontiguousarray(luma), Channel.LUMINANCE)
     return StoredImage(pixels, mosaic=Mosaic(encoding[6:10]) if encoding.startswith("bayer_") else None)

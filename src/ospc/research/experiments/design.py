@@ -102,11 +102,11 @@ _ALL = (
     Experiment("offsets", "Offset between the frames of a pair", "vignette_rmse", (4, 500),
         {"offsets": {f"offset {n}": replace(_UNCHECKED, vignette_offset=n) for n in OFFSETS}}, speed=_SLOW,
         varied={f"offset {n}": float(n) for n in OFFSETS}, axis="offset in frames"),
-    Experiment("thresholds", "Least exposure ratio of a pair", "response_rmse", (4, 300),
+    Experiment("thresholds", "Minimum exposure ratio of a pair", "response_rmse", (4, 300),
         {"thresholds": {
             f"k ≥ {high}": replace(_UNCHECKED, exposure_ratio_high=high, exposure_ratio_low=low)
             for high, low in THRESHOLDS.items()
-        }}, speed=_SLOW, varied={f"k ≥ {high}": high for high in THRESHOLDS}, axis="least exposure ratio k"),
+        }}, speed=_SLOW, varied={f"k ≥ {high}": high for high in THRESHOLDS}, axis="minimum exposure ratio k"),
     Experiment("static", "Responses from a static camera", "response_rmse", (6, 60), rivals=_static_rivals,
         at_rest=True),
 )  # fmt: skip

@@ -71,7 +71,7 @@ def estimate_splines(points: KeyFramePoints, gamma: float = _USUAL_GAMMA, bendin
     used = (points.grey > _DARKEST) & (points.grey < _BRIGHTEST)
     used &= np.bincount(points.point[used], minlength=points.point.max(initial=0) + 1)[points.point] > 1
     if np.count_nonzero(used) < _FEWEST:
-        raise NotObservableError("too few points are seen in several key frames")
+        raise NotObservableError("too few points are seen in several keyframes")
     _, point = np.unique(points.point[used], return_inverse=True)
     numbers, frame = np.unique(points.frame[used], return_inverse=True)
     grey_basis, grey = _grey_splines(points.grey[used]), points.grey[used] ** gamma
@@ -170,7 +170,7 @@ class Quenzel:
     def _points(self) -> KeyFramePoints:
         """Return the observations of the latest keyframes."""
         if not self._key_frames:
-            raise NotObservableError("too few points are seen in several key frames")
+            raise NotObservableError("too few points are seen in several keyframes")
         indices, tracks, greys, places = zip(*self._key_frames, strict=True)
         frame = np.repeat(indices, [len(track) for track in tracks])
         position = normalised(np.concatenate(places).reshape(-1, 2).astype(np.float64), self._size)
