@@ -13,7 +13,7 @@ from sphinx.application import Sphinx
 
 
 class PackageModules(Directive):
-    """Documents the modules of the packages or modules named, those of packages within them included."""
+    """Documents the named modules, and all modules of the named packages and their subpackages."""
 
     required_arguments = 1
     optional_arguments = 20
@@ -31,7 +31,7 @@ class PackageModules(Directive):
 
 
 def _modules(name: str) -> list[str]:
-    """Return the modules of a package, in order; a module's own name if it is none."""
+    """Return the modules of a package, in order, or the name of a module that is not a package."""
     package = import_module(name)
     if not hasattr(package, "__path__"):
         return [name]
@@ -40,12 +40,12 @@ def _modules(name: str) -> list[str]:
 
 
 def _escape_bars(_app: Sphinx, _what: str, _name: str, _obj: object, _options: object, lines: list[str]) -> None:
-    """Let the bars of absolute values be bars: the markup of docstrings gives them another meaning."""
+    """Escape the bars of absolute values, which reStructuredText would take for substitutions."""
     lines[:] = [line if "``" in line else line.replace("|", "\\|") for line in lines]
 
 
 def _keep_whole(_app: Sphinx, what: str, _name: str, _obj: object, _options: object, lines: list[str]) -> None:
-    """Begin the docstrings of values with an empty comment: else Napoleon takes all before a colon for a type."""
+    """Begin the docstrings of values with an empty comment: or Napoleon takes text before a colon for a type."""
     if what in {"attribute", "data", "property"}:
         lines[:0] = ["..", ""]
 
