@@ -1,4 +1,4 @@
-# ospc with the versions pinned in requirements/, for images on a mounted folder:
+# ospc with the versions pinned in requirements/, for images in a mounted folder:
 #   docker build -t ospc .
 #   docker run --rm --user "$(id -u):$(id -g)" -v "$PWD:/data" ospc calibrate my_recording -o my_camera
 FROM python:3.12-slim AS build

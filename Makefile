@@ -1,5 +1,5 @@
-# Every target makes the environment it needs itself, once: a virtual environment with the versions pinned in
-# requirements/. The demo takes what users need, everything else adds the tools of developers to the same environment.
+# Every target creates the environment it needs, once: a virtual environment with the versions pinned in
+# requirements/. The demo installs what users need; all other targets add the developer tools to the same environment.
 # Choose the interpreter with PYTHON, such as: make test PYTHON=python3.12
 
 PYTHON ?= python3
@@ -36,8 +36,8 @@ docs: $(READY)
 	$(BIN)/python -m sphinx -q -W --keep-going -b html docs docs/_build/html
 	@echo docs/_build/html/index.html
 
-# The oldest OpenCV that is supported, with the NumPy of its time (Python 3.11 or 3.12); whole commands are left out,
-# for they take most of the time and rest on what the other tests cover.
+# The oldest supported OpenCV, with the NumPy of its time (Python 3.11 or 3.12). Whole commands are left out: they take
+# most of the time, and the other tests cover what they use.
 test-opencv4: $(READY4)
 	$(BIN4)/python -m pytest -n 2 --dist worksteal --ignore tests/cli
 

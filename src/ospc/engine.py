@@ -198,7 +198,7 @@ class Engine:
         prepared, precomputed = self.prefetcher.preprocessed(frame)
         self._check_is_new(prepared.thumbnail, frame.name)
         if self._exposures.history.repeats(prepared.thumbnail):
-            # The same noise once more is no further observation.
+            # The same noise again is not another observation.
             self._sampler.expects_repeats = True
             return None, self._exposures.history.observe(prepared.thumbnail, precomputed)
         counting = self._second.submit(self.pixels.observe, frame, prepared.thumbnail)

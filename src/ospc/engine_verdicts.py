@@ -1,4 +1,4 @@
-"""What a fit shows of the exposures, and what exposures and images allow to say of a calibration."""
+"""What a fit shows about the exposures, and which verdicts exposures and images allow on a calibration."""
 
 from __future__ import annotations
 

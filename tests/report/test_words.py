@@ -102,4 +102,4 @@ def test_the_text_separates_median_and_worst_uncertainty():
     spread = np.full(256, 0.001)
     spread[:30] = 0.4
     sure = replace(Response.gamma(2.0), log_sigma=spread, scale_sigma=0.001)
-    assert "is known to ±0.1 % in the median and ±40 % at worst" in fact_text(response=sure)
+    assert "is known to ±0.1 % typically and ±40 % at worst" in fact_text(response=sure)

@@ -22,7 +22,9 @@ from ospc.recording.options import ReadingOptions, declared_options, options_wit
 _EACH = "each"
 """Value of ``--channel`` that calibrates each channel separately."""
 
-_EACH_HELP = " each, for 'ospc calibrate' only, calibrates all three, into OUT/red, OUT/green and OUT/blue."
+_EACH_HELP = (
+    " With each ('ospc calibrate' only), red, green and blue are calibrated into OUT/red, OUT/green and OUT/blue."
+)
 _WIDTH_WHEN_PIPED = 200
 """Characters per line of a table outside a terminal; long topic names fit."""
 

@@ -95,8 +95,8 @@ def explained_by_inverse(found: LagEstimate, series: BrightnessSeries, log_expos
 def _with_flicker(tried: LagHypotheses) -> LagHypotheses:
     """Return the lags fitted together with flicker, if flicker makes some lag much more likely.
 
-    An exposure control that follows the flicker of a lamp is as periodic as the lamp. At that frequency it contains
-    no information about the lag; a wrong lag may even seem to explain the flicker. This tries the frequencies that
+    Auto exposure that follows the flicker of a lamp is as periodic as the lamp. At that frequency it contains no
+    information about the lag; a wrong lag may even seem to explain the flicker. This tries the frequencies that
     any lag leaves unexplained, in long runs of frames only.
     """
     in_runs = tried.series.where(in_long_runs(tried.series.frame))
@@ -132,7 +132,7 @@ def _flicker_candidates(tried: LagHypotheses) -> list[Flicker]:
 def _survives_periodic_light(first: LagEstimate, tried: LagHypotheses) -> bool:
     """Return whether a lag stays the same if a light that varies with the main period of the exposures is fitted too.
 
-    An exposure control that follows a periodic light leaves periodic brightness changes, which exposures at a wrong
+    Auto exposure that follows a periodic light leaves periodic brightness changes, which exposures at a wrong
     lag fit equally well. Such exposures have a single period and a small amplitude.
     """
     if first.frames is None or tried.flickers or exposure_cycle(tried.log_exposure) is not None:

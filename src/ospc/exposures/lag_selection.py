@@ -247,8 +247,8 @@ def _objection(tried: LagHypotheses, best: int, fraction_frames: float) -> LagSt
     lag = abs(int(tried.lags[best]))
     if _exposures_follow_flicker(tried, best):
         return "follows flicker"
-    # The likelihood may keep rising beyond the largest lag tried: an exposure control that follows a slowly varying
-    # light leaves brightness changes that exposures at a large, meaningless lag fit.
+    # The likelihood may keep rising beyond the largest lag tried: auto exposure that follows a slowly varying light
+    # leaves brightness changes that exposures at a large, meaningless lag fit.
     if MAX_COMMON_LAG < lag == np.abs(tried.lags).max():
         return "out of range"
     if abs(fraction_frames) > MAX_FRACTIONAL_LAG:
@@ -284,8 +284,8 @@ def _fraction(tried: LagHypotheses, best: int) -> float:
 def _exposures_follow_flicker(tried: LagHypotheses, best: int) -> bool:
     """Return whether nearly all fast exposure changes have the period of the flicker.
 
-    A control loop that follows a flickering lamp is as periodic as the lamp, so the effects of lamp and exposure
-    cannot be separated. A programmed exposure cycle repeats exactly; a control loop does not.
+    Auto exposure that follows a flickering lamp is as periodic as the lamp, so the effects of lamp and exposure
+    cannot be separated. A programmed exposure cycle repeats exactly; auto exposure does not.
     """
     if not tried.flickers or exposure_cycle(tried.log_exposure) is not None:
         return False

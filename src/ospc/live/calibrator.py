@@ -153,7 +153,7 @@ class LiveCalibrator(AbstractContextManager["LiveCalibrator"]):
 
     @property
     def preview(self) -> Preview | None:
-        """Quick estimates and the observations behind them, some tenths of a second old; None before the first."""
+        """Quick estimates and the observations behind them, a few tenths of a second old; None before the first."""
         return self._found.preview
 
     @property

@@ -1,7 +1,7 @@
 """A folder of photographs with exposures in their EXIF.
 
 The exposure is time × ISO/100 / N², where N is the f-number. EXIF rounds all three values, for example a time of 1/64
-to the nominal 1/60, so that ratios have errors of some per cent.
+to the nominal 1/60, so that ratios have errors of a few per cent.
 """
 
 from __future__ import annotations

@@ -234,7 +234,7 @@ def _shape_fact(response: Response, max_grey: int) -> str:
     typical, most = (float(of(response.log_sigma[seen])) for of in (np.median, np.max))
     known = _spread(typical)
     if most > 2 * typical:
-        known += f" in the median and {_spread(most)} at worst"
+        known += f" typically and {_spread(most)} at worst"
     return (
         f" Between grey levels {low * max_grey:.0f} and {high * max_grey:.0f} the ratio of two irradiances is known "
         f"to {known}; the scale, g = 1 at white, does not affect it."

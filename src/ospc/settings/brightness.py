@@ -74,7 +74,7 @@ NOTABLE_RMS_LOG = 0.006
 alone leaves this much."""
 
 DRIFT_FRAMES = 40
-"""Number of frames over which unexplained changes are added up: an exposure control acts within this time, and
+"""Number of frames over which unexplained changes are added up: auto exposure acts within this time, and
 registration errors do not yet add up to much."""
 
 DRIFT_STEP_FRAMES = DRIFT_FRAMES // 4
@@ -85,7 +85,7 @@ UNCHANGED_EXPOSURE_LOG = 1e-4
 
 STALE_DRIFT_LOG = 0.12
 """Drift of ln brightness above which an exposure that never changes counts as stale, however small each step is:
-within `DRIFT_FRAMES`, an exposure control changes it by more, registration errors by less."""
+within `DRIFT_FRAMES`, auto exposure changes it by more, registration errors by less."""
 
 MIN_STALE_PAIRS = 12
 """Fewest pairs of unchanged exposure for it to count as stale: their root mean square is known to a fifth."""

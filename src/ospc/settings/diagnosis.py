@@ -20,4 +20,5 @@ frame rate that could show dropped frames."""
 # Dropped frames (ospc.diagnosis.report)
 
 GAP_RATIO = 1.5
-"""Interval over the median interval above which frames are missing: midway from one to two, as stamps jitter."""
+"""Interval over the median interval above which frames are missing: midway between one and two, because stamps
+jitter."""

@@ -15,11 +15,11 @@ LAG_SEARCH_CHANGES = 400
 
 LAG_CHECK_INTERVAL_CHANGES, SUSPECTED_LAG_CHECK_INTERVAL_CHANGES = 16, 8
 """Number of brightness changes between two checks for a change of the lag, normally and while one is suspected. Late
-in a run, these are five seconds of film, which costs a hundredth of the run's time, and half a second."""
+in a run, these are five seconds of video, which costs a hundredth of the run's time, and half a second."""
 
 EXPOSURE_CHANGE_FRAMES = 8
 """Frames around a frame within which the exposure must change to be informative about the lag: the largest lag and
-some."""
+a margin."""
 
 MIN_EXPOSURE_CHANGE_LOG = 0.02
 """Change of ln exposure over these frames that is visible in the images."""
@@ -50,7 +50,7 @@ MIN_FLICKER_FRAMES = 24
 """Minimum length of a run that is searched for a line: a wave of free frequency and phase fits anything shorter."""
 
 MIN_FAST_PERIODS = 4
-"""Fewest observed periods of a fast change: slower ones come from the scene or an exposure control."""
+"""Fewest observed periods of a fast change: slower ones come from the scene or auto exposure."""
 
 MIN_WAVE_PERIODS = 2
 """Fewest observed periods of any line: with fewer it cannot be distinguished from a trend."""

@@ -119,11 +119,11 @@ MIN_PILE_SHARE = 0.005
 
 WHITE_NEIGHBOURHOOD = 2 / 255
 """For the highest grey value to be white, all others within this distance below it must have fewer pixels in total:
-if only a few grey values occur, each has a large share. White had at least four times as many in 20 films."""
+if only a few grey values occur, each has a large share. White had at least four times as many in 20 videos."""
 
 HIGHEST_BLACK = LOWEST_WHITE = 0.2
 """Upper limit of black and lower limit of white. White between grey values 76 and 128 had at least 0.009 of all
-pixels; in 39 dark films without clipping, the highest grey value had less than 0.0005."""
+pixels; in 39 dark videos without clipping, the highest grey value had less than 0.0005."""
 
 WHITE_LEVELS = 256
 """Number of grey levels at which scattered values of white are counted: those of 8 bits."""

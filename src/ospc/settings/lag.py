@@ -98,8 +98,8 @@ MIN_FRACTIONAL_LAG_LEAD = MIN_LAG_LEAD / 2
 """Log likelihood by which an offset between frames must lead: half that of a lag, because it only raises a doubt."""
 
 FLICKERING_EXPOSURE_SHARE = 0.87
-"""Minimum share of the energy of fast exposure changes at the period of the flicker if they follow it. Noise of the
-exposure control keeps it below one; changes that share the period by chance have less."""
+"""Minimum share of the energy of fast exposure changes at the period of the flicker if they follow it. Noise of
+auto exposure keeps it below one; changes that share the period by chance have less."""
 
 # The search for the lag (ospc.exposures.lag)
 
@@ -161,7 +161,7 @@ LAG_CHANGE_WINDOW_FRAMES = 400
 compared frames even late in a run."""
 
 MIN_PAIRS_BEFORE_LAG_CHANGE = 100
-"""Minimum number of pairs of frames before a change: fewer may all show one passing cloud that the exposure control
+"""Minimum number of pairs of frames before a change: fewer may all show one passing cloud that auto exposure
 follows, so that the earlier lag was less certain than it seemed."""
 
 LAG_CHANGE_START_TOLERANCE = 1.0
@@ -169,12 +169,12 @@ LAG_CHANGE_START_TOLERANCE = 1.0
 changed."""
 
 SUSPECTED_LAG_CHANGE_LEAD = 4.0
-"""Log likelihood by which another lag must lead before more frames are compared. One in ten checks of unchanged film
+"""Log likelihood by which another lag must lead before more frames are compared. One in ten checks of unchanged video
 reaches this; without the additional frames it took up to half a minute to prove a change."""
 
 LATER_LAG_LEAD, EARLIER_LAG_LEAD = 25.0, 50.0
-"""Log likelihood that proves that exposures are later or earlier than before. Light followed by a smooth exposure
-control looks like earlier ones. In ten hours of unchanged film, the largest false leads were 21 and 32."""
+"""Log likelihood that proves that exposures are later or earlier than before. Light followed by smooth auto
+exposure looks like earlier ones. In ten hours of unchanged video, the largest false leads were 21 and 32."""
 
 MIN_LIGHT_PERIOD_FRAMES = 48
 """Shortest period of light changes that are distinguished from exposures: a second at 50 frames/s. While light

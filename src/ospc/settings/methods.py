@@ -83,7 +83,7 @@ MIN_PAIR_POINTS = 40
 
 MAX_BASELINE_PAIRS = 480
 """Number of latest pairs of each kind whose errors form the baseline for outliers: at least a minute and a half of
-film at 20 frames/s."""
+video at 20 frames/s."""
 
 MIN_BASELINE_PAIRS = 12
 """Minimum number of pairs in the baseline before a pair of that kind can be an outlier."""
@@ -112,7 +112,7 @@ CALM_S = 4.8
 """Time, in seconds, without another suspicion after one that reached its maximum duration."""
 
 MIN_FRAME_RATE, MAX_FRAME_RATE = 20.0, 100.0
-"""Range of frames per second in which these times are converted to frames: slower film needs as many frames as at 20
+"""Range of frames per second in which these times are converted to frames: slower video needs as many frames as at 20
 frames/s, and above 100 frames/s there would be too many pairs to judge."""
 
 WATCHED_PAIRS, MIN_OUTLIER_SHARE = 32, 0.25
@@ -135,7 +135,7 @@ MAX_STATED_EFFECT_LOG = 1.0
 shows."""
 
 MIN_EXPLAINED_LOG = 0.005
-"""Root mean square error within pairs, in ln, that a change must explain. In simulated film, other responses and
+"""Root mean square error within pairs, in ln, that a change must explain. In simulated video, other responses and
 corners that lose a fifth soon explained at least 0.0055, and spurious changes at most 0.0047."""
 
 MIN_CORRELATION = 0.7
@@ -170,7 +170,7 @@ MIN_SIGNIFICANT_PAIRS = 6
 
 LIGHT_SLOPE = -0.75
 """Slope of the error against the change of exposure below which changing light, followed by the exposure, explains
-it: an exposure control that keeps brightness constant has a slope of −1."""
+it: auto exposure that keeps brightness constant has a slope of −1."""
 
 MIN_SLOPE = 0.15
 """Minimum change of that slope that indicates another response."""
@@ -202,8 +202,8 @@ WIDE_EXPOSURE_RATIO = 8.0
 """Ratio of the longest to the shortest exposure beyond which a wider range is no longer advised."""
 
 POSSIBLE_LIGHT_SIGMAS = 2.0
-"""Standard deviations beyond which scattered light that is not corrected is named as what makes a response uncertain:
-a fisheye and a wet lens had 2.2 to 3."""
+"""Standard deviations beyond which uncorrected scattered light is stated as the reason for an uncertain response: a
+fisheye and a wet lens had 2.2 to 3."""
 
 FAR_RADIAL_REACH = 0.2
 """Radial motion, in half diagonals, beyond which more motion is no longer advised: the fifth that is asked for."""

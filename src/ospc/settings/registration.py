@@ -147,5 +147,5 @@ HOMOGRAPHY_MIN_INLIERS = 16
 
 JACOBIAN_CELL_PX = 32
 """Side of the squares over which displacements are averaged before they are differentiated, in pixels of the small
-images. With squares of 8 pixels, area ratios were off by 3 %, enough to shift the vignette centre in films that only
+images. With squares of 8 pixels, area ratios were off by 3 %, enough to shift the vignette centre in videos that only
 move sideways."""

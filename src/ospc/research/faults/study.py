@@ -17,10 +17,10 @@ SCHEMA = "ospc-benchmark-faults/1"
 OUTCOMES: tuple[FaultOutcome, ...] = get_args(FaultOutcome)
 
 _NOTE = (
-    "Detected: an error, a warning, or a quantity said not to be identifiable. Corrected and harmless: errors within "
-    "3σ, κ ≤ 0.005 and vignette ≤ 0.005, with and without a note. Uncertain: what is larger is within 3σ and called "
-    "marginal. Indistinguishable: right for another camera that takes the same images at the exposures stated. "
-    "Confident and wrong: the rest. Step is the error of ln g(0.75)/g(0.25)."
+    "Detected: an error, a warning, or a quantity called not identifiable. Corrected and harmless: errors within 3σ, "
+    "κ ≤ 0.005 and vignette ≤ 0.005, with and without a note. Uncertain: an error is larger, but within 3σ, and its "
+    "curve is called marginal. Indistinguishable: right for another camera that takes the same images at the stated "
+    "exposures. Confident and wrong: the rest. Step is the error of ln g(0.75)/g(0.25)."
 )
 
 
