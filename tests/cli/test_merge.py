@@ -57,7 +57,7 @@ def test_the_output_has_the_files_of_a_calibration_and_can_be_merged_again(state
 def test_a_recording_given_twice_counts_once_with_a_note(states, tmp_path):
     result = run(*states[:2], states[0], "-o", tmp_path / "out")
     assert "from 2 recordings" in result.stdout
-    assert "1 of the 3 given states repeat a recording; each recording counts once" in result.output
+    assert "1 of 3 states left out, because each recording counts once" in result.output
 
 
 def test_another_lens_gives_a_warning_even_if_quiet(states, tmp_path):

@@ -78,7 +78,10 @@ def test_a_stated_lag_that_leaves_nothing_yet_does_not_end_the_run() -> None:
     assert all(calibrator.push(Frame.of_array(image(n), 1.0 + n % 3)) for n in range(FIRST_ASSESSMENT_CHANGES + 20))
 
 
-@pytest.mark.parametrize(("unexplained", "said"), [(3.0, "explain none of"), (0.4, "explain only 60% of")])
+@pytest.mark.parametrize(
+    ("unexplained", "said"),
+    [(3.0, "explain none of"), (0.998, "explain hardly any of"), (0.4, "explain only 60% of")],
+)
 def test_exposures_never_explain_less_than_none_of_the_changes(unexplained: float, said: str) -> None:
     film = Film(wandering(100))
     found = assess_exposures(observed(film)[0].changes, film.log_exposure)

@@ -69,10 +69,10 @@ def test_with_slow_exposure_changes_only_brightness_limits_tracks():
     assert result.largest_step < 1.05
     assert result.life_ratio > 2
     on_the_way = [
-        sum(kind.lost.values()) - kind.lost["too bright or dark"] for kind in (result.raw, result.corrected)
+        sum(kind.lost.values()) - kind.lost["different brightness"] for kind in (result.raw, result.corrected)
     ]
     assert abs(on_the_way[0] / result.raw.steps - on_the_way[1] / result.corrected.steps) < 0.02
-    assert result.corrected.lost["too bright or dark"] < 0.1 * result.raw.lost["too bright or dark"]
+    assert result.corrected.lost["different brightness"] < 0.1 * result.raw.lost["different brightness"]
     assert result.residual_ratio > 5
     assert "helps" in result.sentence
 
@@ -296,7 +296,8 @@ def test_the_command_as_json(made, tmp_path):
     assert content["raw"]["mean_life"] * content["life_ratio"] == pytest.approx(content["corrected"]["mean_life"])
     assert content["assumed_identity"] == ["vignette"]
     assert content["sentence"].startswith("The calibration helps")
-    assert set(content["raw"]["lost"]) == {"gave up", "came back elsewhere", "looks different", "too bright or dark"}
+    causes = {"tracking failed", "forward-backward error", "different appearance", "different brightness"}
+    assert set(content["raw"]["lost"]) == causes
 
 
 def test_the_command_refuses_unsuitable_calibrations(made, tmp_path):

@@ -163,7 +163,7 @@ def test_starting_from_a_state_equals_starting_from_its_merge():
     earlier = PriorCalibration("yesterday", Pool.of([*recordings, of_other_response]))
     found = earlier.continued(Calibration(size=SIZE, verdicts=merged.verdicts), None)
     for part in ("response", "vignette"):
-        figure = merged.verdicts[part].reason.rsplit(", from ", 1)[0]
+        figure = merged.verdicts[part].reason.rsplit(", based on ", 1)[0]
         assert found.verdicts[part].reason.startswith(f"{figure}, starting from")
     np.testing.assert_allclose(found.response.log_sigma, merged.response.log_sigma, rtol=1e-6)
     np.testing.assert_allclose(found.vignette_sigma, merged.vignette_sigma, rtol=1e-6)

@@ -72,7 +72,7 @@ def test_recordings_of_one_camera_agree(merged):
     assert not merged.agreement.differing
     assert merged.calibration.complete
     assert merged.calibration.counts["recordings"] == RECORDINGS
-    assert "from 8 of 8 recordings" in merged.calibration.verdicts["response"].reason
+    assert "based on 8 of 8 recordings" in merged.calibration.verdicts["response"].reason
 
 
 def test_the_order_makes_no_difference_to_a_single_bit(recordings, merged):

@@ -84,16 +84,18 @@ def _figures(report: RecordingReport, unit: str) -> dict[str, str]:
     """Return the known figures as text, by label."""
     exposure, pixels, motion, timing = report.exposures.recorded, report.pixels, report.motion, report.timing
     cycle = "" if exposure.cycle_frames is None else f", repeating every {exposure.cycle_frames} frames"
-    rows = {
-        "exposure": f"{exposure.lowest_ms:.4g} to {exposure.highest_ms:.4g}{unit} "
-        f"(a factor of {exposure.ratio:.3g}), changes in {exposure.changed_share:.0%} of the frames{cycle}",
-        "exposure lag": _lag(report),
-    }
+    course = (
+        f"{exposure.lowest_ms:.4g}{unit} in all frames"
+        if exposure.values == 1
+        else f"{exposure.lowest_ms:.4g} to {exposure.highest_ms:.4g}{unit} (a factor of {exposure.ratio:.3g}), "
+        f"changes in {exposure.changed_share:.0%} of the frames{cycle}"
+    )
+    rows = {"exposure": course, "exposure lag": _lag(report)}
     brightness = report.exposures.brightness
     if brightness is not None:
         rows["brightness"] = (
             f"ln grey of the same points changes by {brightness.change_rms_log:.4f} per frame; "
-            f"{brightness.unexplained_rms_log:.4f} of it are not explained by the exposures"
+            f"the exposures do not explain {brightness.unexplained_rms_log:.4f} of this"
         )
     radii = " ".join("-" if math.isnan(share) else f"{share * 100:.0f}" for share in pixels.mean_radius_share)
     speed = "unknown" if math.isnan(motion.median_px_per_frame) else f"{motion.median_px_per_frame:.2g} px per frame"

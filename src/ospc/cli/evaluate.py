@@ -135,8 +135,8 @@ def _print_tracking(result: TrackingComparison, *, exposures_known: bool) -> Non
         else "exposures are unknown and assumed to be equal, so only the vignette is corrected"
     )
     say(
-        f"{counted(result.tracks, 'track')} in {counted(result.frames, 'frame')}, followed for up to "
-        f"{result.horizon}; {exposures}"
+        f"{counted(result.tracks, 'track')} in {counted(result.frames, 'frame')}, each followed for up to "
+        f"{counted(result.horizon, 'frame')}; {exposures}"
     )
     if result.skipped:
         say(f"{counted(result.skipped, 'frame')} could not be used", err=True)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from ospc.cli.interruption import Interruption
 from ospc.cli.options import AS_JSON, FORCE, QUIET, TRUTH, argument, declared, out_option
 from ospc.cli.terminal import COMPLETE, UNDETERMINED, concluded, say_notes
-from ospc.errors import FormatError, listed
+from ospc.errors import FormatError, counted, listed
 
 if TYPE_CHECKING:
     from ospc.pooling.summary import Summary
@@ -58,7 +58,7 @@ def command(
     merged = merge(pool)
     differing = list(merged.agreement.differing.values())
     repeated = len(found) - len(pool.summaries)
-    notes = [f"{repeated} of the {len(found)} given states repeat a recording; each recording counts once"]
+    notes = [f"{repeated} of {counted(len(found), 'state')} left out, because each recording counts once"]
     content = ResultFolder(folder, interruption, quiet, as_json, known).take(
         CalibrationOutcome(merged.calibration),
         lambda: (Written((pool.save(folder.path / STATE_NAME),)), notes if repeated else []),

@@ -11,7 +11,7 @@ from ospc.correspondence.point_tracking import track_and_return
 from ospc.correspondence.thumbnail_registration import values_at
 from ospc.settings.evaluation import MAX_MISMATCH, MAX_RETURN_PX, MIN_CONTRAST, TRACKING_LEVELS, WINDOW_PX
 
-LOSSES = ("gave up", "came back elsewhere", "looks different")
+LOSSES = ("tracking failed", "forward-backward error", "different appearance")
 """Causes of loss: the Lucas-Kanade method itself fails; backward tracking does not return to the start; the windows
 differ too much."""
 

@@ -135,7 +135,7 @@ class CorrectedFrames:
 
 
 KINDS = ("raw", "corrected")
-CAUSES = (*LOSSES, "too bright or dark")
+CAUSES = (*LOSSES, "different brightness")
 """Causes that end a track: the point is lost between frames, or its brightness differs too much from its first frame
 for a method that compares with that frame."""
 

@@ -148,9 +148,13 @@ class ExposureReport:
 
     def in_words(self) -> str:
         """Return the range of exposures, such as "1 to 32 ms"."""
-        if self.values == 1:
-            return f"{self.lowest_ms:.4g} ms"
-        return f"{self.lowest_ms:.4g} to {self.highest_ms:.4g} ms"
+        return range_in_words(self.lowest_ms, self.highest_ms)
+
+
+def range_in_words(lowest_ms: float, highest_ms: float) -> str:
+    """Return a range of exposures, such as "1 to 32 ms", or "10 ms" if both are equal in four digits."""
+    lowest, highest = f"{lowest_ms:.4g}", f"{highest_ms:.4g}"
+    return f"{lowest} ms" if lowest == highest else f"{lowest} to {highest} ms"
 
 
 def exposure_cycle(log_exposure: FloatArray) -> int | None:

@@ -176,7 +176,10 @@ def write_lensfun(
         If the polynomial is not a valid vignette, or the file cannot be written.
     """
     if optics.crop_factor is None or optics.aperture is None:
-        raise SettingError("lensfun needs optics; add --crop-factor, --aperture and --focal-mm (or --focal-px)")
+        raise SettingError(
+            "lensfun needs the crop factor, aperture and focal length; add --crop-factor, --aperture and --focal-mm "
+            "(or --focal-px)"
+        )
     fit = fit_radial(vignette)
     focal_mm = optics.focal_in_mm(fit.size)
     terms = fit.coefficients if model == "pa" else rescaled(fit.coefficients, optics.focal_ratio(fit.size))

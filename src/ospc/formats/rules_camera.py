@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator
 
 from ospc.arrays import ImageSize
+from ospc.errors import counted
 from ospc.formats.files import BYTE_ORDER_MARK, read_text, write_text
 from ospc.formats.rules import Broken, Context, Format, Program, mark_before
 from ospc.formats.scanning import scanned
@@ -141,7 +142,7 @@ def _about_the_output_size(text: str, context: Context) -> Iterator[Broken]:
     levels, (width, height) = 1, size
     while width % 2 == 0 and height % 2 == 0 and width * height > _SMALLEST_PIXELS and levels < _MOST_LEVELS:
         levels, width, height = levels + 1, width // 2, height // 2
-    end = f"{_times(size)} ends at {width}x{height} after {levels - 1}"
+    end = f"{_times(size)} ends at {width}x{height} after {counted(levels - 1, 'halving')}"
     rule = f"the rectified size can be halved several times; {end}"
     remedy = "choose a size on line 4 whose sides are multiples of 16 or 32"
     if levels < _FEWEST_LEVELS:

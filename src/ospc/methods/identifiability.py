@@ -8,6 +8,7 @@ from ospc.arrays import ImageSize
 from ospc.errors import counted
 from ospc.estimation.effect_models import SCATTERED_LIGHT
 from ospc.estimation.fit import Fit
+from ospc.exposures.table import range_in_words
 from ospc.methods.contradictions import Contradictions
 from ospc.observations import ExposedObservations
 from ospc.photometry.coverage import ExposureRatios
@@ -71,7 +72,7 @@ def response_verdict(
     if high < low * np.exp(settings.min_log_exposure_change):
         return Verdict(
             "not identifiable",
-            f"the exposure hardly changes ({low:.4g} to {high:.4g} ms), so the response cannot be determined",
+            f"the exposure hardly changes ({range_in_words(low, high)}), so the response cannot be determined",
             _CHANGE_EXPOSURE,
         )
     if points < settings.min_points:
@@ -83,7 +84,7 @@ def response_verdict(
     if fit is None:
         return Verdict(
             "not identifiable",
-            f"hardly any scene point was seen at different exposures (all are {low:.4g} to {high:.4g} ms)",
+            f"hardly any scene point was seen at different exposures (all are {range_in_words(low, high)})",
             _CHANGE_EXPOSURE,
         )
     return response_verdict_of_fit(fit, (low, high), unexplained, contradictions)

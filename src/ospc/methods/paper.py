@@ -21,6 +21,7 @@ from ospc.arrays import BoolArray, FloatArray, ImageSize
 from ospc.correspondence.features import Features, extract, make_extractor, match
 from ospc.correspondence.preprocessing import PreprocessedFrame
 from ospc.errors import counted
+from ospc.exposures.table import range_in_words
 from ospc.least_squares import non_negative_least_squares
 from ospc.methods.change_detection import Change
 from ospc.methods.method import Method, Progress, check_size
@@ -551,7 +552,7 @@ def response_verdict(
     if high / low < settings.exposure_ratio_high:
         return Verdict(
             "not identifiable",
-            f"the exposure hardly changes ({low:.4g} to {high:.4g} ms), so the response cannot be determined",
+            f"the exposure hardly changes ({range_in_words(low, high)}), so the response cannot be determined",
             "record with auto exposure on while moving between dark and bright places, or sweep the exposure",
         )
     remedy = (

@@ -291,7 +291,7 @@ def _judged(part: Part, verdict: Verdict, agreed: Agreement, recordings: int) ->
             f"{len(differing)} of {recordings} recordings contradict the others ({names}), and no majority agrees",
             "merge only recordings of one camera with unchanged lens, focus and aperture",
         )
-    reason = f"{verdict.reason}, from {recordings - len(differing)} of {counted(recordings, 'recording')}"
+    reason = f"{verdict.reason}, based on {recordings - len(differing)} of {counted(recordings, 'recording')}"
     if differing:
         reason += f"; {names} left out because it differs" if len(differing) == 1 else f"; {names} left out"
     return replace(verdict, reason=reason)

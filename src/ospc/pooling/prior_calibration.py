@@ -178,7 +178,7 @@ class PriorCalibration:
             if today is None and not begins:
                 continue
             # Merging ends a reason with the number of recordings.
-            reason = f"{verdict.reason.rsplit(', from ', 1)[0]}{f', starting from {self.name}' if begins else ''}"
+            reason = f"{verdict.reason.rsplit(', based on ', 1)[0]}{f', starting from {self.name}' if begins else ''}"
             doubts = tuple((what, own.verdicts[name].remedy) for what in own.warnings)
             verdicts[name] = judged(replace(verdict, reason=reason), doubts)
         return replace(
