@@ -191,10 +191,8 @@ class Engine:
             self._first_frames = (sha256(content).hexdigest(), count + 1)
 
     def _observe(self, method: Method, frame: Frame) -> tuple[Change | None, BrightnessChange | None]:
-        """Preprocess a frame and accumulate its samples; return a change of the camera, and of brightness.
-
-        Meanwhile, the second thread counts grey values and compares the brightness with the previous frame.
-        """
+        """Preprocess a frame and accumulate its samples; return a change of the camera, and of brightness."""
+        # Meanwhile, the second thread counts grey values and compares the brightness with the previous frame.
         prepared, precomputed = self.prefetcher.preprocessed(frame)
         self._check_is_new(prepared.thumbnail, frame.name)
         if self._exposures.history.repeats(prepared.thumbnail):
@@ -229,10 +227,8 @@ class Engine:
         return Change(found.frame, self.frames - 1, "exposures", text)
 
     def _begin_epoch(self, method: Method, suspected: Change) -> Method:
-        """End the epoch with the calibration before a change of the camera, and continue with the frames after it.
-
-        The epoch goes on if the fit of that calibration shows that the camera has not changed.
-        """
+        """End the epoch with the calibration before a change of the camera, and continue with the frames after it."""
+        # The epoch goes on if the fit of that calibration shows that the camera has not changed.
         first, begin = self.epochs[-1].first_frame, suspected.frame
         found, exposures = self._exposures.before(begin)
         grey_range = self.pixels.range_before(begin)

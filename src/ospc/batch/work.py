@@ -86,11 +86,9 @@ def _calibrated(recording: Recording, source: dict[str, object], key: str, entry
 
 
 def _key(place: Path, source: dict[str, object], entry: Entry) -> str:
-    """Return a hash of a recording's content, its reading options and settings, and the version.
-
-    It covers all stamps and exposures, some images, and the names and sizes of all files, but not the modification
-    times or the location of the recording.
-    """
+    """Return a hash of a recording's content, its reading options and settings, and the version."""
+    # It covers all stamps and exposures, some images, and the names and sizes of all files, but not the modification
+    # times or the location of the recording.
     content = {
         "source": {name: value for name, value in source.items() if name != "name"},
         "files": _files(place),

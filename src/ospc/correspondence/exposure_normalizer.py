@@ -99,11 +99,9 @@ class ExposureNormalizer:
         return np.asarray(log_irradiance + DISPLAY_GAMMA * np.log(self._lift_of(grey.shape, size)), dtype=np.float32)
 
     def _log_gain(self, frame: ReducedFrame) -> float:
-        """Return the gain, in ln, that keeps the middle grey level of a frame visible.
-
-        The scale of g follows from grey levels next to white: if these are never observed, g may be almost zero at
-        all others.
-        """
+        """Return the gain, in ln, that keeps the middle grey level of a frame visible."""
+        # The scale of g follows from grey levels next to white: if these are never observed, g may be almost zero at
+        # all others.
         middle = max(float(np.median(frame.grey_quantiles)), DARKEST_QUANTILE_8_BIT)
         log_kept = np.interp(middle, np.arange(256), self._log_display) + DISPLAY_GAMMA * np.log(MIN_KEPT_BRIGHTNESS)
         return max(0.0, float(log_kept - np.interp(middle, np.arange(256), self._log_irradiance)))

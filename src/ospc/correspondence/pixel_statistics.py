@@ -166,11 +166,9 @@ class PixelStatistics:
         return PixelStatistics(_max_grey=self._max_grey, _ranges=self._ranges, _inherited=self.grey_range)
 
     def _found_range(self) -> GreyRange:
-        """Return black and white if many pixels have them, else the ends of the scale.
-
-        If values pile up at one end of the limited range of video and stay within it, both ends are used. If none
-        does, the range of the previous epoch is kept as long as all values lie within it.
-        """
+        """Return black and white if many pixels have them, else the ends of the scale."""
+        # If values pile up at one end of the limited range of video and stay within it, both ends are used. If none
+        # does, the range of the previous epoch is kept as long as all values lie within it.
         assert self._histogram is not None
         last = len(self._histogram) - 1
         lowest, highest = (end / last for end in np.flatnonzero(self._histogram)[[0, -1]].tolist())
@@ -193,11 +191,9 @@ class PixelStatistics:
         return black_of(self._histogram), white
 
     def _clips_at(self, white: float) -> bool:
-        """Return whether a peak of the histogram is white, and not a uniform object at its brightest.
-
-        Clipped pixels have the same value at different exposures. In frames with shorter exposures, where they are
-        not clipped, their values differ widely.
-        """
+        """Return whether a peak of the histogram is white, and not a uniform object at its brightest."""
+        # Clipped pixels have the same value at different exposures. In frames with shorter exposures, where they are
+        # not clipped, their values differ widely.
         share, log_exposure = np.array(self._grey_share), np.array(self._log_exposure)
         bright = share[:, int(white * COVERAGE_GREY_CELLS) :].sum(axis=1)
         there = bright > MIN_PILE_SHARE

@@ -242,10 +242,8 @@ def _quantiles(counts: IntArray) -> FloatArray:
 
 
 def _moments(counts: IntArray, brightest: float) -> FloatArray:
-    """Return the mean powers and the share of white pixels, from the number of pixels of each level, shape (256,).
-
-    Pixels are white beyond the ``brightest`` exposed grey level.
-    """
+    """Return the mean powers and the share of white pixels, from the number of pixels of each level, shape (256,)."""
+    # Pixels are white beyond the ``brightest`` exposed grey level.
     white = counts[int(255 * brightest) + 1 :].sum()
     return np.asarray(np.append(counts @ _powers_of_grey(), white) / counts.sum())
 

@@ -137,11 +137,9 @@ def _short_search(finest_scale: int) -> cv2.DISOpticalFlow:
 
 
 def _refined(flow: cv2.DISOpticalFlow) -> cv2.DISOpticalFlow:
-    """Enable refinement of a search by gradient constancy, and return it.
-
-    Brightness constancy, which is included by default, would shift flat regions towards equal brightness: grey values
-    sampled there would no longer show the difference to be measured.
-    """
+    """Enable refinement of a search by gradient constancy, and return it."""
+    # Brightness constancy, which is included by default, would shift flat regions towards equal brightness: grey
+    # values sampled there would no longer show the difference to be measured.
     flow.setVariationalRefinementIterations(REFINEMENT_ITERATIONS)
     flow.setVariationalRefinementDelta(0.0)
     flow.setVariationalRefinementGamma(REFINEMENT_GRADIENT_WEIGHT)

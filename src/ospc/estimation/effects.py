@@ -190,10 +190,8 @@ def _step_exposures(log_exposure: FloatArray, log_typical: float) -> tuple[float
 
 
 def _light_of_moments(grid: FloatArray, irradiance: FloatArray) -> FloatArray:
-    """Return the factors on moments whose weighted sum is the mean irradiance; see :class:`Circumstances`.
-
-    The first are the coefficients of the powers of M in the best fit to g; the last is the excess of white pixels.
-    """
+    """Return the factors on moments whose weighted sum is the mean irradiance; see :class:`Circumstances`."""
+    # The first are the coefficients of the powers of M in the best fit to g; the last is the excess of white pixels.
     grey, light = grid[::PIXEL_NOISE_STRIDE], irradiance[::PIXEL_NOISE_STRIDE]
     weight = 1 / (light + LIGHT_FIT_FLOOR)
     rows = grey[:, None] ** np.arange(1, POWERS + 1) * weight[:, None]

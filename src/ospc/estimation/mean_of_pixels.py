@@ -138,10 +138,8 @@ class PixelMeans:
 
 
 def _decrease_at_knee(level: FloatArray, grid: FloatArray, log_response: FloatArray, mean: FloatArray) -> FloatArray:
-    """Return the decrease of the mean by normally distributed texture over its variance, (n,) -> (n, widths).
-
-    ``mean`` is the mean of noisy pixels at each irradiance: noise and texture together are wider than either.
-    """
+    """Return the decrease of the mean by normally distributed texture over its variance, (n,) -> (n, widths)."""
+    # ``mean`` is the mean of noisy pixels at each irradiance: noise and texture together are wider than either.
     coarse = np.linspace(max(level[0], DARKEST_GREY), level[-1], KNEE_LEVELS)
     irradiance = np.exp(np.interp(coarse, grid, log_response))[:, None, None]
     textured = irradiance * (1 + np.multiply.outer(TEXTURE_SPREADS, _NORMAL))

@@ -83,10 +83,8 @@ def fit_with_chosen_effects(observations: ExposedObservations, plan: FitPlan) ->
 def _with_effects(
     plain: Fitted, plain_trials: Sequence[Trial], plan: FitPlan, *left_out: str
 ) -> tuple[Fitted, Sequence[Trial]]:
-    """Return a fit with the significant effects, except those ``left_out``, and trials of the others.
-
-    The search ends at the first effect that contradicts the model.
-    """
+    """Return a fit with the significant effects, except those ``left_out``, and trials of the others."""
+    # The search ends at the first effect that contradicts the model.
     fitted, trials = plain, plain_trials
     observations = fitted.observations
     tested = fitted.fit.groups >= MIN_GROUPS

@@ -75,10 +75,8 @@ def uneven_vignette(residual: FloatArray, observations: ExposedObservations) -> 
 def _sums_of_parts(
     residual: FloatArray, observations: ExposedObservations, known: BoolArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the number and sum of known residuals in each image region and block, shape (regions, blocks).
-
-    The regions are all squares of four neighbouring cells, so they overlap.
-    """
+    """Return the number and sum of known residuals in each image region and block, shape (regions, blocks)."""
+    # The regions are all squares of four neighbouring cells, so they overlap.
     extent = np.abs(observations.position).max(axis=0)
     place = np.clip((observations.position[known] / extent + 1) / 2 * UNEVEN_CELLS, 0, np.array(UNEVEN_CELLS) - 1)
     column, row = place.astype(np.int64).T

@@ -204,10 +204,8 @@ def _log_table(functions: LocalFunctions, intervals: int) -> FloatArray:
 
 @lru_cache(maxsize=2 * _KEPT_TABLES)
 def _smooth_gamma_table(functions: LocalFunctions, intervals: int, smoothing: float) -> FloatArray:
-    """Return the smoothed functions on the grid, shape (4097, len).
-
-    A smoothed γ is a sum of smoothed functions, so this is computed once per basis rather than for every response.
-    """
+    """Return the smoothed functions on the grid, shape (4097, len)."""
+    # A smoothed γ is a sum of smoothed functions, so this is computed once per basis rather than for every response.
     # The window is wide, so Fourier transforms take a tenth of the time.
     sigma = smoothing * RESPONSE_GRID_STEPS
     reach = round(4 * sigma)

@@ -127,10 +127,8 @@ def _jumps(frame: IntArray, unexplained: FloatArray) -> tuple[Jump, ...]:
 
 
 def _lasts(frame: IntArray, unexplained: FloatArray, at: int) -> bool:
-    """Return whether most of a change persists over the frames around it.
-
-    A passing hand, or a single wrong exposure, is followed at once by the opposite change.
-    """
+    """Return whether most of a change persists over the frames around it."""
+    # A passing hand, or a single wrong exposure, is followed at once by the opposite change.
     near = (np.abs(frame - frame[at]) <= JUMP_FRAMES) & (frame != frame[at])
     before, after = (float(unexplained[near & side].sum()) for side in (frame < frame[at], frame > frame[at]))
     change = float(unexplained[at])

@@ -135,10 +135,8 @@ class ExposureFindings:
         return found if lateness is None else found._confirmed_by(lateness)._doubted_by(lateness)
 
     def _explained_by(self, ratios: ExposureRatios) -> ExposureFindings:
-        """Return the findings without stale exposures if the fit explains the brightness at these exposures.
-
-        Brightness changes are compared through a typical response, from which extreme ones differ too much.
-        """
+        """Return the findings without stale exposures if the fit explains the brightness at these exposures."""
+        # Brightness changes are compared through a typical response, from which extreme ones differ too much.
         brightness = self.brightness
         if (
             brightness is None

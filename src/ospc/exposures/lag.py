@@ -93,12 +93,10 @@ def explained_by_inverse(found: LagEstimate, series: BrightnessSeries, log_expos
 
 
 def _with_flicker(tried: LagHypotheses) -> LagHypotheses:
-    """Return the lags fitted together with flicker, if flicker makes some lag much more likely.
-
-    Auto exposure that follows the flicker of a lamp is as periodic as the lamp. At that frequency it contains no
-    information about the lag; a wrong lag may even seem to explain the flicker. This tries the frequencies that
-    any lag leaves unexplained, in long runs of frames only.
-    """
+    """Return the lags fitted together with flicker, if flicker makes some lag much more likely."""
+    # Auto exposure that follows the flicker of a lamp is as periodic as the lamp. At that frequency it contains no
+    # information about the lag; a wrong lag may even seem to explain the flicker. This tries the frequencies that any
+    # lag leaves unexplained, in long runs of frames only.
     in_runs = tried.series.where(in_long_runs(tried.series.frame))
     if len(in_runs.predicted) < MIN_LAG_PAIRS:
         return tried
@@ -130,11 +128,9 @@ def _flicker_candidates(tried: LagHypotheses) -> list[Flicker]:
 
 
 def _survives_periodic_light(first: LagEstimate, tried: LagHypotheses) -> bool:
-    """Return whether a lag stays the same if a light that varies with the main period of the exposures is fitted too.
-
-    Auto exposure that follows a periodic light leaves periodic brightness changes, which exposures at a wrong
-    lag fit equally well. Such exposures have a single period and a small amplitude.
-    """
+    """Return whether a lag stays the same if light with the main period of the exposures is fitted too."""
+    # Auto exposure that follows a periodic light leaves periodic brightness changes, which exposures at a wrong lag
+    # fit equally well. Such exposures have a single period and a small amplitude.
     if first.frames is None or tried.flickers or exposure_cycle(tried.log_exposure) is not None:
         return True
     change = tried.changes[tried.best]
@@ -151,11 +147,9 @@ def _survives_periodic_light(first: LagEstimate, tried: LagHypotheses) -> bool:
 
 
 def _with_inexact_exposures(tried: LagHypotheses) -> LagEstimate | None:
-    """Return the estimate that allows for errors of single exposures; None unless it is the same for all error sizes.
-
-    If errors of the metadata outweigh most exposure changes, a model without such errors finds that brightness hardly
-    follows the exposure, and its best lag is meaningless.
-    """
+    """Return the estimate that allows for errors of single exposures; None if it depends on their size."""
+    # If errors of the metadata outweigh most exposure changes, a model without such errors finds that brightness
+    # hardly follows the exposure, and its best lag is meaningless.
     found = [
         select_lag(LagHypotheses.fit(replace(tried.series, exposure_error=error), tried.log_exposure, tried.lags))
         for error in EXPOSURE_ERROR_SCALES

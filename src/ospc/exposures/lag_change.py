@@ -83,11 +83,9 @@ def detect_lag_change(
 
 
 def _proven_change(series: BrightnessSeries, changes: FloatArray) -> int:
-    """Return by how many frames exposures are provably later if the light varies slowly and may flicker; 0 if none.
-
-    Flicker that auto exposure follows looks like exposures of another lag. If even the best lag leaves a
-    flicker unexplained, the proof must hold with and without fitting it.
-    """
+    """Return by how many frames exposures are provably later, given slowly varying or flickering light; 0 if none."""
+    # Flicker that auto exposure follows looks like exposures of another lag. If even the best lag leaves a flicker
+    # unexplained, the proof must hold with and without fitting it.
     light = _slow_light(series.frame)
     fits = fit_exposures(series, changes, light)
     found = _clearly_later(fits)

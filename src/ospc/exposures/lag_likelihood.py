@@ -123,10 +123,8 @@ def fit_exposures(
 
 
 def _fit_slopes(series: BrightnessSeries, log_changes: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return β of each bin and a for each lag by iteratively reweighted least squares.
-
-    All bins of a pair share one weight.
-    """
+    """Return β of each bin and a for each lag by iteratively reweighted least squares."""
+    # All bins of a pair share one weight.
     mean_change, mean_terms = series.means
     changes, terms, term_changes, term_products = series.products
     lags, (bins, term_count) = len(log_changes), series.vignette_terms.shape[1:]
@@ -166,11 +164,9 @@ def _regress_with_ar_noise(
     first_limits: tuple[float, float],
     max_ar_sum: float,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the coefficients, shape (lags, c), the noise innovations, (lags, m), and their scale, (lags, 1).
-
-    ``observed`` has shape (lags, n) and ``columns`` (lags, n, c). ``first_limits`` bound the coefficient of the first
-    column, and ``max_ar_sum`` bounds the sum of the magnitudes of the autoregressive coefficients.
-    """
+    """Return the coefficients, shape (lags, c), the noise innovations, (lags, m), and their scale, (lags, 1)."""
+    # ``observed`` has shape (lags, n) and ``columns`` (lags, n, c). ``first_limits`` bound the coefficient of the
+    # first column, and ``max_ar_sum`` bounds the sum of the magnitudes of the autoregressive coefficients.
     # Observed values and columns at the predicted pairs and the pairs before them: (1 + AR_ORDER, lags, m, 1 + c).
     places = predicted - np.arange(1 + AR_ORDER)[:, None]
     lagged = np.moveaxis(np.concatenate([observed[..., None], columns], axis=2)[:, places], 1, 0)

@@ -216,11 +216,9 @@ def _rivals(tried: LagHypotheses, best: int, lead: FloatArray, sigmas: FloatArra
 
 
 def _resolve_cycle(tried: LagHypotheses, best: int, rivals: list[int]) -> tuple[int, list[int], LagState]:
-    """Return the index of the lag, its rivals, and the state, resolving ambiguity due to periodic exposures.
-
-    Lags that differ by whole cycles cannot be distinguished. If only one of them has a common size, it is selected,
-    and the others stay rivals.
-    """
+    """Return the index of the lag, its rivals, and the state, resolving ambiguity due to periodic exposures."""
+    # Lags that differ by whole cycles cannot be distinguished. If only one of them has a common size, it is selected,
+    # and the others stay rivals.
     if not rivals:
         return best, rivals, "determined"
     cycle = exposure_cycle(tried.log_exposure)
@@ -282,11 +280,9 @@ def _fraction(tried: LagHypotheses, best: int) -> float:
 
 
 def _exposures_follow_flicker(tried: LagHypotheses, best: int) -> bool:
-    """Return whether nearly all fast exposure changes have the period of the flicker.
-
-    Auto exposure that follows a flickering lamp is as periodic as the lamp, so the effects of lamp and exposure
-    cannot be separated. A programmed exposure cycle repeats exactly; auto exposure does not.
-    """
+    """Return whether nearly all fast exposure changes have the period of the flicker."""
+    # Auto exposure that follows a flickering lamp is as periodic as the lamp, so the effects of lamp and exposure
+    # cannot be separated. A programmed exposure cycle repeats exactly; auto exposure does not.
     if not tried.flickers or exposure_cycle(tried.log_exposure) is not None:
         return False
     fast = fast_part(tried.series.frame, tried.changes[best])

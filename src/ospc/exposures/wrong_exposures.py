@@ -47,10 +47,8 @@ def wrong_exposures(series: BrightnessSeries, log_exposure: FloatArray) -> IntAr
 
 
 def _peak(step: FloatArray) -> FloatArray:
-    """Return the height of the peak or dip at each inner frame, given the steps between frames, (n,) -> (n - 1,).
-
-    It is the smaller of the two steps; zero if both go in the same direction.
-    """
+    """Return the height of the peak or dip at each inner frame, given the steps between frames, (n,) -> (n - 1,)."""
+    # It is the smaller of the two steps; zero if both go in the same direction.
     before, after = step[:-1], step[1:]
     height = np.minimum(np.abs(before), np.abs(after))
     return np.where(before * after > 0, 0.0, height)

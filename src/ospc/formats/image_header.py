@@ -115,10 +115,8 @@ def _jpeg(data: bytes) -> ImageHeader:
 
 
 def _jpeg_segments(data: bytes) -> Iterator[tuple[int, memoryview]]:
-    """Yield marker and content of every segment of a JPEG file; struct.error or _DamagedError if it is truncated.
-
-    Segments are skipped by length, so that the end marker of a thumbnail inside one does not count.
-    """
+    """Yield marker and content of every segment of a JPEG file; struct.error or _DamagedError if it is truncated."""
+    # Segments are skipped by length, so that the end marker of a thumbnail inside one does not count.
     place = 2
     while marker := _JPEG_MARKER.search(data, place):
         kind, place = data[marker.end() - 1], marker.end()

@@ -91,10 +91,8 @@ def read_opencv(path: str | Path, channel: int | None = None) -> tuple[Response 
 
 
 def _matrices(path: str | Path) -> dict[str, FloatArray]:
-    """Return the matrices with known names, shape (rows, cols, channels) each.
-
-    The parser of OpenCV is not used because it hangs on some damaged files.
-    """
+    """Return the matrices with known names, shape (rows, cols, channels) each."""
+    # The parser of OpenCV is not used because it hangs on some damaged files.
     found: dict[str, FloatArray] = {}
     for name, rows, columns, channels, letter, data in _MATRIX.findall(read_text(path, _LARGEST_FILE)):
         shape = (int(rows), int(columns), int(channels or 1))

@@ -144,10 +144,8 @@ def _context(file: ParameterFile, program: Program, size: ImageSize | None) -> C
 
 
 def _image_names(folder: Path) -> tuple[str, ...] | None:
-    """Return the sorted names of all entries in images or images.zip of a folder; None if it has neither.
-
-    DSO treats every entry as an image.
-    """
+    """Return the sorted names of all entries in images or images.zip of a folder; None if it has neither."""
+    # DSO treats every entry as an image.
     if (folder / "images").is_dir():
         return tuple(sorted(entry.name for entry in (folder / "images").iterdir()))
     try:

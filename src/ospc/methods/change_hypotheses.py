@@ -155,10 +155,8 @@ def _steeper_response(pairs: list[PairErrors], exposures: ExposureTable, baselin
 
 
 def _explained(halves: Halves, expected: list[FloatArray], baseline_error: float) -> bool:
-    """Return whether the expected errors explain most of the pairs in each half in which they are significant.
-
-    Steadily fading light is no evidence, so a linear trend in time is removed from errors and expectations.
-    """
+    """Return whether the expected errors explain most of the pairs in each half in which they are significant."""
+    # Steadily fading light is no evidence, so a linear trend in time is removed from errors and expectations.
     for half, change in zip(halves, expected, strict=True):
         known = np.isfinite(change)
         frames = np.array([pair.frame1 - pair.frame0 for pair in half])[known]

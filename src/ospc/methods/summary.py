@@ -185,10 +185,8 @@ def _sigma_of_medians(spread: FloatArray, count: IntArray) -> FloatArray:
 
 
 def _sigma_by_curves(fit: Fit, observations: ExposedObservations, later: IntArray, count: IntArray) -> FloatArray:
-    """Return the standard deviation of each pair's ln k due to the uncertainty of the curves, shape (pairs,).
-
-    ``later`` contains the indices of the pairs' second observations in order, and ``count`` their number per pair.
-    """
+    """Return the standard deviation of each pair's ln k due to the uncertainty of the curves, shape (pairs,)."""
+    # ``later`` contains the indices of the pairs' second observations in order, and ``count`` their number per pair.
 
     def mean_row(one: IntArray) -> FloatArray:
         rows = fit.log_irradiance_rows(observations.grey[one], observations.position[one])

@@ -48,10 +48,8 @@ class _ExposureFolders:
 
 
 def _folders(path: Path) -> list[tuple[FolderImages, float]]:
-    """Return the folders of images named by exposure, with their exposures in ms.
-
-    A folder with a list of exposures is a recording itself, and its name is only a number.
-    """
+    """Return the folders of images named by exposure, with their exposures in ms."""
+    # A folder with a list of exposures is a recording itself, and its name is only a number.
     found = []
     for inner in sorted(path.iterdir()) if path.is_dir() else ():
         match = _NAME.fullmatch(inner.name)

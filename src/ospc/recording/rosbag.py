@@ -200,16 +200,9 @@ def _listed(bag: Bag, images: Topic, table: FrameTable) -> tuple[IntArray, IntAr
 
 
 def _match(images: _Times, exposures: _Times, source: str) -> tuple[IntArray, list[str]]:
-    """Return the index of the exposure of every image, -1 for none, shape (images,), and notes for the user.
-
-    Time stamps of the camera take precedence. If they are missing or come from different clocks, the times at which
-    the messages were recorded are used.
-
-    Raises
-    ------
-    ExposureError
-        If most images have no exposure.
-    """
+    """Return the index of each image's exposure, -1 for none, (images,), and notes; ExposureError if few match."""
+    # Time stamps of the camera take precedence. If they are missing or come from different clocks, the times at which
+    # the messages were recorded are used.
     ways = [("time of recording", images.log_ns, exposures.log_ns)]
     if np.all(images.stamp_ns > 0) and np.all(exposures.stamp_ns > 0):
         ways.insert(0, ("time stamp", images.stamp_ns, exposures.stamp_ns))

@@ -93,12 +93,10 @@ def radiance(scene: Scene, view: View, time_s: float) -> Float32Array:
 
 
 def _back_to_front(scene: Scene, view: View, time_s: float) -> Iterable[tuple[Face, ...]]:
-    """Yield pictures, the visible faces of each solid, and patches, from back to front.
-
-    Solids are sorted by the power of the camera's position with respect to their bounding spheres, d² − r². The
-    powers of two spheres are equal on their radical plane, which separates the bodies, so the body on the camera's
-    side is nearer.
-    """
+    """Yield pictures, the visible faces of each solid, and patches, from back to front."""
+    # Solids are sorted by the power of the camera's position with respect to their bounding spheres, d² − r². The
+    # powers of two spheres are equal on their radical plane, which separates the bodies, so the body on the camera's
+    # side is nearer.
     yield from ((picture,) for picture in scene.pictures)
 
     def power(solid: Solid) -> float:
@@ -129,11 +127,9 @@ def _pieces(face: Face, view: View) -> Iterable[_Piece]:
 
 
 def _coverage(size_m: tuple[float, float], to_metres: FloatArray, shape: tuple[int, int]) -> Float32Array:
-    """Return the share of each pixel that a rectangle covers, shape ``shape``.
-
-    The share at an edge is the signed distance of the pixel's centre plus one half, clipped to [0, 1]. This is exact
-    for edges along rows or columns, and the shares of two faces with a common edge always add up to one.
-    """
+    """Return the share of each pixel that a rectangle covers, shape ``shape``."""
+    # The share at an edge is the signed distance of the pixel's centre plus one half, clipped to [0, 1]. This is
+    # exact for edges along rows or columns, and the shares of two faces with a common edge always add up to one.
     height, width = shape
     alpha = np.ones(shape, np.float32)
     across, down, depth = to_metres
@@ -202,10 +198,8 @@ def _span(used: npt.NDArray[np.intp], cells: int, pixels: int) -> tuple[int, int
 
 
 def _detail(to_metres: FloatArray, points: FloatArray, texel_m: float) -> FloatArray:
-    """Return the pyramid level whose texels are as long as the footprint of a pixel, shape (n, 2) -> (n,).
-
-    The length of the footprint is the larger singular value of the derivative of the homography.
-    """
+    """Return the pyramid level whose texels are as long as the footprint of a pixel, shape (n, 2) -> (n,)."""
+    # The length of the footprint is the larger singular value of the derivative of the homography.
     p = points[:, :1] * to_metres[:, 0] + points[:, 1:] * to_metres[:, 1] + to_metres[:, 2]
     depth = p[:, 2:]
     depth = np.where(np.abs(depth) > 1e-9, depth, 1e-9)

@@ -104,10 +104,8 @@ class Scene:
 
 @lru_cache(maxsize=2)
 def _room(seed: int) -> tuple[Scene, float]:
-    """Build a room without patches, and return it with the median radiance of its walls.
-
-    The last two rooms are cached, because comparisons of cameras use the same room many times.
-    """
+    """Build a room without patches, and return it with the median radiance of its walls."""
+    # The last two rooms are cached, because comparisons of cameras use the same room many times.
     rng = np.random.default_rng([seed, 2])
     window_side = int(rng.choice([0, 2]))
     lamps = _lamps(rng, window_side)

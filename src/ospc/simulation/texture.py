@@ -113,11 +113,9 @@ def _log_contrast(reflectance: Float32Array) -> Float32Array:
 
 
 def _strewn(name: str, size: tuple[int, int], rng: np.random.Generator, edge: int) -> Float32Array:
-    """Blend overlapping random pieces of a photograph's log contrast, shape (height, width).
-
-    A weighted mean of independent pieces would lose contrast. Dividing by the root of the sum of squared weights,
-    instead of the sum of weights, preserves the variance of the photograph.
-    """
+    """Blend overlapping random pieces of a photograph's log contrast, shape (height, width)."""
+    # A weighted mean of independent pieces would lose contrast. Dividing by the root of the sum of squared weights,
+    # instead of the sum of weights, preserves the variance of the photograph.
     source = _log_contrast(_resized(photograph(name), (edge, edge)))
     piece = edge // 2
     ramp = np.sin(np.pi * (np.arange(piece, dtype=np.float32) + 0.5) / piece)

@@ -125,10 +125,8 @@ def _metadata(settings: SimulationSettings, exposures_ms: FloatArray) -> FloatAr
 def _auto_exposure(
     settings: SimulationSettings, response: Response, vignette: Vignette, stamps_s: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the exposure times and gains of auto exposure, a control loop that meters the previous frame.
-
-    It raises the gain only after the exposure time has reached its limit.
-    """
+    """Return the exposure times and gains of auto exposure, a control loop that meters the previous frame."""
+    # It raises the gain only after the exposure time has reached its limit.
     scene, motion = Scene.of(settings), Motion.of(settings)
     width = min(_METER_SIZE, settings.size[0])
     low = float(np.log(settings.exposure_min_ms * settings.gain))

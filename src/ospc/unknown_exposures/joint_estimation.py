@@ -230,11 +230,9 @@ class _Problem:
 def _first_exposures(
     tracks: TrackObservations, log_irradiance: FloatArray, start: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the ln e of frames and ln L of points whose sums fit observed ln irradiances best.
-
-    The alternation propagates a change of exposure only slowly along a chain of tracks; this linear system does so at
-    once. Bergmann et al. solve it from frame to frame.
-    """
+    """Return the ln e of frames and ln L of points whose sums fit observed ln irradiances best."""
+    # The alternation propagates a change of exposure only slowly along a chain of tracks; this linear system does so
+    # at once. Bergmann et al. solve it from frame to frame.
     from scipy.sparse import csr_matrix  # slow to import and rarely needed
     from scipy.sparse.linalg import lsqr
 

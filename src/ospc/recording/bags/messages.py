@@ -149,10 +149,8 @@ def _defined_types(name: str, definition: str, *, idl: bool) -> Typestore:
 
 
 def _check(types: _Types) -> None:
-    """Raise a ValueError for names that are not plain, and for fields that would make readers or messages too large.
-
-    All remaining fields take at least one byte, so that a message has no more values than bytes.
-    """
+    """Raise a ValueError for names that are not plain, and fields that would make readers or messages too large."""
+    # All remaining fields take at least one byte, so that a message has no more values than bytes.
     fields = 0
     for name, (_, found) in types.items():
         if not (_TYPE_NAME.fullmatch(name) and found):

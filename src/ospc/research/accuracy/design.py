@@ -199,10 +199,8 @@ def read_database(path: Path) -> list[Response]:
 
 
 def _response(irradiance: FloatArray, brightness: FloatArray, name: str) -> Response:
-    """Return g, irradiance as a function of brightness.
-
-    If the curve is flat at black or white, g starts at the last black irradiance and ends at the first white one.
-    """
+    """Return g, irradiance as a function of brightness."""
+    # If the curve is flat at black or white, g starts at the last black irradiance and ends at the first white one.
     if not np.all(np.isfinite([irradiance, brightness])) or np.any(np.diff(brightness) < 0):
         raise FormatError(f"{name}: brightness must be finite and must not decrease")
     low = int(np.flatnonzero(brightness <= brightness[0])[-1])

@@ -77,10 +77,8 @@ def measure_ambiguity(source: Source, progress: OnProgress = lambda _share: None
 def _residuals(
     tracks: TrackObservations, response: Response, vignette: Vignette, gamma: float, log_e: FloatArray
 ) -> tuple[float, float]:
-    """Return the residual grey levels with exposures e^γ and with exposures e, each with the best radiances.
-
-    Radiances are means of ln g^γ − ln V^γ − ln e over the observations of a point.
-    """
+    """Return the residual grey levels with exposures e^γ and with exposures e, each with the best radiances."""
+    # Radiances are means of ln g^γ − ln V^γ − ln e over the observations of a point.
     profile = np.asarray(radial_profile(vignette))
     log_v = np.log(np.interp(tracks.radius, (np.arange(profile.size) + 0.5) / profile.size, profile))
     log_g = np.log(np.maximum(response.inverse(tracks.grey), 1e-6))

@@ -79,10 +79,8 @@ def sweeps(count: int, frames: int, size: ImageSize) -> list[SimulatedSource]:
 
 
 def _radial(path: Path, size: ImageSize) -> PolynomialVignette:
-    """Fit 1 + v₁R² + v₂R⁴ + v₃R⁶ to a table 'radius,V'.
-
-    The table was digitised from a published plot, and its errors near the centre would form a dip that no lens has.
-    """
+    """Fit 1 + v₁R² + v₂R⁴ + v₃R⁶ to a table 'radius,V'."""
+    # The table was digitised from a published plot, and its errors near the centre would form a dip that no lens has.
     try:
         rows = [line.split(",") for line in read_text(path, _MOST_BYTES).splitlines() if line[:1].isdigit()]
         radius, value = np.array(rows, dtype=np.float64).T

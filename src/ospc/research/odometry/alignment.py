@@ -145,10 +145,8 @@ def _step(
     *,
     affine: bool,
 ) -> tuple[FloatArray, float] | None:
-    """Return a Gauss-Newton step (translation, rotation, ln a, b) and the share of inliers; None with too few points.
-
-    The points are in the frame of the second camera, which samples their brightness and its derivatives.
-    """
+    """Return a Gauss-Newton step (translation, rotation, ln a, b) and the share of inliers; None with few points."""
+    # The points are in the frame of the second camera, which samples their brightness and its derivatives.
     good = np.isfinite(sampled).all(axis=1) & np.isfinite(reference)
     if np.count_nonzero(good) < _FEWEST:
         return None

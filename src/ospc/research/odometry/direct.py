@@ -185,11 +185,9 @@ class _Tracker:
         return Trajectory(stamps_s, positions, np.asarray(Rotation.from_matrix(rotations).as_quat()))
 
     def _brightness(self, frame: Frame) -> tuple[Float32Array, BoolArray]:
-        """Return the brightness of a frame and its saturated pixels.
-
-        With a calibration, brightness is the square root of the irradiance at the median exposure, which has uniform
-        noise.
-        """
+        """Return the brightness of a frame and its saturated pixels."""
+        # With a calibration, brightness is the square root of the irradiance at the median exposure, which has
+        # uniform noise.
         grey = frame.image.astype(np.float32) / np.float32(frame.max_grey)
         saturated = cv2.dilate((grey >= _SATURATED).astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
         if self._corrector is None:
