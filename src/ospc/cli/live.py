@@ -71,7 +71,7 @@ def command(
     vignette, and one instruction at a time. It can be reached from this machine only. With --no-page, the terminal
     shows the same.
 
-    The capture ends when both are known to the goal, with the button on the page, Ctrl-C or SIGTERM, when the
+    The capture ends when both are known to within the goal, with the button on the page, Ctrl-C or SIGTERM, when the
     terminal is closed, or at the end of a recording. OUT then gets the files that 'ospc calibrate' writes.
     """
     from ospc.cli.calibration_result import ResultFolder

@@ -145,7 +145,7 @@ FAULTS = (
     Fault("repeated", "a share of {} of frames repeated with their exposures", (0.05, 0.2, 0.5), _repeated),
     Fault("frozen", "the image frozen for a share of {} of frames", (0.05, 0.15, 0.5), _frozen),
     Fault("dropped", "a share of {} of frames dropped", (0.05, 0.2, 0.6), lambda f, x: f.chosen(~f.some(x))),
-    Fault("time-lapse", "only every {}th frame", (2, 4, 10), lambda f, x: f.chosen(np.arange(len(f)) % int(x) == 0)),
+    Fault("time-lapse", "only one frame in {}", (2, 4, 10), lambda f, x: f.chosen(np.arange(len(f)) % int(x) == 0)),
     Fault("short", "only a share of {} of the recording", (0.5, 0.2, 0.08),
         lambda f, x: f.chosen(np.arange(len(f)) < max(2, x * len(f)))),
     Fault("cuts", "pieces of {} frames in random order", (50, 10, 1), _cuts),
