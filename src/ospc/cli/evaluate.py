@@ -34,7 +34,7 @@ def ealign(
     """Compute the drift of TRAJECTORY from its alignments to the two halves of TRUTH.
 
     Both files have rows 'stamp tx ty tz qx qy qz qw', like DSO's result.txt and groundtruthSync.txt of the TUM
-    monocular dataset. Rows of the truth with NaN are unknown. Prints e_align (root mean square distance between the
+    monocular data set. Rows of the truth with NaN are unknown. Prints e_align (root mean square distance between the
     trajectory aligned to the first half and to the second half, in units of the truth), e_s (ratio of the two
     scales) and e_r (angle between the two rotations, in degrees). After one alignment to all poses with truth, also
     prints the root mean square absolute error (ATE) and that of the motions over an interval (RPE).
@@ -88,11 +88,11 @@ def tracking(
     """Measure how much a calibration helps to track points in RECORDING.
 
     Corners of the raw frames are tracked by the Lucas-Kanade method, with the same settings through the raw frames
-    and through corrected frames. Corrected frames are those that the camera would have recorded without vignette,
-    with each two successive frames at the same exposure. A track is lost if the method fails, if backward tracking
-    ends more than a pixel away, if the two windows differ by more than half of their contrast, or if the mean grey
-    level has changed by more than that since the track began, which direct methods do not tolerate. A track that
-    leaves the image ends, but is not lost.
+    and through corrected frames. Corrected frames are those that the camera would have recorded without vignette, any
+    two successive ones at the same exposure. A track is lost if tracking fails, if backward tracking ends more than a
+    pixel away (forward-backward error), if the two windows differ by more than half of their contrast (appearance),
+    or if the mean grey level has changed by more than that since the track began (brightness), which direct methods
+    do not tolerate. A track that leaves the image ends, but is not lost.
 
     The brightness residual is the change of a track's mean grey level since its start, relative to the contrast
     within its window. A direct method has to explain it.
@@ -159,7 +159,7 @@ def odometry(
     batch: bool = option("Run the joint estimation on the whole recording, not online."),
     jobs: int = JOBS,
     timeout: float = option("Time limit of a run in seconds.", default=3600.0),
-    ends: float | None = option("Use only this share of the truth at the start and end.", metavar="SHARE"),
+    ends: float | None = option("Use only this share of the truth at either end.", metavar="SHARE"),
     arguments: tuple[str, ...] = option("Argument of the program, such as preset=0; repeatable.", "--argument"),
     as_json: bool = AS_JSON,
 ) -> None:

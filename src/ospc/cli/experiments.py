@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 _EXPERIMENTS = {
     "parameters": "Response, vignette and exposure ratios against the truth (figure 3).",
-    "joint": "Joint estimation with and without one point of the true response, and others, against ours (figure 4).",
+    "joint": "Ours, joint estimation with and without one point of the true response, and other methods (figure 4).",
     "solvers": "Solvers of the vignette: L2, L1, M-estimator, ours (section 5).",
     "features": "Features for the response: SIFT, SURF, ORB, ours (section 5); SURF needs the extra 'surf'.",
     "offsets": "Offset between the two frames of a pair for the vignette, 10 to 50 (section 5).",

@@ -1,6 +1,6 @@
 """Errors of a trajectory against the truth, up to the similarity that is not observable with a single camera.
 
-The alignment error e_align is that of the TUM monocular visual odometry dataset (Engel, Usenko, Cremers, "A
+The alignment error e_align is that of the TUM monocular visual odometry data set (Engel, Usenko, Cremers, "A
 photometrically calibrated benchmark for monocular visual odometry", 2016). The truth is known only at the beginning
 and at the end, and the drift in between is the difference of the two alignments.
 """

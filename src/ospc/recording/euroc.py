@@ -1,7 +1,7 @@
-"""Folders in the layout of the EuRoC and TUM visual-inertial datasets: ``mav0/cam0`` with ``data.csv`` and ``data/``.
+"""Folders in the layout of the EuRoC and TUM-VI data sets: ``mav0/cam0`` with ``data.csv`` and ``data/``.
 
-The layout does not include exposures. They are read from ``dso/cam0/times.txt`` next to ``mav0``, as in the TUM
-dataset, or from a list of exposures next to ``data.csv``.
+The layout does not include exposures. They are read from ``dso/cam0/times.txt`` next to ``mav0``, as in TUM-VI, or
+from a list of exposures next to ``data.csv``.
 """
 
 from __future__ import annotations

@@ -86,7 +86,7 @@ def read_list(path: Path, options: ReadingOptions = DEFAULT) -> FrameTable:
 
 
 def read_times(path: Path, options: ReadingOptions = DEFAULT) -> FrameTable:
-    """Read the ``times.txt`` of a TUM dataset: ``id stamp[s] exposure[ms]`` per line.
+    """Read the ``times.txt`` of a TUM data set: ``id stamp[s] exposure[ms]`` per line.
 
     Raises
     ------

@@ -1,6 +1,6 @@
-"""Folders like those of the TUM monocular dataset: ``images/`` or ``images.zip``, and ``times.txt``.
+"""Folders like those of the TUM monocular data set: ``images/`` or ``images.zip``, and ``times.txt``.
 
-The ``dso/cam0`` folders of the TUM visual-inertial dataset have the same layout.
+The ``dso/cam0`` folders of the TUM visual-inertial data set have the same layout.
 """
 
 from __future__ import annotations

@@ -125,7 +125,7 @@ _DEFAULT = SimulationSettings()
 
 @dataclass(frozen=True)
 class SimulatedRecording(Truth):
-    """A simulated recording in a folder, in the layout of the TUM monocular dataset, with its truth."""
+    """A simulated recording in a folder, in the layout of the TUM monocular data set, with its truth."""
 
     path: Path
 

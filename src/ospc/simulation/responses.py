@@ -59,7 +59,7 @@ def filmic(exponent: float = 1.25, half: float = 0.18) -> Response:
 def tum_narrow() -> Response:
     """Return a piecewise linear g through (0, 0), (88/255, 0.068), (188/255, 0.464), (1, 1).
 
-    This approximates the response of the camera of the TUM monocular dataset.
+    This approximates the response of the camera of the TUM monocular data set.
     """
     inverse = np.interp(_GREY * 255, [0, 88, 188, 255], [0, 0.068, 0.464, 1])
     return Response(inverse, model={"name": "tum_narrow"})

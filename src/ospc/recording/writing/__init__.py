@@ -1,1 +1,1 @@
-"""Recordings written as folders in the layout of the TUM monocular dataset."""
+"""Recordings written as folders in the layout of the TUM monocular data set."""

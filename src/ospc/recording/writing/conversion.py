@@ -1,4 +1,4 @@
-"""Conversion of recordings to the layout of the TUM monocular dataset, which DSO and its descendants read."""
+"""Conversion of recordings to the layout of the TUM monocular data set, which DSO and its descendants read."""
 
 from __future__ import annotations
 

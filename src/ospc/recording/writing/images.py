@@ -31,7 +31,7 @@ _EXIF_WITHIN = 65536
 """Number of bytes at the start of a JPEG that may contain its EXIF segment."""
 
 _DIGITS = 5
-"""Minimum number of digits in an image number, as in the TUM monocular dataset."""
+"""Minimum number of digits in an image number, as in the TUM monocular data set."""
 
 
 def numbered(number: int, count: int) -> str:
@@ -136,7 +136,7 @@ def film(
     stop: Callable[[], bool] = lambda: False,
     progress: Callable[[int, int], None] = lambda _done, _most: None,
 ) -> Filmed:
-    """Write frames as they arrive, in the layout of the TUM monocular dataset.
+    """Write frames as they arrive, in the layout of the TUM monocular data set.
 
     The folder ``out`` must be new or empty. Writing stops after ``most`` frames, or when ``stop``, called after every
     frame, returns True. ``progress`` is called with the number of frames written and ``most``. Errors of the frames
