@@ -158,7 +158,8 @@ def _cameras(cameras: Iterable[Camera]) -> Html:
 
 def _item(camera: Camera) -> Html:
     link = f"{camera.folder}/report.html"
-    attention = [camera.error, f"{len(camera.differing)} contradict the others" if camera.differing else ""]
+    differing = f"contradicting the others: {len(camera.differing)}" if camera.differing else ""
+    attention = [camera.error, differing]
     return tag(
         "li",
         tag("h3", tag("a", camera.name, href=link) if camera.folder else camera.name),
