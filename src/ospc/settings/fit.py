@@ -148,7 +148,8 @@ KNEE_BEND = 3.0
 a knee, in 34 simulated recordings and a real video, and 14 to 29 with one."""
 
 MAX_DARK_CLEARANCE = 0.1
-"""Largest grey level excluded near black for that reason. Chosen by hand; no effect from 0.05 to 0.2."""
+"""Largest grey level that :data:`CLEAR_OF_ENDS_SIGMAS` excludes near black. Chosen by hand; no effect from 0.05 to
+0.2."""
 
 GROUPS_PER_BLOCK = 12
 """Maximum number of consecutive pairs of frames whose scores are added before their scatter is measured: neighbouring

@@ -26,9 +26,9 @@ SURROUND_MARGIN_PX = 3
 """Widening of the surround, in small pixels: the edge of the circle is blurred, and light falls off steeply there."""
 
 MAX_VIEW_AGREEMENT, MIN_VIEW_PX = 0.8, 100
-"""Share of the pixels with fine structure in two views whose deviations have the same sign, and the minimum number of
-these pixels. Half of them have if the view has moved by more than the width of the structures, nearly all if not, and
-up to four in five if an overlay is among them."""
+"""Share of the pixels with fine structure whose deviations have the same sign in two views, up to which the views
+differ, and the minimum number of these pixels. It is a half if the view has moved by more than the width of the
+structures, nearly one if it has not, and up to four in five if an overlay is among them."""
 
 MIN_VIEWS = 16
 """Minimum number of different views: in fewer, the structure of the scene agrees by chance, in 8 views in 1 % of the
@@ -142,12 +142,13 @@ LOG_EXPOSURES_OF_WHITE = 0.2
 exposure."""
 
 MAX_LOG_EXPOSURE_BELOW_WHITE, BRIGHTEST_SHARES, MIN_CELLS_OF_CLIPPED = 1.2, (0.1, 0.9), 2
-"""If all frames with this peak have about the same exposure, frames with exposures shorter by up to this in ln are
-considered: there, the quantiles of as many of the brightest pixels at these shares have to be at least this many of
-the 32 ranges of grey apart. They are 2 or 3 apart in a real video; those of a uniform object are at most 1 apart."""
+"""If all frames with this peak have about the same exposure, frames with exposures shorter by up to this in ln
+decide. Among as many of their brightest pixels as the peak has, the grey levels at these quantiles must be at least
+this many of the 32 ranges of grey apart: 2 or 3 in a real video, at most 1 for a uniform object."""
 
 MIN_MISSING_LEVELS_SHARE = 0.05
-"""Share of missing grey values between the extremes above which they are reported: a few rare ones miss by chance."""
+"""Share of missing grey values between the extremes above which they are reported: a few rare ones are missing by
+chance."""
 
 MIN_COMB_RANGE = 32
 """Minimum distance between the extremes, in grey values, for counting missing ones: a dark image has few values."""
