@@ -63,7 +63,7 @@ def accuracy_tables(rows: Sequence[Measurement]) -> list[Table]:
         title = _TITLES.get(group, group)
         tables.append(_summary(title, members))
         if len(recordings_of(members)) > 1:
-            tables.append(_contests(f"{title}: how often the first came nearer", members))
+            tables.append(_contests(f"{title}: how often the first method is nearer to the truth", members))
             tables.append(_by_factor(f"{title}: medians by factor", members))
         tables.append(_every(f"{title}: every recording", members))
     return [table for table in tables if table.rows]
@@ -106,7 +106,7 @@ def _contests(title: str, members: Sequence[Measurement]) -> Table:
             if outcome.both + outcome.only_first + outcome.only_second:
                 counts = (f"{outcome.nearer} of {outcome.both}", str(outcome.only_first), str(outcome.only_second))
                 lines.append((metric.label, f"{first} against {names}", *counts))
-    header = ("metric", "methods", "nearer", "result of the first only", "of the second only")
+    header = ("metric", "methods", "nearer", "only the first has a result", "only the second has one")
     return Table(title, header, tuple(lines), names=2)
 
 

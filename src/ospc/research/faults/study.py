@@ -59,7 +59,7 @@ def fault_tables(runs: Sequence[Run]) -> list[Table]:
     header = ("fault", "strength", "recording", "verdicts", "κ", "step", "V", "V error in σ", "beyond")
     tables.append(Table("Confident and wrong, and crashed: every run", header, tuple(wrong), names=4))
     alarms = tuple((run.recording, run.outcome, "; ".join(run.said)) for run in clean if run.false_alarm)
-    tables.append(Table("False alarms on clean recordings", ("recording", "outcome", "said"), alarms, names=3))
+    tables.append(Table("False alarms on clean recordings", ("recording", "outcome", "messages"), alarms, names=3))
     return [table for table in tables if table.rows]
 
 
