@@ -98,8 +98,8 @@ def response_verdict_of_fit(
     low, high = exposure_range_ms
     # If all exposures were raised to a power, so would g and V be, and no image would differ.
     figure = (
-        f"typical ratios of irradiance are known to within {100 * error:.2g}% (95% confidence) "
-        f"from exposures of {low:.4g} to {high:.4g} ms, assumed proportional to the light"
+        f"typical ratios of irradiance are known to within {100 * error:.2g}% (95% confidence), "
+        f"if the exposures of {low:.4g} to {high:.4g} ms are proportional to the light"
     )
     missing = f"{min(unexplained, 1):.0%} of a typical change of exposure does not show in the images"
     if unexplained > CONTRADICTING_UNEXPLAINED_SHARE:
@@ -186,7 +186,7 @@ def _graded(fit: Fit, relative_error: float, figure: str, remedy: str) -> Verdic
         return Verdict(state, figure, remedy)
     if fit.groups >= MIN_SCATTER_GROUPS:
         return Verdict("identifiable", figure)
-    few = f"{figure}, but from only {counted(fit.groups, 'comparison')} of frames"
+    few = f"{figure}, but based on only {counted(fit.groups, 'comparison')} of frames"
     return Verdict("marginal", few, "record more frames: their scatter shows how accurate the curve is")
 
 
