@@ -20,7 +20,7 @@ def test_it_writes_a_recording_and_names_the_files_of_the_truth(tmp_path):
     result = run(tmp_path / "r", *SMALL, "--response", "srgb", "--lag", "1", "--noise", "high")
     assert result.exit_code == 0, result.output
     lines = result.output.strip().splitlines()
-    assert "4 frames 64×48" in lines[-1]
+    assert "4 frames of 64×48 pixels" in lines[-1]
     assert "truth.json" in lines[-1]
     assert len(open_recording(tmp_path / "r")) == 4
     settings = json.loads((tmp_path / "r" / "truth.json").read_text())["settings"]
