@@ -151,9 +151,12 @@ def _about_pixels(pixels: PixelReport) -> Iterator[str]:
     if black > MANY_CLIPPED_SHARE:
         yield f"{black:.0%} of all pixels are black; use longer exposures or more light"
     if pixels.surround == "disc":
-        yield f"the image is a disc surrounded by black ({pixels.surround_share:.0%} of it): a fisheye lens; mask it"
+        yield (
+            f"the image is a disc surrounded by black ({pixels.surround_share:.0%} of it), as with a fisheye lens; the "
+            "surround is not used"
+        )
     if pixels.surround == "border":
-        yield f"the border of the image ({pixels.surround_share:.1%} of it) is always black; crop or mask it"
+        yield f"the border of the image ({pixels.surround_share:.1%} of it) is always black, and not used"
     if pixels.empty_low_bits:
         yield (
             f"all grey values are multiples of {2**pixels.empty_low_bits}, with "
