@@ -152,8 +152,8 @@ def _about_pixels(pixels: PixelReport) -> Iterator[str]:
         yield f"{black:.0%} of all pixels are black; use longer exposures or more light"
     if pixels.surround == "disc":
         yield (
-            f"the image is a disc surrounded by black ({pixels.surround_share:.0%} of it), as with a fisheye lens; the "
-            "surround is not used"
+            f"the image is a disc surrounded by black ({pixels.surround_share:.0%} of it), as with a fisheye lens; "
+            "the surround is not used"
         )
     if pixels.surround == "border":
         yield f"the border of the image ({pixels.surround_share:.1%} of it) is always black, and not used"
