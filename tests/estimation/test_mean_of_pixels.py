@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.special import ndtr, ndtri
 
-from ospc.estimation.mean_of_pixels import PixelMeans, mean_shift
+from ospc.estimation.mean_of_pixels import PixelMeans, shift_and_variance
 from ospc.estimation.response_basis import ResponseBasis
 from ospc.observations import Observations
 from ospc.photometry.noise import NoiseModel
@@ -24,6 +24,10 @@ DRAWS, TABLE_DRAWS = 40_000, 8_000
 
 def log_response(response):
     return np.log(np.maximum(response.inverse(GRID), 1e-12))
+
+
+def mean_shift(response, noise):
+    return shift_and_variance(GRID, log_response(response), noise)[0]
 
 
 def drawn(response, levels, full_well, read_noise, draws, grey_noise=0.0):
@@ -46,7 +50,7 @@ def test_it_is_the_shift_of_pixels_drawn_one_by_one(name, full_well, read_noise,
     _, variances = drawn(response, np.linspace(0, 1, TABLE_LEVELS), *noise, TABLE_DRAWS, grey_noise)
     levels = np.linspace(0.06, 0.97, 24)
     means, variance_of_draws = drawn(response, levels, *noise, DRAWS, grey_noise)
-    shift = np.interp(levels, GRID, mean_shift(GRID, log_response(response), NoiseModel(0, 0, tuple(variances))))
+    shift = np.interp(levels, GRID, mean_shift(response, NoiseModel(0, 0, tuple(variances))))
     statistical = 4 * np.sqrt(variance_of_draws / DRAWS)
     true = means - levels
     np.testing.assert_array_less(np.abs(shift - true), statistical + 0.15 * np.abs(true) + 1e-5)
@@ -59,26 +63,29 @@ def test_noise_unmeasured_in_the_dark_is_extrapolated_from_brighter_levels():
     variances[:first] = variances[first]
     noise = NoiseModel(0, 0, tuple(variances), measured=(grid[first], 1.0))
     levels = np.linspace(0.18, 0.4, 6)
-    means, _ = drawn(response, levels, 3000, 12, DRAWS)
-    shift = np.interp(levels, GRID, mean_shift(GRID, log_response(response), noise))
+    means, drawn_variance = drawn(response, levels, 3000, 12, DRAWS)
+    shift, variance = (
+        np.interp(levels, GRID, found) for found in shift_and_variance(GRID, log_response(response), noise)
+    )
     np.testing.assert_allclose(shift, means - levels, rtol=0.2, atol=2e-4)
+    np.testing.assert_allclose(variance, drawn_variance, rtol=0.2)
 
 
 @pytest.mark.parametrize("variance", [0.0, 1e-12])
 def test_tiny_noise_causes_a_tiny_shift(variance):
-    shift = mean_shift(GRID, log_response(Response.gamma(2.2, 2041)), NoiseModel(variance, 0))
+    shift = mean_shift(Response.gamma(2.2, 2041), NoiseModel(variance, 0))
     np.testing.assert_allclose(shift, 0, atol=1e-6)
 
 
 def test_levels_without_noise_do_not_hide_the_noise_of_the_others():
     variances = np.where(np.linspace(0, 1, TABLE_LEVELS) < 0.5, 0.0, 1e-4)
-    shift = mean_shift(GRID, log_response(LINEAR), NoiseModel(0, 0, tuple(variances)))
+    shift = mean_shift(LINEAR, NoiseModel(0, 0, tuple(variances)))
     assert shift[-1] < -1e-3
 
 
 @given(st.floats(0.005, 0.05))
 def test_clipping_is_all_that_shifts_a_linear_response(sigma):
-    shift = mean_shift(GRID, log_response(LINEAR), NoiseModel(sigma**2, 0))
+    shift = mean_shift(LINEAR, NoiseModel(sigma**2, 0))
 
     def mean_above(distance):
         """Return E[max(x, 0)] of a normal variable with mean ``distance``."""
@@ -98,7 +105,7 @@ def test_in_the_middle_it_is_half_the_curvature_times_the_variance(exponent, sig
 
     levels = np.maximum(np.linspace(0, 1, TABLE_LEVELS), 0.02)
     noise = NoiseModel(0, 0, tuple((first(levels) * sigma) ** 2))
-    shift = mean_shift(GRID, log_response(Response.gamma(exponent, 2041)), noise)
+    shift = mean_shift(Response.gamma(exponent, 2041), noise)
     second = first(0.5) * (1 / exponent - 1) / 0.5**exponent
     assert np.interp(0.5, GRID, shift) == pytest.approx(0.5 * second * sigma**2, rel=0.15, abs=3e-7)
 

@@ -76,7 +76,7 @@ class PixelMeans:
     @classmethod
     def of(cls, basis: ResponseBasis, coefficients: FloatArray, noise: NoiseModel) -> PixelMeans:
         """Return the shifts for a response, given by its coefficients, and the noise of single pixels."""
-        by_noise = mean_shift(basis.grid, basis.log_of(coefficients), noise)
+        by_noise, variance = shift_and_variance(basis.grid, basis.log_of(coefficients), noise)
         bend = basis.bend_of(coefficients)
         decrease = bend[:, None] / 2
         # Near white, there are few measurements and a sharp bend may be chance; near black, the window exceeds the
@@ -90,7 +90,7 @@ class PixelMeans:
             decrease[at_knee] = _decrease_at_knee(
                 basis.grid[at_knee], basis.grid, log_response, basis.grid + by_noise
             )
-        return cls(by_noise, basis.grid, decrease, noise.variance(basis.grid))
+        return cls(by_noise, basis.grid, decrease, variance)
 
     def texture(self, observations: Observations, index: IntArray) -> FloatArray:
         """Return the variance of the texture over the squared grey level, (n,); zero if unknown.
@@ -157,18 +157,26 @@ def _around(mask: BoolArray, reach: int) -> BoolArray:
     return np.asarray(so_far[2 * reach + 1 :] > so_far[: len(mask)])
 
 
-def mean_shift(grid: FloatArray, log_response: FloatArray, noise: NoiseModel) -> FloatArray:
-    """Return the mean of noisy pixels minus the noise-free grey level, at grey levels with their ln g, shape (n,)."""
+def shift_and_variance(
+    grid: FloatArray, log_response: FloatArray, noise: NoiseModel
+) -> tuple[FloatArray, FloatArray]:
+    """Return the mean of noisy pixels minus the noise-free grey level, and their variance, shape (n,) each.
+
+    They are those at grey levels with their ln g, shape (n,) each.
+    """
     level = np.linspace(0, 1, SHIFT_LEVELS)
     log_g = np.interp(level, grid, log_response)
     irradiance = np.where(level > 0, np.exp(log_g), 0.0)
     constant, proportional, grey_variance = _parts_of_noise(level, irradiance, noise)
     sigma = np.sqrt(constant + proportional * irradiance)
     noisy = np.clip(irradiance[:, None] + sigma[:, None] * _NORMAL, 1e-12, 1.0)
-    mean = np.interp(np.log(noisy), log_response, grid, left=0.0).mean(axis=1)
+    bent = np.interp(np.log(noisy), log_response, grid, left=0.0)
     # Noise of the grey level itself, from compression or quantisation, is clipped but not bent.
-    mean = np.clip(mean[:, None] + math.sqrt(grey_variance) * _NORMAL, 0.0, 1.0).mean(axis=1)
-    return np.asarray(np.interp(grid, level, mean - level))
+    mean = np.clip(bent.mean(axis=1)[:, None] + math.sqrt(grey_variance) * _NORMAL, 0.0, 1.0).mean(axis=1)
+    # Below the lowest measured level, where the noise model repeats the nearest measurement, there is often more.
+    variance, unmeasured = noise.variance(level), level < noise.measured[0]
+    variance[unmeasured] = np.maximum(variance, bent.var(axis=1) + grey_variance)[unmeasured]
+    return np.interp(grid, level, mean - level), np.interp(grid, level, variance)
 
 
 def _parts_of_noise(level: FloatArray, irradiance: FloatArray, noise: NoiseModel) -> tuple[float, float, float]:
