@@ -91,9 +91,20 @@ def single(group):
     return [node.id for node in ast.walk(ast.parse(group, mode="eval")) if isinstance(node, ast.Name)]
 
 
-@pytest.mark.parametrize("path", CHECKED, ids=lambda path: path.relative_to(ROOT).as_posix())
-def test_numbers_of_the_method_are_settings(path):
-    assert set(numbers(path.read_text(encoding="utf-8"))) <= STAY_IN_THE_CODE
+def found(names_in, paths):
+    """Return the names that a function finds in modules, for each module with any."""
+    names = {path.relative_to(ROOT).as_posix(): names_in(path.read_text(encoding="utf-8")) for path in paths}
+    return {module: some for module, some in names.items() if some}
+
+
+def repeated(source):
+    """Return the names of module-level constants that are assigned more than once."""
+    names = [name for group in numbers(source) for name in single(group)]
+    return {name for name in names if names.count(name) > 1}
+
+
+def test_numbers_of_the_method_are_settings():
+    assert found(lambda source: set(numbers(source)) - STAY_IN_THE_CODE, CHECKED) == {}
 
 
 def test_every_setting_has_a_name_of_its_own():
@@ -102,15 +113,12 @@ def test_every_setting_has_a_name_of_its_own():
     assert len(names) == len(set(names))
 
 
-@pytest.mark.parametrize("path", MODULES, ids=lambda path: path.relative_to(ROOT).as_posix())
-def test_every_number_is_explained(path):
-    assert unexplained(path.read_text(encoding="utf-8")) == []
+def test_every_number_is_explained():
+    assert found(unexplained, MODULES) == {}
 
 
-@pytest.mark.parametrize("path", MODULES, ids=lambda path: path.relative_to(ROOT).as_posix())
-def test_no_number_replaces_another_of_the_same_name(path):
-    names = [name for group in numbers(path.read_text(encoding="utf-8")) for name in single(group)]
-    assert len(names) == len(set(names))
+def test_no_number_replaces_another_of_the_same_name():
+    assert found(repeated, MODULES) == {}
 
 
 @pytest.mark.parametrize(

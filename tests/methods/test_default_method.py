@@ -21,13 +21,18 @@ from ospc.recording import Frame
 from ospc.settings import DefaultSettings
 from ospc.settings.fit import UNSEEN_RESPONSE
 
-QUICK = replace(DefaultSettings(), points_per_pair=120, rounds=5, longest_side_px=160)
+QUICK = replace(DefaultSettings(), points_per_pair=120, rounds=5, longest_side_px=160, response_intervals=16)
 QUICK_FRAMES = 46
 
 
 @pytest.fixture(scope="module")
 def result(walk, calibrated):
     return calibrated(walk.frames[:90])
+
+
+@pytest.fixture(scope="module")
+def pan():
+    return recorded(frames=48, seed=31, scene_seed=0)
 
 
 @pytest.fixture(scope="module")
@@ -121,34 +126,32 @@ def test_a_response_with_knees_noise_and_12_bits_is_found(calibrated):
     assert vignette_pixel_rmse(result.vignette, made.truth.vignette) < 0.02
 
 
-def test_a_camera_with_white_at_half_scale_is_calibrated(calibrated):
-    made = recorded(frames=48, seed=31, scene_seed=0)
+def test_a_camera_with_white_at_half_scale_is_calibrated(pan, calibrated):
     dark = [
         Frame.of_array(frame.image // 2, frame.exposure_ms, index=frame.index, stamp_s=frame.stamp_s)
-        for frame in made.frames
+        for frame in pan.frames
     ]
     result = calibrated(dark, QUICK)
     assert {result.verdicts[part].state for part in ("response", "vignette")} <= {"identifiable", "marginal"}
     seen = np.array([0.1, 0.2, 0.3, 0.4])
-    found, true = (np.diff(np.log(g)) for g in (result.response.inverse(seen), made.truth.response.inverse(2 * seen)))
+    found, true = (np.diff(np.log(g)) for g in (result.response.inverse(seen), pan.truth.response.inverse(2 * seen)))
     np.testing.assert_allclose(found, true, atol=0.03)
-    assert vignette_rmse(result.vignette, made.truth.vignette) < 0.03
+    assert vignette_rmse(result.vignette, pan.truth.vignette) < 0.03
 
 
 @pytest.mark.parametrize("white", [235, 248])
-def test_a_camera_whose_white_scatters_is_calibrated(white, calibrated):
-    made, random = recorded(frames=48, seed=31, scene_seed=0), np.random.default_rng(0)
-    processed = []
-    for frame in made.frames:
+def test_a_camera_whose_white_scatters_is_calibrated(white, pan, calibrated):
+    random, processed = np.random.default_rng(0), []
+    for frame in pan.frames:
         noisy = np.rint(np.minimum(frame.image / 200, 1) * white + random.normal(0, 1, frame.image.shape))
         image = np.clip(noisy, 0, 255).astype(np.uint8)
         processed.append(Frame.of_array(image, frame.exposure_ms, index=frame.index, stamp_s=frame.stamp_s))
     result = calibrated(processed, QUICK)
     assert any("of 255 for white" in note for note in result.notes)
     seen = np.array([0.2, 0.4, 0.6, 0.8, 0.95])
-    estimate, truth = result.response.inverse(white / 255 * seen), made.truth.response.inverse(200 / 255 * seen)
+    estimate, truth = result.response.inverse(white / 255 * seen), pan.truth.response.inverse(200 / 255 * seen)
     np.testing.assert_allclose(np.diff(np.log(estimate)), np.diff(np.log(truth)), atol=0.03)
-    assert vignette_rmse(result.vignette, made.truth.vignette) < 0.03
+    assert vignette_rmse(result.vignette, pan.truth.vignette) < 0.03
 
 
 # Repeatability
@@ -244,7 +247,7 @@ def test_a_static_camera_gives_no_vignette(calibrated, tmp_path):
 @pytest.mark.parametrize("missing_ms", [0.0, 0.1])
 def test_an_exposure_offset_is_found_and_corrected_with_a_static_camera(calibrated, missing_ms):
     made = recorded(
-        frames=60, size=(160, 120), motion="static", exposure="cycle", exposures_ms=tuple(np.geomspace(1, 30, 15))
+        frames=30, size=(160, 120), motion="static", exposure="cycle", exposures_ms=tuple(np.geomspace(1, 30, 15))
     )
     result = calibrated([replace(f, exposure_ms=f.exposure_ms - missing_ms) for f in made.frames])
     assert log_ratio_error(result.response, made.truth.response) < 0.002
