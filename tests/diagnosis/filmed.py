@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import pickle
 from copy import deepcopy
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from functools import lru_cache
 
 import cv2
 import numpy as np
 
+from ospc.arrays import Image
 from ospc.exposures.brightness_history import BrightnessHistory
 from ospc.exposures.findings import ExposureFindings, assess_exposures
 from ospc.exposures.lag_choice import LagChoice
@@ -17,6 +19,7 @@ from ospc.settings import DefaultSettings
 
 SIZE, LARGE, LARGEST = (96, 72), (128, 96), (160, 120)
 _WALL_PX = 700
+_MOST_OBSERVED = 16
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,6 +69,22 @@ class Film:
     seed: int = 0
 
     def recording(self) -> ArrayRecording:
+        images, error = self.images()
+        return ArrayRecording(images, self.exposures_ms(error), np.arange(len(images)) / 20, max_grey=self.max_grey)
+
+    def exposures_ms(self, error: np.ndarray) -> np.ndarray:
+        """Return the recorded exposures, given their errors as from :meth:`images`."""
+        written = np.exp(self.log_exposure + error * self.metadata_error)
+        return 10 * written[np.clip(np.arange(len(written)) - self.lag, 0, len(written) - 1)]
+
+    @property
+    def look(self) -> bytes:
+        """All settings that the images depend on."""
+        others = {"lag", "metadata_error"}
+        return pickle.dumps([getattr(self, each.name) for each in fields(self) if each.name not in others])
+
+    def images(self) -> tuple[list[Image], np.ndarray]:
+        """Return the images, and standard normal errors of their exposures, shape (frames,)."""
         wall, rng = deepcopy(_wall(self.seed))
         place = self._path()
         frames, signal = len(self.log_exposure), self.log_exposure + self.hidden_log_gain
@@ -89,9 +108,7 @@ class Film:
                 grey = np.where(self.black, 0.0, grey)
             value = grey * self.max_grey + rng.normal(0, self.noise * self.max_grey / 255, (height, width))
             images.append(np.clip(np.rint(value), 0, self.max_grey).astype(dtype))
-        written = np.exp(self.log_exposure + rng.normal(0, 1, frames) * self.metadata_error)
-        written = written[np.clip(np.arange(frames) - self.lag, 0, frames - 1)]
-        return ArrayRecording(images, 10 * written, np.arange(frames) / 20, max_grey=self.max_grey)
+        return images, rng.normal(0, 1, frames)
 
     def _path(self) -> np.ndarray:
         time = np.arange(len(self.log_exposure))
@@ -101,14 +118,21 @@ class Film:
         return _WALL_PX / 2 + wide * (self.speed_px > 0) + shake
 
 
-@lru_cache(maxsize=16)
+_OBSERVED: dict[bytes, tuple[BrightnessHistory, np.ndarray]] = {}
+
+
 def observed(film: Film) -> tuple[BrightnessHistory, np.ndarray]:
-    """Return the brightness history of a film and ln of its recorded exposures; cached because tests share films."""
-    recording, history = film.recording(), BrightnessHistory()
-    preprocess = DefaultSettings().preprocessor()
-    for frame in recording:
-        history.observe(preprocess.thumbnail(frame))
-    return history, np.log(recording.exposures_ms)
+    """Return the brightness history of a film and ln of its recorded exposures; films of one look share a history."""
+    if film.look not in _OBSERVED:
+        (images, error), history = film.images(), BrightnessHistory()
+        preprocess = DefaultSettings().preprocessor()
+        for frame in ArrayRecording(images, np.ones(len(images)), max_grey=film.max_grey):
+            history.observe(preprocess.thumbnail(frame))
+        _OBSERVED[film.look] = history, error
+        if len(_OBSERVED) > _MOST_OBSERVED:
+            del _OBSERVED[next(iter(_OBSERVED))]
+    history, error = _OBSERVED[film.look]
+    return history, np.log(film.exposures_ms(error))
 
 
 def found(film: Film, choice: LagChoice = "auto", stated_log_exposure: np.ndarray | None = None) -> ExposureFindings:

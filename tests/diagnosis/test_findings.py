@@ -230,7 +230,7 @@ def test_photographs_have_no_exposure_lag(monkeypatch: pytest.MonkeyPatch) -> No
 
 def test_a_lag_found_late_applies_to_all_that_was_observed_before() -> None:
     """The exposures are constant at first, so the lag cannot be determined yet."""
-    course = np.concatenate([np.zeros(30), wandering(50, 3, step=0.12)])
+    course = np.concatenate([np.zeros(20), wandering(45, 3, step=0.12)])
     true, late = (calibrate(Film(course, lag=lag).recording(), QUICK) for lag in (0, 2))
     assert late.source["exposure_lag_corrected_frames"] == 2
     levels = np.linspace(0.2, 0.8, 13)
@@ -279,7 +279,7 @@ def test_other_exposure_faults_are_not_mistaken_for_inverse_exposures(film: Film
 
 
 def test_a_moving_camera_with_inverse_exposures_does_not_count_as_static() -> None:
-    log_exposure = wandering(FRAMES)
+    log_exposure = wandering(40)
     made = calibrate(Film(-log_exposure, hidden_log_gain=2 * log_exposure, size=LARGE, speed_px=4).recording(), QUICK)
     for verdict in made.verdicts.values():
         assert verdict.state == "not identifiable"

@@ -13,9 +13,11 @@ from ospc.evaluation.metrics import log_ratio_error
 from ospc.exposures.findings import assess_exposures
 from ospc.photometry.response import Response
 from ospc.recording import ArrayRecording
+from ospc.settings import DefaultSettings
 
 FRAMES = 80
 GOOD = Film(wandering(FRAMES))
+QUICK = replace(DefaultSettings(), points_per_pair=120, rounds=5, response_intervals=16)
 
 
 def stated(film: Film, factors: dict[int, float]) -> np.ndarray:
@@ -64,12 +66,12 @@ def test_those_of_frames_that_were_not_compared_are_left() -> None:
 
 
 def test_the_calibration_is_that_of_the_right_exposures() -> None:
-    film = Film(wandering(120), size=LARGE)
+    film = Film(wandering(FRAMES), size=LARGE)
     right = film.recording()
     wrong_ms = right.exposures_ms.copy()
     wrong_ms[[25, 45]] *= [10.0, 0.1]
-    wrong = ArrayRecording([frame.image for frame in right], wrong_ms, np.arange(120) / 20)
-    known, same = calibrate(wrong), calibrate(right)
+    wrong = ArrayRecording([frame.image for frame in right], wrong_ms, np.arange(FRAMES) / 20)
+    known, same = calibrate(wrong, QUICK), calibrate(right, QUICK)
     assert "frames 25, 45" in known.notes[0]
     assert {n: v.state for n, v in known.verdicts.items()} == {n: v.state for n, v in same.verdicts.items()}
     truth = Response.gamma(2.2)
