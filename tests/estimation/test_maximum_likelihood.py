@@ -209,7 +209,7 @@ def test_the_kink_of_a_mechanical_vignette_is_found(begins):
 def test_a_flat_vignette_has_no_centre():
     widest = VignetteBasis(RADIAL_TERMS, free_centre=True, non_radial=True)
     flat = Camera(GAMMA, LogVignette(SIZE, (0.0,)))
-    for seed in range(8):
+    for seed in range(5):
         fit = with_chosen_vignette(flat.pairs(seed), widest)
         assert not fit.vignette_basis.free_centre
 
@@ -245,8 +245,8 @@ def test_the_fit_is_unbiased_for_the_response_of_the_prior():
     log_g = 1.3 * (typical_gamma(0) * np.log(grey) + (typical_gamma(1) - typical_gamma(0)) * (grey - 1))
     truth = Response.from_values(np.concatenate([[0.0], np.exp(log_g)]))
     camera = Camera(truth, NONE, read=(3 / 255) ** 2, shot=0.0, registration_sigma_px=0.0, log_ratio=0.08)
-    steps = [log_step(fitted(camera.pairs(seed, points=200), 0, 16)) for seed in range(10)]
-    assert abs(np.mean(steps) - log_step(truth)) < 3 * np.std(steps, ddof=1) / np.sqrt(10)
+    steps = [log_step(fitted(camera.pairs(seed, points=200), 0, 16)) for seed in range(8)]
+    assert abs(np.mean(steps) - log_step(truth)) < 3 * np.std(steps, ddof=1) / np.sqrt(8)
 
 
 # Uncertainty
@@ -392,7 +392,7 @@ def test_sigmas_cover_noise_that_was_amplified_after_the_response():
 @pytest.mark.parametrize("name", RESPONSES)
 def test_error_bounds_are_neither_exceeded_nor_too_wide(name):
     camera = Camera(RESPONSES[name]())
-    fits = [fit_of_response(name, seed) for seed in range(3)]
+    fits = [fit_of_response(name, seed) for seed in range(2)]
     shares = [log_ratio_error(fit.response(255), camera.response) / fit.log_ratio_error_bound for fit in fits]
     shares += [
         vignette_rmse(fit.vignette(SIZE), camera.vignette) / fit.vignette_errors(SIZE).bound(1.0) for fit in fits
@@ -436,9 +436,8 @@ def fit_of_some(**options):
     return fitted(SOME, **options)
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_the_order_of_the_points_does_not_matter(seed):
-    order = np.random.default_rng(seed).permutation(len(SOME.starts))
+def test_the_order_of_the_points_does_not_matter():
+    order = np.random.default_rng(0).permutation(len(SOME.starts))
     assert_same_fit(fit_of_some(), fitted(reordered(SOME, order)))
 
 
