@@ -9,7 +9,6 @@ import socket
 import subprocess
 import sys
 import time
-from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
@@ -52,13 +51,13 @@ class Machines:
         )
 
 
-@contextmanager
-def scheduler(folder):
+@pytest.fixture(scope="module")
+def machines(tmp_path_factory):
     """Start a scheduler, and stop it and its workers at the end."""
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
-    found = Machines(f"tcp://127.0.0.1:{port}", str(folder), [])
+    found = Machines(f"tcp://127.0.0.1:{port}", str(tmp_path_factory.mktemp("machines")), [])
     try:
         found.start(
             "distributed.cli.dask_scheduler",
@@ -74,12 +73,6 @@ def scheduler(folder):
         for process in found.processes:
             process.kill()
             process.wait()
-
-
-@pytest.fixture(scope="module")
-def machines(tmp_path_factory):
-    with scheduler(tmp_path_factory.mktemp("machines")) as found:
-        yield found
 
 
 @pytest.fixture(scope="module")
@@ -111,16 +104,16 @@ def entries(tmp_path_factory):
     return found
 
 
-def test_a_scheduler_without_workers_is_reported(entries, tmp_path):
+def test_a_scheduler_without_workers_is_reported(machines, entries):
+    """This is the first test, because the others start workers."""
     deadline_s = time.monotonic() + 30
-    with scheduler(tmp_path) as lonely:
-        while time.monotonic() < deadline_s:
-            try:
-                with pytest.raises(SettingError, match="the scheduler has no workers; start some"):
-                    list(Cluster(lonely.address, patience_s=0.0).run([Task(0, entries[1])]))
-                break
-            except AssertionError:
-                time.sleep(0.2)
+    while time.monotonic() < deadline_s:
+        try:
+            with pytest.raises(SettingError, match="the scheduler has no workers; start some"):
+                list(Cluster(machines.address, patience_s=0.0).run([Task(0, entries[1])]))
+            break
+        except AssertionError:
+            time.sleep(0.2)
 
 
 def test_a_recording_goes_to_a_worker_that_can_read_it(machines, workers, entries):

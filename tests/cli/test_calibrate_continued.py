@@ -36,7 +36,7 @@ main()
 """
 
 
-def simulated(place, frames=48, **settings):
+def simulated(place, frames=32, **settings):
     simulate(
         place,
         SimulationSettings(size=(160, 120), frames=frames, exposure="cycle", exposures_ms=EXPOSURES, **settings),

@@ -9,6 +9,7 @@ from click.testing import CliRunner
 from ospc.cli.main import cli
 from ospc.correspondence.preprocessing import Preprocessor
 from ospc.recording import open_recording
+from ospc.research.speed import lines
 from ospc.research.speed.lines import LARGE, VGA, goal_of, row_of, speed_report, speed_tasks
 from ospc.research.speed.measuring import calibrate_command, calibrating, correct_command, correcting, live
 from ospc.research.speed.reel import OTHER, clocks, reel_of
@@ -118,7 +119,10 @@ def test_goals_are_judged_only_at_the_size_and_length_they_are_for(rows):
     assert all(goal_of(row) == ("", None) for row in rows)
 
 
-def test_the_command_continues_where_it_stopped(tmp_path):
+def test_the_command_continues_where_it_stopped(tmp_path, monkeypatch):
+    # Each measurement has a process of its own; some are enough.
+    some = ("preset", "live", "correcting in memory to uint8")
+    monkeypatch.setattr(lines, "speed_tasks", lambda *how: [t for t in speed_tasks(*how) if t.name.startswith(some)])
     arguments = ["bench", "speed", "-o", str(tmp_path), "--size", "64x48", "--frames", "3", "--presets", "fast"]
     first = CliRunner().invoke(cli, [*arguments, "--live", "0"])
     assert first.exit_code == 0, first.output
