@@ -13,8 +13,11 @@ from hypothesis import strategies as st
 
 from ospc import calibrate
 from ospc.correspondence.interlacing import row_alternation
+from ospc.settings import DefaultSettings
 from ospc.settings.grey_values import MIN_INTERLACED_ALTERNATION
 from ospc.simulation import SimulationSettings, frames
+
+QUICK = replace(DefaultSettings(), points_per_pair=150, rounds=5, response_intervals=16)
 
 
 def texture(seed, smoothing_px):
@@ -74,7 +77,7 @@ def test_exposures_of_interlaced_images_are_not_trusted(recording, interlaced):
             replace(frame, load=partial(woven, frame.image, next_one.image))
             for frame, next_one in zip(recording, later, strict=True)
         ]
-    found = calibrate(recording)
+    found = calibrate(recording, QUICK)
     assert any("interlaced" in warning for warning in found.warnings) == interlaced
     assert ("interlaced" in found.verdicts["exposures"].reason) == interlaced
     states = {verdict.state for verdict in found.verdicts.values()}

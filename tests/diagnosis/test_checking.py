@@ -91,6 +91,7 @@ def test_constant_metadata_of_a_camera_that_adapts_are_stale() -> None:
     assert "stale" in report.verdicts["exposures"].reason
 
 
+@pytest.mark.usefixtures("no_pairs")
 @pytest.mark.parametrize("seed", [2, 5])
 def test_the_drift_is_that_at_constant_exposure(seed: int) -> None:
     exact = wandering(FRAMES, seed, step=0.2)
