@@ -10,7 +10,9 @@ _SHORT = SimulationSettings(size=(320, 240), frames=110)
 
 RECORDINGS = {
     # Edges everywhere, moving objects, and a lens that loses more than half of the light in the corners.
-    "texture": replace(_SHORT, seed=3, response="srgb", vignette_coefficients=(-0.45, 0.05, -0.15), moving_objects=6),
+    "texture": replace(
+        _SHORT, frames=80, seed=3, response="srgb", vignette_coefficients=(-0.45, 0.05, -0.15), moving_objects=6
+    ),
     # So strongly curved and noisy that the point of linearisation matters.
     "curved": replace(_SHORT, seed=5, response="log", noise="high"),
     # Dark, noisy and steep: the mean of noisy pixels is not the grey level of their mean.
@@ -27,7 +29,7 @@ RECORDINGS = {
     # A wide lens and little noise: any error of the vignette shows.
     "wide": replace(_SHORT, seed=4, scene_seed=3, response="filmic", vignette="cos4", horizontal_fov_deg=90.0),
     # So fast that most frames do not overlap: registration finds only chance matches in these.
-    "fast": replace(_SHORT, seed=7, scene_seed=3, response="srgb", speed=12.0),
+    "fast": replace(_SHORT, frames=80, seed=7, scene_seed=3, response="srgb", speed=12.0),
 }
 """Recordings, each sensitive to a different kind of error."""
 
