@@ -109,9 +109,9 @@ class Prior:
         """
         n, m = len(self.knots), len(self.knots) + len(self.vignette)
         response, of_response = zip(*(_response_precision(n, c.walk, c.drift) for c in candidates), strict=True)
-        vignette, of_vignette = zip(
-            *(vignette_precision(self.vignette, c.vignette_walk) for c in candidates), strict=True
-        )
+        walks = {c.vignette_walk for c in candidates}  # those of the response have only one
+        of_walk = {walk: vignette_precision(self.vignette, walk) for walk in walks}
+        vignette, of_vignette = zip(*(of_walk[c.vignette_walk] for c in candidates), strict=True)
         matrices = np.zeros((len(candidates), m + len(self.effect_sigma), m + len(self.effect_sigma)))
         matrices[:, :n, :n] = np.stack(response) / np.outer(self.about, self.about)
         matrices[:, n:m, n:m] = vignette
