@@ -51,22 +51,31 @@ def late(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return place
 
 
-def test_a_lag_gives_a_corrected_calibration_and_a_note(late: Path, tmp_path: Path) -> None:
-    result, said, calibration = calibrated(late, tmp_path)
+@pytest.fixture(scope="module")
+def corrected(late: Path) -> tuple[Result, dict, Calibration]:
+    """A calibration of the late recording, in a folder next to it."""
+    with pytest.MonkeyPatch.context() as patch:
+        leave_out(patch, "draw", "report")
+        return calibrated(late, late.with_name("corrected"))
+
+
+def test_a_lag_gives_a_corrected_calibration_and_a_note(late: Path, corrected, tmp_path: Path) -> None:
+    result, said, calibration = corrected
     assert result.exit_code in (0, 3), result.output
     assert (said["exposure_lag_frames"], said["exposure_lag_corrected_frames"], said["warnings"]) == (2, 2, [])
     assert any("2 frames late" in note for note in said["notes"])
     assert calibration.source["exposure_lag_corrected_frames"] == 2
     assert shape_error(calibration) < 0.01
-    again = ospc("calibrate", str(late), "-o", str(tmp_path), "--json", "--resume")
+    shutil.copytree(late.with_name("corrected"), tmp_path / "out")
+    again = ospc("calibrate", str(late), "-o", str(tmp_path / "out"), "--json", "--resume")
     assert f"continuing after frame {FRAMES}" in again.stdout
 
 
-def test_every_output_has_the_exposures_at_their_frames(late: Path, tmp_path: Path) -> None:
-    _, said, _ = calibrated(late, tmp_path / "out")
+def test_every_output_has_the_exposures_at_their_frames(late: Path, corrected, tmp_path: Path) -> None:
+    (_, said, _), out_of_late = corrected, late.with_name("corrected")
     recorded = read_times(late / "times.txt").exposures_ms
     at_frames = np.append(recorded[2:], [recorded[-1]] * 2)
-    np.testing.assert_allclose(read_times(tmp_path / "out" / "times.txt").exposures_ms, at_frames, rtol=1e-5)
+    np.testing.assert_allclose(read_times(out_of_late / "times.txt").exposures_ms, at_frames, rtol=1e-5)
     assert any("times.txt has the exposures that the calibration used" in note for note in said["notes"])
 
     mended = tmp_path / "mended"
@@ -76,7 +85,7 @@ def test_every_output_has_the_exposures_at_their_frames(late: Path, tmp_path: Pa
     images = {}
     for recording in (late, mended):
         out = tmp_path / f"corrected {recording.name}"
-        done = ospc("correct", recording, tmp_path / "out", "-o", out, *normalised)
+        done = ospc("correct", recording, out_of_late, "-o", out, *normalised)
         assert done.exit_code == 0, done.output
         images[recording] = [cv2.imread(str(place), -1) for place in sorted((out / "images").iterdir())]
         note = "moved to their frames" if recording == late else "are used as recorded"

@@ -231,7 +231,7 @@ def test_a_constant_exposure_gives_no_response(calibrated):
 
 def test_a_static_camera_gives_no_vignette(calibrated, tmp_path):
     made = recorded(
-        frames=24, size=(240, 180), motion="static", exposure="sweep", exposure_min_ms=2.0, exposure_max_ms=20.0
+        frames=24, size=(160, 120), motion="static", exposure="sweep", exposure_min_ms=2.0, exposure_max_ms=20.0
     )
     result = calibrated(made.frames)
     assert result.vignette is None
