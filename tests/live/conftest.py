@@ -23,7 +23,7 @@ def cameras() -> Cameras:
     """A camera, and the same camera with a lens of much stronger vignetting."""
 
     def walk(*coefficients: float) -> list[Frame]:
-        settings = SimulationSettings(size=(240, 180), frames=110, noise="low", response="srgb", seed=5, speed=1.3)
+        settings = SimulationSettings(size=(240, 180), frames=90, noise="low", response="srgb", seed=5, speed=1.3)
         return list(frames(replace(settings, vignette="polynomial", vignette_coefficients=coefficients)))
 
     return Cameras(walk(-0.12, 0.0, -0.03), walk(-0.45, 0.05, -0.15))
