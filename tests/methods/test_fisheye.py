@@ -15,7 +15,7 @@ from ospc.recording.frame import Frame
 from ospc.simulation import SimulationSettings, frames, truth
 
 SETTINGS = SimulationSettings(
-    size=(240, 180), frames=36, speed=3.0, exposure="cycle", exposures_ms=(3.0, 6.0, 12.0, 24.0), response="srgb"
+    size=(240, 180), frames=30, speed=3.0, exposure="cycle", exposures_ms=(3.0, 6.0, 12.0, 24.0), response="srgb"
 )
 CIRCLE = 0.62
 INSIDE = np.linalg.norm(normalised(pixel_grid(SETTINGS.size), SETTINGS.size), axis=-1) < CIRCLE

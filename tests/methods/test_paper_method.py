@@ -205,11 +205,12 @@ class PerfectMatcher:
 
 
 V = (-0.3, 0.05, -0.15)
+HALF = replace(PaperSettings(), response_window=100, vignette_window=200)
 
 
-def after_matching(matcher, settings=None, frames=430, lag=0):
+def after_matching(matcher, settings=None, frames=220, lag=0):
     """Run the method on perfect matches; exposures lag by ``lag`` frames until corrected at the last frame."""
-    settings = settings or PaperSettings()
+    settings = settings or HALF
     method, known = PaperMethod(settings, matcher.size, 255, matcher), StatedExposures()
     image = np.zeros((1, 1), np.uint8)
     course = 10.0 * np.exp(0.5 * np.sin(np.arange(frames) / 9) + 0.05 * np.sin(np.arange(frames) * 1.7))
@@ -234,7 +235,7 @@ def after_matching(matcher, settings=None, frames=430, lag=0):
     ],
 )
 def test_perfect_matches_give_the_truth(c1, positivity, solver):
-    settings = replace(PaperSettings(), vignette_solver=solver, response_positivity=positivity)
+    settings = replace(HALF, vignette_solver=solver, response_positivity=positivity)
     result = after_matching(PerfectMatcher(c1, V), settings)
     np.testing.assert_allclose(result.response.model["coefficients"], [0, c1, 1 - c1], atol=1e-6)
     profiles = [v.profile(PROFILE_RADII) for v in (result.vignette, PolynomialVignette((640, 480), V))]
@@ -247,7 +248,7 @@ def test_perfect_matches_give_the_truth(c1, positivity, solver):
 
 def test_coefficients_that_may_not_be_negative_are_not():
     """Among the quadratics with c ≥ 0, the straight line is nearest to one with c₂ < 0."""
-    result = after_matching(PerfectMatcher(1.4, V), replace(PaperSettings(), response_positivity="always"))
+    result = after_matching(PerfectMatcher(1.4, V), replace(HALF, response_positivity="always"))
     np.testing.assert_allclose(result.response.model["coefficients"], [0, 1, 0], atol=1e-6)
 
 
@@ -263,7 +264,7 @@ def test_exposures_corrected_before_a_window_is_closed_count_for_all_of_it():
 def test_the_m_estimator_tolerates_wrong_matches_better_than_least_squares():
     error = {}
     for solver in ("l2", "m-estimator"):
-        settings = replace(PaperSettings(), vignette_solver=solver, acceptance_tolerance=5.0)
+        settings = replace(HALF, vignette_solver=solver, acceptance_tolerance=5.0)
         result = after_matching(PerfectMatcher(0.3, V, astray=0.05), settings)
         error[solver] = np.inf if result.vignette is None else abs(result.vignette.profile(1.0) - 1 - sum(V))
     assert error["m-estimator"] < error["l2"]

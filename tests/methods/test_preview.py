@@ -9,7 +9,7 @@ from ospc import OnlineCalibrator, open_recording
 from ospc.simulation import SimulationSettings, simulate
 
 SIZE = (240, 180)
-FRAMES = 30
+FRAMES = 25
 
 
 @pytest.fixture(scope="module")
