@@ -30,8 +30,7 @@ def measured(calls: Mapping[str, Callable[[], Row]], folder: Path, jobs: int = 1
     found: dict[str, Row] = {}
     for one in run(tasks, ResultStore(folder), jobs):
         found[one.task.name] = one.result
-        if not one.stored:
-            print(one.task.name, "done", flush=True)
+        print(one.task.name, "done", flush=True)
     return [found[name] for name in calls]
 
 
