@@ -9,7 +9,6 @@ from typing import Any
 
 from ospc.arrays import ImageSize, size_of
 from ospc.correspondence.pixel_statistics import PixelStatistics
-from ospc.correspondence.thumbnail import Thumbnail
 from ospc.engine_state import Epoch, response_before_change
 from ospc.engine_verdicts import checked_by_fit, judged_calibration
 from ospc.errors import ExposureError, FrameError, OspcError, RecordingError, SettingError
@@ -194,13 +193,18 @@ class Engine:
         """Preprocess a frame and accumulate its samples; return a change of the camera, and of brightness."""
         # Meanwhile, the second thread counts grey values and compares the brightness with the previous frame.
         prepared, precomputed = self.prefetcher.preprocessed(frame)
-        self._check_is_new(prepared.thumbnail, frame.name)
-        if self._exposures.history.repeats(prepared.thumbnail):
+        history, written = self._exposures.history, self._exposures.table.written
+        first = history.first_with_image_of(prepared.thumbnail)
+        if first < frame.index:
             # The same noise again is not another observation.
             self._sampler.expects_repeats = True
-            return None, self._exposures.history.observe(prepared.thumbnail, precomputed)
+            history.observe(prepared.thumbnail)
+            if written[frame.index] != written[first]:
+                why = "repeats the previous image with another exposure, so an image was lost"
+                raise FrameError(f"{frame.name}: {why}")
+            return None, None
         counting = self._second.submit(self.pixels.observe, frame, prepared.thumbnail)
-        comparing = self._second.submit(self._exposures.history.observe, prepared.thumbnail, precomputed)
+        comparing = self._second.submit(history.observe, prepared.thumbnail, precomputed)
         try:
             # Select a keyframe, register the frame with it, sample both, accumulate the samples.
             change = method.push(frame, prepared, self._exposures.table)
@@ -208,14 +212,6 @@ class Engine:
             counting.result()
             brightness = comparing.result()
         return change, brightness
-
-    def _check_is_new(self, image: Thumbnail, name: str) -> None:
-        """Reject a frame that repeats the previous image with another exposure: that of an image that was lost."""
-        history, written = self._exposures.history, self._exposures.table.written
-        if written[image.frame] != written[history.first_with_image_of(image)]:
-            history.observe(image)
-            self._sampler.expects_repeats = True
-            raise FrameError(f"{name}: repeats the previous image with another exposure, so an image was lost")
 
     def _detect_lag_change(self, other: Change | None) -> Change | None:
         """Return a change of the exposure lag, which may explain another change of the camera."""
@@ -230,7 +226,7 @@ class Engine:
         """End the epoch with the calibration before a change of the camera, and continue with the frames after it."""
         # The epoch goes on if the fit of that calibration shows that the camera has not changed.
         first, begin = self.epochs[-1].first_frame, suspected.frame
-        found, exposures = self._exposures.before(begin)
+        exposures, found = self._exposures.before(begin)
         grey_range = self.pixels.range_before(begin)
         exposures, found = self._checked_by_fit(method, exposures, found, grey_range)
         inputs = method.inputs(exposures, grey_range)

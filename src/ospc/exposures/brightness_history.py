@@ -62,7 +62,7 @@ class BrightnessHistory:
 
         A precomputed change is used if it is for exactly these two frames.
         """
-        if not self.repeats(frame):
+        if not self._repeats(frame):
             self._image_since = frame.frame
         previous, self._previous, self.last_frame = self._previous, frame, frame.frame
         if previous is None or frame.frame != previous.frame + 1:
@@ -85,17 +85,7 @@ class BrightnessHistory:
 
     def first_with_image_of(self, frame: Thumbnail) -> int:
         """Return the number of the next frame, or of the first of the latest frames with the same image."""
-        return self._image_since if self.repeats(frame) else frame.frame
-
-    def repeats(self, frame: Thumbnail) -> bool:
-        """Return whether the image of the next frame equals that of the latest one and is not uniform.
-
-        Unless a recorder repeats an image, their noise differs.
-        """
-        previous = self._previous
-        if previous is None or frame.frame != previous.frame + 1:
-            return False
-        return bool(np.array_equal(previous.grey, frame.grey) and np.ptp(frame.grey) > 0)
+        return self._image_since if self._repeats(frame) else frame.frame
 
     @property
     def frames_to_replay(self) -> frozenset[int]:
@@ -118,6 +108,16 @@ class BrightnessHistory:
         later = replace(self, changes=[change for change in self.changes if change.frame0 >= number])
         later.observed, later._previous, later._image_since = len(later.changes), self._previous, self._image_since
         return later
+
+    def _repeats(self, frame: Thumbnail) -> bool:
+        """Return whether the image of the next frame equals that of the latest one and is not uniform.
+
+        Unless a recorder repeats an image, their noise differs.
+        """
+        previous = self._previous
+        if previous is None or frame.frame != previous.frame + 1:
+            return False
+        return bool(np.array_equal(previous.grey, frame.grey) and np.ptp(frame.grey) > 0)
 
     def _thin_out(self) -> None:
         """Drop every second run of consecutive changes, or the older half of a single run."""

@@ -139,10 +139,10 @@ class ExposureMonitor:
         recent = self.table.written[max(0, number - EXPOSURE_CHANGE_FRAMES) : number + 1]
         return self.lag_is_uncertain and float(np.nanmax(recent) - np.nanmin(recent)) > MIN_EXPOSURE_CHANGE_LOG
 
-    def before(self, frame: int) -> tuple[ExposureFindings, ExposureTable]:
-        """Return the findings about the frames of this epoch before a given one, and the exposures until then."""
+    def before(self, frame: int) -> tuple[ExposureTable, ExposureFindings]:
+        """Return the exposures until a frame, and the findings about the frames of this epoch before it."""
         found = self._assess(self.history.before(frame), self.table.written[:frame])
-        return found, _corrected(self.table.until(frame), found)
+        return _corrected(self.table.until(frame), found), found
 
     def begin_epoch(self, frame: int) -> None:
         """Start an epoch at a frame."""
