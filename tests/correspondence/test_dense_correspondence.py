@@ -66,7 +66,9 @@ def test_a_strip_stays_wide_enough_to_be_registered(size):
     frame = preprocessor()(of_array(cv2.GaussianBlur(noise, (0, 0), 6)))
     assert min(*frame.grey.shape, *frame.small.shape) >= MIN_REGISTERED_SIDE_PX
     assert preprocessor().small_size(size) == frame.small.shape[::-1]
-    registration = DenseRegistration()(frame, frame, lambda first, second, _ratio: (first.small, second.small))
+    registration = DenseRegistration(SecondThread())(
+        frame, frame, lambda first, second, _ratio: (first.small, second.small)
+    )
     np.testing.assert_allclose(registration.forward, 0, atol=0.1)
 
 
@@ -178,7 +180,7 @@ def seen(shift, exposure, vignette=VIGNETTE, noise=0.003):
 )
 def test_registration_finds_a_shift_in_spite_of_exposure_and_vignette(normalizer):
     frame0, frame1 = (preprocessor()(seen(s, e)) for s, e in ((np.zeros(2), 1.0), (SHIFT, 2.0)))
-    registration = DenseRegistration()(frame0, frame1, normalizer)
+    registration = DenseRegistration(SecondThread())(frame0, frame1, normalizer)
     places = pixel_grid(SIZE)[20:-20:6, 20:-20:6].reshape(-1, 2)
     displacement, forward_backward_error = displacement_at(registration, places, 1.0)
     error = np.linalg.norm(displacement - SHIFT, axis=1)
@@ -224,7 +226,7 @@ def test_displacements_that_grow_from_place_to_place_are_not_held_back(angle):
     centre = (np.array(SIZE) - 1) / 2
     to_second = cv2.getRotationMatrix2D(centre.tolist(), angle, 1.2)
     frames = (preprocessor()(of_array(view)) for view in (image, cv2.warpAffine(image, to_second, SIZE)))
-    registration = DenseRegistration()(*frames, ExposureNormalizer(LOG_RESPONSE), 0.0)
+    registration = DenseRegistration(SecondThread())(*frames, ExposureNormalizer(LOG_RESPONSE), 0.0)
     places = pixel_grid(SIZE)
     true = places @ to_second[:, :2].T + to_second[:, 2]
     radius = np.linalg.norm(places - centre, axis=-1)
@@ -240,7 +242,7 @@ def test_images_of_every_size_are_registered(size):
     texture = cv2.GaussianBlur(np.random.default_rng(2).normal(0, 1, (height, width + 2)), (0, 0), 2)
     image = np.clip(128 + 60 * texture / texture.std(), 0, 255).astype(np.uint8)
     frames = (preprocessor()(of_array(np.ascontiguousarray(view))) for view in (image[:, 2:], image[:, :-2]))
-    registration = DenseRegistration()(*frames, ExposureNormalizer(LOG_RESPONSE), 0.0)
+    registration = DenseRegistration(SecondThread())(*frames, ExposureNormalizer(LOG_RESPONSE), 0.0)
     assert registration is not None
     inner = registration.forward[8:-8, 8:-8]
     assert np.median(np.linalg.norm(inner - [2.0, 0.0], axis=-1)) < 0.3
@@ -248,7 +250,7 @@ def test_images_of_every_size_are_registered(size):
 
 def test_what_leaves_the_image_has_a_large_forward_backward_error():
     frame0, frame1 = (preprocessor()(seen(s, 1.0)) for s in (np.zeros(2), np.array([40.0, 0.0])))
-    registration = DenseRegistration()(frame0, frame1, ExposureNormalizer(LOG_RESPONSE))
+    registration = DenseRegistration(SecondThread())(frame0, frame1, ExposureNormalizer(LOG_RESPONSE))
     gone = pixel_grid(SIZE)[20:-20, -24:-10].reshape(-1, 2)
     assert np.median(displacement_at(registration, gone, 1.0)[1]) > 5
 
@@ -406,7 +408,7 @@ def test_views_of_different_scenes_make_no_samples(seed):
         preprocessor()(of_array(np.clip(scene, 5, 250).astype(np.uint8), index=number))
         for number, scene in enumerate(scenes)
     )
-    registration = DenseRegistration()(frame0, frame1, ExposureNormalizer(), 0.0)
+    registration = DenseRegistration(SecondThread())(frame0, frame1, ExposureNormalizer(), 0.0)
     assert len(sampled(flat_sampler(), frame0, frame1, registration, 0).observations) == 0
     change = BrightnessComparer()(frame0.thumbnail, frame1.thumbnail)
     assert not change.weight.any()

@@ -16,6 +16,7 @@ from ospc.correspondence.static_series import StaticSeries
 from ospc.errors import SettingError
 from ospc.recording import ArrayRecording, identity
 from ospc.recording.derived import Region, masked, read_mask
+from ospc.second_thread import SecondThread
 from workers import flat_sampler, preprocessor
 
 SIZE = (160, 120)
@@ -54,7 +55,7 @@ def test_frames_carry_mask_and_region_and_images_stay_as_they_are() -> None:
 def test_no_sample_of_two_views_rests_on_a_masked_pixel(longest: int) -> None:
     views = [preprocessor(longest_side=longest)(frame) for frame in masked(recorded(), half())]
     sample = flat_sampler(spacing_px=4, max_gradient=1.0)
-    registration = DenseRegistration()(*views, ExposureNormalizer())
+    registration = DenseRegistration(SecondThread())(*views, ExposureNormalizer())
     samples = sample(sample.keyframe(views[0]), views[1], registration, group=0).observations
     assert len(samples.grey) > 40
     x = samples.position[:, 0] * np.hypot(*SIZE) / 2 + SIZE[0] / 2

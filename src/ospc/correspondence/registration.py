@@ -76,11 +76,10 @@ class DenseRegistration:
     rotates. A coarse search therefore comes first, and the second image is warped by the homography that explains
     most of it; the remaining displacements are small and nearly constant. If no homography explains a quarter of the
     image, the search ends: of 524 such pairs, only one could have been registered. The backward search only detects
-    forward errors of several pixels, so it is coarser. If a second thread is given, it runs there in parallel, with
-    the same result.
+    forward errors of several pixels, so it is coarser. It runs in parallel in a second thread.
     """
 
-    def __init__(self, second: SecondThread | None = None) -> None:
+    def __init__(self, second: SecondThread) -> None:
         self._second = second
         self._first = optical_flow(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM, finest_scale=2)
         self._there, self._back = _refined(_short_search(finest_scale=1)), _short_search(finest_scale=2)
@@ -100,13 +99,9 @@ class DenseRegistration:
         size = image0.shape[::-1]
         inverse = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
         warped = cv2.warpPerspective(image1, homography, size, flags=inverse, borderMode=cv2.BORDER_REPLICATE)
-        if self._second is None:
-            forward, backward = self._there.calc(image0, warped, None), self._back.calc(warped, image0, None)
-        else:
-            returning = self._second.submit(self._back.calc, warped, image0, None)
-            forward = self._there.calc(image0, warped, None)
-            backward = returning.result()
-        in_warped, error = there_and_back(forward, backward)
+        returning = self._second.submit(self._back.calc, warped, image0, None)
+        forward = self._there.calc(image0, warped, None)
+        in_warped, error = there_and_back(forward, returning.result())
         there = cv2.perspectiveTransform(in_warped, homography)
         # The warped image repeats the border of the second one beyond its edge: points there have left the view.
         error[cv2.inRange(there, (0, 0, 0, 0), (size[0] - 1, size[1] - 1, 0, 0)) == 0] = OUTSIDE_PX
