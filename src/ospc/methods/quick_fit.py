@@ -35,8 +35,9 @@ class QuickFit:
         Normalises frames to equal brightness with the fit, before they are registered.
     trusts_stated
         Whether normalisation uses only the stated exposures.
-    response_sigma
-        Largest standard deviation of g over the grey levels, with its scale fixed; None without a fit.
+    response_sigma, vignette_sigma
+        Largest standard deviation of g over the grey levels, with its scale fixed, and that of V at the corners; None
+        without a fit.
     """
 
     def __init__(self, settings: DefaultSettings, size: ImageSize, max_grey: int) -> None:
@@ -46,6 +47,7 @@ class QuickFit:
         self.normalize = ExposureNormalizer()
         self.trusts_stated = False
         self.response_sigma: float | None = None
+        self.vignette_sigma: float | None = None
 
     def refine(
         self, observations: ExposedObservations, noise: NoiseModel, usable_radius: float, *, trusts_stated: bool
@@ -66,12 +68,9 @@ class QuickFit:
         self.fit, self.trusts_stated = fit, trusts_stated
         sigma = fit.response(self._max_grey).inverse_sigma
         self.response_sigma = None if sigma is None else float(sigma.max())
-        reliable = fit.vignette_errors(self._size).chance_sigma_at_corner < MAX_VIGNETTE_SIGMA
+        errors = fit.vignette_errors(self._size)
+        self.vignette_sigma = errors.sigma_at_corner
+        reliable = errors.chance_sigma_at_corner < MAX_VIGNETTE_SIGMA
         vignette = fit.vignette(self._size, usable_radius) if reliable else None
         log_response = np.interp(np.arange(256) / 255, fit.response_basis.grid, fit.log_response)
         self.normalize = ExposureNormalizer(log_response, vignette, trusts_stated=trusts_stated)
-
-    @property
-    def vignette_sigma(self) -> float | None:
-        """Standard deviation of V at the corners; None without a fit."""
-        return None if self.fit is None else self.fit.vignette_errors(self._size).sigma_at_corner
