@@ -82,12 +82,12 @@ def strongest_wave(frame: IntArray, change: FloatArray) -> tuple[float, float] |
 
 def waves(frame: IntArray, cycles_per_frame: Sequence[float]) -> FloatArray:
     """Return a cosine and a sine of each frequency per run of frames, zero outside the run, shape (n, columns)."""
-    columns = []
+    angle = 2 * np.pi * np.outer(frame, cycles_per_frame)
+    everywhere, columns = np.column_stack([np.cos(angle), np.sin(angle)]), []
     for run in _runs(frame):
-        angle = 2 * np.pi * np.outer(frame, cycles_per_frame)
         inside = np.zeros((len(frame), 1))
         inside[run] = 1
-        columns.append(np.column_stack([np.cos(angle), np.sin(angle)]) * inside)
+        columns.append(everywhere * inside)
     return np.column_stack(columns)
 
 
