@@ -40,9 +40,6 @@ from ospc.settings.grey_values import (
     RECTANGLE_FILL,
 )
 
-_CORNERS = 4
-"""Number of corners in the surround of a disc: all of them."""
-
 _MAX_COUNTED_BITS = 12
 """Maximum number of bits of counted grey values; for deeper images only the upper bits are counted, which bounds the
 histogram."""
@@ -272,7 +269,7 @@ def _lit_places(brightest: Float32Array) -> tuple[BoolArray, str]:
     if surround.mean() < MIN_BORDER_SHARE:
         return everything, "none"
     lit = ~surround
-    corners = sum(bool(surround[y, x]) for y in (0, -1) for x in (0, -1))
+    corners = surround[[0, 0, -1, -1], [0, -1, 0, -1]]
     rows, columns = np.flatnonzero(lit.any(axis=1)), np.flatnonzero(lit.any(axis=0))
     filled = lit[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1].mean()
-    return lit, "disc" if corners == _CORNERS and filled < RECTANGLE_FILL else "border"
+    return lit, "disc" if corners.all() and filled < RECTANGLE_FILL else "border"

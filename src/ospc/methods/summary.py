@@ -120,12 +120,12 @@ def summarise(inputs: FitInputs, settings: DefaultSettings) -> Calibration:
             usable_radius=inputs.usable_radius,
         ),
     }
-    response_known, vignette_known = (verdicts[name].known and fit is not None for name in ("response", "vignette"))
+    response_known, vignette_known = verdicts["response"].known, verdicts["vignette"].known
     coverage = None if observations is None else coverage_of(observations, fit, inputs.size, inputs.grey_range)
     return Calibration(
         size=inputs.size,
         response=fit.response(inputs.max_grey, (low, high), inputs.grey_range) if fit and response_known else None,
-        vignette=fit.vignette(inputs.size, inputs.usable_radius) if fit is not None and vignette_known else None,
+        vignette=fit.vignette(inputs.size, inputs.usable_radius) if fit and vignette_known else None,
         verdicts=verdicts,
         vignette_sigma=vignette_sigma(fit, inputs.size, inputs.usable_radius) if fit and vignette_known else None,
         noise=inputs.noise,
