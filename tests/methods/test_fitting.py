@@ -47,6 +47,14 @@ def test_response_and_vignette_are_found():
     assert found.vignette_errors(SIZE).sigma_at_corner < 0.05
 
 
+def test_points_may_lie_on_a_line():
+    exposed, exposures_ms = made(Camera(GAMMA))
+    radius = np.linalg.norm(exposed.position, axis=1)
+    on_line = np.stack([np.copysign(radius, exposed.position[:, 0]), np.zeros_like(radius)], axis=1)
+    found = ospc.fit(as_pairs(replace(exposed, position=on_line)), exposures_ms, noise=NOISE)
+    assert response_shape_rmse(found.response(), GAMMA) < 0.006
+
+
 def inverse(exposures_ms):
     return 1000 / exposures_ms
 

@@ -77,7 +77,7 @@ def _sums_of_parts(
 ) -> tuple[FloatArray, FloatArray]:
     """Return the number and sum of known residuals in each image region and block, shape (regions, blocks)."""
     # The regions are all squares of four neighbouring cells, so they overlap.
-    extent = np.abs(observations.position).max(axis=0)
+    extent = np.maximum(np.abs(observations.position).max(axis=0), np.finfo(np.float64).tiny)
     place = np.clip((observations.position[known] / extent + 1) / 2 * UNEVEN_CELLS, 0, np.array(UNEVEN_CELLS) - 1)
     column, row = place.astype(np.int64).T
     blocks, block = np.unique(observations.group[known] // UNEVEN_GROUPS_PER_BLOCK, return_inverse=True)
