@@ -24,6 +24,11 @@ def sigma_of_first(halves: FloatArray) -> FloatArray:
     return np.asarray(np.sqrt(np.diag(equations.covariance(prior, flat, halves))))
 
 
+def test_rounding_errors_are_not_taken_for_data() -> None:
+    rounded = NormalEquations(np.diag([-4e-16, 2e-16]), np.zeros(2), 1e-27 * np.eye(2), blocks=20)
+    assert rounded.scaled(np.eye(2), 1.0).information_scale > 1e-6
+
+
 def test_halves_that_differ_by_chance_hardly_widen_the_bands() -> None:
     plain = sigma_of_first(np.zeros((4, INTERVALS + 1)))
     random = np.random.default_rng(0)

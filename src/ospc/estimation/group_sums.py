@@ -37,13 +37,17 @@ class GroupSums:
 
     def mean_misfit(self, parameters: FloatArray) -> FloatArray:
         """Return the mean misfit of each group at parameters of shape (p,)."""
-        misfit = self.misfit - self.rows @ (parameters - self.about)
-        return np.asarray(misfit / np.maximum(self.precision, 1e-300))
+        return np.asarray((self.misfit - self.rows @ (parameters - self.about)) / self._divisor)
 
     @property
     def by_chance(self) -> FloatArray:
         """Variance of each mean by chance, shape (groups,); huge for a group without points."""
-        return np.asarray(1 / np.maximum(self.precision, 1e-300))
+        return 1 / self._divisor
+
+    @property
+    def _divisor(self) -> FloatArray:
+        """The precision, not zero for a group without points."""
+        return np.maximum(self.precision, 1e-300)
 
     @cached_property
     def within(self) -> GroupSums:
@@ -64,7 +68,7 @@ class GroupSums:
     @cached_property
     def mean_rows(self) -> FloatArray:
         """The mean row of each group, shape (groups, p)."""
-        return np.asarray(self.rows / np.maximum(self.precision, 1e-300)[:, None])
+        return np.asarray(self.rows / self._divisor[:, None])
 
     def plus(self, other: GroupSums, sign: int = 1) -> GroupSums:
         """Return the sum or difference of these sums and others of the same groups."""

@@ -83,7 +83,8 @@ class NormalEquations:
         # At the solution the scores add up to zero, so a single block shows no scatter.
         scatter = self.matrix if self.blocks == 1 else self.scatter * self.blocks / (self.blocks - 1)
         inverse = np.linalg.inv(self.matrix + prior_precision)
-        spread = np.sum(inverse * scatter) / max(np.sum(inverse * self.matrix), 1e-300)  # all are symmetric
+        # All are symmetric. The divisor is the number of parameters that the data determine; rounding is not data.
+        spread = np.sum(inverse * scatter) / max(np.sum(inverse * self.matrix), 1e-9)
         scale = float(sandwich_factor**2 / max(spread, 1e-6))
         return replace(self, scatter=scatter, information_scale=scale, sandwich_factor=sandwich_factor)
 
