@@ -25,6 +25,7 @@ from ospc.recording.frame import Frame
 from ospc.second_thread import SecondThread
 from ospc.settings import DefaultSettings
 from ospc.settings.registration import MIN_REGISTERED_SIDE_PX
+from ospc.settings.sampling import SAMPLING_MARGIN_PX
 from workers import flat_sampler, preprocessor
 
 SIZE = (320, 240)
@@ -371,7 +372,7 @@ def test_steep_clipped_lost_and_outer_places_are_left_out():
     frame1.gradient[:60] = 0.02
     frame1.clipped[180:] = True
     registration.forward_backward_error[:, 250:] = 5.0
-    made = sampled(flat_sampler(margin_px=10, max_points=100_000), frame0, frame1, registration, 0).observations
+    made = sampled(flat_sampler(max_points=100_000), frame0, frame1, registration, 0).observations
     half = np.linalg.norm(np.array(SIZE) - 1) / 2
     x, y = (made.position * half + (np.array(SIZE) - 1) / 2).T
     assert len(x) > 100
@@ -380,11 +381,10 @@ def test_steep_clipped_lost_and_outer_places_are_left_out():
 
 def test_what_moves_out_of_the_image_is_not_sampled():
     frame0, frame1, registration = shifted_pair(shift=(60.0, 0.0), exposures=(1.0, 1.0))
-    sampler = flat_sampler(max_points=100_000)
-    samples = sampled(sampler, frame0, frame1, registration, 0)
+    samples = sampled(flat_sampler(max_points=100_000), frame0, frame1, registration, 0)
     outermost = samples.observations.position[:, 0].max() * np.linalg.norm(np.array(SIZE) - 1) / 2
-    assert outermost <= SIZE[0] / 2 - sampler.margin_px
-    assert samples.overlap == pytest.approx(1 - 60 / (SIZE[0] - 2 * sampler.margin_px), abs=0.03)
+    assert outermost <= SIZE[0] / 2 - SAMPLING_MARGIN_PX
+    assert samples.overlap == pytest.approx(1 - 60 / (SIZE[0] - 2 * SAMPLING_MARGIN_PX), abs=0.03)
 
 
 def test_nothing_in_common_makes_no_samples():

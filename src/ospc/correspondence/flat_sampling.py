@@ -6,6 +6,7 @@ from dataclasses import dataclass, fields
 from functools import cache
 
 import numpy as np
+import numpy.typing as npt
 
 from ospc.arrays import BoolArray, Float32Array, FloatArray, ImageSize, IntArray, read_only
 from ospc.correspondence.cells import ranks_in_cells
@@ -90,12 +91,10 @@ class FlatSampler:
     """Largest forward-backward registration error of a point, in reduced pixels."""
     max_points: int
     """Maximum number of scene points sampled from a pair, spread evenly over mean grey level and radius."""
-    margin_px: int = SAMPLING_MARGIN_PX
-    """Points closer to the border are not used."""
 
     def keyframe(self, frame: PreprocessedFrame) -> Keyframe:
         """Return the keyframe of a frame: its small images, and its values on the grid."""
-        places = _grid(frame.reduced_size, self.spacing_px, self.margin_px)
+        places = _grid(frame.reduced_size, self.spacing_px)
         return Keyframe(
             **{field.name: getattr(frame, field.name) for field in fields(ReducedFrame)},
             places=places,
@@ -115,8 +114,8 @@ class FlatSampler:
         scale = keyframe.reduced_size[0] / registration.forward.shape[1]
         displacement, forward_backward_error = displacement_at(registration, places0, scale)
         places1 = places0 + displacement
-        far = np.array(frame.reduced_size) - 1 - self.margin_px
-        inside = np.all((places1 >= self.margin_px) & (places1 <= far), axis=1)
+        far = np.array(frame.reduced_size) - 1 - SAMPLING_MARGIN_PX
+        inside = np.all((places1 >= SAMPLING_MARGIN_PX) & (places1 <= far), axis=1)
         found = (forward_backward_error < self.max_forward_backward_error_px) & inside
         if not found.size or found.mean() < MIN_OVERLAP:
             return NOTHING_FOUND
@@ -139,28 +138,12 @@ class FlatSampler:
         further0, further1 = further_smoothing(jacobian, frame.smoothing_px)
         further1 -= interpolation_smoothing(places1)  # the points of the keyframe are at pixels
         nodes1 = places1[:, None] + NODES
-        grey0, variance0 = _mean_and_variance(further0, keyframe.grey[chosen], keyframe.squares[chosen])
+        smoothed0 = _mean_and_variance(further0, keyframe.grey[chosen], keyframe.squares[chosen])
         values1 = (frame.values_at(image, nodes1) for image in (frame.grey, frame.squares))
-        grey1, variance1 = _mean_and_variance(further1, *values1)
+        smoothed1 = _mean_and_variance(further1, *values1)
         observations = Observations.alternating(
-            {
-                "grey": grey0,
-                "grey_variance": variance0,
-                "position": position0[chosen],
-                "gradient": keyframe.gradient[chosen],
-                "frame_moments": keyframe.moments,
-                "surround_moments": keyframe.values_at(keyframe.surround_moments, places0),
-                "frame": keyframe.number,
-            },
-            {
-                "grey": grey1,
-                "grey_variance": variance1,
-                "position": position1[chosen],
-                "gradient": gradient1[chosen],
-                "frame_moments": frame.moments,
-                "surround_moments": frame.values_at(frame.surround_moments, places1),
-                "frame": frame.number,
-            },
+            _seen(keyframe, places0, position0[chosen], keyframe.gradient[chosen], smoothed0),
+            _seen(frame, places1, position1[chosen], gradient1[chosen], smoothed1),
             np.full(len(chosen), group),
         )
         radial_motion = float(np.sqrt(np.mean(radial**2)))
@@ -168,7 +151,7 @@ class FlatSampler:
 
     def _at_nodes(self, image: Float32Array) -> Float32Array:
         """Return the values of an image at the nodes around the grid points, (h, w) -> (n, 9)."""
-        (height, width), margin, step = image.shape, self.margin_px, self.spacing_px
+        (height, width), margin, step = image.shape, SAMPLING_MARGIN_PX, self.spacing_px
         shifted = (
             image[margin + y : height - margin + y : step, margin + x : width - margin + x : step]
             for x, y in NODES.astype(int).tolist()
@@ -189,9 +172,10 @@ class FlatSampler:
 
 
 @cache
-def _grid(size: ImageSize, spacing_px: int, margin_px: int) -> FloatArray:
-    """Return the grid points (x, y) of an image, with a spacing and a margin, shape (n, 2)."""
-    x, y = np.meshgrid(*(np.arange(margin_px, side - margin_px, spacing_px, dtype=np.float64) for side in size))
+def _grid(size: ImageSize, spacing_px: int) -> FloatArray:
+    """Return the grid points (x, y) of an image, with a spacing, shape (n, 2)."""
+    margin = SAMPLING_MARGIN_PX
+    x, y = np.meshgrid(*(np.arange(margin, side - margin, spacing_px, dtype=np.float64) for side in size))
     return read_only(np.stack([x.ravel(), y.ravel()], axis=1))
 
 
@@ -209,6 +193,25 @@ def _typical_motion(places: FloatArray, displacement: FloatArray, gradient: Floa
     if not known.any():
         return float("nan")
     return float(np.median(np.linalg.norm(sums[known] / number[known, None], axis=1)))
+
+
+def _seen(
+    view: ReducedFrame,
+    places: FloatArray,
+    position: FloatArray,
+    gradient: FloatArray | Float32Array,
+    smoothed: tuple[FloatArray, FloatArray],
+) -> dict[str, npt.ArrayLike]:
+    """Return the fields of the observations at some places in one view, given the means and variances there."""
+    return {
+        "grey": smoothed[0],
+        "grey_variance": smoothed[1],
+        "position": position,
+        "gradient": gradient,
+        "frame_moments": view.moments,
+        "surround_moments": view.values_at(view.surround_moments, places),
+        "frame": view.number,
+    }
 
 
 def _clipped_at(frame: PreprocessedFrame, places: FloatArray) -> BoolArray:
