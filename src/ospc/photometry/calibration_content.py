@@ -14,6 +14,7 @@ from ospc.errors import FormatError, counted
 from ospc.photometry.calibration import PROFILE_RADII, SCHEMA, Calibration
 from ospc.photometry.coverage import Coverage, ExposureRatios
 from ospc.photometry.geometry import image_size
+from ospc.photometry.grey_range import LARGEST_GREY
 from ospc.photometry.noise import NoiseModel
 from ospc.photometry.non_radial import NON_RADIAL
 from ospc.photometry.response import Response
@@ -27,9 +28,6 @@ from ospc.photometry.vignette import (
     Vignette,
     diagonal_profile,
 )
-
-LARGEST_GREY = 65535
-"""Largest grey value of any image: 16 bits."""
 
 _LARGEST = 1e12
 """Largest number that is read: no calibration comes close, and larger ones would overflow in use."""

@@ -10,9 +10,11 @@ import numpy.typing as npt
 from ospc.arrays import FloatArray
 from ospc.photometry.noise import NoiseModel
 
+LARGEST_GREY = 65535
+"""Largest grey value of any image: 16 bits."""
+
 _NOISE_LEVELS = 256
 """Grey levels at which the noise of stretched images is tabulated: those of 8 bits."""
-
 
 _UNCERTAINTY = 2.5 / 255
 """Accuracy of black and white whose values scatter: two 8-bit grey values."""

@@ -24,9 +24,8 @@ from ospc.estimation.vignette_basis import VignetteBasis
 from ospc.methods.identifiability import unexplained_share
 from ospc.methods.summary import FitInputs
 from ospc.observations import ExposedObservations
-from ospc.photometry.calibration_content import LARGEST_GREY
 from ospc.photometry.geometry import image_size
-from ospc.photometry.grey_range import FULL_RANGE, GreyRange
+from ospc.photometry.grey_range import FULL_RANGE, LARGEST_GREY, GreyRange
 from ospc.photometry.noise import NoiseModel
 from ospc.settings.pooling import SUMMARY_RADIAL_TERMS, SUMMARY_RESPONSE_INTERVALS
 from ospc.settings.vignette import MIN_USABLE_RADIUS

@@ -13,12 +13,10 @@ import numpy.typing as npt
 
 from ospc.arrays import BoolArray, Image, ImageSize, number_of
 from ospc.errors import ExposureError, FrameError, message_of
+from ospc.photometry.grey_range import LARGEST_GREY
 
 MAX_DECODED_BYTES = 512 * 2**20
 """Images that need more, including all stored channels, are rejected before decoding."""
-
-_MOST_GREY = 65535
-"""Largest 16-bit grey value."""
 
 UNNAMED = "frame"
 """Name of a frame in memory without an index; calibrators add its number in the run."""
@@ -191,8 +189,8 @@ def check_exposure(exposure_ms: float, name: str) -> None:
 def checked_max_grey(max_grey: int, name: str) -> int:
     """Return the largest grey value as int; FrameError if it is not an integer or exceeds 16 bits."""
     whole = isinstance(max_grey, int | np.integer) and not isinstance(max_grey, bool)
-    if not whole or not 1 <= max_grey <= _MOST_GREY:
-        raise FrameError(f"{name}: max_grey is {max_grey!r}; give a whole number from 1 to {_MOST_GREY}")
+    if not whole or not 1 <= max_grey <= LARGEST_GREY:
+        raise FrameError(f"{name}: max_grey is {max_grey!r}; give a whole number from 1 to {LARGEST_GREY}")
     return int(max_grey)
 
 

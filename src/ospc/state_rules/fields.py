@@ -32,7 +32,7 @@ from ospc.methods.maximum_likelihood_state import MaximumLikelihoodState
 from ospc.methods.prediction_errors import PairErrors
 from ospc.observations import MOMENTS
 from ospc.photometry.geometry import MOST_PIXELS
-from ospc.photometry.grey_range import GreyRange
+from ospc.photometry.grey_range import LARGEST_GREY, GreyRange
 from ospc.photometry.noise import NoiseModel
 from ospc.settings.brightness import MAX_REPEATED_FRAMES
 from ospc.settings.effects import STEP_EXPOSURES
@@ -46,7 +46,6 @@ from ospc.state_rules.numbers import (
     COUNT,
     LAG,
     LARGEST,
-    LARGEST_GREY,
     MOST,
     MOST_INTERVALS,
     MOST_RADIAL,

@@ -20,9 +20,9 @@ LARGEST = 1e12
 LOG = 50.0
 """Largest magnitude of the logarithm of an exposure in milliseconds or of a ratio."""
 
-LARGEST_GREY, LONGEST_LAG_FRAMES, MOST_INTERVALS, MOST_RADIAL = 65535, 1000, 256, 32
-"""Largest grey value, of 16 bits; largest lag that a command accepts; most terms of response and of vignette, eight
-and three times those of any preset."""
+LONGEST_LAG_FRAMES, MOST_INTERVALS, MOST_RADIAL = 1000, 256, 32
+"""Largest lag that a command accepts; most terms of response and of vignette, eight and three times those of any
+preset."""
 
 CHANGES, BINS = len(CHANGE_GREY_KNOTS) + 3, len(GREY_BIN_EDGES) - 1
 """Number of parameters of a camera change, and of grey bins of a brightness change."""
