@@ -75,11 +75,11 @@ class OnlineCalibrator(Engine):
         FormatError
             If the file cannot be written, or an error such as running out of memory left a frame partly processed.
         """
-        if self._partly_processed:
-            raise FormatError(f"{path}: not written, because {self._partly_processed} was only partly processed")
         if self.settings.state_type() is None:
             raise SettingError(f"preset {self.settings.name} cannot be saved as a state; use the default preset")
         with self._lock:
+            if self._partly_processed:
+                raise FormatError(f"{path}: not written, because {self._partly_processed} was only partly processed")
             summary = self.summary() if complete else None
             method = None if self._method is None else self._method.state()
             run = EngineState(

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import time
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import replace
 
@@ -94,13 +96,17 @@ def test_a_state_within_a_frame_is_not_saved(recording, tmp_path, monkeypatch):
     before = calibrator.save_state(tmp_path / "state.ospc").read_bytes()
 
     def fail(*_):
+        waiting.append(another.submit(calibrator.save_state, tmp_path / "state.ospc"))
+        time.sleep(0.1)
         raise MemoryError
 
+    waiting = []
     monkeypatch.setattr(MaximumLikelihoodMethod, "_accumulate", fail)
-    with pytest.raises(MemoryError):
+    with ThreadPoolExecutor(1) as another, pytest.raises(MemoryError):
         pushed(recording[:5], calibrator)
-    with pytest.raises(FormatError, match="frame 4 was only partly processed"):
-        calibrator.save_state(tmp_path / "state.ospc")
+    for save in (waiting[0].result, lambda: calibrator.save_state(tmp_path / "state.ospc")):
+        with pytest.raises(FormatError, match="frame 4 was only partly processed"):
+            save()
     assert (tmp_path / "state.ospc").read_bytes() == before
 
 
