@@ -124,6 +124,13 @@ def test_without_matches_it_asks_for_slower_motion():
     assert kinds[-1] == "slower"
 
 
+def test_waiting_for_matches_takes_no_memory():
+    adviser = Adviser()
+    for i in range(50):
+        adviser.look(no_bright(), 0.5 * i)
+    assert len(adviser._found) == 1
+
+
 @pytest.mark.parametrize("made", STATES)
 def test_the_advice_has_the_largest_expected_gain(made):
     preview = made()

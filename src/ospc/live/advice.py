@@ -179,7 +179,8 @@ class Adviser:
         points = 0 if preview.observations is None else len(preview.observations.starts)
         if self._found and points < self._found[-1][1]:
             self._found.clear()  # some were dropped to save memory
-        self._found.append((preview.pairs, points))
+        if not self._found or preview.pairs != self._found[-1][0]:
+            self._found.append((preview.pairs, points))
         while len(self._found) > 2 and self._found[1][0] <= preview.pairs - LATEST_PAIRS:
             self._found.popleft()
         pairs, before = self._found[0]
