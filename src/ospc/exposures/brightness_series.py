@@ -109,7 +109,7 @@ class BrightnessSeries:
         summed = BrightnessSeries(self.frame[start], log_ratio, weight, terms, interval_frames)
         return summed.where(weight.sum(axis=1) >= MIN_PAIR_WEIGHT)
 
-    def exposure_change(self, log_exposure: FloatArray, lag: int = 0) -> FloatArray:
+    def exposure_change(self, log_exposure: FloatArray, lag: int) -> FloatArray:
         """Return the change of ln exposure of each pair if exposures lag by ``lag`` frames, shape (n,)."""
         return np.asarray(log_exposure[self.frame + self.interval_frames + lag] - log_exposure[self.frame + lag])
 

@@ -55,7 +55,7 @@ def _exposure_edges(log_exposure: FloatArray) -> FloatArray:
     low, high = float(log_exposure.min()), float(log_exposure.max())
     classes = min(MAX_EXPOSURE_CLASSES, len(np.unique(log_exposure)))
     room = max(1e-3, 1e-6 * abs(high))  # to include the highest value in the last class
-    return np.linspace(low, max(high, low) + room, classes + 1)
+    return np.linspace(low, high + room, classes + 1)
 
 
 def _counts(first: IntArray, second: IntArray, shape: tuple[int, int]) -> IntArray:

@@ -18,7 +18,7 @@ T = TypeVar("T")
 Run = TypeVar("Run")
 
 
-def save_run(path: str | Path, run: object, method: object | None, summary: object | None = None) -> Path:
+def save_run(path: str | Path, run: object, method: object | None, summary: object | None) -> Path:
     """Write a state atomically and return its path; FormatError if that fails."""
     content: dict[str, Any] = {"method": None, "layout": "", "summary": None}
     arrays: dict[str, Array] = {}
