@@ -14,7 +14,6 @@ from ospc.correspondence.registration import (
     Registration,
     displacement_at,
     jacobian_at,
-    make_registrar,
 )
 from ospc.errors import SettingError
 from ospc.exposures.brightness import BrightnessComparer
@@ -438,7 +437,6 @@ def test_views_do_not_depend_on_the_type_the_image_is_stored_in():
     np.testing.assert_array_equal(narrow.small, wide.small)
 
 
-def test_a_registration_is_chosen_by_its_name():
-    assert isinstance(make_registrar("dense", SecondThread()), DenseRegistration)
+def test_a_registration_that_does_not_exist_is_refused():
     with pytest.raises(SettingError, match="known: dense"):
-        make_registrar("sparse", SecondThread())
+        DefaultSettings(registration="sparse").build(SIZE, 255)

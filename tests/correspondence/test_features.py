@@ -11,8 +11,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ospc.correspondence.features import Features, extract, make_extractor, match
-from ospc.errors import MissingExtraError, SettingError, needs_extra
+from ospc.correspondence.features import EXTRACTORS, Features, extract, match
+from ospc.errors import MissingExtraError, needs_extra
 from ospc.methods.paper import FeatureMatcher
 from ospc.recording.frame import Frame
 from ospc.settings import PaperSettings
@@ -41,7 +41,7 @@ def cut(x, y, dtype=np.uint8, factor=1):
 def extractor(request):
     if request.param == "surf":
         pytest.importorskip("mahotas", reason="SURF needs the extra 'surf'")
-    return make_extractor(request.param, 400)
+    return EXTRACTORS[request.param](400)
 
 
 @pytest.mark.parametrize(("dtype", "factor", "max_grey"), [(np.uint8, 1, 255), (np.uint16, 16, 4080)])
@@ -89,18 +89,13 @@ def test_surf_without_its_extra_names_what_to_install(monkeypatch):
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "mahotas", None)
     with pytest.raises(MissingExtraError, match=r"^SURF needs an optional dependency: pip install 'ospc\[surf\]'$"):
-        make_extractor("surf", 100)
+        EXTRACTORS["surf"](100)
 
 
 def test_the_error_for_a_missing_library_can_be_sent_from_another_process():
     with pytest.raises(MissingExtraError) as caught, needs_extra("SURF", "surf"):
         raise ImportError
     assert str(pickle.loads(pickle.dumps(caught.value))) == str(caught.value)
-
-
-def test_an_unknown_extractor_is_named_with_the_known_ones():
-    with pytest.raises(SettingError, match="'brisk'; known: sift, orb, surf"):
-        make_extractor("brisk", 100)
 
 
 def features_of(descriptors, norm_dtype):

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ospc.arrays import FloatArray, IntArray
-from ospc.errors import named, needs_extra
+from ospc.errors import needs_extra
 from ospc.recording.frame import Frame
 
 
@@ -106,17 +106,6 @@ EXTRACTORS: dict[str, Callable[[int], FeatureExtractor]] = {
     "surf": SurfExtractor,
 }
 """The available extractors, by their name in the settings."""
-
-
-def make_extractor(name: str, max_features: int) -> FeatureExtractor:
-    """Return the extractor of a name in :data:`EXTRACTORS`.
-
-    Raises
-    ------
-    SettingError
-        If there is none of that name.
-    """
-    return named("feature extractor", name, EXTRACTORS)(max_features)
 
 
 def extract(frame: Frame, extractor: FeatureExtractor) -> Features:

@@ -23,7 +23,6 @@ from ospc.correspondence.thumbnail_registration import (
     there_and_back,
     values_at,
 )
-from ospc.errors import named
 from ospc.second_thread import SecondThread
 from ospc.settings.registration import (
     HOMOGRAPHY_INLIER_PX,
@@ -110,18 +109,7 @@ class DenseRegistration:
 
 
 REGISTRARS: dict[str, Callable[[SecondThread], Registrar]] = {"dense": DenseRegistration}
-"""The available registrars, by their name in the settings."""
-
-
-def make_registrar(name: str, second: SecondThread) -> Registrar:
-    """Return the registrar of a name in :data:`REGISTRARS`, which may use a second thread.
-
-    Raises
-    ------
-    SettingError
-        If there is none of that name.
-    """
-    return named("registration", name, REGISTRARS)(second)
+"""The available registrars, which may use a second thread, by their name in the settings."""
 
 
 def _short_search(finest_scale: int) -> cv2.DISOpticalFlow:

@@ -12,10 +12,11 @@ from ospc.correspondence.flat_sampling import NOTHING_FOUND, FlatSampler, Sample
 from ospc.correspondence.keyframe_selection import KeyframeSelector, KeyframeSelectorState
 from ospc.correspondence.noise_estimation import NoiseEstimator
 from ospc.correspondence.preprocessing import PreprocessedFrame
-from ospc.correspondence.registration import make_registrar
+from ospc.correspondence.registration import REGISTRARS
 from ospc.correspondence.reservoir import Reservoir
 from ospc.correspondence.scene_area import SceneArea
 from ospc.correspondence.static_series import StaticSeries
+from ospc.errors import named
 from ospc.estimation.black_level import black_level
 from ospc.estimation.fit import Fit
 from ospc.estimation.model_choice import fit_with_chosen_effects
@@ -61,7 +62,7 @@ class MaximumLikelihoodMethod:
         self._scene_area = SceneArea()
         self._stationary = StationaryCamera(settings.still_px, StaticSeries(points=settings.series_points))
         self._select_keyframe = KeyframeSelector(settings.keyframes, settings.max_log_ratio)
-        self._register = make_registrar(settings.registration, self._second)
+        self._register = named("registration", settings.registration, REGISTRARS)(self._second)
         self._sample = FlatSampler(
             spacing_px=settings.grid_spacing_px,
             max_gradient=settings.max_gradient,

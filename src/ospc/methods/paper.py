@@ -18,7 +18,7 @@ import numpy as np
 from numpy.polynomial.polynomial import polyval
 
 from ospc.arrays import BoolArray, FloatArray, ImageSize
-from ospc.correspondence.features import Features, extract, make_extractor, match
+from ospc.correspondence.features import EXTRACTORS, Features, extract, match
 from ospc.correspondence.preprocessing import PreprocessedFrame
 from ospc.errors import counted
 from ospc.exposures.table import range_in_words
@@ -143,7 +143,7 @@ class FeatureMatcher:
 
     def __init__(self, settings: PaperSettings) -> None:
         self._settings = settings
-        self._extractor = make_extractor(settings.features, settings.max_features)
+        self._extractor = EXTRACTORS[settings.features](settings.max_features)
 
     def features(self, frame: Frame) -> Features:
         """Return the features of a frame."""
