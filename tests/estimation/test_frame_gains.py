@@ -56,6 +56,17 @@ def slow(frames: int, memory: float, seed: int) -> FloatArray:
     return np.asarray(gains / np.std(gains))
 
 
+def test_gains_are_found_if_most_pairs_have_few_points() -> None:
+    random, frames, sigma = np.random.default_rng(0), frames_of_pairs(400), 0.003
+    gains = sigma * random.standard_normal(2 * 400 + DISTANCE_FRAMES)
+    by_chance = np.where(np.arange(400) % 5 < 2, 1e-4, 0.02) ** 2
+    mean = gains[frames[:, 0]] - gains[frames[:, 1]] + np.sqrt(by_chance) * random.standard_normal(400)
+    variances = FrameGains(frames, by_chance, mean).significant_variances
+    for _ in range(15):
+        variances = FrameGains(frames, by_chance, mean, variances).refitted_variances
+    assert gain_sigma(variances, frames) == pytest.approx(np.sqrt(2) * sigma, rel=0.2)
+
+
 @pytest.mark.parametrize("seed", range(3))
 def test_the_scale_of_independent_gains_is_found(seed: int) -> None:
     frames = frames_of_pairs(200)

@@ -85,7 +85,10 @@ class FrameGains:
         scatter = robust_scale(self.mean / np.sqrt(self.by_chance))
         if scatter < 1 + GAIN_SIGMAS * ERROR_OF_SCALE / np.sqrt(max(len(self.mean), 1)):
             return ()
-        of_pair = max(robust_scale(self.mean) ** 2 - float(np.median(self.by_chance)), 0.0)
+        chance = float(np.median(self.by_chance))
+        of_pair = robust_scale(self.mean) ** 2 - chance
+        if of_pair <= 0:  # where some pairs have far more points; variances of zero would remain zero
+            of_pair = (scatter**2 - 1) * chance
         kinds = 1 + len(GAIN_MEMORIES)
         return (of_pair / (2 * kinds),) * kinds
 
