@@ -197,9 +197,9 @@ class Adviser:
             self._since_s, self._first_gain = time_s, present.gain
         free = [option for kind, option in options.items() if kind not in self._set_aside] or [*options.values()]
         best = max(free, key=lambda option: option.gain)
-        kept = present is not None and present in free and best.gain < BETTER_GAIN_RATIO * present.gain
-        chosen = present if kept and present is not None else best
-        self._switched(chosen.instruction, time_s, chosen.gain)
+        if present is not None and present in free and best.gain < BETTER_GAIN_RATIO * present.gain:
+            best = present
+        self._switched(best.instruction, time_s, best.gain)
 
     def _switched(self, instruction: Instruction, time_s: float, gain: float = 0.0) -> Instruction:
         if instruction.kind != self.instruction.kind:
