@@ -106,6 +106,22 @@ def test_only_the_capturing_thread_reads_frames_that_no_other_may_and_few_of_the
     assert readers == [threading.main_thread()] * (len(filmed) if looked else 1)
 
 
+@pytest.mark.parametrize("threads", [True, False])
+def test_a_loader_that_fails_in_any_way_does_not_end_the_capture(filmed, threads):
+    def fail():
+        raise RuntimeError("the driver has gone")
+
+    with LiveCalibrator() as live:
+        capture, pictures = Capture(live), []
+        capture.run(
+            [replace(filmed[0], load=fail, threads=threads)],
+            lambda: pictures.append(capture.picture()),
+            replayed=True,
+        )
+        live.wait()
+        assert (pictures, live.status.unusable) == ([None], 1)
+
+
 def test_a_frame_that_cannot_be_read_shows_nothing():
     def torn():
         raise FrameError("torn")

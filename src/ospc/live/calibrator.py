@@ -110,7 +110,7 @@ class LiveCalibrator(AbstractContextManager["LiveCalibrator"]):
             # Queued frames may change which frames are needed, so the prediction counts only if the queue is empty.
             if not full and (needed or self._queue):
                 try:
-                    safe = _with_safe_load(frame)
+                    safe = with_safe_load(frame)
                     own = safe if frame.threads else in_memory(safe)
                     work, size, kept = partial(self._engine.push, own), 0 if own is safe else own.image.nbytes, True
                 except FrameError as error:
@@ -271,7 +271,7 @@ def in_memory(frame: Frame) -> Frame:
     return replace(frame, load=lambda: image, verify=None, threads=True)
 
 
-def _with_safe_load(frame: Frame) -> Frame:
+def with_safe_load(frame: Frame) -> Frame:
     """Return a frame whose image cannot be read if its loader fails in any way: one bad frame must not end a run."""
 
     def load() -> Image:

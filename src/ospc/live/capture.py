@@ -15,7 +15,7 @@ from ospc.arrays import FloatArray, IntArray
 from ospc.errors import FrameError
 from ospc.formats.image_files import encoded
 from ospc.live.advice import Instruction
-from ospc.live.calibrator import LiveCalibrator, in_memory
+from ospc.live.calibrator import LiveCalibrator, in_memory, with_safe_load
 from ospc.methods.preview import Preview
 from ospc.photometry.calibration import PROFILE_RADII
 from ospc.photometry.geometry import half_diagonal
@@ -131,12 +131,13 @@ class Capture:
 
     def _show(self, frame: Frame) -> None:
         """Show a frame; one that only this thread can read is copied, but only if the previous one was viewed."""
+        safe = with_safe_load(frame)
         if frame.threads:
-            self._shown = frame
+            self._shown = safe
         elif self._viewed.is_set():
             self._viewed.clear()
             try:
-                self._shown = in_memory(frame)
+                self._shown = in_memory(safe)
             except FrameError:
                 self._shown = None
 
