@@ -222,10 +222,12 @@ def test_the_roughness_chosen_is_the_one_under_which_the_data_are_most_probable(
             return -0.5 * (rest @ np.linalg.solve(spread, rest) + np.linalg.slogdet(2 * np.pi * spread).logabsdet)
 
         chosen = equations.maximize_evidence(prior, START)
-        best = max(map(log_probability, START.of_response))
+        best = max(map(log_probability, START.response_candidates))
         of_response = replace(chosen, vignette_walk=START.vignette_walk)
         assert log_probability(of_response) == pytest.approx(best, abs=1e-6)
-        assert log_probability(chosen) == pytest.approx(max(map(log_probability, chosen.of_vignette)), abs=1e-6)
+        assert log_probability(chosen) == pytest.approx(
+            max(map(log_probability, chosen.vignette_candidates)), abs=1e-6
+        )
 
 
 def test_errors_common_to_a_group_leave_as_little_information_as_there_are_groups():

@@ -126,8 +126,8 @@ class NormalEquations:
 
         Those of the response are chosen first, with the present one of the vignette.
         """
-        response = self._most_probable(prior, present.of_response)
-        return self._most_probable(prior, response.of_vignette) if prior.vignette.radial else response
+        response = self._most_probable(prior, present.response_candidates)
+        return self._most_probable(prior, response.vignette_candidates) if prior.vignette.radial else response
 
     def _most_probable(self, prior: Prior, candidates: list[PriorHyperparameters]) -> PriorHyperparameters:
         """Return the candidate with the largest marginal likelihood."""

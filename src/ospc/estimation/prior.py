@@ -57,13 +57,13 @@ class PriorHyperparameters:
     vignette_walk: float
 
     @property
-    def of_response(self) -> list[PriorHyperparameters]:
+    def response_candidates(self) -> list[PriorHyperparameters]:
         """All candidates for the response, with this roughness of the vignette."""
         walks = np.geomspace(*WALK_CANDIDATES).tolist()
         return [replace(self, walk=walk, drift=drift) for walk in walks for drift in DRIFT_CANDIDATES]
 
     @property
-    def of_vignette(self) -> list[PriorHyperparameters]:
+    def vignette_candidates(self) -> list[PriorHyperparameters]:
         """All candidates for the vignette, with this roughness of the response."""
         return [replace(self, vignette_walk=walk) for walk in VIGNETTE_WALK_CANDIDATES]
 

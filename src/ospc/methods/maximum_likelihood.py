@@ -24,7 +24,7 @@ from ospc.exposures.brightness import BrightnessChange
 from ospc.exposures.table import ExposureTable
 from ospc.methods.change_detection import Change, ChangeDetector
 from ospc.methods.maximum_likelihood_state import MaximumLikelihoodState
-from ospc.methods.method import Progress, check_size
+from ospc.methods.method import Progress, check_can_be_matched
 from ospc.methods.planned_fit import plan_of_moving_camera, plan_of_stationary_camera
 from ospc.methods.preview import Preview, preview_of
 from ospc.methods.quick_fit import QuickFit
@@ -52,7 +52,7 @@ class MaximumLikelihoodMethod:
     """The presets ``default`` and ``fast``, for frames of a size in pixels and a largest grey value."""
 
     def __init__(self, settings: DefaultSettings, size: ImageSize, max_grey: int) -> None:
-        check_size(size)
+        check_can_be_matched(size)
         self._settings = settings
         self._size = size
         self._max_grey = max_grey

@@ -40,7 +40,7 @@ class Progress:
     vignette_sigma: float | None = None
 
 
-def check_size(size: ImageSize) -> None:
+def check_can_be_matched(size: ImageSize) -> None:
     """Reject images that are too small to match.
 
     Raises

@@ -24,7 +24,7 @@ from ospc.errors import counted
 from ospc.exposures.table import range_in_words
 from ospc.least_squares import non_negative_least_squares
 from ospc.methods.change_detection import Change
-from ospc.methods.method import Method, Progress, check_size
+from ospc.methods.method import Method, Progress, check_can_be_matched
 from ospc.observations import ExposureLookup
 from ospc.photometry.calibration import PROFILE_RADII, Calibration
 from ospc.photometry.coverage import ExposureRatios
@@ -367,7 +367,7 @@ class PaperMethod(Method):
     def __init__(
         self, settings: PaperSettings, size: ImageSize, max_grey: int, matcher: Matcher | None = None
     ) -> None:
-        check_size(size)
+        check_can_be_matched(size)
         self._settings = settings
         self._size = size
         self._max_grey = max_grey
