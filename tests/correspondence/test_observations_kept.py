@@ -214,11 +214,6 @@ def test_a_bounded_choice_is_spread_over_all_that_is_kept():
     assert_same(reservoir.some(10**6), reservoir.kept)
 
 
-def test_an_empty_reservoir_gives_no_observations():
-    with pytest.raises(ValueError, match="nothing"):
-        Reservoir(10).some(1)
-
-
 # Static camera
 
 SIZE = (40, 30)
@@ -283,8 +278,3 @@ def test_points_are_spread_over_brightness_and_seen_well_twice():
 
 def test_two_cameras_that_see_the_same_give_the_same():
     assert_same(series(9, pixels=100, points=30).observations(), series(9, pixels=100, points=30).observations())
-
-
-def test_a_series_without_frames_is_refused():
-    with pytest.raises(ValueError, match="no frame"):
-        StaticSeries(points=100).observations()

@@ -120,16 +120,7 @@ class KeyframeSelector:
         )
 
     def restore(self, state: KeyframeSelectorState) -> None:
-        """Continue from a state, without the images of the keyframes.
-
-        Raises
-        ------
-        ValueError
-            If its arrays have inconsistent lengths.
-        """
-        lengths = {len(state.frames), len(state.uses), len(state.log_exposure)}
-        if state.statistics.shape != self._statistics.shape or len(lengths) != 1:
-            raise ValueError("the state of the keyframe selection has tables of the wrong length")
+        """Continue from a state, without the images of the keyframes."""
         self._kept, self._selections, self._statistics = [], state.selections, state.statistics.copy()
 
     def replay(self, frame: Keyframe, state: KeyframeSelectorState) -> None:

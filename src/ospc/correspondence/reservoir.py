@@ -83,15 +83,8 @@ class Reservoir:
         return Reservoir(self.capacity, replace(later, group=number)), len(groups)
 
     def some(self, points: int) -> Observations:
-        """Return about ``points`` scene points at most, spread evenly over all that are kept.
-
-        Raises
-        ------
-        ValueError
-            If nothing is kept.
-        """
-        if self.kept is None:
-            raise ValueError("nothing is kept")
+        """Return about ``points`` scene points at most, spread evenly over all that are kept, at least one."""
+        assert self.kept is not None
         return self.kept.of_points(slice(None, None, max(1, -(-self.points // points))))
 
     def _append(self, added: Observations) -> None:

@@ -59,15 +59,8 @@ class StaticSeries:
         return self._stride > 1
 
     def observations(self) -> Observations:
-        """Return the series as scene points seen in every frame; each frame is a group.
-
-        Raises
-        ------
-        ValueError
-            If no frame was observed.
-        """
-        if self._places is None:
-            raise ValueError("no frame was observed")
+        """Return the series, of at least one frame, as scene points seen in every frame; each frame is a group."""
+        assert self._places is not None
         grey = np.stack(self._grey, axis=1).astype(np.float64) / self._max_grey
         exposed = (grey > DARKEST_EXPOSED) & (grey < BRIGHTEST_EXPOSED)
         chosen = self._evenly_bright(grey, exposed)
