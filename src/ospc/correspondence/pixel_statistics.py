@@ -219,18 +219,18 @@ class PixelStatistics:
         lit, surround = _lit_places(self._brightest)
         clipped = self._piles[1]
         return PixelReport(
-            np.array(self._grey_share),
-            np.array(self._log_exposure),
-            np.array(self._radius_share),
-            float(share[level >= (white if clipped is None else level[clipped]) - margin].sum()),
-            float(share[level <= margin].sum()),
-            int(level[low]),
-            int(level[high]),
-            white,
-            (self._bits & -self._bits).bit_length() - 1 if self._bits else 0,
-            gaps if gaps >= MIN_MISSING_LEVELS_SHARE else 0.0,
-            lit,
-            surround,
+            grey_share=np.array(self._grey_share),
+            log_exposure=np.array(self._log_exposure),
+            radius_share=np.array(self._radius_share),
+            saturated_share=float(share[level >= (white if clipped is None else level[clipped]) - margin].sum()),
+            black_share=float(share[level <= margin].sum()),
+            lowest_grey=int(level[low]),
+            highest_grey=int(level[high]),
+            max_grey=white,
+            empty_low_bits=(self._bits & -self._bits).bit_length() - 1 if self._bits else 0,
+            missing_levels_share=gaps if gaps >= MIN_MISSING_LEVELS_SHARE else 0.0,
+            lit=lit,
+            surround=surround,
         )
 
 

@@ -121,20 +121,20 @@ class Preprocessor:
         counts = cv2.calcHist([levels], [0], None, [256], [0, 256]).ravel().astype(np.int64)
         brightest = float(grey_range.grey(BRIGHTEST_EXPOSED))
         return PreprocessedFrame(
-            frame.index,
-            size,
-            reduction,
-            levels,
-            thumbnail_of(frame, reduced, size, grey_range),
-            _quantiles(counts),
-            _moments(counts, brightest),
-            _surround_moments(levels, brightest),
-            grey_range,
-            grey,
-            squares,
-            self.smoothing_px,
-            self._gradient(small, further, white),
-            self._clipped_nearby(averaged, frame, reduction, grey_range),
+            number=frame.index,
+            size=size,
+            reduction=reduction,
+            small=levels,
+            thumbnail=thumbnail_of(frame, reduced, size, grey_range),
+            grey_quantiles=_quantiles(counts),
+            moments=_moments(counts, brightest),
+            surround_moments=_surround_moments(levels, brightest),
+            grey_range=grey_range,
+            grey=grey,
+            squares=squares,
+            smoothing_px=self.smoothing_px,
+            gradient=self._gradient(small, further, white),
+            clipped=self._clipped_nearby(averaged, frame, reduction, grey_range),
         )
 
     def thumbnail(self, frame: Frame, grey_range: GreyRange = FULL_RANGE) -> Thumbnail:

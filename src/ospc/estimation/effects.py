@@ -115,13 +115,13 @@ class Effects:
         first, last = self.groups
         seen = Circumstances(
             observations,
-            np.exp(observations.log_exposure - self.log_typical_exposure),
-            2 * (observations.group - first) / max(last - first, 1) - 1,
-            basis.grid[index],
-            basis.gamma_of(coefficients)[index],
-            _light_of_moments(basis.grid, irradiance),
-            self.absorbed,
-            self.step_exposures,
+            exposure=np.exp(observations.log_exposure - self.log_typical_exposure),
+            time=2 * (observations.group - first) / max(last - first, 1) - 1,
+            grey=basis.grid[index],
+            gamma=basis.gamma_of(coefficients)[index],
+            light_of_moments=_light_of_moments(basis.grid, irradiance),
+            absorbed=self.absorbed,
+            step_exposures=self.step_exposures,
         )
         amounts = {name: EFFECTS[name].amount(seen) for name in self.chosen}
         return EffectTerms(seen.exposure, np.maximum(irradiance[index], DARKEST_IRRADIANCE), amounts)

@@ -84,13 +84,13 @@ def brightness_report(lag: LagEstimate, log_exposure: FloatArray) -> BrightnessR
     constant = bool(stays.all())
     stale = len(unchanged) >= MIN_STALE_PAIRS and _rms(unchanged) > NOTABLE_RMS_LOG
     return BrightnessReport(
-        _rms(fit.observed),
-        _rms(unexplained),
-        fit.unexplained_share,
-        drift,
-        bool(stale or (constant and drift > STALE_DRIFT_LOG)),
-        flicker,
-        _jumps(lag.frame, unexplained),
+        change_rms_log=_rms(fit.observed),
+        unexplained_rms_log=_rms(unexplained),
+        unexplained_share=fit.unexplained_share,
+        drift_at_constant_exposure_log=drift,
+        stale=bool(stale or (constant and drift > STALE_DRIFT_LOG)),
+        flicker=flicker,
+        jumps=_jumps(lag.frame, unexplained),
     )
 
 

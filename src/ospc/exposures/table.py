@@ -134,11 +134,11 @@ class ExposureReport:
         parts = [*_blocks(log_exposure, 1)]
         changed = sum(int(np.count_nonzero(np.abs(np.diff(part)) >= CHANGED_EXPOSURE_LOG)) for part in parts)
         return cls(
-            float(np.exp(log_exposure.min())),
-            float(np.exp(log_exposure.max())),
-            len(np.unique(np.concatenate([np.unique(part) for part in parts]))),
-            changed / max(len(log_exposure) - 1, 1),
-            exposure_cycle(log_exposure),
+            lowest_ms=float(np.exp(log_exposure.min())),
+            highest_ms=float(np.exp(log_exposure.max())),
+            values=len(np.unique(np.concatenate([np.unique(part) for part in parts]))),
+            changed_share=changed / max(len(log_exposure) - 1, 1),
+            cycle_frames=exposure_cycle(log_exposure),
         )
 
     @property

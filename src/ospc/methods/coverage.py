@@ -44,9 +44,9 @@ def coverage_of(
         np.exp(edges),
         by_exposure,
         by_radii,
-        _quantiles(residual, grey, GREY_CLASSES),
-        _quantiles(residual, ring, RADIUS_CLASSES),
-        by_place[:, QUANTILES.index(0.5)].reshape(rows, PLACE_COLUMNS),
+        residual_by_grey=_quantiles(residual, grey, GREY_CLASSES),
+        residual_by_radius=_quantiles(residual, ring, RADIUS_CLASSES),
+        residual_by_place=by_place[:, QUANTILES.index(0.5)].reshape(rows, PLACE_COLUMNS),
     )
 
 

@@ -84,16 +84,16 @@ class PairErrors:
 
         phi, rho, x = centred(change), centred(error[:, None])[:, 0], centred(parameter)
         return cls(
-            int(seen.frame[0]),
-            int(seen.frame[1]),
-            len(error),
-            phi.T @ phi,
-            phi.T @ rho,
-            phi.T @ x,
-            middle,
-            mean(change),
-            float(np.sqrt(np.quantile(squared, SEEN_QUANTILES[1]))),
-            np.quantile(grey, SEEN_QUANTILES),
+            frame0=int(seen.frame[0]),
+            frame1=int(seen.frame[1]),
+            points=len(error),
+            matrix=phi.T @ phi,
+            vector=phi.T @ rho,
+            fit_products=phi.T @ x,
+            error=middle,
+            common=mean(change),
+            max_radius=float(np.sqrt(np.quantile(squared, SEEN_QUANTILES[1]))),
+            grey_limits=np.quantile(grey, SEEN_QUANTILES),
         )
 
     @property
