@@ -10,6 +10,7 @@ from scipy.special import ndtr, ndtri
 
 from ospc.estimation.mean_of_pixels import PixelMeans, shift_and_variance
 from ospc.estimation.response_basis import ResponseBasis
+from ospc.exposures.table import ExposureTable
 from ospc.observations import Observations
 from ospc.photometry.noise import NoiseModel
 from ospc.photometry.response import Response
@@ -17,6 +18,7 @@ from ospc.simulation.responses import RESPONSES
 
 GRID = np.linspace(0, 1, 2041)
 LINEAR = Response.gamma(1.0, 2041)
+EXPOSURES = ExposureTable.of(np.zeros(2))
 TABLE_LEVELS = 65
 DRAWS, TABLE_DRAWS = 40_000, 8_000
 """Pixels drawn for each mean, and for each tabulated variance, whose 2 % error is a tenth of the tolerance."""
@@ -156,7 +158,7 @@ def test_the_error_covers_clipped_lights_among_dark_pixels(share, ratio):
     at = np.zeros((1, 2))
     seen = Observations.of_pairs(
         *grey[:, None], at, at, 0, 1, grey_variance0=variance[:1], grey_variance1=variance[1:]
-    )
+    ).with_exposures(EXPOSURES)
     index = basis.index_of(seen.grey)
     corrected = seen.grey + means.by_texture(means.texture(seen, index), index)
     wrong = 2.2 * np.log(corrected[1] / corrected[0]) - np.log(ratio)
@@ -171,4 +173,16 @@ def test_pixels_that_vary_no_more_than_their_noise_have_no_error_by_texture():
     at = np.zeros((3, 2))
     variances = {"grey_variance0": [0.0, 5e-5, 9e-5], "grey_variance1": [1e-4, 2e-5, 0.0]}
     seen = Observations.of_pairs([0.1, 0.2, 0.4], [0.2, 0.3, 0.5], at, at, 0, 1, **variances)
+    seen = seen.with_exposures(EXPOSURES)
     np.testing.assert_allclose(means.error_variance(seen, basis.index_of(seen.grey)), 0, atol=1e-15)
+
+
+def test_gain_increases_shift_and_noise_alike():
+    basis = ResponseBasis(32)
+    noise = NoiseModel(1e-4, 0.0, gain_from_log_exposure=np.log(2.0), gain_power=1.5)
+    means = PixelMeans.of(basis, np.full(33, 2.2), noise)
+    grey, at = np.array([0.3, 0.3]), np.zeros((2, 2))
+    seen = Observations.of_pairs(grey, grey, at, at, 0, 1).with_exposures(ExposureTable.of(np.log([1.0, 8.0])))
+    index = basis.index_of(seen.grey)
+    for increased in (means.increase_by_noise(seen, index), means.variance_of_noise(seen, index)):
+        np.testing.assert_allclose(increased[1::2] / increased[0::2], 4**1.5)

@@ -7,15 +7,25 @@ from dataclasses import dataclass, field, replace
 import cv2
 import numpy as np
 
-from ospc.arrays import Float32Array, FloatArray, Image
+from ospc.arrays import Float32Array, FloatArray, Image, IntArray
 from ospc.least_squares import non_negative_least_squares
+from ospc.observations import ExposureLookup
 from ospc.photometry.noise import BRIGHTEST_EXPOSED, DARKEST_EXPOSED, NoiseModel
 from ospc.recording.frame import Frame
+from ospc.robust import robust_scale
 from ospc.settings.sampling import (
     ASSUMED_NOISE_SIGMA,
+    GAIN_BEGINS,
+    GAIN_ITERATIONS,
+    GAIN_SPREAD,
     MAX_BANDS,
+    MAX_GAIN_POWER,
+    MAX_GAIN_RESIDUAL,
+    MIN_AMPLIFIED_RATIO,
     MIN_BAND_SPACING_ROWS,
     MIN_END_DISTANCE_SIGMAS,
+    MIN_GAIN_POWER,
+    MIN_GAIN_VARIANCES,
     MIN_NOISE_BLOCKS,
     NOISE_BINS,
     NOISE_BLOCK_PX,
@@ -37,6 +47,8 @@ class NoiseEstimator:
     max_grey: int
     _found: list[list[float]] = field(default_factory=lambda: [[] for _ in range(NOISE_BINS)], repr=False)
     """Variances of noise in each range of grey levels, the latest last."""
+    _frames: list[list[int]] = field(default_factory=lambda: [[] for _ in range(NOISE_BINS)], repr=False)
+    """Numbers of their frames."""
     _waiting: list[list[float]] = field(default_factory=lambda: [[] for _ in range(NOISE_BINS)], repr=False)
     """Variances of blocks that are not yet enough for the next value: small images have few blocks per range."""
 
@@ -55,6 +67,7 @@ class NoiseEstimator:
                 lowest = np.interp(NOISE_QUANTILE * (len(inside) - 1), np.arange(len(inside)), inside)
                 least = float(lowest) / NOISE_QUANTILE_RATIO
                 self._found[b] = [*self._found[b], least][-NOISE_FRAMES:]
+                self._frames[b] = [*self._frames[b], frame.index][-NOISE_FRAMES:]
                 self._waiting[b] = []
             else:
                 self._waiting[b] = inside.tolist()
@@ -78,20 +91,60 @@ class NoiseEstimator:
 
         return np.stack([means(grey), means(rough)])[:, means(clipped) == 0]
 
-    def model(self) -> NoiseModel:
+    def model(self, exposures: ExposureLookup) -> NoiseModel:
         """Return the noise model; an assumed one if nothing was measured."""
         floor = QUANTISATION_VARIANCE / self.max_grey**2
-        known = np.flatnonzero([len(found) > 0 for found in self._found])
-        if not len(known):
+        number = np.repeat(np.arange(NOISE_BINS), [len(found) for found in self._found])
+        if not len(number):
             return NoiseModel(max(floor, ASSUMED_NOISE_SIGMA**2), 0.0)
+        log_variance = np.log(np.maximum(np.concatenate(self._found), floor))
+        log_exposure = exposures.log_exposure_of(np.concatenate(self._frames).astype(np.int64))
+        exposed = np.isfinite(log_exposure)
+        amplified = exposed & (log_variance > np.log(MIN_AMPLIFIED_RATIO * floor))
+        begin, power = _growth_with_gain(number[amplified], log_exposure[amplified], log_variance[amplified])
+        without_gain = np.exp(log_variance)
+        without_gain[exposed] *= np.exp(-power * np.maximum(log_exposure[exposed] - begin, 0.0))
+        known = np.unique(number)
         level = (known + 0.5) / NOISE_BINS
-        variance = np.maximum([np.median(found) for found in self._found if found], floor)
+        variance = np.array([np.median(without_gain[number == b]) for b in known])
         rows = np.stack([1 / variance, level / variance], axis=1)
         read, shot = non_negative_least_squares(rows, np.ones(len(level)))
+        affine = NoiseModel(max(float(read), floor), float(shot), (), (0.0, 1.0), begin, power)
         trusted = MIN_END_DISTANCE_SIGMAS * np.sqrt(variance) < np.minimum(level, 1 - level)
-        affine = NoiseModel(max(float(read), floor), float(shot))
         if not trusted.any():
             return affine
         table = np.interp(np.linspace(0, 1, NOISE_BINS + 1), level[trusted], variance[trusted])
         first, last = known[trusted][[0, -1]].tolist()
         return replace(affine, table=tuple(table.tolist()), measured=(first / NOISE_BINS, (last + 1) / NOISE_BINS))
+
+
+def _growth_with_gain(number: IntArray, log_exposure: FloatArray, log_variance: FloatArray) -> tuple[float, float]:
+    """Return ln of the exposure from which noise grows at the same grey level, and the power; 0, 0 without growth.
+
+    Cameras lengthen the exposure time up to a limit, and then raise the gain. Shot noise grows with the gain, read
+    noise with its square. ``number`` is the grey range of each variance, shape (n,).
+    """
+    if len(number) < MIN_GAIN_VARIANCES:
+        return 0.0, 0.0
+    constant = _without_means(log_variance, number, np.ones(len(number)))
+    best = (MAX_GAIN_RESIDUAL * float(np.abs(constant).sum()), 0.0, 0.0)
+    for begin in np.quantile(log_exposure, GAIN_BEGINS).tolist():
+        growth, weight = np.maximum(log_exposure - begin, 0.0), np.ones(len(number))
+        for _ in range(GAIN_ITERATIONS):
+            rise, deviation = (_without_means(one, number, weight) for one in (growth, log_variance))
+            spread = float(np.sum(weight * rise**2))
+            if spread < GAIN_SPREAD**2 * len(number):
+                break
+            power = float(np.sum(weight * rise * deviation)) / spread
+            residual = np.abs(deviation - power * rise)
+            weight = 1 / np.maximum(1.0, residual / robust_scale(residual))
+        else:
+            best = min(best, (float(residual.sum()), begin, power))
+    _, begin, power = best
+    return (begin, min(power, MAX_GAIN_POWER)) if power > MIN_GAIN_POWER else (0.0, 0.0)
+
+
+def _without_means(values: FloatArray, number: IntArray, weight: FloatArray) -> FloatArray:
+    """Return values minus the weighted mean of their grey range, shape (n,)."""
+    total, mean = (np.bincount(number, one, NOISE_BINS) for one in (weight, weight * values))
+    return np.asarray(values - (mean / np.maximum(total, np.finfo(np.float64).tiny))[number])

@@ -105,14 +105,14 @@ class Fit(Model):
         log_g = np.interp(self.grey_of_mean(observations), self.response_basis.grid, self.log_response)
         return log_g - self.vignette_basis.log_value(self.vignette_parameters, observations.position)
 
-    def grey_of_mean(self, observations: Observations) -> FloatArray:
+    def grey_of_mean(self, observations: ExposedObservations) -> FloatArray:
         """Return the grey level of the mean irradiance of each observation's pixels, shape (n,)."""
         if self._pixel_means is None:
             return observations.grey
         index = self.response_basis.index_of(observations.grey)
         texture = self.texture_share * self._pixel_means.texture(observations, index)
         by_texture = self._pixel_means.by_texture(texture, index)
-        return np.asarray(observations.grey - self._pixel_means.by_noise[index] + by_texture)
+        return np.asarray(observations.grey - self._pixel_means.increase_by_noise(observations, index) + by_texture)
 
     @cached_property
     def _pixel_means(self) -> PixelMeans | None:

@@ -31,11 +31,11 @@ class Fitted:
             fit.parameters, self.observations, fit.response_basis.index_of(self.observations.grey)
         )
         first = self._predict(self.observations, log_gain, np.ones(len(self.observations)))
-        weight, _ = redescending_weights(first.studentised, self._predict.unclipped(first))
+        weight, _ = redescending_weights(first.studentised, self._predict.unclipped(self.observations, first))
         del first  # it takes as much memory as the observations
         # Repeat with radiances no longer biased by outliers.
         latent = self._predict(self.observations, log_gain, weight)
-        return latent, *redescending_weights(latent.studentised, self._predict.unclipped(latent))
+        return latent, *redescending_weights(latent.studentised, self._predict.unclipped(self.observations, latent))
 
     @property
     def log_response(self) -> FloatArray:

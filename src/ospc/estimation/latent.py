@@ -131,12 +131,13 @@ class LatentModel:
             latent = self._linearised(observations, grey, latent.log_exposure, log_gain, weight)
         return self._with_texture(observations, latent) if self.trusted else latent
 
-    def unclipped(self, latent: Latent) -> BoolArray:
+    def unclipped(self, observations: ExposedObservations, latent: Latent) -> BoolArray:
         """Return where the noise of single pixels hardly reaches black or white, given the predicted grey level.
 
         Using the measured grey level would select samples whose noise happens to point away from the end.
         """
-        return self._unclipped[latent.index]
+        reach = CLEAR_OF_ENDS_SIGMAS * np.sqrt(self._pixel_means.variance_of_noise(observations, latent.index))
+        return np.asarray((latent.grey + reach < 1.0) & (latent.grey > np.minimum(reach, MAX_DARK_CLEARANCE)))
 
     def _with_texture(self, observations: ExposedObservations, latent: Latent) -> Latent:
         """Return the observations with their reduction by texture, which only the linear system needs."""
@@ -180,11 +181,6 @@ class LatentModel:
         return PixelMeans.of(self.basis, self.coefficients, self.pixel_noise)
 
     @cached_property
-    def _unclipped(self) -> BoolArray:
-        grey, reach = self.basis.grid, CLEAR_OF_ENDS_SIGMAS * np.sqrt(self._pixel_means.noise_variance)
-        return np.asarray((grey + reach < 1.0) & (grey > np.minimum(reach, MAX_DARK_CLEARANCE)))
-
-    @cached_property
     def error_by_noise(self) -> FloatArray:
         """Error of the coefficients if a part of the noise is added after the response, shape (len(basis),).
 
@@ -222,7 +218,8 @@ class LatentModel:
         if self.trusted:
             # Noise and texture shift the mean of pixels away from the grey level of their mean irradiance.
             means, texture = self._pixel_means, self._pixel_means.texture(observations, index)
-            excess = excess - means.by_noise[index] + self.texture_share * means.by_texture(texture, index)
+            by_texture = self.texture_share * means.by_texture(texture, index)
+            excess = excess - means.increase_by_noise(observations, index) + by_texture
             variance = variance + self.texture_share**2 * means.error_variance(observations, index)
         linear_log = self.log_response[index] + slope * excess
         precision, offset, zero = 1 / (variance * slope**2), log_exposure + log_gain, np.zeros(len(level))

@@ -139,7 +139,7 @@ class MaximumLikelihoodEstimator:
         latent = predict(observations, log_gain, present.weight)
         errors, weight, sandwich_factor = present.errors, present.weight, present.sandwich_factor
         if predict.trusted:
-            unclipped = predict.unclipped(latent)
+            unclipped = predict.unclipped(observations, latent)
             weight = unclipped.astype(np.float64)
             if not convex:
                 weight, sandwich_factor = redescending_weights(latent.studentised, unclipped)

@@ -22,7 +22,7 @@ import numpy as np
 from ospc.arrays import BoolArray, FloatArray, IntArray
 from ospc.estimation.response_basis import ResponseBasis
 from ospc.least_squares import non_negative_least_squares
-from ospc.observations import Observations
+from ospc.observations import ExposedObservations
 from ospc.photometry.noise import NoiseModel
 from ospc.settings.error_model import (
     DARKEST_GREY,
@@ -58,20 +58,23 @@ class PixelMeans:
     Attributes
     ----------
     by_noise
-        Increase of the mean by noise.
+        Increase of the mean by noise without gain; it grows as the variance does.
     grid
         Grey levels.
     decrease_per_variance
         Decrease of the mean by texture over its variance, for each of :data:`TEXTURE_WIDTHS`, shape (grid, widths);
         one column for all widths if there is no knee.
     noise_variance
-        Variance of single pixels.
+        Variance of single pixels without gain.
+    noise
+        The noise model, for the growth with gain.
     """
 
     by_noise: FloatArray
     grid: FloatArray
     decrease_per_variance: FloatArray
     noise_variance: FloatArray
+    noise: NoiseModel
 
     @classmethod
     def of(cls, basis: ResponseBasis, coefficients: FloatArray, noise: NoiseModel) -> PixelMeans:
@@ -90,29 +93,38 @@ class PixelMeans:
             decrease[at_knee] = _decrease_at_knee(
                 basis.grid[at_knee], basis.grid, log_response, basis.grid + by_noise
             )
-        return cls(by_noise, basis.grid, decrease, variance)
+        return cls(by_noise, basis.grid, decrease, variance, noise)
 
-    def texture(self, observations: Observations, index: IntArray) -> FloatArray:
-        """Return the variance of the texture over the squared grey level, (n,); zero if unknown.
+    def increase_by_noise(self, observations: ExposedObservations, index: IntArray) -> FloatArray:
+        """Return the increase of the mean by noise at the gain of each observation, (n,).
 
         ``index`` is the grid index of each observation's grey level, shape (n,).
         """
+        return np.asarray(self.by_noise[index] * self.noise.growth(observations.log_exposure))
+
+    def variance_of_noise(self, observations: ExposedObservations, index: IntArray) -> FloatArray:
+        """Return the variance of single pixels at the gain of each observation, (n,); arguments as before."""
+        return np.asarray(self.noise_variance[index] * self.noise.growth(observations.log_exposure))
+
+    def texture(self, observations: ExposedObservations, index: IntArray) -> FloatArray:
+        """Return the variance of the texture over the squared grey level, (n,), 0 if unknown; arguments as before."""
         texture = self._whole_texture(observations, index)
         share = np.minimum(1, MAX_TEXTURE**2 / np.maximum(np.abs(texture), MAX_TEXTURE**2)) / self._distrust[index]
         # Equal for all observations of a point: a correction of only one would look like another exposure.
         least = np.repeat(observations.combined(np.minimum, share), observations.counts)
         return np.asarray(texture * least)
 
-    def error_variance(self, observations: Observations, index: IntArray) -> FloatArray:
+    def error_variance(self, observations: ExposedObservations, index: IntArray) -> FloatArray:
         """Return the variance of the mean that a full correction of texture leaves, (n,); arguments as before."""
         texture = observations.combined(np.add, np.maximum(self._whole_texture(observations, index), 0.0))
         mean = np.repeat(texture / observations.counts, observations.counts)
         return np.asarray(self._squared_grey[index] * (TEXTURE_ERROR * mean) ** 2)
 
-    def _whole_texture(self, observations: Observations, index: IntArray) -> FloatArray:
+    def _whole_texture(self, observations: ExposedObservations, index: IntArray) -> FloatArray:
         """Return the variance of the texture over the squared grey level, however large and doubtful, (n,)."""
         variance = observations.grey_variance
-        return np.where(variance > 0, variance - self.noise_variance[index], 0.0) / self._squared_grey[index]
+        texture = variance - self.variance_of_noise(observations, index)
+        return np.where(variance > 0, texture, 0.0) / self._squared_grey[index]
 
     def by_texture(self, texture: FloatArray, index: IntArray) -> FloatArray:
         """Return the decrease of the mean by texture, (n,), given the result of :meth:`texture`."""

@@ -28,9 +28,6 @@ _GIVE_TIMES = (
 _SLOWER = "record a well-exposed scene with even surfaces and some texture, and move slowly"
 _MORE_FRAMES = "record at least sixty consecutive frames"
 
-_HARDLY_ANY = 0.005
-"""Share of the brightness changes that would be rounded to no per cent."""
-
 
 def verdict_on(
     recorded: ExposureReport,
@@ -97,7 +94,7 @@ def _contradiction(
         return Verdict("not identifiable", text, _FIX_METADATA)
     if fits_badly and not lag.frames:
         rest = f"the rest, {_percent(brightness.unexplained_rms_log)} per frame, may be flicker or an unrecorded gain"
-        only = "only " if brightness.unexplained_share <= 1 - _HARDLY_ANY else ""
+        only = "only " if round(1 - brightness.unexplained_share, 2) > 0 else ""
         text = f"exposures fit badly: they explain {only}{_explained(brightness)}; {rest}"
         return Verdict("marginal", text, _STEADY_LIGHT)
     return None
@@ -107,7 +104,7 @@ def _explained(brightness: BrightnessReport) -> str:
     """Return the share of the brightness changes that exposures explain; they may also add changes instead."""
     share = 1 - brightness.unexplained_share
     few = "hardly any" if share > 0 else "none"
-    return f"{f'{share:.0%}' if share >= _HARDLY_ANY else few} of the brightness changes"
+    return f"{f'{share:.0%}' if round(share, 2) > 0 else few} of the brightness changes"
 
 
 def _on_lag(recorded: ExposureReport, lag: LagEstimate, explained: str) -> Verdict:

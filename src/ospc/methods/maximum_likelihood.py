@@ -33,6 +33,7 @@ from ospc.methods.summary import FitInputs, summarise
 from ospc.observations import ExposedObservations, Observations
 from ospc.photometry.calibration import Calibration
 from ospc.photometry.grey_range import FULL_RANGE, GreyRange
+from ospc.photometry.noise import NoiseModel
 from ospc.recording.frame import Frame
 from ospc.second_thread import SecondThread
 from ospc.settings import DefaultSettings
@@ -134,7 +135,7 @@ class MaximumLikelihoodMethod:
             some = self._reservoir.some(QUICK_FIT_POINTS).with_exposures(exposures)
             if some.log_exposure_change() >= self._settings.min_log_exposure_change:
                 radius = self._scene_area.usable_radius()
-                self._quick_fit.refine(some, self._noise.model(), radius, trusts_stated=exposures.trusted)
+                self._quick_fit.refine(some, self._noise.model(exposures), radius, trusts_stated=exposures.trusted)
                 if self._quick_fit.fit is not None and self._pairs >= REFERENCE_FIT_PAIRS:
                     self._changes.set_reference(self._quick_fit.fit)
         # Early pairs were registered with an unknown vignette, which biases registration towards equal brightness:
@@ -224,7 +225,8 @@ class MaximumLikelihoodMethod:
     ) -> FitInputs:
         """Return the inputs; if the fit shows a higher black level, the fit with that one."""
         observations = self._observations(exposures, grey_range)
-        fit = None if observations is None else self._fitted(observations, grey_range)
+        noise = self._noise.model(exposures)
+        fit = None if observations is None else self._fitted(observations, noise, grey_range)
         if fit is not None and observations is not None and not self._stationary.stands_still:
             black = black_level(fit, observations, least_black)
             if black > 0:
@@ -232,7 +234,7 @@ class MaximumLikelihoodMethod:
         return FitInputs(
             size=self._size,
             max_grey=self._max_grey,
-            noise=self._noise.model(),
+            noise=noise,
             observations=observations,
             fit=fit,
             standing_still=self._stationary.stands_still,
@@ -309,7 +311,7 @@ class MaximumLikelihoodMethod:
         exposed = found.with_exposures(exposures).stretched(grey_range)
         return exposed if len(exposed) else None
 
-    def _fitted(self, observations: ExposedObservations, grey_range: GreyRange) -> Fit | None:
+    def _fitted(self, observations: ExposedObservations, noise: NoiseModel, grey_range: GreyRange) -> Fit | None:
         settings = self._settings
         if len(observations.starts) < settings.min_points:
             return None
@@ -318,8 +320,8 @@ class MaximumLikelihoodMethod:
         if self._stationary.stands_still:
             plan = plan_of_stationary_camera(settings, noise=None)
         else:
-            noise = grey_range.stretched_noise(self._noise.model())
-            plan = plan_of_moving_camera(settings, noise, self._scene_area.usable_radius())
+            stretched = grey_range.stretched_noise(noise)
+            plan = plan_of_moving_camera(settings, stretched, self._scene_area.usable_radius())
         fit = fit_with_chosen_effects(observations, plan)
         return replace(fit, covariance=INTER_CODED_SIGMAS**2 * fit.covariance) if self._inter_coded else fit
 

@@ -202,7 +202,9 @@ def _noise(content: dict[str, Any]) -> NoiseModel:
         raise FormatError(f"the noise table has {table.size} values, more than the number of grey levels")
     read, shot = (_number(content, name, high=1.0) for name in ("read_variance", "shot_variance"))
     lowest, highest = _array(content.get("measured", (0.0, 1.0)), "measured grey levels", (2,), high=1.0).tolist()
-    return NoiseModel(read, shot, tuple(table.tolist()), (lowest, highest))
+    known = {"gain_from_log_exposure": 0.0, "gain_power": 0.0} | content
+    begin = _number(known, "gain_from_log_exposure", low=-_LARGEST)
+    return NoiseModel(read, shot, tuple(table.tolist()), (lowest, highest), begin, _number(known, "gain_power"))
 
 
 def _ratios(content: dict[str, Any]) -> ExposureRatios:

@@ -31,6 +31,10 @@ class NoiseModel:
     """Variances at equidistant grey levels from 0 to 1, used instead of the affine law; empty if not measured."""
     measured: tuple[float, float] = (0.0, 1.0)
     """Lowest and highest measured grey level; outside, the table repeats the nearest measurement."""
+    gain_from_log_exposure: float = 0.0
+    """ln of the exposure in milliseconds, times gain, from which the gain and with it the noise increases."""
+    gain_power: float = 0.0
+    """Growth of ln variance, at the same grey level, with ln exposure from there on; 0 without gain."""
 
     def __post_init__(self) -> None:
         """Freeze the table."""
@@ -42,3 +46,7 @@ class NoiseModel:
         if self.table:
             return np.interp(level, np.linspace(0.0, 1.0, len(self.table)), self.table)
         return np.asarray(self.read_variance + self.shot_variance * level)
+
+    def growth(self, log_exposure: FloatArray) -> FloatArray:
+        """Return the factor by which gain increases the variance at exposures, given as ln of ms, (n,) -> (n,)."""
+        return np.exp(self.gain_power * np.maximum(log_exposure - self.gain_from_log_exposure, 0.0))

@@ -38,7 +38,7 @@ from ospc.settings.brightness import MAX_REPEATED_FRAMES
 from ospc.settings.effects import STEP_EXPOSURES
 from ospc.settings.grey_values import COVERAGE_GREY_CELLS, COVERAGE_RADIUS_CELLS, MAX_COUNTED_FRAMES
 from ospc.settings.methods import MAX_BASELINE_PAIRS, MAX_FRAME_RATE, MIN_FRAME_RATE
-from ospc.settings.sampling import AGE_CLASSES, MAX_COMPARISONS
+from ospc.settings.sampling import AGE_CLASSES, MAX_COMPARISONS, MAX_GAIN_POWER
 from ospc.settings.vignette import MIN_USABLE_RADIUS
 from ospc.state_rules.numbers import (
     BINS,
@@ -104,7 +104,7 @@ RULES: Mapping[type, Mapping[str, Numbers | str]] = {
     },
     Reservoir: {"_halvings": Numbers(0, 64)},
     StaticSeries: {"_places _size _grey _index": ELSEWHERE, "_stride": Numbers(1, MOST)},
-    noise_estimation.NoiseEstimator: {"_found _waiting": ELSEWHERE},
+    noise_estimation.NoiseEstimator: {"_found _frames _waiting": ELSEWHERE},
     Fit: {
         "effect_estimates parameters covariance chance": ELSEWHERE,
         "texture_share": UNIT,
@@ -116,6 +116,8 @@ RULES: Mapping[type, Mapping[str, Numbers | str]] = {
         "shot_variance": Numbers(-1, 1),
         "table": Numbers(0, 1, ("levels",)),
         "measured": Numbers(0, 1, (2,)),
+        "gain_from_log_exposure": logs(),
+        "gain_power": Numbers(0, MAX_GAIN_POWER),
     },
     ResponseBasis: {"intervals": Numbers(1, MOST_INTERVALS)},
     Effects: {

@@ -43,6 +43,9 @@ def check_state(
         require(len(ranges) == NOISE_BINS, "its noise has another number of grey levels")
         for variances in ranges:
             rule.check("noise", variances)
+    for variances, numbers in zip(method.noise._found, method.noise._frames, strict=True):
+        require(len(numbers) == len(variances), "its noise has another number of frames than of variances")
+        require(all(0 <= number < frames for number in numbers), "its noise is of frames that do not exist")
     width, height = settings.preprocessor().small_size(size)
     area = method.scene_area
     for image in (area.brightest, area.allowed, area.latest, area.fine, area.contrast):
