@@ -39,6 +39,8 @@ _LAPLACIANS = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], dtype=np.float32) 
 """Insensitive to planes and to edges along rows and columns; preserves the variance of white noise (Immerkaer
 1996)."""
 
+_TINY = np.finfo(np.float64).tiny
+
 
 @dataclass
 class NoiseEstimator:
@@ -137,7 +139,7 @@ def _growth_with_gain(number: IntArray, log_exposure: FloatArray, log_variance: 
                 break
             power = float(np.sum(weight * rise * deviation)) / spread
             residual = np.abs(deviation - power * rise)
-            weight = 1 / np.maximum(1.0, residual / robust_scale(residual))
+            weight = 1 / np.maximum(1.0, residual / max(robust_scale(residual), _TINY))
         else:
             best = min(best, (float(residual.sum()), begin, power))
     _, begin, power = best
@@ -147,4 +149,4 @@ def _growth_with_gain(number: IntArray, log_exposure: FloatArray, log_variance: 
 def _without_means(values: FloatArray, number: IntArray, weight: FloatArray) -> FloatArray:
     """Return values minus the weighted mean of their grey range, shape (n,)."""
     total, mean = (np.bincount(number, one, NOISE_BINS) for one in (weight, weight * values))
-    return np.asarray(values - (mean / np.maximum(total, np.finfo(np.float64).tiny))[number])
+    return np.asarray(values - (mean / np.maximum(total, _TINY))[number])

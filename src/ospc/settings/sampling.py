@@ -123,7 +123,7 @@ MIN_AMPLIFIED_RATIO = 4.0
 
 MAX_GAIN_RESIDUAL = 0.4
 """Largest mean residual of ln variance with growth, relative to that without. It was below 0.4 in ten simulated
-recordings with gain, and above in all of 420 without."""
+recordings with gain, and above in all of 450 without."""
 
 MIN_GAIN_POWER, MAX_GAIN_POWER = 0.8, 2.0
 """Growth of ln variance with ln exposure from which it is attributed to gain, and the largest one. It is 1 for shot
