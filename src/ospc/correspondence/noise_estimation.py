@@ -104,14 +104,15 @@ class NoiseEstimator:
         exposed = np.isfinite(log_exposure)
         amplified = exposed & (log_variance > np.log(MIN_AMPLIFIED_RATIO * floor))
         begin, power = _growth_with_gain(number[amplified], log_exposure[amplified], log_variance[amplified])
+        growing = NoiseModel(floor, 0.0, gain_from_log_exposure=begin, gain_power=power)
         without_gain = np.exp(log_variance)
-        without_gain[exposed] *= np.exp(-power * np.maximum(log_exposure[exposed] - begin, 0.0))
+        without_gain[exposed] /= growing.growth(log_exposure[exposed])
         known = np.unique(number)
         level = (known + 0.5) / NOISE_BINS
         variance = np.array([np.median(without_gain[number == b]) for b in known])
         rows = np.stack([1 / variance, level / variance], axis=1)
         read, shot = non_negative_least_squares(rows, np.ones(len(level)))
-        affine = NoiseModel(max(float(read), floor), float(shot), (), (0.0, 1.0), begin, power)
+        affine = replace(growing, read_variance=max(float(read), floor), shot_variance=float(shot))
         trusted = MIN_END_DISTANCE_SIGMAS * np.sqrt(variance) < np.minimum(level, 1 - level)
         if not trusted.any():
             return affine
