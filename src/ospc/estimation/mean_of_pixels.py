@@ -172,10 +172,7 @@ def _around(mask: BoolArray, reach: int) -> BoolArray:
 def shift_and_variance(
     grid: FloatArray, log_response: FloatArray, noise: NoiseModel
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the mean of noisy pixels minus the noise-free grey level, and their variance, shape (n,) each.
-
-    They are those at grey levels with their ln g, shape (n,) each.
-    """
+    """Return the shift of the mean of noisy pixels, and their variance, at grey levels with their ln g, (n,) each."""
     level = np.linspace(0, 1, SHIFT_LEVELS)
     log_g = np.interp(level, grid, log_response)
     irradiance = np.where(level > 0, np.exp(log_g), 0.0)
