@@ -85,12 +85,11 @@ def _figures(report: RecordingReport, unit: str) -> dict[str, str]:
     exposure, pixels, motion, timing = report.exposures.recorded, report.pixels, report.motion, report.timing
     cycle = "" if exposure.cycle_frames is None else f", repeating every {exposure.cycle_frames} frames"
     course = (
-        f"{exposure.lowest_ms:.4g}{unit} in all frames"
+        "in all frames"
         if exposure.values == 1
-        else f"{exposure.lowest_ms:.4g} to {exposure.highest_ms:.4g}{unit} (a factor of {exposure.ratio:.3g}), "
-        f"changes in {exposure.changed_share:.0%} of the frames{cycle}"
+        else f"(a factor of {exposure.ratio:.3g}), changes in {exposure.changed_share:.0%} of the frames{cycle}"
     )
-    rows = {"exposure": course, "exposure lag": _lag(report)}
+    rows = {"exposure": f"{exposure.in_words(unit)} {course}", "exposure lag": _lag(report)}
     brightness = report.exposures.brightness
     if brightness is not None:
         rows["brightness"] = (

@@ -146,15 +146,15 @@ class ExposureReport:
         """Longest over shortest exposure."""
         return self.highest_ms / self.lowest_ms
 
-    def in_words(self) -> str:
+    def in_words(self, unit: str = " ms") -> str:
         """Return the range of exposures, such as "1 to 32 ms"."""
-        return range_in_words(self.lowest_ms, self.highest_ms)
+        return range_in_words(self.lowest_ms, self.highest_ms, unit)
 
 
-def range_in_words(lowest_ms: float, highest_ms: float) -> str:
+def range_in_words(lowest: float, highest: float, unit: str = " ms") -> str:
     """Return a range of exposures, such as "1 to 32 ms", or "10 ms" if both are equal in four digits."""
-    lowest, highest = f"{lowest_ms:.4g}", f"{highest_ms:.4g}"
-    return f"{lowest} ms" if lowest == highest else f"{lowest} to {highest} ms"
+    first, last = f"{lowest:.4g}", f"{highest:.4g}"
+    return f"{first}{unit}" if first == last else f"{first} to {last}{unit}"
 
 
 def exposure_cycle(log_exposure: FloatArray) -> int | None:
