@@ -75,7 +75,7 @@ return with_changes(table, exposures_ms=np.concatenate([e[:1], e[:-1]]))
 
 
 MUTATIONS = (
-    Mutation("no-mean-shift", "PixelMeans.increase_by_noise", body("return np.zeros(len(index))"),
+    Mutation("no-mean-shift", "ObservedShifts.increase_by_noise", body("return np.zeros(len(self.index))"),
         "ignores that noise shifts the mean grey level where the response bends or clips"),
     Mutation("linearised-at-measured", "LatentModel.__call__",
         replaced("LATENT_ITERATIONS if self.trusted else 0", "0"),

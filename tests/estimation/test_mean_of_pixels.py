@@ -160,9 +160,10 @@ def test_the_error_covers_clipped_lights_among_dark_pixels(share, ratio):
         *grey[:, None], at, at, 0, 1, grey_variance0=variance[:1], grey_variance1=variance[1:]
     ).with_exposures(EXPOSURES)
     index = basis.index_of(seen.grey)
-    corrected = seen.grey + means.by_texture(means.texture(seen, index), index)
+    shifts = means.at(seen, index)
+    corrected = seen.grey + means.by_texture(shifts.texture, index)
     wrong = 2.2 * np.log(corrected[1] / corrected[0]) - np.log(ratio)
-    sigma = 2.2 * np.sqrt(np.sum(means.error_variance(seen, index) / seen.grey**2))
+    sigma = 2.2 * np.sqrt(np.sum(shifts.error_variance / seen.grey**2))
     assert wrong < -0.2 * share
     assert -3 * sigma < wrong
 
@@ -174,7 +175,7 @@ def test_pixels_that_vary_no_more_than_their_noise_have_no_error_by_texture():
     variances = {"grey_variance0": [0.0, 5e-5, 9e-5], "grey_variance1": [1e-4, 2e-5, 0.0]}
     seen = Observations.of_pairs([0.1, 0.2, 0.4], [0.2, 0.3, 0.5], at, at, 0, 1, **variances)
     seen = seen.with_exposures(EXPOSURES)
-    np.testing.assert_allclose(means.error_variance(seen, basis.index_of(seen.grey)), 0, atol=1e-15)
+    np.testing.assert_allclose(means.at(seen, basis.index_of(seen.grey)).error_variance, 0, atol=1e-15)
 
 
 def test_gain_increases_shift_and_noise_alike():
@@ -183,6 +184,6 @@ def test_gain_increases_shift_and_noise_alike():
     means = PixelMeans.of(basis, np.full(33, 2.2), noise)
     grey, at = np.array([0.3, 0.3]), np.zeros((2, 2))
     seen = Observations.of_pairs(grey, grey, at, at, 0, 1).with_exposures(ExposureTable.of(np.log([1.0, 8.0])))
-    index = basis.index_of(seen.grey)
-    for increased in (means.increase_by_noise(seen, index), means.variance_of_noise(seen, index)):
+    shifts = means.at(seen, basis.index_of(seen.grey))
+    for increased in (shifts.increase_by_noise, shifts.variance_of_noise):
         np.testing.assert_allclose(increased[1::2] / increased[0::2], 4**1.5)

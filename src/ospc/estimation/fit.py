@@ -110,9 +110,9 @@ class Fit(Model):
         if self._pixel_means is None:
             return observations.grey
         index = self.response_basis.index_of(observations.grey)
-        texture = self.texture_share * self._pixel_means.texture(observations, index)
-        by_texture = self._pixel_means.by_texture(texture, index)
-        return np.asarray(observations.grey - self._pixel_means.increase_by_noise(observations, index) + by_texture)
+        shifts = self._pixel_means.at(observations, index)
+        by_texture = self._pixel_means.by_texture(self.texture_share * shifts.texture, index)
+        return np.asarray(observations.grey - shifts.increase_by_noise + by_texture)
 
     @cached_property
     def _pixel_means(self) -> PixelMeans | None:

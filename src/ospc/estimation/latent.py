@@ -136,13 +136,14 @@ class LatentModel:
 
         Using the measured grey level would select samples whose noise happens to point away from the end.
         """
-        reach = CLEAR_OF_ENDS_SIGMAS * np.sqrt(self._pixel_means.variance_of_noise(observations, latent.index))
+        shifts = self._pixel_means.at(observations, latent.index)
+        reach = CLEAR_OF_ENDS_SIGMAS * np.sqrt(shifts.variance_of_noise)
         return np.asarray((latent.grey + reach < 1.0) & (latent.grey > np.minimum(reach, MAX_DARK_CLEARANCE)))
 
     def _with_texture(self, observations: ExposedObservations, latent: Latent) -> Latent:
         """Return the observations with their reduction by texture, which only the linear system needs."""
         means = self._pixel_means
-        texture = means.texture(observations, latent.index)
+        texture = means.at(observations, latent.index).texture
         equal_texture = weighted_means(texture, np.ones(len(texture)), observations)[1]
         return replace(latent, texture=latent.log_response_slope * means.by_texture(equal_texture, latent.index))
 
@@ -217,10 +218,10 @@ class LatentModel:
         variance = self.errors.with_gradient(flat, factor, observations.gradient)
         if self.trusted:
             # Noise and texture shift the mean of pixels away from the grey level of their mean irradiance.
-            means, texture = self._pixel_means, self._pixel_means.texture(observations, index)
-            by_texture = self.texture_share * means.by_texture(texture, index)
-            excess = excess - means.increase_by_noise(observations, index) + by_texture
-            variance = variance + self.texture_share**2 * means.error_variance(observations, index)
+            shifts = self._pixel_means.at(observations, index)
+            by_texture = self.texture_share * self._pixel_means.by_texture(shifts.texture, index)
+            excess = excess - shifts.increase_by_noise + by_texture
+            variance = variance + self.texture_share**2 * shifts.error_variance
         linear_log = self.log_response[index] + slope * excess
         precision, offset, zero = 1 / (variance * slope**2), log_exposure + log_gain, np.zeros(len(level))
         total, mean = weighted_means(linear_log - offset, weight * precision, observations)

@@ -95,40 +95,13 @@ class PixelMeans:
             )
         return cls(by_noise, basis.grid, decrease, variance, noise)
 
-    def increase_by_noise(self, observations: ExposedObservations, index: IntArray) -> FloatArray:
-        """Return the increase of the mean by noise at the gain of each observation, (n,).
-
-        ``index`` is the grid index of each observation's grey level, shape (n,).
-        """
-        return np.asarray(self.by_noise[index] * self.noise.growth(observations.log_exposure))
-
-    def variance_of_noise(self, observations: ExposedObservations, index: IntArray) -> FloatArray:
-        """Return the variance of single pixels at the gain of each observation, (n,); arguments as before."""
-        return np.asarray(self.noise_variance[index] * self.noise.growth(observations.log_exposure))
-
-    def texture(self, observations: ExposedObservations, index: IntArray) -> FloatArray:
-        """Return the variance of the texture over the squared grey level, (n,), 0 if unknown; arguments as before."""
-        texture = self._whole_texture(observations, index)
-        share = np.minimum(1, MAX_TEXTURE**2 / np.maximum(np.abs(texture), MAX_TEXTURE**2)) / self._distrust[index]
-        # Equal for all observations of a point: a correction of only one would look like another exposure.
-        least = np.repeat(observations.combined(np.minimum, share), observations.counts)
-        return np.asarray(texture * least)
-
-    def error_variance(self, observations: ExposedObservations, index: IntArray) -> FloatArray:
-        """Return the variance of the mean that a full correction of texture leaves, (n,); arguments as before."""
-        texture = observations.combined(np.add, np.maximum(self._whole_texture(observations, index), 0.0))
-        mean = np.repeat(texture / observations.counts, observations.counts)
-        return np.asarray(self._squared_grey[index] * (TEXTURE_ERROR * mean) ** 2)
-
-    def _whole_texture(self, observations: ExposedObservations, index: IntArray) -> FloatArray:
-        """Return the variance of the texture over the squared grey level, however large and doubtful, (n,)."""
-        variance = observations.grey_variance
-        texture = variance - self.variance_of_noise(observations, index)
-        return np.where(variance > 0, texture, 0.0) / self._squared_grey[index]
+    def at(self, observations: ExposedObservations, index: IntArray) -> ObservedShifts:
+        """Return the shifts of observations; ``index`` is the grid index of each one's grey level, shape (n,)."""
+        return ObservedShifts(self, observations, index)
 
     def by_texture(self, texture: FloatArray, index: IntArray) -> FloatArray:
-        """Return the decrease of the mean by texture, (n,), given the result of :meth:`texture`."""
-        return np.asarray(self._decrease_per_variance_of(texture, index) * self._squared_grey[index] * texture)
+        """Return the decrease of the mean by texture, (n,), given its variance over the squared grey level."""
+        return np.asarray(self._decrease_per_variance_of(texture, index) * self.squared_grey[index] * texture)
 
     def _decrease_per_variance_of(self, texture: FloatArray, index: IntArray) -> FloatArray:
         if self.decrease_per_variance.shape[1] == 1:
@@ -140,13 +113,61 @@ class PixelMeans:
         return np.asarray(narrower * (1 - part) + wider * part)
 
     @cached_property
-    def _squared_grey(self) -> FloatArray:
+    def squared_grey(self) -> FloatArray:
+        """The squared grey level, limited from below."""
         return np.maximum(self.grid, DARKEST_GREY) ** 2
 
     @cached_property
-    def _distrust(self) -> FloatArray:
-        """Divisor of the corrected share of the texture due to noise, on the grid."""
-        return 1 + (self.noise_variance / (MAX_NOISE**2 * self._squared_grey)) ** 2
+    def distrust(self) -> FloatArray:
+        """Divisor of the corrected share of the texture due to noise."""
+        return 1 + (self.noise_variance / (MAX_NOISE**2 * self.squared_grey)) ** 2
+
+
+@dataclass(frozen=True)
+class ObservedShifts:
+    """The shifts of observations, shape (n,) each; create them with :meth:`PixelMeans.at`."""
+
+    means: PixelMeans
+    observations: ExposedObservations
+    index: IntArray
+
+    @cached_property
+    def _growth(self) -> FloatArray:
+        """Growth of the noise with the gain of each observation."""
+        return self.means.noise.growth(self.observations.log_exposure)
+
+    @property
+    def increase_by_noise(self) -> FloatArray:
+        """Increase of the mean by noise."""
+        return np.asarray(self.means.by_noise[self.index] * self._growth)
+
+    @property
+    def variance_of_noise(self) -> FloatArray:
+        """Variance of single pixels by noise."""
+        return np.asarray(self.means.noise_variance[self.index] * self._growth)
+
+    @property
+    def texture(self) -> FloatArray:
+        """Variance of the texture over the squared grey level, as far as it can be corrected; 0 if unknown."""
+        texture = self._whole_texture
+        limited = np.minimum(1, MAX_TEXTURE**2 / np.maximum(np.abs(texture), MAX_TEXTURE**2))
+        # Equal for all observations of a point: a correction of only one would look like another exposure.
+        share = self.observations.combined(np.minimum, limited / self.means.distrust[self.index])
+        return np.asarray(texture * np.repeat(share, self.observations.counts))
+
+    @property
+    def error_variance(self) -> FloatArray:
+        """Variance of the mean that a full correction of texture leaves."""
+        counts = self.observations.counts
+        mean = self.observations.combined(np.add, np.maximum(self._whole_texture, 0.0)) / counts
+        return np.asarray(self.means.squared_grey[self.index] * (TEXTURE_ERROR * np.repeat(mean, counts)) ** 2)
+
+    @cached_property
+    def _whole_texture(self) -> FloatArray:
+        """Variance of the texture over the squared grey level, however large and doubtful."""
+        variance = self.observations.grey_variance
+        texture = np.where(variance > 0, variance - self.variance_of_noise, 0.0)
+        return np.asarray(texture / self.means.squared_grey[self.index])
 
 
 def _decrease_at_knee(level: FloatArray, grid: FloatArray, log_response: FloatArray, mean: FloatArray) -> FloatArray:
