@@ -107,25 +107,34 @@ class NoiseEstimator:
         growing = NoiseModel(floor, 0.0, gain_from_log_exposure=begin, gain_power=power)
         without_gain = np.exp(log_variance)
         without_gain[exposed] /= growing.growth(log_exposure[exposed])
-        known = np.unique(number)
-        level = (known + 0.5) / NOISE_BINS
-        variance = np.array([np.median(without_gain[number == b]) for b in known])
-        rows = np.stack([1 / variance, level / variance], axis=1)
-        read, shot = non_negative_least_squares(rows, np.ones(len(level)))
-        affine = replace(growing, read_variance=max(float(read), floor), shot_variance=float(shot))
-        trusted = MIN_END_DISTANCE_SIGMAS * np.sqrt(variance) < np.minimum(level, 1 - level)
-        if not trusted.any():
-            return affine
-        table = np.interp(np.linspace(0, 1, NOISE_BINS + 1), level[trusted], variance[trusted])
-        first, last = known[trusted][[0, -1]].tolist()
-        return replace(affine, table=tuple(table.tolist()), measured=(first / NOISE_BINS, (last + 1) / NOISE_BINS))
+        measured = _model_of(number, without_gain, floor)
+        return replace(measured, gain_from_log_exposure=begin, gain_power=power)
+
+
+def _model_of(number: IntArray, variances: FloatArray, floor: float) -> NoiseModel:
+    """Return the noise model that follows from variances without gain, shape (n,), and their lower limit.
+
+    ``number`` is the grey range of each variance, shape (n,).
+    """
+    known = np.unique(number)
+    level = (known + 0.5) / NOISE_BINS
+    variance = np.array([np.median(variances[number == b]) for b in known])
+    rows = np.stack([1 / variance, level / variance], axis=1)
+    read, shot = non_negative_least_squares(rows, np.ones(len(level)))
+    affine = NoiseModel(max(float(read), floor), float(shot))
+    trusted = MIN_END_DISTANCE_SIGMAS * np.sqrt(variance) < np.minimum(level, 1 - level)
+    if not trusted.any():
+        return affine
+    table = np.interp(np.linspace(0, 1, NOISE_BINS + 1), level[trusted], variance[trusted])
+    first, last = known[trusted][[0, -1]].tolist()
+    return replace(affine, table=tuple(table.tolist()), measured=(first / NOISE_BINS, (last + 1) / NOISE_BINS))
 
 
 def _growth_with_gain(number: IntArray, log_exposure: FloatArray, log_variance: FloatArray) -> tuple[float, float]:
     """Return ln of the exposure from which noise grows at the same grey level, and the power; 0, 0 without growth.
 
     Cameras lengthen the exposure time up to a limit, and then raise the gain. Shot noise grows with the gain, read
-    noise with its square. ``number`` is the grey range of each variance, shape (n,).
+    noise with its square. ``number`` is as above.
     """
     if len(number) < MIN_GAIN_VARIANCES:
         return 0.0, 0.0
