@@ -14,8 +14,8 @@ NOT_CHECKED = {"cli", "report", "research"}
 MODULES = sorted(path for path in ROOT.rglob("*.py") if path.relative_to(ROOT).parts[0] not in NOT_CHECKED)
 
 WITH_SETTINGS = (
-    *("correspondence", "diagnosis", "estimation", "evaluation", "exposures", "live", "methods", "pooling", "rig.py"),
-    "unknown_exposures",
+    *("correspondence", "diagnosis", "estimation", "evaluation", "exposures", "live", "methods", "observations.py"),
+    *("pooling", "rig.py", "unknown_exposures"),
 )
 """Packages and modules whose numbers are settings."""
 
@@ -24,7 +24,7 @@ CHECKED = [path for path in MODULES if path.relative_to(ROOT).parts[0] in WITH_S
 STAY_IN_THE_CODE = {
     # Parts of formulas: stencils, nodes, powers, directions, and sizes and indices that follow from settings.
     "NODES", "CENTRE", "(_VALUE, _SLOPE, _CURVATURE)", "_STENCILS", "_LAPLACIANS", "_NEIGHBOURS", "_CORNERS",
-    "_VIGNETTE_POWERS", "RESPONSE_PARAMETERS", "PARTS", "_LATER", "_NORMAL",
+    "_VIGNETTE_POWERS", "RESPONSE_PARAMETERS", "PARTS", "_LATER", "_NORMAL", "MOMENTS", "_WIDTHS",
     "_RADIAL", "(_RIGHT, _DOWN)", "_DIAGONAL", "_TURNS", "_PLACES", "RESPONSE_PART",
     # Effects, which are defined by settings; their bound of 0 excludes negative light.
     "EFFECTS",

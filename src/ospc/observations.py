@@ -16,15 +16,11 @@ from ospc.errors import SettingError
 from ospc.observation_checks import check_values, whole_numbers
 from ospc.photometry.grey_range import GreyRange
 from ospc.robust import weighted_median
-from ospc.settings.sampling import CLIPPED_MARGIN
+from ospc.settings.sampling import CLIPPED_MARGIN, GREY_POWERS
 
-POWERS = 5
-"""Powers of the grey level whose means are kept. A polynomial of this degree approximates the inverse of smooth
-responses to 1 or 2 per cent, and glare is a few per cent of the mean irradiance. With three powers, dark surroundings
-were wrong by a fifth for the simulator's filmic and logarithmic responses."""
-
-MOMENTS = POWERS + 1
-"""These means, and the share of saturated pixels, whose grey level does not determine their irradiance."""
+MOMENTS = GREY_POWERS + 1
+"""The means of the powers of the grey level, and the share of saturated pixels, whose grey level does not determine
+their irradiance."""
 
 _WIDTHS = {"position": (2,), "frame_moments": (MOMENTS,), "surround_moments": (1 + MOMENTS,)}
 """Additional dimensions of fields with more than one."""
@@ -304,7 +300,7 @@ class ExposedObservations(Observations):
         # The matrix that converts the moments of grey levels, from the zeroth on, to those of rescaled grey levels.
         powers = np.eye(1 + MOMENTS)
         stretch = np.polynomial.Polynomial([-grey_range.black / grey_range.span, 1 / grey_range.span])
-        for power in range(1 + POWERS):
+        for power in range(1 + GREY_POWERS):
             powers[: power + 1, power] = (stretch**power).coef
         known = kept.frame_moments.any(axis=1, keepdims=True).astype(np.float32)
         return replace(

@@ -12,7 +12,6 @@ import numpy.typing as npt
 from ospc.arrays import BoolArray, Float32Array, FloatArray, Image, ImageSize, IntArray, size_of
 from ospc.correspondence.thumbnail import Thumbnail, gradient_magnitude, thumbnail_of
 from ospc.correspondence.thumbnail_registration import rescaled, values_at
-from ospc.observations import POWERS
 from ospc.photometry.grey_range import FULL_RANGE, GreyRange
 from ospc.photometry.noise import BRIGHTEST_EXPOSED
 from ospc.recording.frame import Frame
@@ -32,6 +31,7 @@ from ospc.settings.registration import (
     SURROUND_WIDTH_PX,
     WHITE_MARGIN_PX,
 )
+from ospc.settings.sampling import GREY_POWERS
 
 
 @dataclass(frozen=True)
@@ -251,7 +251,7 @@ def _moments(counts: IntArray, brightest: float) -> FloatArray:
 @cache
 def _powers_of_grey() -> FloatArray:
     """Return M … M⁵ of each grey level, shape (256, 5)."""
-    return np.linspace(0, 1, 256)[:, None] ** np.arange(1, POWERS + 1)
+    return np.linspace(0, 1, 256)[:, None] ** np.arange(1, GREY_POWERS + 1)
 
 
 def _surround_moments(small: npt.NDArray[np.uint8], brightest: float) -> Float32Array:
@@ -261,7 +261,7 @@ def _surround_moments(small: npt.NDArray[np.uint8], brightest: float) -> Float32
     coarse = cv2.resize(small, size, interpolation=cv2.INTER_AREA).astype(np.float32) / np.float32(255)
     white = (small > 255 * brightest).astype(np.float32)
     white = cv2.resize(white, size, interpolation=cv2.INTER_AREA)
-    powers = np.stack([*(coarse**power for power in range(1 + POWERS)), white], axis=-1)
+    powers = np.stack([*(coarse**power for power in range(1 + GREY_POWERS)), white], axis=-1)
     sigma = SURROUND_SIGMA * SURROUND_WIDTH_PX
     # Light from beyond the frame is unknown and is not counted.
     return np.asarray(cv2.GaussianBlur(powers, (0, 0), sigma, borderType=cv2.BORDER_CONSTANT))

@@ -21,7 +21,7 @@ from ospc.estimation.effect_models import (
     Circumstances,
 )
 from ospc.estimation.response_basis import ResponseBasis
-from ospc.observations import POWERS, ExposedObservations
+from ospc.observations import ExposedObservations
 from ospc.settings.effects import (
     ABSORBED_FRAME_LIGHT,
     ABSORBED_NEARBY_LIGHT,
@@ -36,6 +36,7 @@ from ospc.settings.effects import (
 )
 from ospc.settings.error_model import PIXEL_NOISE_STRIDE
 from ospc.settings.fit import MIN_GAMMA
+from ospc.settings.sampling import GREY_POWERS
 
 
 @dataclass(frozen=True)
@@ -194,5 +195,5 @@ def _light_of_moments(grid: FloatArray, irradiance: FloatArray) -> FloatArray:
     # The first are the coefficients of the powers of M in the best fit to g; the last is the excess of white pixels.
     grey, light = grid[::PIXEL_NOISE_STRIDE], irradiance[::PIXEL_NOISE_STRIDE]
     weight = 1 / (light + LIGHT_FIT_FLOOR)
-    rows = grey[:, None] ** np.arange(1, POWERS + 1) * weight[:, None]
+    rows = grey[:, None] ** np.arange(1, GREY_POWERS + 1) * weight[:, None]
     return np.append(np.linalg.lstsq(rows, light * weight, rcond=None)[0], BEYOND_WHITE)

@@ -9,7 +9,7 @@ import numpy as np
 from ospc.arrays import FloatArray, IntArray
 from ospc.estimation.prior import Prior, PriorHyperparameters
 from ospc.least_squares import non_negative_least_squares
-from ospc.settings.fit import DISAGREEMENT_SHARE
+from ospc.settings.fit import DISAGREEMENT_SHARE, MIN_DETERMINED_PARAMETERS, MIN_SCORE_SPREAD
 
 
 @dataclass(frozen=True)
@@ -83,9 +83,9 @@ class NormalEquations:
         # At the solution the scores add up to zero, so a single block shows no scatter.
         scatter = self.matrix if self.blocks == 1 else self.scatter * self.blocks / (self.blocks - 1)
         inverse = np.linalg.inv(self.matrix + prior_precision)
-        # All are symmetric. The divisor is the number of parameters that the data determine; rounding is not data.
-        spread = np.sum(inverse * scatter) / max(np.sum(inverse * self.matrix), 1e-9)
-        scale = float(sandwich_factor**2 / max(spread, 1e-6))
+        # All are symmetric. The divisor is the number of parameters that the data determine.
+        spread = np.sum(inverse * scatter) / max(np.sum(inverse * self.matrix), MIN_DETERMINED_PARAMETERS)
+        scale = float(sandwich_factor**2 / max(spread, MIN_SCORE_SPREAD))
         return replace(self, scatter=scatter, information_scale=scale, sandwich_factor=sandwich_factor)
 
     def newton_step(self, prior_precision: FloatArray, mean: FloatArray) -> tuple[FloatArray, FloatArray]:

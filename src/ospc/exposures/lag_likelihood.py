@@ -27,11 +27,14 @@ from ospc.settings.lag import (
     MAX_REWEIGHTINGS,
     MIN_FITTED_LOG_CHANGE,
     MIN_NOISE_SCALE_LOG,
+    REGRESSION_RIDGE,
     RELATIVE_SLOPE_ERROR,
     REWEIGHTING_TOLERANCE,
     SLOPE_FACTOR_LIMITS,
     SLOPE_POOLING,
+    SLOPE_RIDGE,
     STUDENT_T_DOF,
+    TERM_RIDGE,
 )
 
 
@@ -135,11 +138,11 @@ def _fit_slopes(series: BrightnessSeries, log_changes: FloatArray) -> tuple[Floa
     for _ in range(MAX_REWEIGHTINGS):
         by_x = robust * log_changes
         xx, xd = (by_x * log_changes) @ series.weight, by_x @ changes
-        pool = SLOPE_POOLING * xx.mean(axis=1, keepdims=True) + 1e-9
+        pool = SLOPE_POOLING * xx.mean(axis=1, keepdims=True) + SLOPE_RIDGE
         normal[:, range(bins), range(bins)] = xx + pool
         normal[:, :bins, bins:] = np.tensordot(by_x, terms, axes=1)
         normal[:, bins:, :bins] = np.swapaxes(normal[:, :bins, bins:], 1, 2)
-        normal[:, bins:, bins:] = np.tensordot(robust, term_products, axes=1) + 1e-6 * np.eye(term_count)
+        normal[:, bins:, bins:] = np.tensordot(robust, term_products, axes=1) + TERM_RIDGE * np.eye(term_count)
         common = xd.sum(axis=1, keepdims=True) / np.maximum(xx.sum(axis=1, keepdims=True), 1e-12)
         target = np.concatenate([xd + pool * common, robust @ term_changes], axis=1)
         before, found = solution, np.linalg.solve(normal, target[..., None])[..., 0]
@@ -191,7 +194,9 @@ def _regress_with_ar_noise(
     return size, innovation, scale
 
 
-def _least_squares(columns: FloatArray, target: FloatArray, weight: FloatArray, ridge: float = 1e-9) -> FloatArray:
+def _least_squares(
+    columns: FloatArray, target: FloatArray, weight: FloatArray, ridge: float = REGRESSION_RIDGE
+) -> FloatArray:
     """Solve weighted least squares for each lag: (lags, m, c), (lags, m) and (lags, m) -> (lags, c)."""
     c = columns.shape[2]
     if not c:

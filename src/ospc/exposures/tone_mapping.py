@@ -27,6 +27,7 @@ from ospc.settings.brightness import (
     TONE_CELLS,
     TONE_HUBER_SIGMAS,
     TONE_REWEIGHTINGS,
+    TONE_RIDGE,
 )
 
 NO_LOCAL_TONE = "switch off local contrast, HDR and shading correction in the camera"
@@ -100,7 +101,7 @@ def _fit(columns: FloatArray, target: FloatArray) -> FloatArray:
     coefficients: FloatArray = np.zeros(columns.shape[1])
     for _ in range(TONE_REWEIGHTINGS):
         normal = np.asarray((columns * weight[:, None]).T @ columns)
-        normal[np.diag_indices_from(normal)] += 1e-6 * np.trace(normal) / len(normal) + 1e-12
+        normal[np.diag_indices_from(normal)] += TONE_RIDGE * np.trace(normal) / len(normal) + 1e-12
         coefficients = np.asarray(np.linalg.solve(normal, columns.T @ (weight * target)))
         residual = np.abs(target - columns @ coefficients)
         weight = 1 / np.maximum(residual / (TONE_HUBER_SIGMAS * robust_scale(residual) + 1e-6), 1)

@@ -151,6 +151,9 @@ MIN_TONE_CELLS = 3
 TONE_REWEIGHTINGS = 4
 """Number of reweighting rounds; a linear fit with this many samples converges quickly."""
 
+TONE_RIDGE = 1e-6
+"""Ridge on the coefficients, relative to the mean diagonal of the normal matrix: some grey levels may not occur."""
+
 TONE_HUBER_SIGMAS = 2.0
 """Residual, in robust standard deviations, above which weights decrease (Huber): moving objects, wrong matches."""
 

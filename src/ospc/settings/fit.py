@@ -165,3 +165,11 @@ DISAGREEMENT_SHARE = 1.0
 """Weight of the disagreement beyond chance between halves of the observations, relative to the scatter between groups
 of pairs. With this value, 71 per cent of the vignette profile of 28 simulated recordings are within one standard
 deviation of the truth; with 0.3 of all disagreement, including chance, it was 83, with bands a fifth too wide."""
+
+MIN_DETERMINED_PARAMETERS = 1e-9
+"""Smallest number of parameters that the observations determine, which divides the scatter of their scores: less is
+rounding."""
+
+MIN_SCORE_SPREAD = 1e-6
+"""Lower limit of this scatter relative to that of independent errors: observations without any noise would otherwise
+have infinite information."""

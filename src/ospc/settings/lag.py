@@ -21,6 +21,10 @@ SLOPE_POOLING = 0.05
 """Weight of the common slope in each bin, relative to the mean weight of the bins: bins with few observations follow
 the others, and those with many are hardly affected."""
 
+SLOPE_RIDGE, TERM_RIDGE = 1e-9, 1e-6
+"""Ridges on the slopes and on the amplitudes of the vignette's terms, so that the equations have a solution without
+changes of exposure or motion. Both are far below what one pair of frames with such changes adds."""
+
 RELATIVE_SLOPE_ERROR = 0.1
 """Relative error of the slopes allowed for when outliers are weighted down: otherwise slightly wrong slopes would
 turn the largest changes of exposure, the most informative ones, into outliers."""
@@ -45,6 +49,9 @@ MAX_AR_SUM = 0.98
 
 AR_RIDGE = 1e-3
 """Ridge on these, relative to the mean diagonal of the normal matrix: noise-free recordings do not determine them."""
+
+REGRESSION_RIDGE = 1e-9
+"""The same on the factor of the exposures and the amplitudes of other causes: against rounding alone."""
 
 MIN_FITTED_LOG_CHANGE = 1e-9
 """Change of ln exposure below which it is mere rounding, and no slope is fitted."""

@@ -143,6 +143,11 @@ most informative."""
 
 # Observations (ospc.observations)
 
+GREY_POWERS = 5
+"""Powers of the grey level whose means are kept. A polynomial of this degree approximates the inverse of smooth
+responses to 1 or 2 per cent, and glare is a few per cent of the mean irradiance. With three powers, dark surroundings
+were wrong by a fifth for the simulator's filmic and logarithmic responses."""
+
 CLIPPED_MARGIN = 1 / 255
 """Distance from black or white up to which a grey level counts as clipped: one 8-bit grey value. An extreme value
 this close to the end of the scale is ordinary clipping."""
