@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -160,10 +161,11 @@ class Merged:
     agreement: Agreement
 
 
-def merge(pool: Pool) -> Merged:
+def merge(pool: Pool, *, counts_recordings: bool = True) -> Merged:
     """Return the calibration of a pool; recordings that differ from the majority are excluded and named.
 
-    A recording that differs only in the vignette still contributes to the response.
+    A recording that differs only in the vignette still contributes to the response. With ``counts_recordings``, the
+    verdicts state how many recordings they are based on.
 
     Raises
     ------
@@ -176,9 +178,10 @@ def merge(pool: Pool) -> Merged:
     used = agreeing(pool, agreed)
     radius = usable_radius(used)
     fit = solve_with_chosen_vignette(Information.of(used, radius).weakened(agreed.scatter))
+    judged = partial(_judged, agreed, recordings=len(pool), counts=counts_recordings)
     verdicts = {
-        "response": _judged("response", _response_verdict(fit, used), agreed, len(pool)),
-        "vignette": _judged("vignette", _vignette_verdict(fit, used, pool.size, radius), agreed, len(pool)),
+        "response": judged("response", _response_verdict(fit, used)),
+        "vignette": judged("vignette", _vignette_verdict(fit, used, pool.size, radius)),
     }
     response, vignette = verdicts["response"].known, verdicts["vignette"].known
     support = joint_range(s.support for s in used) if used else (0.0, 1.0)
@@ -281,8 +284,8 @@ def _vignette_verdict(fit: Fit, used: Sequence[Summary], size: ImageSize, radius
     )
 
 
-def _judged(part: Part, verdict: Verdict, agreed: Agreement, recordings: int) -> Verdict:
-    """Return the verdict, taking into account how many recordings agree."""
+def _judged(agreed: Agreement, part: Part, verdict: Verdict, *, recordings: int, counts: bool) -> Verdict:
+    """Return the verdict, taking into account how many recordings agree; with ``counts``, it says how many."""
     differing = [found.name for found in agreed.differing.values() if part in found.parts]
     names = ", ".join(sorted(differing)[:_MOST_NAMED]) + (", …" if len(differing) > _MOST_NAMED else "")
     if not agreed.majority[part]:
@@ -291,6 +294,8 @@ def _judged(part: Part, verdict: Verdict, agreed: Agreement, recordings: int) ->
             f"{len(differing)} of {recordings} recordings contradict the others ({names}), and no majority agrees",
             "merge only recordings of one camera with unchanged lens, focus and aperture",
         )
+    if not counts:
+        return verdict
     reason = f"{verdict.reason}, based on {recordings - len(differing)} of {counted(recordings, 'recording')}"
     if differing:
         reason += f"; {names} left out because it differs" if len(differing) == 1 else f"; {names} left out"

@@ -171,14 +171,14 @@ class PriorCalibration:
 
     def _together(self, own: Calibration, earlier: Summary, today: Summary | None) -> Calibration:
         """Return the calibration from the earlier recordings and today's."""
-        together = merge(Pool.of([earlier] if today is None else [earlier, today])).calibration
+        pool = Pool.of([earlier] if today is None else [earlier, today])
+        together = merge(pool, counts_recordings=False).calibration
         verdicts = dict(own.verdicts)
         for name, verdict in together.verdicts.items():
             begins = _knows(earlier, name)
             if today is None and not begins:
                 continue
-            # Merging ends a reason with the number of recordings.
-            reason = f"{verdict.reason.rsplit(', based on ', 1)[0]}{f', starting from {self.name}' if begins else ''}"
+            reason = f"{verdict.reason}, starting from {self.name}" if begins else verdict.reason
             doubts = tuple((what, own.verdicts[name].remedy) for what in own.warnings)
             verdicts[name] = judged(replace(verdict, reason=reason), doubts)
         return replace(
