@@ -138,12 +138,9 @@ class ExposureFindings:
         """Return the findings without stale exposures if the fit explains the brightness at these exposures."""
         # Brightness changes are compared through a typical response, from which extreme ones differ too much.
         brightness = self.brightness
-        if (
-            brightness is None
-            or not brightness.stale
-            or self.recorded.values == 1
-            or self.warnings != (self.verdict.reason,)
-        ):
+        if brightness is None or not brightness.stale or self.recorded.values == 1:
+            return self
+        if self.verdict.known or len(self.warnings) > 1:  # there are other doubts
             return self
         unchanged = np.abs(np.log(ratios.metadata)) < UNCHANGED_EXPOSURE_LOG
         parts = [np.abs(part) for part in (ratios.log_residual, ratios.log_residual[unchanged])]
