@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
+from array import array
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import asdict, dataclass
 from typing import Any, Literal
@@ -96,7 +97,7 @@ class Capture:
         self.message = ""
         self._ends = ends
         self._out = out
-        self._times: list[tuple[float, float]] = []
+        self._stamps_s, self._exposures_ms = array("d"), array("d")  # compact: a capture may be long
         self._shown: Frame | None = None
         self._viewed = threading.Event()
         self._viewed.set()  # so that the first frame is kept for the first viewer
@@ -106,12 +107,12 @@ class Capture:
     @property
     def stamps_s(self) -> FloatArray:
         """Time stamp in seconds of every frame, shape (frames,)."""
-        return np.array([stamp_s for stamp_s, _ in self._times])
+        return np.array(self._stamps_s)
 
     @property
     def exposures_ms(self) -> FloatArray:
         """Exposure in milliseconds of every frame, shape (frames,)."""
-        return np.array([exposure_ms for _, exposure_ms in self._times])
+        return np.array(self._exposures_ms)
 
     def run(self, frames: Iterable[Frame], stop: Callable[[], bool], *, replayed: bool) -> None:
         """Push frames until they end, the goal is reached, or the capture is stopped.
@@ -121,7 +122,8 @@ class Capture:
         """
         for frame in frames:
             self._show(frame)
-            self._times.append((frame.stamp_s, frame.exposure_ms))
+            self._stamps_s.append(frame.stamp_s)
+            self._exposures_ms.append(frame.exposure_ms)
             self.live.push(frame)
             if replayed:
                 self.live.wait(WAITING_FRAMES)
