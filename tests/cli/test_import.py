@@ -70,6 +70,22 @@ def test_folders_and_calibrations_are_imported_completely(files, tmp_path):
     assert (again.counts, again.max_grey) == ({"pairs": 7}, 4095)
 
 
+@pytest.mark.parametrize("names", [("",), ("pcalib.txt", "vignette.png")])
+def test_files_of_unknown_exposures_stay_labelled(tmp_path, names):
+    response, vignette = Response.gamma(2.0), PolynomialVignette(SIZE, (-0.3, 0.0, 0.0))
+    unknown = Calibration(SIZE, response, vignette, exponent_sigma=0.3)
+    folder = tmp_path / "files"
+    assert run("export", unknown.save(tmp_path / "unknown.json"), "--to", "dso", "-o", folder).exit_code == 0
+    result = run("import", *(folder / name for name in names), "-o", tmp_path / "c.json")
+    assert unknown.caveat in result.output
+    calibration = Calibration.load(tmp_path / "c.json")
+    assert calibration.caveat == unknown.caveat
+    assert calibration.verdicts["response"].state == calibration.verdicts["vignette"].state == "marginal"
+    assert run("export", tmp_path / "c.json", "--to", "dso", "-o", tmp_path / "back").exit_code == 0
+    label = "EXPOSURES_UNKNOWN.txt"
+    assert (tmp_path / "back" / label).read_bytes() == (folder / label).read_bytes()
+
+
 def test_lensfun_files_require_a_size(tmp_path):
     vignette = PolynomialVignette(SIZE, (-0.3, 0.1, -0.05))
     write_lensfun(vignette, tmp_path / "lens.xml", Optics(focal_mm=4.0, crop_factor=6.0, aperture=2.0))

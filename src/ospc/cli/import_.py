@@ -45,3 +45,5 @@ def command(
     say(f"wrote {place}: images of {width}x{height} pixels, grey values up to {calibration.max_grey}")
     for part, verdict in calibration.verdicts.items():
         say(f"{part}: {verdict.reason}" + (f"; {verdict.remedy}" if verdict.remedy else ""))
+    if calibration.caveat:
+        say(calibration.caveat)

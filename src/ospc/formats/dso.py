@@ -127,6 +127,18 @@ def parameter_files(
         yield "vignette.png", lambda place: write_vignette(vignette, place, caveat)
 
 
+def read_caveat(folder: str | Path) -> str:
+    """Return the caveat of the parameter files in a folder; empty if there is none.
+
+    Raises
+    ------
+    FormatError
+        If there is one that cannot be read.
+    """
+    place = Path(folder) / CAVEAT
+    return read_text(place).partition("\n")[0].strip().removesuffix(".") if place.exists() else ""
+
+
 def write_times(
     path: str | Path, ids: Sequence[int], stamps_s: npt.ArrayLike, exposures_ms: npt.ArrayLike | None
 ) -> Path:

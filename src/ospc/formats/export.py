@@ -17,7 +17,7 @@ from ospc.formats.radial import Optics
 from ospc.formats.resize import bin_calibration, crop_calibration, resize_calibration
 from ospc.formats.rules_pcalib import FEWEST_VALUES
 from ospc.photometry.calibration import Calibration
-from ospc.photometry.verdict import Verdict
+from ospc.photometry.verdict import State, Verdict
 from ospc.photometry.vignette import RasterVignette
 
 Program: TypeAlias = Literal["dso", "lensfun", "hugin", "opencv", "adobe", "json"]
@@ -82,7 +82,9 @@ def adapted(
     if size is not None:
         calibration = resize_calibration(calibration, size)
     whole = calibration if photometry.calibration is not None else None
-    return Photometry(photometry.name, calibration.response, calibration.vignette, whole)
+    return Photometry(
+        photometry.name, calibration.response, calibration.vignette, whole, caveat_beside=photometry.caveat
+    )
 
 
 def as_calibration(photometry: Photometry, size: ImageSize | None = None, max_grey: int | None = None) -> Calibration:
@@ -117,13 +119,15 @@ def as_calibration(photometry: Photometry, size: ImageSize | None = None, max_gr
         {part: _verdict(part, photometry) for part in ("response", "vignette")},
         max_grey=max_grey or (255 if response is None else response.inverse_table.size - 1),
         source={"imported_from": photometry.name},
+        rests_on=photometry.caveat,
     )
 
 
 def _verdict(part: str, photometry: Photometry) -> Verdict:
     if getattr(photometry, part) is None:
         return Verdict("not identifiable", f"{photometry.name} does not have it", "calibrate from a recording")
-    return Verdict("identifiable", f"imported from {photometry.name}, which states no uncertainty")
+    state: State = "marginal" if photometry.caveat else "identifiable"
+    return Verdict(state, f"imported from {photometry.name}, which states no uncertainty")
 
 
 def files_of(program: Program, out: str | Path) -> list[Path]:

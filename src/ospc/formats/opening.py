@@ -7,7 +7,7 @@ from pathlib import Path
 
 from ospc.arrays import ImageSize
 from ospc.errors import FormatError, SettingError, listed
-from ospc.formats.dso import read_pcalib, read_vignette
+from ospc.formats.dso import read_caveat, read_pcalib, read_vignette
 from ospc.formats.files import read_text
 from ospc.formats.hugin import read_pto
 from ospc.formats.lens_profiles import read_lcp, read_lensfun
@@ -24,18 +24,20 @@ from ospc.photometry.vignette import Vignette
 class Photometry:
     """Response and vignette of a camera from the file ``name``; None for a part that is not in it.
 
-    ``calibration`` is the entire calibration if the file is a calibration.json.
+    ``calibration`` is the entire calibration if the file is a calibration.json. ``caveat_beside`` is the caveat in a
+    file next to a pcalib.txt or vignette.png; empty if there is none.
     """
 
     name: str
     response: Response | None
     vignette: Vignette | None
     calibration: Calibration | None = None
+    caveat_beside: str = ""
 
     @property
     def caveat(self) -> str:
         """Caveat to include in all output; empty if there is none."""
-        return "" if self.calibration is None else self.calibration.caveat
+        return self.caveat_beside if self.calibration is None else self.calibration.caveat
 
     @property
     def size(self) -> ImageSize | None:
@@ -75,12 +77,13 @@ def open_photometry(path: str | Path, size: ImageSize | None = None) -> Photomet
     response: Response | None = None
     vignette: Vignette | None = None
     calibration: Calibration | None = None
+    caveat = ""
     match suffix:
         case ".json":
             calibration = Calibration.load(place)
             response, vignette = calibration.response, calibration.vignette
         case ".png":
-            vignette = read_vignette(place)
+            vignette, caveat = read_vignette(place), read_caveat(place.parent)
         case ".yml" | ".yaml":
             response, vignette = read_opencv(place)
         case ".pto":
@@ -91,8 +94,8 @@ def open_photometry(path: str | Path, size: ImageSize | None = None) -> Photomet
             vignette = _only(place, read_lensfun(place, size))
         case _:
             _check_numeric(place)
-            response = read_pcalib(place)
-    return Photometry(str(place), response, vignette, calibration)
+            response, caveat = read_pcalib(place), read_caveat(place.parent)
+    return Photometry(str(place), response, vignette, calibration, caveat)
 
 
 def open_both(a: str | Path, b: str | Path) -> tuple[Photometry, Photometry]:
@@ -112,7 +115,13 @@ def together(first: Photometry, second: Photometry) -> Photometry:
     one_vignette = (first.vignette is None) != (second.vignette is None)
     if not (one_response and one_vignette):
         raise FormatError(f"{name}: one of the two files must have only a response, and the other only a vignette")
-    return Photometry(name, first.response or second.response, first.vignette or second.vignette)
+    caveats = dict.fromkeys(filter(None, (first.caveat, second.caveat)))
+    return Photometry(
+        name,
+        first.response or second.response,
+        first.vignette or second.vignette,
+        caveat_beside="; ".join(caveats),
+    )
 
 
 def _only(place: Path, fits: tuple[RadialFit, ...]) -> Vignette:
@@ -146,4 +155,5 @@ def _folder(place: Path) -> Photometry:
         str(place),
         read_pcalib(table) if table.exists() else None,
         read_vignette(picture) if picture.exists() else None,
+        caveat_beside=read_caveat(place),
     )

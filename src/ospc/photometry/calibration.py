@@ -88,7 +88,8 @@ class Calibration(ByValue):
         known up to a common exponent γ; otherwise 0. It is included in the other standard deviations, but not in the
         covariance.
     rests_on
-        The assumptions behind a guess from single images; empty for a calibration from measurements.
+        The assumptions behind a guess from single images, or the caveat of imported files; empty for a calibration
+        from measurements.
     """
 
     size: ImageSize
