@@ -281,6 +281,7 @@ def test_the_default_goal_is_that_of_the_library():
 
 def test_a_mask_applies_to_recordings_only(tmp_path):
     assert ospc("live", "opencv:0", "-o", tmp_path / "out", "--no-page", "--roi", "0,0,9,9").exit_code == 2
+    assert ospc("live", "opencv:0", "-o", tmp_path / "out", "--no-page", "--port", 8080).exit_code == 2
 
 
 def test_slow_updates_are_rare(monkeypatch):

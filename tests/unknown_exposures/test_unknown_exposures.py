@@ -205,9 +205,17 @@ def test_pictures_are_labelled(found: Calibration) -> None:
 
 
 def test_options_it_cannot_be_combined_with(folder: Path, tmp_path: Path) -> None:
-    for options in (["--resume"], ["--start-from", str(tmp_path)]):
-        arguments = ["calibrate", str(folder), "-o", str(tmp_path / "out"), "--unknown-exposures", *options]
-        assert CliRunner().invoke(cli, arguments).exit_code == 2
+    out = ["-o", str(tmp_path / "out")]
+    for command, option, *value in (
+        (["calibrate", *out], "--resume"),
+        (["calibrate", *out], "--start-from", str(tmp_path)),
+        (["calibrate", *out], "--checkpoint-every", "1"),
+        (["calibrate", *out], "--correct-lag", "2"),
+        (["check"], "--correct-lag", "never"),
+    ):
+        result = CliRunner().invoke(cli, [*command, str(folder), "--unknown-exposures", option, *value])
+        assert result.exit_code == 2
+        assert f"--unknown-exposures cannot be combined with {option}" in result.stderr
 
 
 @pytest.mark.parametrize("command", ["calibrate", "check"])

@@ -44,6 +44,12 @@ RIG_NAME = "rig.json"
 _LARGE_MISFIT = 4.0
 """Contradiction between overlaps, in standard deviations, above which the user is warned."""
 
+_IGNORED_WITH = {
+    "--fallback": ("--unknown-exposures", "--mask", "--roi", "--resume", "--start-from"),
+    "--unknown-exposures": ("--resume", "--start-from", "--checkpoint-every", "--correct-lag"),
+}
+"""Options that would have no effect together with another one."""
+
 
 @dataclass(frozen=True)
 class _Request:
@@ -109,18 +115,31 @@ class _Request:
         if self.list_topics:
             print_topics(self.path)
             return None
-        unknown, mask, region = self.exposures_unknown, self.reading.mask, self.reading.region
         if self.out is None:
             raise click.UsageError("Missing option '-o' / '--out'.")
-        if unknown and (self.resume or self.start_from):
-            raise click.UsageError("--unknown-exposures cannot be combined with --resume or --start-from")
-        if self.fallback and (unknown or mask or region):
-            raise click.UsageError("--fallback cannot be combined with --unknown-exposures, --mask or --roi")
+        self._refuse_ignored_options()
         if self.all_cameras or self.reading.each_channel:
             return _calibrate_rig(self)
         with leaving("no result was written"):
             content = _calibrate_one(self, partial(self.reading.open, self.path))
         return concluded(content, as_json=self.as_json)
+
+    def _refuse_ignored_options(self) -> None:
+        """Refuse options that would have no effect together with another one."""
+        given = {
+            "--fallback": self.fallback,
+            "--unknown-exposures": self.exposures_unknown,
+            "--mask": self.reading.mask,
+            "--roi": self.reading.region,
+            "--resume": self.resume,
+            "--start-from": self.start_from,
+            "--checkpoint-every": self.checkpoint_s is not None,
+            "--correct-lag": self.correct_lag != "auto",
+        }
+        for chosen, others in _IGNORED_WITH.items():
+            ignored = [name for name in others if given[name]]
+            if given[chosen] and ignored:
+                raise click.UsageError(f"{chosen} cannot be combined with {' or '.join(ignored)}")
 
     @property
     def prints_text(self) -> bool:

@@ -50,6 +50,8 @@ def command(
     if list_topics:
         print_topics(path)
         return COMPLETE
+    if reading.options.unknown_exposures and correct_lag != "auto":
+        raise click.UsageError("--unknown-exposures cannot be combined with --correct-lag")
     recording = reading.open(path)
     if reading.options.unknown_exposures:
         from ospc.unknown_exposures import recover_exposures

@@ -80,6 +80,8 @@ def command(
     from ospc.live.capture import Capture
     from ospc.output import OutputFolder
 
+    if no_page and (port or no_browser):
+        raise click.UsageError("--port and --no-browser apply to the page; leave out --no-page")
     with leaving("no result was written"), ExitStack() as stack:
         recording, frames, identity, found = stack.enter_context(_opened(source, reading, pace))
         folder = OutputFolder.at(out, recording=None if recording is None else Path(source), force=force)

@@ -69,8 +69,9 @@ def test_the_fallback_needs_its_option_and_states_its_basis(photographs, tmp_pat
     assert said.encode("latin-1", "ignore") in (out / "vignette.png").read_bytes()
     assert Calibration.load(out).rests_on == said
     assert "Guessed from 1 image" in (out / "report.html").read_text()
-    wrong = ospc("calibrate", photo, "-o", out, "--fallback", "single-image", "--unknown-exposures")
+    wrong = ospc("calibrate", photo, "-o", out, "--fallback", "single-image", "--unknown-exposures", "--resume")
     assert wrong.exit_code == 2
+    assert "--fallback cannot be combined with --unknown-exposures or --resume" in wrong.stderr
 
 
 @pytest.fixture(scope="module")
