@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ospc.cli.calibrate import RIG_NAME, add_rig_scale
+from ospc.cli.rig_scale import RIG_NAME, add_rig_scale
 from ospc.errors import NotObservableError
 from ospc.photometry.calibration import Calibration
 from ospc.recording import open_recording

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
@@ -26,8 +26,9 @@ from ospc.cli.options import (
     out_option,
 )
 from ospc.cli.reading import READING_OR_ESTIMATING, Reading, print_topics
+from ospc.cli.rig_scale import RIG_NAME, add_rig_scale
 from ospc.cli.terminal import COMPLETE, FAILED, INTERRUPTED, UNDETERMINED, concluded, print_json, progress_of, say
-from ospc.errors import NotObservableError, OspcError, RecordingError, SettingError
+from ospc.errors import OspcError, RecordingError, SettingError
 from ospc.recording import Recording
 from ospc.recording.image_source import is_image_name
 from ospc.settings import Settings, check_names, preset, with_overrides
@@ -37,12 +38,6 @@ if TYPE_CHECKING:
     from ospc.exposures.lag_choice import LagChoice
     from ospc.formats.opening import Photometry
     from ospc.pooling.prior_calibration import PriorCalibration
-
-RIG_NAME = "rig.json"
-"""Name of the file with the relative scales of a rig's cameras."""
-
-_LARGE_MISFIT = 4.0
-"""Contradiction between overlaps, in standard deviations, above which the user is warned."""
 
 _IGNORED_WITH = {
     "--fallback": ("--unknown-exposures", "--mask", "--roi", "--resume", "--start-from"),
@@ -298,35 +293,3 @@ def _calibrate_rig(request: _Request) -> int:
     if request.as_json:
         print_json({"exit_code": code, "cameras": contents, "relative_scale": scale})
     return code
-
-
-def add_rig_scale(out: Path, cameras: Mapping[str, Callable[[], Recording]], *, prints_text: bool) -> dict[str, Any]:
-    """Estimate the relative irradiance scale of a rig's cameras, write it, and return it as JSON-compatible values.
-
-    ``out`` contains the folder of each camera.
-    """
-    from ospc.photometry.calibration import Calibration
-    from ospc.rig import rig_scale
-
-    recordings, calibrations = {}, {}
-    for name, opened in cameras.items():
-        if (out / name / "calibration.json").exists():
-            recordings[name], calibrations[name] = opened(), Calibration.load(out / name)
-    try:
-        found = rig_scale(recordings, calibrations)
-    except NotObservableError as error:
-        if prints_text:
-            say(f"no relative irradiance scale: {error}")
-        return {"error": str(error)}
-    found.save(out / RIG_NAME)
-    if prints_text:
-        say(f"irradiance relative to {found.reference}, where views overlap:")
-        for name, scale in found.scale.items():
-            if name != found.reference:
-                say(f"  {name}: {scale:.4f} ± {found.sigma[name]:.4f}")
-        for name, why in found.left_out.items():
-            say(f"  {name}: unknown, {why}")
-        if found.misfit > _LARGE_MISFIT:
-            say(f"warning: overlaps contradict each other by {found.misfit:.0f} standard deviations", err=True)
-        say(f"written to {out / RIG_NAME}")
-    return found.as_dict()
