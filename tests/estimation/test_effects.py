@@ -9,12 +9,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ospc.arrays import FloatArray
+from ospc.estimation.effect_choice import fit_with_chosen_effects
 from ospc.estimation.effect_models import CONTRADICTIONS, CORRECTED, EFFECTS, GAIN_STEPS, ONLY_IF_FOUND
 from ospc.estimation.effect_trials import trial_of
 from ospc.estimation.effects import Effects
 from ospc.estimation.fit import Fit
 from ospc.estimation.fit_plan import FitPlan
-from ospc.estimation.model_choice import fit_with_chosen_effects
 from ospc.estimation.response_basis import ResponseBasis, typical_gamma
 from ospc.estimation.vignette_basis import VignetteBasis
 from ospc.evaluation.metrics import log_ratio_error, vignette_rmse
@@ -257,7 +257,7 @@ def test_unsteadiness_that_only_corrections_cause_is_none(
 ) -> None:
     unsteady = EffectEstimate("unsteady response", 0.02, 0.002, contradicts=True)
     found = iter([(unsteady,), () if plain_is_steady else (unsteady,)])
-    monkeypatch.setattr("ospc.estimation.model_choice.unsteadiness", lambda *_: next(found))
+    monkeypatch.setattr("ospc.estimation.effect_choice.unsteadiness", lambda *_: next(found))
     fit = Disturbed(glare=0.03).fit(seed=5 + plain_is_steady)  # seeds of its own: fits are cached
     assert (unsteady in fit.effect_estimates) is not plain_is_steady
     assert not fit.effects.chosen

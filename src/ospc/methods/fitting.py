@@ -7,8 +7,8 @@ import numpy.typing as npt
 
 from ospc.arrays import FloatArray
 from ospc.errors import ExposureError, NotObservableError, SettingError, counted
+from ospc.estimation.effect_choice import fit_with_chosen_effects
 from ospc.estimation.fit import Fit
-from ospc.estimation.model_choice import fit_with_chosen_effects
 from ospc.exposures.table import ExposureTable
 from ospc.methods.identifiability import unexplained_share
 from ospc.methods.planned_fit import plan_of_moving_camera, plan_of_stationary_camera

@@ -18,8 +18,8 @@ from ospc.correspondence.scene_area import SceneArea
 from ospc.correspondence.static_series import StaticSeries
 from ospc.errors import named
 from ospc.estimation.black_level import black_level
+from ospc.estimation.effect_choice import fit_with_chosen_effects
 from ospc.estimation.fit import Fit
-from ospc.estimation.model_choice import fit_with_chosen_effects
 from ospc.exposures.brightness import BrightnessChange
 from ospc.exposures.table import ExposureTable
 from ospc.methods.change_detection import Change, ChangeDetector

@@ -113,7 +113,7 @@ DARKEST_IRRADIANCE = 1e-3
 """Irradiances (not grey levels) below this, relative to white, are raised to it when added light is divided by them.
 Below the black level of limited-range video g is almost zero, and single samples would dominate."""
 
-# Selection of effects (ospc.estimation.model_choice)
+# Selection of effects (ospc.estimation.effect_choice)
 
 SUSPECTED_SIGMAS = 1.5
 """Significance, in standard deviations, above which an effect is fitted jointly with all other parameters. A single

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-# The vignette basis (ospc.estimation.vignette_basis, model_choice)
+# The vignette basis (ospc.estimation.vignette_basis, vignette_choice)
 
 VIGNETTE_SIGMA = 2.0
 """Prior standard deviation of the slope of ln V in R² at the centre; further out it increases, see
