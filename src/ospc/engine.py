@@ -9,6 +9,7 @@ from typing import Any
 
 from ospc.arrays import ImageSize, size_of
 from ospc.correspondence.pixel_statistics import PixelStatistics
+from ospc.correspondence.thumbnail import Thumbnail
 from ospc.engine_state import Epoch, response_before_change
 from ospc.engine_verdicts import checked_by_fit, judged_calibration
 from ospc.errors import ExposureError, FrameError, OspcError, RecordingError, SettingError
@@ -191,20 +192,12 @@ class Engine:
 
     def _observe(self, method: Method, frame: Frame) -> tuple[Change | None, BrightnessChange | None]:
         """Preprocess a frame and accumulate its samples; return a change of the camera, and of brightness."""
-        # Meanwhile, the second thread counts grey values and compares the brightness with the previous frame.
         prepared, precomputed = self.prefetcher.preprocessed(frame)
-        history, written = self._exposures.history, self._exposures.table.written
-        first = history.first_with_image_of(prepared.thumbnail)
-        if first < frame.index:
-            # The same noise again is not another observation.
-            self._sampler.expects_repeats = True
-            history.observe(prepared.thumbnail)
-            if written[frame.index] != written[first]:
-                why = "repeats the previous image with another exposure, so an image was lost"
-                raise FrameError(f"{frame.name}: {why}")
-            return None, None
+        if self._repeats_image(frame, prepared.thumbnail):
+            return None, None  # the same noise again is not another observation
+        # Meanwhile, the second thread counts grey values and compares the brightness with the previous frame.
         counting = self._second.submit(self.pixels.observe, frame, prepared.thumbnail)
-        comparing = self._second.submit(history.observe, prepared.thumbnail, precomputed)
+        comparing = self._second.submit(self._exposures.history.observe, prepared.thumbnail, precomputed)
         try:
             # Select a keyframe, register the frame with it, sample both, accumulate the samples.
             change = method.push(frame, prepared, self._exposures.table)
@@ -212,6 +205,18 @@ class Engine:
             counting.result()
             brightness = comparing.result()
         return change, brightness
+
+    def _repeats_image(self, frame: Frame, thumbnail: Thumbnail) -> bool:
+        """Return whether a frame repeats the previous image; FrameError if it does so with another exposure."""
+        history, written = self._exposures.history, self._exposures.table.written
+        first = history.first_with_image_of(thumbnail)
+        if first == frame.index:
+            return False
+        self._sampler.expects_repeats = True
+        history.observe(thumbnail)
+        if written[frame.index] != written[first]:
+            raise FrameError(f"{frame.name}: repeats the previous image with another exposure, so an image was lost")
+        return True
 
     def _detect_lag_change(self, other: Change | None) -> Change | None:
         """Return a change of the exposure lag, which may explain another change of the camera."""
