@@ -106,7 +106,8 @@ class BrightnessHistory:
     def since(self, number: int) -> BrightnessHistory:
         """Return a history that continues with the changes from a frame on."""
         later = replace(self, changes=[change for change in self.changes if change.frame0 >= number])
-        later.observed, later._previous, later._image_since = len(later.changes), self._previous, self._image_since
+        later.observed = len(later.changes)
+        later._previous, later._image_since = self._previous, self._image_since
         return later
 
     def _repeats(self, frame: Thumbnail) -> bool:

@@ -146,8 +146,10 @@ class ExposureMonitor:
 
     def begin_epoch(self, frame: int) -> None:
         """Start an epoch at a frame."""
-        self.history, self._first_frame, self._findings = self.history.since(frame), frame, None
-        self._next_assessment, self._known_lag, self._suspected_lag = FIRST_ASSESSMENT_CHANGES, None, 0
+        self.history, self._first_frame = self.history.since(frame), frame
+        self._findings = None
+        self._next_assessment = FIRST_ASSESSMENT_CHANGES
+        self._known_lag, self._suspected_lag = None, 0
         self.table.trusted = False
 
     def _assess(self, changes: Sequence[BrightnessChange], log_exposure: FloatArray) -> ExposureFindings:

@@ -248,7 +248,9 @@ class ChangeDetector:
         """Forget a suspicion, and the usual errors if they are those of an earlier reference."""
         if self.since is not None and self.complete_before >= self.since:
             self.neighbours, self.distant = Baseline(), Baseline()
-        self.since, self.pairs, self.seen, self.neighbours.outliers, self.distant.outliers = None, [], [], [], []
+        self.since = None
+        self.pairs, self.seen = [], []
+        self.neighbours.outliers, self.distant.outliers = [], []
 
     def _frames(self, duration_s: float) -> int:
         return round(duration_s * self.frames_per_s)

@@ -93,7 +93,7 @@ def response_verdict(
 def response_verdict_of_fit(
     fit: Fit, exposure_range_ms: tuple[float, float], unexplained: float, contradictions: Contradictions = ()
 ) -> Verdict:
-    """Return whether a fit determines the response; the others as in :func:`response_verdict`."""
+    """Return whether a fit determines the response; the other arguments are as in :func:`response_verdict`."""
     error = fit.log_ratio_error_bound
     low, high = exposure_range_ms
     # If all exposures were raised to a power, so would g and V be, and no image would differ.

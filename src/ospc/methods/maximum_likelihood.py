@@ -77,7 +77,7 @@ class MaximumLikelihoodMethod:
         self._lost = False
         self._inter_coded = False
         self._restored_keyframes: KeyframeSelectorState | None = None
-        self._inputs: dict[tuple[int, int, int, GreyRange], FitInputs] = {}
+        self._inputs: dict[tuple[int, int, GreyRange], FitInputs] = {}
 
     def push(self, frame: Frame, prepared: PreprocessedFrame, exposures: ExposureTable) -> Change | None:
         """Process the next frame, and return the camera change that it proves, if any."""
@@ -166,7 +166,9 @@ class MaximumLikelihoodMethod:
     def split(self, number: int) -> MaximumLikelihoodMethod:
         """Return a method that continues with the observations from a frame on; this one is not used any more."""
         later = MaximumLikelihoodMethod(self._settings, self._size, self._max_grey)
-        later._noise, later._scene_area, later._inter_coded = self._noise, self._scene_area, self._inter_coded
+        later._noise = self._noise
+        later._scene_area = self._scene_area
+        later._inter_coded = self._inter_coded
         later._reservoir, later._pairs = self._reservoir.since(number)
         later._select_keyframe = self._select_keyframe
         later._select_keyframe.forget_before(number)
@@ -187,8 +189,8 @@ class MaximumLikelihoodMethod:
     @property
     def progress(self) -> Progress:
         """The current progress."""
-        fit = self._quick_fit
-        return Progress(self._pairs, self._reservoir.points, fit.response_sigma, fit.vignette_sigma)
+        quick = self._quick_fit
+        return Progress(self._pairs, self._reservoir.points, quick.response_sigma, quick.vignette_sigma)
 
     # Current results.
 
@@ -213,10 +215,11 @@ class MaximumLikelihoodMethod:
 
         The result is cached for repeated calls with the same exposures.
         """
-        key = (self._pairs, len(exposures), exposures.lag_frames, grey_range)
+        frames = len(exposures)
+        key = (frames, exposures.lag_frames, grey_range)
         if key not in self._inputs:
             # For the same frames, recorded and lag-corrected exposures are requested in turn.
-            of_same_frames = {other: known for other, known in self._inputs.items() if other[:2] == key[:2]}
+            of_same_frames = {other: known for other, known in self._inputs.items() if other[0] == frames}
             self._inputs = {**of_same_frames, key: self._new_inputs(exposures, grey_range)}
         return self._inputs[key]
 
@@ -275,9 +278,12 @@ class MaximumLikelihoodMethod:
         """
         check_state(state, self._settings, self._size, self._max_grey, frames)
         self._select_keyframe.restore(state.keyframes)
-        self._reservoir, self._noise, self._pairs = state.reservoir, state.noise, state.pairs
+        self._restored_keyframes = state.keyframes
+        self._reservoir, self._pairs = state.reservoir, state.pairs
+        self._noise = state.noise
         self._stationary.series, self._stationary.motions = state.series, state.motions
-        self._scene_area, self._changes, self._restored_keyframes = state.scene_area, state.changes, state.keyframes
+        self._scene_area = state.scene_area
+        self._changes = state.changes
         self._inter_coded = state.inter_coded
         if state.fit is not None:
             self._quick_fit.rely_on(state.fit, self._scene_area.usable_radius(), trusts_stated=state.trusts_stated)
@@ -285,9 +291,8 @@ class MaximumLikelihoodMethod:
     @property
     def frames_to_replay(self) -> frozenset[int]:
         """Numbers of the keyframes of the restored state."""
-        return (
-            frozenset() if self._restored_keyframes is None else frozenset(self._restored_keyframes.frames.tolist())
-        )
+        restored = self._restored_keyframes
+        return frozenset() if restored is None else frozenset(restored.frames.tolist())
 
     def replay(self, prepared: PreprocessedFrame) -> None:
         """Process a keyframe of the restored state again."""

@@ -85,7 +85,7 @@ class Method(Protocol):
         return None
 
     def confirmed(self, change: Change, before: FitInputs, exposures: ExposureTable) -> Change | None:
-        """Judge a change again with the complete fit to the frames before it; None if it is not one of the camera."""
+        """Judge a change again with the complete fit to the frames before it; None if the camera has not changed."""
         return change
 
     @property
