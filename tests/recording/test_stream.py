@@ -6,6 +6,7 @@ import ctypes
 import gc
 import sys
 import time
+import weakref
 from collections.abc import Iterator
 from datetime import timedelta
 from importlib.util import find_spec
@@ -71,13 +72,18 @@ def test_an_invalid_frame_is_named_by_its_number(item: Any, error: type[Exceptio
 
 
 def test_nothing_is_kept() -> None:
+    made: list[weakref.ref[Any]] = []
+
     def endless() -> Iterator[tuple[Any, float]]:
         while True:
-            yield np.zeros((48, 64), np.uint8), 1.0
+            image = np.zeros((48, 64), np.uint8)
+            made.append(weakref.ref(image))
+            yield image, 1.0
 
     for frame in frames_of(endless()):
-        if frame.index == 1000:
+        if frame.index == 100:
             break
+    assert sum(image() is not None for image in made) == 1
 
 
 def test_a_generator_gives_the_calibration_of_the_recording() -> None:
