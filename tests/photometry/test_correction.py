@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ospc.errors import ExposureError, FrameError, NotObservableError, SettingError
-from ospc.photometry import correction
+from ospc.photometry import look_up
 from ospc.photometry.calibration import Calibration
 from ospc.photometry.correction import Corrector
 from ospc.photometry.response import Response
@@ -171,8 +171,8 @@ def test_releases_of_opencv_without_16_bit_tables_give_the_same(seed, shape):
     image = image_of(seed, 65535, shape)
     table = np.random.default_rng(seed).random((65536, 3 if len(shape) == 3 else 1)).astype(np.float32)
     plain = table[image, range(3)] if len(shape) == 3 else table[image, 0]
-    np.testing.assert_array_equal(correction._look_up_16_bit(image, table[None]), plain)
-    np.testing.assert_array_equal(correction.look_up(image, table), plain)
+    np.testing.assert_array_equal(look_up._look_up_16_bit(image, table[None]), plain)
+    np.testing.assert_array_equal(look_up.look_up(image, table), plain)
 
 
 # --- saturation and missing parts --------------------------------------------------------------------------------

@@ -9,7 +9,8 @@ import numpy as np
 
 from ospc.arrays import BoolArray, Float32Array, FloatArray, Image, IntArray
 from ospc.evaluation.lucas_kanade import LOSSES, follow, in_contrasts, windows
-from ospc.photometry.correction import Corrector, look_up
+from ospc.photometry.correction import Corrector
+from ospc.photometry.look_up import look_up
 from ospc.photometry.response import Response
 from ospc.recording import Frame
 from ospc.settings.evaluation import (

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cached_property
 from typing import Any
 
 import cv2
@@ -19,6 +19,7 @@ import numpy.typing as npt
 
 from ospc.arrays import BoolArray, Float32Array, FloatArray, Image, ImageSize, IntArray, number_of
 from ospc.errors import ExposureError, FrameError, NotObservableError, SettingError, counted
+from ospc.photometry.look_up import look_up
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import Vignette
 
@@ -36,9 +37,6 @@ _WHITE_RANGE = (1e-12, 1e12)
 _BEYOND = float(2**20)
 """Stands for saturation in integer output: far above 65535, also after division by V ≤ 1, and far below the overflow
 of a conversion to integers."""
-
-_ROWS_AT_ONCE = 16
-"""Rows looked up at a time: the 64-bit indices of 16 rows stay in the processor cache."""
 
 _OUTPUT_TYPES = (np.dtype(np.float32), np.dtype(np.uint8), np.dtype(np.uint16))
 
@@ -300,31 +298,3 @@ def _checked_white(white: float) -> float:
     if number is None or not low < number < high:
         raise SettingError(f"white is {white}; give a positive number, the irradiance that becomes white")
     return number
-
-
-def look_up(pixels: Image, tables: npt.NDArray[np.generic]) -> npt.NDArray[np.generic]:
-    """Return the table entry of every pixel; ``tables`` has shape (greys of the type, channels or 1)."""
-    read = cv2.LUT if pixels.dtype == np.uint8 or _opencv_reads_16_bit_tables() else _look_up_16_bit
-    return np.asarray(read(pixels, np.ascontiguousarray(tables[None])))
-
-
-@cache
-def _opencv_reads_16_bit_tables() -> bool:
-    """Return whether this OpenCV supports tables for 16-bit pixels, as releases from 5.0 do."""
-    try:
-        cv2.LUT(np.zeros((1, 1), np.uint16), np.zeros((1, 65536), np.float32))
-    except cv2.error:
-        return False
-    return True
-
-
-def _look_up_16_bit(pixels: Image, tables: npt.NDArray[np.generic]) -> npt.NDArray[np.generic]:
-    found = np.empty(pixels.shape, tables.dtype)
-    for channel in np.ndindex(pixels.shape[2:]):
-        column = np.ascontiguousarray(tables[0, :, channel[0] if channel and tables.shape[2] > 1 else 0])
-        source, target = pixels[(..., *channel)], found[(..., *channel)]
-        # NumPy converts the indices to 64 bits; those of a few rows stay in the cache.
-        for row in range(0, pixels.shape[0], _ROWS_AT_ONCE):
-            part = slice(row, row + _ROWS_AT_ONCE)
-            target[part] = np.take(column, source[part], mode="clip")
-    return found
