@@ -77,7 +77,7 @@ class Trial:
 def estimate_effects(fitted: Fitted, names: Sequence[str]) -> list[Trial]:
     """Return the one-step estimate of each of several effects that a fit leaves out, as if it were the only one."""
     fit = fitted.fit
-    effects = fit.effects.and_(*names)
+    effects = fit.effects.including(*names)
     estimator = MaximumLikelihoodEstimator(fit.response_basis, fit.vignette_basis, fitted.noise, effects=effects)
     p = len(fit.parameters)
     about = np.concatenate([fit.parameters, np.zeros(len(names))])
@@ -104,14 +104,14 @@ def after_newton_step(fit: Fit, trial: Trial) -> Fit:
     observations explained by the effect as outliers.
     """
     parameters = np.append(fit.parameters + trial.value * trial.parameter_slope, trial.value)
-    effects = fit.effects.and_(trial.name)
+    effects = fit.effects.including(trial.name)
     start = replace(fit, effects=effects, parameters=parameters)
     return replace(start, parameters=np.maximum(parameters, start.floor))
 
 
 def slope_of_left_out(fit: Fit, trial: Trial) -> FloatArray:
     """Return the derivative of the parameters by an effect that is left out, for a response free of it."""
-    effects = fit.effects.and_(trial.name)
+    effects = fit.effects.including(trial.name)
 
     def changed(value: float) -> FloatArray:
         parameters = np.append(fit.parameters + value * trial.parameter_slope, value)

@@ -104,7 +104,7 @@ class Effects:
         """Prior standard deviation of each parameter about zero, shape (len,)."""
         return np.array([EFFECTS[name].sigma for name in self.chosen])
 
-    def and_(self, *names: str) -> Effects:
+    def including(self, *names: str) -> Effects:
         """Return these effects together with others."""
         return replace(self, chosen=(*self.chosen, *names))
 
