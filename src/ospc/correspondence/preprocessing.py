@@ -21,6 +21,7 @@ from ospc.settings.registration import (
     FLATNESS_PX,
     IMPULSE_CONTRAST,
     IMPULSE_DEVIATIONS,
+    IMPULSE_SURROUND_PX,
     MAX_BLACK_SHARE,
     MAX_WHITE_SHARE,
     MIN_FLAT_AREA_RATIO,
@@ -209,9 +210,8 @@ def _without_impulses(image: Image, white: int) -> Image:
 
 
 def _medians_around(image: Image, places: IntArray) -> Image:
-    """Return the medians over the 5×5 pixels around some pixels, given by their indices in the flat image, (n,)."""
-    height, width = image.shape
-    side = 5
+    """Return the medians over the square around some pixels, given by their indices in the flat image, (n,)."""
+    (height, width), side = image.shape, IMPULSE_SURROUND_PX
     if len(places) * side**2 > image.size:
         return np.asarray(cv2.medianBlur(image, side).take(places))
     # A row of windows: filtering the whole image takes many times as long if there are few places.

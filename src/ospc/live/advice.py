@@ -27,6 +27,7 @@ from ospc.settings.live import (
     OUTER_RADIUS,
     PATIENCE_S,
     SET_ASIDE_S,
+    SHOWN_GREYS,
     TARGET_GREYS,
     TARGET_RADII,
     TYPICAL_GREY,
@@ -222,7 +223,8 @@ def _options(preview: Preview, knowledge: Knowledge, goal: float) -> Iterator[_O
     else:
         for instruction, inside in ((_BRIGHTER, TARGET_GREYS > BRIGHT_GREY), (_DARKER, TARGET_GREYS < DARK_GREY)):
             at = int(np.argmax(np.where(inside, gains, -1.0)))
-            greys = max(float(TARGET_GREYS[at]) - 0.1, 0.0), min(float(TARGET_GREYS[at]) + 0.1, 1.0)
+            target = float(TARGET_GREYS[at])
+            greys = max(target - SHOWN_GREYS, 0.0), min(target + SHOWN_GREYS, 1.0)
             yield _Option(replace(instruction, greys=greys), float(gains[at]))
         middle = (TARGET_GREYS >= DARK_GREY) & (TARGET_GREYS <= BRIGHT_GREY)
         yield _Option(_VARY, float(gains[middle].max()))

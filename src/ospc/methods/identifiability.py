@@ -14,6 +14,7 @@ from ospc.observations import ExposedObservations
 from ospc.photometry.coverage import ExposureRatios
 from ospc.photometry.verdict import State, Verdict
 from ospc.settings import DefaultSettings
+from ospc.settings.fit import CONFIDENCE
 from ospc.settings.methods import (
     CONTRADICTING_UNEXPLAINED_SHARE,
     DOUBTED_UNEXPLAINED_SHARE,
@@ -98,7 +99,7 @@ def response_verdict_of_fit(
     low, high = exposure_range_ms
     # If all exposures were raised to a power, so would g and V be, and no image would differ.
     figure = (
-        f"typical ratios of irradiance are known to within {100 * error:.2g}% (95% confidence), "
+        f"typical ratios of irradiance are known to within {100 * error:.2g}% ({CONFIDENCE:.0%} confidence), "
         f"if the exposures of {low:.4g} to {high:.4g} ms are proportional to the light"
     )
     missing = f"{min(unexplained, 1):.0%} of a typical change of exposure does not show in the images"
@@ -155,7 +156,7 @@ def vignette_verdict(
     error, sigma = errors.bound(usable_radius), errors.worst_log_sigma(usable_radius)
     where = "at the corner" if usable_radius >= 1 else f"at {usable_radius:.2f} half diagonals, the image edge,"
     figure = (
-        f"V is known to within {100 * error:.2g}% (95% confidence), and ln V {where} to ±{sigma:.2g}, "
+        f"V is known to within {100 * error:.2g}% ({CONFIDENCE:.0%} confidence), and ln V {where} to ±{sigma:.2g}, "
         f"from radial motion of {reach:.2f} half diagonals"
     )
     # The reason shows two decimals, so the remedy must not ask for what they already show.

@@ -42,6 +42,7 @@ from ospc.settings.methods import (
     FIRST_QUICK_FIT_PAIRS,
     INTER_CODED_SIGMAS,
     NEAR_WHITE,
+    PAIRS_PER_DROPPED,
     QUICK_FIT_POINTS,
     REFERENCE_FIT_PAIRS,
 )
@@ -140,8 +141,8 @@ class MaximumLikelihoodMethod:
                     self._changes.set_reference(self._quick_fit.fit)
         # Early pairs were registered with an unknown vignette, which biases registration towards equal brightness:
         # once there are enough others, they do more harm than good.
-        if self._pairs >= 4 * FIRST_QUICK_FIT_PAIRS:
-            self._reservoir.forget_before(min(self._pairs // 4, DROPPED_PAIRS))
+        if self._pairs >= PAIRS_PER_DROPPED * FIRST_QUICK_FIT_PAIRS:
+            self._reservoir.forget_before(min(self._pairs // PAIRS_PER_DROPPED, DROPPED_PAIRS))
 
     def _detect_change(self, observations: Observations, exposures: ExposureTable) -> Change | None:
         """Return the camera change that a pair proves; a new suspicion triggers a fit to all pairs so far."""

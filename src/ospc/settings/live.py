@@ -26,6 +26,9 @@ EXPOSURE_STEP = 1.5
 TARGET_GREYS = np.linspace(0.05, 0.95, 19)
 """Grey levels of hypothetical points, spaced like the knots of the response."""
 
+SHOWN_GREYS = 0.1
+"""Distance from such a grey level to the ends of the range that the page marks around it."""
+
 DARK_GREY, BRIGHT_GREY = 0.25, 0.7
 """Grey levels that points only reach in brighter surroundings (below the first) or darker ones (above the second)."""
 

@@ -39,6 +39,10 @@ MIN_FLAT_AREA_RATIO = 2.0
 """Minimum area over which the image must be flat, relative to the area over which grey levels are averaged:
 registration may be off by a pixel, and the image must be flat there, too."""
 
+IMPULSE_SURROUND_PX = 5
+"""Side of the square around a pixel over which the usual deviation is taken: the largest for which OpenCV has a
+median of 16-bit images."""
+
 IMPULSE_CONTRAST, IMPULSE_DEVIATIONS = 0.1, 6.0
 """A pixel that differs from the median of its surroundings by more than this share of white, plus this multiple of
 the usual deviation around it, counts as a defect (a dead pixel, a transmission error), and averages use the median

@@ -29,8 +29,12 @@ MIN_JOINT_OBSERVATIONS = 200
 MIN_JOINT_VIGNETTE, MAX_JOINT_LOG = 0.05, 12.0
 """Smallest V and largest |ln| of the irradiance, far beyond any camera, to keep the optimisation finite."""
 
-JOINT_TOLERANCE = 1e-5
-"""Relative decrease of the cost at which the alternation ends; the data do not determine smaller changes."""
+JOINT_TOLERANCE, JOINT_ALTERNATIONS = 1e-5, 60
+"""Relative decrease of the cost at which the alternation ends, because the data do not determine smaller changes, and
+most alternations."""
+
+RESPONSE_COMPONENTS = 4
+"""Number of components of the model of responses, of at most five that the published one has."""
 
 MIN_START_IRRADIANCE = 1e-4
 """Smallest irradiance whose logarithm is used for the initial exposures: darker samples are noise."""

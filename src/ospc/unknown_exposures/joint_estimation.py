@@ -22,6 +22,7 @@ from ospc.photometry.vignette import PolynomialVignette, RasterVignette, Vignett
 from ospc.settings.unknown_exposures import (
     DAMPING_DOWN,
     DAMPING_UP,
+    JOINT_ALTERNATIONS,
     JOINT_HUBER,
     JOINT_TOLERANCE,
     MAX_DAMPED_ATTEMPTS,
@@ -95,7 +96,7 @@ def estimate_jointly(
     tracks: TrackObservations,
     model: ResponseModel | None = None,
     start: JointEstimate | None = None,
-    iterations: int = 60,
+    iterations: int = JOINT_ALTERNATIONS,
 ) -> JointEstimate:
     """Return the response, vignette and exposures that fit the observations best.
 

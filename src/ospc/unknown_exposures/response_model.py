@@ -28,6 +28,7 @@ from ospc.settings.unknown_exposures import (
     FAMILY_TOE_GAMMAS,
     FAMILY_TOES,
     MIN_RESPONSE_SLOPE,
+    RESPONSE_COMPONENTS,
 )
 
 SAMPLES = EMOR_SAMPLES
@@ -62,7 +63,7 @@ class ResponseModel:
 
 
 @cache
-def learned_model(count: int = 4) -> ResponseModel:
+def learned_model(count: int = RESPONSE_COMPONENTS) -> ResponseModel:
     """Return a model learned from analytic families of curves, with ``count`` components."""
     curves = np.array(list(_family()))
     mean = curves.mean(axis=0)
@@ -70,7 +71,7 @@ def learned_model(count: int = 4) -> ResponseModel:
     return ResponseModel(read_only(mean), read_only(directions[:count] * np.sqrt(len(curves))))
 
 
-def read_model(path: str | Path, count: int = 4) -> ResponseModel:
+def read_model(path: str | Path, count: int = RESPONSE_COMPONENTS) -> ResponseModel:
     """Read the empirical model of response from ``emor.txt``, with ``count`` components, at most five.
 
     FormatError if the file is not an ``emor.txt``.
