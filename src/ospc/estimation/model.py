@@ -60,9 +60,9 @@ class Model:
         return floor
 
     def limited(self, parameters: FloatArray, previous: FloatArray) -> FloatArray:
-        """Return the parameters with each gamma plausible, and where its logarithm can be linearised.
+        """Return the parameters with every gamma plausible, and near enough to the previous one to linearise ln γ.
 
-        The latter range is centred on the previous parameters. The vignette's centre is kept well within the image.
+        The vignette's centre is kept well within the image.
         """
         n, vignette = len(self.response_basis), self.vignette_part
         highest = np.minimum(previous[:n] * MAX_GAMMA_CHANGE, MAX_GAMMA)

@@ -48,7 +48,7 @@ class Knowledge:
         return max(self.response_sigma, self.vignette_sigma) <= goal
 
     def corrected(self, response_sigma: float | None, vignette_sigma: float | None) -> Knowledge:
-        """Return it with the standard deviations of a complete estimate if those are larger."""
+        """Return the knowledge with the standard deviations of a complete estimate where those are larger."""
         return replace(
             self,
             response_sigma=max(self.response_sigma, response_sigma or 0.0),

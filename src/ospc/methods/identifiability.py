@@ -202,7 +202,7 @@ def unexplained_share(ratios: ExposureRatios) -> float:
 
 
 def judged(verdict: Verdict, contradictions: Contradictions) -> Verdict:
-    """Return the verdict by the error of a curve, at best marginal if anything contradicts the model."""
+    """Return a verdict, lowered to marginal if anything contradicts the model."""
     if not contradictions:
         return verdict
     what, remedy = contradictions[0]
