@@ -521,6 +521,7 @@ def test_keep_response_removes_only_the_vignette(depth, request, tmp_path):
         (["--white", "0"], SettingError),
         (["--keep-response", "--output", "irradiance"], SettingError),
         (["--white", "nan"], SettingError),
+        (["--white", "2"], SettingError),  # only integers have a white
     ],
 )
 def test_impossible_options_are_one_error_and_write_nothing(made, calibration, tmp_path, options, error):

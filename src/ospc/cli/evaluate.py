@@ -203,6 +203,8 @@ def _odometry(
     """Return the program, or the built-in odometry if there are simulated recordings for it."""
     if bool(simulated) == (program is not None):
         raise SettingError("give either the path of your dso_dataset with --program, or --builtin")
+    if simulated and arguments:
+        raise SettingError("the built-in odometry takes no --argument; leave it out, or give --program")
     if program is not None:
         from ospc.research.odometry.program import Program
 

@@ -61,6 +61,8 @@ class CorrectionSettings:
             raise SettingError("a reference exposure requires normalised exposures; add --normalise-exposure")
         if not (np.isfinite(self.white) and self.white > 0):
             raise SettingError(f"white is {self.white}; give a positive number, the irradiance that becomes white")
+        if self.white != 1 and self.output in (None, "irradiance") and not self.keep_response:
+            raise SettingError("irradiance output has no white; leave out --white, or choose grey8 or grey16")
         low, high = EXPOSURE_RANGE_MS
         if self.reference_ms is not None and not low <= self.reference_ms <= high:
             raise ExposureError(f"the reference exposure {self.reference_ms} ms is not a positive number below 1e9")

@@ -38,11 +38,18 @@ def test_conditions_and_given_calibrations_are_compared(tiny_room, tmp_path):
     assert set(content["room"]) == {"truth", "none", "mine"}
 
 
-@pytest.mark.parametrize("options", [[], ["--builtin", "--program", "x"]])
-def test_it_wants_a_program_or_the_one_built_in(tiny_room, tmp_path, options):
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ([], "give either the path"),
+        (["--builtin", "--program", "x"], "give either the path"),
+        (["--builtin", "--argument", "preset=0"], "takes no --argument"),
+    ],
+)
+def test_it_wants_a_program_or_the_one_built_in(tiny_room, tmp_path, options, words):
     result = run(tiny_room, "-o", tmp_path / "out", *options)
     assert isinstance(result.exception, SettingError)
-    assert "give either the path" in str(result.exception)
+    assert words in str(result.exception)
     assert not (tmp_path / "out").exists()
 
 
