@@ -2,6 +2,8 @@
 
 import asyncio
 import multiprocessing
+import subprocess
+import sys
 import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
@@ -508,3 +510,31 @@ def test_closing_ends_all_threads(cameras):
             push_and_await(live, frame)
         assert len(set(threading.enumerate()) - before) > 1
     assert not set(threading.enumerate()) - before
+
+
+_PROGRAM_THAT_FORGETS_TO_CLOSE = """
+import threading, time
+import numpy as np
+from ospc import Frame, LiveCalibrator
+from ospc.engine import Engine
+
+begun = threading.Event()
+
+def push(engine, frame):
+    begun.set()
+    time.sleep(0.5)
+    print("processed")
+    return True
+
+Engine.push = push
+live = LiveCalibrator()
+live.push(Frame.of_array(np.zeros((48, 64), np.uint8), 1.0))
+begun.wait()
+"""
+
+
+def test_at_the_end_of_the_program_the_thread_completes_its_work():
+    """Killed inside OpenCV, it would abort the process."""
+    command = [sys.executable, "-c", _PROGRAM_THAT_FORGETS_TO_CLOSE]
+    ended = subprocess.run(command, capture_output=True, text=True, timeout=60, check=True)
+    assert (ended.stdout, ended.stderr) == ("processed\n", "")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import os
 import threading
 from collections import deque
@@ -96,6 +97,8 @@ class LiveCalibrator(AbstractContextManager["LiveCalibrator"]):
         self._outdated = False  # whether frames were processed since the last advice
         self._worker = threading.Thread(target=self._work, name="ospc-live", daemon=True)
         self._worker.start()
+        # At the end of the program, Python kills the thread, which aborts the process if OpenCV is at work in it.
+        atexit.register(self.close)
 
     def push(self, frame: Frame) -> bool:
         """Accept the next frame without waiting for its processing, and return whether its image was kept.
@@ -178,6 +181,7 @@ class LiveCalibrator(AbstractContextManager["LiveCalibrator"]):
         """
         if self._process != os.getpid():
             return
+        atexit.unregister(self.close)
         with self._changed:
             self._closed = True
             self._changed.notify_all()
