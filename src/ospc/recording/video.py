@@ -67,7 +67,7 @@ class VideoStream(AbstractContextManager["VideoStream"]):
             try:
                 self.read(index)
             except FrameError:
-                return False
+                continue
             if int(self._capture.get(cv2.CAP_PROP_FRAME_TYPE)) in _INTER_CODED:
                 return True
         return False
@@ -79,22 +79,30 @@ class VideoStream(AbstractContextManager["VideoStream"]):
                 self._capture.release()
                 self._capture = _capture(self._path)
                 self._next = 0
+            grabbed = False
             while self._next <= index:
-                if not self._capture.grab():
-                    raise FrameError(f"{self._path}[{index}]: the video is damaged before this frame; cut it there")
-                self._next += 1
-            done, image = self._capture.retrieve()
+                grabbed = self._grab()
+            done, image = self._capture.retrieve() if grabbed else (False, None)
         if not done or image is None:
-            raise FrameError(f"{self._path}[{index}]: the frame cannot be decoded; remove it")
+            raise FrameError(
+                f"{self._path}[{index}]: the frame is damaged or missing; copy the video or record it again"
+            )
         grey: Image = image if image.ndim == 2 else self._channel.of(image)
         return grey
 
     def count(self) -> int:
         """Return the number of frames after playing the rest of the video."""
         with self._lock:
-            while self._capture.grab():
-                self._next += 1
-            return self._next
+            found = self._next
+            while self._next < found + _LONGEST_DAMAGE:
+                if self._grab():
+                    found = self._next
+            return found
+
+    def _grab(self) -> bool:
+        """Advance by one frame; if it is damaged, return False, and the decoder continues with the frame after it."""
+        self._next += 1
+        return bool(self._capture.grab())
 
 
 def count_frames(path: Path) -> int:
@@ -128,6 +136,9 @@ _INTER_CODED = (ord("P"), ord("B"))
 
 _FIRST_FRAMES = 10
 """Number of frames whose type is looked at: encoders code some on their own, for example where the scene changes."""
+
+_LONGEST_DAMAGE = 100
+"""Number of consecutive frames that cannot be decoded after which a video counts as ended."""
 
 _FFV1 = cv2.VideoWriter.fourcc(*"FFV1")
 """A codec without losses."""
