@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
@@ -11,6 +12,7 @@ import numpy as np
 import pytest
 from image_samples import encoded, grey, jpeg_of_size, png_of_size
 
+from exif_segments import exif
 from ospc.errors import ExposureError, FrameError, RecordingError, SettingError
 from ospc.recording import open_recording
 from ospc.recording.channel import Channel
@@ -72,12 +74,31 @@ def test_grey_stored_as_colour_is_unchanged(tum_folder: Make) -> None:
     np.testing.assert_array_equal(next(iter(recording)).image, grey())
 
 
-def test_the_orientation_noted_in_a_photograph_is_ignored(tum_folder: Make) -> None:
-    exif = b"Exif\0\0II*\0\x08\0\0\0\x01\0\x12\x01\x03\0\x01\0\0\0\x06\0\0\0\0\0\0\0"
-    plain = encoded(grey(), ".jpg")
-    turned = plain[:2] + b"\xff\xe1" + (len(exif) + 2).to_bytes(2, "big") + exif + plain[2:]
+def oriented_jpeg(orientation: int) -> bytes:
+    segment = exif(orientation=orientation)
+    return encoded(grey(), ".jpg")[:2] + segment + encoded(grey(), ".jpg")[2:]
+
+
+def oriented_tiff(orientation: int, order: str = "<") -> bytes:
+    height, width = grey().shape
+    fields = [(256, width), (257, height), (258, 8), (262, 1), (273, 8), (274, orientation), (277, 1), (278, height)]
+    rows = [struct.pack(f"{order}HHIHH", tag, 3, 1, value, 0) for tag, value in [*fields, (279, grey().size)]]
+    start = {"<": b"II*\0", ">": b"MM\0*"}[order] + struct.pack(f"{order}I", 8 + grey().size)
+    return start + grey().tobytes() + struct.pack(f"{order}H", len(rows)) + b"".join(rows) + bytes(4)
+
+
+@pytest.mark.parametrize(
+    ("name", "turned"),
+    [("0.jpg", oriented_jpeg(6)), ("0.tiff", oriented_tiff(6)), ("0.tif", oriented_tiff(8, ">"))],
+)
+def test_the_orientation_noted_in_a_photograph_is_ignored(tum_folder: Make, name: str, turned: bytes) -> None:
     assert cv2.imdecode(np.frombuffer(turned, np.uint8), cv2.IMREAD_GRAYSCALE).shape == (24, 16)
-    assert open_recording(tum_folder("0 1 1\n", {"0.jpg": turned})).size == (24, 16)
+    recording = open_recording(tum_folder("0 1 1\n", {name: turned}))
+    assert recording.size == (24, 16)
+    frame = next(iter(recording))
+    assert frame.verify is not None
+    frame.verify()
+    assert np.abs(frame.image.astype(int) - grey()).max() <= (0 if "tif" in name else 40)
 
 
 def test_nanosecond_ids_as_in_visual_inertial_datasets(tum_folder: Make) -> None:

@@ -181,14 +181,34 @@ _TIFF_MAX_VALUES = 2**20
 """Maximum number of values in a tag; one strip per row of the largest image takes fewer."""
 
 
-def _tiff(data: bytes) -> ImageHeader:
+_TIFF_STARTS = (b"II*\x00", b"MM\x00*")
+_TIFF_ORIENTATION, _AS_STORED = 274, 1
+
+
+def _tiff_fields(data: bytes) -> Iterator[tuple[str, int, int, int, int]]:
+    """Yield byte order, position, tag, type and number of values of every field of the first image."""
     order = "<" if data[:2] == b"II" else ">"
     (start,) = struct.unpack_from(order + "I", data, 4)
     (count,) = struct.unpack_from(order + "H", data, start)
     struct.unpack_from(order + "I", data, start + 2 + 12 * count)  # the link to the next directory must exist
-    tags: dict[str, tuple[int, ...]] = {}
     for place in range(start + 2, start + 2 + 12 * count, 12):
-        tag, kind, number = struct.unpack_from(order + "HHI", data, place)
+        yield (order, place, *struct.unpack_from(order + "HHI", data, place))
+
+
+def without_orientation(data: bytes) -> bytes:
+    """Return a complete TIFF file without its orientation, which OpenCV would apply; other files are unchanged."""
+    turned = bytearray()
+    for order, place, tag, kind, _ in _tiff_fields(data) if data.startswith(_TIFF_STARTS) else ():
+        layout = order + _TIFF_FORMATS.get(kind, "H")
+        if tag == _TIFF_ORIENTATION and struct.unpack_from(layout, data, place + 8) != (_AS_STORED,):
+            turned = turned or bytearray(data)
+            struct.pack_into(layout, turned, place + 8, _AS_STORED)
+    return bytes(turned) or data
+
+
+def _tiff(data: bytes) -> ImageHeader:
+    tags: dict[str, tuple[int, ...]] = {}
+    for order, place, tag, kind, number in _tiff_fields(data):
         name = _TIFF_TAGS.get(tag)
         if name is None or name in tags:
             continue
@@ -214,8 +234,7 @@ _FORMATS: tuple[tuple[bytes, Callable[[bytes], ImageHeader]], ...] = (
     (b"P5", _pnm),
     (b"P6", _pnm),
     (b"BM", _bmp),
-    (b"II*\x00", _tiff),
-    (b"MM\x00*", _tiff),
+    *((start, _tiff) for start in _TIFF_STARTS),
 )
 
 

@@ -17,7 +17,7 @@ import numpy as np
 from ospc.arrays import Image
 from ospc.errors import FrameError, RecordingError, escaped, listed, os_error_as, quoted
 from ospc.formats.files import by_name, read_bytes
-from ospc.formats.image_header import JPEG_START, PNG_SIGNATURE, ImageHeader, read_header
+from ospc.formats.image_header import JPEG_START, PNG_SIGNATURE, ImageHeader, read_header, without_orientation
 from ospc.recording.channel import DEFAULT_CHANNEL, Channel
 from ospc.recording.frame import check_decoded_size
 from ospc.recording.image_formats import format_of
@@ -62,8 +62,9 @@ def decode_stored(data: bytes, name: str, channel: Channel | None = None) -> Sto
     wanted = channel or DEFAULT_CHANNEL
     # JPEG stores luma. For other formats, decoders truncate in the conversion to grey, while OpenCV rounds.
     in_colour = colour and not (data.startswith(JPEG_START) and wanted is Channel.LUMINANCE)
+    stored = np.frombuffer(without_orientation(data), dtype=np.uint8)
     try:
-        image: Image | None = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), _COLOUR if in_colour else _GREY)
+        image: Image | None = cv2.imdecode(stored, _COLOUR if in_colour else _GREY)
         if in_colour and image is not None and image.ndim == 3:
             image = wanted.of(image)
     except (cv2.error, MemoryError):
