@@ -13,7 +13,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from exif_segments import exif
 from ospc.errors import FrameError, RecordingError, SettingError
+from ospc.formats.image_header import with_metadata
 from ospc.formats.validation import validate
 from ospc.recording import ArrayRecording, Frame, Recording, open_recording
 from ospc.recording.channel import Channel
@@ -100,6 +102,16 @@ def test_a_corrected_lag_moves_exposures_and_copies_files(folder: Path, tmp_path
     np.testing.assert_allclose(back.stamps_s, STAMPS[:-2], atol=1e-6, rtol=0)
     for frame, image in zip(back, images()[:-2], strict=True):
         np.testing.assert_array_equal(frame.image, image)
+
+
+def test_an_orientation_that_other_programs_would_apply_is_not_copied(folder: Path, tmp_path: Path) -> None:
+    for place in (folder / "images").iterdir():
+        place.write_bytes(with_metadata(place.read_bytes(), exif(orientation=6)[4:]))
+    assert cv2.imread(str(place), cv2.IMREAD_GRAYSCALE).shape == SIZE
+    made = convert_recording(open_recording(folder), tmp_path / "out")
+    assert made.copied == 0
+    back = cv2.imread(str(tmp_path / "out" / "images" / "00000.png"), cv2.IMREAD_GRAYSCALE)
+    np.testing.assert_array_equal(back, images()[0])
 
 
 @pytest.mark.parametrize("bits", [10, 12, 16])

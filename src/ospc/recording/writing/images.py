@@ -82,7 +82,7 @@ def original_file(recording: Recording, frame: Frame, image_format: ImageFormat 
     if kind is None or image_format not in (None, kind):
         return None
     # Other programs apply the EXIF orientation; this package does not.
-    if kind == "jpg" and b"Exif\0" in data[:_EXIF_WITHIN]:
+    if b"eXIf" in data if kind == "png" else b"Exif\0" in data[:_EXIF_WITHIN]:
         return None
     depth = source.layout.depth
     header = read_header(data, source.source.label(source.names[index]))
