@@ -17,6 +17,7 @@ from ospc.formats.radial import Optics
 from ospc.formats.resize import bin_calibration, crop_calibration, resize_calibration
 from ospc.formats.rules_pcalib import FEWEST_VALUES
 from ospc.photometry.calibration import Calibration
+from ospc.photometry.geometry import image_size
 from ospc.photometry.verdict import State, Verdict
 from ospc.photometry.vignette import RasterVignette
 
@@ -98,7 +99,7 @@ def as_calibration(photometry: Photometry, size: ImageSize | None = None, max_gr
     SettingError
         If ``size`` is missing or contradicts the photometry.
     FormatError
-        If there is neither response nor vignette.
+        If there is neither response nor vignette, or an image cannot have this size.
     """
     response, known = photometry.response, photometry.size or size
     if known is None:
@@ -113,7 +114,7 @@ def as_calibration(photometry: Photometry, size: ImageSize | None = None, max_gr
     if response is None and photometry.vignette is None:
         raise FormatError(f"{photometry.name}: has neither a response nor a vignette")
     return Calibration(
-        known,
+        image_size(*known),
         response,
         photometry.vignette,
         {part: _verdict(part, photometry) for part in ("response", "vignette")},

@@ -13,9 +13,9 @@ import cv2
 import numpy as np
 
 from ospc.arrays import Image, ImageSize
-from ospc.errors import SettingError
+from ospc.errors import FormatError, SettingError
 from ospc.photometry.calibration import PROFILE_RADII, Calibration
-from ospc.photometry.geometry import half_diagonal, pixel_grid
+from ospc.photometry.geometry import half_diagonal, image_size, pixel_grid
 from ospc.photometry.vignette import LogVignette, PolynomialVignette, RasterVignette, Vignette
 
 _ASPECT_TOLERANCE = 0.01
@@ -140,5 +140,7 @@ def _changed(
 
 
 def _check_size(size: ImageSize) -> None:
-    if min(size) < 2:
-        raise SettingError(f"an image of {size[0]}x{size[1]} pixels is too small for a vignette")
+    try:
+        image_size(*size)
+    except FormatError as error:
+        raise SettingError(str(error)) from None

@@ -26,7 +26,9 @@ def image_size(width: float, height: float) -> ImageSize:
         If an image cannot have this size.
     """
     if not (min(width, height) >= 2 and width * height <= MOST_PIXELS):
-        raise FormatError(f"{width:g}x{height:g} is not an image size; images have at most {MOST_PIXELS} pixels")
+        raise FormatError(
+            f"{width:g}x{height:g} is not an image size; sides have 2 pixels or more, and images at most {MOST_PIXELS}"
+        )
     return int(width), int(height)
 
 
