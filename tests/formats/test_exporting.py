@@ -106,6 +106,13 @@ def test_size_of_a_bare_table_is_not_guessed(tmp_path):
             action()
 
 
+def test_files_of_another_calibration_next_to_the_new_ones_are_named(tmp_path):
+    assert export(FULL, "dso", tmp_path).notes == ()
+    assert export(FULL, "dso", tmp_path).notes == ()
+    notes = export(Photometry("pcalib.txt", RESPONSE, None), "dso", tmp_path).notes
+    assert f"{tmp_path / 'vignette.png'} is not of this calibration" in notes[-1]
+
+
 def test_crop_comes_before_scaling():
     changed = adapted(FULL, (8, 6, 80, 60), (40, 30))
     assert changed.vignette.size == (40, 30)

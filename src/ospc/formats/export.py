@@ -175,6 +175,10 @@ def export(
         files = [write_opencv(place, photometry.response, photometry.vignette)]
     else:
         files = _to_dso(photometry, place, chosen.values)
+        # Programs would use them with the new ones.
+        others = [old for name in PARAMETER_FILES if (old := place / name) not in files and old.exists()]
+        left = [f"{old} is not of this calibration; remove it unless both belong together" for old in others]
+        return Exported(tuple(files), (*_unknown(photometry), *left))
     return Exported(tuple(files), _unknown(photometry))
 
 
