@@ -179,7 +179,8 @@ def test_the_radial_profile_is_the_mean_of_the_polynomial_in_each_ring():
     np.testing.assert_allclose(profile, middles / middles[:3].mean(), atol=0.004)
 
 
-def test_rings_without_a_pixel_are_unknown():
-    profile = radial_profile(PolynomialVignette((3, 3), (0.0, 0.0, 0.0)), bins=10)
-    assert np.isnan(profile).sum() == 7
+@pytest.mark.parametrize(("side", "bins", "unknown"), [(3, 10, 7), (10, 10, 1), (10, 50, 36)])
+def test_rings_without_a_pixel_are_unknown(side, bins, unknown):
+    profile = radial_profile(PolynomialVignette((side, side), (0.0, 0.0, 0.0)), bins)
+    assert np.isnan(profile).sum() == unknown
     np.testing.assert_allclose(profile[np.isfinite(profile)], 1)

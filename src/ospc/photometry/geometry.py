@@ -27,7 +27,7 @@ def image_size(width: float, height: float) -> ImageSize:
     """
     if not (min(width, height) >= 2 and width * height <= MOST_PIXELS):
         raise FormatError(
-            f"{width:g}x{height:g} is not an image size; sides have 2 pixels or more, and images at most {MOST_PIXELS}"
+            f"{width:g}x{height:g} is not an image size; sides have at least 2 pixels, images at most {MOST_PIXELS}"
         )
     return int(width), int(height)
 

@@ -272,7 +272,7 @@ def half_diagonal_profiles(vignette: Vignette, radii: FloatArray) -> FloatArray:
 
 
 def radial_profile(vignette: Vignette, bins: int = 50) -> FloatArray:
-    """Return the mean of V in equal bins of R in [0, 1], divided by the mean of the first three, shape (bins,).
+    """Return the mean of V in equal bins of R in [0, 1], divided by the mean of the innermost three, shape (bins,).
 
     Bins without pixels are NaN.
     """
@@ -283,4 +283,4 @@ def radial_profile(vignette: Vignette, bins: int = 50) -> FloatArray:
     total = np.bincount(index, weights=vignette.image().ravel().astype(np.float64), minlength=bins)
     with np.errstate(invalid="ignore"):
         profile = total / np.where(count > 0, count, np.nan)
-    return np.asarray(profile / np.nanmean(profile[:_CENTRE_BINS]))
+    return np.asarray(profile / profile[count > 0][:_CENTRE_BINS].mean())
