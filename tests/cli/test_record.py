@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -91,6 +92,23 @@ def test_frames_before_a_failure_are_complete(asked: dict[str, Any], tmp_path: P
     result = ospc("record", "depthai", "-o", str(tmp_path))
     assert str(result.exception) == "pretended: no exposure"
     assert len(open_recording(tmp_path)) == 6
+
+
+def test_frames_before_the_disk_is_full_are_complete(asked: dict[str, Any], tmp_path: Path) -> None:
+    resource = pytest.importorskip("resource", reason="needs limits of file size")
+    noise = np.random.default_rng(0).integers(0, 256, (64, 64), np.uint8)
+    images = [noise * (i == 2) for i in range(4)]
+    asked["camera"] = contextlib.nullcontext(
+        [Frame.of_array(image, 1.0, index=i, stamp_s=i / 10) for i, image in enumerate(images)]
+    )
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (2000, before[1]))
+    try:
+        done = ospc("record", "opencv", "-o", tmp_path / "out", "-q")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert "cannot be written" in str(done.exception)
+    assert len(open_recording(tmp_path / "out")) == 2
 
 
 def test_nothing_is_overwritten_and_no_frames_is_an_error(asked: dict[str, Any], tmp_path: Path) -> None:

@@ -11,6 +11,7 @@ from typing import Literal
 
 import numpy as np
 
+from ospc.atomic import write_atomically
 from ospc.errors import RecordingError
 from ospc.folders import NOT_EMPTY, check_usable, writing
 from ospc.formats.dso import write_times
@@ -53,7 +54,8 @@ class NumberedImages(AbstractContextManager["NumberedImages"]):
         """Write an image file."""
         name = f"{numbered(number, self._count)}{'.jpg' if data.startswith(JPEG_START) else '.png'}"
         if self._archive is None:
-            (self._folder / name).write_bytes(data)
+            # Atomically, so that a full disk leaves no image without an exposure.
+            write_atomically(self._folder / name, data, durable=False)
         else:
             # A fixed date makes archives of the same recording identical.
             self._archive.writestr(zipfile.ZipInfo(name, (1980, 1, 1, 0, 0, 0)), data)
