@@ -25,7 +25,7 @@ from ospc.cli import live as live_command
 from ospc.cli.calibration_run import figures
 from ospc.cli.live_view import LiveView, bars, drawn, falling, filled
 from ospc.cli.terminal import ProgressLine
-from ospc.errors import OspcError, RecordingError
+from ospc.errors import FormatError, OspcError, RecordingError
 from ospc.live import LiveCalibrator
 from ospc.live.capture import Capture
 from ospc.recording import Frame
@@ -175,6 +175,18 @@ def test_the_result_of_a_camera_is_written_whatever_happens(recording, tmp_path,
         assert done.exit_code in (0, 3)
     else:
         assert "the cable was pulled" in str(done.exception)
+
+
+def test_the_result_of_a_camera_is_written_even_if_the_state_does_not_fit(recording, tmp_path, monkeypatch):
+    def fails(_live, path):
+        raise FormatError(f"{path}: cannot be written (No space left on device); free some space")
+
+    leave_out(monkeypatch, "draw", "report")
+    monkeypatch.setattr("ospc.recording.live.open_camera", lambda *_: FakeCamera(recording))
+    monkeypatch.setattr(LiveCalibrator, "save_state", fails)
+    done = ospc("live", "opencv:0", "-o", tmp_path / "out", "--no-page")
+    assert "no state was saved: " in done.stderr
+    assert json.loads((tmp_path / "out" / "calibration.json").read_text())["counts"]["frames"] == len(recording)
 
 
 @pytest.fixture

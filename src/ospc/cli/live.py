@@ -14,7 +14,7 @@ from ospc.cli.interruption import Interruption, leaving
 from ospc.cli.options import AS_JSON, CORRECT_LAG, FORCE, QUIET, argument, declared, option, out_option
 from ospc.cli.reading import READING, Reading
 from ospc.cli.terminal import COMPLETE, FAILED, INTERRUPTED, UNDETERMINED, concluded, say, say_notes
-from ospc.errors import OspcError, one_line
+from ospc.errors import FormatError, OspcError, one_line
 from ospc.recording import Frame, Recording
 
 if TYPE_CHECKING:
@@ -174,6 +174,10 @@ def _captured(
         outcome = CalibrationOutcome(found, recording, live.first_reasons, early, failure)
         place = result.folder.path
         place.mkdir(parents=True, exist_ok=True)
-        state = Written((live.save_state(place / STATE_NAME),))
-        notes = [] if replayed else list(live.status.notes)
+        state, notes = Written(), [] if replayed else list(live.status.notes)
+        try:
+            state += Written((live.save_state(place / STATE_NAME),))
+        except FormatError as error:
+            # Continue: the result matters more, because the images of a camera are not kept.
+            notes.append(f"no state was saved: {error}")
         return result.take(outcome, lambda: (state, notes))
