@@ -144,12 +144,19 @@ def test_names_and_commas_are_made_numbers_and_spaces(tmp_path):
     assert mended(place).path.read_text().split() == ["0", "0.500000000", "1", "1", "0.600000000", "2"]
 
 
+def test_without_exposures_only_ids_and_stamps_are_written(tmp_path):
+    images(tmp_path, ["a.png", "b.png"])
+    place = tmp_path / "times.txt"
+    place.write_text("a.png 0.5\nb.png 0.6\n")
+    assert repair(ParameterFile(place, "times")).path.read_text() == "0 0.500000000\n1 0.600000000\n"
+
+
 @pytest.mark.parametrize(
     ("text", "reason"),
     [
         ("0 0.1 1\n", "cannot be matched with images"),
         ("0 0.1 0\n1 0.2 1\n", "1 of 2 exposures are missing"),
-        ("0.5 33.3\n0.6 33.3\n", "2 of 2 exposures are missing"),
+        ("0.5 33.3\n0.6 33.3\n", "unclear whether the two columns"),
         ("hello\n", "there is none"),
         ("0 0,1 1\n1 0,2 2\n", "decimal points"),
     ],

@@ -186,7 +186,7 @@ def test_broken_picture_is_a_finding_and_does_not_stop_the_others(folder):
         ("0.png 0.0 1\n1.png 0.1 2\n2.png 0.2 3\n", "3 lines differ, first line 1: '0.png 0.0 1'"),
         ("0,0.0,1\n1,0.1,2\n2,0.2,3\n", "separated by spaces; 3 lines differ, first line 1: '0,0.0,1'"),
         ("0.5 1\n0.6 2\n0.7 3\n", "with an integer id; 3 lines differ, first line 1: '0.5 1'"),
-        ("0 0.0\n1 0.1\n2 0.2\n", "every zero exposure has a positive neighbour; 3 of 3 have none, first in row 1"),
+        ("0 0.0 0\n1 0.1\n2 0.2\n", "every zero exposure has a positive neighbour; 3 of 3 have none, first in row 1"),
         ("0 0.0 1\n1 0.1 -2\n2 0.2 nan\n", "2 of 3 are negative or not a number, first in row 2"),
         ("0 0.0 1\n" + " " * 1000 + "1 0.1 2\n2 0.2 2\n", "line 2 is longer"),
     ],
@@ -211,6 +211,11 @@ def test_times_that_are_taken_but_not_as_meant(folder, text, complaint):
     (folder / "times.txt").write_text(text)
     assert [s for s, rule in found(folder / "times.txt") if complaint in rule] == ["warning"]
     assert errors(folder / "times.txt") == ""
+
+
+def test_times_without_exposures_are_valid_and_said(folder):
+    (folder / "times.txt").write_text("0 0.0\n1 0.1\n2 0.2\n")
+    assert found(folder / "times.txt") == [("note", "the third column has the exposures; there is none")]
 
 
 def test_run_of_zero_exposures_drops_all_of_them_only_in_dso(folder):

@@ -17,7 +17,7 @@ from ospc.errors import FormatError, counted, listed
 from ospc.formats.dso import LARGEST_ID, write_times
 from ospc.formats.files import BYTE_ORDER_MARK, by_name, read_text
 from ospc.formats.rules import MOST_INTERPOLATED, Broken, Context, Format, mark_before
-from ospc.formats.scanning import scanned, words_of
+from ospc.formats.scanning import NUMBER, scanned, words_of
 
 _LONGEST_LINE = 999
 """Largest line length, in characters, for the line buffers of the programs."""
@@ -82,6 +82,11 @@ class TimesText:
         """Exposures as stored by DSO, in 32 bits, shape (lines,)."""
         with np.errstate(over="ignore", under="ignore"):
             return self.scanned[:, 2].astype(np.float32).astype(np.float64)
+
+    @property
+    def without_exposures(self) -> bool:
+        """Whether the lines only have ids and time stamps, as if no exposures are known."""
+        return all(len(row.words) == 2 and _WHOLE_NUMBER.fullmatch(row.words[0]) for row in self.rows)
 
     def with_rows(self, rows: list[list[str]]) -> TimesText:
         """Return a text with other lines."""
@@ -164,6 +169,9 @@ def _about_the_ids_and_images(times: TimesText, context: Context) -> Iterator[Br
 
 
 def _about_the_exposures(times: TimesText, context: Context) -> Iterator[Broken]:
+    if context.program == "dso" and times.rows and times.without_exposures:
+        yield Broken("note", "the third column has the exposures; there is none", "runs without exposures")
+        return
     exposures_ms = times.exposures_ms
     zero, valid = exposures_ms == 0, np.isfinite(exposures_ms) & (exposures_ms > 0)
     invalid = ~zero & ~valid
@@ -233,6 +241,8 @@ def _drop_lines_without_image(times: TimesText, context: Context) -> tuple[Times
 
 
 def _number_lines(times: TimesText, _context: Context) -> tuple[TimesText, str]:
+    if any(len(row.words) == 2 and "." in row.words[0] and NUMBER.fullmatch(row.words[0]) for row in times.rows):
+        raise FormatError(f"it is unclear whether the two columns are time stamps and exposures; {_WRITE_AGAIN}")
     rows = [[str(i), *row.words[1:]] for i, row in enumerate(times.rows)]
     return times.with_rows(rows), "replaced ids that are not 32-bit integers by the numbers 0, 1, 2, …"
 
@@ -282,7 +292,7 @@ def _count_of(where: BoolArray, verbs: tuple[str, str], what: str) -> str:
 
 def _write(times: TimesText, path: Path) -> Path:
     ids, stamps_s, exposures_ms = times.scanned.T
-    return write_times(path, [int(i) for i in ids], stamps_s, exposures_ms)
+    return write_times(path, [int(i) for i in ids], stamps_s, None if times.without_exposures else exposures_ms)
 
 
 TIMES: Format[TimesText] = Format(
