@@ -291,6 +291,14 @@ def test_images_without_exposure_are_left_out(tmp_path: Path) -> None:
         open_recording(write_bag1(tmp_path / "few", images(FRAMES) + sent[:1]))
 
 
+def test_an_image_without_exposure_does_not_get_that_of_an_image_that_was_not_recorded(tmp_path: Path) -> None:
+    sent = metadata([{"exposure_time": 1000 * (1 + i), "gain": 0.0} for i in range(12)], FLIR, "/cam/meta")
+    recorded = images([FRAMES[i % 4] for i in range(12)])[::2]
+    recording = open_recording(write_bag2(tmp_path / "made", recorded + sent[:6] + sent[7:]))
+    assert recording.exposures_ms == pytest.approx([1, 3, 5, 9, 11])
+    assert any("1 of 6 images left out, because no exposure has the same" in note for note in recording.notes)
+
+
 @pytest.mark.parametrize("late_ns", [0, 3_000_000])  # the images are recorded 3 ms after their time stamps
 @pytest.mark.parametrize("write", [write_bag1, write_bag2])
 def test_exposures_may_be_in_a_list_next_to_the_bag(write: Any, late_ns: int, tmp_path: Path) -> None:

@@ -212,9 +212,10 @@ def _match(images: _Times, exposures: _Times, source: str) -> tuple[IntArray, li
         if known >= _LEAST_SHARE * len(found):
             notes = [] if what == "time stamp" else [f"{source}: exposures are matched to images by {what}"]
             if known < len(found):
+                near = f"is within {tolerance_ns / 1e6:.3g} ms" if tolerance_ns else "has the same time stamp"
                 notes.append(
                     f"{source}: {len(found) - known} of {counted(len(found), 'image')} left out, because no exposure "
-                    f"is within {tolerance_ns / 1e6:.3g} ms"
+                    f"{near}"
                 )
             return found, notes
     raise ExposureError(
@@ -224,13 +225,19 @@ def _match(images: _Times, exposures: _Times, source: str) -> tuple[IntArray, li
 
 
 def _nearest(wanted: IntArray, offered: IntArray) -> tuple[IntArray, float]:
-    """Return the index of the nearest time, -1 if it is further than half a frame interval, and this tolerance."""
+    """Return the index of the nearest time, -1 if it is further than half a frame interval, and this tolerance.
+
+    It is 0 if most times are equal: then the others belong to images that were not recorded.
+    """
     order = np.argsort(offered, kind="stable")
     times = offered[order]
     nearer = nearest(times, wanted)
+    distance = np.abs(times[nearer] - wanted)
     steps = np.diff(np.sort(wanted))
     tolerance_ns = float(np.median(steps)) / 2 if len(steps) else _ONLY_IMAGE_TOLERANCE_NS
-    found = np.where(np.abs(times[nearer] - wanted) <= tolerance_ns, order[nearer], -1)
+    if np.count_nonzero(distance == 0) >= _LEAST_SHARE * len(wanted):
+        tolerance_ns = 0.0
+    found = np.where(distance <= tolerance_ns, order[nearer], -1)
     return found.astype(np.int64), tolerance_ns
 
 
