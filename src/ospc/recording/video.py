@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Iterator
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -16,7 +16,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from ospc.arrays import FloatArray, Image, read_only, size_of
+from ospc.arrays import FloatArray, Image, ImageSize, read_only, size_of
 from ospc.errors import FrameError, RecordingError, counted, escaped, os_error_as
 from ospc.formats.files import beginning
 from ospc.recording.channel import DEFAULT_CHANNEL, Channel
@@ -58,6 +58,13 @@ class VideoStream(AbstractContextManager["VideoStream"]):
     def fps(self) -> float:
         """Frame rate in the header, in frames per second."""
         return float(self._capture.get(cv2.CAP_PROP_FPS))
+
+    def size(self) -> ImageSize:
+        """Return the size of the first frame that can be decoded; RecordingError if none of the first ones can."""
+        for index in range(_FIRST_FRAMES):
+            with suppress(FrameError):
+                return size_of(self.read(index))
+        raise RecordingError(f"{self._path}: no frame can be decoded; convert the video to MJPEG or H.264")
 
     def is_inter_coded(self) -> bool:
         """Return whether one of the first frames is coded as a change of others, with losses."""
@@ -135,7 +142,8 @@ _INTER_CODED = (ord("P"), ord("B"))
 """Types of frames that are coded as changes of earlier frames, or of earlier and later ones."""
 
 _FIRST_FRAMES = 10
-"""Number of frames whose type is looked at: encoders code some on their own, for example where the scene changes."""
+"""Number of frames whose size and type are looked at: encoders code some on their own, for example where the scene
+changes, and webcams often deliver a damaged one at the beginning."""
 
 _LONGEST_DAMAGE = 100
 """Number of consecutive frames that cannot be decoded after which a video counts as ended."""
@@ -175,12 +183,7 @@ class _Video:
         )
         with VideoStream(path, options.channel) as stream:
             stated, fps = stream.stated_frames, stream.fps
-            try:
-                size = size_of(stream.read(0))
-            except FrameError as error:
-                advice = "convert the video to MJPEG or H.264"
-                raise RecordingError(f"{path}: no frame can be decoded; {advice}") from error
-            inter_coded = stream.is_inter_coded()
+            size, inter_coded = stream.size(), stream.is_inter_coded()
         # The number in the header is often an estimate; counting takes a pass over the video.
         frames = stated if stated == len(table) else count_frames(path)
         if frames != len(table):
