@@ -137,6 +137,13 @@ def test_numbers_that_do_not_fit_32_bits_are_missing(tmp_path):
     assert {line.split()[2] for line in mended(place).path.read_text().splitlines()} == {"2"}
 
 
+def test_an_exposure_hidden_by_text_at_the_stamp_is_filled(tmp_path):
+    images(tmp_path, [f"{i:05d}.png" for i in range(20)])
+    place = tmp_path / "times.txt"
+    place.write_text("".join(f"{i} {i}.5{'x' * (i == 7)} 2\n" for i in range(20)))
+    assert mended(place).path.read_text().splitlines()[7] == "7 7.500000000 2"
+
+
 def test_names_and_commas_are_made_numbers_and_spaces(tmp_path):
     images(tmp_path, ["a.png", "b.png"])
     place = tmp_path / "times.txt"

@@ -259,7 +259,9 @@ def _fill_exposures(times: TimesText, _context: Context) -> tuple[TimesText, str
         )
     places = np.arange(exposures.size)
     exposures[~known] = np.exp(np.interp(places[~known], places[known], np.log(exposures[known])))
-    rows = [[*row.words[:2], f"{exposure:.9g}"] for row, exposure in zip(times.rows, exposures, strict=True)]
+    # The stamps as they are read: words after the number would hide the new exposure.
+    read = zip(times.rows, times.scanned[:, 1], exposures, strict=True)
+    rows = [[row.words[0], f"{stamp:.9f}", f"{exposure:.9g}"] for row, stamp, exposure in read]
     change = f"interpolated {counted(missing, 'missing or invalid exposure')} between neighbours"
     return times.with_rows(rows), change
 
