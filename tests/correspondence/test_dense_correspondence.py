@@ -248,6 +248,24 @@ def test_images_of_every_size_are_registered(size):
     assert np.median(np.linalg.norm(inner - [2.0, 0.0], axis=-1)) < 0.3
 
 
+@pytest.mark.parametrize("step", [7, 10])
+def test_plain_objects_in_front_of_the_background_are_lost_where_their_motion_is_not_seen(step):
+    """Both searches agree on the background's motion there, so the forward-backward error alone is small."""
+    x, y = np.meshgrid(np.arange(SIZE[0]), np.arange(SIZE[1]))
+    views = []
+    for left in (100, 100 + step):
+        on_box = (x >= left) & (x < left + 60) & (y >= 70)
+        grey = np.where(on_box, 0.3 + 0.001 * (x - left), RESPONSE(radiance_of(pixel_grid(SIZE))))
+        views.append(preprocessor()(of_array(np.rint(255 * grey).astype(np.uint8))))
+    registration = DenseRegistration(SecondThread())(*views, ExposureNormalizer(LOG_RESPONSE), 0.0)
+    box = (slice(80, -10), slice(110, 150))
+    wrong = np.linalg.norm(registration.forward[box] - [step, 0], axis=-1) > 1.5
+    found = registration.forward_backward_error[box] < 2
+    assert np.mean(wrong & found) < 0.04
+    background = registration.forward_backward_error[:50, :60]
+    assert np.mean(background < 2) > 0.95
+
+
 def test_what_leaves_the_image_has_a_large_forward_backward_error():
     frame0, frame1 = (preprocessor()(seen(s, 1.0)) for s in (np.zeros(2), np.array([40.0, 0.0])))
     registration = DenseRegistration(SecondThread())(frame0, frame1, ExposureNormalizer(LOG_RESPONSE))

@@ -25,11 +25,14 @@ from ospc.correspondence.thumbnail_registration import (
 )
 from ospc.second_thread import SecondThread
 from ospc.settings.registration import (
+    DISPLACEMENT_CELL_PX,
+    DISPLACEMENT_SPREAD_SIGMA_PX,
     HOMOGRAPHY_INLIER_PX,
     HOMOGRAPHY_MIN_INLIERS,
     HOMOGRAPHY_MIN_ROWS,
     HOMOGRAPHY_SPACING_PX,
     JACOBIAN_CELL_PX,
+    MAX_DISPLACEMENT_SPREAD_PX,
     MIN_OVERLAP,
     REFINEMENT_GRADIENT_WEIGHT,
     REFINEMENT_ITERATIONS,
@@ -76,6 +79,9 @@ class DenseRegistration:
     most of it; the remaining displacements are small and nearly constant. If no homography explains a quarter of the
     image, the search ends: of 524 such pairs, only one could have been registered. The backward search only detects
     forward errors of several pixels, so it is coarser. It runs in parallel in a second thread.
+
+    Plain objects in front of the background have nothing to search for, so both searches agree on the background's
+    displacement there. Points around which the displacements vary much are therefore lost, too.
     """
 
     def __init__(self, second: SecondThread) -> None:
@@ -101,6 +107,7 @@ class DenseRegistration:
         returning = self._second.submit(self._back.calc, warped, image0, None)
         forward = self._there.calc(image0, warped, None)
         in_warped, error = there_and_back(forward, returning.result())
+        error[_spread(forward) > MAX_DISPLACEMENT_SPREAD_PX] = OUTSIDE_PX
         there = cv2.perspectiveTransform(in_warped, homography)
         # The warped image repeats the border of the second one beyond its edge: points there have left the view.
         error[cv2.inRange(there, (0, 0, 0, 0), (size[0] - 1, size[1] - 1, 0, 0)) == 0] = OUTSIDE_PX
@@ -142,6 +149,17 @@ def _homography(displacement: Float32Array) -> FloatArray | None:
         return None
     found, supports = cv2.findHomography(places[inside], there[inside], cv2.USAC_FAST, HOMOGRAPHY_INLIER_PX)
     return None if found is None or np.count_nonzero(supports) < fewest else np.asarray(found)
+
+
+def _spread(displacement: Float32Array) -> Float32Array:
+    """Return the standard deviation of the displacements around each pixel, (h, w, 2) -> (h, w)."""
+    height, width = displacement.shape[:2]
+    coarse = tuple(max(1, side // DISPLACEMENT_CELL_PX) for side in (width, height))
+    sigma = DISPLACEMENT_SPREAD_SIGMA_PX / DISPLACEMENT_CELL_PX
+    means = (cv2.resize(values, coarse, interpolation=cv2.INTER_AREA) for values in (displacement, displacement**2))
+    mean, squared = (cv2.GaussianBlur(values, (0, 0), sigma) for values in means)
+    variance = np.sum(squared - mean**2, axis=-1)
+    return np.asarray(cv2.resize(np.sqrt(np.maximum(variance, 0)), (width, height)))
 
 
 def displacement_at(registration: Registration, points: FloatArray, scale: float) -> tuple[FloatArray, FloatArray]:

@@ -86,13 +86,18 @@ def local_tone(changes: Sequence[BrightnessChange], log_change: FloatArray) -> L
 
 
 def _global_columns(change: BrightnessChange, log_change: float) -> FloatArray:
-    """Return the terms of a global model of log ratios: grey level times exposure, and a decentred vignette."""
+    """Return the terms of a global model of log ratios: grey level times exposure, and a decentred vignette.
+
+    ln M between two exposures is an odd function of the change of ln e at each grey level. Its cubic part matters
+    where changes of different sizes alternate, as in a series of brackets.
+    """
     samples = change.samples
     knots = np.log(GREY_BIN_EDGES)
     grey = np.stack([np.interp(samples.log_grey, knots, row) for row in np.eye(len(knots))], axis=1)
     squared0, squared1 = (np.sum(p**2, axis=1) for p in (samples.position0, samples.position1))
     moved = samples.position1 - samples.position0
-    return np.column_stack([grey * log_change, squared1 - squared0, squared1**2 - squared0**2, moved])
+    by_exposure = grey * log_change, grey * log_change**3
+    return np.column_stack([*by_exposure, squared1 - squared0, squared1**2 - squared0**2, moved])
 
 
 def _fit(columns: FloatArray, target: FloatArray) -> FloatArray:

@@ -134,7 +134,7 @@ MAX_TONE_PAIRS = 120
 """Most pairs used, spread over the recording: more take longer, and properties of the camera show in fewer."""
 
 MIN_TONE_SAMPLES = 2000
-"""Fewest points over all pairs: about fifteen unknowns are fitted to them before image regions are compared."""
+"""Fewest points over all pairs: about 26 unknowns are fitted to them before image regions are compared."""
 
 MAX_TONE_LOG_CHANGE = 1.5
 """Largest change of ln exposure used: beyond it, most points are clipped in one of the frames."""
