@@ -59,6 +59,7 @@ class Disturbed:
     vignette_drift: float = 0.0
     vignette_by_exposure: float = 0.0
     vignette_motion: tuple[float, float] = (0.0, 0.0)
+    square: float = 0.0
     smudge: float = 0.0
     unsteady: float = 0.0
     stabilised: float = 0.0
@@ -93,6 +94,7 @@ class Disturbed:
         moved = self.stabilised * random.standard_normal((FRAMES, 2, 2))[group]
         attenuation = POLYNOMIAL.at_normalised(place + moved) * np.exp(self.vignette_drift * time * squared_radius)
         attenuation *= np.exp(self.vignette_by_exposure * np.log(true_ms / TYPICAL_MS) * squared_radius)
+        attenuation *= np.exp(-self.square * np.max(np.abs(place), axis=2) ** 4)
         attenuation *= np.exp(time * (place @ np.array(self.vignette_motion)))
         attenuation *= 1 - self.smudge * np.exp(-np.sum((place - [0.3, 0.2]) ** 2, axis=2) / (2 * 0.1**2))
         # Mean light and surroundings are each simulated as a uniform patch, so the grey moments are plain powers.
@@ -276,6 +278,7 @@ def test_unsteadiness_that_only_corrections_cause_is_none(
         (Disturbed(vignette_by_exposure=0.05), "vignette by exposure"),
         (Disturbed(vignette_motion=(0.08, 0.0)), "vignette moving sideways"),
         (Disturbed(vignette_motion=(0.0, 0.08)), "vignette moving vertically"),
+        (Disturbed(square=0.3), "square vignette"),
         (Disturbed(smudge=0.08), "uneven vignette"),
         (Disturbed(unsteady=0.05), "unsteady response"),
         (Disturbed(stabilised=0.05), "unsteady vignette"),

@@ -37,6 +37,7 @@ from ospc.settings.effects import (
     OFFSET,
     RESPONSE_DRIFT,
     SCATTER,
+    SQUARE_VIGNETTE,
     STEP_EXPOSURES,
     STRAY_LIGHT,
     VIGNETTE_BY_EXPOSURE,
@@ -170,6 +171,11 @@ def _missing_of_thirds(seen: Circumstances) -> FloatArray:
     return np.asarray(np.rint(log_s / third) * third - log_s)
 
 
+def _four_fold(x: FloatArray, y: FloatArray) -> FloatArray:
+    """Return R⁴ cos 4φ: positive along the axes, negative along the diagonals."""
+    return np.asarray(x**4 - 6 * x**2 * y**2 + y**4)
+
+
 def _step_name(number: int) -> str:
     return f"gain step {number + 1} of {STEP_EXPOSURES}"
 
@@ -212,6 +218,7 @@ EFFECTS = {
     "vignette by exposure": Effect(
         "log", lambda seen: np.log(seen.exposure) * np.sum(seen.position**2, axis=1), *VIGNETTE_BY_EXPOSURE
     ),
+    "square vignette": Effect("log", lambda seen: _four_fold(*seen.position.T), *SQUARE_VIGNETTE),
     "vignette moving sideways": Effect("log", lambda seen: seen.time * seen.position[:, 0], *VIGNETTE_DRIFT),
     "vignette moving vertically": Effect("log", lambda seen: seen.time * seen.position[:, 1], *VIGNETTE_DRIFT),
 }

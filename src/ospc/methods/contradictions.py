@@ -77,6 +77,12 @@ _CONTRADICTIONS = {
         "in ln V at the corners per factor e",
         "fix the aperture, and use an electronic shutter",
     ),
+    "square vignette": (
+        "the corners of the image are darker or brighter than a round vignette predicts, as with shading correction "
+        "on a coarse grid or a rectangular hood",
+        "in ln V",
+        "switch off shading correction, and film without hood and filters",
+    ),
     "vignette moving sideways": (
         "the vignette moves sideways during the recording",
         "in ln V per half diagonal",

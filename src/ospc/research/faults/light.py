@@ -102,6 +102,13 @@ def _smudge(footage: Footage, depth: float) -> Footage:
     return _shaded(footage, np.clip(transmission, 0.05, 1).astype(np.float32))
 
 
+def _hooded(footage: Footage, depth: float) -> Footage:
+    """Darken the corners as a rectangular hood does."""
+    height, width = footage.images[0].shape
+    x, y = np.moveaxis(footage.from_centre() / half_diagonal((width, height)), -1, 0)
+    return _shaded(footage, (1 - depth * (x**4 + y**4)).astype(np.float32))
+
+
 def _decentred(footage: Footage, shift: float) -> Footage:
     """Move the vignette to the right and half as far down, if it is known."""
     if footage.vignette is None:
@@ -241,6 +248,7 @@ FAULTS = (
         lambda f, x: _shaded(
             f, (1 - x * (0.5 - f.from_centre()[..., 1] / len(f.images[0]))).astype(np.float32)
         )),
+    Fault("square-vignette", "a hood that takes {} (x⁴ + y⁴) of the light", (0.05, 0.1, 0.2), _hooded),
     Fault("decentred", "a vignette shifted by {} of the height", (0.03, 0.06, 0.12), _decentred),
     Fault("vignette-midway", "V to the power of {} in the second half", (0.8, 0.5, 0),
         lambda f, x: f.relit(
