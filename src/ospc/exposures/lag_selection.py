@@ -21,6 +21,7 @@ from ospc.settings.lag import (
     FLICKERING_EXPOSURE_SHARE,
     FRACTIONAL_LAGS,
     MAX_COMMON_LAG,
+    MAX_FOLLOWING_CHANGE_LOG,
     MAX_FRACTIONAL_LAG,
     MIN_CORRELATED_VARIANCE_RATIO,
     MIN_DISTINCT_PAIRS,
@@ -286,6 +287,8 @@ def _exposures_follow_flicker(tried: LagHypotheses, best: int) -> bool:
     if not tried.flickers or exposure_cycle(tried.log_exposure) is not None:
         return False
     fast = fast_part(tried.series.frame, tried.changes[best])
+    if np.std(fast) > MAX_FOLLOWING_CHANGE_LOG:
+        return False  # a programmed bracket, on top of slow auto exposure
     rest = without_waves(tried.series.frame, fast, [f.cycles_per_frame for f in tried.flickers])
     return bool(np.sum(rest**2) < (1 - FLICKERING_EXPOSURE_SHARE) * np.sum(fast**2))
 

@@ -108,6 +108,11 @@ FLICKERING_EXPOSURE_SHARE = 0.87
 """Minimum share of the energy of fast exposure changes at the period of the flicker if they follow it. Noise of
 auto exposure keeps it below one; changes that share the period by chance have less."""
 
+MAX_FOLLOWING_CHANGE_LOG = 0.4
+"""Largest standard deviation of fast changes of ln exposure that follow a flicker: auto exposure follows only part of
+a lamp's flicker, which seldom exceeds 0.2. The brackets of five clean recordings had 0.8 to 1.6. What the linear
+model of brightness left unexplained at their period was taken for flicker."""
+
 # The search for the lag (ospc.exposures.lag)
 
 MAX_LAG = 5
