@@ -71,12 +71,12 @@ def fit_with_chosen_effects(observations: ExposedObservations, plan: FitPlan) ->
         return _with_estimates(plain.fit, plain_trials, _estimates(fit, observations)[-1:])
     if fit.groups < MIN_GROUPS:
         return _with_estimates(fit, trials, ())
-    residual = fit.residuals(observations)
-    if unsteady := unsteadiness(residual, observations):
+    if unsteady := unsteadiness(fit.resolved_residuals(observations), observations):
         # If the plain fit is steady, the effects are spurious.
-        alone = fitted is plain or unsteadiness(plain.fit.residuals(observations), observations)
+        alone = fitted is plain or unsteadiness(plain.fit.resolved_residuals(observations), observations)
         return _with_estimates(plain.fit, plain_trials, unsteady if alone else ())
-    uneven = uneven_vignette(residual, observations) or unsteady_radiance(fit.errors.radiance_sigma, fit.groups)
+    uneven = uneven_vignette(fit.residuals(observations), observations)
+    uneven = uneven or unsteady_radiance(fit.errors.radiance_sigma, fit.groups)
     return _with_estimates(fit, trials, (*_estimates(fit, observations), *uneven))
 
 

@@ -34,6 +34,7 @@ from ospc.settings.fit import (
     SUPPORT_QUANTILES,
     UNSEEN_RESPONSE,
 )
+from ospc.settings.residuals import MAX_UNSTEADY_UNRESOLVED
 
 
 @dataclass(frozen=True)
@@ -147,6 +148,11 @@ class Fit(Model):
         total = observations.combined(np.add, np.where(exposed, log_radiance, 0.0))
         mean = np.where(count > 1, total / np.maximum(count, 1), np.nan)
         return np.where(exposed, log_radiance - np.repeat(mean, observations.counts), np.nan)
+
+    def resolved_residuals(self, observations: ExposedObservations) -> FloatArray:
+        """Return :meth:`residuals`, NaN also where the response may bend more sharply than its basis, shape (n,)."""
+        unresolved = self.response_basis.unresolved(self.response_parameters, observations.grey)
+        return np.where(unresolved < MAX_UNSTEADY_UNRESOLVED, self.residuals(observations), np.nan)
 
     def _effect_terms(self, observations: ExposedObservations) -> EffectTerms:
         return self.effect_terms(self.parameters, observations, self.response_basis.index_of(observations.grey))

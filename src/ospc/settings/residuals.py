@@ -49,6 +49,11 @@ UNSTEADY_SLOPE = 0.005
 """Smallest standard deviation of the slope between pairs that matters, in ln L per ln M or per half diagonal. It was
 0.0076 in two recordings with sun outside the view, in which V was wrong by up to 0.008 and 0.017."""
 
+MAX_UNSTEADY_UNRESOLVED = 0.01
+"""Largest standard deviation of ln g, due to bends that the basis does not resolve, of the observations used. The
+error at such bends grows with the exposure ratio, so the slopes of pairs differ: with the simulator's ``tum_narrow``
+and noise, they scattered by 8 and 9 standard errors, without these observations by 1.0 and 1.1."""
+
 GAIN_SIGMAS = 3.0
 """Number of standard deviations by which the scatter of the pairs' mean residuals must exceed chance before frames
 get latent gains. Relative to independent errors of the points, it was at most 1 in 23 of 24 clean simulated
