@@ -49,13 +49,15 @@ def test_a_steady_change_shows_no_lag() -> None:
     assert exposures.lag.correction(exposures.recorded.cycle_frames) is None
 
 
-@pytest.mark.parametrize("lag", [0, 1])
-def test_brackets_around_a_wandering_exposure_do_not_follow_a_weak_flicker_of_their_period(lag: int) -> None:
+@pytest.mark.parametrize(("lag", "allowed"), [(0, {0}), (1, {1, None}), (3, {3, None})])
+def test_brackets_around_a_wandering_exposure_do_not_follow_a_weak_flicker_of_their_period(
+    lag: int, allowed: set[int | None]
+) -> None:
     number = np.arange(FRAMES)
     bracket = np.array([-0.5, 0.0, 0.5])[number % 3]
     light = 0.04 * np.cos(2 * np.pi * number / 3 + 0.4)
     exposures = found(Film(log_exposure=wandering(FRAMES, 5) + bracket, hidden_log_gain=light, lag=lag))
-    assert exposures.lag_frames == lag
+    assert exposures.lag_frames in allowed
 
 
 @pytest.mark.parametrize(("gain", "lag"), [(0.2, 2), (0.5, -1)])

@@ -183,6 +183,7 @@ _TIFF_MAX_VALUES = 2**20
 
 _TIFF_STARTS = (b"II*\x00", b"MM\x00*")
 _TIFF_ORIENTATION, _AS_STORED = 274, 1
+"""Tag of the orientation (TIFF 6.0), and its value for an image that is shown as it is stored."""
 
 
 def _tiff_fields(data: bytes) -> Iterator[tuple[str, int, int, int, int]]:
