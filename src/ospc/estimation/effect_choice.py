@@ -71,13 +71,18 @@ def fit_with_chosen_effects(observations: ExposedObservations, plan: FitPlan) ->
         return _with_estimates(plain.fit, plain_trials, _estimates(fit, observations)[-1:])
     if fit.groups < MIN_GROUPS:
         return _with_estimates(fit, trials, ())
-    if unsteady := unsteadiness(fit.resolved_residuals(observations), observations):
+    residual = fit.residuals(observations)
+    if unsteady := _unsteadiness(fit, residual, observations):
         # If the plain fit is steady, the effects are spurious.
-        alone = fitted is plain or unsteadiness(plain.fit.resolved_residuals(observations), observations)
+        alone = fitted is plain or _unsteadiness(plain.fit, plain.fit.residuals(observations), observations)
         return _with_estimates(plain.fit, plain_trials, unsteady if alone else ())
-    uneven = uneven_vignette(fit.residuals(observations), observations)
-    uneven = uneven or unsteady_radiance(fit.errors.radiance_sigma, fit.groups)
+    uneven = uneven_vignette(residual, observations) or unsteady_radiance(fit.errors.radiance_sigma, fit.groups)
     return _with_estimates(fit, trials, (*_estimates(fit, observations), *uneven))
+
+
+def _unsteadiness(fit: Fit, residual: FloatArray, observations: ExposedObservations) -> tuple[EffectEstimate, ...]:
+    """Return differences between the frames of a pair, from the residuals where the basis resolves the response."""
+    return unsteadiness(np.where(fit.resolves(observations), residual, np.nan), observations)
 
 
 def _with_effects(

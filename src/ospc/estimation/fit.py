@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from ospc.arrays import FloatArray, ImageSize
+from ospc.arrays import BoolArray, FloatArray, ImageSize
 from ospc.estimation.effects import EffectTerms
 from ospc.estimation.error_model import ErrorModel
 from ospc.estimation.mean_of_pixels import PixelMeans
@@ -149,10 +149,10 @@ class Fit(Model):
         mean = np.where(count > 1, total / np.maximum(count, 1), np.nan)
         return np.where(exposed, log_radiance - np.repeat(mean, observations.counts), np.nan)
 
-    def resolved_residuals(self, observations: ExposedObservations) -> FloatArray:
-        """Return :meth:`residuals`, NaN also where the response may bend more sharply than its basis, shape (n,)."""
+    def resolves(self, observations: ExposedObservations) -> BoolArray:
+        """Return for which observations the response does not bend more sharply than its basis can, shape (n,)."""
         unresolved = self.response_basis.unresolved(self.response_parameters, observations.grey)
-        return np.where(unresolved < MAX_UNSTEADY_UNRESOLVED, self.residuals(observations), np.nan)
+        return np.asarray(unresolved < MAX_UNSTEADY_UNRESOLVED)
 
     def _effect_terms(self, observations: ExposedObservations) -> EffectTerms:
         return self.effect_terms(self.parameters, observations, self.response_basis.index_of(observations.grey))
