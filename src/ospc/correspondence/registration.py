@@ -154,10 +154,10 @@ def _homography(displacement: Float32Array) -> FloatArray | None:
 def _spread(displacement: Float32Array) -> Float32Array:
     """Return the standard deviation of the displacements around each pixel, (h, w, 2) -> (h, w)."""
     height, width = displacement.shape[:2]
-    size = tuple(max(1, side // DISPLACEMENT_CELL_PX) for side in (width, height))
-    coarse = cv2.resize(displacement, size, interpolation=cv2.INTER_AREA)
+    coarse = tuple(max(1, side // DISPLACEMENT_CELL_PX) for side in (width, height))
     sigma = DISPLACEMENT_SPREAD_SIGMA_PX / DISPLACEMENT_CELL_PX
-    mean, squared = (cv2.GaussianBlur(values, (0, 0), sigma) for values in (coarse, coarse**2))
+    means = (cv2.resize(values, coarse, interpolation=cv2.INTER_AREA) for values in (displacement, displacement**2))
+    mean, squared = (cv2.GaussianBlur(values, (0, 0), sigma) for values in means)
     variance = np.sum(squared - mean**2, axis=-1)
     return np.asarray(cv2.resize(np.sqrt(np.maximum(variance, 0)), (width, height)))
 
