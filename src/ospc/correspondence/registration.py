@@ -80,8 +80,8 @@ class DenseRegistration:
     image, the search ends: of 524 such pairs, only one could have been registered. The backward search only detects
     forward errors of several pixels, so it is coarser. It runs in parallel in a second thread.
 
-    Plain objects in front of the background have nothing to search for, so both searches agree on the background's
-    displacement there. Points around which the displacements vary much are therefore lost, too.
+    On a plain object in front of the background, both searches find the displacement of the background. Points with
+    very different displacements around them are therefore discarded, too.
     """
 
     def __init__(self, second: SecondThread) -> None:

@@ -287,8 +287,8 @@ def _exposures_follow_flicker(tried: LagHypotheses, best: int) -> bool:
     if not tried.flickers or exposure_cycle(tried.log_exposure) is not None:
         return False
     fast = fast_part(tried.series.frame, tried.changes[best])
-    # A bracket on top of slow auto exposure is programmed, too. Lags by its period are hardly worse than the true
-    # one, so only the usual lag is exempt.
+    # A bracket on top of slow auto exposure is programmed, too. A wrong lag of a whole bracket fits almost as well as
+    # the true one, so only a lag of 0 is exempt.
     if tried.lags[best] == 0 and np.std(fast) > MAX_FOLLOWING_CHANGE_LOG:
         return False
     rest = without_waves(tried.series.frame, fast, [f.cycles_per_frame for f in tried.flickers])

@@ -155,8 +155,8 @@ homography are removed. Of simulated points with a larger one, 15 to 50 % were w
 others 1 to 4 %."""
 
 DISPLACEMENT_SPREAD_SIGMA_PX, DISPLACEMENT_CELL_PX = 8.0, 4
-"""Standard deviation of the weights with which these displacements count, the size of a patch of the search, and side
-of the squares over which they are averaged before, for speed, in pixels."""
+"""Standard deviation of the Gaussian weights around a point, in pixels of the small images: the size of a patch of
+the search. For speed, displacements are first averaged over squares with sides of this many pixels."""
 
 JACOBIAN_CELL_PX = 32
 """Side of the squares over which displacements are averaged before they are differentiated, in pixels of the small

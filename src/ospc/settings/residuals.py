@@ -50,9 +50,9 @@ UNSTEADY_SLOPE = 0.005
 0.0076 in two recordings with sun outside the view, in which V was wrong by up to 0.008 and 0.017."""
 
 MAX_UNSTEADY_UNRESOLVED = 0.01
-"""Largest standard deviation of ln g, due to bends that the basis does not resolve, of the observations used. The
-error at such bends grows with the exposure ratio, so the slopes of pairs differ: with the simulator's ``tum_narrow``
-and noise, they scattered by 8 and 9 standard errors, without these observations by 1.0 and 1.1."""
+"""Observations at grey levels where bends that the basis does not resolve make ln g uncertain by more than this are
+not used. The error at such bends grows with the exposure ratio, so the slopes of pairs differ: with the simulator's
+``tum_narrow`` and noise, they scattered by 8 and 9 standard errors, and by 1.0 and 1.1 without these observations."""
 
 GAIN_SIGMAS = 3.0
 """Number of standard deviations by which the scatter of the pairs' mean residuals must exceed chance before frames
