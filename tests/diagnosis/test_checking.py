@@ -26,7 +26,7 @@ def check(**film) -> RecordingReport:
 
 @pytest.fixture(scope="module")
 def good() -> RecordingReport:
-    return check(log_exposure=wandering(80, seed=3), size=LARGE)
+    return check(log_exposure=wandering(80, seed=0), size=LARGE)
 
 
 @pytest.fixture(scope="module")

@@ -47,7 +47,7 @@ class Latent:
     linear_log
         h at the measured grey level, linearised at the predicted one.
     precision, weight
-        Inverse variance of h, and robust weight.
+        Inverse variance of h, and robust weight; 1 if all observations of a point have none.
     texture
         Reduction of h by texture if all of the measured variance is texture, with the same variance over squared grey
         level for all observations of a point.
@@ -116,7 +116,13 @@ class LatentModel:
     trusted: bool
 
     def __call__(self, observations: ExposedObservations, log_gain: FloatArray, weight: FloatArray) -> Latent:
-        """Linearise observations, given ln of the gain by vignette and effects, and weights, shape (n,) each."""
+        """Linearise observations, given ln of the gain by vignette and effects, and weights, shape (n,) each.
+
+        A point whose observations all have no weight is linearised as if each had weight 1.
+        """
+        # Otherwise it would have no radiance to compare it with, and could never get a weight again.
+        counts = np.repeat(observations.combined(np.add, weight) > 0, observations.counts)
+        weight = np.where(counts, weight, 1.0)
         measured = np.clip(observations.grey, DARKEST_GREY, 1.0)
         latent = self._linearised(observations, measured, observations.log_exposure, log_gain, weight)
         for _ in range(LATENT_ITERATIONS if self.trusted else 0):

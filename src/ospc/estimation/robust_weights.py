@@ -18,7 +18,7 @@ def redescending_weights(studentised: FloatArray, usable: BoolArray) -> tuple[Fl
 
     Studentised residuals and whether an observation may have any weight have shape (n,).
     """
-    scaled = studentised / (WEIGHT_SCALE_SIGMAS * max(robust_scale(studentised), 1e-6))
+    scaled = studentised / (WEIGHT_SCALE_SIGMAS * max(robust_scale(studentised[usable]), 1e-6))
     squared = scaled**2
     counts = usable & (np.abs(scaled) < WEIGHT_CUT_SIGMAS / WEIGHT_SCALE_SIGMAS)
     weight = np.where(counts, 1 / (1 + squared) ** 2, 0.0)
