@@ -67,6 +67,18 @@ def test_grey_levels_are_predicted_by_the_exposures_however_strong_the_texture()
     assert np.all(np.abs(error[near]) < latent.log_response_slope[near] * grid_step)
 
 
+def test_points_without_weight_are_judged_like_the_others():
+    """Without a radiance, they would be predicted anywhere and could never get a weight again."""
+    seen = textured(0.1, TOE_AND_SHOULDER)
+    found = MaximumLikelihoodEstimator(ResponseBasis(32), VignetteBasis(0), NOISE).fit(seen, ROUNDS)
+    share = found.texture_share
+    predict = LatentModel(found.response_basis, found.parameters, found.errors, NOISE, share, trusted=True)
+    weight = np.where(seen.group % 2, 0.0, 1.0)
+    without, all_weighted = (predict(seen, np.zeros(len(seen)), each) for each in (weight, np.ones(len(seen))))
+    np.testing.assert_array_equal(without.studentised, all_weighted.studentised)
+    np.testing.assert_array_equal(without.grey, all_weighted.grey)
+
+
 @pytest.mark.parametrize("contrast", [0.15, 0.2])
 def test_texture_is_taken_out(contrast):
     seen = textured(contrast, TOE_AND_SHOULDER)

@@ -43,8 +43,8 @@ raises the vignette error by a tenth; 2 lowers it by a twentieth, but the bands 
 recordings."""
 
 WEIGHT_CUT_SIGMAS = 4.5
-"""Residual, in robust standard deviations, beyond which an observation has no weight. Chosen by hand; 4 and 6 change the
-errors by up to 2 per cent."""
+"""Residual, in robust standard deviations, beyond which an observation has no weight. Chosen by hand; 4 and 6 change
+the errors by up to 2 per cent."""
 
 MIN_SANDWICH_FACTOR = 0.2
 """Lower limit of the ratio of the mean derivative of the influence function to the mean weight. With many outliers
