@@ -24,6 +24,7 @@ from ospc.estimation.fit_plan import FitPlan
 from ospc.estimation.fitted import Fitted
 from ospc.estimation.frame_gains import gain_sigma
 from ospc.estimation.maximum_likelihood import MaximumLikelihoodEstimator
+from ospc.estimation.misregistration import registered_points
 from ospc.estimation.residual_effects import UNSTEADY_LIGHT, uneven_vignette, unsteadiness, unsteady_radiance
 from ospc.estimation.vignette_choice import fit_with_chosen_vignette
 from ospc.observations import ExposedObservations
@@ -54,6 +55,9 @@ def fit_with_chosen_effects(observations: ExposedObservations, plan: FitPlan) ->
     is_stationary = not len(plan.widest)
     if is_stationary and plain.fit.groups < MIN_GROUPS:
         return plain.fit  # in a few brackets, an error of the exposures is part of the response
+    if not is_stationary and observations.in_pairs and not (registered := registered_points(plain)).all():
+        observations = observations.of_points(registered)
+        plain = fit_with_chosen_vignette(observations, plan, Effects.none_of(observations))
     plain_trials = estimate_effects(plain, EXPOSURE_ERRORS if is_stationary else tuple(EFFECTS))
     fitted, trials = _with_effects(plain, plain_trials, plan)
     if is_stationary:

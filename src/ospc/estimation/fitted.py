@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ospc.arrays import FloatArray
+from ospc.arrays import BoolArray, FloatArray
 from ospc.estimation.fit import Fit
 from ospc.estimation.latent import Latent, LatentModel
 from ospc.estimation.robust_weights import redescending_weights
@@ -36,6 +36,11 @@ class Fitted:
         # Repeat with radiances no longer biased by outliers.
         latent = self._predict(self.observations, log_gain, weight)
         return latent, *redescending_weights(latent.studentised, self._predict.unclipped(self.observations, latent))
+
+    @cached_property
+    def unclipped(self) -> BoolArray:
+        """Where the noise of single pixels hardly reaches black or white, shape (n,)."""
+        return self._predict.unclipped(self.observations, self.weighted[0])
 
     @property
     def log_response(self) -> FloatArray:

@@ -83,11 +83,21 @@ MOST_RADIANCE_SIGMA = 0.04
 vignette do not explain the images. It was at most 0.01 in 39 clean simulated recordings, 0.005 in a real video, with
 crowds and with glossy surfaces, and 0.07 to 0.09 if contrast was equalised in tiles."""
 
-# Uncertainty of exposure ratios (ospc.methods.summary)
+# Pairs that were registered wrongly (ospc.estimation.misregistration, ospc.methods.summary)
 
 MISREGISTERED_SPREAD = 3.0
 """Scatter of a pair's points, relative to typical pairs, above which the frames count as misregistered: two thirds of
-such pairs are wrong by more than a tenth. No effect from 2 to 6."""
+such pairs are wrong by more than a tenth. In 22 recordings without repetitive texture the largest was 2.2, on regular
+facades up to 33."""
+
+MISREGISTERED_FEWEST_POINTS = 30
+"""Minimum number of points for judging a pair by its scatter, which is then known to a fifth."""
+
+MISREGISTERED_ITERATIONS = 3
+"""Iterations for the robust weights of these points."""
+
+USUAL_PAIRS = 0.25
+"""Quantile of the pairs' scatter that counts as usual: on a facade, more than half of the pairs may be wrong."""
 
 MISREGISTERED_SIGMAS = 2.0
 """Standard deviation of such a pair's exposure ratio, as a multiple of that scatter: the points share one error, so
