@@ -86,7 +86,7 @@ def test_exposures_never_explain_less_than_none_of_the_changes(unexplained: floa
     film = Film(wandering(100))
     found = assess_exposures(observed(film)[0].changes, film.log_exposure)
     assert found.brightness is not None
-    brightness = replace(found.brightness, unexplained_share=unexplained)
+    brightness = replace(found.brightness, unexplained_share=unexplained, fits_badly=True)
     lag = replace(found.lag, candidates=(0,), state="determined")
-    first = verdict_on(found.recorded, lag, brightness, 100, 0.0, fits_badly=True)
+    first = verdict_on(found.recorded, lag, brightness, 100, 0.0)
     assert f"exposures fit badly: they {said} the brightness changes; the rest" in first.reason

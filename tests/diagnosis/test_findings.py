@@ -26,6 +26,7 @@ STALE = Film(np.zeros(FRAMES), hidden_log_gain=wandering(FRAMES))
 RISING = Film(np.linspace(-0.6, 0.6, 60))
 HALF_STOPS = Film(np.repeat(np.resize([0.0, 0.35], 4), 14), hidden_log_gain=wandering(FRAMES))
 NO_RATIOS = ExposureRatios.none()
+FLICKERING = Film(0.5 * wandering(FRAMES), hidden_log_gain=np.random.default_rng(5).normal(0, 0.02, FRAMES))
 QUICK = replace(DefaultSettings(), points_per_pair=120, rounds=5, response_intervals=16)
 
 
@@ -187,6 +188,15 @@ def test_exposures_that_a_fit_explains_are_not_stale(error: float, exceptions: i
     errors = np.full(40, error)
     errors[1 : 2 * exceptions : 2] = 0.3  # pairs of unchanged exposure
     judged = found(HALF_STOPS).judged_by([], ratios_with(errors))
+    assert judged.verdict.state == state
+    assert (judged.warnings == ()) == (state == "identifiable")
+
+
+@pytest.mark.parametrize(("error", "state"), [(0.003, "identifiable"), (0.02, "marginal")])
+def test_exposures_that_a_fit_explains_do_not_fit_badly(error: float, state: str) -> None:
+    unjudged = found(FLICKERING)
+    assert "exposures fit badly" in unjudged.warnings[0]
+    judged = unjudged.judged_by([], ratios_with(np.full(40, error)))
     assert judged.verdict.state == state
     assert (judged.warnings == ()) == (state == "identifiable")
 

@@ -141,7 +141,7 @@ class Disturbed:
         everything = self.pairs(seed)
         observations = everything.of_points(everything.group[everything.starts] < frames)
         widest = VignetteBasis(8, free_centre=True, non_radial=True)
-        return fit_with_chosen_effects(observations, FitPlan(ResponseBasis(32), widest, NOISE, ROUNDS))
+        return fit_with_chosen_effects(observations, FitPlan(ResponseBasis(32), widest, NOISE, ROUNDS)).fit
 
 
 def stated(fit: Fit) -> dict[str, float]:

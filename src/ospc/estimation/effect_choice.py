@@ -42,8 +42,10 @@ from ospc.settings.effects import (
 )
 
 
-def fit_with_chosen_effects(observations: ExposedObservations, plan: FitPlan) -> Fit:
+def fit_with_chosen_effects(observations: ExposedObservations, plan: FitPlan) -> Fitted:
     """Fit response and vignette, and the effects that the observations clearly show.
+
+    Pairs of frames that were registered wrongly are left out: the result has the observations that were used.
 
     Effects are tried one by one, the clearest first, and kept if they are significant given the scatter of the
     observations. If anything contradicts the model, nothing is corrected, because effects imitate each other. Too few
@@ -52,17 +54,28 @@ def fit_with_chosen_effects(observations: ExposedObservations, plan: FitPlan) ->
     stationary camera, only errors of the exposures are tried.
     """
     plain = fit_with_chosen_vignette(observations, plan, Effects.none_of(observations))
-    is_stationary = not len(plan.widest)
-    if is_stationary and plain.fit.groups < MIN_GROUPS:
+    if not len(plan.widest):
+        return replace(plain, fit=_of_stationary_camera(plain, plan))
+    if not (registered := registered_points(plain)).all():
+        used = observations.of_points(registered)
+        plain = fit_with_chosen_vignette(used, plan, Effects.none_of(used))
+    return replace(plain, fit=_of_moving_camera(plain, plan))
+
+
+def _of_stationary_camera(plain: Fitted, plan: FitPlan) -> Fit:
+    """Return the fit with the errors of the exposures that the observations show."""
+    if plain.fit.groups < MIN_GROUPS:
         return plain.fit  # in a few brackets, an error of the exposures is part of the response
-    if not is_stationary and observations.in_pairs and not (registered := registered_points(plain)).all():
-        observations = observations.of_points(registered)
-        plain = fit_with_chosen_vignette(observations, plan, Effects.none_of(observations))
-    plain_trials = estimate_effects(plain, EXPOSURE_ERRORS if is_stationary else tuple(EFFECTS))
+    fitted, trials = _with_effects(plain, estimate_effects(plain, EXPOSURE_ERRORS), plan)
+    fit = _with_model_errors(fitted.fit)
+    return _with_estimates(fit, trials, _estimates(fit, plain.observations))
+
+
+def _of_moving_camera(plain: Fitted, plan: FitPlan) -> Fit:
+    """Return the fit with the effects and gains that the observations show, or with what contradicts the model."""
+    observations = plain.observations
+    plain_trials = estimate_effects(plain, tuple(EFFECTS))
     fitted, trials = _with_effects(plain, plain_trials, plan)
-    if is_stationary:
-        fit = _with_model_errors(fitted.fit)
-        return _with_estimates(fit, trials, _estimates(fit, observations))
     # Gains come last, and not if exposures lag: they would hide the cause of the brightness changes.
     if not _shows_lag(trials) and (variances := _gain_variances(fitted)):
         found_none = fitted is plain

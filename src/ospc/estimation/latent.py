@@ -84,9 +84,14 @@ class Latent:
         return np.clip(1 - leverage, MIN_ONE_MINUS_LEVERAGE, 1)
 
     @cached_property
+    def sigma(self) -> FloatArray:
+        """Standard deviation of the residual, corrected for the leverage."""
+        return np.sqrt(self.one_minus_leverage / self.precision)
+
+    @cached_property
     def studentised(self) -> FloatArray:
-        """Residual over its standard deviation, corrected for the leverage."""
-        return self.residual * np.sqrt(self.precision / self.one_minus_leverage)
+        """Residual over its standard deviation."""
+        return self.residual / self.sigma
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ospc.arrays import BoolArray, FloatArray, IntArray, members_of
+from ospc.arrays import BoolArray, FloatArray, members_of
 from ospc.estimation.fitted import Fitted
 from ospc.estimation.robust_weights import redescending_weights
 from ospc.observations import ExposedObservations
@@ -24,47 +24,47 @@ from ospc.settings.residuals import (
 
 
 def registered_points(fitted: Fitted) -> BoolArray:
-    """Return which points are in pairs that scatter like the others, given a fit to pairs, shape (points,).
+    """Return which points are in pairs that scatter like the others, shape (points,).
 
     If response, vignette or effects are wrong, residuals vary smoothly with grey level, position and surroundings.
-    Only the scatter about such a dependence counts.
+    Only the scatter about such a dependence counts. Points with more than two observations are not judged.
     """
-    observations, latent = fitted.observations, fitted.weighted[0]
-    usable = fitted.unclipped[0::2] & fitted.unclipped[1::2]
-    residual = latent.studentised[0::2]  # the second one is the same with the other sign
-    number = observations.group_number[0::2]
-    members = [np.flatnonzero(usable)[each] for each in members_of(number[usable])] if usable.any() else []
-    judged = [each for each in members if len(each) >= MISREGISTERED_FEWEST_POINTS]
-    scatter = np.array([robust_scale(residual[each] - median(residual[each])) for each in judged])
-    registered = np.ones(len(number), np.bool_)
-    if not judged:
+    observations = fitted.observations
+    registered = np.ones(len(observations.starts), np.bool_)
+    if not observations.in_pairs:
         return registered
-    limit = MISREGISTERED_SPREAD * np.quantile(scatter, USUAL_PAIRS)
-    suspects = [each for each, own in zip(judged, scatter, strict=True) if own > limit]
+    usable = np.flatnonzero(fitted.unclipped[0::2] & fitted.unclipped[1::2])
+    latent = fitted.weighted[0]
+    residual = latent.studentised[0::2]  # that of the second observation has the other sign
+    number = observations.group_number[0::2]
+    pairs = [usable[each] for each in members_of(number[usable]) if len(each) >= MISREGISTERED_FEWEST_POINTS]
+    scatter = [robust_scale(residual[pair] - median(residual[pair])) for pair in pairs]
+    limit = MISREGISTERED_SPREAD * float(np.quantile(scatter or [0.0], USUAL_PAIRS))
+    suspects = [pair for pair, own in zip(pairs, scatter, strict=True) if own > limit]
     if suspects:
-        covariates = _covariates(observations)
-        wrong = [number[each[0]] for each in suspects if _unexplained(residual, covariates, each) > limit]
-        registered = ~np.isin(number, wrong)
+        # Errors of the models are smooth in ln L, not in ln L over its standard deviation.
+        covariates = _covariates(observations) / latent.sigma[0::2, None]
+    for pair in suspects:
+        if _unexplained(residual[pair], covariates[pair]) > limit:
+            registered[number == number[pair[0]]] = False
     return registered
 
 
 def _covariates(observations: ExposedObservations) -> FloatArray:
-    """Return what errors of the models depend on smoothly, one row per point, shape (points, 9)."""
+    """Return what errors of the models depend on smoothly, one row per point, shape (points, 11)."""
     log_grey = np.log(np.maximum(observations.grey, DARKEST_GREY)).reshape(-1, 2).mean(axis=1)
-    position = observations.position.reshape(-1, 2, 2)
-    squared_radius = np.sum(position**2, axis=-1)
-    around = observations.surround_moments[:, :2].reshape(-1, 2, 2).astype(np.float64)
-    log_surround = np.log(np.maximum(around[..., 1], DARKEST_GREY * around[..., 0]) + np.finfo(np.float64).tiny)
     powers = log_grey[:, None] ** np.arange(4)
-    changes = np.stack([np.diff(each, axis=1)[:, 0] for each in (squared_radius, log_surround)], axis=1)
-    return np.hstack([powers, position.mean(axis=1), squared_radius.mean(axis=1)[:, None], changes])
+    positions = observations.position.reshape(-1, 4)  # of both observations
+    squared_radii = np.sum(observations.position**2, axis=1).reshape(-1, 2)
+    weight, grey = observations.surround_moments[:, :2].T.astype(np.float64)
+    log_surround = np.log(np.maximum(grey, DARKEST_GREY * weight) + np.finfo(np.float64).tiny)
+    return np.hstack([powers, positions, squared_radii, np.diff(log_surround.reshape(-1, 2), axis=1)])
 
 
-def _unexplained(residual: FloatArray, covariates: FloatArray, members: IntArray) -> float:
+def _unexplained(residual: FloatArray, covariates: FloatArray) -> float:
     """Return the robust standard deviation of the residuals of a pair about a linear function of the covariates."""
-    target, rows = residual[members], covariates[members]
-    left = target - median(target)
+    left = residual - median(residual)
     for _ in range(MISREGISTERED_ITERATIONS):
         root = np.sqrt(redescending_weights(left, np.ones(len(left), np.bool_))[0])
-        left = target - rows @ np.linalg.lstsq(rows * root[:, None], target * root, rcond=None)[0]
+        left = residual - covariates @ np.linalg.lstsq(covariates * root[:, None], residual * root, rcond=None)[0]
     return robust_scale(left)

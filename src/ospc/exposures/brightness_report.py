@@ -29,6 +29,7 @@ from ospc.settings.brightness import (
     STALE_DRIFT_LOG,
     UNCHANGED_EXPOSURE_LOG,
 )
+from ospc.settings.exposures import MAX_UNEXPLAINED_SHARE
 
 
 @dataclass(frozen=True)
@@ -55,6 +56,8 @@ class BrightnessReport:
         Largest sum of unexplained changes within :data:`DRIFT_FRAMES` while the exposure stays constant.
     stale
         Whether brightness changes while the recorded exposures do not.
+    fits_badly
+        Whether exposures leave much of the brightness unexplained, even at the lag that fits best.
     flicker
         Periodic changes that the exposures do not explain, strongest first.
     jumps
@@ -66,6 +69,7 @@ class BrightnessReport:
     unexplained_share: float
     drift_at_constant_exposure_log: float
     stale: bool
+    fits_badly: bool
     flicker: tuple[Flicker, ...]
     jumps: tuple[Jump, ...] = ()
 
@@ -83,12 +87,15 @@ def brightness_report(lag: LagEstimate, log_exposure: FloatArray) -> BrightnessR
     unchanged, drift = unexplained[stays], _drift(unexplained[stays], lag.frame[stays])
     constant = bool(stays.all())
     stale = len(unchanged) >= MIN_STALE_PAIRS and _rms(unchanged) > NOTABLE_RMS_LOG
+    unexplained_rms_log = _rms(unexplained)
+    much = fit.unexplained_share > MAX_UNEXPLAINED_SHARE and unexplained_rms_log > NOTABLE_RMS_LOG
     return BrightnessReport(
         change_rms_log=_rms(fit.observed),
-        unexplained_rms_log=_rms(unexplained),
+        unexplained_rms_log=unexplained_rms_log,
         unexplained_share=fit.unexplained_share,
         drift_at_constant_exposure_log=drift,
         stale=bool(stale or (constant and drift > STALE_DRIFT_LOG)),
+        fits_badly=bool(much and (lag.frames is not None or lag.state == "ambiguous")),
         flicker=flicker,
         jumps=_jumps(lag.frame, unexplained),
     )

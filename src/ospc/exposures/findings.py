@@ -22,7 +22,7 @@ from ospc.exposures.wrong_exposures import in_words, wrong_exposures
 from ospc.photometry.coverage import ExposureRatios
 from ospc.photometry.verdict import LATE_EXPOSURES, EffectEstimate, Verdict
 from ospc.settings.brightness import (
-    EXPLAINED_PAIRS,
+    EXPLAINED_POINTS,
     MIN_STALE_PAIRS,
     NOTABLE_RMS_LOG,
     UNCHANGED_EXPOSURE_LOG,
@@ -31,7 +31,6 @@ from ospc.settings.exposures import (
     BLENDED_LAG_FRAMES,
     DOUBTED_LAG_FRAMES,
     DOUBTED_LAG_SIGMAS,
-    MAX_UNEXPLAINED_SHARE,
     MIN_CHECKED_FRAMES,
     REFUTED_LAG_FRAMES,
 )
@@ -135,24 +134,29 @@ class ExposureFindings:
         return found if lateness is None else found._confirmed_by(lateness)._doubted_by(lateness)
 
     def _explained_by(self, ratios: ExposureRatios) -> ExposureFindings:
-        """Return the findings without stale exposures if the fit explains the brightness at these exposures."""
-        # Brightness changes are compared through a typical response, from which extreme ones differ too much.
+        """Return the findings without stale or badly fitting exposures if the fit explains the brightness."""
+        # Brightness changes are compared through a typical response, from which extreme ones differ too much, and in
+        # thumbnails, in which regular facades are easily registered wrongly.
         brightness = self.brightness
-        if brightness is None or not brightness.stale or self.recorded.values == 1:
+        if brightness is None or self.recorded.values == 1 or len(self.warnings) != 1:  # or there are other doubts
             return self
-        if self.verdict.known or len(self.warnings) > 1:  # there are other doubts
+        if not (brightness.stale and not self.verdict.known) and not (brightness.fits_badly and not self.lag.frames):
             return self
-        unchanged = np.abs(np.log(ratios.metadata)) < UNCHANGED_EXPOSURE_LOG
-        parts = [np.abs(part) for part in (ratios.log_residual, ratios.log_residual[unchanged])]
-        largest = max((float(np.quantile(part, EXPLAINED_PAIRS)) for part in parts if len(part)), default=np.inf)
-        if len(parts[0]) < MIN_STALE_PAIRS or largest > NOTABLE_RMS_LOG:
+        # Points are counted rather than pairs, because a pair whose registration failed has few.
+        error, metadata = (
+            np.repeat(values, ratios.samples) for values in (np.abs(ratios.log_residual), ratios.metadata)
+        )
+        unchanged = np.abs(np.log(metadata)) < UNCHANGED_EXPOSURE_LOG
+        parts = (part for part in (error, error[unchanged]) if len(part))
+        largest = max((float(np.quantile(part, EXPLAINED_POINTS)) for part in parts), default=np.inf)
+        if len(ratios.samples) < MIN_STALE_PAIRS or largest > NOTABLE_RMS_LOG:
             return self
         reason = (
             "exposures belong to their frames: with the fitted curves, they explain the brightness of "
-            f"{EXPLAINED_PAIRS:.0%} of the pairs of frames to within {np.expm1(largest):.1%}"
+            f"{EXPLAINED_POINTS:.0%} of the scene points to within {np.expm1(largest):.1%}"
         )
-        verdict = Verdict("identifiable", reason)
-        return replace(self, brightness=replace(brightness, stale=False), verdict=verdict, warnings=())
+        settled = replace(brightness, stale=False, fits_badly=False)
+        return replace(self, brightness=settled, verdict=Verdict("identifiable", reason), warnings=())
 
     def _confirmed_by(self, lateness: EffectEstimate) -> ExposureFindings:
         """Return the findings with a lag of 0 if only the fit shows it and brightness changes leave it open."""
@@ -285,17 +289,10 @@ def _assess(series: BrightnessSeries, written: FloatArray) -> ExposureFindings:
     lag = estimate_lag(series, written)
     brightness = brightness_report(lag, written)
     few = brightness is None and len(written) < MIN_CHECKED_FRAMES
-    # Whether exposures leave much of the brightness unexplained, even at the lag that fits best.
-    fits_badly = (
-        brightness is not None
-        and (lag.frames is not None or lag.state == "ambiguous")
-        and brightness.unexplained_share > MAX_UNEXPLAINED_SHARE
-        and brightness.unexplained_rms_log > NOTABLE_RMS_LOG
-    )
     inverse_share = explained_by_inverse(lag, series, written)
-    verdict = verdict_on(recorded, lag, brightness, len(written), inverse_share, fits_badly=fits_badly)
+    verdict = verdict_on(recorded, lag, brightness, len(written), inverse_share)
     late = bool(lag.candidates) and 0 not in lag.candidates
-    contradicted = not verdict.known or late or fits_badly
+    contradicted = not verdict.known or late or (brightness is not None and brightness.fits_badly)
     warnings = (verdict.reason,) if contradicted and not few else ()
     is_open = lag.frames is None and verdict.state == "marginal" and not few and not warnings
     question = _uncertain(verdict.reason) if is_open else ""

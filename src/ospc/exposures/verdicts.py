@@ -35,8 +35,6 @@ def verdict_on(
     brightness: BrightnessReport | None,
     frames: int,
     inverse_share: float,
-    *,
-    fits_badly: bool,
 ) -> Verdict:
     """Return the verdict on the exposures of a recording.
 
@@ -48,8 +46,6 @@ def verdict_on(
         Number of frames of the recording.
     inverse_share
         Share of the brightness changes that the inverse of the exposures explains.
-    fits_badly
-        Whether the exposures leave much of the brightness unexplained, even at the lag that fits best.
     """
     if brightness is None and frames < MIN_CHECKED_FRAMES:
         few = f"the recording has only {counted(frames, 'frame')}, too few to check whether exposures belong to them"
@@ -57,7 +53,7 @@ def verdict_on(
     if brightness is None:
         few = f"only {counted(lag.pairs, 'pair')} of consecutive frames could be compared"
         return Verdict("marginal", f"{few}, too few to check the exposures", _SLOWER)
-    contradiction = _contradiction(recorded, lag, brightness, inverse_share, fits_badly=fits_badly)
+    contradiction = _contradiction(recorded, lag, brightness, inverse_share)
     if contradiction is not None:
         return contradiction
     if lag.state == "constant exposure":
@@ -70,8 +66,6 @@ def _contradiction(
     lag: LagEstimate,
     brightness: BrightnessReport,
     inverse_share: float,
-    *,
-    fits_badly: bool,
 ) -> Verdict | None:
     """Return the verdict on exposures that contradict the images; None if they do not."""
     if brightness.stale:
@@ -92,7 +86,7 @@ def _contradiction(
     if lag.state == "no response to exposure":
         text = f"exposures range from {recorded.in_words()}, but the brightness of the scene does not follow them"
         return Verdict("not identifiable", text, _FIX_METADATA)
-    if fits_badly and not lag.frames:
+    if brightness.fits_badly and not lag.frames:
         rest = f"the rest, {_percent(brightness.unexplained_rms_log)} per frame, may be flicker or an unrecorded gain"
         only = "only " if round(1 - brightness.unexplained_share, 2) > 0 else ""
         text = f"exposures fit badly: they explain {only}{_explained(brightness)}; {rest}"

@@ -81,13 +81,13 @@ def fit(
     else:
         plan = plan_of_stationary_camera(known, noise)
     found = fit_with_chosen_effects(exposed, plan)
-    unexplained = unexplained_share(exposure_ratios(found, exposed))
+    unexplained = unexplained_share(exposure_ratios(found.fit, found.observations))
     if unexplained > CONTRADICTING_UNEXPLAINED_SHARE:
         raise ExposureError(
             f"{min(unexplained, 1):.0%} of a typical change of exposure does not show in the grey levels; give one "
             "exposure time in ms per frame, by frame number, and not its inverse"
         )
-    return found
+    return found.fit
 
 
 def _log_exposure(exposures_ms: npt.ArrayLike, observations: Observations) -> FloatArray:

@@ -19,7 +19,7 @@ from ospc.correspondence.static_series import StaticSeries
 from ospc.errors import named
 from ospc.estimation.black_level import black_level
 from ospc.estimation.effect_choice import fit_with_chosen_effects
-from ospc.estimation.fit import Fit
+from ospc.estimation.fitted import Fitted
 from ospc.exposures.brightness import BrightnessChange
 from ospc.exposures.table import ExposureTable
 from ospc.methods.change_detection import Change, ChangeDetector
@@ -230,23 +230,28 @@ class MaximumLikelihoodMethod:
         """Return the inputs; if the fit shows a higher black level, the fit with that one."""
         observations = self._observations(exposures, grey_range)
         noise = self._noise.model(exposures)
-        fit = None if observations is None else self._fitted(observations, noise, grey_range)
-        if fit is not None and observations is not None and not self._stationary.stands_still:
-            black = black_level(fit, observations, least_black)
+        fitted = None if observations is None else self._fitted(observations, noise, grey_range)
+        if fitted is not None and not self._stationary.stands_still:
+            black = black_level(fitted.fit, fitted.observations, least_black)
             if black > 0:
                 return self._new_inputs(exposures, grey_range.with_black_at(black), BLACK_LEVEL_ACCURACY)
+        misregistered = 0
+        if fitted is not None and observations is not None:
+            misregistered = len(np.unique(observations.group)) - fitted.fit.groups
+            observations = fitted.observations
         return FitInputs(
             size=self._size,
             max_grey=self._max_grey,
             noise=noise,
             observations=observations,
-            fit=fit,
+            fit=None if fitted is None else fitted.fit,
             standing_still=self._stationary.stands_still,
             pairs=self._reservoir.groups_before(len(exposures), self._pairs),
             usable_radius=self._scene_area.usable_radius(),
             grey_range=grey_range,
             inter_coded=self._inter_coded,
             overlay_share=self._scene_area.overlay_share,
+            misregistered=misregistered,
         )
 
     def calibration(self, exposures: ExposureTable, grey_range: GreyRange = FULL_RANGE) -> Calibration:
@@ -317,7 +322,7 @@ class MaximumLikelihoodMethod:
         exposed = found.with_exposures(exposures).stretched(grey_range)
         return exposed if len(exposed) else None
 
-    def _fitted(self, observations: ExposedObservations, noise: NoiseModel, grey_range: GreyRange) -> Fit | None:
+    def _fitted(self, observations: ExposedObservations, noise: NoiseModel, grey_range: GreyRange) -> Fitted | None:
         settings = self._settings
         if len(observations.starts) < settings.min_points:
             return None
@@ -328,8 +333,10 @@ class MaximumLikelihoodMethod:
         else:
             stretched = grey_range.stretched_noise(noise)
             plan = plan_of_moving_camera(settings, stretched, self._scene_area.usable_radius())
-        fit = fit_with_chosen_effects(observations, plan)
-        return replace(fit, covariance=INTER_CODED_SIGMAS**2 * fit.covariance) if self._inter_coded else fit
+        found = fit_with_chosen_effects(observations, plan)
+        if self._inter_coded:
+            return replace(found, fit=replace(found.fit, covariance=INTER_CODED_SIGMAS**2 * found.fit.covariance))
+        return found
 
 
 def _log_exposure(exposures: ExposureTable, number: int) -> float:

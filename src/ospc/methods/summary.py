@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from ospc.arrays import FloatArray, ImageSize, IntArray
+from ospc.errors import counted
 from ospc.estimation.fit import Fit, measured_greys
 from ospc.methods.contradictions import contradictions_of
 from ospc.methods.corrections import notes_of
@@ -33,6 +34,8 @@ _INTER_CODED = (
     "are doubled; record images or MJPEG for more accuracy"
 )
 
+_MISREGISTERED = "{pairs} of frames, probably registered wrongly because of repetitive texture, were not used"
+
 _OVERLAY = (
     "{share:.2g} % of the image shows something fixed to the camera, such as an overlay or part of the vehicle, and "
     "is not used"
@@ -50,7 +53,7 @@ class FitInputs:
     noise
         Noise of single pixels.
     observations, fit
-        All observations with their exposures, stretched to the grey range, and the fit to them; None if there are
+        The observations with their exposures, stretched to the grey range, and the fit to them; None if there are
         none or they do not allow a fit.
     standing_still
         Whether the camera was stationary: each observation is then a single pixel instead of a mean of several.
@@ -64,6 +67,8 @@ class FitInputs:
         Whether the frames come from a video that codes them as changes of others, see :data:`INTER_CODED_SIGMAS`.
     overlay_share
         Share of the image that shows something fixed to the camera, which is not used.
+    misregistered
+        Number of pairs of frames that were registered wrongly, whose observations are left out.
     """
 
     size: ImageSize
@@ -77,6 +82,7 @@ class FitInputs:
     grey_range: GreyRange = FULL_RANGE
     inter_coded: bool = False
     overlay_share: float = 0.0
+    misregistered: int = 0
 
     @property
     def effects(self) -> tuple[EffectEstimate, ...]:
@@ -87,7 +93,9 @@ class FitInputs:
     def notes(self) -> tuple[str, ...]:
         """Notes about the frames."""
         overlay = _OVERLAY.format(share=100 * self.overlay_share) if self.overlay_share else ""
-        return tuple(filter(None, [self.grey_range.note, overlay, _INTER_CODED if self.inter_coded else ""]))
+        wrong = _MISREGISTERED.format(pairs=counted(self.misregistered, "pair")) if self.misregistered else ""
+        inter_coded = _INTER_CODED if self.inter_coded else ""
+        return tuple(filter(None, [self.grey_range.note, overlay, wrong, inter_coded]))
 
     @cached_property
     def ratios(self) -> ExposureRatios:
