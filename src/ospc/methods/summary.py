@@ -34,7 +34,10 @@ _INTER_CODED = (
     "are doubled; record images or MJPEG for more accuracy"
 )
 
-_MISREGISTERED = "{pairs} of frames, probably registered wrongly because of repetitive texture, were not used"
+_MISREGISTERED = (
+    "{pairs} of frames contradicted themselves and were not used: usual causes are repetitive texture, which is "
+    "registered wrongly, and reflections"
+)
 
 _OVERLAY = (
     "{share:.2g} % of the image shows something fixed to the camera, such as an overlay or part of the vehicle, and "
