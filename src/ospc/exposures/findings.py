@@ -17,7 +17,7 @@ from ospc.exposures.lag_choice import LagChoice, lag_in_words, leaves_frames
 from ospc.exposures.lag_selection import LagEstimate
 from ospc.exposures.table import ExposureReport, filled, without
 from ospc.exposures.tone_mapping import NO_LOCAL_TONE, LocalTone, local_tone
-from ospc.exposures.verdicts import CHANGE_IRREGULARLY, either, verdict_on
+from ospc.exposures.verdicts import CHANGE_IRREGULARLY, either, verdict_on, verdict_on_lag
 from ospc.exposures.wrong_exposures import in_words, wrong_exposures
 from ospc.photometry.coverage import ExposureRatios
 from ospc.photometry.verdict import LATE_EXPOSURES, EffectEstimate, Verdict
@@ -140,7 +140,9 @@ class ExposureFindings:
         brightness = self.brightness
         if brightness is None or self.recorded.values == 1 or len(self.warnings) != 1:  # or there are other doubts
             return self
-        if not (brightness.stale and not self.verdict.known) and not (brightness.fits_badly and not self.lag.frames):
+        lag = replace(self.lag, state="determined", candidates=(0,)) if self.corrected_frames else self.lag
+        is_stale = brightness.stale and not self.verdict.known
+        if not is_stale and not (brightness.fits_badly and not lag.frames):
             return self
         # Points are counted rather than pairs, because a pair whose registration failed has few.
         error, metadata = (
@@ -151,12 +153,11 @@ class ExposureFindings:
         largest = max((float(np.quantile(part, EXPLAINED_POINTS)) for part in parts), default=np.inf)
         if len(ratios.samples) < MIN_STALE_PAIRS or largest > NOTABLE_RMS_LOG:
             return self
-        reason = (
-            "exposures belong to their frames: with the fitted curves, they explain the brightness of "
-            f"{EXPLAINED_POINTS:.0%} of the scene points to within {np.expm1(largest):.1%}"
-        )
+        points = f"{EXPLAINED_POINTS:.0%} of the scene points to within {np.expm1(largest):.1%}"
+        verdict = verdict_on_lag(self.recorded, lag, f"the brightness of {points}, with the fitted curves")
+        question = "" if verdict.state == "identifiable" else _uncertain(verdict.reason)
         settled = replace(brightness, stale=False, fits_badly=False)
-        return replace(self, brightness=settled, verdict=Verdict("identifiable", reason), warnings=())
+        return replace(self, brightness=settled, verdict=verdict, question=question, warnings=())
 
     def _confirmed_by(self, lateness: EffectEstimate) -> ExposureFindings:
         """Return the findings with a lag of 0 if only the fit shows it and brightness changes leave it open."""

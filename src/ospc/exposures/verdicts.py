@@ -58,7 +58,7 @@ def verdict_on(
         return contradiction
     if lag.state == "constant exposure":
         return Verdict("identifiable", f"the exposure is constant at {recorded.in_words()}, and the images agree")
-    return _on_lag(recorded, lag, _explained(brightness))
+    return verdict_on_lag(recorded, lag, _explained(brightness))
 
 
 def _contradiction(
@@ -101,7 +101,8 @@ def _explained(brightness: BrightnessReport) -> str:
     return f"{f'{share:.0%}' if round(share, 2) > 0 else few} of the brightness changes"
 
 
-def _on_lag(recorded: ExposureReport, lag: LagEstimate, explained: str) -> Verdict:
+def verdict_on_lag(recorded: ExposureReport, lag: LagEstimate, explained: str) -> Verdict:
+    """Return the verdict on exposures that agree with the images, given in words what they explain."""
     certain = lag.correction(recorded.cycle_frames)
     if certain is None:
         return _unknown_lag(recorded, lag)

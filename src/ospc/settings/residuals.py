@@ -87,7 +87,7 @@ crowds and with glossy surfaces, and 0.07 to 0.09 if contrast was equalised in t
 
 MISREGISTERED_SPREAD = 3.0
 """Scatter of a pair's points, relative to typical pairs, above which the frames count as misregistered: two thirds of
-such pairs are wrong by more than a tenth. In 22 recordings without repetitive texture the largest was 2.2, on regular
+such pairs are wrong by more than a tenth. In 22 recordings without repetitive texture the largest was 2.3, on regular
 facades up to 33."""
 
 MISREGISTERED_FEWEST_POINTS = 30
