@@ -193,8 +193,10 @@ class Engine:
     def _observe(self, method: Method, frame: Frame) -> tuple[Change | None, BrightnessChange | None]:
         """Preprocess a frame and accumulate its samples; return a change of the camera, and of brightness."""
         prepared, precomputed = self.prefetcher.preprocessed(frame)
-        if self._repeats_image(frame, prepared.thumbnail):
-            return None, None  # the same noise again is not another observation
+        first = self._exposures.history.first_with_image_of(prepared.thumbnail)
+        if first != frame.index:  # the same noise again is not another observation
+            self._count_repeated(frame, prepared.thumbnail, first)
+            return None, None
         # Meanwhile, the second thread counts grey values and compares the brightness with the previous frame.
         counting = self._second.submit(self.pixels.observe, frame, prepared.thumbnail)
         comparing = self._second.submit(self._exposures.history.observe, prepared.thumbnail, precomputed)
@@ -206,17 +208,13 @@ class Engine:
             brightness = comparing.result()
         return change, brightness
 
-    def _repeats_image(self, frame: Frame, thumbnail: Thumbnail) -> bool:
-        """Return whether a frame repeats the previous image; FrameError if it does so with another exposure."""
-        history, written = self._exposures.history, self._exposures.table.written
-        first = history.first_with_image_of(thumbnail)
-        if first == frame.index:
-            return False
+    def _count_repeated(self, frame: Frame, thumbnail: Thumbnail, first: int) -> None:
+        """Count a frame with the image of the ``first`` one; FrameError if it has another exposure."""
         self._sampler.expects_repeats = True
-        history.observe(thumbnail)
+        self._exposures.history.observe(thumbnail)
+        written = self._exposures.table.written
         if written[frame.index] != written[first]:
             raise FrameError(f"{frame.name}: repeats the previous image with another exposure, so an image was lost")
-        return True
 
     def _detect_lag_change(self, other: Change | None) -> Change | None:
         """Return a change of the exposure lag, which may explain another change of the camera."""
