@@ -126,8 +126,8 @@ class LatentModel:
         A point whose observations all have no weight is linearised as if each had weight 1.
         """
         # Otherwise it would have no radiance to compare it with, and could never get a weight again.
-        counts = np.repeat(observations.combined(np.add, weight) > 0, observations.counts)
-        weight = np.where(counts, weight, 1.0)
+        has_weight = np.repeat(observations.combined(np.add, weight) > 0, observations.counts)
+        weight = np.where(has_weight, weight, 1.0)
         measured = np.clip(observations.grey, DARKEST_GREY, 1.0)
         latent = self._linearised(observations, measured, observations.log_exposure, log_gain, weight)
         for _ in range(LATENT_ITERATIONS if self.trusted else 0):

@@ -39,7 +39,7 @@ def registered_points(fitted: Fitted) -> BoolArray:
     number = observations.group_number[0::2]
     pairs = [usable[each] for each in members_of(number[usable]) if len(each) >= MISREGISTERED_FEWEST_POINTS]
     scatter = [robust_scale(residual[pair] - median(residual[pair])) for pair in pairs]
-    limit = MISREGISTERED_SPREAD * float(np.quantile(scatter or [0.0], USUAL_PAIRS))
+    limit = MISREGISTERED_SPREAD * float(np.quantile(scatter, USUAL_PAIRS)) if pairs else np.inf
     suspects = [pair for pair, own in zip(pairs, scatter, strict=True) if own > limit]
     if suspects:
         # Errors of the models are smooth in ln L, not in ln L over its standard deviation.

@@ -141,8 +141,8 @@ class ExposureFindings:
         if brightness is None or self.recorded.values == 1 or len(self.warnings) != 1:  # or there are other doubts
             return self
         lag = replace(self.lag, state="determined", candidates=(0,)) if self.corrected_frames else self.lag
-        is_stale = brightness.stale and not self.verdict.known
-        if not is_stale and not (brightness.fits_badly and not lag.frames):
+        is_stale, fits_badly = brightness.stale and not self.verdict.known, brightness.fits_badly and not lag.frames
+        if not (is_stale or fits_badly):
             return self
         # Points are counted rather than pairs, because a pair whose registration failed has few.
         error, metadata = (

@@ -35,8 +35,8 @@ _INTER_CODED = (
 )
 
 _MISREGISTERED = (
-    "{pairs} of frames contradicted themselves and were not used: usual causes are repetitive texture, which is "
-    "registered wrongly, and reflections"
+    "not used: {pairs} of frames whose points disagree with each other, usually because of repetitive texture, which "
+    "is registered wrongly, or reflections"
 )
 
 _OVERLAY = (
