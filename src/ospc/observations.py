@@ -223,11 +223,11 @@ class Observations(ByValue):
         return np.unique(self.group, return_inverse=True)[1]
 
     @cached_property
-    def frames_of_groups(self) -> IntArray:
-        """Numbers of the first and the last frame of each group, shape (groups, 2)."""
+    def ends_of_groups(self) -> IntArray:
+        """Indices of two observations of a point of each group, in its first and last frame, shape (groups, 2)."""
         point = np.unique(self.group_number[self.starts], return_index=True)[1]
         first = self.starts[point]
-        return np.stack([self.frame[first], self.frame[first + self.counts[point] - 1]], axis=1)
+        return np.stack([first, first + self.counts[point] - 1], axis=1)
 
     def combined(self, combine: np.ufunc, values: FloatArray) -> FloatArray:
         """Reduce the values of each point by ``np.add`` or another ufunc, shape (n, ...) -> (points, ...)."""

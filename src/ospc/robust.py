@@ -15,6 +15,12 @@ SIGMA_OF_MEDIAN = 1.4826
 ERROR_OF_SCALE = 1.17
 """Relative standard deviation of :func:`robust_scale` of n normal values, multiplied by √n."""
 
+VARIANCE_OF_MEDIAN = float(np.pi / 2)
+"""Variance of the median of many normal values, relative to that of their mean."""
+
+TAIL, SIGMAS_OF_TAIL = 0.95, 1.96
+"""Share of absolute values that :func:`tail_scale` measures, and its quantile of the standard normal distribution."""
+
 
 def median(values: FloatArray | Float32Array) -> FloatArray | Float32Array:
     """Return the median of finite values along the last axis, shape (..., n) -> (...).
@@ -31,6 +37,11 @@ def median(values: FloatArray | Float32Array) -> FloatArray | Float32Array:
 def robust_scale(residuals: FloatArray | Float32Array) -> float:
     """Return the standard deviation of the normal distribution with the same median absolute value; 0 if empty."""
     return float(median(np.abs(residuals).ravel()) * SIGMA_OF_MEDIAN) if residuals.size else 0.0
+
+
+def tail_scale(residuals: FloatArray) -> float:
+    """Return the standard deviation of the normal distribution with the same 95 % quantile; 0 if empty."""
+    return float(np.quantile(np.abs(residuals), TAIL) / SIGMAS_OF_TAIL) if residuals.size else 0.0
 
 
 def weighted_median(values: FloatArray, weights: npt.ArrayLike) -> float:

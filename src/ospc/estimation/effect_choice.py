@@ -12,28 +12,29 @@ from ospc.arrays import FloatArray
 from ospc.estimation.effect_models import (
     CONTRADICTIONS,
     CORRECTED,
+    CURVES_OF_EXPOSURES,
     EFFECTS,
     EXPOSURE_ERRORS,
-    GAIN_STEPS,
     ONLY_IF_FOUND,
 )
 from ospc.estimation.effect_trials import Trial, after_newton_step, estimate_effects, slope_of_left_out, trial_of
-from ospc.estimation.effects import Effects
+from ospc.estimation.effects import Effects, different_log_exposures
 from ospc.estimation.fit import Fit
 from ospc.estimation.fit_plan import FitPlan
 from ospc.estimation.fitted import Fitted
-from ospc.estimation.frame_gains import gain_sigma
+from ospc.estimation.frame_gains import PairEnds, gain_sigmas
 from ospc.estimation.maximum_likelihood import MaximumLikelihoodEstimator
 from ospc.estimation.misregistration import registered_points
 from ospc.estimation.residual_effects import UNSTEADY_LIGHT, uneven_vignette, unsteadiness, unsteady_radiance
 from ospc.estimation.vignette_choice import fit_with_chosen_vignette
 from ospc.observations import ExposedObservations
-from ospc.photometry.verdict import LATE_EXPOSURES, EffectEstimate
+from ospc.photometry.verdict import INEXACT_EXPOSURES, LATE_EXPOSURES, EffectEstimate
 from ospc.robust import ERROR_OF_SCALE
 from ospc.settings.effects import (
     CONTRADICTING_SIGMAS,
+    EXPOSURES_PER_CURVE,
     MIN_GROUPS,
-    MOST_GAIN_STEPS,
+    MOST_CURVES,
     PREFERRED_SHARE,
     SIGNIFICANT_SIGMAS,
     SIGNIFICANT_SIGMAS_IN_ALL,
@@ -76,15 +77,18 @@ def _of_moving_camera(plain: Fitted, plan: FitPlan) -> Fit:
     observations = plain.observations
     plain_trials = estimate_effects(plain, tuple(EFFECTS))
     fitted, trials = _with_effects(plain, plain_trials, plan)
+    variances = _gain_variances(fitted)
+    if not variances and _is_contradicted(fitted.fit):  # inexact exposures resemble it
+        variances = _gain_variances(plain)
     # Gains come last, and not if exposures lag: they would hide the cause of the brightness changes.
-    if not _shows_lag(trials) and (variances := _gain_variances(fitted)):
+    if variances and not _shows_lag(trials):
         found_none = fitted is plain
         plain = _with_gains(plain, variances, plan)
         plain_trials = estimate_effects(plain, tuple(EFFECTS))
         fitted = plain if found_none else _with_gains(fitted, variances, plan)
         trials = plain_trials if found_none else estimate_effects(fitted, _left_out(fitted.fit, tuple(EFFECTS)))
     fit = _with_model_errors(fitted.fit)
-    if any(name in CONTRADICTIONS for name in fit.effects.chosen):
+    if _is_contradicted(fit):
         return _with_estimates(plain.fit, plain_trials, _estimates(fit, observations)[-1:])
     if fit.groups < MIN_GROUPS:
         return _with_estimates(fit, trials, ())
@@ -95,6 +99,10 @@ def _of_moving_camera(plain: Fitted, plan: FitPlan) -> Fit:
         return _with_estimates(plain.fit, plain_trials, unsteady if alone else ())
     uneven = uneven_vignette(residual, observations) or unsteady_radiance(fit.errors.radiance_sigma, fit.groups)
     return _with_estimates(fit, trials, (*_estimates(fit, observations), *uneven))
+
+
+def _is_contradicted(fit: Fit) -> bool:
+    return any(name in CONTRADICTIONS for name in fit.effects.chosen)
 
 
 def _unsteadiness(fit: Fit, residual: FloatArray, observations: ExposedObservations) -> tuple[EffectEstimate, ...]:
@@ -109,15 +117,12 @@ def _with_effects(
     # The search ends at the first effect that contradicts the model.
     fitted, trials = plain, plain_trials
     observations = fitted.observations
+    most_curves = _distinguishable_curves(observations)
     tested = fitted.fit.groups >= MIN_GROUPS
     names = tuple(trial.name for trial in plain_trials)
     untried = tuple(name for name in names if tested and name not in left_out)
     while suspect := _suspected(trials, untried):
         untried = tuple(name for name in untried if name != suspect.name)
-        chosen = fitted.fit.effects.chosen
-        if suspect.name in GAIN_STEPS and sum(name in GAIN_STEPS for name in chosen) == MOST_GAIN_STEPS:
-            # Every exposure has its own error, which latent gains describe better.
-            return _with_effects(plain, plain_trials, plan, *GAIN_STEPS)
         start = after_newton_step(fitted.fit, suspect)
         wider = plan.refit(observations, start)
         if not _significant(wider, -1):
@@ -125,6 +130,9 @@ def _with_effects(
                 clearer = max(suspect, trial_of(wider), key=lambda trial: trial.sigmas)
                 trials = [clearer if trial is suspect else trial for trial in trials]
             continue
+        if sum(name in CURVES_OF_EXPOSURES for name in wider.effects.chosen) > most_curves:
+            # Every exposure has its own error, which latent gains describe better.
+            return _with_effects(plain, plain_trials, plan, *CURVES_OF_EXPOSURES)
         if suspect.name in CONTRADICTIONS:
             return replace(fitted, fit=wider), trials
         fitted = replace(fitted, fit=wider)
@@ -136,6 +144,13 @@ def _with_effects(
     if len(kept.fit.effects) < len(fitted.fit.effects):
         return kept, estimate_effects(kept, _left_out(kept.fit, names))
     return fitted, trials
+
+
+def _distinguishable_curves(observations: ExposedObservations) -> int:
+    """Return how many curves of the exposures can be told from errors of single exposures."""
+    # Two parameters are no errors: a factor on all exposures, and a power of them.
+    different = len(different_log_exposures(observations.log_exposure)) - 2
+    return min(max(different // EXPOSURES_PER_CURVE, 0), MOST_CURVES)
 
 
 def _with_gains(fitted: Fitted, variances: tuple[float, ...], plan: FitPlan) -> Fitted:
@@ -206,13 +221,15 @@ def _sigmas_of(fit: Fit, number: int, covariance: FloatArray) -> float:
 def _estimates(fit: Fit, observations: ExposedObservations) -> tuple[EffectEstimate, ...]:
     """Return the estimates of the latent gains, if any, and of the effects."""
     sigma = np.sqrt(np.diag(fit.covariance))[fit.vignette_part.stop :]
-    gain = gain_sigma(fit.errors.gain_variances, observations.frames_of_groups)
-    of_gains = EffectEstimate(UNSTEADY_LIGHT, gain, gain * ERROR_OF_SCALE / math.sqrt(fit.groups), corrected=True)
+    of_light, of_exposures = gain_sigmas(fit.errors.gain_variances, PairEnds.of(observations))
+    larger = max(of_light, of_exposures)
+    name = UNSTEADY_LIGHT if larger == of_light else INEXACT_EXPOSURES
+    of_gains = EffectEstimate(name, larger, larger * ERROR_OF_SCALE / math.sqrt(fit.groups), corrected=True)
     of_effects = (
         EffectEstimate(name, float(value), float(deviation), name in CORRECTED, name in CONTRADICTIONS)
         for name, value, deviation in zip(fit.effects.chosen, fit.effect_parameters, sigma, strict=True)
     )
-    return (of_gains, *of_effects) if gain else tuple(of_effects)
+    return (of_gains, *of_effects) if larger else tuple(of_effects)
 
 
 def _with_model_errors(fit: Fit) -> Fit:

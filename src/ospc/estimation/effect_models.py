@@ -164,11 +164,11 @@ def _gain_step(number: int) -> Effect:
     )
 
 
-def _missing_of_thirds(seen: Circumstances) -> FloatArray:
-    """Return ln of the closest 2^(n/3) s relative to the exposure: cameras call 1/64 s 1/60 s."""
-    log_s = seen.observations.log_exposure - math.log(1000)
-    third = math.log(2) / 3
-    return np.asarray(np.rint(log_s / third) * third - log_s)
+def _missing_of_nominal(seen: Circumstances) -> FloatArray:
+    """Return ln of the closest 2^(n/3) or 2^(n/2) s relative to the exposure: cameras call 1/64 s 1/60 s."""
+    stops = (seen.observations.log_exposure - math.log(1000)) / math.log(2)
+    of_third, of_half = (np.rint(stops * steps) / steps - stops for steps in (3, 2))
+    return np.asarray(np.where(np.abs(of_half) < np.abs(of_third), of_half, of_third) * math.log(2))
 
 
 def _four_fold(x: FloatArray, y: FloatArray) -> FloatArray:
@@ -203,7 +203,7 @@ EFFECTS = {
         least=-MOST_LATE_FRAMES,
         most=MOST_LATE_FRAMES,
     ),
-    NOMINAL_EXPOSURES: Effect("log", _missing_of_thirds, *NOMINAL, least=LEAST_NOMINAL, most=MOST_NOMINAL),
+    NOMINAL_EXPOSURES: Effect("log", _missing_of_nominal, *NOMINAL, least=LEAST_NOMINAL, most=MOST_NOMINAL),
     **{name: _gain_step(number) for number, name in enumerate(GAIN_STEPS)},
     # The grey level is multiplied by a power θ of that of the surroundings.
     "local tone mapping": Effect("log", lambda seen: seen.gamma * np.log(seen.grey_around), *LOCAL_TONE),
@@ -248,6 +248,9 @@ CORRECTED = (
     *GAIN_STEPS,
 )
 """Effects of real cameras. Those that the observations show are corrected in the result."""
+
+CURVES_OF_EXPOSURES = ("exposure offset", "curved exposures", *GAIN_STEPS)
+"""Errors that depend on the exposure alone. With few different exposures, some of them fit any errors."""
 
 ONLY_IF_FOUND = (NOMINAL_EXPOSURES, *GAIN_STEPS)
 """Effects that are either there or not: their size is only stated if the observations clearly show them."""

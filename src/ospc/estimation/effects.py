@@ -181,10 +181,15 @@ def _at(quantile: float, values: FloatArray | Float32Array) -> int:
     return int(np.argpartition(values, place)[place])
 
 
+def different_log_exposures(log_exposure: FloatArray) -> FloatArray:
+    """Return the logarithms of clearly different exposures, in increasing order."""
+    return np.unique(np.rint(log_exposure / DIFFERENT_LOG_EXPOSURE)) * DIFFERENT_LOG_EXPOSURE
+
+
 def _step_exposures(log_exposure: FloatArray, log_typical: float) -> tuple[float, ...]:
     """Return the exposures that divide the observations equally; NaN if few different ones are on either side."""
     limits = np.quantile(log_exposure, np.arange(1, STEP_EXPOSURES + 1) / (STEP_EXPOSURES + 1))
-    different = np.unique(np.rint(log_exposure / DIFFERENT_LOG_EXPOSURE)) * DIFFERENT_LOG_EXPOSURE
+    different = different_log_exposures(log_exposure)
     above = np.array([np.count_nonzero(different > limit + DIFFERENT_LOG_EXPOSURE / 2) for limit in limits])
     fewest = np.minimum(above, len(different) - above)
     return tuple(np.where(fewest >= MIN_STEP_EXPOSURES, np.exp(limits - log_typical), np.nan).tolist())

@@ -1,28 +1,117 @@
 """A latent gain of each frame: its brightness relative to that predicted by response, vignette and exposure.
 
 Clouds, flicker, a drifting white balance or an inexact exposure change all points of a frame equally. The gains are
-modelled as a Gaussian process in time of unknown scale: some components are independent from frame to frame, others
-change slowly. They are marginalised. The differences between the points of a pair of frames keep their full weight;
-the mean of a pair has less weight the larger the gains are and the further apart its frames.
+modelled as a Gaussian process of unknown scale. Some of its components are independent from frame to frame, others
+change slowly, and one is the same in all frames of one exposure, which may be stated inexactly. They are
+marginalised. The differences between the points of a pair of frames keep their full weight; the mean of a pair has
+less weight the larger the gains are.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
-from ospc.arrays import FloatArray, IntArray
-from ospc.robust import ERROR_OF_SCALE, robust_scale
+from ospc.arrays import BoolArray, FloatArray, IntArray
+from ospc.observations import ExposedObservations
+from ospc.robust import ERROR_OF_SCALE, robust_scale, tail_scale
 from ospc.settings.residuals import (
     EXCEPTIONAL_ITERATIONS,
     EXCEPTIONAL_SIGMAS,
+    GAIN_KINDS,
     GAIN_MEMORIES,
     GAIN_SIGMAS,
+    MIN_TAIL_SCALE,
     PAIRS_PER_GAIN_BLOCK,
     VARIANCE_ITERATIONS,
 )
+
+
+@dataclass(frozen=True)
+class PairEnds:
+    """The two frames of each pair.
+
+    Attributes
+    ----------
+    frames, log_exposure
+        Their numbers, and ln of their stated exposures, shape (pairs, 2).
+    """
+
+    frames: IntArray
+    log_exposure: FloatArray
+
+    @classmethod
+    def of(cls, observations: ExposedObservations) -> PairEnds:
+        """Return the frames of observations in pairs."""
+        ends = observations.ends_of_groups
+        return cls(observations.frame[ends], observations.log_exposure[ends])
+
+    def __getitem__(self, part: slice) -> PairEnds:
+        """Return some of the pairs."""
+        return PairEnds(self.frames[part], self.log_exposure[part])
+
+    def correlations(self, end: int) -> FloatArray:
+        """Return the correlations of both ends with one end of each pair, by kind, shape (kinds, 2, pairs, pairs)."""
+        apart = np.abs(self.frames.T[:, :, None] - self.frames[:, end])
+        return _correlations(apart, self.log_exposure.T[:, :, None] == self.log_exposure[:, end])
+
+    @property
+    def exposures_recur(self) -> bool:
+        """Whether frames have the same exposures, so that errors of exposures can be told from those of frames."""
+        return 2 * len(np.unique(self.log_exposure)) < len(np.unique(self.frames))
+
+
+@dataclass(frozen=True)
+class PairMeans:
+    """Mean residuals of pairs of frames.
+
+    Attributes
+    ----------
+    mean, by_chance
+        The means in ln, and their variances by chance, shape (pairs,).
+    """
+
+    mean: FloatArray
+    by_chance: FloatArray
+
+    def __len__(self) -> int:
+        """Return the number of pairs."""
+        return len(self.mean)
+
+    def __getitem__(self, part: slice) -> PairMeans:
+        """Return some of the pairs."""
+        return PairMeans(self.mean[part], self.by_chance[part])
+
+    def with_chance(self, factor: float) -> PairMeans:
+        """Return the means with their variances by chance multiplied by a factor."""
+        return PairMeans(self.mean, factor * self.by_chance)
+
+    @property
+    def most_exceed_chance(self) -> bool:
+        """Whether the scatter of most means is more than chance."""
+        limit = 1 + GAIN_SIGMAS * ERROR_OF_SCALE / np.sqrt(max(len(self), 1))
+        return bool(robust_scale(self._in_sigmas) >= limit)
+
+    @property
+    def some_exceed_chance(self) -> bool:
+        """Whether a few means are off by much more than chance."""
+        return tail_scale(self._in_sigmas) >= MIN_TAIL_SCALE
+
+    @property
+    def initial_variances(self) -> tuple[float, ...]:
+        """Variances of gains that explain the scatter of the means, in equal parts."""
+        chance = float(np.median(self.by_chance))
+        of_pair = max(robust_scale(self.mean), tail_scale(self.mean)) ** 2 - chance
+        if of_pair <= 0:  # where some pairs have far more points; variances of zero would remain zero
+            of_pair = max(robust_scale(self._in_sigmas), tail_scale(self._in_sigmas)) ** 2 * chance
+        return (of_pair / (2 * GAIN_KINDS),) * GAIN_KINDS
+
+    @property
+    def _in_sigmas(self) -> FloatArray:
+        return np.asarray(self.mean / np.sqrt(self.by_chance))
 
 
 @dataclass(frozen=True)
@@ -31,26 +120,22 @@ class FrameGains:
 
     Attributes
     ----------
-    frames
-        Numbers of the two frames of each pair, shape (pairs, 2).
-    by_chance, mean
-        Variance by chance of the mean residual of each pair, and this mean in ln, shape (pairs,).
+    ends, means
+        The two frames of each pair, and its mean residual.
     variances
-        Variances, in ln², of independent gains and of those of each of
-        :data:`~ospc.settings.residuals.GAIN_MEMORIES`; empty for no gains.
+        Variances, in ln², of independent gains, of those of each of
+        :data:`~ospc.settings.residuals.GAIN_MEMORIES`, and of those that recur with the exposure; empty for no gains.
     """
 
-    frames: IntArray
-    by_chance: FloatArray
-    mean: FloatArray
+    ends: PairEnds
+    means: PairMeans
     variances: tuple[float, ...] = ()
 
     @cached_property
     def _blocks(self) -> list[_Block]:
         """Blocks of consecutive pairs with independent gains, which keeps long runs fast."""
-        parts = (slice(i, i + PAIRS_PER_GAIN_BLOCK) for i in range(0, len(self.mean), PAIRS_PER_GAIN_BLOCK))
-        variances = np.array(self.variances)
-        return [_Block(self.frames[part], self.by_chance[part], self.mean[part], variances) for part in parts]
+        parts = (slice(i, i + PAIRS_PER_GAIN_BLOCK) for i in range(0, len(self.means), PAIRS_PER_GAIN_BLOCK))
+        return [_Block(self.ends[part], self.means[part], np.array(self.variances)) for part in parts]
 
     def whitened(self, values: FloatArray, scale: float) -> FloatArray:
         """Return values of pairs, shape (pairs, k), times the inverse root of the covariance of the means.
@@ -79,35 +164,19 @@ class FrameGains:
             variances = variances * np.sqrt(seen / expected)
         return tuple(variances.tolist())
 
-    @property
-    def significant_variances(self) -> tuple[float, ...]:
-        """Initial variances from the scatter of the means, empty if chance explains it."""
-        scatter = robust_scale(self.mean / np.sqrt(self.by_chance))
-        if scatter < 1 + GAIN_SIGMAS * ERROR_OF_SCALE / np.sqrt(max(len(self.mean), 1)):
-            return ()
-        chance = float(np.median(self.by_chance))
-        of_pair = robust_scale(self.mean) ** 2 - chance
-        if of_pair <= 0:  # where some pairs have far more points; variances of zero would remain zero
-            of_pair = (scatter**2 - 1) * chance
-        kinds = 1 + len(GAIN_MEMORIES)
-        return (of_pair / (2 * kinds),) * kinds
-
 
 @dataclass(frozen=True)
 class _Block:
     """Gains of a block of pairs; the variances have shape (kinds,)."""
 
-    frames: IntArray
-    by_chance: FloatArray
-    mean: FloatArray
+    ends: PairEnds
+    means: PairMeans
     variances: FloatArray
 
     @cached_property
     def _of_ends(self) -> FloatArray:
         """Covariances between gains of pairs' ends and of pairs at unit variance, shape (kinds, 2, pairs, pairs)."""
-        first, second = (np.abs(self.frames.T[:, :, None] - end) for end in self.frames.T)
-        correlations = _correlations(int(max(first.max(), second.max())))
-        return correlations[:, first] - correlations[:, second]
+        return self.ends.correlations(0) - self.ends.correlations(1)
 
     @cached_property
     def _of_pairs(self) -> FloatArray:
@@ -121,43 +190,50 @@ class _Block:
     @cached_property
     def _exceptional(self) -> FloatArray:
         """Additional variance of exceptional pairs, shape (pairs,), which limits their distance from the others."""
-        extra = np.zeros(len(self.mean))
+        extra = np.zeros(len(self.means))
         for _ in range(EXCEPTIONAL_ITERATIONS):
-            inverse = np.linalg.inv(self._prior + np.diag(self.by_chance + extra))
+            inverse = np.linalg.inv(self._prior + np.diag(self.means.by_chance + extra))
             usual = 1 / np.diag(inverse) - extra
-            apart = (inverse @ self.mean) / np.diag(inverse)
+            apart = (inverse @ self.means.mean) / np.diag(inverse)
             extra = np.maximum(apart**2 / EXCEPTIONAL_SIGMAS**2 - usual, 0.0)
         return extra
 
     def covariance(self, scale: float) -> FloatArray:
         """Return the covariance of the means, shape (pairs, pairs), in units of their precision."""
-        return np.asarray(scale * (self._prior + np.diag(self._exceptional)) + np.diag(self.by_chance))
+        return np.asarray(scale * (self._prior + np.diag(self._exceptional)) + np.diag(self.means.by_chance))
 
     @property
     def of_ends(self) -> FloatArray:
-        solved = np.linalg.solve(self.covariance(1.0), self.mean)
+        solved = np.linalg.solve(self.covariance(1.0), self.means.mean)
         of_pair = np.array([[0.5], [-0.5]]) * self._exceptional * solved
         return np.asarray(np.tensordot(self.variances, self._of_ends, axes=1) @ solved + of_pair)
 
     def spread(self, variances: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the observed spread of the gains of each kind, and that expected from variances, (kinds,) each."""
-        rest = np.diag(self.by_chance + self._exceptional)
+        rest = np.diag(self.means.by_chance + self._exceptional)
         inverse = np.linalg.inv(np.tensordot(variances, self._of_pairs, axes=1) + rest)
-        solved = inverse @ self.mean
+        solved = inverse @ self.means.mean
         return np.sum((self._of_pairs @ solved) * solved, axis=1), np.sum(self._of_pairs * inverse, axis=(1, 2))
 
 
-def gain_sigma(variances: tuple[float, ...], frames: IntArray) -> float:
-    """Return the typical standard deviation of the gain of pairs of frames, (pairs, 2), in ln; 0 without gains."""
+def gain_sigmas(variances: tuple[float, ...], ends: PairEnds) -> tuple[float, float]:
+    """Return the typical change of the gain between the frames of a pair, and the error of an exposure that recurs.
+
+    Both are standard deviations in ln; 0 without gains.
+    """
     if not variances:
-        return 0.0
-    apart = np.abs(np.diff(frames, axis=1))
-    change = 2 * np.tensordot(variances, 1 - _correlations(int(apart.max(initial=0)))[:, apart], axes=1)
-    return float(np.sqrt(np.median(change)))
+        return 0.0, 0.0
+    of_kinds, of_exposure = np.array(variances), 0.0
+    if ends.exposures_recur:
+        of_kinds[-1], of_exposure = 0.0, variances[-1]
+    apart, equally_exposed = np.abs(np.diff(ends.frames)), np.diff(ends.log_exposure) == 0
+    changes = 2 * np.tensordot(of_kinds, 1 - _correlations(apart, equally_exposed), axes=1)
+    return float(np.sqrt(np.median(changes))), math.sqrt(of_exposure)
 
 
-def _correlations(longest: int) -> FloatArray:
-    """Return the correlation of gains at distances of 0, 1 … frames, by kind, shape (kinds, longest + 1)."""
-    apart = np.arange(longest + 1)
-    over = np.sqrt(3) * apart / np.array(GAIN_MEMORIES)[:, None]
-    return np.vstack([apart == 0, (1 + over) * np.exp(-over)])  # Matérn 3/2, for smooth changes
+def _correlations(apart: IntArray, equally_exposed: BoolArray) -> FloatArray:
+    """Return the correlations of gains by kind, given their distances in frames, shape (...) -> (kinds, ...)."""
+    distances = np.arange(int(apart.max(initial=0)) + 1)
+    over = np.sqrt(3) * distances / np.array(GAIN_MEMORIES)[:, None]
+    by_distance = np.vstack([distances == 0, (1 + over) * np.exp(-over)])  # Matérn 3/2, for smooth changes
+    return np.concatenate([by_distance[:, apart], equally_exposed[None]])

@@ -16,12 +16,12 @@ import numpy as np
 
 from ospc.arrays import BoolArray, FloatArray, IntArray
 from ospc.estimation.error_model import ErrorModel
-from ospc.estimation.frame_gains import FrameGains
+from ospc.estimation.frame_gains import FrameGains, PairEnds, PairMeans
 from ospc.estimation.mean_of_pixels import PixelMeans
 from ospc.estimation.response_basis import ResponseBasis
 from ospc.observations import ExposedObservations
 from ospc.photometry.noise import NoiseModel
-from ospc.robust import medians
+from ospc.robust import VARIANCE_OF_MEDIAN, medians
 from ospc.settings.error_model import (
     DARKEST_GREY,
     LATENT_ITERATIONS,
@@ -93,6 +93,19 @@ class Latent:
         """Residual over its standard deviation."""
         return self.residual / self.sigma
 
+    def means_of_pairs(self, observations: ExposedObservations, used: BoolArray | None = None) -> PairMeans:
+        """Return the mean residuals of pairs if no frame had a gain, from points whose observations are both used.
+
+        The mean is a median, because weights computed without gains would discard whole pairs. Pairs without such
+        points are left out.
+        """
+        both = slice(None) if used is None else used[0::2] & used[1::2]
+        residual = self.linear_log - self.offset + self.log_exposure - observations.log_exposure
+        difference, variance = (residual[0::2] - residual[1::2])[both], 1 / self.precision
+        pair = np.unique(observations.group_number[0::2][both], return_inverse=True)[1]
+        information = np.bincount(pair, (1 / (variance[0::2] + variance[1::2]))[both])
+        return PairMeans(medians(difference, pair), VARIANCE_OF_MEDIAN / information)
+
 
 @dataclass(frozen=True)
 class LatentModel:
@@ -132,7 +145,7 @@ class LatentModel:
         latent = self._linearised(observations, measured, observations.log_exposure, log_gain, weight)
         for _ in range(LATENT_ITERATIONS if self.trusted else 0):
             if self.errors.gain_variances and observations.in_pairs:
-                log_exposure = observations.log_exposure + self._log_gain_of_frames(observations, latent, log_gain)
+                log_exposure = observations.log_exposure + self._log_gain_of_frames(observations, latent)
                 latent = self._linearised(observations, latent.grey, log_exposure, log_gain, weight)
             # Stay near the measured grey level after correction for texture and noise, which may shift it farther.
             near = MAX_DEVIATION_SIGMAS / np.sqrt(latent.precision)
@@ -158,18 +171,12 @@ class LatentModel:
         equal_texture = weighted_means(texture, np.ones(len(texture)), observations)[1]
         return replace(latent, texture=latent.log_response_slope * means.by_texture(equal_texture, latent.index))
 
-    def _log_gain_of_frames(
-        self, observations: ExposedObservations, latent: Latent, log_gain: FloatArray
-    ) -> FloatArray:
+    def _log_gain_of_frames(self, observations: ExposedObservations, latent: Latent) -> FloatArray:
         """Return the latent gain of each observation's frame, shape (n,)."""
-        # Medians, because weights computed without gains would discard whole pairs.
-        log_radiance, precision = latent.linear_log - observations.log_exposure - log_gain, latent.precision
-        pair, difference = observations.group_number[0::2], log_radiance[0::2] - log_radiance[1::2]
-        by_chance = 1 / precision[0::2] + 1 / precision[1::2]
-        of_mean = 1 / np.bincount(pair, 1 / by_chance)
-        means = medians(difference, pair)
-        gains = FrameGains(observations.frames_of_groups, of_mean, means, self.errors.gain_variances)
-        return np.clip(gains.of_ends, -MOST_LOG_GAIN, MOST_LOG_GAIN)[:, pair].T.ravel()
+        means = latent.means_of_pairs(observations)
+        gains = FrameGains(PairEnds.of(observations), means, self.errors.gain_variances)
+        gain = np.clip(gains.of_ends, -MOST_LOG_GAIN, MOST_LOG_GAIN)
+        return gain[:, observations.group_number[0::2]].T.ravel()
 
     @cached_property
     def log_response(self) -> FloatArray:

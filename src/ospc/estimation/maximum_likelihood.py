@@ -232,7 +232,7 @@ class MaximumLikelihoodEstimator:
         with one_blas_thread():
             system, sandwich_factor = self._system(fitted, fit.parameters)
             precision = self.model.prior(fit.parameters).precision(fit.hyperparameters)
-            return system.significant_gain_variances(precision, sandwich_factor)
+            return system.significant_gain_variances(precision, sandwich_factor, fit.resolves(fitted.observations))
 
     def _system(self, fitted: Fitted, about: FloatArray) -> tuple[LinearSystem, float]:
         """Return the linear system about a fit, and the sandwich factor of its weights."""

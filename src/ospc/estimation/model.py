@@ -9,9 +9,9 @@ from itertools import pairwise
 
 import numpy as np
 
-from ospc.arrays import FloatArray, IntArray
+from ospc.arrays import BoolArray, FloatArray, IntArray
 from ospc.estimation.effects import Effects, EffectTerms
-from ospc.estimation.frame_gains import FrameGains
+from ospc.estimation.frame_gains import FrameGains, PairEnds, PairMeans
 from ospc.estimation.group_sums import GroupSums
 from ospc.estimation.latent import Latent, weighted_means
 from ospc.estimation.normal_equations import NormalEquations
@@ -142,20 +142,23 @@ class LinearSystem:
 
     def gains(self, parameters: FloatArray) -> FrameGains:
         """Return the frame gains for parameters of shape (p,)."""
-        return self._gains(self._sums, 1.0, np.append(parameters, 0.0))
+        means = PairMeans(self._sums.mean_misfit(np.append(parameters, 0.0)), self._sums.by_chance)
+        return FrameGains(PairEnds.of(self.observations), means, self.gain_variances)
 
-    def _gains(self, sums: GroupSums, scale: float, parameters: FloatArray) -> FrameGains:
-        frames, mean = self.observations.frames_of_groups, sums.mean_misfit(parameters)
-        return FrameGains(frames, sums.by_chance / scale, mean, self.gain_variances)
+    def significant_gain_variances(
+        self, prior_precision: FloatArray, sandwich_factor: float, resolved: BoolArray
+    ) -> tuple[float, ...]:
+        """Return the variances of the gains, empty if chance explains the pairs.
 
-    def significant_gain_variances(self, prior_precision: FloatArray, sandwich_factor: float) -> tuple[float, ...]:
-        """Return the variances of the gains, empty if chance explains the pairs; arguments as in :meth:`equations`.
-
-        Chance includes errors that the points of a pair share.
+        Chance includes errors that the points of a pair share. ``resolved`` states where the basis can follow the
+        bends of the response, shape (n,); the other arguments are as in :meth:`equations`.
         """
         sums = self._summed(with_rows=True)
         scale = min(self._scale_within(sums, prior_precision, sandwich_factor), 1.0)
-        return self._gains(sums, scale, sums.about).significant_variances
+        weighted = PairMeans(sums.mean_misfit(sums.about), sums.by_chance).with_chance(1 / scale)
+        # A response that suits most pairs leaves the others without weight.
+        unweighted = self.latent.means_of_pairs(self.observations, resolved).with_chance(1 / scale)
+        return unweighted.initial_variances if weighted.most_exceed_chance or unweighted.some_exceed_chance else ()
 
     @cached_property
     def _log_response(self) -> FloatArray:
@@ -206,7 +209,7 @@ class LinearSystem:
         sides = np.repeat(_halves(shown), self.observations.counts, axis=1)
         scores = np.zeros((len(sides), len(parameters)))
         if self.has_gains:  # the mean of a pair has its own weight and belongs to one half as a whole
-            row_of_pair, misfit_of_pair = self._sums.mean_rows[:, :-1], self.gains(parameters).mean
+            row_of_pair, misfit_of_pair = self._sums.mean_rows[:, :-1], self.gains(parameters).means.mean
             means = self._means(parameters, prior_precision, sandwich_factor)
             scores += self._sides_of_pairs(sides) @ means.scores[:, :-1]
         for part in _chunks(self.observations):

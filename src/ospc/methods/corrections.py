@@ -8,7 +8,7 @@ from ospc.estimation.effect_models import GAIN_STEPS, LIGHT_FIXED_TO_CAMERA
 from ospc.estimation.effects import Effects
 from ospc.estimation.fit import Fit
 from ospc.estimation.residual_effects import UNSTEADY_LIGHT
-from ospc.photometry.verdict import LATE_EXPOSURES, NOMINAL_EXPOSURES, EffectEstimate
+from ospc.photometry.verdict import INEXACT_EXPOSURES, LATE_EXPOSURES, NOMINAL_EXPOSURES, EffectEstimate
 
 _STRAY = "light that is fixed to the camera (dark signal, a leak, a reflection) adds {share} of white at {typical}"
 
@@ -20,6 +20,18 @@ _ADDED_LIGHT = {
     "stray light vertically": f"{_STRAY}, more at the top or bottom than in the centre; this was corrected",
 }
 """The note on each kind of light that was added; the second figure is the exposure."""
+
+_RANDOM = {
+    UNSTEADY_LIGHT: (
+        "frames are brighter or darker than their exposures predict, by {percent:.2g}% between the frames of a pair; "
+        "this was accounted for"
+    ),
+    INEXACT_EXPOSURES: (
+        "exposures are inexact, by about {percent:.2g}%: the images of one exposure are brighter or darker than it "
+        "predicts; this was accounted for"
+    ),
+}
+"""The note on random gains of frames or of exposures."""
 
 
 def notes_of(fit: Fit) -> tuple[str, ...]:
@@ -41,15 +53,12 @@ def _corrected(found: EffectEstimate, effects: Effects) -> str:
             "is not exact; this was corrected"
         )
     if found.name == NOMINAL_EXPOSURES:
-        return "exposures are nominal, such as 1/60 s for 1/64 s; the exact thirds of a stop were used instead"
+        return "exposures are nominal, such as 1/60 s for 1/64 s; the exact fractions of a stop were used instead"
     if found.name == LATE_EXPOSURES:
         when, lag = ("late" if found.value > 0 else "early"), f"{abs(found.value):.2f} ± {found.sigma:.1g}"
         return f"exposures are {lag} frames {when}; this was corrected"
-    if found.name == UNSTEADY_LIGHT:
-        return (
-            f"frames are brighter or darker than their exposures predict, by {100 * found.value:.2g}% between the "
-            "frames of a pair; this was accounted for"
-        )
+    if found.name in _RANDOM:
+        return _RANDOM[found.name].format(percent=100 * found.value)
     offset = f"{abs(found.value) * typical_ms:.3g} ± {found.sigma * typical_ms:.1g} ms"
     too = "short" if found.value > 0 else "long"
     return f"all exposures are {offset} too {too}; this was corrected"

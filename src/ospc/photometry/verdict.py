@@ -31,6 +31,9 @@ LATE_EXPOSURES = "late exposures"
 NOMINAL_EXPOSURES = "nominal exposures"
 """Name of the effect of nominal shutter speeds."""
 
+INEXACT_EXPOSURES = "inexact exposures"
+"""Name of the effect of exposures that are wrong by a random factor, which is the same whenever they recur."""
+
 
 @dataclass(frozen=True)
 class EffectEstimate:

@@ -51,14 +51,16 @@ STEP_EXPOSURES, GAIN_STEP_MODEL_ERROR = 15, 0.1
 """Number of exposures at which a step of the gain is looked for; they divide the observations into sixteen equal
 parts. And standard deviation of a step that is found, as a share of it, because it may lie between two of them."""
 
-MOST_GAIN_STEPS = 2
-"""Number of steps beyond which the errors of the exposures are left to the latent gains of frames. With 20 exposures,
-each wrong by 2 per cent, up to nine steps were found, and kappa was 0.06 at a tenth of that stated."""
+EXPOSURES_PER_CURVE, MOST_CURVES = 4, 2
+"""Number of different exposures that is needed for each curve of their errors (an offset, a step of the gain), and
+largest number of such curves. Further errors are left to the latent gains of frames. With 20 exposures, each wrong by
+2 per cent, up to nine steps were found, and kappa was 0.06 at a tenth of that stated; with seven, each wrong by 1 per
+cent, an offset and a step were found, and the error was 14 standard deviations."""
 
 NOMINAL, LEAST_NOMINAL, MOST_NOMINAL = (1.0, 0.0, 0.01), 0.5, 1.5
-"""Share of the distance of the exposures from the closest thirds of a stop by which they are wrong: 1 if they are
-nominal shutter speeds. And its plausible range. 48 recordings with other exposures had at most 0.0013, or 0.011 with
-errors of the exposures."""
+"""Share of the distance of the exposures from the closest third or half of a stop by which they are wrong: 1 if they
+are nominal shutter speeds. And its plausible range. 48 recordings with other exposures had at most 0.0013, or 0.011
+with errors of the exposures."""
 
 DIFFERENT_LOG_EXPOSURE, MIN_STEP_EXPOSURES = 0.02, 3
 """Difference of ln of the exposure at which two exposures count as different, and number of different ones that is

@@ -59,6 +59,11 @@ GAIN_SIGMAS = 3.0
 get latent gains. Relative to independent errors of the points, it was at most 1 in 23 of 24 clean simulated
 recordings, 2.5 in a real video, and 5 to 18 with clouds, flicker or drifting white balance."""
 
+MIN_TAIL_SCALE = 2.0
+"""Standard deviations by chance of a pair's mean residual, at the 95 per cent quantile, relative to a normal
+distribution, from which frames get latent gains, too. If exposures in coarse steps are stated inexactly, the response
+can suit most of them. Then only few pairs are wrong, by far, and their points count as outliers."""
+
 MOST_LOG_GAIN = 10.0
 """Largest latent gain, in ln, a factor of twenty thousand: a degenerate response would make it overflow."""
 
@@ -70,6 +75,9 @@ it is exactly this far away. One in eighty normally distributed gains is excepti
 GAIN_MEMORIES = (3.0, 10.0, 30.0, 100.0)
 """Correlation times of the frames' gains, in frames. A mixture of these and of independent gains approximates
 flicker, white balance and clouds; slower changes are hardly visible between the frames of a pair."""
+
+GAIN_KINDS = len(GAIN_MEMORIES) + 2
+"""Number of kinds of gains: independent ones, those of each memory, and those that recur with the exposure."""
 
 PAIRS_PER_GAIN_BLOCK = 256
 """Maximum number of pairs whose gains are correlated. They span many times the longest memory, and matrices stay
