@@ -19,9 +19,6 @@ from ospc.folders import check_new, check_usable, reserved
 if TYPE_CHECKING:
     from ospc.exposures.lag_choice import LagChoice
 
-_MOST_LAG_FRAMES = 1000
-"""Largest lag that is accepted; no camera buffers this many frames."""
-
 _HELP_COLUMNS = 76
 """Width of help texts in a terminal of 80 columns, without their indentation."""
 
@@ -170,10 +167,11 @@ def _size(text: str, least: int, most: int) -> tuple[int, int]:
 
 def _lag(text: str) -> LagChoice:
     from ospc.exposures.lag_choice import lag_choice
+    from ospc.settings.lag import MOST_LAG_FRAMES
 
     choice = lag_choice(text)
-    if isinstance(choice, int) and abs(choice) > _MOST_LAG_FRAMES:
-        raise SettingError(f"a lag of {abs(choice)} frames is too large; at most {_MOST_LAG_FRAMES} can be corrected")
+    if isinstance(choice, int) and abs(choice) > MOST_LAG_FRAMES:
+        raise SettingError(f"a lag of {abs(choice)} frames is too large; at most {MOST_LAG_FRAMES} can be corrected")
     return choice
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from ospc.errors import FormatError
 from ospc.settings.brightness import GREY_BIN_EDGES
+from ospc.settings.lag import MOST_LAG_FRAMES
 from ospc.settings.methods import CHANGE_GREY_KNOTS
 
 MOST = 2**40
@@ -20,9 +21,8 @@ LARGEST = 1e12
 LOG = 50.0
 """Largest magnitude of the logarithm of an exposure in milliseconds or of a ratio."""
 
-LONGEST_LAG_FRAMES, MOST_INTERVALS, MOST_RADIAL = 1000, 256, 32
-"""Largest lag that a command accepts; most terms of response and of vignette, eight and three times those of any
-preset."""
+MOST_INTERVALS, MOST_RADIAL = 256, 32
+"""Most terms of response and of vignette: eight and three times those of any preset."""
 
 CHANGES, BINS = len(CHANGE_GREY_KNOTS) + 3, len(GREY_BIN_EDGES) - 1
 """Number of parameters of a camera change, and of grey bins of a brightness change."""
@@ -63,7 +63,7 @@ class Numbers:
             raise FormatError(f"{name} is not between {self.low:g} and {self.high:g}")
 
 
-LAG = Numbers(-LONGEST_LAG_FRAMES, LONGEST_LAG_FRAMES)
+LAG = Numbers(-MOST_LAG_FRAMES, MOST_LAG_FRAMES)
 """A lag of the exposures, or a change of the lag, in frames."""
 
 COUNT = Numbers(0, MOST)
