@@ -63,12 +63,12 @@ class ResponseModel:
 
 
 @cache
-def learned_model(count: int = RESPONSE_COMPONENTS) -> ResponseModel:
-    """Return a model learned from analytic families of curves, with ``count`` components."""
+def learned_model() -> ResponseModel:
+    """Return a model learned from analytic families of curves."""
     curves = np.array(list(_family()))
     mean = curves.mean(axis=0)
     _, _, directions = np.linalg.svd(curves - mean, full_matrices=False)
-    return ResponseModel(read_only(mean), read_only(directions[:count] * np.sqrt(len(curves))))
+    return ResponseModel(read_only(mean), read_only(directions[:RESPONSE_COMPONENTS] * np.sqrt(len(curves))))
 
 
 def read_model(path: str | Path, count: int = RESPONSE_COMPONENTS) -> ResponseModel:
