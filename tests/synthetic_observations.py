@@ -37,6 +37,8 @@ class Camera:
         Standard deviation of log radiance.
     metadata_error
         Standard deviation of the error of ln k in the metadata, which all samples of a pair share.
+    sideways
+        Whether points move horizontally only.
     """
 
     response: Response
@@ -48,6 +50,7 @@ class Camera:
     log_ratio: float = 1.0
     spread: float = 0.8
     metadata_error: float = 0.0
+    sideways: bool = False
 
     def pairs(self, seed: int, groups: int = 40, points: int = 100) -> ExposedObservations:
         """Return pairs of observations well exposed in both frames; ``points`` are drawn for each frame pair."""
@@ -60,6 +63,8 @@ class Camera:
         log_exposure = np.log(10) + base[group, None] + np.stack([np.zeros(n), -log_k[group]], axis=1)
         log_radiance = np.log(0.25) - np.log(10) - base[group] + random.normal(0, self.spread, n)
         place = random.uniform(-1, 1, (n, 2, 2)) * np.array(SIZE) / np.hypot(*SIZE)
+        if self.sideways:
+            place[:, 1, 1] = place[:, 0, 1]
         attenuation = self.vignette.at_normalised(place)
         grey = self.response(np.exp(log_radiance[:, None] + log_exposure) * attenuation)
         gradient = random.uniform(0, 0.006, (n, 2))

@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from ospc.estimation.effect_choice import fit_with_chosen_effects
 from ospc.estimation.fit_plan import FitPlan
 from ospc.estimation.maximum_likelihood import MaximumLikelihoodEstimator
 from ospc.estimation.response_basis import ResponseBasis, typical_gamma
@@ -18,7 +19,7 @@ from ospc.estimation.vignette_choice import fit_with_chosen_vignette
 from ospc.evaluation.metrics import log_ratio_error, response_shape_rmse, vignette_pixel_rmse, vignette_rmse
 from ospc.methods.paper import solve_kkt
 from ospc.observations import ExposedObservations
-from ospc.photometry.geometry import normalised, pixel_grid
+from ospc.photometry.geometry import along_diagonals, normalised, pixel_grid
 from ospc.photometry.noise import NoiseModel
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import LogVignette, RasterVignette
@@ -139,6 +140,22 @@ def test_the_simplest_vignette_that_explains_the_data_is_chosen():
     wide = with_chosen_vignette(Camera(GAMMA, skew).pairs(4), widest)
     assert wide.vignette_basis.non_radial
     assert vignette_pixel_rmse(wide.vignette(SIZE), skew) < 0.006
+
+
+@pytest.mark.parametrize("height", [-0.08, 0.0, 0.04])
+def test_a_centre_that_was_not_seen_may_be_elsewhere(height):
+    """If points move horizontally only, a factor on V that depends on y leaves the images unchanged."""
+    truth = LogVignette(SIZE, (-0.7,), (0.0, height))
+    plan = FitPlan(ResponseBasis(32), VignetteBasis(RADIAL_TERMS, free_centre=True), NOISE, ROUNDS)
+    fit = fit_with_chosen_effects(Camera(GAMMA, truth, sideways=True).pairs(4), plan).fit
+    errors = fit.vignette_errors(SIZE)
+    corners = along_diagonals(np.ones(1), SIZE).reshape(-1, 2)
+    wrong = np.log(fit.vignette(SIZE).at_normalised(corners)) - np.log(truth.at_normalised(corners))
+    assert np.all(np.abs(wrong) < 2 * errors.worst_log_sigma(1.0))
+    assert errors.worst_log_sigma(1.0) > 0.05
+    seen = fit_with_chosen_effects(Camera(GAMMA, LogVignette(SIZE, (-0.7,))).pairs(4), plan).fit
+    assert seen.vignette_errors(SIZE).worst_log_sigma(1.0) < 0.02
+    assert not seen.vignette_basis.free_centre
 
 
 @dataclass(frozen=True)

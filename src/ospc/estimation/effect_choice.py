@@ -26,7 +26,7 @@ from ospc.estimation.frame_gains import PairEnds, gain_sigmas
 from ospc.estimation.maximum_likelihood import MaximumLikelihoodEstimator
 from ospc.estimation.misregistration import registered_points
 from ospc.estimation.residual_effects import UNSTEADY_LIGHT, uneven_vignette, unsteadiness, unsteady_radiance
-from ospc.estimation.vignette_choice import fit_with_chosen_vignette
+from ospc.estimation.vignette_choice import fit_with_chosen_vignette, step_to_free_centre, with_possible_centre
 from ospc.observations import ExposedObservations
 from ospc.photometry.verdict import INEXACT_EXPOSURES, LATE_EXPOSURES, EffectEstimate
 from ospc.robust import ERROR_OF_SCALE
@@ -69,7 +69,7 @@ def _of_stationary_camera(plain: Fitted, plan: FitPlan) -> Fit:
         return plain.fit  # in a few brackets, an error of the exposures is part of the response
     fitted, trials = _with_effects(plain, estimate_effects(plain, EXPOSURE_ERRORS), plan)
     fit = _with_model_errors(fitted.fit)
-    return _with_estimates(fit, trials, _estimates(fit, plain.observations))
+    return _with_estimates(replace(fitted, fit=fit), trials, _estimates(fit, plain.observations))
 
 
 def _of_moving_camera(plain: Fitted, plan: FitPlan) -> Fit:
@@ -88,17 +88,18 @@ def _of_moving_camera(plain: Fitted, plan: FitPlan) -> Fit:
         fitted = plain if found_none else _with_gains(fitted, variances, plan)
         trials = plain_trials if found_none else estimate_effects(fitted, _left_out(fitted.fit, tuple(EFFECTS)))
     fit = _with_model_errors(fitted.fit)
+    fitted = replace(fitted, fit=fit)
     if _is_contradicted(fit):
-        return _with_estimates(plain.fit, plain_trials, _estimates(fit, observations)[-1:])
+        return _with_estimates(plain, plain_trials, _estimates(fit, observations)[-1:])
     if fit.groups < MIN_GROUPS:
-        return _with_estimates(fit, trials, ())
+        return _with_estimates(fitted, trials, ())
     residual = fit.residuals(observations)
     if unsteady := _unsteadiness(fit, residual, observations):
         # If the plain fit is steady, the effects are spurious.
-        alone = fitted is plain or _unsteadiness(plain.fit, plain.fit.residuals(observations), observations)
-        return _with_estimates(plain.fit, plain_trials, unsteady if alone else ())
+        alone = not len(fit.effects) or _unsteadiness(plain.fit, plain.fit.residuals(observations), observations)
+        return _with_estimates(plain, plain_trials, unsteady if alone else ())
     uneven = uneven_vignette(residual, observations) or unsteady_radiance(fit.errors.radiance_sigma, fit.groups)
-    return _with_estimates(fit, trials, (*_estimates(fit, observations), *uneven))
+    return _with_estimates(fitted, trials, (*_estimates(fit, observations), *uneven))
 
 
 def _is_contradicted(fit: Fit) -> bool:
@@ -242,17 +243,20 @@ def _with_model_errors(fit: Fit) -> Fit:
     return replace(fit, covariance=covariance)
 
 
-def _with_estimates(fit: Fit, trials: Sequence[Trial], found: tuple[EffectEstimate, ...]) -> Fit:
-    """Return a fit with the estimates of effects, and with a covariance that includes those left out."""
-    missing = [trial.size_if_left_out * slope_of_left_out(fit, trial) for trial in trials]
-    fit = _without_absorbed_light(fit)
+def _with_estimates(fitted: Fitted, trials: Sequence[Trial], found: tuple[EffectEstimate, ...]) -> Fit:
+    """Return a fit with the estimates of effects, and with a covariance that includes what was left out."""
+    missing = [trial.size_if_left_out * slope_of_left_out(fitted.fit, trial) for trial in trials]
+    fit = _without_absorbed_light(fitted.fit)
     covariance = fit.covariance + sum(np.outer(one, one) for one in missing)
     estimates = (
         EffectEstimate(trial.name, trial.value, trial.total_sigma)
         for trial in trials
         if trial.name in CORRECTED and trial.name not in ONLY_IF_FOUND
     )
-    return replace(fit, covariance=covariance, effect_estimates=(*found, *estimates))
+    fit = replace(fit, covariance=covariance, effect_estimates=(*found, *estimates))
+    if fit.vignette_basis.free_centre or not fit.vignette_basis.radial:
+        return fit
+    return with_possible_centre(fit, *step_to_free_centre(fitted))
 
 
 def _without_absorbed_light(fit: Fit) -> Fit:

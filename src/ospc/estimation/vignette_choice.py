@@ -15,7 +15,15 @@ from ospc.estimation.fitted import Fitted
 from ospc.estimation.maximum_likelihood import MaximumLikelihoodEstimator
 from ospc.estimation.vignette_basis import VignetteBasis
 from ospc.observations import ExposedObservations
-from ospc.settings.vignette import ASYMMETRY_SIGMA, FIRST_FIT_POINTS, MIN_CRITERION_GROUPS, PROMISING_SHARE
+from ospc.settings.vignette import (
+    ASYMMETRY_SIGMA,
+    CENTRE_ERROR_FACTOR,
+    CENTRE_SIGMA,
+    FIRST_FIT_POINTS,
+    MAX_ASYMMETRY,
+    MIN_CRITERION_GROUPS,
+    PROMISING_SHARE,
+)
 
 
 def fit_with_chosen_vignette(
@@ -73,15 +81,69 @@ def supported(fit: Fit, last: int, share: float = 1.0) -> bool:
     return bool(statistic > share * last * np.log(max(fit.groups, MIN_CRITERION_GROUPS)))
 
 
+def with_possible_centre(fit: Fit, parameters: FloatArray, chance: FloatArray) -> Fit:
+    """Return a fit whose covariance includes how far the vignette may be from the centre of the image.
+
+    If all objects cross the image in one direction, as when a camera only pans, the observations hardly show where
+    the vignette's centre is in the other. It stays in the middle, but it may be elsewhere. If the observations
+    determine it well, the fit is returned unchanged.
+
+    Parameters
+    ----------
+    fit
+        A fit with a centred vignette.
+    parameters, chance
+        Parameters of the same fit with a free centre, shape (p + 2,), and their covariance by chance.
+    """
+    basis = replace(fit.vignette_basis, free_centre=True)
+    first = fit.vignette_part.start + basis.radial
+    centre = slice(first, first + 2)
+    vignette = np.insert(fit.vignette_parameters, basis.radial, np.zeros(2))
+    deviation = float(np.sqrt(np.linalg.eigvalsh(chance[centre, centre])[-1]))
+    if deviation < MAX_ASYMMETRY * _shift_of_centre(basis, vignette):
+        return fit
+    possible = np.outer(parameters[centre], parameters[centre]) + CENTRE_ERROR_FACTOR**2 * chance[centre, centre]
+    possible = np.asarray(np.linalg.inv(np.linalg.inv(possible) + np.eye(2) / CENTRE_SIGMA**2), dtype=np.float64)
+    slope = chance[:, centre] @ np.linalg.inv(chance[centre, centre])
+    added = np.asarray(slope @ possible @ slope.T, dtype=np.float64)
+    others = np.delete(np.arange(len(parameters)), centre)
+
+    def wider(covariance: FloatArray) -> FloatArray:
+        whole = added.copy()
+        whole[np.ix_(others, others)] += covariance
+        return whole
+
+    return replace(
+        fit,
+        vignette_basis=basis,
+        parameters=np.insert(fit.parameters, first, np.zeros(2)),
+        covariance=wider(fit.covariance),
+        chance=wider(fit.chance),
+    )
+
+
+def step_to_free_centre(fitted: Fitted) -> tuple[FloatArray, FloatArray]:
+    """Return the parameters of a fit after one Newton step with a free centre, and their covariance by chance."""
+    fit = fitted.fit
+    basis = replace(fit.vignette_basis, free_centre=True)
+    estimator = MaximumLikelihoodEstimator(fit.response_basis, basis, fitted.noise, fit.effects)
+    about = estimator.parameters_of(fit)
+    return next(estimator.newton_steps(fitted, about, [np.arange(len(about))]))
+
+
 def _registration_sigma(fit: Fit) -> FloatArray:
     """Return the standard deviation of each vignette parameter from errors that all pairs share, (len,)."""
     basis, parameters = fit.vignette_basis, fit.vignette_parameters
     sigma = np.full(len(basis), ASYMMETRY_SIGMA)
     if basis.free_centre:
-        # A shift of the centre makes ln V asymmetric in proportion to its slope: a flat vignette has no centre.
-        centre = slice(basis.radial, basis.radial + 2)
-        radii = np.linspace(0, basis.usable_radius)
-        along = basis.centre(parameters) + np.stack([radii, np.zeros_like(radii)], axis=1)
-        slope = basis.jacobian(parameters, along)[:, basis.radial]
-        sigma[centre] *= np.linalg.norm(radii) / max(float(np.linalg.norm(slope)), 1e-9)
+        sigma[basis.radial : basis.radial + 2] *= _shift_of_centre(basis, parameters)
     return sigma
+
+
+def _shift_of_centre(basis: VignetteBasis, parameters: FloatArray) -> float:
+    """Return the shift of a free centre that makes ln V asymmetric by R, in half diagonals."""
+    # It is inversely proportional to the slope of ln V: a flat vignette has no centre.
+    radii = np.linspace(0, basis.usable_radius)
+    along = basis.centre(parameters) + np.stack([radii, np.zeros_like(radii)], axis=1)
+    slope = basis.jacobian(parameters, along)[:, basis.radial]
+    return float(np.linalg.norm(radii) / max(float(np.linalg.norm(slope)), 1e-9))

@@ -23,6 +23,7 @@ from ospc.settings.methods import (
     IDENTIFIABLE_ERROR,
     MIN_COMPARED_LOG_K,
     MIN_SCATTER_GROUPS,
+    ONE_DIRECTION_RATIO,
     POSSIBLE_LIGHT_SIGMAS,
     UNIDENTIFIABLE_FACTOR,
     WIDE_EXPOSURE_RATIO,
@@ -46,6 +47,10 @@ _MOVE_RADIALLY = (
 )
 _SEE_MORE_MOVING = (
     "record more frames of uniform surfaces that cross the image between centre and corners: they move far enough"
+)
+_MOVE_ACROSS = (
+    "move the camera in the other direction, too (tilt it if it panned): objects cross the image in one direction "
+    "only, so the centre of the vignette is uncertain"
 )
 _STEADIER = (
     "film in steadier light with a fixed white balance, or provide more accurate exposures, and record more frames: "
@@ -161,9 +166,20 @@ def vignette_verdict(
     )
     # The reason shows two decimals, so the remedy must not ask for what they already show.
     remedy = _MOVE_RADIALLY if round(reach, 2) < FAR_RADIAL_REACH else _SEE_MORE_MOVING
+    remedy = _MOVE_ACROSS if _moves_in_one_direction(fit) else remedy
     remedy = _STEADIER if _is_unsteady(fit) else remedy
     relative = max(error / IDENTIFIABLE_ERROR, sigma / IDENTIFIABLE_CORNER_SIGMA)
     return judged(_graded(fit, relative, figure, remedy), contradictions)
+
+
+def _moves_in_one_direction(fit: Fit) -> bool:
+    """Return whether the vignette's centre is much more uncertain in one direction than in the other."""
+    basis, first = fit.vignette_basis, fit.vignette_part.start
+    if not basis.free_centre:
+        return False
+    centre = slice(first + basis.radial, first + basis.radial + 2)
+    least, most = np.sqrt(np.linalg.eigvalsh(fit.covariance[centre, centre]))
+    return bool(most > ONE_DIRECTION_RATIO * least)
 
 
 def _is_unsteady(fit: Fit) -> bool:

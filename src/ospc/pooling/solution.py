@@ -15,7 +15,7 @@ from ospc.estimation.model import Model
 from ospc.estimation.normal_equations import NormalEquations
 from ospc.estimation.prior import START
 from ospc.estimation.vignette_basis import VignetteBasis
-from ospc.estimation.vignette_choice import supported
+from ospc.estimation.vignette_choice import supported, with_possible_centre
 from ospc.library_threads import one_blas_thread
 from ospc.pooling.summary import PARAMETERS, RESPONSE, VIGNETTE, Summary
 from ospc.settings.pooling import MAX_SOLUTION_ROUNDS, SOLUTION_TOLERANCE
@@ -120,5 +120,7 @@ def solve_with_chosen_vignette(information: Information) -> Fit:
     for simpler in _SIMPLER:
         if supported(fit, len(fit.vignette_basis) - len(simpler)):
             break
-        fit = solve(information, simpler)
-    return fit
+        wider, fit = fit, solve(information, simpler)
+    if fit.vignette_basis.free_centre:
+        return fit
+    return with_possible_centre(fit, wider.parameters, wider.chance)

@@ -209,6 +209,11 @@ fisheye and a wet lens had 2.2 to 3."""
 FAR_RADIAL_REACH = 0.2
 """Radial motion, in half diagonals, beyond which more motion is no longer advised: the fifth that is asked for."""
 
+ONE_DIRECTION_RATIO = 4.0
+"""Ratio of the uncertainties of the vignette's centre across and along the motion, above which motion in the other
+direction is advised. It was at most 2.3 with hand-held cameras and forward motion, and 5 to 30 with cameras that only
+panned or moved sideways."""
+
 MIN_COMPARED_LOG_K = 0.05
 """Minimum change of ln exposure of a pair with which its misfit is compared; below it, noise is as large."""
 

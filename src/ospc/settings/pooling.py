@@ -70,9 +70,9 @@ MIN_OBSERVED = 0.05
 """Information on a direction of the vignette, relative to that of the prior, below which it counts as unobserved:
 rounding and disagreement between halves would otherwise look like an observation that contradicts the prior."""
 
-OMITTED_SIGMA = 0.005
+OMITTED_SIGMA = 0.003
 """Standard deviation, around zero, of vignette parameters that a calibration omits: it would have included larger
-ones."""
+ones, and the centre if it is uncertain."""
 
 MAX_RESPONSE_KNOTS = 1025
 """Most knots of a response that are accepted, far more than any method has."""

@@ -18,6 +18,12 @@ in ln V: as large as in real lenses. A shift of the centre is nearly a sum of no
 centres of decentred elliptic vignettes were wrong by up to 0.46 and the RMSE of five such cameras reached 0.23. With
 these values it is at most 0.007."""
 
+CENTRE_ERROR_FACTOR = 3.0
+"""Error of a centre that the observations hardly show, relative to its standard deviation by chance: registration
+errors pull it to the middle. In nine recordings of cameras that panned, tilted or moved straight on, with centres
+off by up to 0.15, the fitted centre was wrong by 2.3 times that deviation (root mean square), and at most by 5.7
+times."""
+
 DARK_RADIUS = 1.2
 """Distance from the vignette's centre, in usable radii of the image, at which the smooth part of the prior lets V
 reach zero, as V does at the edge of the image circle. The far corner is at 1.15 if the centre is off by 0.15. With
@@ -44,6 +50,12 @@ ASYMMETRY_SIGMA = 0.0015
 centre, the shift that changes ln V by this much on average. It is added to the covariance before a free centre or
 non-radial terms are accepted: without it, one of 50 centred recordings met the criterion. With 0.004, a weak vignette
 decentred by 2 per cent was taken as centred, and its profile was wrong by six standard deviations."""
+
+MAX_ASYMMETRY = 0.005
+"""Standard deviation by chance of such an asymmetry, above which the observations do not show where the vignette's
+centre is. It was at most 0.0035 with hand-held cameras and forward motion, and 0.007 to 0.027 with cameras that only
+panned or moved sideways. If it counted in all recordings, 84 instead of 71 per cent of the profile would be within
+one standard deviation."""
 
 PROMISING_SHARE = 0.25
 """Further parameters are fitted only if one Newton step, which takes a third of the time, reaches this share of the
