@@ -216,6 +216,14 @@ def _nominal_exposures(footage: Footage, steps_per_stop: float) -> Footage:
     return taken.with_exposures(_MS_PER_S / _SHUTTER_SPEEDS[stated])
 
 
+def _inexact_steps(footage: Footage, error: float) -> Footage:
+    """Expose in steps of half a stop, and state each exposure with its own error."""
+    exposures_s = footage.exposures_ms / _MS_PER_S
+    exact_s, place = np.unique(2 ** (np.rint(2 * np.log2(exposures_s)) / 2), return_inverse=True)
+    stated_s = exact_s * np.exp(error * footage.random.standard_normal(len(exact_s)))
+    return _factored(footage, exact_s[place] / exposures_s).with_exposures(_MS_PER_S * stated_s[place])
+
+
 FAULTS = (
     Fault("glare", "veiling glare of {} of the frame's mean irradiance", (0.01, 0.02, 0.05),
         lambda f, x: f.relit(lambda light, _i: light + np.float32(x) * light.mean())),
@@ -240,6 +248,8 @@ FAULTS = (
     Fault("white-balance", "a gain that drifts by ±{}", (0.05, 0.1, 0.25),
         lambda f, x: _factored(f, 1 + x * f.wave(2.5))),
     Fault("nominal-exposures", "nominal shutter speeds in steps of a stop over {}", (3, 2, 1), _nominal_exposures),
+    Fault("inexact-steps", "exposures in half stops, each stated with a random error of {}", (0.005, 0.01, 0.03),
+        _inexact_steps),
     Fault("dimming", "light proportional to the exposure to the power of -{}", (0.05, 0.1, 0.2), _dimmed),
     Fault("shading-corrected", "V to the power of {} divided out by the camera", (0.25, 0.5, 1),
         lambda f, x: _shaded(f, f.camera.attenuation ** np.float32(-x))),
