@@ -68,8 +68,8 @@ def _of_stationary_camera(plain: Fitted, plan: FitPlan) -> Fit:
     if plain.fit.groups < MIN_GROUPS:
         return plain.fit  # in a few brackets, an error of the exposures is part of the response
     fitted, trials = _with_effects(plain, estimate_effects(plain, EXPOSURE_ERRORS), plan)
-    fit = _with_model_errors(fitted.fit)
-    return _with_estimates(replace(fitted, fit=fit), trials, _estimates(fit, plain.observations))
+    fitted = _with_model_errors(fitted)
+    return _with_estimates(fitted, trials, _estimates(fitted.fit, plain.observations))
 
 
 def _of_moving_camera(plain: Fitted, plan: FitPlan) -> Fit:
@@ -87,8 +87,8 @@ def _of_moving_camera(plain: Fitted, plan: FitPlan) -> Fit:
         plain_trials = estimate_effects(plain, tuple(EFFECTS))
         fitted = plain if found_none else _with_gains(fitted, variances, plan)
         trials = plain_trials if found_none else estimate_effects(fitted, _left_out(fitted.fit, tuple(EFFECTS)))
-    fit = _with_model_errors(fitted.fit)
-    fitted = replace(fitted, fit=fit)
+    fitted = _with_model_errors(fitted)
+    fit = fitted.fit
     if _is_contradicted(fit):
         return _with_estimates(plain, plain_trials, _estimates(fit, observations)[-1:])
     if fit.groups < MIN_GROUPS:
@@ -233,14 +233,17 @@ def _estimates(fit: Fit, observations: ExposedObservations) -> tuple[EffectEstim
     return (of_gains, *of_effects) if larger else tuple(of_effects)
 
 
-def _with_model_errors(fit: Fit) -> Fit:
+def _with_model_errors(fitted: Fitted) -> Fitted:
     """Return a fit whose covariance includes how much the real effects differ from their models."""
+    fit = fitted.fit
+    if not len(fit.effects):
+        return fitted
     covariance = fit.covariance
     for number, name in enumerate(fit.effects.chosen, fit.vignette_part.stop):
         error = EFFECTS[name].model_error * fit.parameters[number]
         change = error * fit.chance[:, number] / fit.chance[number, number]
         covariance = covariance + np.outer(change, change)
-    return replace(fit, covariance=covariance)
+    return replace(fitted, fit=replace(fit, covariance=covariance))
 
 
 def _with_estimates(fitted: Fitted, trials: Sequence[Trial], found: tuple[EffectEstimate, ...]) -> Fit:

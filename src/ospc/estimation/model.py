@@ -158,7 +158,8 @@ class LinearSystem:
         weighted = PairMeans(sums.mean_misfit(sums.about), sums.by_chance).with_chance(1 / scale)
         # A response that suits most pairs leaves the others without weight.
         unweighted = self.latent.means_of_pairs(self.observations, resolved).with_chance(1 / scale)
-        return unweighted.initial_variances if weighted.most_exceed_chance or unweighted.some_exceed_chance else ()
+        exceeds_chance = weighted.most_exceed_chance or unweighted.some_exceed_chance
+        return unweighted.initial_variances if len(unweighted) and exceeds_chance else ()
 
     @cached_property
     def _log_response(self) -> FloatArray:
