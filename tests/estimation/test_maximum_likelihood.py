@@ -15,7 +15,7 @@ from ospc.estimation.fit_plan import FitPlan
 from ospc.estimation.maximum_likelihood import MaximumLikelihoodEstimator
 from ospc.estimation.response_basis import ResponseBasis, typical_gamma
 from ospc.estimation.vignette_basis import VignetteBasis
-from ospc.estimation.vignette_choice import fit_with_chosen_vignette
+from ospc.estimation.vignette_choice import fit_with_chosen_vignette, with_uncertain_centre
 from ospc.evaluation.metrics import log_ratio_error, response_shape_rmse, vignette_pixel_rmse, vignette_rmse
 from ospc.methods.paper import solve_kkt
 from ospc.observations import ExposedObservations
@@ -156,6 +156,16 @@ def test_a_centre_that_was_not_seen_may_be_elsewhere(height):
     seen = fit_with_chosen_effects(Camera(GAMMA, LogVignette(SIZE, (-0.7,))).pairs(4), plan).fit
     assert seen.vignette_errors(SIZE).worst_log_sigma(1.0) < 0.02
     assert not seen.vignette_basis.free_centre
+
+
+def test_a_free_centre_that_was_hardly_seen_is_more_uncertain_than_by_chance():
+    cameras = (Camera(GAMMA, LogVignette(SIZE, (-0.7,)), sideways=sideways) for sideways in (True, False))
+    hardly, seen = (fitted(camera.pairs(4), free_centre=True) for camera in cameras)
+    assert with_uncertain_centre(seen) is seen
+    before, after = (
+        fit.vignette_errors(SIZE).worst_log_sigma(1.0) for fit in (hardly, with_uncertain_centre(hardly))
+    )
+    assert 2 < after / before < 3.5
 
 
 @dataclass(frozen=True)

@@ -26,7 +26,12 @@ from ospc.estimation.frame_gains import PairEnds, gain_sigmas
 from ospc.estimation.maximum_likelihood import MaximumLikelihoodEstimator
 from ospc.estimation.misregistration import registered_points
 from ospc.estimation.residual_effects import UNSTEADY_LIGHT, uneven_vignette, unsteadiness, unsteady_radiance
-from ospc.estimation.vignette_choice import fit_with_chosen_vignette, step_to_free_centre, with_possible_centre
+from ospc.estimation.vignette_choice import (
+    fit_with_chosen_vignette,
+    step_to_free_centre,
+    with_possible_centre,
+    with_uncertain_centre,
+)
 from ospc.observations import ExposedObservations
 from ospc.photometry.verdict import INEXACT_EXPOSURES, LATE_EXPOSURES, EffectEstimate
 from ospc.robust import ERROR_OF_SCALE
@@ -257,8 +262,10 @@ def _with_estimates(fitted: Fitted, trials: Sequence[Trial], found: tuple[Effect
         if trial.name in CORRECTED and trial.name not in ONLY_IF_FOUND
     )
     fit = replace(fit, covariance=covariance, effect_estimates=(*found, *estimates))
-    if fit.vignette_basis.free_centre or not fit.vignette_basis.radial:
+    if not fit.vignette_basis.radial:
         return fit
+    if fit.vignette_basis.free_centre:
+        return with_uncertain_centre(fit)
     return with_possible_centre(fit, *step_to_free_centre(fitted))
 
 

@@ -99,8 +99,7 @@ def with_possible_centre(fit: Fit, parameters: FloatArray, chance: FloatArray) -
     first = fit.vignette_part.start + basis.radial
     centre = slice(first, first + 2)
     vignette = np.insert(fit.vignette_parameters, basis.radial, np.zeros(2))
-    deviation = float(np.sqrt(np.linalg.eigvalsh(chance[centre, centre])[-1]))
-    if deviation < MAX_ASYMMETRY * _shift_of_centre(basis, vignette):
+    if _shows_centre(basis, vignette, chance[centre, centre]):
         return fit
     possible = np.outer(parameters[centre], parameters[centre]) + CENTRE_ERROR_FACTOR**2 * chance[centre, centre]
     possible = np.asarray(np.linalg.inv(np.linalg.inv(possible) + np.eye(2) / CENTRE_SIGMA**2), dtype=np.float64)
@@ -120,6 +119,24 @@ def with_possible_centre(fit: Fit, parameters: FloatArray, chance: FloatArray) -
         covariance=wider(fit.covariance),
         chance=wider(fit.chance),
     )
+
+
+def with_uncertain_centre(fit: Fit) -> Fit:
+    """Return a fit with a free centre, with a larger covariance if the observations hardly show the centre."""
+    first = fit.vignette_part.start + fit.vignette_basis.radial
+    centre = slice(first, first + 2)
+    chance = fit.chance[centre, centre]
+    if _shows_centre(fit.vignette_basis, fit.vignette_parameters, chance):
+        return fit
+    slope = fit.chance[:, centre] @ np.linalg.inv(chance)
+    added = (CENTRE_ERROR_FACTOR**2 - 1) * slope @ chance @ slope.T
+    return replace(fit, covariance=fit.covariance + added)
+
+
+def _shows_centre(basis: VignetteBasis, parameters: FloatArray, chance: FloatArray) -> bool:
+    """Return whether observations show a free centre, given its covariance by chance, shape (2, 2)."""
+    deviation = float(np.sqrt(np.linalg.eigvalsh(chance)[-1]))
+    return deviation < MAX_ASYMMETRY * _shift_of_centre(basis, parameters)
 
 
 def step_to_free_centre(fitted: Fitted) -> tuple[FloatArray, FloatArray]:

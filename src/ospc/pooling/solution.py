@@ -15,7 +15,7 @@ from ospc.estimation.model import Model
 from ospc.estimation.normal_equations import NormalEquations
 from ospc.estimation.prior import START
 from ospc.estimation.vignette_basis import VignetteBasis
-from ospc.estimation.vignette_choice import supported, with_possible_centre
+from ospc.estimation.vignette_choice import supported, with_possible_centre, with_uncertain_centre
 from ospc.library_threads import one_blas_thread
 from ospc.pooling.summary import PARAMETERS, RESPONSE, VIGNETTE, Summary
 from ospc.settings.pooling import MAX_SOLUTION_ROUNDS, SOLUTION_TOLERANCE
@@ -122,5 +122,5 @@ def solve_with_chosen_vignette(information: Information) -> Fit:
             break
         wider, fit = fit, solve(information, simpler)
     if fit.vignette_basis.free_centre:
-        return fit
+        return with_uncertain_centre(fit)
     return with_possible_centre(fit, wider.parameters, wider.chance)
