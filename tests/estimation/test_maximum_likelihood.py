@@ -152,7 +152,7 @@ def test_a_centre_that_was_not_seen_may_be_elsewhere(height):
     corners = along_diagonals(np.ones(1), SIZE).reshape(-1, 2)
     wrong = np.log(fit.vignette(SIZE).at_normalised(corners)) - np.log(truth.at_normalised(corners))
     assert np.all(np.abs(wrong) < 2 * errors.worst_log_sigma(1.0))
-    assert errors.worst_log_sigma(1.0) > 0.05
+    assert errors.worst_log_sigma(1.0) > 0.03
     seen = fit_with_chosen_effects(Camera(GAMMA, LogVignette(SIZE, (-0.7,))).pairs(4), plan).fit
     assert seen.vignette_errors(SIZE).worst_log_sigma(1.0) < 0.02
     assert not seen.vignette_basis.free_centre

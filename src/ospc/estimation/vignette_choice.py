@@ -18,10 +18,10 @@ from ospc.observations import ExposedObservations
 from ospc.settings.vignette import (
     ASYMMETRY_SIGMA,
     CENTRE_ERROR_FACTOR,
-    CENTRE_SIGMA,
     FIRST_FIT_POINTS,
     MAX_ASYMMETRY,
     MIN_CRITERION_GROUPS,
+    POSSIBLE_CENTRE_SIGMA,
     PROMISING_SHARE,
 )
 
@@ -102,7 +102,9 @@ def with_possible_centre(fit: Fit, parameters: FloatArray, chance: FloatArray) -
     if _shows_centre(basis, vignette, chance[centre, centre]):
         return fit
     possible = np.outer(parameters[centre], parameters[centre]) + CENTRE_ERROR_FACTOR**2 * chance[centre, centre]
-    possible = np.asarray(np.linalg.inv(np.linalg.inv(possible) + np.eye(2) / CENTRE_SIGMA**2), dtype=np.float64)
+    possible = np.asarray(
+        np.linalg.inv(np.linalg.inv(possible) + np.eye(2) / POSSIBLE_CENTRE_SIGMA**2), dtype=np.float64
+    )
     slope = chance[:, centre] @ np.linalg.inv(chance[centre, centre])
     added = np.asarray(slope @ possible @ slope.T, dtype=np.float64)
     others = np.delete(np.arange(len(parameters)), centre)

@@ -24,6 +24,10 @@ errors pull it to the middle. In nine recordings of cameras that panned, tilted 
 off by up to 0.15, the fitted centre was wrong by 2.3 times that deviation (root mean square), and at most by 5.7
 times."""
 
+POSSIBLE_CENTRE_SIGMA = 0.05
+"""Standard deviation of the centre of a vignette, in half diagonals, if nothing shows where it is: a few hundredths
+are usual, and real lenses reach 0.1."""
+
 DARK_RADIUS = 1.2
 """Distance from the vignette's centre, in usable radii of the image, at which the smooth part of the prior lets V
 reach zero, as V does at the edge of the image circle. The far corner is at 1.15 if the centre is off by 0.15. With

@@ -11,7 +11,7 @@ from ospc.research.faults.footage import STRENGTHS, Fault, Footage
 from ospc.research.faults.judging import FAULTS, KINDS
 
 IMAGES_ONLY = [f.name for kind in ("light, optics and scene", "grey values") for f in KINDS[kind]]
-SCENE = ("constant-exposure", "small-range", "nominal-exposures")
+SCENE = ("constant-exposure", "small-range", "nominal-exposures", "inexact-steps")
 """Scene faults that change the exposures and the metadata consistently."""
 
 COUNTS = (
