@@ -52,7 +52,7 @@ def converged(ends: PairEnds, by_chance: FloatArray, mean: FloatArray) -> FrameG
     """Fit the variances of the gains to mean residuals."""
     means = PairMeans(mean, by_chance)
     variances = means.initial_variances
-    for _ in range(15):
+    for _ in range(10):
         variances = FrameGains(ends, means, variances).refitted_variances
     return FrameGains(ends, means, variances)
 
