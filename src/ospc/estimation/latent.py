@@ -99,12 +99,14 @@ class Latent:
         The mean is a median, because weights computed without gains would discard whole pairs. Pairs without such
         points are left out.
         """
-        both = slice(None) if used is None else used[0::2] & used[1::2]
         residual = self.linear_log - self.offset + self.log_exposure - observations.log_exposure
-        difference, variance = (residual[0::2] - residual[1::2])[both], 1 / self.precision
-        pair = np.unique(observations.group_number[0::2][both], return_inverse=True)[1]
-        information = np.bincount(pair, (1 / (variance[0::2] + variance[1::2]))[both])
-        return PairMeans(medians(difference, pair), VARIANCE_OF_MEDIAN / information)
+        pair, difference = observations.group_number[0::2], residual[0::2] - residual[1::2]
+        information = 1 / (1 / self.precision[0::2] + 1 / self.precision[1::2])
+        if used is not None:
+            both = used[0::2] & used[1::2]
+            difference, information = difference[both], information[both]
+            pair = np.unique(pair[both], return_inverse=True)[1]
+        return PairMeans(medians(difference, pair), VARIANCE_OF_MEDIAN / np.bincount(pair, information))
 
 
 @dataclass(frozen=True)

@@ -41,6 +41,12 @@ class Model:
         n = len(self.response_basis)
         return slice(n, n + len(self.vignette_basis))
 
+    @property
+    def centre_part(self) -> slice:
+        """Slice of the vignette's centre; empty if it is not free."""
+        first, own = self.vignette_part.start, self.vignette_basis.centre_part
+        return slice(first + own.start, first + own.stop)
+
     def split(self, parameters: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return the parameters of the response, the vignette and the effects."""
         vignette = self.vignette_part

@@ -47,6 +47,11 @@ class VignetteBasis:
         return names + (list(NON_RADIAL) if self.non_radial else [])
 
     @property
+    def centre_part(self) -> slice:
+        """Slice of the centre; empty if it is not free."""
+        return slice(self.radial, self.radial + 2 * self.free_centre)
+
+    @property
     def spline(self) -> RadialSpline:
         """The radial part."""
         return radial_spline(self.radial, VIGNETTE_REACH * self.usable_radius)
@@ -59,7 +64,7 @@ class VignetteBasis:
         matrix = np.zeros((len(self), len(other)))
         matrix[: self.radial, : other.radial] = other.spline.slopes_at(self.spline.knots)
         if self.free_centre and other.free_centre:
-            matrix[self.radial : self.radial + 2, other.radial : other.radial + 2] = np.eye(2)
+            matrix[self.centre_part, other.centre_part] = np.eye(2)
         if self.non_radial and other.non_radial:
             matrix[-len(NON_RADIAL) :, -len(NON_RADIAL) :] = np.eye(len(NON_RADIAL))
         return matrix
@@ -113,13 +118,12 @@ class VignetteBasis:
 
     def centre(self, parameters: FloatArray) -> FloatArray:
         """Return the centre of the vignette relative to the image centre, in half diagonals, shape (2,)."""
-        return parameters[self.radial : self.radial + 2] if self.free_centre else np.zeros(2)
+        return parameters[self.centre_part] if self.free_centre else np.zeros(2)
 
     def limited(self, parameters: FloatArray) -> FloatArray:
         """Return the parameters with the centre kept well within the image, shape (len,)."""
-        centre = slice(self.radial, self.radial + 2 * self.free_centre)
         within = parameters.copy()
-        within[centre] = np.clip(within[centre], -MAX_DECENTRING, MAX_DECENTRING)
+        within[self.centre_part] = np.clip(within[self.centre_part], -MAX_DECENTRING, MAX_DECENTRING)
         return within
 
     def vignette(self, parameters: FloatArray, size: ImageSize, usable_radius: float = 1.0) -> LogSplineVignette:

@@ -96,17 +96,15 @@ def with_possible_centre(fit: Fit, parameters: FloatArray, chance: FloatArray) -
         Parameters of the same fit with a free centre, shape (p + 2,), and their covariance by chance.
     """
     basis = replace(fit.vignette_basis, free_centre=True)
-    first = fit.vignette_part.start + basis.radial
-    centre = slice(first, first + 2)
-    vignette = np.insert(fit.vignette_parameters, basis.radial, np.zeros(2))
+    centre = replace(fit, vignette_basis=basis).centre_part
+    vignette = np.insert(fit.vignette_parameters, basis.centre_part.start, np.zeros(2))
     if _shows_centre(basis, vignette, chance[centre, centre]):
         return fit
     possible = np.outer(parameters[centre], parameters[centre]) + CENTRE_ERROR_FACTOR**2 * chance[centre, centre]
     possible = np.asarray(
         np.linalg.inv(np.linalg.inv(possible) + np.eye(2) / POSSIBLE_CENTRE_SIGMA**2), dtype=np.float64
     )
-    slope = chance[:, centre] @ np.linalg.inv(chance[centre, centre])
-    added = np.asarray(slope @ possible @ slope.T, dtype=np.float64)
+    added = _due_to_centre(possible, chance, centre)
     others = np.delete(np.arange(len(parameters)), centre)
 
     def wider(covariance: FloatArray) -> FloatArray:
@@ -117,7 +115,7 @@ def with_possible_centre(fit: Fit, parameters: FloatArray, chance: FloatArray) -
     return replace(
         fit,
         vignette_basis=basis,
-        parameters=np.insert(fit.parameters, first, np.zeros(2)),
+        parameters=np.insert(fit.parameters, centre.start, np.zeros(2)),
         covariance=wider(fit.covariance),
         chance=wider(fit.chance),
     )
@@ -125,14 +123,18 @@ def with_possible_centre(fit: Fit, parameters: FloatArray, chance: FloatArray) -
 
 def with_uncertain_centre(fit: Fit) -> Fit:
     """Return a fit with a free centre, with a larger covariance if the observations hardly show the centre."""
-    first = fit.vignette_part.start + fit.vignette_basis.radial
-    centre = slice(first, first + 2)
+    centre = fit.centre_part
     chance = fit.chance[centre, centre]
     if _shows_centre(fit.vignette_basis, fit.vignette_parameters, chance):
         return fit
-    slope = fit.chance[:, centre] @ np.linalg.inv(chance)
-    added = (CENTRE_ERROR_FACTOR**2 - 1) * slope @ chance @ slope.T
+    added = _due_to_centre((CENTRE_ERROR_FACTOR**2 - 1) * chance, fit.chance, centre)
     return replace(fit, covariance=fit.covariance + added)
+
+
+def _due_to_centre(covariance: FloatArray, chance: FloatArray, centre: slice) -> FloatArray:
+    """Return the covariance of all parameters due to one of the centre, (2, 2), given theirs by chance, (p, p)."""
+    slope = chance[:, centre] @ np.linalg.inv(chance[centre, centre])
+    return np.asarray(slope @ covariance @ slope.T, dtype=np.float64)
 
 
 def _shows_centre(basis: VignetteBasis, parameters: FloatArray, chance: FloatArray) -> bool:
@@ -155,7 +157,7 @@ def _registration_sigma(fit: Fit) -> FloatArray:
     basis, parameters = fit.vignette_basis, fit.vignette_parameters
     sigma = np.full(len(basis), ASYMMETRY_SIGMA)
     if basis.free_centre:
-        sigma[basis.radial : basis.radial + 2] *= _shift_of_centre(basis, parameters)
+        sigma[basis.centre_part] *= _shift_of_centre(basis, parameters)
     return sigma
 
 

@@ -174,11 +174,9 @@ def vignette_verdict(
 
 def _moves_in_one_direction(fit: Fit) -> bool:
     """Return whether the vignette's centre is much more uncertain in one direction than in the other."""
-    basis, first = fit.vignette_basis, fit.vignette_part.start
-    if not basis.free_centre:
+    if not fit.vignette_basis.free_centre:
         return False
-    centre = slice(first + basis.radial, first + basis.radial + 2)
-    least, most = np.sqrt(np.linalg.eigvalsh(fit.covariance[centre, centre]))
+    least, most = np.sqrt(np.linalg.eigvalsh(fit.covariance[fit.centre_part, fit.centre_part]))
     return bool(most > ONE_DIRECTION_RATIO * least)
 
 

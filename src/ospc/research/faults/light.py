@@ -207,21 +207,26 @@ def _reshot(
     return footage.relit(exposed).with_exposures(exposures_ms)
 
 
-def _nominal_exposures(footage: Footage, steps_per_stop: float) -> Footage:
-    """Expose in exact steps of 2^(1/n), and state the nominal shutter speeds."""
+def _in_steps(footage: Footage, steps_per_stop: float) -> tuple[Footage, FloatArray]:
+    """Expose in exact steps of 2^(1/n); return the recording, and its exposures in seconds."""
     exposures_s = footage.exposures_ms / _MS_PER_S
     exact_s = 2 ** (np.rint(np.log2(exposures_s) * steps_per_stop) / steps_per_stop)
+    return _factored(footage, exact_s / exposures_s), exact_s
+
+
+def _nominal_exposures(footage: Footage, steps_per_stop: float) -> Footage:
+    """Expose in exact steps of 2^(1/n), and state the nominal shutter speeds."""
+    taken, exact_s = _in_steps(footage, steps_per_stop)
     stated = np.argmin(np.abs(np.log(exact_s[:, None]) + np.log(_SHUTTER_SPEEDS)), axis=1)
-    taken = _factored(footage, exact_s / exposures_s)
     return taken.with_exposures(_MS_PER_S / _SHUTTER_SPEEDS[stated])
 
 
 def _inexact_steps(footage: Footage, error: float) -> Footage:
     """Expose in steps of half a stop, and state each exposure with its own error."""
-    exposures_s = footage.exposures_ms / _MS_PER_S
-    exact_s, place = np.unique(2 ** (np.rint(2 * np.log2(exposures_s)) / 2), return_inverse=True)
-    stated_s = exact_s * np.exp(error * footage.random.standard_normal(len(exact_s)))
-    return _factored(footage, exact_s[place] / exposures_s).with_exposures(_MS_PER_S * stated_s[place])
+    taken, exact_s = _in_steps(footage, 2)
+    different_s, place = np.unique(exact_s, return_inverse=True)
+    stated_s = different_s * np.exp(error * footage.random.standard_normal(len(different_s)))
+    return taken.with_exposures(_MS_PER_S * stated_s[place])
 
 
 FAULTS = (
