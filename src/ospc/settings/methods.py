@@ -211,7 +211,7 @@ FAR_RADIAL_REACH = 0.2
 
 ONE_DIRECTION_RATIO = 4.0
 """Ratio of the uncertainties of the vignette's centre across and along the motion, above which motion in the other
-direction is advised. It was at most 2.3 with hand-held cameras and forward motion, and 5 to 30 with cameras that only
+direction is advised. It was at most 2.7 with hand-held cameras and forward motion, and 4 to 30 with cameras that only
 panned or moved sideways."""
 
 MIN_COMPARED_LOG_K = 0.05
