@@ -276,7 +276,7 @@ FAULTS = (
     Fault("shot-noise", "shot noise of {} at saturation", (0.02, 0.04, 0.08), _shot_noise),
     Fault("overexposed", "{} times the light", (1.5, 2, 4), lambda f, x: _factored(f, np.full(len(f), x))),
     Fault("underexposed", "{} times less light", (2, 4, 16), lambda f, x: _factored(f, np.full(len(f), 1 / x))),
-    Fault("speculars", "glints over a share of {} of the image", (0.001, 0.005, 0.02), _speculars),
+    Fault("speculars", "glints over a fraction of {} of the image", (0.001, 0.005, 0.02), _speculars),
     Fault("crowd", "{} patches moving in front of the scene", (4, 12, 40), _crowd),
     Fault("motion-blur", "motion blur over {} frames", (3, 5, 9), _motion_blur),
     Fault("textureless", "a scene smoothed over {} of the width", (0.02, 0.05, 0.15),
@@ -286,7 +286,7 @@ FAULTS = (
     Fault("constant-exposure", "the exposure fixed at {} times the median", (1, 0.5, 2),
         lambda f, x: _reshot(f, np.full(len(f), x * np.median(f.camera.exposures_ms)), lambda image, _i: image)),
     Fault("small-range", "exposures within a factor of {}", (1.5, 1.2, 1.1), _small_range),
-    Fault("standing-still", "the camera at rest for a share of {}", (0.3, 0.7, 1),
+    Fault("standing-still", "the camera at rest for a fraction of {}", (0.3, 0.7, 1),
         # It keeps the view of the first frame.
         lambda f, x: _reshot(
             f, f.camera.exposures_ms,
