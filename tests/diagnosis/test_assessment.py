@@ -89,4 +89,4 @@ def test_exposures_never_explain_less_than_none_of_the_changes(unexplained: floa
     brightness = replace(found.brightness, unexplained_share=unexplained, fits_badly=True)
     lag = replace(found.lag, candidates=(0,), state="determined")
     first = verdict_on(found.recorded, lag, brightness, 100, 0.0)
-    assert f"exposures fit badly: they {said} the brightness changes; the rest" in first.reason
+    assert f"exposures fit poorly: they {said} the brightness changes; the rest" in first.reason

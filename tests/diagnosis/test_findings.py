@@ -195,7 +195,7 @@ def test_exposures_that_a_fit_explains_are_not_stale(error: float, exceptions: i
 @pytest.mark.parametrize(("error", "state"), [(0.003, "identifiable"), (0.02, "marginal")])
 def test_exposures_that_a_fit_explains_do_not_fit_badly(error: float, state: str) -> None:
     unjudged = found(FLICKERING)
-    assert "exposures fit badly" in unjudged.warnings[0]
+    assert "exposures fit poorly" in unjudged.warnings[0]
     judged = unjudged.judged_by([], ratios_with(np.full(40, error)))
     assert judged.verdict.state == state
     assert (judged.warnings == ()) == (state == "identifiable")

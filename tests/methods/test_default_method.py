@@ -181,7 +181,7 @@ def test_frames_coded_as_changes_of_others_double_the_standard_deviations(walk, 
     np.testing.assert_array_equal(coded.response.inverse_table, quick.response.inverse_table)
     seen = PROFILE_RADII < 0.75  # what no observation shows is not more uncertain
     np.testing.assert_allclose(coded.vignette_sigma[seen], 2 * quick.vignette_sigma[seen], rtol=0.02)
-    assert "codes frames as changes of others" in coded.notes[0]
+    assert "inter-frame compression" in coded.notes[0]
 
 
 def test_sharp_bends_of_the_response_are_not_taken_for_a_response_that_differs_between_frames(calibrated):

@@ -125,8 +125,8 @@ def _about_brightness(brightness: BrightnessReport | None, timing: Timing) -> It
         times = "once" if count == 1 else f"{count} times"
         yield (
             f"brightness jumps {times} without a change of exposure, most at frame {largest.frame}, by "
-            f"{np.expm1(largest.log_change):+.0%}: a gain or aperture changed that the metadata do not record; fix "
-            "it, or record it"
+            f"{np.expm1(largest.log_change):+.0%}: the metadata do not record a change of gain or aperture; lock it, "
+            "or record it"
         )
     for flicker in brightness.flicker:
         often = f"every {1 / flicker.cycles_per_frame:.2g} frames"
@@ -152,8 +152,8 @@ def _about_pixels(pixels: PixelReport) -> Iterator[str]:
         yield f"{black:.0%} of all pixels are black; use longer exposures or more light"
     if pixels.surround == "disc":
         yield (
-            f"the image is a disc surrounded by black ({pixels.surround_share:.0%} of it), as with a fisheye lens; "
-            "the surround is not used"
+            f"the image is a disc surrounded by black ({pixels.surround_share:.0%} of the image), as with a fisheye "
+            "lens; the surround is not used"
         )
     if pixels.surround == "border":
         yield f"the border of the image ({pixels.surround_share:.1%} of it) is always black, and not used"

@@ -92,8 +92,8 @@ def with_calibrated_greys(recording: Recording, calibration: Calibration | None)
     if calibration is None or not calibration.max_grey > recording.max_grey > np.iinfo(np.uint8).max:
         return recording
     note = (
-        f"the images only use grey values up to {recording.max_grey}, but the sensor is assumed to have those of the "
-        f"calibration, up to {calibration.max_grey}"
+        f"the images only use grey values up to {recording.max_grey}, but the sensor's largest is assumed to be that "
+        f"of the calibration, {calibration.max_grey}"
     )
     return DerivedRecording.of(
         recording, np.arange(len(recording)), recording.exposures_ms, max_grey=calibration.max_grey, note=note
@@ -110,9 +110,7 @@ def use_of_exposures(recording: Recording, calibration: Calibration) -> str:
         return "; ".join(filter(None, (moved, ignored)))
     if not lag:
         return ""
-    return (
-        f"in the recording that the calibration is from, {late}; those of {recording.path.name} are used as recorded"
-    )
+    return f"in the recording of the calibration, {late}; those of {recording.path.name} are used as recorded"
 
 
 def _is_from(calibration: Calibration, recording: Recording) -> bool:

@@ -15,7 +15,7 @@ from ospc.settings.exposures import MAX_UNEXPLAINED_SHARE, MIN_CHECKED_FRAMES
 
 CHANGE_IRREGULARLY = (
     "record for a minute with abrupt, irregular exposure changes: briefly cover the lens, point at a window, or "
-    "switch a lamp"
+    "switch a lamp on or off"
 )
 _FIX_METADATA = (
     "read exposure and gain from each frame's own metadata, not from the driver's settings, and switch off tone "
@@ -25,7 +25,7 @@ _STEADY_LIGHT = "record under light that does not flicker; if there was no flick
 _GIVE_TIMES = (
     "give exposure times, not their inverses: 1/250 s is 4 ms, not 250; if they are times, record the gain as well"
 )
-_SLOWER = "record a well-exposed scene with even surfaces and some texture, and move slowly"
+_SLOWER = "record a well-exposed scene with uniform surfaces and some texture, and move slowly"
 _MORE_FRAMES = "record at least sixty consecutive frames"
 
 
@@ -89,7 +89,7 @@ def _contradiction(
     if brightness.fits_badly and not lag.frames:
         rest = f"the rest, {_percent(brightness.unexplained_rms_log)} per frame, may be flicker or an unrecorded gain"
         only = "only " if round(1 - brightness.unexplained_share, 2) > 0 else ""
-        text = f"exposures fit badly: they explain {only}{_explained(brightness)}; {rest}"
+        text = f"exposures fit poorly: they explain {only}{_explained(brightness)}; {rest}"
         return Verdict("marginal", text, _STEADY_LIGHT)
     return None
 
@@ -128,8 +128,8 @@ def _unknown_lag(recorded: ExposureReport, lag: LagEstimate) -> Verdict:
         "changes too small": "the exposures change too little between the compared frames to check them",
         "too few pairs": f"only {counted(lag.pairs, 'pair')} of consecutive frames could be compared",
         "follows flicker": "the exposures follow a flickering light, which hides their lag",
-        "between frames": f"the exposures fit best between two frames ({lag.fraction_frames:+.1f})",
-        "out of range": f"the exposures fit best with a lag of {lags} frames, the largest tried and implausible",
+        "between frames": f"the exposures fit best between two frames (offset {lag.fraction_frames:+.1f} frames)",
+        "out of range": f"the exposures fit best with a lag of {lags} frames, the largest tried, but implausible",
         "changing": "the lag of the exposures differs between the two halves of the recording",
     }
     reason = reasons.get(lag.state, f"lags of {lags} frames fit the images equally well")

@@ -84,7 +84,7 @@ class _Option(NamedTuple):
     gain: float
 
 
-_BEGIN = Instruction("begin", "Film something with texture and even surfaces, and turn the camera slowly.")
+_BEGIN = Instruction("begin", "Film something with texture and plain surfaces, and turn the camera slowly.")
 _SLOWER = Instruction(
     "slower", "Move more slowly, and film something with more texture: too few points can be tracked."
 )
@@ -96,14 +96,14 @@ _VARY = Instruction(
 )
 _BRIGHTER = Instruction(
     "bright",
-    "Film something bright and even, such as a well-lit wall, door or sheet of paper, and turn slowly towards "
+    "Film something bright and plain, such as a well-lit wall, door or sheet of paper, and turn slowly towards "
     "something darker while it stays in view: it should become almost white.",
     "response",
     exposure=1,
 )
 _DARKER = Instruction(
     "dark",
-    "Film something dark and even, and turn slowly towards a window or a lamp while it stays in view: it should "
+    "Film something dark and plain, and turn slowly towards a window or a lamp while it stays in view: it should "
     "become almost black.",
     "response",
     exposure=-1,
@@ -236,7 +236,7 @@ def _options(preview: Preview, knowledge: Knowledge, goal: float) -> Iterator[_O
 
 
 def _motion(radius0: float, radius1: float, corner: tuple[int, int]) -> Instruction:
-    target = "what is in the middle" if radius0 < TARGET_RADII[1] else "something even near the middle"
+    target = "what is in the middle" if radius0 < TARGET_RADII[1] else "something plain near the middle"
     way = "" if radius1 >= TARGET_RADII[-1] else f"{radius1:.0%} of the way "
     text = (
         f"Turn the camera slowly to the {_TURNS[corner]} until {target} has moved {way}to the {_CORNERS[corner]} "

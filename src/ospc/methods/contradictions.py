@@ -10,7 +10,7 @@ Contradictions = tuple[tuple[str, str], ...]
 
 _SAME_FOR_ALL_PLACES = "switch off local contrast, HDR and tone mapping in the camera, and film in steady light"
 _VIGNETTE_STAYS = (
-    "switch off all stabilisation, including that of the lens, and fix zoom, image orientation and white balance"
+    "switch off all stabilisation, including that of the lens, and lock zoom, image orientation and white balance"
 )
 
 _CONTRADICTIONS = {
@@ -22,13 +22,13 @@ _CONTRADICTIONS = {
     "curved exposures": (
         "the brightness of the images is not proportional to the exposures over their whole range",
         "in ln per squared ln of the exposure",
-        "check the unit of the exposures: they must be times, not logarithms or steps, multiplied by the linear "
+        "check the unit of the exposures: they must be times (not logarithms or steps) multiplied by the linear "
         "gain; switch off digital gain and HDR",
     ),
     "drifting response": (
         "the response changes during the recording",
         "in the exponent",
-        "fix the picture profile, contrast and gamma of the camera",
+        "lock the picture profile, contrast and gamma of the camera",
     ),
     "drifting black level": (
         "the black level changes during the recording",
@@ -38,7 +38,7 @@ _CONTRADICTIONS = {
     "black level by exposure": (
         "the black level differs between long and short exposures, or the light changed",
         "of the scale per factor e",
-        "fix the gain of the camera, let it control the exposure time alone, and film in steady light without sun or "
+        "lock the gain of the camera, let it control only the exposure time, and film in steady light without sun or "
         "lamps in or near the view",
     ),
     UNSTEADY_VIGNETTE: (
@@ -56,7 +56,7 @@ _CONTRADICTIONS = {
         "scenes with texture in clear air",
     ),
     UNSTEADY_RADIANCE: (
-        "the same points differ in brightness between frames by more than noise and exposure explain",
+        "the brightness of the same points differs between frames by more than noise and exposure explain",
         "in ln",
         _SAME_FOR_ALL_PLACES,
     ),
@@ -64,24 +64,24 @@ _CONTRADICTIONS = {
         "a region of the image is darker or brighter than a smooth vignette predicts (dirt, wipers, reflections in a "
         "window, parts of the sensor with another gain)",
         "in ln V",
-        "clean lens and sensor, avoid wipers and reflections of the dashboard or in a window, and switch off shading "
+        "clean lens and sensor, avoid wipers and reflections from the dashboard or a window, and switch off shading "
         "correction",
     ),
     "drifting vignette": (
         "the vignette changes during the recording",
         "in ln V at the corners",
-        "fix zoom, focus and aperture, and switch off shading correction",
+        "lock zoom, focus and aperture, and switch off shading correction",
     ),
     "vignette by exposure": (
         "the vignette differs between long and short exposures, as with a leaf shutter or an automatic iris",
         "in ln V at the corners per factor e",
-        "fix the aperture, and use an electronic shutter",
+        "lock the aperture, and use an electronic shutter",
     ),
     "square vignette": (
         "the corners of the image are darker or brighter than a round vignette predicts, as with shading correction "
         "on a coarse grid or a rectangular hood",
         "in ln V",
-        "switch off shading correction, and film without hood and filters",
+        "switch off shading correction, and film without a lens hood or filters",
     ),
     "vignette moving sideways": (
         "the vignette moves sideways during the recording",

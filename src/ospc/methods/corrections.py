@@ -27,8 +27,8 @@ _RANDOM = {
         "this was accounted for"
     ),
     INEXACT_EXPOSURES: (
-        "exposures are inexact, by about {percent:.2g}%: the images of one exposure are brighter or darker than it "
-        "predicts; this was accounted for"
+        "exposures are inexact by about {percent:.2g}%: all images at one exposure are brighter, or all are darker, "
+        "than it predicts; this was accounted for"
     ),
 }
 """The note on random gains of frames or of exposures."""
@@ -49,8 +49,8 @@ def _corrected(found: EffectEstimate, effects: Effects) -> str:
         limit_ms = effects.step_exposures[GAIN_STEPS.index(found.name)] * typical_ms
         than = "brighter" if found.value > 0 else "darker"
         return (
-            f"images with exposures above {limit_ms:.3g} ms are {share} {than} than predicted, as with a gain that "
-            "is not exact; this was corrected"
+            f"images with exposures above {limit_ms:.3g} ms are {share} {than} than predicted, as with an inexact "
+            "gain; this was corrected"
         )
     if found.name == NOMINAL_EXPOSURES:
         return "exposures are nominal, such as 1/60 s for 1/64 s; the exact fractions of a stop were used instead"

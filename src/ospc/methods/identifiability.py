@@ -30,7 +30,7 @@ from ospc.settings.methods import (
 )
 
 _SEE_MORE = (
-    "record more frames of a scene with uniform surfaces of all brightnesses: the exposure changes enough, "
+    "record more frames of a scene with uniform surfaces from dark to bright: the exposure changes enough, "
     "but too little of the scene is well exposed in two frames"
 )
 _CHANGE_EXPOSURE = (
@@ -39,7 +39,7 @@ _CHANGE_EXPOSURE = (
 )
 _CLEARER = (
     "clean the lens, and keep haze, sun and lamps out of the view: it is uncertain whether there is {what}, and this "
-    "limits the response; or record more frames"
+    "limits the accuracy of the response; or record more frames"
 )
 _MOVE_RADIALLY = (
     "pan and tilt the camera so that the same objects cross the image between centre and corners, by a fifth of the "
@@ -90,7 +90,7 @@ def response_verdict(
     if fit is None:
         return Verdict(
             "not identifiable",
-            f"hardly any scene point was seen at different exposures (all are {range_in_words(low, high)})",
+            f"hardly any scene points were seen at different exposures (all are {range_in_words(low, high)})",
             _CHANGE_EXPOSURE,
         )
     return response_verdict_of_fit(fit, (low, high), unexplained, contradictions)

@@ -575,7 +575,7 @@ def vignette_verdict(settings: PaperSettings, estimates: Estimates, reach: float
     if reach < needed and not estimates.accepted:
         return Verdict(
             "not identifiable",
-            f"hardly any scene point moves radially by {needed:g} of the half diagonal "
+            f"hardly any scene points move radially by {needed:g} of the half diagonal "
             f"(nine in ten move less than {reach:.2g})",
             remedy,
         )

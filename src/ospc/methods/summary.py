@@ -30,8 +30,8 @@ from ospc.settings.methods import CONTRADICTING_UNEXPLAINED_SHARE
 from ospc.settings.residuals import MISREGISTERED_SIGMAS, MISREGISTERED_SPREAD
 
 _INTER_CODED = (
-    "the video codes frames as changes of others and loses small changes of brightness, so all standard deviations "
-    "are doubled; record images or MJPEG for more accuracy"
+    "inter-frame compression of the video loses small changes of brightness, so all standard deviations are doubled; "
+    "record images or MJPEG for more accuracy"
 )
 
 _MISREGISTERED = (
@@ -67,7 +67,7 @@ class FitInputs:
     grey_range
         Grey levels of black and white.
     inter_coded
-        Whether the frames come from a video that codes them as changes of others, see :data:`INTER_CODED_SIGMAS`.
+        Whether the frames come from a video with inter-frame compression, see :data:`INTER_CODED_SIGMAS`.
     overlay_share
         Share of the image that shows something fixed to the camera, which is not used.
     misregistered

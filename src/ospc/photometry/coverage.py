@@ -108,9 +108,10 @@ class Coverage(ByValue):
         greys = ", ".join(f"{a * max_grey:.0f}–{b * max_grey:.0f}" for a, b in _uncovered(by_grey))
         radii = ", ".join(f"{a:.2f}–{b:.2f}" for a, b in _uncovered(self.by_radius))
         film_greys = (
-            f"few observations have grey levels {greys}: record even surfaces of this brightness at several exposures"
+            f"few observations have grey levels {greys}: record uniform surfaces of this brightness at several "
+            "exposures"
         )
-        film_radii = f"few observations are at radii {radii} (1 = corner): move even surfaces through them"
+        film_radii = f"few observations are at radii {radii} (1 = corner): move uniform surfaces through them"
         return tuple(advice for advice, ranges in ((film_greys, greys), (film_radii, radii)) if ranges)
 
     def as_dict(self) -> dict[str, Any]:

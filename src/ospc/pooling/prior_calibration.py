@@ -152,7 +152,7 @@ class PriorCalibration:
         if earlier is None:
             return self._not_used(own, "it is from this same recording, which must not count twice")
         if unlike:
-            return self._not_used(own, f"{unlike}, so it is of another camera or mode")
+            return self._not_used(own, f"{unlike}, so it is from another camera or mode")
         if difference is not None:
             return self._contradicted(own, difference)
         return self._together(own, earlier, today)
