@@ -107,6 +107,6 @@ def why_greys_are_unused(highest: int, max_grey: int) -> str:
     if max_grey <= np.iinfo(np.uint8).max or highest > USED_SHARE * max_grey:
         return ""
     return (
-        f"no grey value is above {highest} of {max_grey}: state the largest one that the sensor delivers "
+        f"no grey value is above {highest} of {max_grey}: give the largest one that the sensor delivers "
         "(max_grey), or film with longer exposures"
     )

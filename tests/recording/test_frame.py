@@ -129,7 +129,7 @@ def test_a_largest_grey_value_that_most_of_the_range_does_not_reach_is_doubted()
     for number in range(3):
         calibrator.push(Frame.of_array(np.tile(IMAGE, (4, 4)).astype(np.uint16) * 16, 1.0 + number))
     calibration = calibrator.calibration()
-    why = "no grey value is above 3215 of 65535: state the largest one"
+    why = "no grey value is above 3215 of 65535: give the largest one"
     assert calibration.verdicts["response"].remedy.startswith(why)
     assert calibration.advice[0].startswith(why)
 

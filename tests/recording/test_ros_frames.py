@@ -132,9 +132,9 @@ def test_a_message_without_any_stamp_is_an_error() -> None:
 @pytest.mark.parametrize(
     ("kind", "message"),
     [
-        ("a_msgs/msg/Own", "state which of its fields is the exposure"),
-        ("std_msgs/msg/Float32", "state the unit of its exposures"),
-        ("camera_aravis/msg/ExtendedCameraInfo", "state the unit of its gains"),
+        ("a_msgs/msg/Own", "give the field of the exposure"),
+        ("std_msgs/msg/Float32", "give the unit of its exposures"),
+        ("camera_aravis/msg/ExtendedCameraInfo", "give the unit of its gains"),
     ],
 )
 def test_what_is_not_known_has_to_be_stated(kind: str, message: str) -> None:

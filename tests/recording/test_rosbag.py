@@ -417,7 +417,7 @@ def test_a_damaged_image_is_one_unreadable_frame(tmp_path: Path) -> None:
 
 BROKEN: dict[str, tuple[list[Sent], str]] = {
     "no images": (floats(MS), "has no topic with images; it has /cam/exposure"),
-    "no exposures": (images(FRAMES), "no topic is known to have the exposures of .*; state it with --exposure-topic"),
+    "no exposures": (images(FRAMES), "no topic is known to have the exposures of .*; name it with --exposure-topic"),
     "two exposures": (
         images(FRAMES) + floats(MS, "/a/exposure") + floats(MS, "/b/exposure"),
         "several topics may have the exposures of /cam/image_raw",

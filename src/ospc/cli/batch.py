@@ -104,7 +104,7 @@ def command(
 
 @dataclass(frozen=True)
 class _Interruptible:
-    """A runner whose wait for the next answer, which may take minutes, ends with Ctrl-C."""
+    """A runner that Ctrl-C can interrupt while it waits for the next answer, which may take minutes."""
 
     runner: Runner
     interruption: Interruption

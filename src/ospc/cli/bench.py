@@ -66,7 +66,7 @@ def faults(
     only_list: bool = option("Print the faults and exit.", "--list"),
     as_json: bool = AS_JSON,
 ) -> None:
-    """Add faults to good recordings, to see whether calibrations notice, cope, or are confident and wrong.
+    """Add faults to good recordings, to see whether calibrations detect or tolerate them, or are confident and wrong.
 
     Every fault is added to simulated recordings of several cameras, and to the real video from the folder of real
     data. OUT gets results.json, results.csv and table.md. Finished runs are kept in OUT/cache: the same command

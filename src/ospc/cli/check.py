@@ -120,7 +120,7 @@ def _lag(report: RecordingReport) -> str:
     certain = lag.correction(cycle)
     if certain is None:
         candidates = f" (lags of {either(lag)})" if len(lag.candidates) > 1 else ""
-        return f"not determinable: {lag.state}{candidates}"
+        return f"not determined: {lag.state}{candidates}"
     if lag.frames is None:
         return f"{counted(certain, 'frame')}, or whole cycles of {cycle} more or less, with the same exposures"
     return f"{counted(lag.frames, 'frame')}, from {counted(lag.pairs, 'pair')} of frames"

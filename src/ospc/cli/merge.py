@@ -36,7 +36,7 @@ def command(
     """Merge the STATES of recordings of one camera into one calibration.
 
     STATES are state.ospc files written by 'ospc calibrate' or 'ospc merge', or their folders, in any order. A
-    recording given twice counts once. From an unfinished run, the frames so far count. Recordings that contradict
+    recording given twice counts once. From an unfinished run, the frames so far are used. Recordings that contradict
     the others are reported and left out.
 
     OUT gets the files that 'ospc calibrate' writes; OUT/state.ospc can be merged again with others.

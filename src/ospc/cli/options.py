@@ -130,8 +130,8 @@ def declared(
 
 
 def _exit_codes(meanings: Mapping[int, str]) -> str:
-    """Return the list of exit codes for the end of a help text, with those of errors and wrong usage added."""
-    every = {1: "error", 2: "wrong usage", **meanings}
+    """Return the list of exit codes for the end of a help text, with those of errors and usage errors added."""
+    every = {1: "error", 2: "usage error", **meanings}
     width = max(len(str(code)) for code in every)
     lines = [
         textwrap.fill(
@@ -143,7 +143,7 @@ def _exit_codes(meanings: Mapping[int, str]) -> str:
 
 
 class Parsed(click.ParamType):  # type: ignore[type-arg]  # generic in new versions of click only
-    """A value parsed by a function; its ``SettingError`` is wrong usage."""
+    """A value parsed by a function; its ``SettingError`` is a usage error."""
 
     def __init__(self, name: str, parse: Callable[[str], Any]) -> None:
         self.name, self._parse = name, parse

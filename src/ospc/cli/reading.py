@@ -115,7 +115,7 @@ _READING: dict[str, Declared] = {
 }
 _UNKNOWN_EXPOSURES = option(
     "Estimate the exposures from the images and ignore recorded ones. Response, vignette and exposures are then "
-    "known only up to one exponent, and labelled so.",
+    "known only up to one exponent, and labelled as such.",
     is_flag=True,
 )
 

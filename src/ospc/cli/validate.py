@@ -34,7 +34,7 @@ def command(
     """Check pcalib.txt, vignette.png, times.txt and camera.txt, or folders that contain them.
 
     Reports what the program that reads the files would do with them, and how to fix problems. The exit code is 0 if
-    all files are valid, even with warnings and notes; 1 if a file is invalid or unreadable; 2 for wrong usage.
+    all files are valid, even with warnings and notes; 1 if a file is invalid or unreadable; 2 for usage errors.
     """
     from ospc.errors import OspcError
     from ospc.formats.validation import repair, validate

@@ -99,7 +99,7 @@ def infer_unit(exposures: npt.ArrayLike, interval_ms: float | None, source: str)
         if np.all((finite >= _SHORTEST_LOG2_S) & (finite <= _LONGEST_LOG2_S)):
             return ExposureUnit.LOG2_S
         raise ExposureError(
-            f"{source}: an exposure of {finite.min():g} is not possible in any unit; state the unit or correct it"
+            f"{source}: an exposure of {finite.min():g} is not possible in any unit; give the unit or correct it"
         )
     positive = finite[finite > 0]
     if not positive.size:
@@ -110,7 +110,7 @@ def infer_unit(exposures: npt.ArrayLike, interval_ms: float | None, source: str)
         if _SHORTEST_MS <= middle * factor <= longest:
             return unit
     raise ExposureError(
-        f"{source}: exposures around {middle:g} are not plausible in any unit at this frame rate; state their unit "
+        f"{source}: exposures around {middle:g} are not plausible in any unit at this frame rate; give their unit "
         f"(s, ms, us, 100us, log2s)"
     )
 

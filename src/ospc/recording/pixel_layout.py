@@ -166,7 +166,7 @@ def find_layout(
     if mosaic is None:
         if wanted not in (None, Channel.LUMINANCE):
             raise SettingError(
-                f"{place}: its images are grey and have no {wanted.value} channel; leave out --channel, or state the "
+                f"{place}: its images are grey and have no {wanted.value} channel; leave out --channel, or give the "
                 f"pattern of a Bayer mosaic with --bayer ({', '.join(Mosaic.PATTERNS)})"
             )
         return layout, notes
@@ -178,7 +178,7 @@ def find_layout(
     channel = wanted or DEFAULT_CHANNEL
     if channel is not Channel.GREEN and not mosaic.complete:
         raise SettingError(
-            f"{place}: the position of {channel.value} in the Bayer mosaic is unknown; state the pattern with "
+            f"{place}: the position of {channel.value} in the Bayer mosaic is unknown; give the pattern with "
             f"--bayer ({', '.join(Mosaic.PATTERNS)})"
         )
     notes.append(f"images are a Bayer mosaic; {_TAKEN[channel]} of each 2×2 block is used")

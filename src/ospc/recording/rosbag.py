@@ -179,7 +179,7 @@ def _exposed(bag: Bag, images: Topic, carrier: Carrier) -> tuple[IntArray, IntAr
     exposures_ms = checked_exposures(
         values[exposure[numbers]],
         lambda frames: f"{source}, image {listed(frames)}",
-        "state the unit or the gain, or ignore it with --gain-unit none",
+        "give the unit or the gain, or ignore it with --gain-unit none",
     )
     stamps_s = read_only(stamps_ns / NS_PER_S)
     notes = (*unit_notes, *match_notes, *stamp_notes)
@@ -271,7 +271,7 @@ def _in_ms(
         if np.ptp(gains) > 0:
             raise ExposureError(
                 f"{source}: the gain changes from {gains.min():g} to {gains.max():g} in the "
-                f"camera's own unit; state the unit with --gain-unit (linear, db, iso, or none to ignore it)"
+                f"camera's own unit; give it with --gain-unit (linear, db, iso, or none to ignore it)"
             )
         gain_unit = GainUnit.NONE
         notes.append(f"{source}: the gain is constant and ignored")

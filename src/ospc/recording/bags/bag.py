@@ -167,7 +167,7 @@ def exposure_topic(bag: Bag, images: Topic, options: ReadingOptions) -> Topic:
     found = [t for t in carriers if own_exposure_topic(bag, t.name, images, cameras) == t.name]
     if not found:
         raise ExposureError(
-            f"{bag.path}: no topic is known to have the exposures of {images.name}; state it with "
+            f"{bag.path}: no topic is known to have the exposures of {images.name}; name it with "
             f"--exposure-topic and --exposure-field, or give a list, {bag.exposure_list}, with a header "
             f"'timestamp_ns,exposure_ms'; topics are {_names(bag.topics)}"
         )
@@ -176,7 +176,7 @@ def exposure_topic(bag: Bag, images: Topic, options: ReadingOptions) -> Topic:
     if len(best) > 1:
         raise ExposureError(
             f"{bag.path}: several topics may have the exposures of {images.name} "
-            f"({listed([t.name for t in best])}); state one with --exposure-topic"
+            f"({listed([t.name for t in best])}); name one with --exposure-topic"
         )
     return best[0]
 

@@ -191,7 +191,7 @@ def carrier_of(topic: Topic, options: ReadingOptions, source: str) -> Carrier:
         except DamagedMessageError:
             numbers = ""
         raise ExposureError(
-            f"{source} has type {topic.type}; state which of its fields is the exposure with "
+            f"{source} has type {topic.type}; give the field of the exposure with "
             f"--exposure-field{numbers and f': {numbers}'}"
         )
     return replace(

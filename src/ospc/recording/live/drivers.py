@@ -39,8 +39,7 @@ class OpenCvCamera(Camera):
         if unit is None:
             capture.release()
             raise SettingError(
-                f"{name}: the unit of exposures is unknown for the driver {driver}; state it "
-                f"(s, ms, us, 100us, log2s)"
+                f"{name}: the unit of exposures is unknown for the driver {driver}; give it (s, ms, us, 100us, log2s)"
             )
         self._note = f"exposures are in {unit.value}, the unit of the driver {driver}; they are often stale"
         self._exposure_unit, self._gain_unit = unit, options.gain_unit

@@ -46,7 +46,7 @@ class RosFrames:
             what = (
                 "exposures (s, ms, us, …)" if carrier.unit is None else "gains (linear, db, iso; none ignores them)"
             )
-            raise ExposureError(f"{exposure_type}: state the unit of its {what}")
+            raise ExposureError(f"{exposure_type}: give the unit of its {what}")
         self._extract, self._unit, self._gain_unit = carrier.extract, carrier.unit, carrier.gain_unit
         self._channel = options.channel
         self._max_grey = max_grey

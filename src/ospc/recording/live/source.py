@@ -108,7 +108,7 @@ class Camera(AbstractContextManager["Camera"]):
         if self._gain_unit is None and gain != self._first_gain:
             raise ExposureError(
                 f"{self.name}: the gain changed from {self._first_gain:g} to {gain:g} in the camera's own unit; "
-                f"fix the gain, or state its unit"
+                f"lock the gain, or give its unit"
             )
         factor = (self._gain_unit or GainUnit.NONE).linear(gain)
         exposure_ms = float(self._exposure_unit.to_ms(exposure) * factor)
