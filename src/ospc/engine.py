@@ -194,7 +194,7 @@ class Engine:
         """Preprocess a frame and accumulate its samples; return a change of the camera, and of brightness."""
         prepared, precomputed = self.prefetcher.preprocessed(frame)
         first = self._exposures.history.first_with_image_of(prepared.thumbnail)
-        if first != frame.index:  # the same noise again is not another observation
+        if first != frame.index:  # it adds no information
             self._count_repeated(frame, prepared.thumbnail, first)
             return None, None
         # Meanwhile, the second thread counts grey values and compares the brightness with the previous frame.

@@ -27,7 +27,7 @@ _STENCILS = np.stack(
         np.outer(_CURVATURE, _CURVATURE) / NODE_STEP_PX**4,
     ]
 ).reshape(5, 9)
-"""Weights of the nodes that give the value and its derivatives by xx, yy, xy and xxyy, shape (5, 9)."""
+"""Weights of the nodes that give the value and its derivatives xx, yy, xy and xxyy, shape (5, 9)."""
 
 
 def further_smoothing(jacobian: FloatArray, smoothing_px: float) -> tuple[FloatArray, FloatArray]:

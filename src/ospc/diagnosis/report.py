@@ -60,11 +60,11 @@ class MotionReport:
         Median displacement between consecutive frames in pixels; NaN if nothing could be tracked.
     radial_reach
         Radial displacement, in half diagonals, of the scene points that determine the vignette; 0 if the camera is
-        still.
+        stationary.
     found_share
         Share of the image that is well exposed and visible in the next frame; NaN if no frames were compared.
     still
-        Whether the camera stands still.
+        Whether the camera is stationary.
     """
 
     median_px_per_frame: float

@@ -153,8 +153,8 @@ def _with_effects(
 
 
 def _distinguishable_curves(observations: ExposedObservations) -> int:
-    """Return how many curves of the exposures can be told from errors of single exposures."""
-    # Two parameters are no errors: a factor on all exposures, and a power of them.
+    """Return how many curves of the exposures can be told from errors of individual exposures."""
+    # Two parameters are not errors: a factor on all exposures, and a power of them.
     different = len(different_log_exposures(observations.log_exposure)) - 2
     return min(max(different // EXPOSURES_PER_CURVE, 0), MOST_CURVES)
 

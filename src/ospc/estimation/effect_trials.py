@@ -22,9 +22,9 @@ class Trial:
     Attributes
     ----------
     name, value, sigma
-        The effect, the value of its parameter, and its standard deviation by chance.
+        The effect, the value of its parameter, and its standard deviation due to chance.
     parameter_slope
-        Derivative of the p parameters of the fit by that of the effect, shape (p,).
+        Derivative of the p parameters of the fit with respect to that of the effect, shape (p,).
     groups
         Number of groups of observations.
     """
@@ -42,7 +42,7 @@ class Trial:
 
     @property
     def sigmas_by_chance(self) -> float:
-        """Distance from zero in standard deviations by chance alone; 0 if the value is implausible."""
+        """Distance from zero in standard deviations due to chance alone; 0 if the value is implausible."""
         return self._over(self.sigma)
 
     def _over(self, sigma: float) -> float:
@@ -50,7 +50,7 @@ class Trial:
 
     @property
     def total_sigma(self) -> float:
-        """Standard deviation by chance and by other errors that imitate the effect."""
+        """Standard deviation due to chance and to other errors that imitate the effect."""
         return float(np.hypot(self.sigma, EFFECTS[self.name].systematic))
 
     @property
@@ -110,7 +110,7 @@ def after_newton_step(fit: Fit, trial: Trial) -> Fit:
 
 
 def slope_of_left_out(fit: Fit, trial: Trial) -> FloatArray:
-    """Return the derivative of the parameters by an effect that is left out, for a response free of it."""
+    """Return how the parameters change per unit of an effect that is left out, for a response free of it."""
     effects = fit.effects.including(trial.name)
 
     def changed(value: float) -> FloatArray:

@@ -160,7 +160,7 @@ class Effects:
         return np.asarray(-np.log(1 - self._parts(values, terms)[0]))
 
     def jacobian(self, values: FloatArray, terms: EffectTerms) -> FloatArray:
-        """Return the derivative of :meth:`log_gain` by the parameters, shape (n, len)."""
+        """Return the derivative of :meth:`log_gain` with respect to the parameters, shape (n, len)."""
         added, factor, _ = self._parts(values, terms)
         over = {"light": terms.light * (1 - added), "exposure": terms.exposure * factor, "log": np.ones_like(added)}
         return np.stack([terms.amounts[name] / over[EFFECTS[name].adds] for name in self.chosen], axis=1)

@@ -48,7 +48,7 @@ class Fit(Model):
     covariance
         Covariance of the parameters, including disagreement between parts of the observations, shape (p, p).
     chance
-        Covariance of the parameters by chance alone, which decreases with more samples, shape (p, p).
+        Covariance of the parameters due to chance alone, which decreases with more samples, shape (p, p).
     errors, hyperparameters
         Error model of the observations, and hyperparameters of the prior, as selected by the data.
     points, groups
@@ -122,7 +122,7 @@ class Fit(Model):
         return PixelMeans.of(self.response_basis, self.response_parameters, self.pixel_noise)
 
     def log_irradiance_rows(self, grey: FloatArray, position: FloatArray) -> FloatArray:
-        """Return the derivative of :meth:`log_irradiance` by the parameters of both curves, shape (n, curves).
+        """Return the derivative of :meth:`log_irradiance` with respect to both curves' parameters, shape (n, curves).
 
         Grey levels have shape (n,); positions relative to the image centre, in half diagonals, have shape (n, 2).
         """
@@ -150,7 +150,7 @@ class Fit(Model):
         return np.where(exposed, log_radiance - np.repeat(mean, observations.counts), np.nan)
 
     def resolves(self, observations: ExposedObservations) -> BoolArray:
-        """Return for which observations the response does not bend more sharply than its basis can, shape (n,)."""
+        """Return for which observations the basis can follow the bends of the response, shape (n,)."""
         unresolved = self.response_basis.unresolved(self.response_parameters, observations.grey)
         return np.asarray(unresolved < MAX_UNSTEADY_UNRESOLVED)
 

@@ -71,7 +71,7 @@ class PairMeans:
     Attributes
     ----------
     mean, by_chance
-        The means in ln, and their variances by chance, shape (pairs,).
+        The means in ln, and their variances due to chance, shape (pairs,).
     """
 
     mean: FloatArray
@@ -86,7 +86,7 @@ class PairMeans:
         return PairMeans(self.mean[part], self.by_chance[part])
 
     def with_chance(self, factor: float) -> PairMeans:
-        """Return the means with their variances by chance multiplied by a factor."""
+        """Return the means with their variances due to chance multiplied by a factor."""
         return PairMeans(self.mean, factor * self.by_chance)
 
     @property
@@ -97,7 +97,7 @@ class PairMeans:
 
     @property
     def some_exceed_chance(self) -> bool:
-        """Whether a few means are off by much more than chance."""
+        """Whether a few means deviate by much more than chance."""
         return tail_scale(self._in_sigmas) >= MIN_TAIL_SCALE
 
     @property

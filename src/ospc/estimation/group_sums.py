@@ -41,7 +41,7 @@ class GroupSums:
 
     @property
     def by_chance(self) -> FloatArray:
-        """Variance of each mean by chance, shape (groups,); huge for a group without points."""
+        """Variance of each mean due to chance, shape (groups,); huge for a group without points."""
         return 1 / self._divisor
 
     @property

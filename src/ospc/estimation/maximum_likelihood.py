@@ -253,7 +253,7 @@ class MaximumLikelihoodEstimator:
 
         Yields
         ------
-        The parameters of a subset after the step, shape (m,), and their covariance by chance, (m, m).
+        The parameters of a subset after the step, shape (m,), and their covariance due to chance, (m, m).
         """
         equations = self.information(fitted, about).centred(about)
         prior = self.model.prior(about)

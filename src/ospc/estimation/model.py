@@ -162,7 +162,7 @@ class LinearSystem:
         sums = self._summed(with_rows=True)
         scale = min(self._scale_within(sums, prior_precision, sandwich_factor), 1.0)
         weighted = PairMeans(sums.mean_misfit(sums.about), sums.by_chance).with_chance(1 / scale)
-        # A response that suits most pairs leaves the others without weight.
+        # A response that fits most pairs leaves the others without weight.
         unweighted = self.latent.means_of_pairs(self.observations, resolved).with_chance(1 / scale)
         exceeds_chance = weighted.most_exceed_chance or unweighted.some_exceed_chance
         return unweighted.initial_variances if len(unweighted) and exceeds_chance else ()
@@ -215,7 +215,7 @@ class LinearSystem:
         shown = replace(self.observations, log_exposure=self.latent.log_exposure)
         sides = np.repeat(_halves(shown), self.observations.counts, axis=1)
         scores = np.zeros((len(sides), len(parameters)))
-        if self.has_gains:  # the mean of a pair has its own weight and belongs to one half as a whole
+        if self.has_gains:  # the mean of a pair has its own weight and belongs entirely to one half
             row_of_pair, misfit_of_pair = self._sums.mean_rows[:, :-1], self.gains(parameters).means.mean
             means = self._means(parameters, prior_precision, sandwich_factor)
             scores += self._sides_of_pairs(sides) @ means.scores[:, :-1]

@@ -89,7 +89,7 @@ class NormalEquations:
         return replace(self, scatter=scatter, information_scale=scale, sandwich_factor=sandwich_factor)
 
     def newton_step(self, prior_precision: FloatArray, mean: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the most probable parameters without limits, (p,), and their covariance by chance, (p, p).
+        """Return the most probable parameters without limits, (p,), and their covariance due to chance, (p, p).
 
         Precision, shape (p, p), and mean, (p,), are those of the prior. The information scale is computed anew.
         """

@@ -124,9 +124,9 @@ def vignette_precision(basis: VignetteBasis, walk: float) -> tuple[FloatArray, f
 
     The slopes of ln V = Σ aₖ R²ᵏ, where the standard deviation of each aₖ is proportional to the coefficient of
     ln(1 − R²/D²), have a covariance that decreases with the distance of both radii from D, the radius at which V may
-    reach zero. This prior only allows smooth curves. That of mechanical vignetting, which begins at some radius,
-    needs a random walk of the slope over R. ``walk`` is its standard deviation at the usable radius, times the square
-    of that radius. The log determinant contains only the part that depends on it.
+    reach zero. This prior only allows smooth curves. Mechanical vignetting, which begins at some radius, needs a
+    random walk of the slope over R. ``walk`` is its standard deviation at the usable radius, times the square of that
+    radius. The log determinant contains only the part that depends on it.
     """
     further = [CENTRE_SIGMA] * (2 * basis.free_centre) + [NON_RADIAL_SIGMA] * (len(NON_RADIAL) * basis.non_radial)
     precision = np.diag(np.concatenate([np.ones(basis.radial), np.array(further) ** -2.0]))

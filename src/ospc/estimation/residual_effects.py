@@ -1,8 +1,8 @@
-"""Contradictions to one response and one vignette, detected in the residuals of image regions and of frames.
+"""Contradictions of one response and one vignette, detected in the residuals of image regions and of frames.
 
 Dirt, scratches and shading correction make regions of the image darker or brighter than a smooth vignette. Automatic
-contrast and electronic stabilisation make response and vignette differ between frames; local contrast changes single
-points.
+contrast and electronic stabilisation make response and vignette differ between frames; local contrast changes
+individual points.
 """
 
 from __future__ import annotations

@@ -74,7 +74,7 @@ class VignetteBasis:
         return self._model(parameters, (1, 1)).log_at_normalised(position)
 
     def jacobian(self, parameters: FloatArray, position: FloatArray) -> FloatArray:
-        """Return the derivative of ln V by the parameters, shape (n, 2) -> (n, len)."""
+        """Return the derivative of ln V with respect to the parameters, shape (n, 2) -> (n, len)."""
         offset, spline = position - self.centre(parameters), self.spline
         squared = np.einsum("ij,ij->i", offset, offset)
         columns = [spline.jacobian(squared)]

@@ -85,15 +85,15 @@ def with_possible_centre(fit: Fit, parameters: FloatArray, chance: FloatArray) -
     """Return a fit whose covariance includes how far the vignette may be from the centre of the image.
 
     If all objects cross the image in one direction, as when a camera only pans, the observations hardly show where
-    the vignette's centre is in the other. It stays in the middle, but it may be elsewhere. If the observations
-    determine it well, the fit is returned unchanged.
+    the vignette's centre is in the other. The fit keeps it in the middle, but it may be elsewhere. If the
+    observations determine it well, the fit is returned unchanged.
 
     Parameters
     ----------
     fit
         A fit with a centred vignette.
     parameters, chance
-        Parameters of the same fit with a free centre, shape (p + 2,), and their covariance by chance.
+        Parameters of the same fit with a free centre, shape (p + 2,), and their covariance due to chance.
     """
     basis = replace(fit.vignette_basis, free_centre=True)
     centre = replace(fit, vignette_basis=basis).centre_part
@@ -132,19 +132,19 @@ def with_uncertain_centre(fit: Fit) -> Fit:
 
 
 def _due_to_centre(covariance: FloatArray, chance: FloatArray, centre: slice) -> FloatArray:
-    """Return the covariance of all parameters due to one of the centre, (2, 2), given theirs by chance, (p, p)."""
+    """Return the covariance of all parameters due to the centre's, (2, 2), given theirs due to chance, (p, p)."""
     slope = chance[:, centre] @ np.linalg.inv(chance[centre, centre])
     return np.asarray(slope @ covariance @ slope.T, dtype=np.float64)
 
 
 def _shows_centre(basis: VignetteBasis, parameters: FloatArray, chance: FloatArray) -> bool:
-    """Return whether observations show a free centre, given its covariance by chance, shape (2, 2)."""
+    """Return whether observations show a free centre, given its covariance due to chance, shape (2, 2)."""
     deviation = float(np.sqrt(np.linalg.eigvalsh(chance)[-1]))
     return deviation < MAX_ASYMMETRY * _shift_of_centre(basis, parameters)
 
 
 def step_to_free_centre(fitted: Fitted) -> tuple[FloatArray, FloatArray]:
-    """Return the parameters of a fit after one Newton step with a free centre, and their covariance by chance."""
+    """Return the parameters of a fit after one Newton step with a free centre, and their covariance due to chance."""
     fit = fitted.fit
     basis = replace(fit.vignette_basis, free_centre=True)
     estimator = MaximumLikelihoodEstimator(fit.response_basis, basis, fitted.noise, fit.effects)

@@ -17,14 +17,14 @@ from ospc.settings.fit import CONFIDENCE, ERROR_DRAWS, PROFILE_POINTS
 class VignetteErrors:
     """The uncertainty of a fitted vignette along the half diagonals of an image.
 
-    Of a decentred or non-radial vignette, the errors differ between the half diagonals.
+    For a decentred or non-radial vignette, the errors differ between the half diagonals.
 
     Attributes
     ----------
     basis, parameters
         The fitted vignette.
     covariance, chance
-        Covariance of its parameters, and by chance alone, shape (p, p).
+        Covariance of its parameters, in total and due to chance alone, shape (p, p).
     measured_radius
         Distance of the last observations from the centre of the vignette, in half diagonals.
     size
@@ -83,7 +83,7 @@ class VignetteErrors:
         return self._log_variance(radius, self._covariance_with_unseen) + self._unresolved(radius) ** 2
 
     def _log_variance(self, radius: FloatArray, covariance: FloatArray) -> FloatArray:
-        """Return the variance of ln V by the parameters at radii along the half diagonals, shape (n, 4)."""
+        """Return the variance of ln V due to the parameters at radii along the half diagonals, shape (n, 4)."""
         rows = self._jacobian(radius)
         return np.asarray(np.einsum("ij,jk,ik->i", rows, covariance, rows).reshape(-1, 4))
 
@@ -92,7 +92,7 @@ class VignetteErrors:
         return np.exp(self.basis.log_value(self.parameters, self._along(radius))).reshape(-1, 4)
 
     def _jacobian(self, radius: FloatArray) -> FloatArray:
-        """Return the derivative of ln V by the parameters at radii along the half diagonals, shape (4 n, p)."""
+        """Return the derivatives of ln V with respect to the parameters along the half diagonals, shape (4 n, p)."""
         return self.basis.jacobian(self.parameters, self._along(radius))
 
     def _unresolved(self, radius: FloatArray) -> FloatArray:
@@ -104,7 +104,7 @@ class VignetteErrors:
 
 
 def drawn_errors(rows: FloatArray, covariance: FloatArray, random: np.random.Generator) -> FloatArray:
-    """Draw errors of n values, given their derivatives by the parameters, from a covariance, shape (n, draws)."""
+    """Draw errors of n values, given their derivatives with respect to the parameters, shape (n, draws)."""
     values, vectors = np.linalg.eigh(covariance)
     drawn = vectors @ (np.sqrt(np.maximum(values, 0))[:, None] * random.normal(size=(len(values), ERROR_DRAWS)))
     return np.asarray(rows @ drawn)

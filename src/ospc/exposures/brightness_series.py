@@ -33,7 +33,8 @@ class BrightnessSeries:
     interval_frames
         Number of frames from the first to the second of each pair.
     exposure_error
-        Standard deviation of the brightness errors caused by errors of single exposures, relative to the noise scale.
+        Standard deviation of the brightness errors caused by errors of individual exposures, relative to the noise
+        scale.
     """
 
     frame: IntArray
@@ -80,7 +81,7 @@ class BrightnessSeries:
         return replace(self, frame=self.frame + offset)
 
     def whitened(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Remove from values the correlation that errors of single exposures cause; also return each pair's scale.
+        """Remove the correlation that errors of individual exposures cause; also return each pair's scale.
 
         Returns L⁻¹ values, shape (n, columns), and the diagonal of L, shape (n,). Within each run of consecutive
         pairs L Lᵀ = 1 + s² · tridiag(−1, 2, −1), where s is the :attr:`exposure_error`.

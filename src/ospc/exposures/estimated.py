@@ -1,4 +1,4 @@
-"""Calibrations from exposures that were estimated from the images: known up to one exponent, and labelled so.
+"""Calibrations from exposures that were estimated from the images: known up to one exponent, and labelled as such.
 
 Raising response, vignette and exposures to any common power explains the images equally well.
 """

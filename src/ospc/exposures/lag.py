@@ -147,7 +147,7 @@ def _survives_periodic_light(first: LagEstimate, tried: LagHypotheses) -> bool:
 
 
 def _with_inexact_exposures(tried: LagHypotheses) -> LagEstimate | None:
-    """Return the estimate that allows for errors of single exposures; None if it depends on their size."""
+    """Return the estimate that allows for errors of individual exposures; None if it depends on their size."""
     # If errors of the metadata outweigh most exposure changes, a model without such errors finds that brightness
     # hardly follows the exposure, and its best lag is meaningless.
     found = [

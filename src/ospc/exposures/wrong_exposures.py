@@ -1,4 +1,4 @@
-"""Find single exposures that are wrong: they differ from both neighbours, and the images do not."""
+"""Find individual wrong exposures: they differ from both neighbours, and the images do not."""
 
 from __future__ import annotations
 

@@ -32,7 +32,7 @@ class MaximumLikelihoodState:
     trusts_stated
         Whether frames are normalised to equal brightness with the stated exposures alone.
     inter_coded
-        Whether the frames come from a video that codes them as changes of others.
+        Whether the frames come from a video with inter-frame compression.
     """
 
     keyframes: KeyframeSelectorState

@@ -51,7 +51,7 @@ def non_radial_terms(x: FloatArray, y: FloatArray) -> list[FloatArray]:
 
 
 def slope_of_non_radial(coefficients: FloatArray, position: FloatArray) -> FloatArray:
-    """Return the derivative of the sum of the terms, times coefficients, by the position, shape (n, 2) -> (n, 2)."""
+    """Return the gradient of the sum of the terms, times coefficients, at positions, shape (n, 2) -> (n, 2)."""
     x, y = position.T
     slope = np.zeros_like(position)
     for coefficient, term in zip(coefficients, _TERMS.values(), strict=True):

@@ -49,11 +49,11 @@ class RadialSpline:
         return np.asarray(at_lower + slopes.take(lower) * by_lower + slopes.take(upper) * by_upper)
 
     def slope(self, slopes: FloatArray, squared: FloatArray) -> FloatArray:
-        """Return the derivative by R² at R², any shape, given the slopes at the knots, shape (terms,)."""
+        """Return the derivative with respect to R² at R², any shape, given the slopes, shape (terms,)."""
         return np.asarray(np.interp(squared, self.knots, slopes)) if self.terms else np.zeros_like(squared)
 
     def jacobian(self, squared: FloatArray) -> FloatArray:
-        """Return the derivative of the values at R² by the slopes at the knots, shape (n,) -> (n, terms)."""
+        """Return the derivatives of the values at R² with respect to the slopes, shape (n,) -> (n, terms)."""
         if not self.terms:
             return np.zeros((len(squared), 0))
         lower, upper, by_lower, by_upper = self._within_interval(squared)
@@ -64,7 +64,7 @@ class RadialSpline:
         return found
 
     def slopes_at(self, squared: FloatArray) -> FloatArray:
-        """Return the derivative of the slope at R² by the slopes at the knots, shape (n,) -> (n, terms)."""
+        """Return the derivatives of the slope at R² with respect to the knots' slopes, shape (n,) -> (n, terms)."""
         weights = [np.interp(squared, self.knots, one) for one in np.eye(self.terms)]
         return np.reshape(weights, (self.terms, len(squared))).T
 
@@ -79,7 +79,7 @@ class RadialSpline:
 
     @cached_property
     def _at_knots(self) -> FloatArray:
-        """Derivative of the values at the knots by the slopes, shape (terms, terms)."""
+        """Derivative of the values at the knots with respect to the slopes, shape (terms, terms)."""
         eye = np.eye(self.terms)
         trapezia = (eye[1:] + eye[:-1]) / 2 * self._widths[: self.terms - 1, None]
         return np.concatenate([0 * eye[:1], np.cumsum(trapezia, axis=0)])

@@ -77,7 +77,7 @@ class VignetteModel:
         return self._values(position[..., 0], position[..., 1])
 
     def profile(self, radius: npt.ArrayLike) -> FloatArray:
-        """Return the mean attenuation along the four half diagonals, at distances from the image centre in these."""
+        """Return the mean attenuation along the four half diagonals, at distances from the image centre in them."""
         return np.asarray(self.at_normalised(along_diagonals(radius, self.size)).mean(axis=-1))
 
     def image(self) -> Float32Array:
@@ -87,7 +87,8 @@ class VignetteModel:
     def moved(self, size: ImageSize, centre: tuple[float, float], unit: float) -> Self:
         """Return the same vignette in images of another size.
 
-        ``centre`` is its centre in them, and ``unit`` the length of their half diagonal in present ones.
+        ``centre`` is its centre in them, and ``unit`` is their half diagonal, in half diagonals of the present
+        images.
         """
         return replace(self, size=size, centre=centre, coefficients=powers_in_unit(self.coefficients, unit))
 

@@ -1,4 +1,4 @@
-"""Check whether recordings show the same camera in the same state, and how those that do not differ.
+"""Check whether recordings show the same camera in the same state, and how any others differ.
 
 The curves of each recording are compared with the joint curves of the others at a few grey levels and image points.
 Differences are divided by the standard deviation of both and of the usual scatter between recordings of one camera.

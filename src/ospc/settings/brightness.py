@@ -32,7 +32,7 @@ MIN_BIN_SCATTER_LOG = 1e-4
 """Minimum scatter assumed in a bin, in ln of the grey level: keeps rounding errors of nearly equal values."""
 
 PIXEL_SAMPLES_PER_PAIR = 400
-"""Approximate number of single points kept per pair: about thirty in each cell of the local tone mapping check."""
+"""Approximate number of points kept per pair: about thirty in each cell of the local tone mapping check."""
 
 MOTION_STRIDE = 5
 """The motion is measured at one in this many points: neighbours move alike, so more cost time and add nothing."""
@@ -61,8 +61,8 @@ MAX_BRIGHTNESS_CHANGES = 1200
 """Maximum number of brightness changes kept: computing the likelihood of a lag then takes a tenth of a second."""
 
 MAX_CHANGES_WITH_SAMPLES = 160
-"""Maximum number of brightness changes whose single points, which take most memory, are kept: enough to detect local
-tone mapping."""
+"""Maximum number of brightness changes whose individual points, which take most memory, are kept: enough to detect
+local tone mapping."""
 
 MAX_REPEATED_FRAMES = 1000
 """Maximum number of repeated frames whose numbers are kept: enough to inspect, however long the run."""

@@ -18,8 +18,8 @@ cent was estimated as 2.5."""
 
 LIGHT_FIT_FLOOR = 0.1
 """Irradiance, relative to that at white, above which the polynomial in the grey level fits g with equal relative
-errors, and below which with equal absolute errors: few surroundings are darker. Without it, the error of dark
-surroundings is three times as large for the simulator's filmic response."""
+errors, and below which it does so with equal absolute errors: few surroundings are darker. Without it, the error of
+dark surroundings is three times as large for the simulator's filmic response."""
 
 GLARE = (0.03, 0.03, 0.0005)
 """Veiling glare, as a share of the frame's mean irradiance. All lenses have some, mostly 1 to 5 per cent."""
@@ -49,7 +49,7 @@ recordings had at most 0.0012, and 0.0003 on average."""
 
 STEP_EXPOSURES, GAIN_STEP_MODEL_ERROR = 15, 0.1
 """Number of exposures at which a step of the gain is looked for; they divide the observations into sixteen equal
-parts. And standard deviation of a step that is found, as a share of it, because it may lie between two of them."""
+parts; and standard deviation of a step that is found, as a share of it, because it may lie between two of them."""
 
 EXPOSURES_PER_CURVE, MOST_CURVES = 4, 2
 """Number of different exposures that is needed for each curve of their errors (an offset, a step of the gain), and
@@ -58,8 +58,8 @@ largest number of such curves. Further errors are left to the latent gains of fr
 cent, an offset and a step were found, and the error was 14 standard deviations."""
 
 NOMINAL, LEAST_NOMINAL, MOST_NOMINAL = (1.0, 0.0, 0.01), 0.5, 1.5
-"""Share of the distance of the exposures from the closest third or half of a stop by which they are wrong: 1 if they
-are nominal shutter speeds. And its plausible range. 48 recordings with other exposures had at most 0.0013, or 0.011
+"""Share of the distance of the exposures from the closest third or half of a stop by which they are wrong, 1 if they
+are nominal shutter speeds; and its plausible range. 48 recordings with other exposures had at most 0.0013, or 0.011
 with errors of the exposures."""
 
 DIFFERENT_LOG_EXPOSURE, MIN_STEP_EXPOSURES = 0.02, 3
@@ -142,16 +142,16 @@ MOST_ADDED_LIGHT, MOST_OFFSET = 0.1, 0.3
 """Largest additional light and exposure offset of real lenses, sensors and shutters."""
 
 SIGNIFICANT_SIGMAS = 5.0
-"""Significance above which a fitted effect counts, in standard deviations by chance and by errors of clean
+"""Significance above which a fitted effect counts, in standard deviations due to chance and to errors of clean
 recordings."""
 
 SIGNIFICANT_SIGMAS_IN_ALL = 3.0
 """The same, with the disagreement between halves of the observations included."""
 
 CONTRADICTING_SIGMAS = 7.0
-"""Significance, in standard deviations by chance and by the errors of clean recordings, above which a contradiction
-counts even if the halves disagree: gentle tone mapping had 10, a digital zoom of 1.2 with a weak vignette 7.9, and
-100 recordings without contradiction at most 5.2."""
+"""Significance, in standard deviations due to chance and to the errors of clean recordings, above which a
+contradiction counts even if the halves disagree: gentle tone mapping had 10, a digital zoom of 1.2 with a weak
+vignette 7.9, and 100 recordings without contradiction at most 5.2."""
 
 EFFECT_PROBABILITY, CONTRADICTION_PROBABILITY = 0.3, 0.02
 """Prior probability that a camera has an effect that matters, and that a recording contradicts the model: few

@@ -34,11 +34,11 @@ SLOPE_FACTOR_LIMITS = (0.8, 1.25)
 quarter, and smooth noise could otherwise explain smooth exposures on its own."""
 
 INEXACT_SLOPE_FACTOR_LIMITS = (0.8, 8.0)
-"""The same if single exposures are inexact: their errors make the slopes of the bins too small."""
+"""The same if individual exposures are inexact: their errors make the slopes of the bins too small."""
 
 INEXACT_OUTLIER_FACTOR = 4.0
-"""If single exposures are inexact, residuals up to this multiple of their mean are not outliers: most changes may be
-pure errors, and the few real ones must not look like the outliers."""
+"""If individual exposures are inexact, residuals up to this multiple of their mean are not outliers: most changes
+may be pure errors, and the few real ones must not look like the outliers."""
 
 REWEIGHTING_TOLERANCE = 1e-6
 """Change of the slopes, and relative change of the scale, below which they have converged: near its maximum the
@@ -159,7 +159,7 @@ DOUBTFUL_RESPONSE_SLOPE = 0.25
 errors of the exposures, like a wrong lag, make it look smaller."""
 
 EXPOSURE_ERROR_SCALES = (2.0, 8.0)
-"""Errors of single exposures that are tried, relative to the other noise: two clearly different sizes, so that a
+"""Errors of individual exposures that are tried, relative to the other noise: two clearly different sizes, so that a
 result that depends on the size is rejected."""
 
 SWINGING_EXPOSURE_SHARE = 0.5

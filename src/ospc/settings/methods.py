@@ -24,9 +24,9 @@ DROPPED_PAIRS, PAIRS_PER_DROPPED = 32, 4
 vignette was known, but a short recording needs them."""
 
 INTER_CODED_SIGMAS = 2.0
-"""Factor on all standard deviations of videos that code frames as changes of others. Where brightness changes little,
-such frames keep that of the previous one, so neighbouring places and consecutive frames have errors in common. In
-eleven codings of simulated recordings as H.264 (crf 16 to 23) and MPEG-4, the exponent of the response was off by 1.3
+"""Factor on all standard deviations of videos with inter-frame compression. Where brightness changes little, their
+frames keep that of the previous one, so neighbouring places and consecutive frames have errors in common. In eleven
+codings of simulated recordings as H.264 (crf 16 to 23) and MPEG-4, the exponent of the response was off by 1.3
 standard deviations (root mean square; up to 2.5) without this factor, and by 1.0 in nine lossless ones."""
 
 NEAR_WHITE = 32 / 255
@@ -183,7 +183,7 @@ MIN_SLOPE_ERROR_LOG = 0.008
 
 IDENTIFIABLE_ERROR, IDENTIFIABLE_CORNER_SIGMA = 0.005, 0.025
 """Limits for an identifiable curve. The first applies to the error of irradiance ratios (κ) and of the profile of V
-that is exceeded in one of twenty cases, the second to the standard deviation of ln V at the corner. In 55 recordings
+that is exceeded in one case in twenty, the second to the standard deviation of ln V at the corner. In 55 recordings
 of all kinds of cameras, some with noise and unsteady light, κ exceeded the stated error in two; in 33, the error of V
 did in two."""
 

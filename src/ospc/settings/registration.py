@@ -120,7 +120,7 @@ MIN_SHARED_PLACES = 0.15
 point; with fewer, the quantiles of their grey levels are compared."""
 
 MAX_LOG_RATIO_SPREAD = 0.15
-"""Standard deviation, in ln, of the ratios of single points up to which their median is trusted."""
+"""Standard deviation, in ln, of the ratios of individual points up to which their median is trusted."""
 
 MIN_KEPT_BRIGHTNESS = 0.5
 """Minimum brightness of the middle grey level of the longer exposure after normalisation, on the display scale,

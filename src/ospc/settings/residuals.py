@@ -60,10 +60,10 @@ get latent gains. Relative to independent errors of the points, it was at most 1
 recordings, 2.5 in a real video, and 5 to 18 with clouds, flicker or drifting white balance."""
 
 MIN_TAIL_SCALE = 2.5
-"""Standard deviation of pairs' mean residuals by their 95 per cent quantile, relative to chance, from which frames
-get latent gains, too. If exposures in coarse steps are stated inexactly, the response can suit most of them; the
-pairs with the others are wrong by far, and their points count as outliers. It was at most 1.4 in 60 clean simulated
-recordings, 2.0 with sharp bends of the response and noise, and mostly 3 to 20 with errors of 1 per cent."""
+"""Standard deviation of pairs' mean residuals, estimated from their 95 per cent quantile, relative to chance, from
+which frames get latent gains, too. If exposures in coarse steps are stated inexactly, the response can fit most of
+them; the pairs with the others are far off, and their points count as outliers. It was at most 1.4 in 60 clean
+simulated recordings, 2.0 with sharp bends of the response and noise, and mostly 3 to 20 with errors of 1 per cent."""
 
 MOST_LOG_GAIN = 10.0
 """Largest latent gain, in ln, a factor of twenty thousand: a degenerate response would make it overflow."""

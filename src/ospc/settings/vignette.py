@@ -19,10 +19,10 @@ centres of decentred elliptic vignettes were wrong by up to 0.46 and the RMSE of
 these values it is at most 0.007."""
 
 CENTRE_ERROR_FACTOR = 3.0
-"""Error of a centre that the observations hardly show, relative to its standard deviation by chance: registration
-errors pull it to the middle. In nine recordings of cameras that panned, tilted or moved straight on, with centres
-off by up to 0.15, the fitted centre was wrong by 2.3 times that deviation (root mean square), and at most by 5.7
-times."""
+"""Error of a centre that the observations hardly show, relative to its standard deviation due to chance:
+registration errors pull it towards the middle. In nine recordings of cameras that panned, tilted or moved straight
+on, with centres off by up to 0.15, the fitted centre was wrong by 2.3 times that deviation (root mean square), and at
+most by 5.7 times."""
 
 POSSIBLE_CENTRE_SIGMA = 0.05
 """Standard deviation of the centre of a vignette, in half diagonals, if nothing shows where it is: a few hundredths
@@ -56,10 +56,10 @@ non-radial terms are accepted: without it, one of 50 centred recordings met the 
 decentred by 2 per cent was taken as centred, and its profile was wrong by six standard deviations."""
 
 MAX_ASYMMETRY = 0.005
-"""Standard deviation by chance of such an asymmetry, above which the observations do not show where the vignette's
-centre is. It was at most 0.0035 with hand-held cameras and forward motion, and 0.007 to 0.027 with cameras that only
-panned or moved sideways. If it counted in all recordings, 84 instead of 71 per cent of the profile would be within
-one standard deviation."""
+"""Standard deviation of such an asymmetry due to chance, above which the observations do not show where the
+vignette's centre is. It was at most 0.0035 with hand-held cameras and forward motion, and 0.007 to 0.027 with cameras
+that only panned or moved sideways. If it counted in all recordings, 84 instead of 71 per cent of the profile would be
+within one standard deviation."""
 
 PROMISING_SHARE = 0.25
 """Further parameters are fitted only if one Newton step, which takes a third of the time, reaches this share of the
