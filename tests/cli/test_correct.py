@@ -252,7 +252,7 @@ def test_dark_images_of_a_deep_sensor_are_corrected_like_bright_ones(tmp_path):
     known = Calibration(settings.size, dark.response, dark.vignette, max_grey=4095)
     known.save(tmp_path / "calibration.json")
     result = run(dark.path, tmp_path / "calibration.json", "-o", tmp_path / "out")
-    assert "up to 4095" in result.output
+    assert "that of the calibration, 4095" in result.output
     for image, frame in zip(written(tmp_path / "out"), open_recording(dark.path), strict=True):
         np.testing.assert_allclose(image, known.correct(frame.image), rtol=1e-6)
 

@@ -209,7 +209,7 @@ class LiveCalibrator(AbstractContextManager["LiveCalibrator"]):
         if self._failure is not None:
             raise _failed(self._failure)
         if self._closed:
-            raise OspcError("this live calibrator was closed; get the calibration before that, or create a new one")
+            raise OspcError("this live calibrator was closed; get its calibration first, or create a new one")
 
     def _enqueue(self, work: Callable[[], bool], size: int = 0) -> None:
         self._queue.append((work, size))
