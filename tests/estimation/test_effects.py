@@ -12,7 +12,7 @@ from ospc.arrays import FloatArray
 from ospc.estimation.effect_choice import fit_with_chosen_effects
 from ospc.estimation.effect_models import CONTRADICTIONS, CORRECTED, EFFECTS, GAIN_STEPS, ONLY_IF_FOUND
 from ospc.estimation.effect_trials import trial_of
-from ospc.estimation.effects import Effects
+from ospc.estimation.effects import Effects, ResponseTables
 from ospc.estimation.fit import Fit
 from ospc.estimation.fit_plan import FitPlan
 from ospc.estimation.response_basis import ResponseBasis, typical_gamma
@@ -437,7 +437,9 @@ def test_moments_give_the_mean_irradiance(name: str) -> None:
     everything = Disturbed().pairs()
     moments = np.column_stack([grey[:, None] ** np.arange(1, 6), np.zeros(40)])
     terms = Effects(("veiling glare",)).terms(
-        replace(everything.where(slice(0, 40)), frame_moments=moments), basis, coefficients, basis.index_of(grey)
+        replace(everything.where(slice(0, 40)), frame_moments=moments),
+        ResponseTables.of(basis, coefficients),
+        basis.index_of(grey),
     )
     light = np.exp(np.interp(grey, basis.grid, basis.log_of(coefficients)))
     error = (terms.amounts["veiling glare"] - light) / (light + 0.02)
@@ -456,7 +458,9 @@ def test_the_jacobian_is_the_derivative(values: list[float], seed: int) -> None:
     observations = bright.where(slice(0, 40))
     basis = ResponseBasis(32)
     effects = Effects.none_of(observations).including(*EFFECTS)
-    terms = effects.terms(observations, basis, typical_gamma(basis.knots), basis.index_of(observations.grey))
+    terms = effects.terms(
+        observations, ResponseTables.of(basis, typical_gamma(basis.knots)), basis.index_of(observations.grey)
+    )
     about = np.array(values)
     analytic = effects.jacobian(about, terms)
     for i in range(len(effects)):

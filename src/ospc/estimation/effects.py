@@ -40,6 +40,30 @@ from ospc.settings.sampling import GREY_POWERS
 
 
 @dataclass(frozen=True)
+class ResponseTables:
+    """What the effects need of a response: ``grid`` has the grey levels of the tables, shape (4097,).
+
+    Attributes
+    ----------
+    irradiance, gamma
+        g and the local gamma, shape (4097,) each.
+    light_of_moments
+        See :class:`~ospc.estimation.effect_models.Circumstances`.
+    """
+
+    grid: FloatArray
+    irradiance: FloatArray
+    gamma: FloatArray
+    light_of_moments: FloatArray
+
+    @classmethod
+    def of(cls, basis: ResponseBasis, coefficients: FloatArray) -> ResponseTables:
+        """Return the tables for the coefficients of a response, shape (len of the basis,)."""
+        irradiance = np.exp(basis.log_of(coefficients))
+        return cls(basis.grid, irradiance, basis.gamma_of(coefficients), _light_of_moments(basis.grid, irradiance))
+
+
+@dataclass(frozen=True)
 class EffectTerms:
     """The values from which the effects of n observations are computed.
 
@@ -108,24 +132,21 @@ class Effects:
         """Return these effects together with others."""
         return replace(self, chosen=(*self.chosen, *names))
 
-    def terms(
-        self, observations: ExposedObservations, basis: ResponseBasis, coefficients: FloatArray, index: IntArray
-    ) -> EffectTerms:
+    def terms(self, observations: ExposedObservations, response: ResponseTables, index: IntArray) -> EffectTerms:
         """Return the terms of the effects for a response; ``index`` is the grid index of each expected grey level."""
-        irradiance = np.exp(basis.log_of(coefficients))
         first, last = self.groups
         seen = Circumstances(
             observations,
             exposure=np.exp(observations.log_exposure - self.log_typical_exposure),
             time=2 * (observations.group - first) / max(last - first, 1) - 1,
-            grey=basis.grid[index],
-            gamma=basis.gamma_of(coefficients)[index],
-            light_of_moments=_light_of_moments(basis.grid, irradiance),
+            grey=response.grid[index],
+            gamma=response.gamma[index],
+            light_of_moments=response.light_of_moments,
             absorbed=self.absorbed,
             step_exposures=self.step_exposures,
         )
         amounts = {name: EFFECTS[name].amount(seen) for name in self.chosen}
-        return EffectTerms(seen.exposure, np.maximum(irradiance[index], DARKEST_IRRADIANCE), amounts)
+        return EffectTerms(seen.exposure, np.maximum(response.irradiance[index], DARKEST_IRRADIANCE), amounts)
 
     def without_absorbed_light(self, basis: ResponseBasis, parameters: FloatArray) -> tuple[Effects, FloatArray]:
         """Return the effects for a response without additional light, and the converted parameters.

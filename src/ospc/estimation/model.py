@@ -10,7 +10,7 @@ from itertools import pairwise
 import numpy as np
 
 from ospc.arrays import BoolArray, FloatArray, IntArray
-from ospc.estimation.effects import Effects, EffectTerms
+from ospc.estimation.effects import Effects, EffectTerms, ResponseTables
 from ospc.estimation.frame_gains import FrameGains, PairEnds, PairMeans
 from ospc.estimation.group_sums import GroupSums
 from ospc.estimation.latent import Latent, weighted_means
@@ -82,7 +82,11 @@ class Model:
 
     def effect_terms(self, parameters: FloatArray, observations: ExposedObservations, index: IntArray) -> EffectTerms:
         """Return the terms of the effects; ``index`` is the grid index of each expected grey level, shape (n,)."""
-        return self.effects.terms(observations, self.response_basis, self.split(parameters)[0], index)
+        return self.effects.terms(observations, self.response_tables(parameters), index)
+
+    def response_tables(self, parameters: FloatArray) -> ResponseTables:
+        """Return the response as the effects need it."""
+        return ResponseTables.of(self.response_basis, self.split(parameters)[0])
 
     def log_gain(self, parameters: FloatArray, observations: ExposedObservations, index: IntArray) -> FloatArray:
         """Return ln of the irradiance over exposure and radiance, shape (n,).
@@ -170,6 +174,10 @@ class LinearSystem:
     @cached_property
     def _log_response(self) -> FloatArray:
         return self.model.response_basis.log_of(self.model.split(self.about)[0])
+
+    @cached_property
+    def _response_tables(self) -> ResponseTables:
+        return self.model.response_tables(self.about)
 
     @cached_property
     def _sums(self) -> GroupSums:
@@ -264,7 +272,7 @@ class LinearSystem:
         if len(model.effects):
             # An error of a stated exposure is in the target; if it were in the terms too, it would imitate an effect.
             shown = replace(observed, log_exposure=self.latent.log_exposure[part])
-            terms = model.effect_terms(self.about, shown, index)
+            terms = model.effects.terms(shown, self._response_tables, index)
             slopes = model.effects.jacobian(values, terms)
             columns.append(-slopes)
             target = target + model.effects.log_gain(values, terms) - slopes @ values

@@ -52,12 +52,12 @@ class NormalEquations:
         block = np.ix_(chosen, chosen)
         return replace(self, matrix=self.matrix[block], vector=self.vector[chosen], scatter=self.scatter[block])
 
-    def without_last(self, count: int, precision: FloatArray) -> NormalEquations:
-        """Return scaled equations with the last parameters, of a prior precision, (count,), marginalised."""
-        if not count:
+    def without_last(self, precision: FloatArray) -> NormalEquations:
+        """Return scaled equations with the last parameters, of a prior precision about zero, (k, k), marginalised."""
+        if not len(precision):
             return self
-        n, scale = len(self.vector) - count, self.information_scale
-        inner = scale * self.matrix[n:, n:] + np.diag(precision)
+        n, scale = len(self.vector) - len(precision), self.information_scale
+        inner = scale * self.matrix[n:, n:] + precision
         carried = np.linalg.solve(inner, scale * self.matrix[n:, :n])
         matrix = self.matrix[:n, :n] - self.matrix[:n, n:] @ carried
         vector = self.vector[:n] - carried.T @ self.vector[n:]
@@ -126,7 +126,9 @@ class NormalEquations:
 
         Those of the response are chosen first, with the present one of the vignette.
         """
-        response = self._most_probable(prior, present.response_candidates)
+        # There are many candidates for the response, so all other parameters are eliminated first.
+        others = prior.precision(present)[len(prior.knots) :, len(prior.knots) :]
+        response = self.without_last(others)._most_probable(prior.of_response, present.response_candidates)
         return self._most_probable(prior, response.vignette_candidates) if prior.vignette.radial else response
 
     def _most_probable(self, prior: Prior, candidates: list[PriorHyperparameters]) -> PriorHyperparameters:

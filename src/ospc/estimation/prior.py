@@ -60,7 +60,7 @@ class PriorHyperparameters:
     def response_candidates(self) -> list[PriorHyperparameters]:
         """All candidates for the response, with this roughness of the vignette."""
         walks = np.geomspace(*WALK_CANDIDATES).tolist()
-        return [replace(self, walk=walk, drift=drift) for walk in walks for drift in DRIFT_CANDIDATES]
+        return [PriorHyperparameters(walk, drift, self.vignette_walk) for walk in walks for drift in DRIFT_CANDIDATES]
 
     @property
     def vignette_candidates(self) -> list[PriorHyperparameters]:
@@ -90,6 +90,11 @@ class Prior:
     about: FloatArray
     vignette: VignetteBasis
     effect_sigma: FloatArray
+
+    @property
+    def of_response(self) -> Prior:
+        """The prior of the response alone."""
+        return Prior(self.knots, self.about, VignetteBasis(0), np.zeros(0))
 
     @property
     def mean(self) -> FloatArray:

@@ -261,7 +261,7 @@ def _information(
     fitted, in_common = Fitted(fit, observations, noise), _in_common(fit, vignette)
     estimate = in_common @ fit.parameters[: fit.vignette_part.stop]
     equations = estimator.information(fitted, np.concatenate([estimate, fit.effect_parameters]))
-    equations = equations.without_last(len(fit.effects), 1 / fit.effects.sigma**2)
+    equations = equations.without_last(np.diag(1 / fit.effects.sigma**2))
     matrix = equations.information_scale * equations.matrix
     systematic = matrix @ in_common @ _systematic_errors(fit)
     return matrix, equations.information_scale * equations.vector, systematic @ systematic.T, estimate
