@@ -19,6 +19,19 @@ def test_text_before_a_colon_is_not_treated_as_a_type(monkeypatch: pytest.Monkey
     assert made[-1] == "Longest side in pixels: 19 000 places."
 
 
+TABLE = re.compile(r"(?:^\|.*\n)+", re.MULTILINE)
+
+
+@pytest.mark.parametrize(
+    "page", sorted(p for p in DOCS.rglob("*.md") if "\n|" in p.read_text()), ids=lambda p: p.name
+)
+def test_every_row_of_a_table_has_the_cells_of_the_first(page: Path) -> None:
+    """Markdown shows other tables as text."""
+    for table in TABLE.findall(page.read_text()):
+        rows = [len(re.findall(r"(?<!\\)\|", row)) for row in table.splitlines()]
+        assert rows == [rows[0]] * len(rows), table.splitlines()[0]
+
+
 FORMULA = re.compile(r"\$\$(.+?)\$\$|\$([^$\n]+?)\$", re.DOTALL)
 
 
