@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cache, lru_cache
+from functools import lru_cache
 
 import numpy as np
 
@@ -40,7 +40,7 @@ from ospc.settings.vignette import (
 )
 
 _KEPT_TABLES = 64
-"""Number of precisions of vignettes kept: those of all candidates for several models."""
+"""Number of precisions kept: those of all candidates of several models, of the response and of the vignette each."""
 
 
 @dataclass(frozen=True)
@@ -113,12 +113,12 @@ class Prior:
         The log determinant contains only the part that depends on the hyperparameters.
         """
         n, m = len(self.knots), len(self.knots) + len(self.vignette)
-        response, of_response = zip(*(_response_precision(n, c.walk, c.drift) for c in candidates), strict=True)
+        response, of_response = _response_precisions(n, tuple((c.walk, c.drift) for c in candidates))
         walks = {c.vignette_walk for c in candidates}  # those of the response have only one
         of_walk = {walk: vignette_precision(self.vignette, walk) for walk in walks}
         vignette, of_vignette = zip(*(of_walk[c.vignette_walk] for c in candidates), strict=True)
         matrices = np.zeros((len(candidates), m + len(self.effect_sigma), m + len(self.effect_sigma)))
-        matrices[:, :n, :n] = np.stack(response) / np.outer(self.about, self.about)
+        matrices[:, :n, :n] = response / np.outer(self.about, self.about)
         matrices[:, n:m, n:m] = vignette
         matrices[:, m:, m:] = np.diag(self.effect_sigma**-2.0)
         return matrices, np.add(of_response, of_vignette)
@@ -150,10 +150,13 @@ def _radial_precision(knots: int, usable_radius: float, walk: float) -> tuple[Fl
     return _inverted(smooth + random_walk + VIGNETTE_NUGGET * np.eye(knots))
 
 
-@cache
-def _response_precision(knots: int, walk: float, drift: float) -> tuple[FloatArray, float]:
-    """Return the precision of ln γ at equidistant knots, shape (knots, knots), and its log determinant."""
-    return _inverted(_covariance(np.linspace(0, 1, knots), walk, drift) + PRIOR_NUGGET * np.eye(knots))
+@lru_cache(maxsize=_KEPT_TABLES)
+def _response_precisions(knots: int, roughness: tuple[tuple[float, float], ...]) -> tuple[FloatArray, FloatArray]:
+    """Return precisions of ln γ at equidistant knots, (c, knots, knots), of walks and drifts; log determinants."""
+    grey, nugget = np.linspace(0, 1, knots), PRIOR_NUGGET * np.eye(knots)
+    found = (_inverted(_covariance(grey, walk, drift) + nugget) for walk, drift in roughness)
+    precisions, log_determinants = zip(*found, strict=True)
+    return read_only(np.stack(precisions)), np.array(log_determinants)
 
 
 def _inverted(covariance: FloatArray) -> tuple[FloatArray, float]:
