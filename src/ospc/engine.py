@@ -20,7 +20,7 @@ from ospc.exposures.findings import ExposureFindings
 from ospc.exposures.lag_choice import LagChoice, lag_in_words
 from ospc.exposures.monitor import ExposureMonitor
 from ospc.exposures.table import ExposureTable
-from ospc.frame_checks import SkippedFrames, check_is_frame, checked_frame, why_greys_are_unused
+from ospc.frame_checks import SkippedFrames, check_is_frame, checked_frame, why_greys_are_useless
 from ospc.methods.change_detection import Change
 from ospc.methods.method import Method, Progress
 from ospc.methods.preview import Preview
@@ -288,8 +288,7 @@ class Engine:
 
     def _judged(self, known: Calibration, found: ExposureFindings, counts: dict[str, int]) -> Calibration:
         """Return a calibration with the counts of its frames and the verdicts that exposures and images allow."""
-        unused_greys = why_greys_are_unused(self.pixels.highest_grey, self._max_grey)
-        cause = self._skipped.why_most_of(self.frames) or unused_greys
+        cause = self._skipped.why_most_of(self.frames) or why_greys_are_useless(self.pixels.report())
         changes = [epoch.change.text for epoch in self._epochs if epoch.change]
         judged = judged_calibration(known, found, cause, changes)
         if self._exposures.choice == "estimated":

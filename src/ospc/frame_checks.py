@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 
 from ospc.arrays import Image, ImageSize, size_of
+from ospc.correspondence.pixel_statistics import PixelReport
 from ospc.errors import FrameError, counted
 from ospc.recording.frame import Frame, check_exposure
-from ospc.settings.grey_values import USED_SHARE
+from ospc.settings.grey_values import MOST_CLIPPED_SHARE, USED_SHARE
 
 FIRST_REASONS, LATEST_REASONS = 3, 20
 """How many of the first and of the latest reasons for skipping a frame are kept."""
@@ -102,11 +103,29 @@ def skipped_in_words(skipped: int, frames: int, reasons: Sequence[str]) -> str:
     return f"{skipped} of {counted(frames, 'frame')} skipped: {'; '.join(reasons)}" + "; …" * (skipped > len(reasons))
 
 
-def why_greys_are_unused(highest: int, max_grey: int) -> str:
-    """Return that most of the range of grey values is unused, as with a wrong largest one, or "" if it is not."""
-    if max_grey <= np.iinfo(np.uint8).max or highest > USED_SHARE * max_grey:
+def why_greys_are_useless(pixels: PixelReport | None) -> str:
+    """Return that nearly all pixels are clipped or most grey values are unused, and why; "" if they are not."""
+    if pixels is None:
+        return ""
+    if pixels.exceeds_max_grey and pixels.saturated_share > MOST_CLIPPED_SHARE:
+        return (
+            f"{pixels.saturated_share:.0%} of all grey values are {pixels.max_grey} or above: give the largest one "
+            "that the sensor delivers (max_grey)"
+        )
+    for clipped in clipped_in_words(pixels, MOST_CLIPPED_SHARE):
+        return clipped
+    if pixels.max_grey <= np.iinfo(np.uint8).max or pixels.highest_grey > USED_SHARE * pixels.max_grey:
         return ""
     return (
-        f"no grey value is above {highest} of {max_grey}: give the largest one that the sensor delivers "
-        "(max_grey), or film with longer exposures"
+        f"no grey value is above {pixels.highest_grey} of {pixels.max_grey}: give the largest one that the sensor "
+        "delivers (max_grey), or film with longer exposures"
     )
+
+
+def clipped_in_words(pixels: PixelReport, most: float) -> Iterator[str]:
+    """Yield that more than a share of all pixels are saturated or black, and what to do."""
+    if pixels.saturated_share > most:
+        yield f"{pixels.saturated_share:.0%} of all pixels are saturated; use shorter exposures or less light"
+    black = pixels.black_share - pixels.surround_share
+    if black > most:
+        yield f"{black:.0%} of all pixels are black; use longer exposures or more light"

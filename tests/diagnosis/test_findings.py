@@ -13,10 +13,11 @@ from ospc.evaluation.metrics import log_ratio_error
 from ospc.exposures import findings as exposure_findings
 from ospc.exposures.brightness_series import BrightnessSeries
 from ospc.exposures.findings import assess_exposures
+from ospc.exposures.lag_choice import LagChoice
 from ospc.exposures.lag_selection import LagEstimate
 from ospc.methods.maximum_likelihood import MaximumLikelihoodMethod
 from ospc.photometry.coverage import ExposureRatios
-from ospc.photometry.verdict import LATE_EXPOSURES, EffectEstimate
+from ospc.photometry.verdict import LATE_EXPOSURES, EffectEstimate, Verdict
 from ospc.recording import Frame
 from ospc.settings import DefaultSettings
 
@@ -146,7 +147,31 @@ def test_a_number_is_obeyed_and_checked() -> None:
     right, wrong = found(LATE, 2), found(LATE, -1)
     assert (right.lag_frames, right.corrected_frames, right.warnings) == (2, 2, ())
     assert (wrong.lag_frames, wrong.corrected_frames) == (2, -1)
-    assert "3 frames late" in wrong.warnings[0]
+    assert "2 frames late" in wrong.warnings[0]
+
+
+@pytest.mark.parametrize("given", [0, 1, -1, "never"])
+def test_a_wrong_number_is_met_with_the_right_one(given: LagChoice) -> None:
+    told = found(LATE, given)
+    assert "exposures are recorded 2 frames late" in told.verdict.reason
+    assert told.verdict.remedy == "set --correct-lag to 2"
+    # Curves fitted to exposures of other frames deserve no advice of their own.
+    unknown = told.limited(Verdict("not identifiable", "the vignette moves", "switch off stabilisation"))
+    assert (unknown.state, unknown.remedy) == ("not identifiable", told.verdict.remedy)
+
+
+def test_a_number_for_exposures_that_do_not_lag_is_to_be_zero() -> None:
+    told = found(Film(wandering(FRAMES)), 1)
+    assert "exposures are recorded with their frames" in told.verdict.reason
+    assert told.verdict.remedy == "set --correct-lag to 0"
+
+
+@pytest.mark.parametrize("choice", ["auto", 0, 1])
+def test_alternating_exposures_without_an_effect_are_wrong_though_slow_changes_agree(choice: LagChoice) -> None:
+    alternation = np.resize([-0.35, 0.35], FRAMES)
+    told = found(Film(wandering(FRAMES) + alternation, hidden_log_gain=-alternation), choice)
+    assert told.verdict.state == "not identifiable"
+    assert "does not follow them" in told.verdict.reason
 
 
 def test_a_short_cycle_is_corrected_whichever_lag_it_is() -> None:
@@ -225,6 +250,11 @@ def test_a_stated_lag_settles_an_uncertain_one() -> None:
     assert (stated.verdict.state, stated.notes, stated.warnings) == ("identifiable", (), ())
     assert "as stated" in stated.verdict.reason
     assert "stale" in found(STALE, 0).warnings[0]
+
+
+def test_a_stated_lag_that_nothing_could_be_compared_with_is_not_said_to_be_confirmed() -> None:
+    told = assess_exposures([], wandering(3), 0)
+    assert told.verdict.reason.endswith("as stated; the images are too few or too different to check it")
 
 
 def test_photographs_have_no_exposure_lag(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -160,7 +160,7 @@ def test_a_static_camera_gives_no_vignette(calibrated):
     assert result.response is not None
     assert result.vignette is None
     assert result.verdicts["vignette"].state == "not identifiable"
-    assert "moves radially" in result.verdicts["vignette"].reason
+    assert "move radially" in result.verdicts["vignette"].reason
     assert any("pan" in line for line in result.advice)
 
 

@@ -134,6 +134,23 @@ def test_a_largest_grey_value_that_most_of_the_range_does_not_reach_is_doubted()
     assert calibration.advice[0].startswith(why)
 
 
+@pytest.mark.parametrize(
+    ("image", "max_grey", "why"),
+    [
+        (np.full((60, 80), 40_000, np.uint16), 4095, "100% of all grey values are 4095 or above: give the largest"),
+        (np.full((60, 80), 4095, np.uint16), 4095, "100% of all pixels are saturated"),
+        (np.zeros((60, 80), np.uint8), None, "100% of all pixels are black"),
+    ],
+)
+def test_of_clipped_images_only_that_is_said(image: np.ndarray, max_grey: int | None, why: str) -> None:
+    calibrator = OnlineCalibrator()
+    for number in range(3):
+        calibrator.push(Frame.of_array(image, 1.0 + number, max_grey=max_grey))
+    calibration = calibrator.calibration()
+    assert all(verdict.remedy.startswith(why) for verdict in calibration.verdicts.values())
+    assert calibration.advice[0].startswith(why)
+
+
 def test_frames_without_an_index_are_named_by_their_number_in_the_run() -> None:
     calibrator = OnlineCalibrator()
     large = np.tile(IMAGE, (4, 4))

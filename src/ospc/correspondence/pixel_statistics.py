@@ -66,6 +66,8 @@ class PixelReport(ByValue):
     """Highest grey value of all frames."""
     max_grey: int
     """Largest grey value of the sensor."""
+    exceeds_max_grey: bool
+    """Whether some grey values have more bits than this."""
     empty_low_bits: int
     """Number of lowest bits that are zero in every grey value."""
     missing_levels_share: float
@@ -150,14 +152,6 @@ class PixelStatistics:
             np.quantile(alternations, INTERLACED_QUANTILE) > MIN_INTERLACED_ALTERNATION
         )
 
-    @property
-    def highest_grey(self) -> int:
-        """Upper bound of all grey values so far; that of the sensor before the first frame."""
-        if self._histogram is None:
-            return self._max_grey
-        last = int(np.flatnonzero(self._histogram)[-1])
-        return min(self._max_grey, (last + 1) * (self._max_grey + 1) // len(self._histogram) - 1)
-
     def of_next_epoch(self) -> PixelStatistics:
         """Return the statistics to continue with after a camera change, with the grey range determined anew."""
         return PixelStatistics(_max_grey=self._max_grey, _ranges=self._ranges, _inherited=self.grey_range)
@@ -212,7 +206,8 @@ class PixelStatistics:
             return None
         counts, white = self._histogram, self._max_grey
         share = counts / counts.sum()
-        level = np.arange(len(counts)) * (white + 1) // len(counts)
+        ends = np.arange(len(counts) + 1) * (white + 1) // len(counts)
+        level = ends[:-1]
         margin = white // 255
         low, high = (int(end) for end in np.flatnonzero(counts)[[0, -1]])
         gaps = float(np.mean(counts[low : high + 1] == 0)) if white == 255 and high - low > MIN_COMB_RANGE else 0.0
@@ -225,8 +220,9 @@ class PixelStatistics:
             saturated_share=float(share[level >= (white if clipped is None else level[clipped]) - margin].sum()),
             black_share=float(share[level <= margin].sum()),
             lowest_grey=int(level[low]),
-            highest_grey=int(level[high]),
+            highest_grey=int(ends[high + 1]) - 1,
             max_grey=white,
+            exceeds_max_grey=self._bits.bit_length() > white.bit_length(),
             empty_low_bits=(self._bits & -self._bits).bit_length() - 1 if self._bits else 0,
             missing_levels_share=gaps if gaps >= MIN_MISSING_LEVELS_SHARE else 0.0,
             lit=lit,

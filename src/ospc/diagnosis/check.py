@@ -15,7 +15,7 @@ from ospc.exposures.brightness_report import BrightnessReport
 from ospc.exposures.findings import ExposureFindings
 from ospc.exposures.lag_choice import LagChoice
 from ospc.exposures.tone_mapping import NO_LOCAL_TONE, LocalTone
-from ospc.frame_checks import skipped_in_words
+from ospc.frame_checks import clipped_in_words, skipped_in_words
 from ospc.recording.frame import Frame
 from ospc.recording.recording import Recording
 from ospc.settings.diagnosis import DARK_CORNER_SHARE, MANY_CLIPPED_SHARE, SLOWEST_VIDEO_S, WEAK_SLOPE
@@ -145,11 +145,7 @@ def _about_tone(tone: LocalTone | None) -> Iterator[str]:
 
 
 def _about_pixels(pixels: PixelReport) -> Iterator[str]:
-    if pixels.saturated_share > MANY_CLIPPED_SHARE:
-        yield f"{pixels.saturated_share:.0%} of all pixels are saturated; use shorter exposures or less light"
-    black = pixels.black_share - pixels.surround_share
-    if black > MANY_CLIPPED_SHARE:
-        yield f"{black:.0%} of all pixels are black; use longer exposures or more light"
+    yield from clipped_in_words(pixels, MANY_CLIPPED_SHARE)
     if pixels.surround == "disc":
         yield (
             f"the image is a disc surrounded by black ({pixels.surround_share:.0%} of the image), as with a fisheye "

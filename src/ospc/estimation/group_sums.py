@@ -46,8 +46,8 @@ class GroupSums:
 
     @property
     def _divisor(self) -> FloatArray:
-        """The precision, not zero for a group without points."""
-        return np.maximum(self.precision, 1e-300)
+        """The precision, not zero for a group without points, and such that products of its reciprocal are finite."""
+        return np.maximum(self.precision, 1e-100)
 
     @cached_property
     def within(self) -> GroupSums:

@@ -20,7 +20,7 @@ from ospc.exposures.tone_mapping import NO_LOCAL_TONE, LocalTone, local_tone
 from ospc.exposures.verdicts import CHANGE_IRREGULARLY, either, verdict_on, verdict_on_lag
 from ospc.exposures.wrong_exposures import in_words, wrong_exposures
 from ospc.photometry.coverage import ExposureRatios
-from ospc.photometry.verdict import LATE_EXPOSURES, EffectEstimate, Verdict
+from ospc.photometry.verdict import LATE_EXPOSURES, EffectEstimate, State, Verdict
 from ospc.settings.brightness import (
     EXPLAINED_POINTS,
     MIN_STALE_PAIRS,
@@ -101,9 +101,11 @@ class ExposureFindings:
 
     def limited(self, verdict: Verdict) -> Verdict:
         """Return a verdict on response or vignette, lowered to marginal if the exposures are unreliable."""
-        if not self.warnings or not verdict.known:
+        misplaced = self.lag.frames is not None and self.lag.frames != self.corrected_frames
+        if not self.warnings or not (verdict.known or misplaced):
             return verdict
-        return Verdict("marginal", "; ".join([verdict.reason, *self.warnings]), self.verdict.remedy)
+        state: State = "marginal" if verdict.known else verdict.state
+        return Verdict(state, "; ".join([verdict.reason, *self.warnings]), self.verdict.remedy)
 
     def refuted_by(self, effects: Iterable[EffectEstimate]) -> bool:
         """Return whether a fit to the corrected exposures shows that they were right as recorded."""
@@ -260,7 +262,8 @@ def _as_stated(found: ExposureFindings, lag: int) -> ExposureFindings:
     if not is_open or (found.lag.candidates and lag not in found.lag.candidates):
         return found
     whose = "belong to their frames" if lag == 0 else f"are recorded {lag_in_words(lag)}"
-    reason = f"exposures {whose}, as stated; the images do not contradict this"
+    checked = "do not contradict this" if found.brightness is not None else "are too few or too different to check it"
+    reason = f"exposures {whose}, as stated; the images {checked}"
     return replace(found, verdict=Verdict("identifiable", reason), question="")
 
 
@@ -280,18 +283,18 @@ def _assess_shifted(series: BrightnessSeries, written: FloatArray, lag: int) -> 
     """Assess the exposures shifted by a lag; the estimated lag refers to the exposures as recorded."""
     first, last = max(0, -lag), len(written) - max(0, lag)
     inside = series.with_exposures(len(written), 0, lag).renumbered(-first)
-    found = _assess(inside, written[first + lag : last + lag])
-    candidates = tuple(candidate + lag for candidate in found.lag.candidates)
-    return replace(found, lag=replace(found.lag, candidates=candidates, frame=found.lag.frame + first))
+    found = _assess(inside, written[first + lag : last + lag], lag)
+    return replace(found, lag=replace(found.lag.plus(lag), frame=found.lag.frame + first))
 
 
-def _assess(series: BrightnessSeries, written: FloatArray) -> ExposureFindings:
+def _assess(series: BrightnessSeries, written: FloatArray, moved: int = 0) -> ExposureFindings:
+    """Assess exposures that were moved by a number of frames."""
     recorded = ExposureReport.of(written)
     lag = estimate_lag(series, written)
     brightness = brightness_report(lag, written)
     few = brightness is None and len(written) < MIN_CHECKED_FRAMES
     inverse_share = explained_by_inverse(lag, series, written)
-    verdict = verdict_on(recorded, lag, brightness, len(written), inverse_share)
+    verdict = verdict_on(recorded, lag, brightness, len(written), inverse_share, moved=moved)
     late = bool(lag.candidates) and 0 not in lag.candidates
     contradicted = not verdict.known or late or (brightness is not None and brightness.fits_badly)
     warnings = (verdict.reason,) if contradicted and not few else ()

@@ -20,6 +20,7 @@ from ospc.settings.lag import (
     LONG_INTERVALS_FRAMES,
     MAX_FLICKER_CANDIDATES,
     MAX_FLICKERS,
+    MAX_FOLLOWING_CHANGE_LOG,
     MAX_LAG,
     MAX_LONG_INTERVAL_DEFICIT,
     MAX_SWINGING_EXPOSURE_LOG,
@@ -165,7 +166,9 @@ def _over_long_intervals(first: LagEstimate, tried: LagHypotheses, series: Brigh
     estimates = [e for e in (_over(frames, pairs, tried) for frames in LONG_INTERVALS_FRAMES) if e is not None]
     agreed = next((estimate for estimate in estimates if _agree(first, estimate)), None)
     chosen = agreed
-    if chosen is None and first.state in UNRESPONSIVE:
+    # Flicker or errors of the metadata may hide small changes of the exposure from frame to frame, but no large ones.
+    hidden = first.state in UNRESPONSIVE and tried.change_rms < MAX_FOLLOWING_CHANGE_LOG
+    if chosen is None and hidden:
         chosen = next((estimate for estimate in estimates if estimate.state not in UNRESPONSIVE), None)
     if chosen is None:
         return first

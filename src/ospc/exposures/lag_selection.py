@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -94,6 +94,10 @@ class LagEstimate(ByValue):
         """Number of pairs of consecutive frames used."""
         return len(self.frame)
 
+    def plus(self, frames: int) -> LagEstimate:
+        """Return the estimate with the candidates relative to exposures that were moved by a number of frames."""
+        return replace(self, candidates=tuple(lag + frames for lag in self.candidates))
+
     def correction(self, cycle_frames: int | None) -> int | None:
         """Return the lag to correct exposures by; None if it is not certain.
 
@@ -148,6 +152,11 @@ class LagHypotheses:
     def max_log_likelihood(self) -> float:
         """Log likelihood of the most likely lag."""
         return self.fits[self.best].total
+
+    @property
+    def change_rms(self) -> float:
+        """Root mean square change of ln exposure of the pairs, at the lag at which it is smallest."""
+        return float(np.sqrt(np.mean(self.changes**2, axis=1)).min())
 
     def index_of(self, lag: int) -> int:
         """Return the index of a lag."""
@@ -236,8 +245,7 @@ def _unresponsive(tried: LagHypotheses, best: int, without: LagFit) -> LagState 
     explained_share = 1 - tried.fits[best].unexplained_share  # NaN if brightness does not change
     if advantage >= tried.min_lead and (tried.flickers or explained_share >= MIN_EXPLAINED_SHARE):
         return None
-    smallest_change_rms = float(np.sqrt(np.mean(tried.changes**2, axis=1)).min())
-    lost_in_noise = FLAT_RESPONSE_SLOPE * smallest_change_rms < without.scale
+    lost_in_noise = FLAT_RESPONSE_SLOPE * tried.change_rms < without.scale
     return "changes too small" if lost_in_noise else "no response to exposure"
 
 

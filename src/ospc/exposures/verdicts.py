@@ -35,6 +35,8 @@ def verdict_on(
     brightness: BrightnessReport | None,
     frames: int,
     inverse_share: float,
+    *,
+    moved: int = 0,
 ) -> Verdict:
     """Return the verdict on the exposures of a recording.
 
@@ -46,6 +48,8 @@ def verdict_on(
         Number of frames of the recording.
     inverse_share
         Share of the brightness changes that the inverse of the exposures explains.
+    moved
+        Number of frames by which the exposures were moved before, positive if they were recorded late.
     """
     if brightness is None and frames < MIN_CHECKED_FRAMES:
         few = f"the recording has only {counted(frames, 'frame')}, too few to check whether exposures belong to them"
@@ -58,7 +62,7 @@ def verdict_on(
         return contradiction
     if lag.state == "constant exposure":
         return Verdict("identifiable", f"the exposure is constant at {recorded.in_words()}, and the images agree")
-    return verdict_on_lag(recorded, lag, _explained(brightness))
+    return verdict_on_lag(recorded, lag, _explained(brightness), moved)
 
 
 def _contradiction(
@@ -101,14 +105,19 @@ def _explained(brightness: BrightnessReport) -> str:
     return f"{f'{share:.0%}' if round(share, 2) > 0 else few} of the brightness changes"
 
 
-def verdict_on_lag(recorded: ExposureReport, lag: LagEstimate, explained: str) -> Verdict:
-    """Return the verdict on exposures that agree with the images, given in words what they explain."""
+def verdict_on_lag(recorded: ExposureReport, lag: LagEstimate, explained: str, moved: int = 0) -> Verdict:
+    """Return the verdict on exposures that agree with the images, given in words what they explain.
+
+    The lag is that of exposures that were ``moved`` by a number of frames before.
+    """
     certain = lag.correction(recorded.cycle_frames)
     if certain is None:
-        return _unknown_lag(recorded, lag)
+        return _unknown_lag(recorded, lag.plus(moved))
     if certain:
-        late = f"exposures are recorded {lag_in_words(certain)}; once moved to their frames, they explain {explained}"
-        return Verdict("marginal", late, f"leave --correct-lag at auto, or set it to {certain}")
+        late = certain + moved
+        text = f"exposures are recorded {lag_in_words(late)}" if late else "exposures are recorded with their frames"
+        text += f"; once moved {'' if late else 'back '}to their frames, they explain {explained}"
+        return Verdict("marginal", text, f"set --correct-lag to {late}")
     text = "exposures belong to their frames"
     if lag.frames is None:
         text += f", or to others with the same exposure, because they repeat every {recorded.cycle_frames} frames"

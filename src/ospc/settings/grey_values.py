@@ -100,6 +100,10 @@ BLACK_PLACE_LEVEL = 0.045
 """Grey level of a thumbnail below which a point is black: stray light, noise and a black level of a few grey values
 stay below it."""
 
+MOST_CLIPPED_SHARE = 0.9
+"""Share of black or saturated pixels above which no recording like it can be used, so that nothing else needs to be
+advised. Chosen by hand."""
+
 USED_SHARE = 0.25
 """Highest grey value, relative to the largest one stated for a sensor of more than 8 bits, up to which that statement
 is doubted: two bits or more are unused."""

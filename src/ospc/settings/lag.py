@@ -114,7 +114,8 @@ auto exposure keeps it below one; changes that share the period by chance have l
 MAX_FOLLOWING_CHANGE_LOG = 0.4
 """Largest standard deviation of fast changes of ln exposure that follow a flicker: auto exposure follows only part of
 a lamp's flicker, which seldom exceeds 0.2. The brackets of five clean recordings had 0.8 to 1.6. What the linear
-model of brightness left unexplained at their period was taken for flicker."""
+model of brightness left unexplained at their period was taken for flicker. If larger changes from frame to frame do
+not show in the images, the exposures are wrong, whatever changes over several frames show."""
 
 # The search for the lag (ospc.exposures.lag)
 
