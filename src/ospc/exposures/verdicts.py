@@ -26,7 +26,9 @@ _GIVE_TIMES = (
     "give exposure times, not their inverses: 1/250 s is 4 ms, not 250; if they are times, record the gain as well"
 )
 _SLOWER = "record a well-exposed scene with uniform surfaces and some texture, and move slowly"
-_MORE_FRAMES = "record at least sixty consecutive frames"
+_MORE_FRAMES = (
+    "record at least sixty consecutive frames; if the exposures surely belong to these images, set --correct-lag to 0"
+)
 
 
 def verdict_on(

@@ -98,7 +98,7 @@ class FitInputs:
         overlay = _OVERLAY.format(share=100 * self.overlay_share) if self.overlay_share else ""
         wrong = _MISREGISTERED.format(pairs=counted(self.misregistered, "pair")) if self.misregistered else ""
         inter_coded = _INTER_CODED if self.inter_coded else ""
-        return tuple(filter(None, [self.grey_range.note, overlay, wrong, inter_coded]))
+        return tuple(filter(None, [self.grey_range.note(self.max_grey), overlay, wrong, inter_coded]))
 
     @cached_property
     def ratios(self) -> ExposureRatios:

@@ -36,16 +36,16 @@ class GreyRange:
         """Whether both ends are the same within the uncertainty of scattered values."""
         return max(abs(self.black - other.black), abs(self.white - other.white)) < _UNCERTAINTY
 
-    @property
-    def in_words(self) -> str:
-        """Black and white as text, such as "16 and 235 of 255"."""
-        return f"{round(255 * self.black)} and {round(255 * self.white)} of 255"
+    def in_words(self, max_grey: int) -> str:
+        """Return black and white as grey values, such as "16 and 235 of 255"."""
+        return f"{round(max_grey * self.black)} and {round(max_grey * self.white)} of {max_grey}"
 
-    @property
-    def note(self) -> str:
-        """A sentence about the range; empty if it is full."""
+    def note(self, max_grey: int) -> str:
+        """Return a sentence about the range in grey values; empty if it is full."""
         ends = (("black", self.black, 0.0), ("white", self.white, 1.0))
-        found = [f"{round(255 * level)} of 255 for {name}" for name, level, usual in ends if level != usual]
+        found = [
+            f"{round(max_grey * level)} of {max_grey} for {name}" for name, level, usual in ends if level != usual
+        ]
         return f"the range of grey values is limited: assuming {' and '.join(found)}" if found else ""
 
     def stretched_noise(self, noise: NoiseModel) -> NoiseModel:

@@ -134,7 +134,7 @@ def why_unlike(one: Summary, other: Summary) -> str:
     elif one.max_grey != other.max_grey:
         what, first, second = "for white", str(one.max_grey), str(other.max_grey)
     elif not one.grey_range.resembles(other.grey_range):
-        what, first, second = "for black and white", one.grey_range.in_words, other.grey_range.in_words
+        what, (first, second) = "for black and white", (s.grey_range.in_words(s.max_grey) for s in (one, other))
     else:
         return ""
     return f"{one.name} has {first} {what}, {other.name} {second}"
