@@ -94,3 +94,11 @@ def test_an_end_that_hardly_any_value_reaches_is_none():
     frame = Frame.of_array(image, 1.0, index=0)
     statistics.observe(frame, preprocessor().thumbnail(frame))
     assert statistics.grey_range == FULL_RANGE
+
+
+def test_a_limited_range_is_stated_in_the_grey_values_of_the_camera() -> None:
+    limited = GreyRange(16 / 255, 235 / 255)
+    assert limited.note(255).endswith("assuming 16 of 255 for black and 235 of 255 for white")
+    assert limited.note(4095).endswith("assuming 257 of 4095 for black and 3774 of 4095 for white")
+    assert GreyRange(white=0.5).note(4095).endswith("assuming 2048 of 4095 for white")
+    assert not FULL_RANGE.note(4095)
