@@ -133,6 +133,13 @@ class TestRefusals:
         OutputFolder.at(tmp_path).write(calibration(response=False))
         assert names(tmp_path) == ["calibration.json", "notes.txt", "vignette.png"]
 
+    def test_a_foreign_folder_with_the_name_of_that_for_partial_results_is_refused(self, tmp_path):
+        OutputFolder.at(tmp_path).write(calibration())
+        (tmp_path / "partial").mkdir()
+        (tmp_path / "partial" / "thesis.txt").write_text("mine")
+        with pytest.raises(SettingError, match="partial in it is not from an earlier calibration"):
+            OutputFolder.at(tmp_path, force=True)
+
     @pytest.mark.parametrize("inside", [".", "images"])
     def test_a_recording_is_never_written_into(self, tmp_path, inside):
         (tmp_path / "images").mkdir()

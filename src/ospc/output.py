@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -29,10 +29,14 @@ from ospc.state.container import STATE_NAME
 
 _SCHEMA_BEGINNING = "ospc-calibration/"
 _MAP = "calibration.vignette.npz"
-_DATA = ("calibration.json", _MAP, *PARAMETER_FILES, "times.txt")
+_CALIBRATION = "calibration.json"
+_DATA = (_CALIBRATION, _MAP, *PARAMETER_FILES, "times.txt")
 REPORTS = ("report.html", "report.pdf")
 OWN_NAMES = (*_DATA, *PICTURES, *REPORTS)
 """All files that are ever written to an output folder; no other files in it are touched."""
+
+_PARTIAL = "partial"
+"""Folder inside an output folder for a partial result, if a complete one must be kept."""
 
 
 @dataclass(frozen=True)
@@ -67,9 +71,13 @@ class Times(Protocol):
 
 @dataclass(frozen=True)
 class OutputFolder:
-    """A folder checked by :meth:`at` to be writable; it need not exist yet."""
+    """A folder checked by :meth:`at` to be writable; it need not exist yet.
+
+    ``kept`` is the folder with a complete result instead of which a partial one is written here; None otherwise.
+    """
 
     path: Path
+    kept: Path | None = None
 
     @classmethod
     def at(cls, path: str | Path, *, recording: Path | None = None, force: bool = False) -> OutputFolder:
@@ -88,6 +96,26 @@ class OutputFolder:
         check_usable(place, recording, _content, force=force)
         return cls(place)
 
+    @property
+    def for_partial_results(self) -> OutputFolder:
+        """The folder for the state and the result of an unfinished run, which never replace a complete result."""
+        complete = json_object(self.path / _CALIBRATION).get("partial") is False
+        return OutputFolder(self.path / _PARTIAL, kept=self.path) if complete else self
+
+    def remove_partial(self) -> None:
+        """Remove the state and the result of an unfinished run, which a complete result replaces."""
+        inner = OutputFolder(self.path / _PARTIAL)
+        if inner.path.is_dir():
+            inner._remove_earlier()
+            with suppress(OSError):
+                (inner.path / STATE_NAME).unlink(missing_ok=True)
+                inner.path.rmdir()
+
+    def create(self) -> None:
+        """Create the folder if it does not exist; FormatError if that fails."""
+        with os_error_as(FormatError, f"{self.path}: the folder cannot be created"):
+            self.path.mkdir(parents=True, exist_ok=True)
+
     def write(self, calibration: Calibration, times: Times | None = None) -> Written:
         """Write the files for programs, and times.txt if ``times`` are given, and remove all files of an earlier run.
 
@@ -100,12 +128,13 @@ class OutputFolder:
         FormatError
             If calibration.json, which comes first, cannot be written. An earlier output is then unchanged.
         """
-        with os_error_as(FormatError, f"{self.path}: the folder cannot be created"):
-            self.path.mkdir(parents=True, exist_ok=True)
-        first = [calibration.save(self.path / "calibration.json")]
+        self.create()
+        first = [calibration.save(self.path / _CALIBRATION)]
         if isinstance(calibration.vignette, RasterVignette):
             first.append(self.path / _MAP)
         written = Written(tuple(first)) + self._remove_earlier(keep=first)
+        if self.kept is not None:
+            written += Written(notes=(f"{self.kept} keeps its complete result; the partial one is in {self.path}",))
         response, vignette, caveat = calibration.response, calibration.vignette, calibration.caveat
         writers = [*parameter_files(response, vignette, calibration.max_grey, caveat)]
         if times is not None:
@@ -175,7 +204,7 @@ class OutputFolder:
 
         return _collected(reports(), f"{self.path}: the report cannot be written")
 
-    def _remove_earlier(self, keep: list[Path]) -> Written:
+    def _remove_earlier(self, keep: Sequence[Path] = ()) -> Written:
         problems = []
         for place in (self.path / name for name in OWN_NAMES):
             if place not in keep:
@@ -203,6 +232,9 @@ def _content(place: Path) -> Content:
     for name in OWN_NAMES:
         if (place / name).is_dir():
             return Content(f"{name} is a folder, but a file must be written there", "never")
+    inner = place / _PARTIAL
+    if inner.exists() and not (inner.is_dir() and _is_earlier_output(inner)):
+        return Content(f"{_PARTIAL} in it is not from an earlier calibration", "never")
     if _is_earlier_output(place):
         return Content("contains an earlier calibration", "always")
     return Content("contains files that are not from an earlier calibration", "with force")
@@ -212,4 +244,4 @@ def _is_earlier_output(place: Path) -> bool:
     # A killed run leaves only its state.
     if all(entry.name == STATE_NAME for entry in place.iterdir()):
         return True
-    return str(json_object(place / "calibration.json").get("schema")).startswith(_SCHEMA_BEGINNING)
+    return str(json_object(place / _CALIBRATION).get("schema")).startswith(_SCHEMA_BEGINNING)

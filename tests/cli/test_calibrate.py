@@ -93,6 +93,10 @@ def names(folder):
     return sorted(path.name for path in folder.iterdir())
 
 
+def contents(folder):
+    return {path.name: path.read_bytes() for path in folder.iterdir() if path.is_file()}
+
+
 def stored(folder):
     return json.loads((folder / "calibration.json").read_text())
 
@@ -283,6 +287,21 @@ class TestFailures:
         summary = json.loads(result.stdout)
         assert (summary["exit_code"], summary["partial"]) == (1, True)
         assert "the disk is gone" in summary["error"]
+
+    def test_a_failed_run_keeps_a_complete_result_and_says_where_the_partial_one_is(
+        self, recording, tmp_path, method
+    ):
+        out = tmp_path / "out"
+        run(recording, "-o", out)
+        before = contents(out)
+        method.at_frame = {7: OSError("the disk is gone")}
+        result = run(recording, "-o", out)
+        assert contents(out) == before
+        assert stored(out / "partial")["partial"] is True
+        assert f"written to {out / 'partial'}: calibration.json" in result.stdout
+        assert f"{out} keeps its complete result; the partial one is in {out / 'partial'}" in result.output.replace(
+            "\n", " "
+        )
 
     def test_a_failing_estimate_is_a_one_line_error_and_keeps_an_earlier_output(self, recording, tmp_path, method):
         run(recording, "-o", tmp_path / "out")

@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import json
+import os
 import re
+import shutil
+import signal
 import subprocess
 import sys
+import threading
 import time
 from functools import partial
 
@@ -15,6 +19,7 @@ from command_line import leave_out, ospc
 from ospc.calibrator import OnlineCalibrator
 from ospc.cli.calibration_run import Checkpoints
 from ospc.errors import SettingError
+from ospc.output import OutputFolder
 from ospc.photometry.calibration import Calibration
 from ospc.pooling.pool import Pool
 from ospc.simulation import SimulationSettings, simulate
@@ -52,6 +57,10 @@ def recording(tmp_path_factory):
 run = partial(ospc, "calibrate")
 
 
+def contents(folder):
+    return {path.name: path.read_bytes() for path in folder.iterdir() if path.is_file()}
+
+
 @pytest.mark.parametrize(("every_s", "expected"), [(0.01, 3), (None, 1)])
 def test_a_stated_interval_between_checkpoints_is_kept_even_if_saving_is_slow(
     tmp_path, monkeypatch, every_s, expected
@@ -63,7 +72,7 @@ def test_a_stated_interval_between_checkpoints_is_kept_even_if_saving_is_slow(
         saved.append(None)
 
     monkeypatch.setattr(Checkpoints, "save", save)
-    checkpoints = Checkpoints(tmp_path, every_s)
+    checkpoints = Checkpoints(OutputFolder(tmp_path), every_s)
     for _ in range(3):
         checkpoints.after_frame(None)
         time.sleep(0.02)
@@ -100,6 +109,40 @@ def test_a_killed_and_resumed_run_gives_the_same_bytes(recording, uninterrupted,
     for name in ("calibration.json", "state.ospc", "pcalib.txt"):
         assert (out / name).read_bytes() == (uninterrupted / name).read_bytes()
     assert not list(out.glob(".*"))
+
+
+@pytest.mark.skipif(
+    threading.current_thread() is not threading.main_thread(), reason="signals reach only the main thread"
+)
+def test_an_interrupted_repetition_keeps_the_complete_result_and_can_be_resumed(
+    recording, uninterrupted, tmp_path, monkeypatch
+):
+    out = tmp_path / "out"
+    shutil.copytree(uninterrupted, out)
+
+    def interrupted(_checkpoints, calibrator):
+        if calibrator.frames == 20:
+            os.kill(os.getpid(), signal.SIGINT)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Checkpoints, "after_frame", interrupted)
+        assert run(recording, "-o", out, *QUICK).exit_code == 130
+    assert contents(out) == contents(uninterrupted)
+    assert Calibration.load(out / "partial").counts["frames"] == 20
+    assert OnlineCalibrator.load_state(out / "partial" / "state.ospc").frames == 20
+
+    result = run(recording, "-o", out, *QUICK, "--resume")
+    assert "continuing after frame 20" in result.stderr + result.stdout
+    assert contents(out) == contents(uninterrupted)
+    assert not (out / "partial").exists()
+
+
+def test_checkpoints_of_a_repetition_do_not_replace_the_state_of_a_complete_result(uninterrupted, tmp_path):
+    out = tmp_path / "out"
+    shutil.copytree(uninterrupted, out)
+    Checkpoints(OutputFolder(out)).save(OnlineCalibrator("default"))
+    assert contents(out) == contents(uninterrupted)
+    assert (out / "partial" / "state.ospc").is_file()
 
 
 def test_a_state_can_be_merged(uninterrupted):

@@ -162,7 +162,7 @@ def test_an_interruption_at_the_second_camera_keeps_the_first_and_removes_the_ea
     def calibrated(request: object, _opened: object) -> dict[str, object]:
         if Path(request.out).name != "cam0":  # type: ignore[attr-defined]
             raise KeyboardInterrupt
-        return {"exit_code": 0, "error": None, "out": "cam0"}
+        return {"exit_code": 0, "error": None, "out": str(request.out)}  # type: ignore[attr-defined]
 
     monkeypatch.setattr("ospc.cli.calibrate._calibrate_one", calibrated)
     out = tmp_path / "out"
@@ -172,3 +172,20 @@ def test_an_interruption_at_the_second_camera_keeps_the_first_and_removes_the_ea
     assert result.exit_code == 130
     assert "no result was written for cam" in result.stderr
     assert not (out / "rig.json").exists()
+
+
+def test_partial_results_beside_complete_ones_have_no_part_in_the_scale_and_keep_the_earlier_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def calibrated(request: object, _opened: object) -> dict[str, object]:
+        return {"exit_code": 1, "error": "no", "out": str(request.out / "partial")}  # type: ignore[attr-defined]
+
+    scaled: list[str] = []
+    monkeypatch.setattr("ospc.cli.calibrate._calibrate_one", calibrated)
+    monkeypatch.setattr("ospc.cli.calibrate.add_rig_scale", lambda _out, cameras, **_how: scaled.extend(cameras))
+    out = tmp_path / "out"
+    out.mkdir()
+    (out / "rig.json").write_text("{}")
+    CliRunner().invoke(cli, ["calibrate", str(euroc(tmp_path / "made")), "-o", str(out), "--all-cameras"])
+    assert not scaled
+    assert (out / "rig.json").exists()

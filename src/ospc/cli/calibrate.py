@@ -57,7 +57,8 @@ class _Request:
     recording does not determine are not written, and the output explains why. OUT/state.ospc is the input of --resume
     and 'ospc merge'.
 
-    Ctrl-C ends the run early; the result so far is written and marked partial.
+    Ctrl-C ends the run early; the result so far is written and marked partial. If OUT has a complete result, that is
+    kept, and the partial one is in OUT/partial.
     """
 
     interruption: Interruption
@@ -235,7 +236,7 @@ def _calibrate_one(request: _Request, opened: Callable[[], Recording]) -> dict[s
         settings,
         result,
         Checkpoints(
-            request.out,
+            result.folder,
             request.checkpoint_s,
             resume=request.resume,
             prior=prior,
@@ -256,7 +257,7 @@ def _guess(request: _Request, truth: Photometry | None) -> dict[str, Any]:
 
     images, max_grey = single_images(request.path, request.reading.kind, request.reading.options)
     calibration = replace(calibrate_single_images(images, max_grey), source={"name": request.path.name})
-    content = request.result(truth).take(CalibrationOutcome(calibration), lambda: (Written(), [calibration.caveat]))
+    content = request.result(truth).take(CalibrationOutcome(calibration), lambda _: (Written(), [calibration.caveat]))
     return content | {"rests_on": calibration.rests_on}
 
 
@@ -270,8 +271,9 @@ def _calibrate_rig(request: _Request) -> int:
         try:
             with leaving(f"no result was written for {name}"):
                 contents[name] = _calibrate_one(request.of_camera(name), opened)
-            with suppress(OSError):  # that of an earlier run belongs to other calibrations
-                (request.out / RIG_NAME).unlink()
+            if _is_in_its_folder(contents[name], request, name):
+                with suppress(OSError):  # that of an earlier run belongs to other calibrations
+                    (request.out / RIG_NAME).unlink()
         except OspcError as error:
             contents[name] = {"exit_code": FAILED, "error": str(error)}
         if contents[name]["error"]:
@@ -283,8 +285,9 @@ def _calibrate_rig(request: _Request) -> int:
     scale = None
     if len(cameras) > 1 and not request.interruption.requested:
         try:
-            # The folder of a camera that failed may contain an earlier calibration.
-            written = {name: opened for name, opened in cameras.items() if "out" in contents[name]}
+            written = {
+                name: opened for name, opened in cameras.items() if _is_in_its_folder(contents[name], request, name)
+            }
             with leaving("the calibrations were written, but no relative irradiance scale"):
                 scale = add_rig_scale(request.out, written, prints_text=request.prints_text)
         except OspcError as error:  # the calibrations are valid without the scale
@@ -293,3 +296,8 @@ def _calibrate_rig(request: _Request) -> int:
     if request.as_json:
         print_json({"exit_code": code, "cameras": contents, "relative_scale": scale})
     return code
+
+
+def _is_in_its_folder(content: dict[str, Any], request: _Request, name: str) -> bool:
+    """Return whether the folder of a camera has this result: after a failure, it may have an earlier one."""
+    return content.get("out") == str(request.out / name)

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from functools import cache, partial
+from pathlib import Path
 from typing import Any, TypeAlias
 
 from ospc.cli.interruption import Interruption
@@ -106,16 +108,29 @@ class ResultFolder:
         """Whether to print more than errors and warnings."""
         return not (self.quiet or self.as_json)
 
-    def take(self, outcome: CalibrationOutcome, saved: Callable[[], Saved]) -> dict[str, Any]:
+    def take(self, outcome: CalibrationOutcome, save: Callable[[Path], Saved]) -> dict[str, Any]:
         """Write the folder, print the result, and return it as JSON-compatible values.
 
-        ``saved`` waits for the state.
+        ``save`` writes the state into the folder that it is given. A partial result never replaces a complete one.
         """
+        folder = self.folder.for_partial_results if outcome.calibration.partial else self.folder
+        content = replace(self, folder=folder)._taken(outcome, save)
+        if not content["partial"]:
+            self.folder.remove_partial()
+        return content
+
+    def _taken(self, outcome: CalibrationOutcome, save: Callable[[Path], Saved]) -> dict[str, Any]:
         with self.interruption.held():
-            with progress_line(quiet=self.quiet) as show_writing:
+            self.folder.create()
+            with (
+                progress_line(quiet=self.quiet) as show_writing,
+                ThreadPoolExecutor(1, "ospc-state") as second,
+            ):
                 show_writing("writing", 0, 0)
+                # In parallel: most of it is compression, which releases the interpreter.
+                saving = second.submit(save, self.folder.path)
                 outcome, written = self._written(outcome)
-            state, notes = saved()
+            state, notes = saving.result()
             written += state
             comparison = self._compared(outcome.calibration)
             if not self.quiet:

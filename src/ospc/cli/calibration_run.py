@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,7 @@ from ospc.cli.calibration_result import CalibrationOutcome, ResultFolder, Saved
 from ospc.cli.terminal import progress_line, say, say_notes, spreads_in_words
 from ospc.errors import FormatError, OspcError, SettingError, counted, one_line
 from ospc.exposures.lag_choice import LagChoice
-from ospc.output import Written
+from ospc.output import OutputFolder, Written
 from ospc.pooling.prior_calibration import PriorCalibration
 from ospc.recording import Frame, Recording
 from ospc.report.drawing import drawing_process
@@ -34,20 +34,23 @@ _SAME = ("frames", "size", "frames_sha256", "images_sha256")
 class Checkpoints:
     """Writes the state of one run into its output folder, if it is ``wanted`` and the method has a state.
 
+    Before the end of the run, it does not replace the state of a complete result.
+
     It is written every ``every_s`` seconds, or after every frame for 0; by default, as often as is cheap. ``resume``
     continues from an existing one. ``prior`` is an earlier calibration of the camera.
     """
 
     def __init__(
         self,
-        folder: Path,
+        folder: OutputFolder,
         every_s: float | None = None,
         *,
         resume: bool = False,
         prior: PriorCalibration | None = None,
         wanted: bool = True,
     ) -> None:
-        self.place = folder / STATE_NAME
+        self.place = folder.for_partial_results.path / STATE_NAME
+        self._before = self.place if self.place.exists() else folder.path / STATE_NAME
         self._notes: list[str] = []
         self._resume, self._prior, self._kept = resume, prior, wanted
         self._throttle = Throttle(_EVERY_S, _LARGEST_SHARE) if every_s is None else Throttle(every_s, math.inf)
@@ -66,10 +69,10 @@ class Checkpoints:
                 name = calibrator.settings.name
                 raise SettingError(f"--resume: preset {name} has no checkpoints; leave --resume out")
             return calibrator
-        if self._resume and self.place.exists():
+        if self._resume and self._before.exists():
             calibrator = self._loaded(calibrator)
         elif self._resume:
-            self._notes.append(f"{self.place.parent} contains no checkpoint yet: starting with the first frame")
+            self._notes.append(f"{self._before.parent} contains no checkpoint yet: starting with the first frame")
         calibrator.prior = self._prior
         return calibrator
 
@@ -79,11 +82,12 @@ class Checkpoints:
             with self._throttle.timed():
                 self.save(calibrator)
 
-    def at_the_end(self, calibrator: OnlineCalibrator) -> Saved:
-        """Save the final state, with the summary needed for merging, or remove that of an earlier run.
+    def at_the_end(self, calibrator: OnlineCalibrator, folder: Path) -> Saved:
+        """Save the final state in a folder, with the summary needed for merging, or remove that of an earlier run.
 
         Return the files written, and all notes on the state of this run.
         """
+        self.place = folder / STATE_NAME
         self.save(calibrator, complete=True)
         if not self._kept:
             with suppress(OSError):
@@ -103,11 +107,11 @@ class Checkpoints:
             self._notes.append(f"no state was saved: {error}")
 
     def _loaded(self, new: OnlineCalibrator) -> OnlineCalibrator:
-        found = OnlineCalibrator.load_state(self.place)
+        found = OnlineCalibrator.load_state(self._before)
         start_anew = "omit --resume to start again"
         if [found.source.get(name) for name in _SAME] != [new.source.get(name) for name in _SAME]:
             name = found.source.get("name", "a live camera")
-            raise SettingError(f"{self.place}: belongs to another recording ({name}); {start_anew}")
+            raise SettingError(f"{self._before}: belongs to another recording ({name}); {start_anew}")
         if (found.settings, found.correct_lag) != (new.settings, new.correct_lag):
             before = as_dict(found.settings)
             changed = [
@@ -117,8 +121,8 @@ class Checkpoints:
             ]
             if found.correct_lag != new.correct_lag:
                 changed.append(f"--correct-lag {found.correct_lag} instead of {new.correct_lag}")
-            raise SettingError(f"{self.place}: was made with other settings ({', '.join(changed)}); {start_anew}")
-        self._notes.append(f"continuing after frame {found.frames} from {self.place}")
+            raise SettingError(f"{self._before}: was made with other settings ({', '.join(changed)}); {start_anew}")
+        self._notes.append(f"continuing after frame {found.frames} from {self._before}")
         made = {name: version for name, version in found.saved_by.items() if versions().get(name) != version}
         if made:
             names = ", ".join(f"{name} {version}" for name, version in made.items())
@@ -154,10 +158,7 @@ class CalibrationRun:
         result = replace(self.result, second=drawing_process())  # loads while frames are compared
         with self.result.interruption.deferred():
             calibrator, outcome = self._estimated()
-            with ThreadPoolExecutor(1, "ospc-state") as second:
-                # In parallel: most of it is compression, which releases the interpreter.
-                saving = second.submit(self.checkpoints.at_the_end, calibrator)
-                return result.take(outcome, saving.result)
+            return result.take(outcome, partial(self.checkpoints.at_the_end, calibrator))
 
     def _estimated(self) -> tuple[OnlineCalibrator, CalibrationOutcome]:
         """Calibrate; an interruption or a failure keeps all earlier observations."""

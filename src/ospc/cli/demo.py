@@ -58,7 +58,7 @@ def command(
             say(f"running: ospc calibrate {recording} -o {result} --truth {recording}")
         recorded, truth = open_recording(recording), open_photometry(recording)
         written = ResultFolder(folder, interruption, quiet=quiet, truth=truth)
-        run = CalibrationRun(recorded, preset("default"), written, Checkpoints(result, wanted=False))
+        run = CalibrationRun(recorded, preset("default"), written, Checkpoints(folder, wanted=False))
         code = concluded(run.calibrate(), as_json=False)
     picture = result / "figure.png"
     if not quiet and picture.exists():

@@ -143,7 +143,7 @@ def _captured(
     capture: Capture, recording: Recording | None, frames: Iterable[Frame], result: ResultFolder, *, full: bool
 ) -> dict[str, Any]:
     """Film, estimate, write and report."""
-    from ospc.cli.calibration_result import CalibrationOutcome
+    from ospc.cli.calibration_result import CalibrationOutcome, Saved
     from ospc.cli.live_view import shown
     from ospc.output import Written
     from ospc.report import style
@@ -172,12 +172,13 @@ def _captured(
         early = interruption.requested and replayed
         found = replace(found, partial=early or bool(failure))
         outcome = CalibrationOutcome(found, recording, live.first_reasons, early, failure)
-        place = result.folder.path
-        place.mkdir(parents=True, exist_ok=True)
-        state, notes = Written(), [] if replayed else list(live.status.notes)
-        try:
-            state += Written((live.save_state(place / STATE_NAME),))
-        except FormatError as error:
-            # Continue: the result matters more, because the images of a camera are not kept.
-            notes.append(f"no state was saved: {error}")
-        return result.take(outcome, lambda: (state, notes))
+        notes = [] if replayed else list(live.status.notes)
+
+        def saved(folder: Path) -> Saved:
+            try:
+                return Written((live.save_state(folder / STATE_NAME),)), notes
+            except FormatError as error:
+                # Continue: the result matters more, because the images of a camera are not kept.
+                return Written(), [*notes, f"no state was saved: {error}"]
+
+        return result.take(outcome, saved)

@@ -61,7 +61,7 @@ def command(
     notes = [f"{repeated} of {counted(len(found), 'state')} left out, because each recording counts once"]
     content = ResultFolder(folder, interruption, quiet, as_json, known).take(
         CalibrationOutcome(merged.calibration),
-        lambda: (Written((pool.save(folder.path / STATE_NAME),)), notes if repeated else []),
+        lambda place: (Written((pool.save(place / STATE_NAME),)), notes if repeated else []),
     )
     if not as_json:
         say_notes((f"{place} contains no usable observations and was left out" for place in empty), "warning")
