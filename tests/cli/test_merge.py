@@ -106,6 +106,19 @@ def test_wrong_input_is_a_one_line_error_and_writes_nothing(states, tmp_path):
     assert not (tmp_path / "out").exists()
 
 
+def test_the_folder_of_a_state_to_merge_is_refused_as_output(tmp_path):
+    for number, place in enumerate((tmp_path / "a", tmp_path / "b")):
+        place.mkdir()
+        Pool.of([summary(CAMERA, number)]).save(place / "state.ospc")
+    before = (tmp_path / "a" / "state.ospc").read_bytes()
+    for given in (tmp_path / "a", tmp_path / "a" / "state.ospc"):
+        result = run(given, tmp_path / "b", "-o", tmp_path / "b" / ".." / "a", "--force")
+        assert isinstance(result.exception, SettingError)
+        assert f"contains a state to merge, {given}; choose another folder" in str(result.exception)
+    assert (tmp_path / "a" / "state.ospc").read_bytes() == before
+    assert not (tmp_path / "a" / "calibration.json").exists()
+
+
 def test_recordings_of_the_same_name_are_distinguished_by_the_shortest_paths(tmp_path):
     folders = [tmp_path / day / "out" for day in ("monday", "tuesday", "friday")]
     for number, (folder, camera) in enumerate(zip(folders, (CAMERA, CAMERA, OTHER_LENS), strict=True)):

@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING
 from ospc.cli.interruption import Interruption
 from ospc.cli.options import AS_JSON, FORCE, QUIET, TRUTH, argument, declared, out_option
 from ospc.cli.terminal import COMPLETE, UNDETERMINED, concluded, say_notes
-from ospc.errors import FormatError, counted, listed
+from ospc.errors import FormatError, SettingError, counted, listed
 
 if TYPE_CHECKING:
+    from ospc.output import OutputFolder
     from ospc.pooling.summary import Summary
 
 
@@ -49,6 +50,7 @@ def command(
 
     known = None if truth is None else open_photometry(truth)
     folder = OutputFolder.at(out, force=force)
+    _check_kept(states, folder)
     given = [(place, _summaries(place)) for place in states]
     empty = [str(place) for place, summaries in given if not summaries]
     if len(empty) == len(given):
@@ -75,14 +77,30 @@ def _summaries(place: Path) -> Sequence[Summary]:
     from ospc.calibrator import OnlineCalibrator
     from ospc.pooling.pool import Pool
     from ospc.pooling.summary import Summary
-    from ospc.state.container import STATE_NAME, kind_of
+    from ospc.state.container import kind_of
     from ospc.state.run import KIND, load_summary
 
-    file = place / STATE_NAME if place.is_dir() else place
+    file = _file(place)
     if kind_of(file) != KIND:
         return Pool.load(file).summaries
     summary = load_summary(file, Summary) or OnlineCalibrator.load_state(file).summary()
     return [] if summary is None else [summary]
+
+
+def _check_kept(states: Sequence[Path], folder: OutputFolder) -> None:
+    """Refuse to replace the states to merge, and the calibrations beside them."""
+    replaced = {place.path.resolve() for place in (folder, folder.for_partial_results)}
+    for place in states:
+        if _file(place).resolve().parent in replaced:
+            raise SettingError(
+                f"{folder.path}: contains a state to merge, {place}; choose another folder for the output"
+            )
+
+
+def _file(place: Path) -> Path:
+    from ospc.state.container import STATE_NAME
+
+    return place / STATE_NAME if place.is_dir() else place
 
 
 def _distinctly_named(found: Sequence[tuple[Path, Summary]]) -> list[Summary]:
