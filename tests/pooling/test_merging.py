@@ -173,6 +173,28 @@ def test_without_a_majority_the_vignette_is_unknown(recordings, other_lens):
     assert found.response is not None
 
 
+def test_without_a_majority_on_the_response_nothing_is_used_and_every_verdict_says_why(recordings, other_response):
+    found = merge(Pool.of([recordings[0], other_response])).calibration
+    assert (found.response, found.vignette) == (None, None)
+    response, vignette = found.verdicts["response"], found.verdicts["vignette"]
+    assert response.reason == (
+        "2 of 2 recordings contradict the others in the response (recording 0, recording 101), and no majority agrees"
+    )
+    assert (vignette.state, vignette.reason, vignette.remedy) == (response.state, response.reason, response.remedy)
+    assert found.advice == (response.remedy,)
+    assert (found.counts["recordings"], found.counts["frames"], found.counts["samples"]) == (0, 0, 0)
+
+
+def test_counts_are_those_of_the_recordings_used(recordings, other_response):
+    alone, found = (merge(Pool.of([*recordings[:2], *more])).calibration for more in ((), (other_response,)))
+    for part in ("response", "vignette"):
+        assert "based on 2 of 3 recordings; recording 101 left out because it differs" in found.verdicts[part].reason
+    for count in ("recordings", "frames", "pairs", "samples"):
+        assert found.counts[count] == alone.counts[count]
+    assert found.counts["differing"] == 1
+    assert (alone.source["name"], found.source["name"]) == ("2 recordings", "2 of 3 recordings")
+
+
 def test_two_cameras_in_one_pool_are_distinguished(recordings, other_lens):
     others = [other_lens, *(summary(OTHER_LENS, seed) for seed in (102, 103))]
     found = merge(Pool.of([*recordings[:5], *others]))

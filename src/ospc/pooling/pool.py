@@ -15,16 +15,13 @@ from pathlib import Path
 import numpy as np
 
 from ospc.arrays import ImageSize
-from ospc.errors import FormatError, SettingError, counted
-from ospc.estimation.fit import Fit
-from ospc.methods.identifiability import response_verdict_of_fit, vignette_verdict
+from ospc.errors import FormatError, SettingError
 from ospc.methods.summary import covariance_of, vignette_sigma
 from ospc.photometry.calibration import Calibration
-from ospc.photometry.verdict import Verdict
 from ospc.pooling.agreement import Agreement, Difference, Part, agreement
 from ospc.pooling.solution import Information, solve, solve_with_chosen_vignette
 from ospc.pooling.summary import PARAMETERS, VIGNETTE_PART, Summary, joint_range, triangle_of
-from ospc.settings import DefaultSettings
+from ospc.pooling.verdicts import judged_by_agreement, response_verdict_of, used_of, vignette_verdict_of
 from ospc.settings.methods import IDENTIFIABLE_CORNER_SIGMA
 from ospc.settings.pooling import FREE_PRECISION, ROUGH_VIGNETTE_WALK
 from ospc.state import container
@@ -36,9 +33,6 @@ from ospc.versions import versions
 
 KIND, VERSION = "pool", 8
 """Kind and version that pool files declare."""
-
-_MOST_NAMED = 5
-"""Most recordings named in a reason; all are listed in the calibration's ``source``."""
 
 
 @dataclass(frozen=True)
@@ -178,10 +172,10 @@ def merge(pool: Pool, *, counts_recordings: bool = True) -> Merged:
     used = agreeing(pool, agreed)
     radius = usable_radius(used)
     fit = solve_with_chosen_vignette(Information.of(used, radius).weakened(agreed.scatter))
-    judged = partial(_judged, agreed, recordings=len(pool), counts=counts_recordings)
+    judged = partial(judged_by_agreement, agreed, recordings=len(pool), counts=counts_recordings)
     verdicts = {
-        "response": judged("response", _response_verdict(fit, used)),
-        "vignette": judged("vignette", _vignette_verdict(fit, used, pool.size, radius)),
+        "response": judged("response", response_verdict_of(fit, used)),
+        "vignette": judged("vignette", vignette_verdict_of(fit, used, pool.size, radius)),
     }
     response, vignette = verdicts["response"].known, verdicts["vignette"].known
     support = joint_range(s.support for s in used) if used else (0.0, 1.0)
@@ -198,21 +192,21 @@ def merge(pool: Pool, *, counts_recordings: bool = True) -> Merged:
         max_grey=pool.max_grey,
         converged=all(verdict.state == "identifiable" for verdict in verdicts.values()),
         counts={
-            "recordings": len(pool),
+            "recordings": len(used),
             "differing": len(agreed.differing),
-            "frames": sum(s.frames for s in pool.summaries),
-            "pairs": sum(s.pairs for s in pool.summaries),
-            "samples": sum(s.points for s in pool.summaries),
+            "frames": sum(s.frames for s in used),
+            "pairs": sum(s.pairs for s in used),
+            "samples": sum(s.points for s in used),
         },
         settings={"preset": "pooled", "scatter": agreed.scatter},
         source={
             "kind": "pool",
-            "name": names[0] if len(names) == 1 else f"{len(names)} recordings",
+            "name": names[0] if len(names) == 1 else used_of(len(used), len(names)),
             "recordings": [{"name": s.name, "key": s.key} for s in pool.summaries],
             "differing": [{"name": d.name, "key": d.key, "text": d.text} for d in agreed.differing.values()],
         },
         versions=versions(),
-        advice=tuple(verdict.remedy for verdict in verdicts.values() if verdict.remedy),
+        advice=tuple(dict.fromkeys(verdict.remedy for verdict in verdicts.values() if verdict.remedy)),
     )
     return Merged(calibration, agreed)
 
@@ -220,9 +214,11 @@ def merge(pool: Pool, *, counts_recordings: bool = True) -> Merged:
 def agreeing(pool: Pool, agreed: Agreement) -> list[Summary]:
     """Return summaries of what the recordings of a pool agree on.
 
-    Recordings whose response differs are excluded. If the vignette differs, or no majority agrees on it, a recording
-    contributes only to the response.
+    Recordings whose response differs are excluded; without a majority on the response, all are. If the vignette
+    differs, or no majority agrees on it, a recording contributes only to the response.
     """
+    if not agreed.majority["response"]:
+        return []
     used = [summary for summary in pool.summaries if not agreed.differs(summary, "response")]
     if not agreed.majority["vignette"]:
         return [_response_alone(summary) for summary in used]
@@ -266,37 +262,3 @@ def _response_alone(summary: Summary) -> Summary:
         standing_still=True,
         reach=0.0,
     )
-
-
-def _response_verdict(fit: Fit, used: Sequence[Summary]) -> Verdict:
-    if not used:
-        return Verdict("not identifiable", "")
-    range_ms = joint_range(s.exposure_range_ms for s in used)
-    return response_verdict_of_fit(fit, range_ms, float(np.median([s.unexplained for s in used])))
-
-
-def _vignette_verdict(fit: Fit, used: Sequence[Summary], size: ImageSize, radius: float) -> Verdict:
-    standing_still = bool(used) and all(s.standing_still for s in used)
-    unexplained = float(np.median([s.unexplained for s in used])) if used else 0.0
-    reach = max((s.reach for s in used), default=0.0)
-    return vignette_verdict(
-        DefaultSettings(), fit, reach, standing_still, unexplained, size=size, usable_radius=radius
-    )
-
-
-def _judged(agreed: Agreement, part: Part, verdict: Verdict, *, recordings: int, counts: bool) -> Verdict:
-    """Return the verdict, taking into account how many recordings agree; with ``counts``, it says how many."""
-    differing = [found.name for found in agreed.differing.values() if part in found.parts]
-    names = ", ".join(sorted(differing)[:_MOST_NAMED]) + (", …" if len(differing) > _MOST_NAMED else "")
-    if not agreed.majority[part]:
-        return Verdict(
-            "not identifiable",
-            f"{len(differing)} of {recordings} recordings contradict the others ({names}), and no majority agrees",
-            "merge only recordings of one camera with unchanged lens, focus and aperture",
-        )
-    if not counts:
-        return verdict
-    reason = f"{verdict.reason}, based on {recordings - len(differing)} of {counted(recordings, 'recording')}"
-    if differing:
-        reason += f"; {names} left out because it differs" if len(differing) == 1 else f"; {names} left out"
-    return replace(verdict, reason=reason)

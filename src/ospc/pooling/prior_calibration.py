@@ -78,7 +78,7 @@ class PriorCalibration:
         """Joint summary of the recordings that agree, as if they were one recording; None without a majority."""
         agreed = agreement(self.pool.summaries)
         used = agreeing(self.pool, agreed)
-        if not (used and agreed.majority["response"]):
+        if not used:
             return None
         information = Information.of(used, usable_radius(used)).weakened(agreed.scatter)
         fit = solve(information)
