@@ -42,8 +42,8 @@ run = partial(ospc, "batch")
 
 def test_a_folder_becomes_a_page_a_table_and_calibrations(folder, tmp_path):
     result = run(folder, "-o", tmp_path / "out", *SETTINGS)
-    assert result.exit_code == 0, result.output
-    assert "2 of 2 recordings calibrated (0 of them before), 0 failed" in result.stdout
+    assert result.exit_code == 3, result.output
+    assert "2 of 2 recordings processed (0 of them before), 0 failed" in result.stdout
     assert "0 of 1 camera fully calibrated" in result.stdout
     assert result.stderr.startswith(
         "incomplete: A: response is marginal: typical ratios of irradiance are known to within "
@@ -56,6 +56,23 @@ def test_a_folder_becomes_a_page_a_table_and_calibrations(folder, tmp_path):
     assert 'href="cameras/A/report.html"' in (tmp_path / "out" / "index.html").read_text()
     again = run(folder, "-o", tmp_path / "out", *SETTINGS)
     assert "(2 of them before)" in again.stdout
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_a_camera_of_which_nothing_is_learned_gives_exit_code_3(tmp_path):
+    simulated(tmp_path / "data" / "black", 0, exposures_ms=(1e-6,))
+    result = run(tmp_path / "data", "-o", tmp_path / "out", *SETTINGS)
+    assert result.exit_code == 3
+    assert "data: nothing could be learned from its recordings" in result.stderr
+    assert "calibrated" not in result.stdout.replace("0 of 1 camera fully calibrated", "")
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_complete_cameras_give_exit_code_0(folder, tmp_path, monkeypatch):
+    monkeypatch.setattr("ospc.photometry.calibration.Calibration.complete", True)
+    result = run(folder, "-o", tmp_path / "out", *SETTINGS)
+    assert result.exit_code == 0, result.output
+    assert "1 of 1 camera fully calibrated" in result.stdout
 
 
 @pytest.mark.usefixtures("undrawn")
@@ -103,7 +120,7 @@ def test_folders_without_a_recording_are_named_with_the_reason(folder, tmp_path)
     (tmp_path / "data" / "notes" / "deep" / "readme.txt").write_text("no recording")
     (tmp_path / "data" / "A").symlink_to(folder / "A" / "r0")
     result = run(tmp_path / "data", "-o", tmp_path / "out", *SETTINGS)
-    assert result.exit_code == 0, result.output
+    assert result.exit_code == 3, result.output
     said = [line for line in result.stderr.splitlines() if line.startswith("left out: ")]
     assert said == [
         f"left out: {tmp_path / 'data' / 'empty'}: the folder is empty",

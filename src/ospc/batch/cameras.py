@@ -38,9 +38,14 @@ class Camera:
     error: str = ""
 
     @property
+    def is_complete(self) -> bool:
+        """Whether response and vignette are identifiable."""
+        return self.calibration is not None and self.calibration.complete
+
+    @property
     def is_good(self) -> bool:
-        """Whether response and vignette are known, and no recording failed or contradicts the others."""
-        return self.calibration is not None and self.calibration.complete and not (self.failed or self.differing)
+        """Whether response and vignette are identifiable, and no recording failed or contradicts the others."""
+        return self.is_complete and not (self.failed or self.differing)
 
 
 def merged_cameras(
@@ -81,7 +86,7 @@ def _merged(name: str, rows: Sequence[Row], store: Store, folder: Path) -> Camer
         named = [replace(summary, name=row.recording) for row, summary in found if summary is not None]
         pool, others = largest_alike(named)
         if not len(pool):
-            why = "nothing could be learned from its recordings" if done else "no recording was calibrated"
+            why = "nothing could be learned from its recordings" if done else "no recording could be processed"
             return replace(camera, error=why)
         merged = merge(pool)
         place = OutputFolder.at(folder / "cameras" / folder_name(name), force=True)
@@ -120,7 +125,7 @@ p { margin: .3rem 0; } .bad strong { color: var(--bad); }
 def page(cameras: Sequence[Camera], rows: Sequence[Row]) -> str:
     """Return the overview page as HTML, without scripts or external resources."""
     done = sum(row.status == "done" for row in rows)
-    title = f"{done} of {counted(len(rows), 'recording')} of {counted(len(cameras), 'camera')} calibrated"
+    title = f"{done} of {counted(len(rows), 'recording')} of {counted(len(cameras), 'camera')} processed"
     failures = [row for row in rows if row.status == "failed"]
     failed = [(r.recording, r.camera, f"{r.error} (tried {counted(r.attempts, 'time')})") for r in failures]
     left = sum(row.status == "not done" for row in rows)

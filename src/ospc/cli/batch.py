@@ -11,7 +11,7 @@ import click
 
 from ospc.cli.interruption import Interruption, leaving
 from ospc.cli.options import AS_JSON, QUIET, argument, declared, named, option, out_option
-from ospc.cli.terminal import INTERRUPTED, print_json, progress_line, say, say_notes
+from ospc.cli.terminal import COMPLETE, INTERRUPTED, UNDETERMINED, print_json, progress_line, say, say_notes
 from ospc.errors import SettingError, counted
 
 if TYPE_CHECKING:
@@ -29,7 +29,9 @@ _MOST_LISTED = 10
 @declared(
     "batch",
     exits={
-        0: "every recording was calibrated",
+        COMPLETE: "every recording was processed, and response and vignette of every camera are identifiable",
+        UNDETERMINED: "every recording was processed, but response or vignette of a camera is marginal or not "
+        "identifiable",
         _SOME_FAILED: "some recordings failed; the messages and OUT show which and why",
         INTERRUPTED: "interrupted; run the same command again to continue",
     },
@@ -92,7 +94,7 @@ def command(
 
         waiting = _Interruptible(runner, interruption)
         outcome = run_batch(entries, out, waiting, retries=retries, force=force, progress=progress)
-    code = INTERRUPTED if outcome.interrupted else _SOME_FAILED if outcome.failed else 0
+    code = _exit_code(outcome)
     if as_json:
         print_json({"exit_code": code, **_as_json(outcome, out), "left_out": left_out})
     else:
@@ -100,6 +102,14 @@ def command(
         if not quiet:
             _say(outcome, out)
     return code
+
+
+def _exit_code(outcome: BatchOutcome) -> int:
+    if outcome.interrupted:
+        return INTERRUPTED
+    if outcome.failed:
+        return _SOME_FAILED
+    return COMPLETE if all(camera.is_complete for camera in outcome.cameras) else UNDETERMINED
 
 
 @dataclass(frozen=True)
@@ -133,9 +143,9 @@ def _say(outcome: BatchOutcome, out: Path) -> None:
     say_notes(outcome.notes)
     done = [row for row in outcome.rows if row.status == "done"]
     earlier = sum(row.attempts == 0 for row in done)
-    known = sum(camera.calibration is not None and camera.calibration.complete for camera in outcome.cameras)
+    known = sum(camera.is_complete for camera in outcome.cameras)
     say(
-        f"{len(done)} of {counted(len(outcome.rows), 'recording')} calibrated ({earlier} of them before), "
+        f"{len(done)} of {counted(len(outcome.rows), 'recording')} processed ({earlier} of them before), "
         f"{len(outcome.failed)} failed"
     )
     if outcome.cameras:
@@ -149,7 +159,7 @@ def _say(outcome: BatchOutcome, out: Path) -> None:
 def _incomplete(cameras: Iterable[Camera]) -> Iterator[str]:
     """Yield a line with the reasons for each camera whose calibration is not complete."""
     for camera in cameras:
-        if camera.calibration is not None and not camera.calibration.complete:
+        if camera.calibration is not None and not camera.is_complete:
             verdicts = camera.calibration.verdicts.items()
             doubts = [f"{what} is {v.state}: {v.reason}" for what, v in verdicts if v.state != "identifiable"]
             yield f"{camera.name}: {'; '.join([*doubts, *camera.calibration.warnings])}"
@@ -166,7 +176,7 @@ def _as_json(outcome: BatchOutcome, out: Path) -> dict[str, Any]:
                 "recordings": camera.recordings,
                 "failed": camera.failed,
                 "differing": [d.name for d in camera.differing],
-                "complete": camera.calibration is not None and camera.calibration.complete,
+                "complete": camera.is_complete,
                 "error": camera.error or None,
             }
             for camera in outcome.cameras
