@@ -94,6 +94,21 @@ def test_the_median_ratio_in_the_chart_matches_that_in_the_text():
     assert f"to {100 * ratios.misfit:.2f} % (median over {n} pairs" in fact
 
 
+def test_estimated_exposures_are_not_labelled_as_metadata():
+    exposures_ms = np.ones(41)
+    for unknown in (False, True):
+        found = ReportFindings(calibration(exponent_sigma=0.1 if unknown else 0.0), exposures_ms)
+        words = []
+        for name in ("exposures", "ratios"):
+            chart = found.charts[name]
+            (axes,) = panels(chart.draw)
+            words += [chart.caption, axes.get_xlabel(), axes.get_ylabel(), *labels(axes)]
+        text = " ".join(words)
+        assert ("metadata" in text) is not unknown
+        assert ("exposure in ms" in text) is not unknown
+        assert ("estimated from the images, so agreement does not confirm" in text) is unknown
+
+
 def test_exposures_from_images_follow_the_true_exposures():
     true_ms = np.geomspace(1, 4, 30)
     stated_ms = true_ms.copy()

@@ -32,8 +32,8 @@ _MARGINS_IN = {"left": 0.86, "right": 0.12, "top": 0.28, "bottom": 0.48}
 class ReportFindings:
     """The data for charts; unknown parts are None.
 
-    ``exposures_ms`` are those of the metadata, shape (frames,), and ``truth`` is a reference that is drawn with the
-    calibration.
+    ``exposures_ms`` are those of the metadata, shape (frames,), or estimated ones if the calibration states that they
+    were unknown. ``truth`` is a reference that is drawn with the calibration.
     """
 
     calibration: Calibration
@@ -47,8 +47,10 @@ class ReportFindings:
         "response" and "vignette" are always included; if one is unknown, its chart says so.
         """
         calibration, coverage = self.calibration, self.calibration.coverage
-        charts = _curves(calibration, self.truth) | _exposures(calibration.exposure_ratios, self.exposures_ms)
-        return charts if coverage is None else charts | _coverage(coverage, calibration.max_grey)
+        known = not calibration.exponent_sigma
+        charts = _curves(calibration, self.truth)
+        charts |= _exposures(calibration.exposure_ratios, self.exposures_ms, known=known)
+        return charts if coverage is None else charts | _coverage(coverage, calibration.max_grey, known=known)
 
 
 @dataclass(frozen=True)
@@ -129,34 +131,41 @@ def _unknown(calibration: Calibration, part: str) -> str:
     return "Unknown." if verdict is None else f"Unknown: {verdict.reason}."
 
 
-def _exposures(ratios: ExposureRatios, exposures_ms: FloatArray | None) -> dict[str, Chart]:
+_DOTS_OFF_THE_LINE = (
+    "Dots off the line indicate exposures that belong to other frames, unrecorded changes of gain, or badly matched "
+    "frames."
+)
+_CIRCULAR = "The exposures are themselves estimated from the images, so agreement does not confirm them."
+
+
+def _exposures(ratios: ExposureRatios, exposures_ms: FloatArray | None, *, known: bool) -> dict[str, Chart]:
     charts: dict[str, Chart] = {}
     if not ratios.metadata.size:
         return charts
     if exposures_ms is not None and len(exposures_ms) > int(ratios.frames.max()):
         charts["exposures"] = Chart(
             "Exposures over time",
-            "Each dot is the exposure of a frame as estimated from the images: the recorded exposure of an earlier "
-            "frame, divided by the estimated ratio of the two. Dots off the line indicate exposures that belong to "
-            "other frames, unrecorded changes of gain, or badly matched frames.",
-            partial(evidence.draw_exposures, exposures_ms=exposures_ms, ratios=ratios),
+            "Each dot is the exposure of a frame as estimated from the images of a pair: the exposure of the earlier "
+            f"frame, divided by the estimated ratio of the two. {_DOTS_OFF_THE_LINE if known else _CIRCULAR}",
+            partial(evidence.draw_exposures, exposures_ms=exposures_ms, ratios=ratios, known=known),
         )
     charts["ratios"] = Chart(
         "Exposure ratios of pairs of frames",
-        "Dots on the line indicate agreement of images and metadata. The median weights each pair by its samples.",
-        partial(evidence.draw_ratios, ratios=ratios),
+        f"{'Dots on the line indicate agreement of images and metadata.' if known else _CIRCULAR} The median weights "
+        "each pair by its samples.",
+        partial(evidence.draw_ratios, ratios=ratios, known=known),
     )
     return charts
 
 
-def _coverage(coverage: Coverage, max_grey: int) -> dict[str, Chart]:
+def _coverage(coverage: Coverage, max_grey: int, *, known: bool) -> dict[str, Chart]:
     by_grey, by_radius, by_place = (getattr(coverage, f"residual_by_{name}") for name in ("grey", "radius", "place"))
     charts = {
         "grey coverage": Chart(
             "Observations by grey level and exposure",
             "The response is estimated from the same light at several exposures. Filled columns are good; empty "
             "columns are grey levels that were never observed.",
-            partial(evidence.draw_grey_coverage, coverage=coverage, max_grey=max_grey),
+            partial(evidence.draw_grey_coverage, coverage=coverage, max_grey=max_grey, known=known),
         ),
         "radius coverage": Chart(
             "Observations by radius in two frames",

@@ -26,16 +26,18 @@ _LEAST_RESIDUAL = 0.5
 """Smallest half range of a residual axis in per cent; smaller residuals are noise."""
 
 
-def draw_exposures(cell: Any, exposures_ms: FloatArray, ratios: ExposureRatios) -> Any:
-    """Draw the exposure of every frame according to the metadata, and as estimated from the images."""
+def draw_exposures(cell: Any, exposures_ms: FloatArray, ratios: ExposureRatios, *, known: bool = True) -> Any:
+    """Draw the exposure of every frame according to the metadata, and as estimated from pairs of images.
+
+    Exposures that are not ``known`` are estimated from the images too, relative to their median.
+    """
     axes = axes_in(cell)
+    line, dots = ("metadata", "from the images") if known else ("estimated", "from pairs of frames")
     frames, estimated_ms = exposures_from_images(exposures_ms, ratios)
     chosen = _thinned(len(frames))
-    axes.step(np.arange(len(exposures_ms)), exposures_ms, where="post", color=BLACK, lw=1, label="metadata")
-    axes.plot(
-        frames[chosen], estimated_ms[chosen], "o", color=GREEN, ms=3.5, mew=0, alpha=0.7, label="from the images"
-    )
-    axes.set(xlabel="frame", ylabel="exposure in ms", xlim=(0, max(1, len(exposures_ms) - 1)))
+    axes.step(np.arange(len(exposures_ms)), exposures_ms, where="post", color=BLACK, lw=1, label=line)
+    axes.plot(frames[chosen], estimated_ms[chosen], "o", color=GREEN, ms=3.5, mew=0, alpha=0.7, label=dots)
+    axes.set(xlabel="frame", ylabel=_exposure_label(known=known), xlim=(0, max(1, len(exposures_ms) - 1)))
     low, high = _limits(exposures_ms, estimated_ms)
     logarithmic(axes, "y", low, high * (high / low) ** 0.25)  # room for the legend
     axes.legend(loc="upper left", ncols=2)
@@ -57,8 +59,11 @@ def exposures_from_images(exposures_ms: FloatArray, ratios: ExposureRatios) -> t
     return frames, np.array(medians, dtype=np.float64)
 
 
-def draw_ratios(cell: Any, ratios: ExposureRatios) -> Any:
-    """Draw the exposure ratios of pairs of frames as estimated from the images, against those of the metadata."""
+def draw_ratios(cell: Any, ratios: ExposureRatios, *, known: bool = True) -> Any:
+    """Draw the exposure ratios of pairs of frames as estimated from them, against those of the frames' exposures.
+
+    These are from the metadata, or estimated from all images if they are not ``known``.
+    """
     axes = axes_in(cell)
     chosen = _thinned(ratios.metadata.size)
     metadata, estimated = ratios.metadata[chosen], ratios.estimated[chosen]
@@ -71,7 +76,8 @@ def draw_ratios(cell: Any, ratios: ExposureRatios) -> Any:
     if few.any():
         label = f"pair with fewer than {FEW_SAMPLES} samples"
         axes.plot(metadata[few], estimated[few], "o", mfc="none", mec=GREY, ms=4, label=label)
-    axes.set(xlabel="exposure ratio k from the metadata", ylabel="k from the images")
+    x_label = "exposure ratio k from the metadata" if known else "k of the estimated exposures"
+    axes.set(xlabel=x_label, ylabel="k from the images" if known else "k of the pair alone")
     logarithmic(axes, "x", low, high)
     logarithmic(axes, "y", low, high * (high / low) ** 0.45)  # room for the legend
     title = f"median |Δ ln k| of all {counted(ratios.metadata.size, 'pair')}: {ratios.misfit:.2g}"
@@ -79,13 +85,17 @@ def draw_ratios(cell: Any, ratios: ExposureRatios) -> Any:
     return axes
 
 
-def draw_grey_coverage(cell: Any, coverage: Coverage, max_grey: int) -> Any:
-    """Draw the number of observations of each grey level at each exposure."""
+def _exposure_label(*, known: bool) -> str:
+    return "exposure in ms" if known else "exposure, relative to the median"
+
+
+def draw_grey_coverage(cell: Any, coverage: Coverage, max_grey: int, *, known: bool = True) -> Any:
+    """Draw the number of observations of each grey level at each exposure, in ms only if they are ``known``."""
     edges_ms, counts = coverage.exposure_edges_ms, coverage.grey_exposure
     axes = _draw_counts(cell, counts, (0, max_grey, 0, len(counts)))
     rows = np.unique(np.linspace(0, len(counts), min(len(counts), 5) + 1).round().astype(int))
     axes.set_yticks(rows, [f"{edges_ms[row]:.3g}" for row in rows])
-    axes.set(xlabel="grey level M", ylabel="exposure in ms")
+    axes.set(xlabel="grey level M", ylabel=_exposure_label(known=known))
     return axes
 
 
