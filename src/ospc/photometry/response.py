@@ -144,8 +144,11 @@ class Response(ByValue):
 
         The remaining difference is one of shape, which is observable. The result has shape (n,).
         """
-        factor = float(self.inverse(self.reference_grey) / other.inverse(self.reference_grey))
-        return np.asarray(other.inverse(self.levels) * factor)
+        return np.asarray(other.inverse(self.levels) * other.scale_to(self))
+
+    def scale_to(self, other: Response) -> float:
+        """Return the factor by which g of this response agrees with another one at the other's reference grey."""
+        return float(other.inverse(other.reference_grey) / self.inverse(other.reference_grey))
 
     def resampled(self, levels: int) -> FloatArray:
         """Return g at ``levels`` equidistant grey levels from 0 to 1, shape (levels,)."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Sequence
+from itertools import cycle
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -111,27 +112,47 @@ def plot_photometries(photometries: Sequence[Photometry], path: str | Path) -> P
     with rules():
         figure = new_figure(9.6, 4.4)
         left, right = figure.subplots(1, 2)
-        for number, photometry in enumerate(photometries):
-            colour, line = _STYLES[number % len(_STYLES)]
-            name = printable(photometry.name)
-            # The space: matplotlib leaves labels with a leading underscore out of the legend.
-            label = f" {name}" if len(name) <= _NAME_LETTERS else f" …{name[-_NAME_LETTERS:]}"
-            if photometry.response is not None:
-                response = photometry.response
-                left.plot(255 * response.levels, response.inverse_table, line, color=colour, label=label)
-                if response.inverse_sigma is not None:
-                    low, high = (response.inverse_table + s * response.inverse_sigma for s in (-2, 2))
-                    left.fill_between(255 * response.levels, low, high, color=colour, alpha=0.2, lw=0)
-            if photometry.vignette is not None:
-                profile = diagonal_profile(photometry.vignette, PROFILE_RADII)
-                right.plot(PROFILE_RADII, profile, line, color=colour, label=label)
-        left.set(
-            title="Inverse response, with ±2σ of its shape", xlabel="grey level, of 255", ylabel="irradiance g(M)"
-        )
-        left.set(xlim=(0, 255), ylim=(0, 1.02))
-        right.set(title="Vignette", xlabel=RADIUS_LABEL, ylabel="attenuation V", xlim=(0, 1))
+        _draw_responses(left, photometries)
+        _draw_vignettes(right, photometries)
         for axes in (left, right):
-            if axes.lines:
-                for text in axes.legend().get_texts():
-                    text.set_parse_math(False)
+            for text in axes.legend().get_texts():
+                text.set_parse_math(False)
         return save(figure, Path(path))
+
+
+def _draw_responses(axes: Any, photometries: Sequence[Photometry]) -> None:
+    """Draw responses, scaled to agree with the first where its uncertainty is 0: their scale is not observable."""
+    first = next((photometry.response for photometry in photometries if photometry.response is not None), None)
+    top, title = 1.0, "Inverse response"
+    for photometry, (colour, line) in zip(photometries, cycle(_STYLES), strict=False):
+        response, label = photometry.response, _label(photometry)
+        if response is None or first is None:
+            axes.plot([], [], line, color=colour, label=f"{label}: no response")
+            continue
+        scale = response.scale_to(first)
+        grey, g, sigma = 255 * response.levels, scale * response.inverse_table, response.log_sigma
+        axes.plot(grey, g, line, color=colour, label=label)
+        if sigma is not None:
+            axes.fill_between(grey, g * (1 - 2 * sigma), g * (1 + 2 * sigma), color=colour, alpha=0.2, lw=0)
+        top = max(top, scale)
+    if first is not None:
+        title += f" with ±2σ, equal at grey level {255 * first.reference_grey:.0f}"
+    axes.set(title=title, xlabel="grey level, of 255", ylabel="irradiance g(M)", xlim=(0, 255), ylim=(0, 1.02 * top))
+
+
+def _draw_vignettes(axes: Any, photometries: Sequence[Photometry]) -> None:
+    for photometry, (colour, line) in zip(photometries, cycle(_STYLES), strict=False):
+        vignette, label = photometry.vignette, _label(photometry)
+        if vignette is None:
+            axes.plot([], [], line, color=colour, label=f"{label}: no vignette")
+        else:
+            axes.plot(PROFILE_RADII, diagonal_profile(vignette, PROFILE_RADII), line, color=colour, label=label)
+    axes.set(title="Vignette", xlabel=RADIUS_LABEL, ylabel="attenuation V", xlim=(0, 1))
+    if all(photometry.vignette is None for photometry in photometries):
+        axes.set(ylim=(0, 1.02))
+
+
+def _label(photometry: Photometry) -> str:
+    name = printable(photometry.name)
+    # The space: matplotlib leaves labels with a leading underscore out of the legend.
+    return f" {name}" if len(name) <= _NAME_LETTERS else f" …{name[-_NAME_LETTERS:]}"
