@@ -48,10 +48,15 @@ def test_without_a_recording_and_times_there_are_no_exposures_to_draw(tmp_path):
 
 
 @pytest.mark.parametrize("bits", [10, 12, 16])
-def test_deep_images_get_a_table_with_one_value_a_grey_level(tmp_path, bits):
-    OutputFolder.at(tmp_path).write(calibration(max_grey=2**bits - 1))
+def test_the_table_for_deep_images_fits_grey_values_that_are_left_aligned_in_16_bits(tmp_path, bits):
+    known = calibration(max_grey=2**bits - 1)
+    OutputFolder.at(tmp_path).write(known)
     assert read_pcalib(tmp_path / "pcalib.txt").inverse_table.size == 256
-    assert read_pcalib(tmp_path / "pcalib_16bit.txt").inverse_table.size == 2**bits
+    table = read_pcalib(tmp_path / "pcalib_16bit.txt").inverse_table
+    assert table.size == 2**16
+    grey = np.arange(2**bits)
+    converted = grey << (16 - bits)
+    np.testing.assert_allclose(table[converted], known.response.inverse(grey / grey[-1]), atol=2.5 / 2**bits)
 
 
 @pytest.mark.parametrize("part", ["response", "vignette"])

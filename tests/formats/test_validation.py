@@ -94,6 +94,14 @@ def test_tables_that_are_taken_but_not_as_meant(tmp_path, text, complaint):
     assert any(severity == "warning" and complaint in rule for severity, rule in found(place))
 
 
+def test_a_table_too_short_for_converted_images_is_noticed(tmp_path):
+    place = tmp_path / "pcalib_16bit.txt"
+    for count, noticed in ((4096, True), (65536, False)):
+        write_pcalib(Response.gamma(2.0), place, count)
+        (finding,) = [f for f in validate([place], "dso").findings if f.severity == "warning"]
+        assert ("those written by 'ospc convert' have grey values beyond 4095" in finding.effect) is noticed
+
+
 def limited_range(straight_below=16, straight_above=235):
     """Return a response measured between two grey levels, with straight lines beyond them."""
     levels = np.arange(256)

@@ -112,9 +112,11 @@ def parameter_files(
     caveat: str = "",
     values: int = FEWEST_VALUES,
 ) -> Iterator[tuple[str, Callable[[Path], Path]]]:
-    """Yield name and writer of the files for the known parts, including pcalib_16bit.txt for deep images.
+    """Yield name and writer of the files for the known parts, including pcalib_16bit.txt for images of more bits.
 
-    ``caveat`` is a sentence to include with the files, and ``values`` the number of grey levels in pcalib.txt.
+    pcalib_16bit.txt has a value for every grey level of 16 bits, because conversions for these programs left-align
+    images of 10 or 12 bits in 16. ``caveat`` is a sentence to include with the files, and ``values`` the number of
+    grey levels in pcalib.txt.
     """
     if caveat:
         about = f"{caveat}.\nThis applies to pcalib.txt, vignette.png and times.txt in this folder.\n"
@@ -122,7 +124,7 @@ def parameter_files(
     if response is not None:
         yield "pcalib.txt", lambda place: write_pcalib(response, place, values)
     if response is not None and max_grey > 255:
-        yield "pcalib_16bit.txt", lambda place: write_pcalib(response, place, min(max_grey + 1, MOST_VALUES))
+        yield "pcalib_16bit.txt", lambda place: write_pcalib(response, place, MOST_VALUES)
     if vignette is not None:
         yield "vignette.png", lambda place: write_vignette(vignette, place, caveat)
 

@@ -169,9 +169,12 @@ def _about_the_count(table: PcalibText, context: Context) -> Iterator[Broken]:
         yield Broken("error", rule, UNCORRECTED["dso"], remedy, _resample_to_8_bit)
     else:
         rule = f"{count} values, for images with this many grey levels"
+        beyond = (
+            f"; those written by 'ospc convert' have grey values beyond {count - 1}" if count < MOST_VALUES else ""
+        )
         effect = (
             f"accepts them, but its image reader delivers 8 bits and only uses the first {FEWEST_VALUES}, which "
-            f"are almost black; this only works in builds that read deeper images"
+            f"are almost black; this only works in builds that read deeper images{beyond}"
         )
         yield Broken("warning", rule, effect, remedy, _resample_to_8_bit)
 
