@@ -8,6 +8,7 @@ import pytest
 from command_line import ospc
 from ospc.errors import FormatError, SettingError
 from ospc.formats.dso import write_pcalib, write_vignette
+from ospc.formats.hugin import write_pto
 from ospc.formats.lens_profiles import write_lensfun
 from ospc.formats.radial import Optics
 from ospc.photometry.calibration import Calibration
@@ -58,6 +59,24 @@ def test_a_single_part_stays_a_single_part(files, tmp_path):
     assert vignette_only.size == SIZE
     assert run("import", tmp_path / "g.json", tmp_path / "v.json", "-o", tmp_path / "both.json").exit_code == 0
     assert Calibration.load(tmp_path / "both.json").complete
+
+
+def test_the_response_of_a_pto_is_said_not_to_be_read_instead_of_missing(files, tmp_path):
+    write_pto(tmp_path / "x.pto", PolynomialVignette(SIZE, (-0.3, 0.0, 0.0)))
+    result = run("import", tmp_path / "x.pto", "-o", tmp_path / "x.json")
+    assert "response: the response in a .pto is not read, because" in result.stdout
+    assert "import it from a pcalib.txt" in result.stdout
+    both = run("import", files[0], tmp_path / "x.pto", "-o", tmp_path / "both.json")
+    assert "not read" not in both.stdout
+    assert Calibration.load(tmp_path / "both.json").complete
+
+
+def test_a_lens_profile_without_a_size_asks_for_the_option(tmp_path):
+    optics = Optics(focal_mm=4.0, crop_factor=6.0, aperture=2.0)
+    write_lensfun(PolynomialVignette(SIZE, (-0.3, 0.0, 0.0)), tmp_path / "x.xml", optics)
+    result = run("import", tmp_path / "x.xml", "-o", tmp_path / "x.json")
+    assert isinstance(result.exception, SettingError)
+    assert "x.xml: does not state the image size; add --size WxH to 'ospc import'" in str(result.exception)
 
 
 def test_folders_and_calibrations_are_imported_completely(files, tmp_path):

@@ -118,3 +118,14 @@ def test_a_missing_output_folder_is_wrong_usage(bag: Path) -> None:
     result = run("calibrate", bag)
     assert result.exit_code == 2
     assert "--out" in result.output
+
+
+@pytest.mark.parametrize("camera", ["opencv:0", "realsense", "depthai:left"])
+@pytest.mark.parametrize(
+    "options", [["calibrate", "-o", "out"], ["calibrate", "-o", "out", "--all-cameras"], ["check"]]
+)
+def test_cameras_are_recognised_where_a_recording_is_needed(camera: str, options: list[str]) -> None:
+    error = str(run(*options, camera).exception)
+    assert f"{camera}: is a camera, not a recording" in error
+    assert f"'ospc live {camera} -o OUT'" in error
+    assert f"'ospc record {camera} -o OUT'" in error

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
@@ -25,6 +26,9 @@ _EACH = "each"
 _EACH_HELP = (
     " With each ('ospc calibrate' only), red, green and blue are calibrated into OUT/red, OUT/green and OUT/blue."
 )
+_CAMERA = re.compile(r"(opencv|realsense|depthai)(:.*)?")
+"""Names of cameras for 'ospc live' and 'ospc record'."""
+
 _WIDTH_WHEN_PIPED = 200
 """Characters per line of a table outside a terminal; long topic names fit."""
 
@@ -47,6 +51,7 @@ class Reading:
 
     def cameras(self, path: Path) -> dict[str, Callable[[], Recording]]:
         """Return an opener for each camera of a rig by name, or for each of its channels with ``--channel each``."""
+        _refuse_camera(path)
         cameras = cameras_of(path, self.kind, self.options)
         if not self.each_channel:
             return {name: partial(self._opened, *camera) for name, camera in cameras.items()}
@@ -59,6 +64,7 @@ class Reading:
         }
 
     def _opened(self, path: Path, options: ReadingOptions) -> Recording:
+        _refuse_camera(path)
         try:
             recording = open_recording(path, self.kind, options)
         except RecordingError as error:
@@ -70,6 +76,14 @@ class Reading:
             raise ExposureError(f"{error}; {hint}") from error
         mask = None if self.mask is None else read_mask(self.mask, recording.size)
         return masked(recording, mask, self.region)
+
+
+def _refuse_camera(path: Path) -> None:
+    if not path.exists() and _CAMERA.fullmatch(str(path)):
+        raise SettingError(
+            f"{path}: is a camera, not a recording; calibrate it with 'ospc live {path} -o OUT', or record it first "
+            f"with 'ospc record {path} -o OUT'"
+        )
 
 
 def _reading(

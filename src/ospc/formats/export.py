@@ -126,6 +126,8 @@ def as_calibration(photometry: Photometry, size: ImageSize | None = None, max_gr
 
 def _verdict(part: str, photometry: Photometry) -> Verdict:
     if getattr(photometry, part) is None:
+        if part == "response" and photometry.unread:
+            return Verdict("not identifiable", photometry.unread, "import it from a pcalib.txt or a calibration.json")
         return Verdict("not identifiable", f"{photometry.name} does not have it", "calibrate from a recording")
     state: State = "marginal" if photometry.caveat else "identifiable"
     return Verdict(state, f"imported from {photometry.name}, which states no uncertainty")

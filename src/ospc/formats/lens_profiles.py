@@ -31,6 +31,10 @@ _NAMESPACES = {
     "stCamera": "http://ns.adobe.com/photoshop/1.0/camera-profile",
 }
 
+_NO_SIZE = (
+    "does not state the image size; add --size WxH to 'ospc import', and use the calibration.json that it writes"
+)
+
 
 def write_lcp(vignette: Vignette, path: str | Path, optics: Optics) -> RadialFit:
     """Write a profile with one entry and return the polynomial fitted to the vignette, about its own centre.
@@ -116,7 +120,7 @@ def _adobe_fit(entry: Element, wanted: ImageSize | None) -> RadialFit | None:
 
     width, height = wanted or (number("ImageWidth", "0"), number("ImageLength", "0"))
     if not (width and height):
-        raise SettingError("does not state the image size; import it with 'ospc import --size WxH' first")
+        raise SettingError(_NO_SIZE)
     size = image_size(width, height)
     half = half_diagonal(size)
     if "FocalLengthX" in texts:
@@ -229,7 +233,7 @@ def read_lensfun(path: str | Path, size: ImageSize | None) -> tuple[RadialFit, .
         if element.get("model") in _TERMS
     ]
     if entries and size is None:
-        raise SettingError(f"{path}: does not state the image size; import it with 'ospc import --size WxH' first")
+        raise SettingError(f"{path}: {_NO_SIZE}")
     try:
         return tuple(_lensfun_fit(lens, element, size or (0, 0)) for lens, element in entries)
     except (FormatError, SettingError) as error:

@@ -19,13 +19,16 @@ from ospc.photometry.calibration import Calibration
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import Vignette
 
+_NOT_FROM_HUGIN = "the response in a .pto is not read, because its coefficients refer to the base curves of hugin"
+
 
 @dataclass(frozen=True)
 class Photometry:
     """Response and vignette of a camera from the file ``name``; None for a part that is not in it.
 
     ``calibration`` is the entire calibration if the file is a calibration.json. ``caveat_beside`` is the caveat in a
-    file next to a pcalib.txt or vignette.png; empty if there is none.
+    file next to a pcalib.txt or vignette.png; empty if there is none. ``unread`` says why the response in the file is
+    not read; empty if it has none.
     """
 
     name: str
@@ -33,6 +36,7 @@ class Photometry:
     vignette: Vignette | None
     calibration: Calibration | None = None
     caveat_beside: str = ""
+    unread: str = ""
 
     @property
     def caveat(self) -> str:
@@ -77,7 +81,7 @@ def open_photometry(path: str | Path, size: ImageSize | None = None) -> Photomet
     response: Response | None = None
     vignette: Vignette | None = None
     calibration: Calibration | None = None
-    caveat = ""
+    caveat = unread = ""
     match suffix:
         case ".json":
             calibration = Calibration.load(place)
@@ -87,7 +91,7 @@ def open_photometry(path: str | Path, size: ImageSize | None = None) -> Photomet
         case ".yml" | ".yaml":
             response, vignette = read_opencv(place)
         case ".pto":
-            vignette = _only(place, read_pto(place))
+            vignette, unread = _only(place, read_pto(place)), _NOT_FROM_HUGIN
         case ".lcp":
             vignette = _only(place, read_lcp(place, size))
         case ".xml":
@@ -95,7 +99,7 @@ def open_photometry(path: str | Path, size: ImageSize | None = None) -> Photomet
         case _:
             _check_numeric(place)
             response, caveat = read_pcalib(place), read_caveat(place.parent)
-    return Photometry(str(place), response, vignette, calibration, caveat)
+    return Photometry(str(place), response, vignette, calibration, caveat, unread)
 
 
 def open_both(a: str | Path, b: str | Path) -> tuple[Photometry, Photometry]:
