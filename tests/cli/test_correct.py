@@ -496,6 +496,7 @@ def test_keep_response_removes_only_the_vignette(depth, request, tmp_path):
     out = tmp_path / "out"
     assert run(recording.path, recording.path, "-o", out, "--keep-response").exit_code == 0
     limit = 255 if recording.settings.max_grey == 255 else 65535
+    assert f"scaled to at most {limit}" in json.loads((out / "correction.json").read_text())["formula"]
     tolerance = 0.52 * limit / recording.settings.max_grey  # half a grey level of the camera
     attenuation = recording.vignette.image() / recording.vignette.image().max()
     for frame, image in zip(open_recording(recording.path), written(out), strict=True):

@@ -32,7 +32,8 @@ def command(
     ),
     keep_response: bool = option(
         "Remove only the vignette: write the grey levels that the camera would have recorded without it, as PNG, "
-        "TIFF or JPEG like the originals."
+        "TIFF or JPEG like the originals. Values of 9 to 15 bits are scaled to 16; those of 8 are written in 8, even "
+        "if the originals store them in 16."
     ),
     normalise_exposure: bool = option("Normalise all images to one exposure; requires a SOURCE with exposures."),
     reference_ms: float | None = option(

@@ -26,8 +26,8 @@ class CorrectionSettings:
     output
         Kind of output images. If None: ``irradiance``, or with ``keep_response`` the bit depth of the originals.
     keep_response
-        Whether to remove only the vignette. The output then has the integer grey levels that the camera would have
-        recorded without it, instead of values linear in the irradiance.
+        Whether to remove only the vignette. The output then has the grey levels that the camera would have recorded
+        without it, scaled to all 8 or 16 bits, instead of values linear in the irradiance.
     normalise_exposure, reference_ms
         Whether to bring all images to the same exposure, e·L · reference/e, instead of keeping their own, e·L; and
         that exposure. If None: 1 ms for ``irradiance``, so that values are radiance per millisecond; the shortest of
@@ -95,7 +95,7 @@ class CorrectionSettings:
             exposure = "" if reference_ms is None else f" at an exposure of {reference_ms:g} ms"
             white = "" if self.white == 1 else f", where an irradiance of {self.white:g} becomes white"
             grey = f"the grey level f(g(M)/V) that the camera would have recorded without vignette{exposure}{white}"
-            return f"{grey}, at most {self.limit}"
+            return f"{grey}, scaled to at most {self.limit}"
         if reference_ms is None:
             light = "irradiance e·L = g(M)/V"
         elif reference_ms == 1 and self.limit is None:
