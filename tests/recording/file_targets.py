@@ -37,7 +37,7 @@ from ospc.photometry.vignette import PolynomialVignette, RasterVignette
 from ospc.pooling.pool import Pool, merge
 from ospc.pooling.prior_calibration import PriorCalibration
 from ospc.recording.derived import read_mask
-from ospc.recording.frame_table import exposures_in
+from ospc.recording.table_text import exposures_in
 from ospc.recording.writing.conversion import camera_text
 from ospc.settings import DefaultSettings
 from ospc.simulation import SimulationSettings, frames

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from ospc.errors import ExposureError, OspcError, RecordingError
 from ospc.recording.exposure_lists import parse_times, read_times
-from ospc.recording.frame_table import MAX_LINE_CHARACTERS, lines_of
+from ospc.recording.table_text import MAX_LINE_CHARACTERS, lines_of
 
 
 def test_columns_are_id_stamp_exposure() -> None:

@@ -107,7 +107,7 @@ class _Run:
 
     def _others(self) -> list[Result]:
         """Return the results of other programs; exposures belong to the calibration of the same name, if any."""
-        from ospc.recording.frame_table import exposures_in
+        from ospc.recording.table_text import exposures_in
         from ospc.research.method import Estimate, Result
 
         calibrations = given_calibrations(self.given)

@@ -94,7 +94,7 @@ class _Simulation:
         )
 
     def _settings(self) -> SimulationSettings:
-        from ospc.recording.frame_table import exposures_in
+        from ospc.recording.table_text import exposures_in
         from ospc.simulation import SimulationSettings
 
         for name, (other, values) in _USED_WITH.items():

@@ -10,9 +10,10 @@ from pathlib import Path
 
 from ospc.errors import RecordingError
 from ospc.formats.files import by_name
-from ospc.recording.exposure_lists import lists_in, only_list, read_list
+from ospc.recording.exposure_lists import read_list
 from ospc.recording.image_sequence import ImageSequence, open_sequence
 from ospc.recording.image_source import FolderImages
+from ospc.recording.list_search import lists_in, only_list
 from ospc.recording.options import DEFAULT, ReadingOptions
 
 _IMAGES, _INDEX = "data", "data.csv"

@@ -12,11 +12,11 @@ from ospc.errors import ExposureError, FrameError, RecordingError, listed, os_er
 from ospc.formats.files import beginning, read_bytes
 from ospc.formats.image_header import EXIF
 from ospc.photometry.correction import EXPOSURE_RANGE_MS
-from ospc.recording.exposure_lists import lists_in
 from ospc.recording.frame_table import FrameTable, make_table
 from ospc.recording.image_formats import Shot, format_of, shot_of_exif
 from ospc.recording.image_sequence import ImageSequence, open_sequence
 from ospc.recording.image_source import MAX_FILE_BYTES, FolderImages
+from ospc.recording.list_search import lists_in
 from ospc.recording.options import DEFAULT, ReadingOptions
 
 _HEAD_BYTES = 256 * 1024

@@ -13,12 +13,13 @@ from pathlib import Path, PurePosixPath
 import numpy as np
 
 from ospc.errors import RecordingError
-from ospc.recording.exposure_lists import lists_in
 from ospc.recording.exposure_units import ExposureUnit, in_seconds
-from ospc.recording.frame_table import FrameTable, is_number, make_table
+from ospc.recording.frame_table import FrameTable, make_table
 from ospc.recording.image_sequence import ImageSequence, open_sequence
 from ospc.recording.image_source import FolderImages
+from ospc.recording.list_search import lists_in
 from ospc.recording.options import DEFAULT, ReadingOptions
+from ospc.recording.table_text import is_number
 
 _NAME = re.compile(r"(\d{1,9}(?:\.\d{1,9})?)[ _]?(ns|us|ms|s)?", re.ASCII)
 _LEAST_FOLDERS = 2

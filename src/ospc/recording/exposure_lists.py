@@ -2,36 +2,22 @@
 
 from __future__ import annotations
 
-import csv
 import math
-import re
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path, PurePosixPath
 
 import numpy as np
 
 from ospc.arrays import FloatArray
-from ospc.errors import ExposureError, RecordingError, SettingError, counted, listed, quoted
-from ospc.recording.exposure_units import Columns, ExposureUnit, GainUnit, in_seconds, infer_unit, name_columns
-from ospc.recording.frame_table import (
-    FrameTable,
-    at_lines,
-    is_number,
-    lines_of,
-    make_table,
-    parse_number,
-    read_table_text,
-)
+from ospc.errors import ExposureError, RecordingError, SettingError, counted, quoted
+from ospc.recording.exposure_units import ExposureUnit, GainUnit, in_seconds, infer_unit
+from ospc.recording.frame_table import FrameTable, at_lines, make_table
+from ospc.recording.list_columns import Columns, Rows, columns_of
 from ospc.recording.options import DEFAULT, ReadingOptions
+from ospc.recording.table_text import lines_of, parse_number, read_table_text
 
-_IMAGE_LIST = "image_list.txt"
-_NAMES = ("times.txt", "exposures.txt", "exposures.csv", _IMAGE_LIST)
-TEXT_SUFFIXES = (".csv", ".txt", ".json")
-"""Suffixes of files that the user may take for a list of exposures."""
-
-_MAX_CSV_FILES = 32
-"""Maximum number of CSV files in a folder that are searched for exposures."""
+IMAGE_LIST = "image_list.txt"
+"""Name of the list of a static exposure series."""
 
 _LONG_EXPOSURE = 1.5
 """Ratio of exposure to frame interval above which the unit of ``times.txt`` is doubtful; it allows for jitter."""
@@ -43,46 +29,10 @@ _TIMES_LINE = "a line is 'id stamp[s] exposure[ms]'"
 _IMAGE_LIST_LINE = "a line is 'file exposure[s] 1/exposure'"
 
 
-_Rows = list[tuple[int, list[str]]]
-"""Line number and fields of every line."""
-
-
-def lists_in(folder: Path) -> list[Path]:
-    """Return the lists of exposures in a folder, recognised by name or header."""
-    named = [folder / name for name in _NAMES if (folder / name).is_file()]
-    csv_files = [p for p in sorted(folder.glob("*.csv")) if p.is_file() and p not in named][:_MAX_CSV_FILES]
-    return named + [p for p in csv_files if names_exposures(p)]
-
-
-def names_exposures(path: Path) -> bool:
-    """Return whether a file exists whose header, which may be a comment, names a column of exposures."""
-    try:
-        columns, _ = _split(read_table_text(path), str(path))
-    except ExposureError:
-        return True
-    except RecordingError:
-        return False
-    return columns.named and columns.exposure is not None
-
-
-def only_list(found: Sequence[Path], place: Path, advice: str) -> Path:
-    """Return the only list of exposures; ExposureError if there are several or, with ``advice``, if there is none."""
-    if len(found) > 1:
-        named = [path.name if path.parent in (place, place.parent) else path for path in found]
-        raise ExposureError(f"{place}: has several lists of exposures ({listed(named)}); keep only the right one")
-    if not found:
-        folder = place if place.is_dir() else place.parent
-        others = sorted(p.name for p in folder.iterdir() if p.suffix.lower() in TEXT_SUFFIXES)
-        needed = "a list is a CSV file with a column such as exposure_ms"
-        unused = f" (not used: {listed(others)}; {needed})" if others else ""
-        raise ExposureError(f"{place}: has no list of exposures{unused}; {advice}")
-    return found[0]
-
-
 def read_list(path: Path, options: ReadingOptions = DEFAULT) -> FrameTable:
     """Read an ``image_list.txt``, or a list with columns if it has another name; errors as :func:`parse_columns`."""
     text = read_table_text(path)
-    return parse_image_list(text, str(path)) if path.name == _IMAGE_LIST else parse_columns(text, str(path), options)
+    return parse_image_list(text, str(path)) if path.name == IMAGE_LIST else parse_columns(text, str(path), options)
 
 
 def read_times(path: Path, options: ReadingOptions = DEFAULT) -> FrameTable:
@@ -175,57 +125,14 @@ def parse_columns(text: str, source: str, options: ReadingOptions = DEFAULT) -> 
     ExposureError
         If exposures are missing, ambiguous or not positive.
     """
-    return _table(*_split(text, source), source, options)
+    return _table(*columns_of(text, source), source, options)
 
 
-def _uncommented(text: str, source: str) -> _Rows:
+def _uncommented(text: str, source: str) -> Rows:
     return [(number, line.split()) for number, line in lines_of(text, source) if not line.startswith("#")]
 
 
-def _split(text: str, source: str) -> tuple[Columns, _Rows]:
-    """Return the meaning of the columns and the rows."""
-    lines = lines_of(text, source)
-    start = next((i for i, (_, line) in enumerate(lines) if not line.startswith("#")), None)
-    if start is None:
-        raise RecordingError(f"{source}: has no frames; it needs one line per image")
-    separator = next((s for s in (";", ",", "\t") if s in lines[start][1]), None)
-    rows = [(n, _fields(line, separator, f"{source}, line {n}")) for n, line in lines[start:] if line[0] != "#"]
-    if not any(is_number(field) for field in rows[0][1]):
-        return name_columns(rows[0][1], f"{source}, line {rows[0][0]}"), rows[1:]
-    if start > 0:
-        number, comment = lines[start - 1]
-        heading = _fields(comment.lstrip("# "), separator, f"{source}, line {number}")
-        if len(heading) == len(rows[0][1]):
-            columns = name_columns(heading, f"{source}, line {number}")
-            if columns.exposure is not None:
-                return columns, rows
-    return _unnamed(rows[0][1]), rows
-
-
-def _unnamed(fields: list[str]) -> Columns:
-    """Infer the columns of a file without a header from their number and the first row."""
-    count = len(fields)
-    unnamed = Columns(count, named=False)
-    if count == 3:
-        return replace(unnamed, image=0, stamp=1, exposure=2, notes=("columns are read as id, stamp[s], exposure",))
-    if count == 2 and not is_number(fields[0]):
-        return replace(unnamed, image=0, exposure=1, notes=("columns are read as file, exposure",))
-    if count == 1:
-        return replace(unnamed, exposure=0, notes=("its numbers are read as exposures",))
-    return unnamed
-
-
-def _fields(line: str, separator: str | None, place: str) -> list[str]:
-    """Split a line; units such as ``[ms]`` stay with their name."""
-    if separator is None:
-        return re.sub(r"\s+(?=[\[(]\w{1,3}[\])])", "", line).split()
-    try:
-        return [field.strip() for field in next(csv.reader([line], delimiter=separator, strict=True))]
-    except csv.Error as error:
-        raise RecordingError(f"{place}: has invalid quotes ({error}); correct the line") from None
-
-
-def _table(columns: Columns, rows: _Rows, source: str, options: ReadingOptions) -> FrameTable:
+def _table(columns: Columns, rows: Rows, source: str, options: ReadingOptions) -> FrameTable:
     """Turn fields into frames."""
     if columns.exposure is None:
         raise ExposureError(
@@ -263,14 +170,12 @@ def _table(columns: Columns, rows: _Rows, source: str, options: ReadingOptions) 
     )
 
 
-def _numbers(rows: _Rows, column: int, what: str, source: str) -> FloatArray:
+def _numbers(rows: Rows, column: int, what: str, source: str) -> FloatArray:
     found = [parse_number(fields[column], what, f"{source}, line {line}") for line, fields in rows]
     return np.array(found, dtype=np.float64)
 
 
-def _gain_factors(
-    columns: Columns, rows: _Rows, source: str, stated: GainUnit | None
-) -> tuple[FloatArray, list[str]]:
+def _gain_factors(columns: Columns, rows: Rows, source: str, stated: GainUnit | None) -> tuple[FloatArray, list[str]]:
     """Return the product of all gains of each row, and a note about them."""
     factors, said = np.ones(len(rows)), []
     for column, name, named_unit in columns.gains:
@@ -288,7 +193,7 @@ def _gain_factors(
     return factors, [f"exposures are multiplied by the gain in {', '.join(said)}"] if used else []
 
 
-def _image_names(columns: Columns, rows: _Rows, source: str) -> list[str]:
+def _image_names(columns: Columns, rows: Rows, source: str) -> list[str]:
     """Return the image name of every row, or its time stamp, which may be the name."""
     if columns.image is None:
         return [] if columns.stamp is None else [fields[columns.stamp] for _, fields in rows]

@@ -1,4 +1,4 @@
-"""Units of exposures, gains and time stamps, read from the header of a list or inferred from the numbers.
+"""Units of exposures, gains and time stamps, stated or inferred from the numbers.
 
 V4L2 counts ``exposure_time_absolute`` in units of 100 µs; DirectShow uses log2 of seconds; GenICam, libcamera and
 RealSense use microseconds. Gains in decibels are amplitudes, so 20 dB is a factor of ten; ISO 100 is a gain of one.
@@ -6,16 +6,13 @@ RealSense use microseconds. Gains in decibels are amplitudes, so 20 dB is a fact
 
 from __future__ import annotations
 
-import re
-from collections.abc import Sequence
-from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
 import numpy.typing as npt
 
 from ospc.arrays import FloatArray
-from ospc.errors import ExposureError, listed, quoted
+from ospc.errors import ExposureError
 
 REALSENSE_UNIT_GAIN = 16
 """``gain_level`` of RealSense stereo cameras at a gain of one; the unit is also linear for other models."""
@@ -141,109 +138,3 @@ def in_seconds(stamps: FloatArray, source: str, *, stated: bool = False) -> tupl
             rate = f"{1 / (step * scale):.4g} per second"
             return stamps * scale, [f"{said} {unit}, inferred from the frame rate, {rate}"]
     return stamps, []
-
-
-_UNITS = {unit.value: unit for unit in ExposureUnit} | {
-    **dict.fromkeys(("sec", "second"), ExposureUnit.S),
-    **dict.fromkeys(("msec", "millisecond"), ExposureUnit.MS),
-    **dict.fromkeys(("µs", "μs", "usec", "microsecond"), ExposureUnit.US),
-    "nanosecond": ExposureUnit.NS,
-    "100µs": ExposureUnit.US100,
-}
-"""Units of exposures and time stamps by their spelling, in lower case and without a plural."""
-
-# Words for each meaning; columns that match an earlier group take precedence over later groups.
-_V4L2_WORDS = ("exposuretimeabsolute", "exposureabsolute")
-_EXPOSURE_WORDS = (
-    ("exposure", "exposuretime", *_V4L2_WORDS),
-    ("shutter", "shuttertime", "exptime", "integrationtime"),
-    ("actualexposure", "actualexposuretime", "setexposure", "setexposuretime"),
-)
-_STAMP_WORDS = (("timestamp", "stamp"), ("time",))
-_IMAGE_WORDS = (
-    ("file", "filename"),
-    ("image", "imagename", "imagefile", "path", "name"),
-    ("id", "frameid", "imageid"),
-    ("frame", "framenumber", "frameindex", "imagenumber", "imageindex"),
-)
-_GAIN_WORDS = ("gain", "analoggain", "analoguegain", "digitalgain", "iso")
-
-
-@dataclass(frozen=True)
-class Columns:
-    """The number of columns, and the index of the column with each meaning, or None.
-
-    ``gains`` has index, header and unit of the columns by which the exposure is multiplied. ``unit`` is the unit of
-    the exposure and ``stamp_unit`` that of the time stamps, None if the header does not state it. ``notes`` state
-    assumptions, and ``named`` whether there is a header.
-    """
-
-    count: int
-    image: int | None = None
-    stamp: int | None = None
-    exposure: int | None = None
-    gains: tuple[tuple[int, str, GainUnit], ...] = ()
-    unit: ExposureUnit | None = None
-    stamp_unit: ExposureUnit | None = None
-    notes: tuple[str, ...] = ()
-    named: bool = True
-
-
-def name_columns(header: Sequence[str], place: str) -> Columns:
-    """Infer the meaning of columns from their names.
-
-    Raises
-    ------
-    ExposureError
-        If several columns could be the exposures, the time stamps, or the image names. The message begins with
-        ``place``.
-    """
-    parsed = [_word_and_unit(name) for name in header]
-    exposure = _only(header, parsed, _EXPOSURE_WORDS, place)
-    if exposure is None:
-        return Columns(len(header))
-    stamp = _only(header, parsed, _STAMP_WORDS, place)
-    image = _only(header, parsed, _IMAGE_WORDS, place)
-    gains = tuple((i, header[i], gain_unit_named(header[i])) for i in _among(parsed, _GAIN_WORDS))
-    stamp_unit = None if stamp is None else unit_named(header[stamp])
-    return Columns(len(header), image, stamp, exposure, gains, unit_named(header[exposure]), stamp_unit)
-
-
-def unit_named(name: str) -> ExposureUnit | None:
-    """Return the unit in the name of a column or field, such as ``exposure_us``; None if it has none."""
-    word, unit = _word_and_unit(name)
-    return ExposureUnit.US100 if word in _V4L2_WORDS and not unit else _UNITS.get(unit)
-
-
-def gain_unit_named(name: str) -> GainUnit:
-    """Return the unit in the name of a gain, such as ``gain_db``; linear if it has none."""
-    word, unit = _word_and_unit(name)
-    return GainUnit.ISO if word == "iso" else GainUnit.DB if unit == "db" else GainUnit.LINEAR
-
-
-def _word_and_unit(name: str) -> tuple[str, str]:
-    """Split ``Exposure Time [us]``, ``exposure_time_us`` or ``exposure(us)`` into word and unit."""
-    plain = re.sub(r"log2[\s_(\[]*s(?=\W|$)", "log2s", name.strip().lower())
-    words = [word for word in re.split(r"[\s_\-\[\](){}#:./]+", plain) if word]
-    for unit in (words[-1], words[-1].rstrip("s")) if len(words) > 1 else ():
-        if unit in (*_UNITS, "db"):
-            return "".join(words[:-1]), unit
-    return "".join(words), ""
-
-
-def _among(parsed: Sequence[tuple[str, str]], words: Sequence[str]) -> list[int]:
-    return [i for i, (word, _) in enumerate(parsed) if word in words or word.removesuffix("s") in words]
-
-
-def _only(
-    header: Sequence[str], parsed: Sequence[tuple[str, str]], groups: Sequence[Sequence[str]], place: str
-) -> int | None:
-    """Return the only column with a meaning; None if there is none, ExposureError if there are several."""
-    found = next((columns for words in groups if (columns := _among(parsed, words))), [])
-    if len(found) > 1:
-        names = listed([quoted(header[i]) for i in found])
-        good = "exposure_ms" if groups is _EXPOSURE_WORDS else groups[0][0]
-        raise ExposureError(
-            f"{place}: the columns {names} have the same meaning; keep one of them and name it '{good}'"
-        )
-    return found[0] if found else None

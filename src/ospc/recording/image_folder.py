@@ -5,9 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 from ospc.errors import RecordingError
-from ospc.recording.exposure_lists import lists_in, only_list, read_list, read_times
+from ospc.recording.exposure_lists import read_list, read_times
 from ospc.recording.image_sequence import ImageSequence, open_sequence
 from ospc.recording.image_source import FolderImages
+from ospc.recording.list_search import lists_in, only_list
 from ospc.recording.options import DEFAULT, ReadingOptions
 
 

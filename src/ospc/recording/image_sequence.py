@@ -11,7 +11,8 @@ from ospc.arrays import Image
 from ospc.errors import OspcError, RecordingError, escaped, listed
 from ospc.formats.image_header import read_header
 from ospc.recording.frame import Frame, check_size
-from ospc.recording.frame_table import NO_STAMPS, FrameTable, match_images, table_or_unlisted
+from ospc.recording.frame_matching import match_images
+from ospc.recording.frame_table import NO_STAMPS, FrameTable, table_or_unlisted
 from ospc.recording.image_formats import format_of
 from ospc.recording.image_source import ImageSource, why_unread
 from ospc.recording.options import DEFAULT, ReadingOptions

@@ -17,10 +17,11 @@ from ospc.recording.bags.carriers import Carrier, carrier_of
 from ospc.recording.bags.container import Topic
 from ospc.recording.bags.image_messages import ImageStream, read_stamp_ns
 from ospc.recording.bags.messages import NS_PER_S, DamagedMessageError
-from ospc.recording.exposure_lists import names_exposures, read_list
+from ospc.recording.exposure_lists import read_list
 from ospc.recording.exposure_units import ExposureUnit, GainUnit, infer_unit
 from ospc.recording.frame import Frame
 from ospc.recording.frame_table import FrameTable, checked_exposures, unlisted
+from ospc.recording.list_search import names_exposures
 from ospc.recording.options import DEFAULT, ReadingOptions
 from ospc.recording.pixel_layout import PixelLayout, find_layout
 from ospc.recording.recording import StoredRecording

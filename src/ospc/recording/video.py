@@ -20,9 +20,10 @@ from ospc.arrays import FloatArray, Image, ImageSize, read_only, size_of
 from ospc.errors import FrameError, RecordingError, counted, escaped, os_error_as
 from ospc.formats.files import beginning
 from ospc.recording.channel import DEFAULT_CHANNEL, Channel
-from ospc.recording.exposure_lists import TEXT_SUFFIXES, lists_in, only_list, read_list
+from ospc.recording.exposure_lists import read_list
 from ospc.recording.frame import MAX_DECODED_BYTES, Frame, check_size
 from ospc.recording.frame_table import FrameTable, table_or_unlisted
+from ospc.recording.list_search import TEXT_SUFFIXES, lists_in, only_list
 from ospc.recording.options import DEFAULT, ReadingOptions
 from ospc.recording.recording import StoredRecording
 

@@ -13,7 +13,7 @@ from ospc.errors import FormatError, NotObservableError, RecordingError
 from ospc.exposures.table import ExposureTable
 from ospc.methods.paper import PaperMethod
 from ospc.photometry.response import Response
-from ospc.recording.frame_table import exposures_in
+from ospc.recording.table_text import exposures_in
 from ospc.research.experiments.ambiguity import ambiguity_report, measure_ambiguity
 from ospc.research.experiments.design import EXPERIMENTS, OFFSETS, experiment_report, median_table
 from ospc.research.experiments.sources import stand_ins, sweeps

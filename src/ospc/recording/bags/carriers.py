@@ -24,7 +24,8 @@ from ospc.recording.bags.messages import (
     stamp_ns_of,
     value_at,
 )
-from ospc.recording.exposure_units import REALSENSE_UNIT_GAIN, ExposureUnit, GainUnit, gain_unit_named, unit_named
+from ospc.recording.exposure_units import REALSENSE_UNIT_GAIN, ExposureUnit, GainUnit
+from ospc.recording.list_columns import gain_unit_named, unit_named
 from ospc.recording.options import ReadingOptions
 
 _MAX_TEXT_CHARACTERS = 100_000

@@ -20,7 +20,7 @@ from ospc.formats.files import read_text
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import PolynomialVignette, Vignette
 from ospc.recording.frame import Frame
-from ospc.recording.frame_table import exposures_in
+from ospc.recording.table_text import exposures_in
 from ospc.research.source import SWEEP, SimulatedSource
 from ospc.simulation import SimulationSettings
 from ospc.simulation.camera import exposed_images, frame_of

@@ -1,0 +1,110 @@
+"""Which image belongs to which row of a list of exposures."""
+
+from __future__ import annotations
+
+import re
+import unicodedata
+from collections.abc import Sequence
+from pathlib import PurePosixPath
+
+import numpy as np
+
+from ospc.arrays import nearest
+from ospc.errors import RecordingError, counted, listed, quoted
+from ospc.formats.files import by_name
+from ospc.recording.exposure_units import in_seconds
+from ospc.recording.frame_table import FrameTable
+from ospc.recording.image_source import is_image_name
+from ospc.recording.table_text import is_number
+
+_EARLIEST_S = 1e8
+"""Earliest time since 1970, in 1973: smaller numbers are those of images, or of a clock that begins at 0."""
+
+_SAME_TIME = 0.25
+"""Largest difference of times that are the same but for rounding, relative to the time between frames."""
+
+_INTEGER = re.compile(r"\d{1,30}", re.ASCII)
+"""Image numbers; Python does not convert much longer ones."""
+
+
+def match_images(table: FrameTable, names: Sequence[str], place: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return the image name of every row of a table, and notes.
+
+    An image belongs to the row with its name, its name without suffix, or its number. Images that are named by their
+    time may also belong to the row with this time in another unit. If rows and images are both numbered without gaps,
+    but from different numbers, they are matched by order. ``names`` are the sorted file names in ``place``.
+
+    Raises
+    ------
+    RecordingError
+        If rows and images do not correspond.
+    """
+    as_many = len(table) == len(names)
+    if not table.ids and as_many:
+        return tuple(names), (f"{table.source}: has no image names; images are matched in the order of their names",)
+    detail = ""
+    if table.ids:
+        by_key, stems = _by_key(names, place), [PurePosixPath(name).stem for name in names]
+        found = [by_key.get(_composed(image)) or by_key.get(_number(image)) for image in table.ids]
+        matching: tuple[str, ...] = ()
+        if not any(found) and (by_time := _images_by_time(table, names, stems)):
+            found, matching = by_time, (f"{table.source}: images are matched by the times in their names",)
+        missing = [image for image, name in zip(table.ids, found, strict=True) if name is None]
+        unused = sorted(set(names) - set(found), key=by_name)
+        if as_many and not missing and not unused:
+            return tuple(name for name in found if name is not None), matching
+        none_match = len(missing) == len(table) and not any(is_image_name(image) for image in table.ids)
+        if as_many and (none_match or all(_consecutive(texts) for texts in (table.ids, stems))):
+            return tuple(names), (f"{table.source}: its ids are not image names; images are matched by order",)
+        detail = f"; no image for {listed(missing)}" if missing else ""
+        detail += f"; no line for {listed(unused)}" if unused else ""
+    same = "other images than the" if as_many else f"{counted(len(table), 'frame')} but there are"
+    raise RecordingError(
+        f"{table.source}: lists {same} {counted(len(names), 'image')} in {place}{detail}; there must be one line "
+        f"per image, with nan for an unknown exposure"
+    )
+
+
+def _images_by_time(table: FrameTable, names: Sequence[str], stems: Sequence[str]) -> list[str | None]:
+    """Return the image named by each row's time, None if there is none; empty if no stems are times since 1970."""
+    if not table.stamped or len(table) < 2 or not all(is_number(stem) for stem in stems):
+        return []
+    times_s, _ = in_seconds(np.array(stems, dtype=np.float64), table.source, stated=True)
+    if min(times_s.min(), table.stamps_s[0]) < _EARLIEST_S:
+        return []
+    order = np.argsort(times_s)
+    closest = order[nearest(times_s[order], table.stamps_s)]
+    near = np.abs(times_s[closest] - table.stamps_s) < _SAME_TIME * float(np.median(np.diff(table.stamps_s)))
+    return [names[i] if fits else None for i, fits in zip(closest.tolist(), near, strict=True)] if near.any() else []
+
+
+def _number(text: str) -> str:
+    """Return a key that is the same for 7, 07 and 00007 and differs from all file names."""
+    return f"/{int(text)}" if _INTEGER.fullmatch(text) else ""
+
+
+def _composed(text: str) -> str:
+    """Return a text with composed characters: macOS writes ö as two characters."""
+    return unicodedata.normalize("NFC", text)
+
+
+def _by_key(names: Sequence[str], place: str) -> dict[str, str]:
+    """Return the images by all keys that may name them; RecordingError if two images share a key."""
+    keys: dict[str, str] = {}
+    for name in names:
+        path = PurePosixPath(name)
+        for key in {_composed(name), _composed(path.name), _composed(path.stem), _number(path.stem)} - {""}:
+            if keys.setdefault(key, name) != name:
+                raise RecordingError(
+                    f"{place}: {quoted(keys[key])} and {quoted(name)} cannot be distinguished by their names; "
+                    f"rename one of them"
+                )
+    return keys
+
+
+def _consecutive(texts: Sequence[str]) -> bool:
+    """Return whether texts are consecutive numbers."""
+    if not all(_INTEGER.fullmatch(text) for text in texts):
+        return False
+    numbers = [int(text) for text in texts]
+    return numbers == list(range(numbers[0], numbers[0] + len(numbers)))

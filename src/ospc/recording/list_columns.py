@@ -1,0 +1,163 @@
+"""Columns of a list of exposures: their meaning and units, read from the header or inferred from the first row."""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from ospc.errors import ExposureError, RecordingError, listed, quoted
+from ospc.recording.exposure_units import ExposureUnit, GainUnit
+from ospc.recording.table_text import is_number, lines_of
+
+Rows = list[tuple[int, list[str]]]
+"""Line number and fields of every line."""
+
+_UNITS = {unit.value: unit for unit in ExposureUnit} | {
+    **dict.fromkeys(("sec", "second"), ExposureUnit.S),
+    **dict.fromkeys(("msec", "millisecond"), ExposureUnit.MS),
+    **dict.fromkeys(("µs", "μs", "usec", "microsecond"), ExposureUnit.US),
+    "nanosecond": ExposureUnit.NS,
+    "100µs": ExposureUnit.US100,
+}
+"""Units of exposures and time stamps by their spelling, in lower case and without a plural."""
+
+# Words for each meaning; columns that match an earlier group take precedence over later groups.
+_V4L2_WORDS = ("exposuretimeabsolute", "exposureabsolute")
+_EXPOSURE_WORDS = (
+    ("exposure", "exposuretime", *_V4L2_WORDS),
+    ("shutter", "shuttertime", "exptime", "integrationtime"),
+    ("actualexposure", "actualexposuretime", "setexposure", "setexposuretime"),
+)
+_STAMP_WORDS = (("timestamp", "stamp"), ("time",))
+_IMAGE_WORDS = (
+    ("file", "filename"),
+    ("image", "imagename", "imagefile", "path", "name"),
+    ("id", "frameid", "imageid"),
+    ("frame", "framenumber", "frameindex", "imagenumber", "imageindex"),
+)
+_GAIN_WORDS = ("gain", "analoggain", "analoguegain", "digitalgain", "iso")
+
+
+@dataclass(frozen=True)
+class Columns:
+    """The number of columns, and the index of the column with each meaning, or None.
+
+    ``gains`` has index, header and unit of the columns by which the exposure is multiplied. ``unit`` is the unit of
+    the exposure and ``stamp_unit`` that of the time stamps, None if the header does not state it. ``notes`` state
+    assumptions, and ``named`` whether there is a header.
+    """
+
+    count: int
+    image: int | None = None
+    stamp: int | None = None
+    exposure: int | None = None
+    gains: tuple[tuple[int, str, GainUnit], ...] = ()
+    unit: ExposureUnit | None = None
+    stamp_unit: ExposureUnit | None = None
+    notes: tuple[str, ...] = ()
+    named: bool = True
+
+
+def name_columns(header: Sequence[str], place: str) -> Columns:
+    """Infer the meaning of columns from their names.
+
+    Raises
+    ------
+    ExposureError
+        If several columns could be the exposures, the time stamps, or the image names. The message begins with
+        ``place``.
+    """
+    parsed = [_word_and_unit(name) for name in header]
+    exposure = _only(header, parsed, _EXPOSURE_WORDS, place)
+    if exposure is None:
+        return Columns(len(header))
+    stamp = _only(header, parsed, _STAMP_WORDS, place)
+    image = _only(header, parsed, _IMAGE_WORDS, place)
+    gains = tuple((i, header[i], gain_unit_named(header[i])) for i in _among(parsed, _GAIN_WORDS))
+    stamp_unit = None if stamp is None else unit_named(header[stamp])
+    return Columns(len(header), image, stamp, exposure, gains, unit_named(header[exposure]), stamp_unit)
+
+
+def unit_named(name: str) -> ExposureUnit | None:
+    """Return the unit in the name of a column or field, such as ``exposure_us``; None if it has none."""
+    word, unit = _word_and_unit(name)
+    return ExposureUnit.US100 if word in _V4L2_WORDS and not unit else _UNITS.get(unit)
+
+
+def gain_unit_named(name: str) -> GainUnit:
+    """Return the unit in the name of a gain, such as ``gain_db``; linear if it has none."""
+    word, unit = _word_and_unit(name)
+    return GainUnit.ISO if word == "iso" else GainUnit.DB if unit == "db" else GainUnit.LINEAR
+
+
+def _word_and_unit(name: str) -> tuple[str, str]:
+    """Split ``Exposure Time [us]``, ``exposure_time_us`` or ``exposure(us)`` into word and unit."""
+    plain = re.sub(r"log2[\s_(\[]*s(?=\W|$)", "log2s", name.strip().lower())
+    words = [word for word in re.split(r"[\s_\-\[\](){}#:./]+", plain) if word]
+    for unit in (words[-1], words[-1].rstrip("s")) if len(words) > 1 else ():
+        if unit in (*_UNITS, "db"):
+            return "".join(words[:-1]), unit
+    return "".join(words), ""
+
+
+def _among(parsed: Sequence[tuple[str, str]], words: Sequence[str]) -> list[int]:
+    return [i for i, (word, _) in enumerate(parsed) if word in words or word.removesuffix("s") in words]
+
+
+def _only(
+    header: Sequence[str], parsed: Sequence[tuple[str, str]], groups: Sequence[Sequence[str]], place: str
+) -> int | None:
+    """Return the only column with a meaning; None if there is none, ExposureError if there are several."""
+    found = next((columns for words in groups if (columns := _among(parsed, words))), [])
+    if len(found) > 1:
+        names = listed([quoted(header[i]) for i in found])
+        good = "exposure_ms" if groups is _EXPOSURE_WORDS else groups[0][0]
+        raise ExposureError(
+            f"{place}: the columns {names} have the same meaning; keep one of them and name it '{good}'"
+        )
+    return found[0] if found else None
+
+
+def columns_of(text: str, source: str) -> tuple[Columns, Rows]:
+    """Return the meaning of the columns and the rows of a list; errors as :func:`name_columns`."""
+    lines = lines_of(text, source)
+    start = next((i for i, (_, line) in enumerate(lines) if not line.startswith("#")), None)
+    if start is None:
+        raise RecordingError(f"{source}: has no frames; it needs one line per image")
+    separator = next((s for s in (";", ",", "\t") if s in lines[start][1]), None)
+    rows = [(n, _fields(line, separator, f"{source}, line {n}")) for n, line in lines[start:] if line[0] != "#"]
+    if not any(is_number(field) for field in rows[0][1]):
+        return name_columns(rows[0][1], f"{source}, line {rows[0][0]}"), rows[1:]
+    if start > 0:
+        number, comment = lines[start - 1]
+        heading = _fields(comment.lstrip("# "), separator, f"{source}, line {number}")
+        if len(heading) == len(rows[0][1]):
+            columns = name_columns(heading, f"{source}, line {number}")
+            if columns.exposure is not None:
+                return columns, rows
+    return _unnamed(rows[0][1]), rows
+
+
+def _unnamed(fields: list[str]) -> Columns:
+    """Infer the columns of a file without a header from their number and the first row."""
+    count = len(fields)
+    unnamed = Columns(count, named=False)
+    if count == 3:
+        return replace(unnamed, image=0, stamp=1, exposure=2, notes=("columns are read as id, stamp[s], exposure",))
+    if count == 2 and not is_number(fields[0]):
+        return replace(unnamed, image=0, exposure=1, notes=("columns are read as file, exposure",))
+    if count == 1:
+        return replace(unnamed, exposure=0, notes=("its numbers are read as exposures",))
+    return unnamed
+
+
+def _fields(line: str, separator: str | None, place: str) -> list[str]:
+    """Split a line; units such as ``[ms]`` stay with their name."""
+    if separator is None:
+        return re.sub(r"\s+(?=[\[(]\w{1,3}[\])])", "", line).split()
+    try:
+        return [field.strip() for field in next(csv.reader([line], delimiter=separator, strict=True))]
+    except csv.Error as error:
+        raise RecordingError(f"{place}: has invalid quotes ({error}); correct the line") from None
