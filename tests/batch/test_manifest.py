@@ -120,7 +120,8 @@ def test_options_of_an_entry_go_before_those_of_the_command():
     ("content", "error", "said"),
     [
         (b"camera\nA\n", FormatError, "no column recording"),
-        (b"recording;camera\nr0;A\n", FormatError, "'recording;camera'.*separated by commas"),
+        (b"recordings;camera\nr0;A\n", FormatError, "'recordings', 'camera'.*separated by commas or semicolons"),
+        (b"recording;camera\nr0;A;b\n", FormatError, "row 2: has more cells .* quote cells with semicolons"),
         (b"", FormatError, "no column recording"),
         (b'recording\n""\n', FormatError, "row 2: names no recording"),
         (b"recording\na\0b\n", FormatError, "names no recording|cannot be read as CSV"),
@@ -140,6 +141,17 @@ def test_tables_that_make_no_sense_are_refused(tmp_path, content, error, said):
     (tmp_path / "m.csv").write_bytes(content)
     with pytest.raises(error, match=said):
         read_manifest(str(tmp_path / "m.csv"))
+
+
+def test_semicolons_separate_as_well_and_then_commas_do_not(recordings):
+    (recordings / "m.csv").write_text(CSV)
+    rows = CSV.replace(",", ";").replace("left/a", "left/a,b").replace("rounds=4 kind", '"rounds=4;kind').splitlines()
+    (recordings / "s.csv").write_text("\n".join([rows[0], rows[1].replace("tum_mono", 'tum_mono"'), *rows[2:], ""]))
+    first, *others = read_manifest(str(recordings / "m.csv"))
+    assert read_manifest(str(recordings / "s.csv")) == [
+        Entry(f"{first.recording},b", first.camera, first.options),
+        *others,
+    ]
 
 
 def test_empty_cells_at_the_end_of_a_row_are_ignored(tmp_path):

@@ -112,9 +112,9 @@ def read_manifest(
 
     The manifest is one of
 
-    - a ``.csv`` or ``.parquet`` table with the columns ``recording`` (a path, relative to the table's folder, or an
-      object-store address), ``camera`` and ``options`` (such as ``rounds=4 kind=euroc``); the last two are optional,
-      and other columns are ignored;
+    - a ``.csv`` table, separated by commas or semicolons, or a ``.parquet`` table, with the columns ``recording`` (a
+      path, relative to the table's folder, or an object-store address), ``camera`` and ``options`` (such as
+      ``rounds=4 kind=euroc``); the last two are optional, and other columns are ignored;
     - a folder: a recording, or every recording in it, up to four folders deep; a recording's parent folder names its
       camera;
     - a pattern such as ``recordings/*/cam0``, which may be an object-store address; cameras are named as for folders.
@@ -213,15 +213,23 @@ def _of_csv(place: Path) -> list[dict[str, str]]:
     except UnicodeDecodeError:
         raise FormatError(f"{place}: is not UTF-8 text; save it as UTF-8") from None
     try:
-        reader = csv.DictReader(io.StringIO(text, newline=""), strict=True)
+        separator = _separator(text)
+        reader = csv.DictReader(io.StringIO(text, newline=""), delimiter=separator, strict=True)
         _check_columns(place, reader.fieldnames or [])
         rows = list(reader)
     except csv.Error as error:
         raise FormatError(f"{place}: cannot be read as CSV ({error})") from None
     for number, row in enumerate(rows, start=2):
         if any(row.get(None, ())):  # cells beyond the last column
-            raise FormatError(f"{place}, row {number}: has more cells than the first line; quote paths with commas")
+            quote = "paths with commas" if separator == "," else "cells with semicolons"
+            raise FormatError(f"{place}, row {number}: has more cells than the first line; quote {quote}")
     return [{name: row[name] or "" for name in _COLUMNS if name in row} for row in rows]
+
+
+def _separator(text: str) -> str:
+    """Return what separates the cells: spreadsheets write semicolons where the decimal sign is a comma."""
+    header = text.lstrip("\r\n").partition("\n")[0]
+    return ";" if ";" in header and "," not in header else ","
 
 
 def _of_parquet(place: Path) -> list[dict[str, str]]:
@@ -242,5 +250,5 @@ def _check_columns(place: Path, names: Sequence[str]) -> None:
         found = listed([quoted(name) for name in names]) or "none"
         raise FormatError(
             f"{place}: has no column recording (its columns: {found}); name the columns in the first line, separated "
-            "by commas; camera and options are optional"
+            "by commas or semicolons; camera and options are optional"
         )
