@@ -31,6 +31,9 @@ _MESSAGE_CHARACTERS = 1500
 _SHOWN_CHARACTERS, _SHOWN_ITEMS = 40, 3
 """Longest quotation, and most items of a list, that a message shows."""
 
+_EXTREME = 1e15
+"""Magnitude above which numbers in messages are written with an exponent."""
+
 _CLOSE = 0.75
 """Similarity of names, from 0 to 1, above which one is probably a misspelling of the other."""
 
@@ -161,3 +164,9 @@ def named(what: str, name: str, known: Mapping[str, Named]) -> Named:
 def counted(number: SupportsIndex, noun: str) -> str:
     """Return a number with its noun, such as '1 frame' and '2 frames'."""
     return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
+
+
+def plain(number: float, digits: int = 4) -> str:
+    """Return a number with this many significant digits, and without an exponent unless it is extreme."""
+    rounded = f"{number:.{digits}g}"
+    return f"{float(rounded):.0f}" if "e+" in rounded and abs(number) < _EXTREME else rounded

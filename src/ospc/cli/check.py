@@ -11,7 +11,7 @@ import click
 from ospc.cli.options import AS_JSON, CORRECT_LAG, LIST_TOPICS, PLOT, argument, declared, option
 from ospc.cli.reading import READING_OR_ESTIMATING, Reading, print_topics
 from ospc.cli.terminal import COMPLETE, UNDETERMINED, print_json, progress_of, say
-from ospc.errors import counted
+from ospc.errors import counted, plain
 
 if TYPE_CHECKING:
     from ospc.diagnosis import RecordingReport
@@ -89,7 +89,7 @@ def _figures(report: RecordingReport, unit: str) -> dict[str, str]:
     course = (
         "in all frames"
         if exposure.values == 1
-        else f"(a factor of {exposure.ratio:.3g}), changes in {exposure.changed_share:.0%} of the frames{cycle}"
+        else f"(a factor of {plain(exposure.ratio, 3)}), changes in {exposure.changed_share:.0%} of the frames{cycle}"
     )
     rows = {"exposure": f"{exposure.in_words(unit)} {course}", "exposure lag": _lag(report)}
     brightness = report.exposures.brightness

@@ -18,6 +18,7 @@ from rich.text import Text
 from ospc.arrays import FloatArray, IntArray
 from ospc.cli.terminal import console, say, spreads_in_words
 from ospc.errors import counted
+from ospc.exposures.table import range_in_words
 from ospc.live.capture import Capture
 from ospc.live.status import LiveStatus
 from ospc.methods.preview import Preview
@@ -205,6 +206,6 @@ def _coverage(preview: Preview) -> RenderableType:
     low, high = seen.exposure_edges_ms[[0, -1]]
     table = Table.grid(padding=(0, 2, 0, 0))
     table.add_row("grey levels", f"[green]{bars(seen.by_grey)}[/]", "black to white")
-    table.add_row("exposures", f"[green]{bars(seen.grey_exposure.sum(axis=1))}[/]", f"{low:.3g} to {high:.3g} ms")
+    table.add_row("exposures", f"[green]{bars(seen.grey_exposure.sum(axis=1))}[/]", range_in_words(low, high))
     table.add_row("radii", f"[green]{bars(seen.by_radius)}[/]", "centre to corner; · not seen")
     return table

@@ -11,6 +11,7 @@ from ospc.cli.options import QUIET, argument, declared, option, out_option
 from ospc.cli.reading import STATED_OF_CAMERA
 from ospc.cli.terminal import progress_line, say, say_notes
 from ospc.errors import counted
+from ospc.exposures.table import range_in_words
 from ospc.recording.options import ReadingOptions
 from ospc.recording.writing.images import MOST_FRAMES, film
 
@@ -52,4 +53,4 @@ def command(
     if not quiet:
         low, high = filmed.exposure_range_ms
         repeated = f", {filmed.repeated} repeated ones left out" if filmed.repeated else ""
-        say(f"{filmed.path}: {counted(filmed.frames, 'frame')} of {low:.4g} to {high:.4g} ms{repeated}")
+        say(f"{filmed.path}: {counted(filmed.frames, 'frame')} of {range_in_words(low, high)}{repeated}")

@@ -12,6 +12,7 @@ import click
 from ospc.cli.options import SIZE, Parsed, argument, declared, option
 from ospc.cli.terminal import progress_of, say
 from ospc.errors import SettingError
+from ospc.exposures.table import range_in_words
 
 if TYPE_CHECKING:
     from ospc.simulation import SimulationSettings
@@ -90,7 +91,7 @@ class _Simulation:
         low, high = made.exposures_ms.min(), made.exposures_ms.max()
         say(
             f"{self.out}: {settings.frames} frames of {settings.size[0]}×{settings.size[1]} pixels, exposures "
-            f"{low:.3g} to {high:.3g} ms; truth in {self.out / 'truth.json'}, pcalib.txt and vignette.png"
+            f"{range_in_words(low, high)}; truth in {self.out / 'truth.json'}, pcalib.txt and vignette.png"
         )
 
     def _settings(self) -> SimulationSettings:

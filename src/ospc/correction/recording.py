@@ -15,6 +15,7 @@ from ospc.correction.folder import CorrectedFolder, Counts
 from ospc.correction.settings import CorrectionSettings
 from ospc.correction.source import Source, ids_for
 from ospc.errors import ExposureError, FrameError, NotObservableError, RecordingError, SettingError
+from ospc.exposures.table import range_in_words
 from ospc.exposures.used import use_of_exposures, with_calibrated_greys, with_used_exposures, without_gaps
 from ospc.formats.dso import parameter_files, write_times
 from ospc.formats.image_header import JPEG_START, WITH_METADATA, read_header
@@ -234,7 +235,8 @@ def _notes_on(
     low, high = np.nanmin(recording.exposures_ms), np.nanmax(recording.exposures_ms)
     if settings.output == "grey8" and settings.normalise_exposure and high > _WIDE * low:
         yield (
-            f"8 bits are too few for exposures from {low:.3g} to {high:.3g} ms on one scale; use grey16 or irradiance"
+            f"8 bits are too few for exposures from {range_in_words(low, high)} on one scale; use grey16 or "
+            f"irradiance"
         )
     yield from (n for n in recording.notes if source.unexposed is None or not n.endswith((NO_EXPOSURES, NO_STAMPS)))
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ospc.arrays import FloatArray, IntArray
+from ospc.errors import plain
 from ospc.settings.exposures import (
     CHANGED_EXPOSURE_LOG,
     CONSTANT_EXPOSURE_LOG,
@@ -153,7 +154,7 @@ class ExposureReport:
 
 def range_in_words(lowest: float, highest: float, unit: str = " ms") -> str:
     """Return a range of exposures, such as "1 to 32 ms", or "10 ms" if both are equal in four digits."""
-    first, last = f"{lowest:.4g}", f"{highest:.4g}"
+    first, last = plain(lowest), plain(highest)
     return f"{first}{unit}" if first == last else f"{first} to {last}{unit}"
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ospc.errors import plain
 from ospc.estimation.effect_models import GAIN_STEPS, LIGHT_FIXED_TO_CAMERA
 from ospc.estimation.effects import Effects
 from ospc.estimation.fit import Fit
@@ -44,13 +45,13 @@ def _corrected(found: EffectEstimate, effects: Effects) -> str:
     digits = 2 if found.name in LIGHT_FIXED_TO_CAMERA else 1
     share = f"{abs(found.value):.{digits}%} ± {found.sigma:.{digits}%}"
     if found.name in _ADDED_LIGHT:
-        return _ADDED_LIGHT[found.name].format(share=share, typical=f"{typical_ms:.3g} ms")
+        return _ADDED_LIGHT[found.name].format(share=share, typical=f"{plain(typical_ms, 3)} ms")
     if found.name in GAIN_STEPS:
         limit_ms = effects.step_exposures[GAIN_STEPS.index(found.name)] * typical_ms
         than = "brighter" if found.value > 0 else "darker"
         return (
-            f"images with exposures above {limit_ms:.3g} ms are {share} {than} than predicted, as with an inexact "
-            "gain; this was corrected"
+            f"images with exposures above {plain(limit_ms, 3)} ms are {share} {than} than predicted, as with an "
+            "inexact gain; this was corrected"
         )
     if found.name == NOMINAL_EXPOSURES:
         return "exposures are nominal, such as 1/60 s for 1/64 s; the exact fractions of a stop were used instead"
@@ -59,6 +60,6 @@ def _corrected(found: EffectEstimate, effects: Effects) -> str:
         return f"exposures are {lag} frames {when}; this was corrected"
     if found.name in _RANDOM:
         return _RANDOM[found.name].format(percent=100 * found.value)
-    offset = f"{abs(found.value) * typical_ms:.3g} ± {found.sigma * typical_ms:.1g} ms"
+    offset = f"{plain(abs(found.value) * typical_ms, 3)} ± {plain(found.sigma * typical_ms, 1)} ms"
     too = "short" if found.value > 0 else "long"
     return f"all exposures are {offset} too {too}; this was corrected"

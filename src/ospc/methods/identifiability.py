@@ -105,7 +105,7 @@ def response_verdict_of_fit(
     # If all exposures were raised to a power, so would g and V be, and no image would differ.
     figure = (
         f"typical ratios of irradiance are known to within {100 * error:.2g}% ({CONFIDENCE:.0%} confidence), "
-        f"if the exposures of {low:.4g} to {high:.4g} ms are proportional to the light"
+        f"if the exposures of {range_in_words(low, high)} are proportional to the light"
     )
     missing = f"{min(unexplained, 1):.0%} of a typical change of exposure does not show in the images"
     if unexplained > CONTRADICTING_UNEXPLAINED_SHARE:

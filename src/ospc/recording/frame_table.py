@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ospc.arrays import FloatArray, read_only
-from ospc.errors import ExposureError, MissingExtraError, RecordingError, listed, quoted
+from ospc.errors import ExposureError, MissingExtraError, RecordingError, listed, plain, quoted
 from ospc.photometry.correction import EXPOSURE_RANGE_MS
 
 _LARGEST_STAMP = 1e20
@@ -97,9 +97,10 @@ def checked_exposures(
     unknown = np.isnan(exposures)
     bad = np.flatnonzero(~((exposures >= low) & (exposures <= high) | unknown))
     if bad.size:
+        limit = f" and at most {plain(high)}" if exposures[bad[0]] > high else ""
         raise ExposureError(
-            f"{where(bad.tolist())}: the exposure must be a positive number of milliseconds, not "
-            f"{exposures[bad[0]]:g}; {remedy}"
+            f"{where(bad.tolist())}: the exposure must be a positive number of milliseconds{limit}, not "
+            f"{plain(exposures[bad[0]], 6)}; {remedy}"
         )
     if unknown.all():
         raise ExposureError(f"{where(np.flatnonzero(unknown).tolist())}: no exposure is known; {remedy}")

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from ospc.arrays import FloatArray, Image
-from ospc.errors import OspcError
+from ospc.errors import OspcError, plain
 from ospc.evaluation.tracking import TrackingComparison, compare_tracking
 from ospc.exposures.table import filled
 from ospc.exposures.used import with_calibrated_greys, with_used_exposures
@@ -151,7 +151,7 @@ def _of_scene(corrector: Corrector, frames: list[Frame]) -> Pictures:
     recorded = [("as recorded", frame, frame.image_8_bit) for frame in frames]
     corrected = [("corrected", frame, corrected_picture(corrector, frame, longest_ms)) for frame in frames]
     return tuple(
-        (_reduced(image), f"frame {frame.index}, {frame.exposure_ms:.4g} ms, {what}")
+        (_reduced(image), f"frame {frame.index}, {plain(frame.exposure_ms)} ms, {what}")
         for what, frame, image in recorded + corrected
     )
 
