@@ -69,7 +69,26 @@ class GainUnit(Enum):
         return values / 100 if self is GainUnit.ISO else values
 
 
-_SHORTEST_MS, _LONGEST_MS = 0.02, 1000.0
+def known_gain_unit(unit: GainUnit | None, gains: FloatArray, gain: str) -> GainUnit:
+    """Return the unit of gains; it is ``none`` if only the manufacturer knows it (None) and they do not change.
+
+    Raises
+    ------
+    ExposureError
+        If gains in an unknown unit change. The message begins with ``gain``.
+    """
+    if unit is not None:
+        return unit
+    known = gains[np.isfinite(gains)]
+    if known.size and (low := known.min()) < (high := known.max()):
+        raise ExposureError(
+            f"{gain} changes from {low:g} to {high:g} in the camera's own unit; give it with --gain-unit "
+            f"(linear, db, iso, or none to ignore it)"
+        )
+    return GainUnit.NONE
+
+
+SHORTEST_MS, _LONGEST_MS = 0.02, 1000.0
 """Plausible median exposures of a recording; the upper limit is used if the frame rate is unknown."""
 
 _SHORTEST_LOG2_S, _LONGEST_LOG2_S = -20.0, 1.0
@@ -104,7 +123,7 @@ def infer_unit(exposures: npt.ArrayLike, interval_ms: float | None, source: str)
     middle = float(np.median(positive))
     longest = _INTERVAL_MARGIN * interval_ms if interval_ms is not None else _LONGEST_MS
     for unit, factor in _IN_MS.items():
-        if _SHORTEST_MS <= middle * factor <= longest:
+        if SHORTEST_MS <= middle * factor <= longest:
             return unit
     raise ExposureError(
         f"{source}: exposures around {middle:g} are not plausible in any unit at this frame rate; give their unit "

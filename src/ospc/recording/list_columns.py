@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 from ospc.errors import ExposureError, RecordingError, listed, quoted
 from ospc.recording.exposure_units import ExposureUnit, GainUnit
-from ospc.recording.table_text import is_number, lines_of
+from ospc.recording.table_text import is_fraction, is_number, lines_of
 
 Rows = list[tuple[int, list[str]]]
 """Line number and fields of every line."""
@@ -29,6 +29,7 @@ _EXPOSURE_WORDS = (
     ("exposure", "exposuretime", *_V4L2_WORDS),
     ("shutter", "shuttertime", "exptime", "integrationtime"),
     ("actualexposure", "actualexposuretime", "setexposure", "setexposuretime"),
+    ("shutterspeed", "shutterspeedvalue"),
 )
 _STAMP_WORDS = (("timestamp", "stamp"), ("time",))
 _IMAGE_WORDS = (
@@ -37,23 +38,42 @@ _IMAGE_WORDS = (
     ("id", "frameid", "imageid"),
     ("frame", "framenumber", "frameindex", "imagenumber", "imageindex"),
 )
-_GAIN_WORDS = ("gain", "analoggain", "analoguegain", "digitalgain", "iso")
+_ISO_WORDS = (
+    ("iso",),
+    ("isospeed", "isospeedrating", "isovalue", "isosetting", "photographicsensitivity"),
+    ("sensitivity", "sensorsensitivity", "isosensitivity"),
+)
+
+_GAIN = re.compile(
+    r"(?P<total>total|overall|combined)?(?:a|d|analog|analogue|digital|sensor|master|camera|linear)?gains?"
+    r"(?P<unit>db|iso|linear|factor|(?P<own>percent|pct|%|raw|level|code|steps?|index))?"
+)
+"""Names of gains without blanks, in lower case. Parts of a gain multiply; the unit may be the camera's own."""
+
+_GAIN_UNITS = {"db": GainUnit.DB, "iso": GainUnit.ISO}
+
+_LIKE_A_GAIN = re.compile(r"gain|sensitivity|iso$|^iso(?:speed|value|setting|rating|equivalent)")
+_OF_A_COLOUR = re.compile(r"red|blue|colou?r|white|awb|wb|rgb|^[rb]gain|gain[rb]$")
+_OF_ISO = re.compile(r"iso|^gaincontrol$|^standardoutputsensitivity$|^sensitivitytype$")
+"""Names like those of gains; those of white balance, which does not change green; and what EXIF adds to the ISO."""
 
 
 @dataclass(frozen=True)
 class Columns:
     """The number of columns, and the index of the column with each meaning, or None.
 
-    ``gains`` has index, header and unit of the columns by which the exposure is multiplied. ``unit`` is the unit of
-    the exposure and ``stamp_unit`` that of the time stamps, None if the header does not state it. ``notes`` state
-    assumptions, and ``named`` whether there is a header.
+    ``gains`` has index, header and unit of the columns by which the exposure is multiplied; the unit is None if only
+    the manufacturer knows it. ``doubtful`` has index and header of other columns that look like gains. ``unit`` is
+    the unit of the exposure and ``stamp_unit`` that of the time stamps, None if the header does not state it.
+    ``notes`` state assumptions, and ``named`` whether there is a header.
     """
 
     count: int
     image: int | None = None
     stamp: int | None = None
     exposure: int | None = None
-    gains: tuple[tuple[int, str, GainUnit], ...] = ()
+    gains: tuple[tuple[int, str, GainUnit | None], ...] = ()
+    doubtful: tuple[tuple[int, str], ...] = ()
     unit: ExposureUnit | None = None
     stamp_unit: ExposureUnit | None = None
     notes: tuple[str, ...] = ()
@@ -75,9 +95,35 @@ def name_columns(header: Sequence[str], place: str) -> Columns:
         return Columns(len(header))
     stamp = _only(header, parsed, _STAMP_WORDS, place)
     image = _only(header, parsed, _IMAGE_WORDS, place)
-    gains = tuple((i, header[i], gain_unit_named(header[i])) for i in _among(parsed, _GAIN_WORDS))
     stamp_unit = None if stamp is None else unit_named(header[stamp])
-    return Columns(len(header), image, stamp, exposure, gains, unit_named(header[exposure]), stamp_unit)
+    iso = _only(header, parsed, _ISO_WORDS, place)
+    gains = _gains(header) + ([] if iso is None else [(iso, header[iso], GainUnit.ISO)])
+    taken = {exposure, stamp, image, *(i for i, _, _ in gains)}
+    doubtful = [(i, name) for i, name in enumerate(header) if i not in taken and _is_doubtful(name, iso is not None)]
+    return Columns(
+        len(header),
+        image=image,
+        stamp=stamp,
+        exposure=exposure,
+        gains=tuple(gains),
+        doubtful=tuple(doubtful),
+        unit=unit_named(header[exposure]),
+        stamp_unit=stamp_unit,
+    )
+
+
+def _gains(header: Sequence[str]) -> list[tuple[int, str, GainUnit | None]]:
+    """Return the columns of gains other than ISO: the parts of the gain, or the total if its parts are not there."""
+    found = [(i, name, match) for i, name in enumerate(header) if (match := _GAIN.fullmatch(_joined(name)))]
+    parts = [entry for entry in found if not entry[2]["total"]] or found
+    return [(i, name, gain_unit_named(name)) for i, name, _ in parts]
+
+
+def _is_doubtful(name: str, has_iso: bool) -> bool:
+    """Return whether a name looks like that of a gain, except of a part of the ISO, of a total, or of a colour."""
+    joined = _joined(name)
+    explained = _OF_A_COLOUR.search(joined) or _GAIN.fullmatch(joined) or (has_iso and _OF_ISO.search(joined))
+    return _LIKE_A_GAIN.search(joined) is not None and not explained
 
 
 def unit_named(name: str) -> ExposureUnit | None:
@@ -86,10 +132,35 @@ def unit_named(name: str) -> ExposureUnit | None:
     return ExposureUnit.US100 if word in _V4L2_WORDS and not unit else _UNITS.get(unit)
 
 
-def gain_unit_named(name: str) -> GainUnit:
-    """Return the unit in the name of a gain, such as ``gain_db``; linear if it has none."""
-    word, unit = _word_and_unit(name)
-    return GainUnit.ISO if word == "iso" else GainUnit.DB if unit == "db" else GainUnit.LINEAR
+def is_gain(name: str) -> bool:
+    """Return whether a column or topic with this name certainly has gains."""
+    return _GAIN.fullmatch(_joined(name)) is not None or _is_iso(name)
+
+
+def looks_like_gain(name: str) -> bool:
+    """Return whether a column or topic with this name has gains certainly or probably."""
+    return is_gain(name) or _is_doubtful(name, has_iso=False)
+
+
+def gain_unit_named(name: str) -> GainUnit | None:
+    """Return the unit in the name of a gain, such as ``gain_db``.
+
+    It is linear if the name states none, and None if it is the camera's own, as in ``gain_percent``.
+    """
+    if _is_iso(name):
+        return GainUnit.ISO
+    match = _GAIN.fullmatch(_joined(name))
+    if match is None:
+        return GainUnit.DB if _word_and_unit(name)[1] == "db" else GainUnit.LINEAR
+    return None if match["own"] else _GAIN_UNITS.get(match["unit"], GainUnit.LINEAR)
+
+
+def _is_iso(name: str) -> bool:
+    return bool(_among([_word_and_unit(name)], [word for words in _ISO_WORDS for word in words]))
+
+
+def _joined(name: str) -> str:
+    return "".join(_word_and_unit(name))
 
 
 def _word_and_unit(name: str) -> tuple[str, str]:
@@ -128,7 +199,7 @@ def columns_of(text: str, source: str) -> tuple[Columns, Rows]:
         raise RecordingError(f"{source}: has no frames; it needs one line per image")
     separator = next((s for s in (";", ",", "\t") if s in lines[start][1]), None)
     rows = [(n, _fields(line, separator, f"{source}, line {n}")) for n, line in lines[start:] if line[0] != "#"]
-    if not any(is_number(field) for field in rows[0][1]):
+    if not any(is_number(field) or is_fraction(field) for field in rows[0][1]):
         return name_columns(rows[0][1], f"{source}, line {rows[0][0]}"), rows[1:]
     if start > 0:
         number, comment = lines[start - 1]

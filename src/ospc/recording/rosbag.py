@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from array import array
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -10,15 +9,24 @@ from pathlib import Path
 
 import numpy as np
 
-from ospc.arrays import FloatArray, Image, IntArray, nearest, read_only
-from ospc.errors import ExposureError, RecordingError, counted, escaped, listed
-from ospc.recording.bags.bag import Bag, exposure_topic, image_topic, image_topics, is_bag, own_exposure_topic
-from ospc.recording.bags.carriers import Carrier, carrier_of
+from ospc.arrays import FloatArray, Image, IntArray, read_only
+from ospc.errors import ExposureError, escaped, listed
+from ospc.recording.bags.bag import (
+    Bag,
+    exposure_topic,
+    gain_topics,
+    image_topic,
+    image_topics,
+    is_bag,
+    own_exposure_topic,
+)
+from ospc.recording.bags.carriers import Carrier, carrier_of, gain_carrier
 from ospc.recording.bags.container import Topic
-from ospc.recording.bags.image_messages import ImageStream, read_stamp_ns
-from ospc.recording.bags.messages import NS_PER_S, DamagedMessageError
+from ospc.recording.bags.image_messages import ImageStream
+from ospc.recording.bags.messages import NS_PER_S
+from ospc.recording.bags.timing import Carried, Times, increasing, match_times, read_through
 from ospc.recording.exposure_lists import read_list
-from ospc.recording.exposure_units import ExposureUnit, GainUnit, infer_unit
+from ospc.recording.exposure_units import ExposureUnit, GainUnit, infer_unit, known_gain_unit
 from ospc.recording.frame import Frame
 from ospc.recording.frame_table import FrameTable, checked_exposures, unlisted
 from ospc.recording.list_search import names_exposures
@@ -28,12 +36,6 @@ from ospc.recording.recording import StoredRecording
 
 _NS_PER_MS = 1e6
 """Nanoseconds, the unit of stamps in bags, per millisecond."""
-
-_LEAST_SHARE = 0.5
-"""Minimum share of the images that must have an exposure; with fewer, the time stamps are wrong."""
-
-_ONLY_IMAGE_TOLERANCE_NS = 5e8
-"""Largest time between an exposure and a single image, which has no frame interval."""
 
 
 class _Rosbag:
@@ -54,7 +56,8 @@ class _Rosbag:
             else:
                 carrying = exposure_topic(bag, topic, options)
                 carrier = carrier_of(carrying, options, f"{path}: {carrying.name}")
-                log_ns, numbers, table = _exposed(bag, topic, carrier)
+                gains = [] if carrier.has_gain else _gain_carriers(bag, topic, options)
+                log_ns, numbers, table = _exposed(bag, topic, carrier, gains)
         except ExposureError:
             if not options.unknown_exposures:
                 raise
@@ -124,137 +127,73 @@ def _camera_names(topics: Sequence[Topic]) -> dict[str, Topic]:
     return dict(zip(names, topics, strict=True))
 
 
-@dataclass(frozen=True)
-class _Times:
-    """Time stamps of messages, 0 if they have none, and the times at which they were recorded, shape (messages,)."""
-
-    stamp_ns: IntArray
-    log_ns: IntArray
-
-
-def _read_through(bag: Bag, images: Topic, carrier: Carrier | None) -> tuple[_Times, _Times, FloatArray]:
-    """Return the times of images and of exposures, and exposures and gains, shape (2, messages)."""
-    image_times, exposure_times = array("q"), array("q")  # a time stamp and a time of recording for each message
-    readings = array("d")  # an exposure and a gain for each message
-    topic = carrying = images if carrier is None else carrier.topic
-    try:
-        read = None if carrier is None else carrier.readings()
-        for message in bag.messages({images.name, carrying.name}):
-            if message.topic == images.name:
-                topic = images
-                image_times.extend((read_stamp_ns(message.data, images), message.log_ns))
-            if read is not None and message.topic == carrying.name:
-                topic = carrying
-                if (reading := read(message.data)) is not None:
-                    exposure, gain, stamp_ns = reading
-                    exposure_times.extend((stamp_ns, message.log_ns))
-                    readings.extend((exposure, gain))
-    except (DamagedMessageError, OverflowError) as error:
-        raise RecordingError(f"{bag.path}: a message of {topic.name} cannot be read: {error}") from None
-    if not image_times:
-        raise RecordingError(f"{bag.path}: {images.name} has no images; choose another topic with --image-topic")
-    images_at, exposures_at = (
-        _Times(*np.array(pairs, dtype=np.int64).reshape(-1, 2).T.copy()) for pairs in (image_times, exposure_times)
-    )
-    return images_at, exposures_at, np.array(readings, dtype=np.float64).reshape(-1, 2).T
+def _gain_carriers(bag: Bag, images: Topic, options: ReadingOptions) -> list[Carrier]:
+    """Return the topics with gains of images that are to be used."""
+    if options.gain_unit is GainUnit.NONE:
+        return []
+    return [gain_carrier(topic, options) for topic in gain_topics(bag, images)]
 
 
 def _unexposed(bag: Bag, images: Topic) -> tuple[IntArray, IntArray, FrameTable]:
     """Return recording times and message numbers of all images, and their table with unknown exposures."""
-    times, _, _ = _read_through(bag, images, None)
-    numbers, stamps_ns, notes = _increasing(times, np.arange(len(times.log_ns)), str(bag.path))
+    times, _ = read_through(bag, images)
+    numbers, stamps_ns, notes = increasing(times, np.arange(len(times.log_ns)), str(bag.path))
     table = unlisted(str(bag.path), stamps_ns / NS_PER_S, stamped=True)
     return times.log_ns, numbers, replace(table, notes=(*table.notes, *notes))
 
 
-def _exposed(bag: Bag, images: Topic, carrier: Carrier) -> tuple[IntArray, IntArray, FrameTable]:
+def _exposed(
+    bag: Bag, images: Topic, carrier: Carrier, gains: Sequence[Carrier]
+) -> tuple[IntArray, IntArray, FrameTable]:
     """Return recording times of all images, message numbers of those with an exposure, and their table."""
-    times, exposures, readings = _read_through(bag, images, carrier)
+    times, ((exposure_times, readings), *carried) = read_through(bag, images, (carrier, *gains))
     source = f"{bag.path}: {escaped(carrier.topic.name)}"
     if not readings.size:
         raise ExposureError(f"{source}: has no exposures ({carrier.summary}); choose another topic")
-    exposure, match_notes = _match(times, exposures, source)
-    numbers, stamps_ns, stamp_notes = _increasing(times, np.flatnonzero(exposure >= 0), str(bag.path))
+    exposure, match_notes = match_times(times, exposure_times, source)
+    factors, gain_notes = _gain_factors(bag, times, gains, carried)
+    known = (exposure >= 0) & np.isfinite(factors)
+    numbers, stamps_ns, stamp_notes = increasing(times, np.flatnonzero(known), str(bag.path))
     interval_ms = float(np.median(np.diff(stamps_ns))) / _NS_PER_MS if len(stamps_ns) > 1 else None
     values, unit_notes = _in_ms(readings, carrier, interval_ms, source)
     exposures_ms = checked_exposures(
-        values[exposure[numbers]],
+        values[exposure[numbers]] * factors[numbers],
         lambda frames: f"{source}, image {listed(frames)}",
         "give the unit or the gain, or ignore it with --gain-unit none",
     )
     stamps_s = read_only(stamps_ns / NS_PER_S)
-    notes = (*unit_notes, *match_notes, *stamp_notes)
+    notes = (*unit_notes, *gain_notes, *match_notes, *stamp_notes)
     return times.log_ns, numbers, FrameTable(source, (), stamps_s, exposures_ms, notes)
+
+
+def _gain_factors(
+    bag: Bag, images: Times, carriers: Sequence[Carrier], carried: Sequence[Carried]
+) -> tuple[FloatArray, list[str]]:
+    """Return the product of the gains on topics of their own for each image, NaN for an unknown one, and notes."""
+    factors, notes = np.ones(len(images.log_ns)), list[str]()
+    for carrier, (gain_times, (gains, _)) in zip(carriers, carried, strict=True):
+        source = f"{bag.path}: {escaped(carrier.topic.name)}"
+        if not gains.size or np.ptp(gains) == 0:
+            notes.append(f"{source}: the gain is constant and ignored")
+            continue
+        unit = known_gain_unit(carrier.gain_unit, gains, f"{source}: the gain")
+        gain, match_notes = match_times(images, gain_times, source, "gain")
+        factors *= np.where(gain >= 0, unit.linear(gains)[gain], np.nan)
+        notes += [f"{source}: exposures are multiplied by this gain ({unit.label})", *match_notes]
+    return factors, notes
 
 
 def _listed(bag: Bag, images: Topic, table: FrameTable) -> tuple[IntArray, IntArray, FrameTable]:
     """Return the same as :func:`_exposed` with the exposures of a list."""
     if not table.stamped:
         raise ExposureError(f"{table.source}: has no time stamps; add a column timestamp_s or timestamp_ns")
-    times, _, _ = _read_through(bag, images, None)
+    times, _ = read_through(bag, images)
     at_ns = np.rint(table.stamps_s * NS_PER_S).astype(np.int64)
-    exposure, match_notes = _match(times, _Times(at_ns, at_ns), table.source)
-    numbers, stamps_ns, stamp_notes = _increasing(times, np.flatnonzero(exposure >= 0), str(bag.path))
+    exposure, match_notes = match_times(times, Times(at_ns, at_ns), table.source)
+    numbers, stamps_ns, stamp_notes = increasing(times, np.flatnonzero(exposure >= 0), str(bag.path))
     exposures_ms = read_only(table.exposures_ms[exposure[numbers]])
     notes = (f"{table.source}: exposures are read from this list", *table.notes, *match_notes, *stamp_notes)
     return times.log_ns, numbers, FrameTable(table.source, (), read_only(stamps_ns / NS_PER_S), exposures_ms, notes)
-
-
-def _match(images: _Times, exposures: _Times, source: str) -> tuple[IntArray, list[str]]:
-    """Return the index of each image's exposure, -1 for none, (images,), and notes; ExposureError if few match."""
-    # Time stamps of the camera take precedence. If they are missing or come from different clocks, the times at which
-    # the messages were recorded are used.
-    ways = [("time of recording", images.log_ns, exposures.log_ns)]
-    if np.all(images.stamp_ns > 0) and np.all(exposures.stamp_ns > 0):
-        ways.insert(0, ("time stamp", images.stamp_ns, exposures.stamp_ns))
-    for what, wanted, offered in ways:
-        found, tolerance_ns = _nearest(wanted, offered)
-        known = int(np.count_nonzero(found >= 0))
-        if known >= _LEAST_SHARE * len(found):
-            notes = [] if what == "time stamp" else [f"{source}: exposures are matched to images by {what}"]
-            if known < len(found):
-                near = f"is within {tolerance_ns / 1e6:.3g} ms" if tolerance_ns else "has the same time stamp"
-                notes.append(
-                    f"{source}: {len(found) - known} of {counted(len(found), 'image')} left out, because no exposure "
-                    f"{near}"
-                )
-            return found, notes
-    raise ExposureError(
-        f"{source}: has exposures for only {known} of {counted(len(found), 'image')}; record an exposure with the "
-        f"time stamp of every image"
-    )
-
-
-def _nearest(wanted: IntArray, offered: IntArray) -> tuple[IntArray, float]:
-    """Return the index of the nearest time, -1 if it is further than half a frame interval, and this tolerance.
-
-    It is 0 if most times are equal: then the others belong to images that were not recorded.
-    """
-    order = np.argsort(offered, kind="stable")
-    times = offered[order]
-    nearer = nearest(times, wanted)
-    distance = np.abs(times[nearer] - wanted)
-    steps = np.diff(np.sort(wanted))
-    tolerance_ns = float(np.median(steps)) / 2 if len(steps) else _ONLY_IMAGE_TOLERANCE_NS
-    if np.count_nonzero(distance == 0) >= _LEAST_SHARE * len(wanted):
-        tolerance_ns = 0.0
-    found = np.where(distance <= tolerance_ns, order[nearer], -1)
-    return found.astype(np.int64), tolerance_ns
-
-
-def _increasing(times: _Times, messages: IntArray, path: str) -> tuple[IntArray, IntArray, list[str]]:
-    """Return the messages in temporal order, their time stamps in nanoseconds, and notes about those left out."""
-    stamps_ns, notes = times.stamp_ns[messages], []
-    if np.any(stamps_ns <= 0):
-        stamps_ns = times.log_ns[messages]
-        notes.append(f"{path}: some images have no time stamp; using the times at which they were recorded")
-    # An image is kept if it is later than all images before it.
-    latest = np.maximum.accumulate(stamps_ns)
-    later = np.concatenate([[True], stamps_ns[1:] > latest[:-1]])
-    if not later.all():
-        count = int(np.count_nonzero(~later))
-        notes.append(f"{path}: {counted(count, 'image')} left out, because time stamps do not increase")
-    return messages[later], stamps_ns[later], notes
 
 
 def _in_ms(
@@ -267,14 +206,8 @@ def _in_ms(
         values = np.where(values <= 0, np.nan, values)  # drivers send 0 or -1 while they do not know the exposure
     how = "" if carrier.unit is not None else f", in {unit.value}, inferred from their size and the frame rate"
     notes = [f"{source}: exposures are {carrier.summary}{how}"]
-    gain_unit = carrier.gain_unit
-    if gain_unit is None:
-        if np.ptp(gains) > 0:
-            raise ExposureError(
-                f"{source}: the gain changes from {gains.min():g} to {gains.max():g} in the "
-                f"camera's own unit; give it with --gain-unit (linear, db, iso, or none to ignore it)"
-            )
-        gain_unit = GainUnit.NONE
+    gain_unit = known_gain_unit(carrier.gain_unit, gains, f"{source}: the gain")
+    if carrier.gain_unit is None:
         notes.append(f"{source}: the gain is constant and ignored")
     return unit.to_ms(values) * gain_unit.linear(gains), notes
 

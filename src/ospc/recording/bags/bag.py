@@ -8,7 +8,7 @@ from pathlib import Path
 
 from ospc.errors import ExposureError, RecordingError, escaped, listed, quoted
 from ospc.formats.files import beginning, by_name
-from ospc.recording.bags.carriers import candidates
+from ospc.recording.bags.carriers import candidates, gains_in
 from ospc.recording.bags.container import ROS1_START, SQLITE_START, BagFile, Message, Ros1File, Sqlite3File, Topic
 from ospc.recording.bags.mcap_file import MCAP_START, McapFile
 from ospc.recording.options import ReadingOptions
@@ -144,12 +144,10 @@ def image_topics(bag: Bag) -> list[Topic]:
 
 
 def uses(bag: Bag) -> list[tuple[Topic, str]]:
-    """Return every topic with its possible use: ``images``, ``exposures``, or an empty text."""
-    carriers = {topic.name for topic in candidates(bag.topics)}
-    return [
-        (topic, "images" if topic.type in IMAGE_TYPES else "exposures" if topic.name in carriers else "")
-        for topic in bag.topics
-    ]
+    """Return every topic with its possible use: ``images``, ``exposures``, ``gain``, or an empty text."""
+    known = {topic.name: "gain" for topic in gains_in(bag.topics)}
+    known |= {topic.name: "exposures" for topic in candidates(bag.topics)}
+    return [(topic, "images" if topic.type in IMAGE_TYPES else known.get(topic.name, "")) for topic in bag.topics]
 
 
 def exposure_topic(bag: Bag, images: Topic, options: ReadingOptions) -> Topic:
@@ -179,6 +177,14 @@ def exposure_topic(bag: Bag, images: Topic, options: ReadingOptions) -> Topic:
             f"({listed([t.name for t in best])}); name one with --exposure-topic"
         )
     return best[0]
+
+
+def gain_topics(bag: Bag, images: Topic) -> list[Topic]:
+    """Return the topics with gains of images on another topic: of those for this camera, the ones closest in name."""
+    cameras = image_topics(bag)
+    found = [t for t in gains_in(bag.topics) if own_exposure_topic(bag, t.name, images, cameras) == t.name]
+    most = max((_shared(t.name, images.name) for t in found), default=0)
+    return [t for t in found if t.messages != 0 and _shared(t.name, images.name) == most]
 
 
 def own_exposure_topic(bag: Bag, stated: str, images: Topic, cameras: Sequence[Topic]) -> str | None:

@@ -25,7 +25,7 @@ from ospc.recording.bags.messages import (
     value_at,
 )
 from ospc.recording.exposure_units import REALSENSE_UNIT_GAIN, ExposureUnit, GainUnit
-from ospc.recording.list_columns import gain_unit_named, unit_named
+from ospc.recording.list_columns import gain_unit_named, is_gain, looks_like_gain, unit_named
 from ospc.recording.options import ReadingOptions
 
 _MAX_TEXT_CHARACTERS = 100_000
@@ -40,6 +40,7 @@ class Carrier:
     """How the messages of a topic carry exposures, with a summary of fields and units for the user.
 
     ``unit`` is None to infer it from the numbers; ``gain_unit`` is None if only the manufacturer knows it.
+    ``has_gain`` is whether the messages include the gain; otherwise it may be on topics of its own.
     """
 
     topic: Topic
@@ -47,6 +48,7 @@ class Carrier:
     unit: ExposureUnit | None
     gain_unit: GainUnit | None
     summary: str
+    has_gain: bool = True
 
     def readings(self) -> Callable[[bytes], tuple[float, float, int] | None]:
         """Return a function that reads exposure, gain and time stamp in ns (0 for none) from serialised messages.
@@ -157,16 +159,34 @@ _EXPOSURE_WORDS = ("exposure", "shutter")
 def candidates(topics: tuple[Topic, ...]) -> Iterator[Topic]:
     """Yield the topics that carry exposures according to their types and names."""
     for topic in topics:
-        named = any(word in topic.name.lower() for word in _EXPOSURE_WORDS)
+        named = any(word in topic.name.lower() for word in _EXPOSURE_WORDS) and not is_gain(_last_step(topic))
         if _known(topic) is not None and (topic.type not in _NUMBERS or named):
             yield topic
+
+
+def gains_in(topics: tuple[Topic, ...]) -> Iterator[Topic]:
+    """Yield the topics of plain numbers that carry gains according to their names."""
+    for topic in topics:
+        if topic.type in _NUMBERS and (is_gain(_last_step(topic)) or looks_like_gain(topic.name)):
+            yield topic
+
+
+def gain_carrier(topic: Topic, options: ReadingOptions) -> Carrier:
+    """Return how a topic carries gains, as if they were exposures; only the name of a sure gain tells the unit."""
+    name = _last_step(topic)
+    unit = options.gain_unit or (gain_unit_named(name) if is_gain(name) else None)
+    return Carrier(topic, _fields("data", None), None, unit, "its numbers")
+
+
+def _last_step(topic: Topic) -> str:
+    return topic.name.rpartition("/")[2]
 
 
 def _known(topic: Topic) -> Carrier | None:
     if topic.type in _NUMBERS:
         unit = unit_named(topic.name)
         how = "" if unit is None else f" in {unit.value}"
-        return Carrier(topic, _fields("data", None), unit, _LINEAR, f"its numbers{how}")
+        return Carrier(topic, _fields("data", None), unit, _LINEAR, f"its numbers{how}", has_gain=False)
     if topic.type == _TEXT and topic.name.endswith("/image/metadata"):
         return Carrier(topic, _realsense_text, _US, _LINEAR, f"Actual Exposure in µs, Gain Level / {_GAIN}")
     known = _KNOWN.get(topic.type.rpartition("/")[2])
@@ -195,9 +215,8 @@ def carrier_of(topic: Topic, options: ReadingOptions, source: str) -> Carrier:
             f"{source} has type {topic.type}; give the field of the exposure with "
             f"--exposure-field{numbers and f': {numbers}'}"
         )
-    return replace(
-        carrier, unit=options.exposure_unit or carrier.unit, gain_unit=options.gain_unit or carrier.gain_unit
-    )
+    gain_unit = (options.gain_unit if carrier.has_gain else None) or carrier.gain_unit
+    return replace(carrier, unit=options.exposure_unit or carrier.unit, gain_unit=gain_unit)
 
 
 def _stated(topic: Topic, exposure: str, gain: str | None, options: ReadingOptions) -> Carrier:
@@ -208,8 +227,8 @@ def _stated(topic: Topic, exposure: str, gain: str | None, options: ReadingOptio
     unit = options.exposure_unit or unit_named(_last_part(exposure))
     summary = f"the field {exposure}" if unit is None else f"the field {exposure} in {unit.value}"
     if gain is None:
-        return Carrier(topic, _fields(exposure, None), unit, _LINEAR, summary)
-    gain_unit = options.gain_unit or gain_unit_named(_last_part(gain))
+        return Carrier(topic, _fields(exposure, None), unit, _LINEAR, summary, has_gain=False)
+    gain_unit = options.gain_unit or gain_unit_named(_last_part(gain)) or _LINEAR
     summary += f" times the gain in field {gain} ({gain_unit.label})"
     return Carrier(topic, _fields(exposure, gain), unit, gain_unit, summary)
 
