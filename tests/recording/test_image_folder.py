@@ -211,11 +211,12 @@ BROKEN: dict[str, tuple[dict[str, str], type[Exception], tuple[str, ...]]] = {
         ExposureError,
         ("e.csv, line 1", "'SetExposure', 'ActualExposure'", "keep one of them and name it 'exposure_ms'"),
     ),
-    "fraction": (
-        {"e.csv": "file,shutter\na,1/618\n"},
+    "fraction of another unit": (
+        {"e.csv": "file,shutter_ms\na,1/618\n"},
         RecordingError,
-        ("e.csv, line 2", "'1/618'; write fractions as decimal numbers, in a column exposure_s"),
+        ("e.csv, line 2", "'1/618' is a fraction, but fractions are read in seconds only; write it as a decimal"),
     ),
+    "fraction of nothing": ({"e.csv": "file,shutter\na,1/0\n"}, ExposureError, ("e.csv, line 2", "positive")),
     "two lists": (
         {"times.txt": "a 1 1\n", "x.csv": "file,exposure\na,1\n"},
         ExposureError,
@@ -275,15 +276,6 @@ def test_a_broken_list_is_one_error_with_a_remedy(opened: Open, case: str) -> No
         opened(files)
     assert all(part in str(caught.value) for part in parts), str(caught.value)
     assert "\n" not in str(caught.value)
-
-
-def test_the_images_folder_of_a_recording_points_to_its_parent(tmp_path: Path) -> None:
-    (tmp_path / "images").mkdir()
-    (tmp_path / "images" / "0.png").write_bytes(encoded(grey()))
-    (tmp_path / "times.txt").write_text("0 1 1\n")
-    with pytest.raises(ExposureError) as caught:
-        open_recording(tmp_path / "images")
-    assert f"or open {tmp_path} " in str(caught.value)
 
 
 def test_the_kind_given_by_name_says_what_it_needs(tmp_path: Path) -> None:

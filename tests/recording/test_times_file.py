@@ -11,7 +11,9 @@ from hypothesis import strategies as st
 
 from ospc.errors import ExposureError, OspcError, RecordingError
 from ospc.recording.exposure_lists import parse_times, read_times
-from ospc.recording.table_text import MAX_LINE_CHARACTERS, lines_of
+from ospc.recording.exposure_units import ExposureUnit
+from ospc.recording.options import ReadingOptions
+from ospc.recording.table_text import MAX_LINE_CHARACTERS, lines_of, read_table_text
 
 
 def test_columns_are_id_stamp_exposure() -> None:
@@ -64,6 +66,12 @@ BROKEN = {
     "text as stamp": ("1 now 1\n", RecordingError, "line 1: the time stamp must be a number, not 'now'"),
     "python's digits": ("1 0.1 1_000\n", RecordingError, "line 1: the exposure must be a number"),
     "other digits": ("1 0.1 ٣\n", RecordingError, "line 1: the exposure must be a number"),
+    "fraction": ("1 0.1 1/500\n", RecordingError, "'1/500' is a fraction, .* or add --exposure-unit s if all"),
+    "not available": ("1 0.1 N/A\n", RecordingError, "not 'N/A'; correct the line, or write nan if it is unknown$"),
+    "thousands": ("1 0.1 2,000\n", RecordingError, "write 2000 if the comma separates thousands, or 2.000 if it is"),
+    "millions": ("1 0.1 2,000,000\n", RecordingError, "not '2,000,000'; write 2000000, without separators"),
+    "thousands and a point": ("1 0.1 2,000.5\n", RecordingError, "; write 2000.5, without separators"),
+    "unit": ("1 0.1 2.0ms\n", RecordingError, "not '2.0ms'; write only the number, and its unit in the header"),
     "hexadecimal": ("1 0.1 0x10\n", RecordingError, "line 1: the exposure must be a number"),
     "zero": ("1 0.1 1\n\n2 0.2 0\n", ExposureError, "line 3: the exposure must be a positive number"),
     "several zeros": ("1 1 0\n2 2 0\n3 3 0\n4 4 0\n5 5 0", ExposureError, "lines 1, 2, 3 and 2 more"),
@@ -71,6 +79,11 @@ BROKEN = {
     "nan only": ("1 0.1 nan\n\n2 0.2 nan\n", ExposureError, "lines 1, 3: no exposure is known; .* give its exposure"),
     "infinite": ("1 0.1 inf\n", ExposureError, "line 1: the exposure must be a positive number"),
     "too large to be": ("1 0.1 1e300\n", ExposureError, "line 1"),
+    "in another unit": (
+        "1 0.1 13067100000000\n",
+        ExposureError,
+        "a positive number of milliseconds and at most 1000000000, not 13067100000000; ",
+    ),
     "too small to be": ("1 0.1 1e-300\n", ExposureError, "line 1"),
     "nan stamp": ("1 nan 1\n", RecordingError, "line 1: nan is not a time stamp"),
     "infinite stamp": ("1 1e999 1\n", RecordingError, "line 1: inf is not a time stamp"),
@@ -93,13 +106,59 @@ def test_a_broken_line_is_named_with_what_is_wrong(case: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "data", [b"\x89PNG\r\n\x1a\n\xff\xfe", "1 0.1 1\n".encode("utf-16"), b"1 0.1 1\n\0\0\0", bytes(range(256))]
+    "data",
+    [
+        b"\x89PNG\r\n\x1a\n\xff\xfe",
+        "1 0.1 1\n".encode("utf-16-le"),  # without a byte order mark
+        "1 0.1 1\n".encode("utf-32"),
+        b"\xff\xfe1",
+        b"1 0.1 1\n\0\0\0",
+        b"# caf\xe9 \x81\n1 0.1 1\n",
+        bytes(range(256)),
+    ],
 )
 def test_a_binary_file_is_not_text(tmp_path: Path, data: bytes) -> None:
     path = tmp_path / "times.txt"
     path.write_bytes(data)
-    with pytest.raises(RecordingError, match=r"times\.txt: not a text file"):
+    with pytest.raises(RecordingError, match=r"times\.txt: not a text file in UTF-8, .*; save it as UTF-8"):
         read_times(path)
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "latin-1", "cp1252"])
+def test_text_is_read_in_every_encoding_that_spreadsheets_write(tmp_path: Path, encoding: str) -> None:
+    path = tmp_path / "times.txt"
+    path.write_bytes("# Müller, 3 µs\r\n1 0.5 2\r\n".encode(encoding))
+    assert read_table_text(path) == "# Müller, 3 µs\r\n1 0.5 2\r\n"
+    assert read_times(path).exposures_ms.tolist() == [2]
+
+
+@pytest.mark.parametrize(
+    ("scale", "options", "said"),
+    [
+        (1, ReadingOptions(), None),
+        (1e3, ReadingOptions(), "exposures of 8000 ms are longer than the 50 ms between frames; if they are in us"),
+        (
+            1e6,
+            ReadingOptions(),
+            "exposures of 8000000 ms are longer than the 50 ms between frames; if they are in n",
+        ),
+        (1e-3, ReadingOptions(), "exposures of 0.008 ms are very short; if they are in s, add --exposure-unit s"),
+        (1e-9, ReadingOptions(), "exposures of 8e-09 ms are very short; check the column, or give their unit"),
+        (1e6, ReadingOptions(exposure_unit=ExposureUnit.NS), None),
+    ],
+)
+def test_exposures_that_are_implausible_in_ms_get_a_note_with_the_likely_unit(
+    scale: float, options: ReadingOptions, said: str | None
+) -> None:
+    notes = parse_times("".join(f"{i} {i * 0.05} {8 * scale}\n" for i in range(4)), "times.txt", options).notes
+    doubts = [note for note in notes if "exposures of" in note]
+    assert len(doubts) == (said is not None)
+    assert all(note.startswith(f"times.txt: {said}") for note in doubts)
+
+
+def test_fractions_are_read_if_the_user_states_seconds() -> None:
+    table = parse_times("1 0.1 1/500\n2 0.2 0.5\n", "times.txt", ReadingOptions(exposure_unit=ExposureUnit.S))
+    assert table.exposures_ms.tolist() == [2, 500]
 
 
 def test_a_folder_in_place_of_the_file_cannot_be_read(tmp_path: Path) -> None:

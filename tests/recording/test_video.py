@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import cv2
@@ -96,6 +96,49 @@ def test_the_only_list_may_have_any_name_but_that_of_another_file(video: Callabl
         ExposureError, match=r"walk\.mkv: has no list of exposures \(not used: imu\.csv, log\.csv, log\.txt; "
     ):
         open_recording(path)
+
+
+@pytest.mark.parametrize("column", ["frame", "frame_number", "id", "Frame Index"])
+@pytest.mark.parametrize("stamp", ["", "time_s"])
+@pytest.mark.parametrize("first", [0, 1])
+def test_rows_belong_to_the_frames_with_their_numbers(
+    video: Callable[..., Path], column: str, stamp: str, first: int
+) -> None:
+    rows = [f"{i + first},{i / 10 if stamp else 'x'},{i + 1}\n" for i in (4, 1, 5, 0, 2, 3)]
+    recording = open_recording(video({"walk.csv": f"{column},{stamp or 'other'},exposure_ms\n" + "".join(rows)}))
+    assert recording.exposures_ms.tolist() == [1, 2, 3, 4, 5, 6]
+    assert not any("matched" in note for note in recording.notes)
+
+
+@pytest.mark.parametrize(
+    ("numbers", "said"),
+    [
+        (
+            (0, 1, 2, 4, 5, 6),
+            "lists other frames than .* has; no line for frame 3, counted from 0; no frame 6",
+        ),
+        ((1, 2, 3, 4, 5, 7), "lists other frames than .*; no line for frame 6, counted from 1; no frame 7; "),
+        ((0, 1, 2, 4, 5), "lists 5 frames but .*walk.mkv has 6; no line for frame 3, counted from 0; there must be"),
+        ((2, 3, 4, 5, 6), "lists 5 frames but .*walk.mkv has 6; no line for frame 1, counted from 1"),
+        ((0, 1, 2, 3, 4, 5, 6), "lists 7 frames but .*walk.mkv has 6; no frame 6; "),
+    ],
+)
+def test_numbers_that_are_missing_or_too_many_are_named(
+    video: Callable[..., Path], numbers: tuple[int, ...], said: str
+) -> None:
+    text = "frame,exposure_ms\n" + "".join(f"{number},{number + 1}\n" for number in numbers)
+    with pytest.raises(RecordingError, match=said):
+        open_recording(video({"walk.csv": text}))
+
+
+@pytest.mark.parametrize("ids", [range(100, 106), range(0, 300, 50), [f"walk_{i}.png" for i in range(6)]])
+def test_ids_that_do_not_count_the_frames_are_matched_by_order_with_a_note(
+    video: Callable[..., Path], ids: Sequence[object]
+) -> None:
+    text = "id,exposure_ms\n" + "".join(f"{name},{i + 1}\n" for i, name in enumerate(ids))
+    recording = open_recording(video({"walk.csv": text}))
+    assert recording.exposures_ms.tolist() == [1, 2, 3, 4, 5, 6]
+    assert any("frames are matched by order" in note for note in recording.notes)
 
 
 BROKEN: dict[str, tuple[dict[str, str], type[OspcError], tuple[str, ...]]] = {

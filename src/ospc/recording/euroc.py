@@ -40,11 +40,12 @@ class _Euroc:
         dso_list = full.parent.parent / "dso" / full.name / "times.txt"
         lists = lists_in(camera) + ([dso_list] if dso_list.is_file() else [])
         advice = "put exposures.csv with a header 'timestamp_ns,exposure_ms' there"
+        images = FolderImages.of(camera / _IMAGES)
         return open_sequence(
             path,
             self.name,
-            FolderImages.of(camera / _IMAGES),
-            lambda: read_list(only_list(lists, camera, advice), options),
+            images,
+            lambda: read_list(only_list(lists, camera, advice), options, images=images.names),
             notes,
             options=options,
         )

@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 
 import numpy as np
 
 from ospc.arrays import FloatArray
-from ospc.errors import ExposureError, RecordingError, SettingError, counted, quoted
-from ospc.recording.exposure_units import ExposureUnit, GainUnit, in_seconds, infer_unit
+from ospc.errors import ExposureError, RecordingError, SettingError, counted, plain, quoted
+from ospc.recording.exposure_units import SHORTEST_MS, ExposureUnit, GainUnit, in_seconds, infer_unit, known_gain_unit
+from ospc.recording.frame_matching import file_name, frame_numbers, image_column
 from ospc.recording.frame_table import FrameTable, at_lines, make_table
 from ospc.recording.list_columns import Columns, Rows, columns_of
 from ospc.recording.options import DEFAULT, ReadingOptions
-from ospc.recording.table_text import lines_of, parse_number, read_table_text
+from ospc.recording.table_text import is_fraction, lines_of, parse_exposure, parse_number, read_table_text
 
 IMAGE_LIST = "image_list.txt"
 """Name of the list of a static exposure series."""
@@ -29,10 +31,14 @@ _TIMES_LINE = "a line is 'id stamp[s] exposure[ms]'"
 _IMAGE_LIST_LINE = "a line is 'file exposure[s] 1/exposure'"
 
 
-def read_list(path: Path, options: ReadingOptions = DEFAULT) -> FrameTable:
-    """Read an ``image_list.txt``, or a list with columns if it has another name; errors as :func:`parse_columns`."""
+def read_list(
+    path: Path, options: ReadingOptions = DEFAULT, *, images: Sequence[str] = (), numbered: bool = False
+) -> FrameTable:
+    """Read an ``image_list.txt``, or a list with columns if it has another name; see :func:`parse_columns`."""
     text = read_table_text(path)
-    return parse_image_list(text, str(path)) if path.name == IMAGE_LIST else parse_columns(text, str(path), options)
+    if path.name == IMAGE_LIST:
+        return parse_image_list(text, str(path))
+    return parse_columns(text, str(path), options, images=images, numbered=numbered)
 
 
 def read_times(path: Path, options: ReadingOptions = DEFAULT) -> FrameTable:
@@ -65,15 +71,22 @@ def parse_times(text: str, source: str, options: ReadingOptions = DEFAULT) -> Fr
             raise RecordingError(f"{source}, line {line}: has {counted(len(fields), 'column')}, not 3; {_TIMES_LINE}")
     columns = Columns(3, image=0, stamp=1, exposure=2, unit=ExposureUnit.MS)
     table = _table(columns, rows, source, options)
+    return table if options.exposure_unit else replace(table, notes=(*table.notes, *_doubts(table)))
+
+
+def _doubts(table: FrameTable) -> list[str]:
+    """Return a note if exposures are not plausible in ms: they are longer than the time between frames, or tiny."""
     interval_ms = 1e3 * float(np.median(np.diff(table.stamps_s))) if len(table) > 1 else math.inf
     middle_ms = float(np.nanmedian(table.exposures_ms))
-    if middle_ms <= _LONG_EXPOSURE * interval_ms:
-        return table
-    remark = (
-        f"{source}: exposures of {middle_ms:.4g} ms are longer than the {interval_ms:.4g} ms between frames; "
-        f"if they are in µs, add --exposure-unit us"
-    )
-    return replace(table, notes=(*table.notes, remark))
+    if SHORTEST_MS <= middle_ms <= _LONG_EXPOSURE * interval_ms:
+        return []
+    try:
+        unit = infer_unit(table.exposures_ms, interval_ms if math.isfinite(interval_ms) else None, table.source).value
+        remedy = f"if they are in {unit}, add --exposure-unit {unit}"
+    except ExposureError:
+        remedy = "check the column, or give their unit with --exposure-unit"
+    why = "very short" if middle_ms < SHORTEST_MS else f"longer than the {plain(interval_ms)} ms between frames"
+    return [f"{table.source}: exposures of {plain(middle_ms)} ms are {why}; {remedy}"]
 
 
 def parse_image_list(text: str, source: str) -> FrameTable:
@@ -94,7 +107,7 @@ def parse_image_list(text: str, source: str) -> FrameTable:
         place = f"{source}, line {line}"
         if len(fields) == 1:
             raise ExposureError(f"{place}: has no exposure; {_IMAGE_LIST_LINE}")
-        exposure_s = parse_number(fields[1], "the exposure", place)
+        exposure_s = parse_exposure(fields[1], place, seconds=True)
         others = [parse_number(field, "every further column", place) for field in fields[2:]]
         # The inverse confirms that the column holds exposure times in seconds.
         if others and abs(exposure_s * others[0] - 1) >= _INVERSE_TOLERANCE:
@@ -111,43 +124,60 @@ def parse_image_list(text: str, source: str) -> FrameTable:
     return _table(columns, [(line, fields[:2]) for line, fields in rows], source, DEFAULT)
 
 
-def parse_columns(text: str, source: str, options: ReadingOptions = DEFAULT) -> FrameTable:
+def parse_columns(
+    text: str,
+    source: str,
+    options: ReadingOptions = DEFAULT,
+    *,
+    images: Sequence[str] = (),
+    numbered: bool = False,
+) -> FrameTable:
     """Parse a list of exposures with columns.
 
     Fields are separated by commas, semicolons, tabs or spaces. The header is the first line, or the last comment
     line before the data. Without a header, lines are ``id stamp[s] exposure[ms]``, ``file exposure[ms]`` or
     ``exposure[ms]``.
 
+    Parameters
+    ----------
+    text, source, options
+        Content of the list, its name in messages, and what the user states about it.
+    images
+        File names of the images of the recording: a column with these names is used whatever its header is.
+    numbered
+        Whether frames have numbers instead of names, as in a video; rows are then sorted by the number of the frame.
+
     Raises
     ------
     RecordingError
         If a line is malformed.
     ExposureError
-        If exposures are missing, ambiguous or not positive.
+        If exposures are missing, ambiguous or not positive, or a gain changes that is not used.
     """
-    return _table(*columns_of(text, source), source, options)
+    return _table(*columns_of(text, source), source, options, images, numbered=numbered)
 
 
 def _uncommented(text: str, source: str) -> Rows:
     return [(number, line.split()) for number, line in lines_of(text, source) if not line.startswith("#")]
 
 
-def _table(columns: Columns, rows: Rows, source: str, options: ReadingOptions) -> FrameTable:
-    """Turn fields into frames."""
-    if columns.exposure is None:
-        raise ExposureError(
-            f"{source}: it is unclear which of the {columns.count} columns has the exposures; name the columns in "
-            f"the first line, such as 'file,timestamp_s,exposure_ms'"
-        )
-    if options.gain_unit not in (None, GainUnit.NONE) and not columns.gains:
-        raise SettingError(f"{source}: has no gains; leave out --gain-unit")
-    for line, fields in rows:
-        if len(fields) != columns.count:
-            raise RecordingError(
-                f"{source}, line {line}: has {counted(len(fields), 'column')}, but the others have "
-                f"{columns.count}; correct it"
-            )
-    values = _numbers(rows, columns.exposure, "the exposure", source)
+def _table(
+    columns: Columns,
+    rows: Rows,
+    source: str,
+    options: ReadingOptions,
+    images: Sequence[str] = (),
+    *,
+    numbered: bool = False,
+) -> FrameTable:
+    """Turn fields into frames; see :func:`parse_columns`."""
+    _check(columns, rows, source, options)
+    texts = [[fields[column] for _, fields in rows] for column in range(columns.count)]
+    if images:
+        columns = replace(columns, image=image_column(columns, texts, images))
+    elif numbered and columns.image is not None and (numbers := frame_numbers(texts[columns.image])):
+        rows = [rows[i] for i in np.argsort(numbers, kind="stable")]
+    values, unit, unit_notes = _exposures(columns, rows, source, options)
     stamps_s, stamp_notes = np.arange(len(rows), dtype=np.float64), list[str]()
     with np.errstate(over="ignore", invalid="ignore"):
         if columns.stamp is not None:
@@ -156,12 +186,14 @@ def _table(columns: Columns, rows: Rows, source: str, options: ReadingOptions) -
             in_s = stamps if stated is ExposureUnit.S else 1e-3 * stated.to_ms(stamps)
             stamps_s, stamp_notes = in_seconds(in_s, source, stated=columns.stamp_unit is not None)
         factors, gain_notes = _gain_factors(columns, rows, source, options.gain_unit)
-        unit, unit_notes = _unit(columns, values, stamps_s, source, options)
+        if unit is None:
+            times_s = stamps_s if columns.stamp is not None else np.empty(0)
+            unit, unit_notes = _inferred_unit(values, times_s, source)
         exposures_ms = unit.to_ms(values) * factors
     notes = [f"{source}: {note}" for note in (*columns.notes, *gain_notes, *unit_notes)]
     return make_table(
         source,
-        _image_names(columns, rows, source),
+        [] if numbered and columns.image is None else _image_names(columns, rows, source),
         stamps_s,
         exposures_ms,
         [*notes, *stamp_notes],
@@ -170,16 +202,61 @@ def _table(columns: Columns, rows: Rows, source: str, options: ReadingOptions) -
     )
 
 
+def _check(columns: Columns, rows: Rows, source: str, options: ReadingOptions) -> None:
+    """Raise an error if there are no exposures, rows of other lengths, or gains that nothing says how to use."""
+    if columns.exposure is None:
+        raise ExposureError(
+            f"{source}: it is unclear which of the {columns.count} columns has the exposures; name the columns in "
+            f"the first line, such as 'file,timestamp_s,exposure_ms'"
+        )
+    for line, fields in rows:
+        if len(fields) != columns.count:
+            raise RecordingError(
+                f"{source}, line {line}: has {counted(len(fields), 'column')}, but the others have "
+                f"{columns.count}; correct it"
+            )
+    for column, name in columns.doubtful if options.gain_unit is not GainUnit.NONE else ():
+        if len({fields[column] for _, fields in rows}) > 1:
+            raise ExposureError(
+                f"{source}: the column {quoted(name)} looks like a gain and changes, but it is not used; rename it "
+                f"to gain, gain_db or iso if exposures must be multiplied by it, remove it if not, or add "
+                f"--gain-unit none to ignore all gains"
+            )
+    if options.gain_unit not in (None, GainUnit.NONE) and not columns.gains:
+        raise SettingError(f"{source}: has no gains; leave out --gain-unit")
+
+
+def _exposures(
+    columns: Columns, rows: Rows, source: str, options: ReadingOptions
+) -> tuple[FloatArray, ExposureUnit | None, list[str]]:
+    """Return the exposures, and their unit with notes about it, None if it has to be inferred from their size."""
+    unit = options.exposure_unit or columns.unit
+    texts = [fields[columns.exposure or 0] for _, fields in rows]
+    values = np.array(
+        [
+            parse_exposure(text, f"{source}, line {line}", seconds=unit in (None, ExposureUnit.S))
+            for text, (line, _) in zip(texts, rows, strict=True)
+        ]
+    )
+    if options.exposure_unit is not None:
+        return values, unit, [f"exposures are in {options.exposure_unit.value}, as stated by the user"]
+    if unit is None and any(is_fraction(text) for text in texts):
+        return values, ExposureUnit.S, ["exposures are in s, because some are fractions of a second"]
+    return values, unit, []
+
+
 def _numbers(rows: Rows, column: int, what: str, source: str) -> FloatArray:
     found = [parse_number(fields[column], what, f"{source}, line {line}") for line, fields in rows]
     return np.array(found, dtype=np.float64)
 
 
 def _gain_factors(columns: Columns, rows: Rows, source: str, stated: GainUnit | None) -> tuple[FloatArray, list[str]]:
-    """Return the product of all gains of each row, and a note about them."""
-    factors, said = np.ones(len(rows)), []
-    for column, name, named_unit in columns.gains:
-        unit, gains = stated or named_unit, _numbers(rows, column, f"the {name}", source)
+    """Return the product of all gains of each row, and notes about them."""
+    factors, said, notes = np.ones(len(rows)), list[str](), list[str]()
+    for column, name, named_unit in columns.gains if stated is not GainUnit.NONE else ():
+        gains = _numbers(rows, column, f"the {name}", source)
+        known = stated or named_unit
+        unit = known_gain_unit(known, gains, f"{source}: the gain in column {quoted(name)}")
         linear = unit.linear(gains)
         if unit is not GainUnit.DB and (bad := np.flatnonzero(linear <= 0)).size:
             raise ExposureError(
@@ -188,31 +265,28 @@ def _gain_factors(columns: Columns, rows: Rows, source: str, stated: GainUnit | 
                 f"decibels, or --gain-unit none to ignore it"
             )
         factors = factors * linear
-        said.append(f"{quoted(name)} ({unit.label})")
-    used = said and stated is not GainUnit.NONE
-    return factors, [f"exposures are multiplied by the gain in {', '.join(said)}"] if used else []
+        if known is None:
+            notes.append(f"the gain in {quoted(name)} is constant and ignored")
+        else:
+            said.append(f"{quoted(name)} ({unit.label})")
+    used = [f"exposures are multiplied by the gain in {', '.join(said)}"] if said else []
+    return factors, used + notes
 
 
 def _image_names(columns: Columns, rows: Rows, source: str) -> list[str]:
     """Return the image name of every row, or its time stamp, which may be the name."""
     if columns.image is None:
         return [] if columns.stamp is None else [fields[columns.stamp] for _, fields in rows]
-    names = [PurePosixPath(fields[columns.image].replace("\\", "/")).name for _, fields in rows]
+    names = [file_name(fields[columns.image]) for _, fields in rows]
     if "" in names:
         line = rows[names.index("")][0]
         raise RecordingError(f"{source}, line {line}: does not name its image; correct the line")
     return names
 
 
-def _unit(
-    columns: Columns, values: FloatArray, stamps_s: FloatArray, source: str, options: ReadingOptions
-) -> tuple[ExposureUnit, list[str]]:
-    """Return the unit from the options, from the header, or inferred from the numbers, in this order."""
-    if options.exposure_unit is not None:
-        return options.exposure_unit, [f"exposures are in {options.exposure_unit.value}, as stated by the user"]
-    if columns.unit is not None:
-        return columns.unit, []
-    steps = np.diff(stamps_s) if columns.stamp is not None else np.empty(0)
+def _inferred_unit(values: FloatArray, stamps_s: FloatArray, source: str) -> tuple[ExposureUnit, list[str]]:
+    """Return the unit of exposures inferred from their size and the time between frames, and a note about it."""
+    steps = np.diff(stamps_s)
     usable = len(steps) > 0 and np.all(np.isfinite(steps))
     interval_ms = 1e3 * float(np.median(steps)) if usable else None
     try:

@@ -15,6 +15,7 @@ from ospc.formats.files import by_name
 from ospc.recording.exposure_units import in_seconds
 from ospc.recording.frame_table import FrameTable
 from ospc.recording.image_source import is_image_name
+from ospc.recording.list_columns import Columns
 from ospc.recording.table_text import is_number
 
 _EARLIEST_S = 1e8
@@ -23,8 +24,49 @@ _EARLIEST_S = 1e8
 _SAME_TIME = 0.25
 """Largest difference of times that are the same but for rounding, relative to the time between frames."""
 
+_NAMING_SHARE = 0.5
+"""Share of the rows from which on a column without a header for names counts as naming the images."""
+
 _INTEGER = re.compile(r"\d{1,30}", re.ASCII)
 """Image numbers; Python does not convert much longer ones."""
+
+
+def file_name(text: str) -> str:
+    """Return the name of a file without its folders, which may be those of another system."""
+    return PurePosixPath(text.replace("\\", "/")).name
+
+
+def image_column(columns: Columns, texts: Sequence[Sequence[str]], images: Sequence[str]) -> int | None:
+    """Return the column that names the images of a recording; None if only time stamps or the order may tell.
+
+    A column with a header for names is used if its fields name images. Otherwise, another column is used whose fields
+    are these names, whatever its header is. ``texts`` are the fields of each column, ``images`` the file names.
+    """
+    names = {key for image in images for key in _texts_of(image)}
+    numbers = {_number(PurePosixPath(image).stem) for image in images} - {""}
+    used = {columns.exposure, columns.stamp, *(column for column, _, _ in columns.gains)}
+    fields = {i: [_composed(file_name(text)) for text in column] for i, column in enumerate(texts) if i not in used}
+
+    def as_named(column: int) -> int:
+        return len({text for text in fields[column] if text in names and not _INTEGER.fullmatch(text)})
+
+    def all_found(column: int) -> bool:
+        found = {text if text in names else _number(text) for text in fields[column]}
+        return found <= names | numbers and len(found) == len(fields[column])
+
+    stated = columns.image
+    if stated in fields and all_found(stated):
+        return stated
+    for column in (stated, max(fields, key=as_named, default=None)):
+        if column is not None and as_named(column) >= _NAMING_SHARE * len(fields[column]):
+            return column
+    if stated is not None:
+        return stated
+    numbering = [column for column in fields if all_found(column) and len(fields[column]) == len(images)]
+    # Names of other images are no reason to match by order, unless the images are named by their times.
+    by_time = columns.stamp is not None and all(is_number(PurePosixPath(image).stem) for image in images)
+    others = [] if by_time else [i for i, column in fields.items() if all(is_image_name(text) for text in column)]
+    return next(iter(numbering + others), None)
 
 
 def match_images(table: FrameTable, names: Sequence[str], place: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
@@ -65,6 +107,44 @@ def match_images(table: FrameTable, names: Sequence[str], place: str) -> tuple[t
     )
 
 
+def frame_numbers(texts: Sequence[str]) -> list[int]:
+    """Return the numbers of frames; empty if some texts are not numbers of frames."""
+    return [int(text) for text in texts] if all(_INTEGER.fullmatch(text) for text in texts) else []
+
+
+def match_frames(table: FrameTable, frames: int, place: str) -> tuple[str, ...]:
+    """Check that a table has one row for each frame of a video, and return notes.
+
+    Rows belong to the frames with their numbers, which count from 0 or 1, and are sorted by them. Other ids, such as
+    the numbers of a camera that counts on, do not tell which frame is meant; then rows are matched by order.
+
+    Raises
+    ------
+    RecordingError
+        If rows and frames do not correspond.
+    """
+    numbers, as_many, detail = frame_numbers(table.ids), len(table) == frames, ""
+    # Most ids of another meaning, such as times, are larger than the number of frames.
+    in_range = bool(numbers) and numbers[len(numbers) // 2] <= frames
+    if in_range and (numbers[0] <= 1 or numbers[-1] <= frames):
+        first = 1 if numbers[0] == 1 or (numbers[0] > 1 and numbers[-1] == frames) else 0
+        expected = range(first, first + frames)
+        missing = sorted(set(expected) - set(numbers))
+        unused = [number for number in numbers if number not in expected]
+        if as_many and not missing:
+            return ()
+        detail = f"; no line for frame {listed(missing)}, counted from {first}" if missing else ""
+        detail += f"; no frame {listed(unused)}" if unused else ""
+    elif as_many:
+        by_order = f"{table.source}: its ids do not count frames from 0 or 1; frames are matched by order"
+        return (by_order,) if table.ids else ()
+    has = f"other frames than {place} has" if as_many else f"{counted(len(table), 'frame')} but {place} has {frames}"
+    raise RecordingError(
+        f"{table.source}: lists {has}{detail}; there must be one line per frame, with nan for an unknown exposure"
+        f"{', or remove the ids if they do not count these frames' if as_many else ''}"
+    )
+
+
 def _images_by_time(table: FrameTable, names: Sequence[str], stems: Sequence[str]) -> list[str | None]:
     """Return the image named by each row's time, None if there is none; empty if no stems are times since 1970."""
     if not table.stamped or len(table) < 2 or not all(is_number(stem) for stem in stems):
@@ -88,12 +168,17 @@ def _composed(text: str) -> str:
     return unicodedata.normalize("NFC", text)
 
 
+def _texts_of(name: str) -> set[str]:
+    """Return the texts that may name an image in a list."""
+    path = PurePosixPath(name)
+    return {_composed(name), _composed(path.name), _composed(path.stem)}
+
+
 def _by_key(names: Sequence[str], place: str) -> dict[str, str]:
     """Return the images by all keys that may name them; RecordingError if two images share a key."""
     keys: dict[str, str] = {}
     for name in names:
-        path = PurePosixPath(name)
-        for key in {_composed(name), _composed(path.name), _composed(path.stem), _number(path.stem)} - {""}:
+        for key in {*_texts_of(name), _number(PurePosixPath(name).stem)} - {""}:
             if keys.setdefault(key, name) != name:
                 raise RecordingError(
                     f"{place}: {quoted(keys[key])} and {quoted(name)} cannot be distinguished by their names; "

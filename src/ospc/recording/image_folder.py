@@ -5,10 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 from ospc.errors import RecordingError
-from ospc.recording.exposure_lists import read_list, read_times
+from ospc.recording.exposure_lists import read_list
+from ospc.recording.frame_table import FrameTable
 from ospc.recording.image_sequence import ImageSequence, open_sequence
 from ospc.recording.image_source import FolderImages
-from ospc.recording.list_search import lists_in, only_list
+from ospc.recording.list_search import lists_above, lists_beside, lists_in, only_list, read_beside
 from ospc.recording.options import DEFAULT, ReadingOptions
 
 
@@ -21,36 +22,25 @@ class _ImageFolder:
     def open(self, path: Path, options: ReadingOptions = DEFAULT) -> ImageSequence:
         if not path.is_dir():
             raise RecordingError(f"{path}: a {self.name} recording is a folder with images and a list of exposures")
-        advice = (
-            "add times.txt with lines 'id stamp[s] exposure[ms]', or exposures.csv with a header "
-            "'file,timestamp_s,exposure_ms'"
-        )
-        full, images = path.resolve(), FolderImages.of(path)
-        if full.name == "images" and (full.parent / "times.txt").is_file():
-            advice += f", or open {path.parent} if its times.txt belongs to these images"
-        else:
-            advice += "".join(
-                f", or copy {p} there if it belongs to these images" for p in _times_above(full, len(images.names))
-            )
-        return open_sequence(
-            path,
-            self.name,
-            images,
-            lambda: read_list(only_list(lists_in(path), path, advice), options),
-            options=options,
-        )
+        images = FolderImages.of(path)
+
+        def table() -> FrameTable:
+            if lists := lists_in(path):
+                return read_list(only_list(lists, path), options, images=images.names)
+            if beside := lists_beside(path):
+                return read_beside(only_list(beside, path), images, options)
+            return read_list(only_list((), path, _advice(path, len(images.names))), options)
+
+        return open_sequence(path, self.name, images, table, options=options)
 
 
-def _times_above(folder: Path, images: int) -> list[Path]:
-    """Return files times.txt with an exposure per image in the two parent folders, as in data sets of rigs."""
-    found = []
-    for above in folder.parents[:2]:
-        try:
-            lines = len(read_times(above / "times.txt"))
-        except RecordingError:
-            continue
-        found += [above / "times.txt"] if lines == images else []
-    return found
+def _advice(path: Path, images: int) -> str:
+    """Return which list to add, or to copy from the folders above."""
+    copies = "".join(f", or copy {place} there if it belongs to these images" for place in lists_above(path, images))
+    return (
+        f"add times.txt with lines 'id stamp[s] exposure[ms]', or exposures.csv with a header "
+        f"'file,timestamp_s,exposure_ms'{copies}"
+    )
 
 
 KIND = _ImageFolder()

@@ -18,11 +18,15 @@ from typing import Protocol, runtime_checkable
 
 from ospc.errors import RecordingError, SettingError, listed, os_error_as, quoted
 from ospc.recording.image_source import why_unread
+from ospc.recording.list_search import lists_in, only_image_folder
 from ospc.recording.options import DEFAULT, ReadingOptions
 from ospc.recording.recording import Recording
 
 _MODULES = ("tum_mono", "euroc", "exif_photos", "exposure_folders", "image_folder", "video", "rosbag")
 """Modules of this package with a ``KIND``; the first kind that recognises a path opens it."""
+
+_IMAGES = "image_folder"
+"""The kind of a folder of images whose list of exposures may be beside it."""
 
 _EXPECTED = (
     "expected a folder with images/ or images.zip and times.txt (lines 'id stamp[s] exposure[ms]'), a folder of "
@@ -98,10 +102,17 @@ def open_recording(path: str | Path, kind: str | None = None, options: ReadingOp
     if kind is not None:
         names = ", ".join(k.name for k in kinds())
         raise RecordingError(f"{quoted(kind)} is not a kind of recording; known: {names}")
-    if why := _recordings_inside(place) or why_unread(place):
-        raise RecordingError(f"{place}: {why}")
+    inside = _recordings_inside(place)
+    if why := inside or why_unread(place):
+        raise RecordingError(f"{place}: {why}", "" if inside else _where_to_copy(place))
     problem, remedy = _nothing_known(place)
     raise RecordingError(f"{place}: {problem}", remedy)
+
+
+def _where_to_copy(place: Path) -> str:
+    """Return what to do with lists of exposures in a folder with images in several subfolders."""
+    names = [path.name for path in lists_in(place)] if place.is_dir() else []
+    return f"copy {listed(names)} into the one whose exposures it has" if names else ""
 
 
 def _recordings_inside(place: Path) -> str | None:
@@ -157,8 +168,16 @@ def _readable(place: Path) -> Iterator[None]:
 def _located(place: Path, kind: str | None) -> tuple[Path, Kind | None]:
     """Return the path, or that of the only recording in a folder that is not one itself, and the kind recognised."""
     found = _recognising(place, kind)
-    inner = _only_file_inside(place, kind) if found is None else None
-    return (place, found) if inner is None else (inner, _recognising(inner, kind))
+    if found is None and (inner := _only_file_inside(place, kind)):
+        return inner, _recognising(inner, kind)
+    if found is None and kind in (None, _IMAGES) and (inner := _only_images_inside(place)):
+        return inner, _recognising(inner, _IMAGES)
+    return place, found
+
+
+def _only_images_inside(place: Path) -> Path | None:
+    """Return the only folder with images in a folder that has a list of their exposures."""
+    return only_image_folder(place) if place.is_dir() and lists_in(place) else None
 
 
 _MAX_CAMERAS = 64

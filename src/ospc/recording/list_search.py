@@ -3,19 +3,35 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 
 from ospc.errors import ExposureError, RecordingError, listed
-from ospc.recording.exposure_lists import IMAGE_LIST
+from ospc.recording.exposure_lists import IMAGE_LIST, read_list, read_times
+from ospc.recording.frame_matching import match_images
+from ospc.recording.frame_table import FrameTable
+from ospc.recording.image_source import FolderImages, ImageSource
 from ospc.recording.list_columns import columns_of
+from ospc.recording.options import DEFAULT, ReadingOptions
 from ospc.recording.table_text import read_table_text
 
-_NAMES = ("times.txt", "exposures.txt", "exposures.csv", IMAGE_LIST)
+TIMES = "times.txt"
+"""Name of the list of a TUM data set."""
+
+IMAGES = "images"
+"""Name of the folder of images in a TUM data set, whose list is always beside it."""
+
+_NAMES = (TIMES, "exposures.txt", "exposures.csv", IMAGE_LIST)
 TEXT_SUFFIXES = (".csv", ".txt", ".json")
 """Suffixes of files that the user may take for a list of exposures."""
 
 _MAX_CSV_FILES = 32
 """Maximum number of CSV files in a folder that are searched for exposures."""
+
+
+_MAX_FOLDERS = 100
+"""Maximum number of folders in a folder that are searched for the only one with images."""
 
 
 def lists_in(folder: Path) -> list[Path]:
@@ -36,15 +52,83 @@ def names_exposures(path: Path) -> bool:
     return columns.named and columns.exposure is not None
 
 
-def only_list(found: Sequence[Path], place: Path, advice: str) -> Path:
-    """Return the only list of exposures; ExposureError if there are several or, with ``advice``, if there is none."""
+def lists_beside(folder: Path) -> list[Path]:
+    """Return the lists of exposures beside a folder of images; none if they may belong to other images."""
+    full = folder.resolve()  # the path may be '.'
+    belongs = full.name == IMAGES or only_image_folder(full.parent) == full
+    return lists_in(full.parent) if belongs else []
+
+
+def lists_above(folder: Path, images: int) -> list[Path]:
+    """Return the lists with an exposure per image in the two parent folders, as in data sets of rigs."""
+    found = []
+    for place in (place for above in folder.resolve().parents[:2] for place in lists_in(above)):
+        with suppress(RecordingError):
+            found += [place] if len(_read(place)) == images else []
+    return found
+
+
+def only_image_folder(place: Path) -> Path | None:
+    """Return the folder with images in another folder; None if there are several, or images next to it."""
+    inner = [path for path in place.iterdir() if path.is_dir()]
+    found = [path for path in inner if _has_images(path)] if len(inner) <= _MAX_FOLDERS else []
+    return found[0] if len(found) == 1 and not _has_images(place) else None
+
+
+def _has_images(folder: Path) -> bool:
+    """Return whether a folder has images; False if it cannot be listed."""
+    with suppress(RecordingError):
+        return bool(FolderImages.of(folder).names)
+    return False
+
+
+def _read(path: Path, options: ReadingOptions = DEFAULT, images: Sequence[str] = ()) -> FrameTable:
+    """Read a list that is not in the folder of its images; a ``times.txt`` is then in the format of TUM data sets."""
+    return read_times(path, options) if path.name == TIMES else read_list(path, options, images=images)
+
+
+def read_beside(path: Path, images: ImageSource, options: ReadingOptions) -> FrameTable:
+    """Read a list beside a folder or an archive of images.
+
+    Raises
+    ------
+    ExposureError
+        If the list cannot be read, or does not belong to the images.
+    """
+    try:
+        table = _read(path, options, images.names)
+        match_images(table, images.names, str(images.place))
+    except RecordingError as error:
+        raise ExposureError(str(error)) from None
+    return replace(table, notes=(f"{path}: exposures are read from this list", *table.notes))
+
+
+def only_list(found: Sequence[Path], place: Path, advice: str = "", *, missing: str = "list of exposures") -> Path:
+    """Return the only list of exposures of a place.
+
+    Raises
+    ------
+    ExposureError
+        If there are several, or none; then the message says what is ``missing``, and ends with the ``advice``.
+    """
     if len(found) > 1:
         named = [path.name if path.parent in (place, place.parent) else path for path in found]
         raise ExposureError(f"{place}: has several lists of exposures ({listed(named)}); keep only the right one")
     if not found:
         folder = place if place.is_dir() else place.parent
-        others = sorted(p.name for p in folder.iterdir() if p.suffix.lower() in TEXT_SUFFIXES)
+        others = sorted(p for p in folder.iterdir() if p.suffix.lower() in TEXT_SUFFIXES)
+        for path in [p for p in others if p.suffix.lower() == ".csv"][:_MAX_CSV_FILES]:
+            _check_text(path, place)
         needed = "a list is a CSV file with a column such as exposure_ms"
-        unused = f" (not used: {listed(others)}; {needed})" if others else ""
-        raise ExposureError(f"{place}: has no list of exposures{unused}; {advice}")
+        unused = f" (not used: {listed([p.name for p in others])}; {needed})" if others else ""
+        raise ExposureError(f"{place}: has no {missing}{unused}; {advice}")
     return found[0]
+
+
+def _check_text(path: Path, place: Path) -> None:
+    """Raise an ExposureError if a file that may be the list of exposures of a place is not text."""
+    try:
+        if path.is_file():
+            read_table_text(path)
+    except RecordingError as error:
+        raise ExposureError(f"{place}: has no list of exposures that can be read: {error}") from None

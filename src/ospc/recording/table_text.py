@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from pathlib import Path
 
@@ -15,19 +16,38 @@ MAX_LINES = 1_000_000
 MAX_LINE_CHARACTERS = 4096
 """Maximum length of a line in a text file; a frame takes about fifty characters."""
 
+EXPOSURE = "the exposure"
+"""How messages call the field with the exposure."""
+
 _LINE_END = re.compile(r"\r\n|\n|\r")
 
 
+_UTF16_MARKS = (b"\xff\xfe", b"\xfe\xff")
+_CONTROL = re.compile(r"[\0-\x08\x0b\x0e-\x1f\x7f]")
+"""Control characters that are in no text; a file with them is binary, or in an encoding of several bytes."""
+
+
 def read_table_text(path: Path) -> str:
-    """Read a text file; RecordingError if it cannot be read, is too large, or is not text."""
+    """Read a text file in UTF-8, in UTF-16 with a byte order mark, or in Windows-1252, which includes Latin-1.
+
+    Raises
+    ------
+    RecordingError
+        If it cannot be read, is too large, or is not text in one of these encodings.
+    """
     data = read_bytes(path, error=RecordingError)
-    try:
-        text = data.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        raise RecordingError(f"{path}: not a text file in UTF-8; save it as plain text") from None
-    if "\0" in text:
-        raise RecordingError(f"{path}: not a text file; save it as plain text in UTF-8")
-    return text
+    encodings = ("utf-16",) if data.startswith(_UTF16_MARKS) else ("utf-8-sig", "cp1252")
+    for encoding in encodings:
+        try:
+            text = data.decode(encoding)
+        except UnicodeDecodeError:
+            continue
+        # Bytes of UTF-8 are hardly ever valid by chance, but almost any bytes are Windows-1252.
+        if "\0" not in text and (encoding != "cp1252" or not _CONTROL.search(text)):
+            return text
+    raise RecordingError(
+        f"{path}: not a text file in UTF-8, in UTF-16 with a byte order mark, or in Windows-1252; save it as UTF-8"
+    )
 
 
 def lines_of(text: str, source: str) -> list[tuple[int, str]]:
@@ -43,9 +63,20 @@ def lines_of(text: str, source: str) -> list[tuple[int, str]]:
     return lines
 
 
+_FRACTION = re.compile(r"(\d{1,9}(?:\.\d{1,9})?)/(\d{1,9}(?:\.\d{1,9})?)", re.ASCII)
+_THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(?:,\d{3})+(?:\.\d*)?", re.ASCII)
+_DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?", re.ASCII)
+_WITH_UNIT = re.compile(rf"{NUMBER.pattern}\s*(?:100)?[a-zµμ]+", re.ASCII | re.IGNORECASE)
+
+
 def is_number(text: str) -> bool:
     """Return whether a field is a number, including NaN and infinities."""
     return NUMBER.fullmatch(text) is not None
+
+
+def is_fraction(text: str) -> bool:
+    """Return whether a field is a fraction such as ``1/250``, as cameras show exposure times in seconds."""
+    return _FRACTION.fullmatch(text) is not None
 
 
 def parse_number(text: str, what: str, place: str) -> float:
@@ -60,12 +91,36 @@ def parse_number(text: str, what: str, place: str) -> float:
     """
     if is_number(text):
         return float(text)
+    unknown = ", or write nan if it is unknown" if what == EXPOSURE else ""
     if not text:
-        unknown = ", or write nan if it is unknown" if what == "the exposure" else ""
         raise RecordingError(f"{place}: {what} is missing; add it{unknown}")
-    remedy = "use a decimal point" if "," in text else "correct the line"
-    remedy = "write fractions as decimal numbers, in a column exposure_s" if "/" in text else remedy
-    raise RecordingError(f"{place}: {what} must be a number, not {quoted(text)}; {remedy}")
+    raise RecordingError(f"{place}: {what} must be a number, not {quoted(text)}; {_as_number(text)}{unknown}")
+
+
+def parse_exposure(text: str, place: str, *, seconds: bool) -> float:
+    """Return the exposure in a field; it may be a fraction if exposures are in seconds. Errors as for numbers."""
+    fraction = _FRACTION.fullmatch(text)
+    if fraction is None:
+        return parse_number(text, EXPOSURE, place)
+    if not seconds:
+        raise RecordingError(
+            f"{place}: the exposure {quoted(text)} is a fraction, but fractions are read in seconds only; "
+            f"write it as a decimal number, or add --exposure-unit s if all exposures are in seconds"
+        )
+    dividend, divisor = float(fraction[1]), float(fraction[2])
+    return dividend / divisor if divisor else math.inf
+
+
+def _as_number(text: str) -> str:
+    """Return how to write what is not a number."""
+    if _THOUSANDS.fullmatch(text):
+        whole = text.replace(",", "")
+        if "." in text or text.count(",") > 1:
+            return f"write {whole}, without separators of thousands"
+        return f"write {whole} if the comma separates thousands, or {text.replace(',', '.')} if it is a decimal comma"
+    if _DECIMAL_COMMA.fullmatch(text):
+        return "use a decimal point"
+    return "write only the number, and its unit in the header" if _WITH_UNIT.fullmatch(text) else "correct the line"
 
 
 def exposures_in(path: str | Path) -> list[float]:
@@ -75,6 +130,5 @@ def exposures_in(path: str | Path) -> list[float]:
     """
     lines = [(n, line) for n, line in lines_of(read_table_text(Path(path)), str(path)) if not line.startswith("#")]
     return [
-        parse_number(re.split(r"[\s,;]+", line.rstrip(",;"))[-1], "the exposure", f"{path}, line {n}")
-        for n, line in lines
+        parse_number(re.split(r"[\s,;]+", line.rstrip(",;"))[-1], EXPOSURE, f"{path}, line {n}") for n, line in lines
     ]

@@ -7,51 +7,58 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ospc.errors import ExposureError, RecordingError
+from ospc.errors import RecordingError
 from ospc.recording.exposure_lists import read_times
 from ospc.recording.frame_table import FrameTable
 from ospc.recording.image_sequence import ImageSequence, open_sequence
 from ospc.recording.image_source import FolderImages, ImageSource, ZipImages
+from ospc.recording.list_search import IMAGES, TIMES, lists_in, only_list, read_beside
 from ospc.recording.options import DEFAULT, ReadingOptions
 
-_FOLDER, _ARCHIVE, _TIMES = "images", "images.zip", "times.txt"
+_ARCHIVE = f"{IMAGES}.zip"
 
 
 class _TumMono:
     name = "tum_mono"
 
     def recognises(self, path: Path) -> bool:
-        return (path / _FOLDER).is_dir() or (path / _ARCHIVE).is_file()
+        return (path / IMAGES).is_dir() or (path / _ARCHIVE).is_file()
 
     def open(self, path: Path, options: ReadingOptions = DEFAULT) -> ImageSequence:
         if not path.is_dir():
-            raise RecordingError(f"{path}: a {self.name} recording is a folder with {_FOLDER}/ and {_TIMES}")
-        times = path / _TIMES
+            raise RecordingError(f"{path}: a {self.name} recording is a folder with {IMAGES}/ and {TIMES}")
+        source, notes = _images(path)
 
         def table() -> FrameTable:
-            if not times.is_file():
-                if (path / _FOLDER / _TIMES).is_file():
-                    raise ExposureError(f"{path}: has no {_TIMES}; move it there from {_FOLDER}/")
-                raise ExposureError(
-                    f"{path}: has no {_TIMES}; add it with a line 'id stamp[s] exposure[ms]' for each image"
-                )
-            return read_times(times, options)
+            times = path / TIMES
+            if times.is_file():
+                return read_times(times, options)
+            found = only_list(lists_in(path), path, _remedy(path), missing=TIMES)
+            return read_beside(found, source, options)
 
-        source, notes = _images(path)
         return open_sequence(path, self.name, source, table, notes, options=options)
+
+
+def _remedy(path: Path) -> str:
+    """Return what to do about a missing list of exposures."""
+    folder = path / IMAGES
+    inside = lists_in(folder) if folder.is_dir() else []
+    if inside:
+        return f"move {'it' if inside[0].name == TIMES else inside[0].name} there from {IMAGES}/"
+    return "add it with a line 'id stamp[s] exposure[ms]' for each image"
 
 
 def _images(path: Path) -> tuple[ImageSource, tuple[str, ...]]:
     """Return the images in the folder, or in the archive if the folder is empty or missing, and notes."""
-    folder, archive = path / _FOLDER, path / _ARCHIVE
+    folder, archive = path / IMAGES, path / _ARCHIVE
     if folder.is_dir():
         files = FolderImages.of(folder)
         if not archive.is_file():
             return files, ()
         if files.names:
-            return files, (f"{archive} is ignored because {_FOLDER}/ contains images",)
+            return files, (f"{archive} is ignored because {IMAGES}/ contains images",)
     if not archive.is_file():
-        raise RecordingError(f"{path}: has neither {_FOLDER}/ nor {_ARCHIVE}; put the images there")
+        raise RecordingError(f"{path}: has neither {IMAGES}/ nor {_ARCHIVE}; put the images there")
     return ZipImages.of(archive), ()
 
 

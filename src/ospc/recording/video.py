@@ -17,11 +17,12 @@ import cv2
 import numpy as np
 
 from ospc.arrays import FloatArray, Image, ImageSize, read_only, size_of
-from ospc.errors import FrameError, RecordingError, counted, escaped, os_error_as
+from ospc.errors import FrameError, RecordingError, escaped, os_error_as
 from ospc.formats.files import beginning
 from ospc.recording.channel import DEFAULT_CHANNEL, Channel
 from ospc.recording.exposure_lists import read_list
 from ospc.recording.frame import MAX_DECODED_BYTES, Frame, check_size
+from ospc.recording.frame_matching import match_frames
 from ospc.recording.frame_table import FrameTable, table_or_unlisted
 from ospc.recording.list_search import TEXT_SUFFIXES, lists_in, only_list
 from ospc.recording.options import DEFAULT, ReadingOptions
@@ -177,7 +178,7 @@ class _Video:
         if not self.recognises(path):
             raise RecordingError(f"{path}: is not an MP4, MOV, MKV, WebM or AVI file; convert it to one of these")
         table = table_or_unlisted(
-            lambda: read_list(_list_of(path), options),
+            lambda: read_list(_list_of(path), options, numbered=True),
             str(path),
             lambda: count_frames(path),
             allowed=options.unknown_exposures,
@@ -187,11 +188,7 @@ class _Video:
             size, inter_coded = stream.size(), stream.is_inter_coded()
         # The number in the header is often an estimate; counting takes a pass over the video.
         frames = stated if stated == len(table) else count_frames(path)
-        if frames != len(table):
-            raise RecordingError(
-                f"{table.source}: lists {counted(len(table), 'frame')} but {path} has {frames}; there must be one "
-                f"line per frame"
-            )
+        matching = match_frames(table, frames, str(path))
         stamps_s, notes = _stamps(table, fps, path, options.channel)
         return _VideoRecording(
             path=path,
@@ -200,7 +197,7 @@ class _Video:
             max_grey=255,
             exposures_ms=table.exposures_ms,
             stamps_s=stamps_s,
-            notes=notes,
+            notes=(*notes, *matching),
             channel=options.channel,
             inter_coded=inter_coded,
         )
