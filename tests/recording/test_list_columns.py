@@ -160,3 +160,10 @@ def test_a_column_that_looks_like_a_gain_and_changes_is_an_error(column: str) ->
 @pytest.mark.parametrize("column", ["red_gain", "b_gain", "awb_gains", "colour gain", "iso_time", "isotropy", "bias"])
 def test_other_columns_may_change(column: str) -> None:
     assert table(f"file,exposure_ms,{column}", "a,1,100", "b,1,200").exposures_ms.tolist() == [1, 1]
+
+
+@pytest.mark.parametrize("column", ["FNumber", "f-stop", "Aperture"])
+def test_a_changing_aperture_gets_a_note(column: str) -> None:
+    header = f"file,exposure_ms,{column}"
+    assert any("f-number changes" in note for note in table(header, "a,1,2.8", "b,1,4").notes)
+    assert table(header, "a,1,2.8", "b,1,2.8").notes == ()

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable
+import errno
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -135,12 +135,14 @@ def test_lists_are_found_in_every_encoding_that_spreadsheets_write(folder: Make,
     assert open_recording(place).exposures_ms.tolist() == [2, 4, 8]
 
 
-@pytest.mark.skipif(os.geteuid() == 0, reason="root may read every folder")
-def test_a_folder_above_that_cannot_be_listed_has_no_list(folder: Make) -> None:
-    place = folder({}, "rgb")
-    place.chmod(0o100)
-    try:
-        with pytest.raises(ExposureError, match="has no list of exposures"):
-            open_recording(place / "rgb")
-    finally:
-        place.chmod(0o700)
+def test_a_folder_above_that_cannot_be_listed_has_no_list(folder: Make, monkeypatch: pytest.MonkeyPatch) -> None:
+    place, before = folder({"times.txt": LISTS["times.txt"]}, "rgb"), Path.iterdir
+
+    def denied(path: Path) -> Iterator[Path]:
+        if path == place:
+            raise PermissionError(errno.EACCES, "Permission denied", str(path))
+        return before(path)
+
+    monkeypatch.setattr(Path, "iterdir", denied)
+    with pytest.raises(ExposureError, match="has no list of exposures"):
+        open_recording(place / "rgb")

@@ -190,6 +190,8 @@ def _table(
             times_s = stamps_s if columns.stamp is not None else np.empty(0)
             unit, unit_notes = _inferred_unit(values, times_s, source)
         exposures_ms = unit.to_ms(values) * factors
+    if columns.aperture is not None and len(set(texts[columns.aperture])) > 1:
+        gain_notes.append("the f-number changes, and with it exposure and vignette; keep images of one f-number")
     notes = [f"{source}: {note}" for note in (*columns.notes, *gain_notes, *unit_notes)]
     return make_table(
         source,

@@ -50,6 +50,8 @@ _GAIN = re.compile(
 )
 """Names of gains without blanks, in lower case. Parts of a gain multiply; the unit may be the camera's own."""
 
+_APERTURE_WORDS = (("fnumber",), ("fstop",), ("aperture",), ("aperturevalue",))
+
 _GAIN_UNITS = {"db": GainUnit.DB, "iso": GainUnit.ISO}
 
 _LIKE_A_GAIN = re.compile(r"gain|sensitivity|iso$|^iso(?:speed|value|setting|rating|equivalent)")
@@ -74,6 +76,7 @@ class Columns:
     exposure: int | None = None
     gains: tuple[tuple[int, str, GainUnit | None], ...] = ()
     doubtful: tuple[tuple[int, str], ...] = ()
+    aperture: int | None = None
     unit: ExposureUnit | None = None
     stamp_unit: ExposureUnit | None = None
     notes: tuple[str, ...] = ()
@@ -107,6 +110,7 @@ def name_columns(header: Sequence[str], place: str) -> Columns:
         exposure=exposure,
         gains=tuple(gains),
         doubtful=tuple(doubtful),
+        aperture=_only(header, parsed, _APERTURE_WORDS, place),
         unit=unit_named(header[exposure]),
         stamp_unit=stamp_unit,
     )

@@ -54,7 +54,7 @@ def names_exposures(path: Path) -> bool:
 
 def lists_beside(folder: Path) -> list[Path]:
     """Return the lists of exposures beside a folder of images; none if they may belong to other images."""
-    full = folder.resolve()  # the path may be '.'
+    full = folder if folder.name not in ("", "..") else folder.resolve()  # such as '.'
     belongs = full.name == IMAGES or only_image_folder(full.parent) == full
     return lists_in(full.parent) if belongs else []
 
@@ -70,7 +70,9 @@ def lists_above(folder: Path, images: int) -> list[Path]:
 
 def only_image_folder(place: Path) -> Path | None:
     """Return the folder with images in another folder; None if there are several, or images next to it."""
-    inner = [path for path in place.iterdir() if path.is_dir()]
+    inner: list[Path] = []
+    with suppress(OSError):  # a folder that cannot be listed says nothing
+        inner = [path for path in place.iterdir() if path.is_dir()]
     found = [path for path in inner if _has_images(path)] if len(inner) <= _MAX_FOLDERS else []
     return found[0] if len(found) == 1 and not _has_images(place) else None
 

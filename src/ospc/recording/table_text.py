@@ -66,7 +66,7 @@ def lines_of(text: str, source: str) -> list[tuple[int, str]]:
 _FRACTION = re.compile(r"(\d{1,9}(?:\.\d{1,9})?)/(\d{1,9}(?:\.\d{1,9})?)", re.ASCII)
 _THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(?:,\d{3})+(?:\.\d*)?", re.ASCII)
 _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?", re.ASCII)
-_WITH_UNIT = re.compile(rf"{NUMBER.pattern}\s*(?:100)?[a-zµμ]+", re.ASCII | re.IGNORECASE)
+_WITH_UNIT = re.compile(rf"(?:{NUMBER.pattern}|{_FRACTION.pattern})\s*(?:100)?[a-zµμ]+", re.ASCII | re.IGNORECASE)
 
 
 def is_number(text: str) -> bool:
@@ -94,7 +94,7 @@ def parse_number(text: str, what: str, place: str) -> float:
     unknown = ", or write nan if it is unknown" if what == EXPOSURE else ""
     if not text:
         raise RecordingError(f"{place}: {what} is missing; add it{unknown}")
-    raise RecordingError(f"{place}: {what} must be a number, not {quoted(text)}; {_as_number(text)}{unknown}")
+    raise RecordingError(f"{place}: {what} must be a number, not {quoted(text)}; {_as_number(text, unknown)}")
 
 
 def parse_exposure(text: str, place: str, *, seconds: bool) -> float:
@@ -111,8 +111,8 @@ def parse_exposure(text: str, place: str, *, seconds: bool) -> float:
     return dividend / divisor if divisor else math.inf
 
 
-def _as_number(text: str) -> str:
-    """Return how to write what is not a number."""
+def _as_number(text: str, otherwise: str) -> str:
+    """Return how to write what is not a number; ``otherwise`` is what else to do if it resembles none."""
     if _THOUSANDS.fullmatch(text):
         whole = text.replace(",", "")
         if "." in text or text.count(",") > 1:
@@ -120,7 +120,9 @@ def _as_number(text: str) -> str:
         return f"write {whole} if the comma separates thousands, or {text.replace(',', '.')} if it is a decimal comma"
     if _DECIMAL_COMMA.fullmatch(text):
         return "use a decimal point"
-    return "write only the number, and its unit in the header" if _WITH_UNIT.fullmatch(text) else "correct the line"
+    if _WITH_UNIT.fullmatch(text):
+        return "write only the number, and its unit in the header"
+    return f"correct the line{otherwise}"
 
 
 def exposures_in(path: str | Path) -> list[float]:
