@@ -125,6 +125,7 @@ def test_unknown_exposures_are_estimated_and_the_result_is_labelled(tmp_path: Pa
     # With 60 or 70 frames of this size, V is on the verge of not being identifiable.
     film = Film(wandering(100, step=0.15), size=LARGE, speed_px=2.5)
     convert_recording(film.recording(), tmp_path / "film")
+    (tmp_path / "film" / "times.txt").unlink()
     assert "--unknown-exposures" in str(check(tmp_path / "film" / "images").exception)
     result = check(tmp_path / "film" / "images", "--unknown-exposures", "--json")
     assert result.exit_code == 3, result.output

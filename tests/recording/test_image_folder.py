@@ -287,14 +287,37 @@ def test_the_kind_given_by_name_says_what_it_needs(tmp_path: Path) -> None:
 
 
 cells = st.sampled_from(
-    ["", "1", "nan", "a.png", "exposure", "exposure_us", "stamp[ns]", "gain_db", "iso", "#", '"', "\x1b"]
+    [
+        "",
+        "1",
+        "nan",
+        "1/8",
+        "a.png",
+        "exposure",
+        "exposure_us",
+        "stamp[ns]",
+        "gain_db",
+        "gain_raw",
+        "iso",
+        "#",
+        '"',
+        "\x1b",
+    ]
 )
 
 
-@given(st.lists(st.lists(cells, min_size=1, max_size=5), max_size=5), st.sampled_from([",", ";", "\t", " "]))
-def test_any_table_is_parsed_or_refused(rows: list[list[str]], separator: str) -> None:
+@given(
+    st.lists(st.lists(cells, min_size=1, max_size=5), max_size=5),
+    st.sampled_from([",", ";", "\t", " "]),
+    st.sampled_from([(), ("a.png",), ("1.png", "a.png")]),
+    st.booleans(),
+)
+def test_any_table_is_parsed_or_refused(
+    rows: list[list[str]], separator: str, images: tuple[str, ...], numbered: bool
+) -> None:
+    text = "\n".join(separator.join(row) for row in rows)
     try:
-        table = parse_columns("\n".join(separator.join(row) for row in rows), "list.csv")
+        table = parse_columns(text, "list.csv", images=images, numbered=numbered)
     except OspcError as error:
         assert str(error).isprintable()  # noqa: PT017
     else:

@@ -322,6 +322,13 @@ def test_exposures_may_be_in_a_list_next_to_the_bag(write: Any, late_ns: int, tm
         open_recording(path)
 
 
+def test_a_list_of_a_bag_in_an_unknown_encoding_is_named(tmp_path: Path) -> None:
+    path = write_bag1(tmp_path / "made", images(FRAMES))
+    (tmp_path / "made.csv").write_bytes("timestamp_ns,exposure_us\n1,2\n".encode("utf-16-le"))
+    with pytest.raises(ExposureError, match=r"made\.csv: not a text file in UTF-8.*; save it as UTF-8"):
+        open_recording(path)
+
+
 @pytest.mark.parametrize("write", [write_bag1, write_bag2])
 def test_the_list_of_a_bag_may_be_next_to_its_file_in_a_folder(write: Any, tmp_path: Path) -> None:
     (tmp_path / "folder").mkdir()

@@ -120,14 +120,14 @@ def only_list(found: Sequence[Path], place: Path, advice: str = "", *, missing: 
         folder = place if place.is_dir() else place.parent
         others = sorted(p for p in folder.iterdir() if p.suffix.lower() in TEXT_SUFFIXES)
         for path in [p for p in others if p.suffix.lower() == ".csv"][:_MAX_CSV_FILES]:
-            _check_text(path, place)
+            check_text(path, place)
         needed = "a list is a CSV file with a column such as exposure_ms"
         unused = f" (not used: {listed([p.name for p in others])}; {needed})" if others else ""
         raise ExposureError(f"{place}: has no {missing}{unused}; {advice}")
     return found[0]
 
 
-def _check_text(path: Path, place: Path) -> None:
+def check_text(path: Path, place: Path) -> None:
     """Raise an ExposureError if a file that may be the list of exposures of a place is not text."""
     try:
         if path.is_file():

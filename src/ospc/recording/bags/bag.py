@@ -11,6 +11,7 @@ from ospc.formats.files import beginning, by_name
 from ospc.recording.bags.carriers import candidates, gains_in
 from ospc.recording.bags.container import ROS1_START, SQLITE_START, BagFile, Message, Ros1File, Sqlite3File, Topic
 from ospc.recording.bags.mcap_file import MCAP_START, McapFile
+from ospc.recording.list_search import check_text
 from ospc.recording.options import ReadingOptions
 
 RAW, COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
@@ -164,6 +165,7 @@ def exposure_topic(bag: Bag, images: Topic, options: ReadingOptions) -> Topic:
     carriers = (t for t in candidates(bag.topics) if t.messages != 0)
     found = [t for t in carriers if own_exposure_topic(bag, t.name, images, cameras) == t.name]
     if not found:
+        check_text(bag.exposure_list, bag.path)
         raise ExposureError(
             f"{bag.path}: no topic is known to have the exposures of {images.name}; name it with "
             f"--exposure-topic and --exposure-field, or give a list, {bag.exposure_list}, with a header "
