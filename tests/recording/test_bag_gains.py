@@ -103,3 +103,16 @@ def test_messages_with_a_gain_of_their_own_need_no_other(tmp_path: Path) -> None
     path = write_bag1(tmp_path / "stated", images(FRAMES) + stated + floats(GAINS, "/cam/gain"))
     options = ReadingOptions(exposure_topic="/cam/own", exposure_field="shutter")
     assert open_recording(path, options=options).exposures_ms == pytest.approx(PRODUCT)
+
+
+@pytest.mark.parametrize("topic", ["/cam/temperature", "/cam/red_gain", "/cam/auto_exposure"])
+def test_other_topics_may_change(topic: str, tmp_path: Path) -> None:
+    sent = images(FRAMES) + floats(MS, "/cam/high_gain/exposure") + floats(GAINS, topic)
+    options = ReadingOptions(exposure_topic="/cam/high_gain/exposure")
+    assert open_recording(write_bag1(tmp_path / "made", sent), options=options).exposures_ms == pytest.approx(MS)
+
+
+def test_a_name_above_the_topic_does_not_hide_a_gain(tmp_path: Path) -> None:
+    sent = images(FRAMES, "/rgb/image_raw") + floats(MS, "/rgb/exposure") + floats(GAINS, "/rgb/isp_gain")
+    with pytest.raises(ExposureError, match="/rgb/isp_gain: the gain changes from 1 to 4"):
+        open_recording(write_bag1(tmp_path / "made", sent))

@@ -70,6 +70,13 @@ def test_rows_without_names_are_matched_by_order_with_a_note(other: str) -> None
     )
 
 
+def test_names_of_other_images_do_not_keep_rows_from_their_order() -> None:
+    rows = "".join(f"right_{i}.png,{i + 1}\n" for i in range(4))
+    images, notes = matched(f"right_image,exposure_ms\n{rows}")
+    assert images == list(NAMES)
+    assert "order of their names" in notes[0]
+
+
 def test_time_stamps_still_find_images_named_by_them() -> None:
     names = tuple(f"{1695668703000000000 + 50_000_000 * i}.png" for i in range(4))
     rows = "".join(f"{1695668703 + 0.05 * i:.2f},R{i}.png,{i + 1}\n" for i in range(4))

@@ -47,8 +47,13 @@ def image_column(columns: Columns, texts: Sequence[Sequence[str]], images: Seque
     used = {columns.exposure, columns.stamp, *(column for column, _, _ in columns.gains)}
     fields = {i: [_composed(file_name(text)) for text in column] for i, column in enumerate(texts) if i not in used}
 
+    def is_name(text: str) -> bool:
+        # With another suffix, it names the image before it was converted, which is no reason to match by order.
+        named = text in names or (is_image_name(text) and PurePosixPath(text).stem in names)
+        return named and not _INTEGER.fullmatch(text)
+
     def as_named(column: int) -> int:
-        return len({text for text in fields[column] if text in names and not _INTEGER.fullmatch(text)})
+        return len({text for text in fields[column] if is_name(text)})
 
     def all_found(column: int) -> bool:
         found = {text if text in names else _number(text) for text in fields[column]}
@@ -62,11 +67,7 @@ def image_column(columns: Columns, texts: Sequence[Sequence[str]], images: Seque
             return column
     if stated is not None:
         return stated
-    numbering = [column for column in fields if all_found(column) and len(fields[column]) == len(images)]
-    # Names of other images are no reason to match by order, unless the images are named by their times.
-    by_time = columns.stamp is not None and all(is_number(PurePosixPath(image).stem) for image in images)
-    others = [] if by_time else [i for i, column in fields.items() if all(is_image_name(text) for text in column)]
-    return next(iter(numbering + others), None)
+    return next((column for column in fields if all_found(column) and len(fields[column]) == len(images)), None)
 
 
 def match_images(table: FrameTable, names: Sequence[str], place: str) -> tuple[tuple[str, ...], tuple[str, ...]]:

@@ -65,9 +65,9 @@ class Columns:
     """The number of columns, and the index of the column with each meaning, or None.
 
     ``gains`` has index, header and unit of the columns by which the exposure is multiplied; the unit is None if only
-    the manufacturer knows it. ``doubtful`` has index and header of other columns that look like gains. ``unit`` is
-    the unit of the exposure and ``stamp_unit`` that of the time stamps, None if the header does not state it.
-    ``notes`` state assumptions, and ``named`` whether there is a header.
+    the manufacturer knows it. ``doubtful`` has index and header of other columns that look like gains, and
+    ``aperture`` is the f-number. ``unit`` is the unit of the exposure and ``stamp_unit`` that of the time stamps,
+    None if the header does not state it. ``notes`` state assumptions, and ``named`` whether there is a header.
     """
 
     count: int

@@ -29,7 +29,6 @@ TEXT_SUFFIXES = (".csv", ".txt", ".json")
 _MAX_CSV_FILES = 32
 """Maximum number of CSV files in a folder that are searched for exposures."""
 
-
 _MAX_FOLDERS = 100
 """Maximum number of folders in a folder that are searched for the only one with images."""
 

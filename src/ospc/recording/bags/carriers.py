@@ -166,8 +166,10 @@ def candidates(topics: tuple[Topic, ...]) -> Iterator[Topic]:
 
 def gains_in(topics: tuple[Topic, ...]) -> Iterator[Topic]:
     """Yield the topics of plain numbers that carry gains according to their names."""
+    exposures = {topic.name for topic in candidates(topics)}
     for topic in topics:
-        if topic.type in _NUMBERS and (is_gain(_last_step(topic)) or looks_like_gain(topic.name)):
+        named = looks_like_gain(_last_step(topic)) or looks_like_gain(topic.name)
+        if topic.type in _NUMBERS and named and topic.name not in exposures:
             yield topic
 
 
