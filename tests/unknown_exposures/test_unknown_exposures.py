@@ -238,16 +238,16 @@ def test_it_can_be_combined_with_a_mask(
 
 def test_images_alone_are_a_recording_then(folder: Path) -> None:
     options = ReadingOptions(unknown_exposures=True)
-    opened = open_recording(folder / "images", options=options)
+    (folder / "times.txt").rename(folder / "kept.txt")
+    try:
+        opened = open_recording(folder / "images", options=options)
+        assert len(open_recording(folder, options=options)) == SETTINGS.frames
+    finally:
+        (folder / "kept.txt").rename(folder / "times.txt")
     assert opened.kind == "image_folder"
     assert len(opened) == SETTINGS.frames
     assert np.all(opened.exposures_ms == 1)
     assert any("has no usable exposures" in note for note in opened.notes)
-    (folder / "times.txt").rename(folder / "kept.txt")
-    try:
-        assert len(open_recording(folder, options=options)) == SETTINGS.frames
-    finally:
-        (folder / "kept.txt").rename(folder / "times.txt")
 
 
 def test_nothing_to_follow_is_an_error() -> None:
