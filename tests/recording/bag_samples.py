@@ -69,7 +69,11 @@ CUSTOM = Definition(
 NAMED = Definition(
     "acme_msgs/msg/Named", "std_msgs/Header header\nfloat64[1] shutter_100us\nfloat32 analog_gain_db\n"
 )
-DEFINITIONS = (FLIR, REALSENSE, ARAVIS, SEQUENCE, CUSTOM, NAMED)
+TWO_GAINS = Definition(
+    "acme_msgs/msg/TwoGains",
+    "std_msgs/Header header\nfloat64 exposure_ms\nfloat32 analog_gain\nfloat32 digital_gain\n",
+)
+DEFINITIONS = (FLIR, REALSENSE, ARAVIS, SEQUENCE, CUSTOM, NAMED, TWO_GAINS)
 
 
 def header(stamp_ns: int, ros1: bool = False) -> dict[str, Any]:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from bag_samples import CUSTOM, FLIR, STEP_NS, floats, images, metadata, write_bag1, write_bag2
+from bag_samples import CUSTOM, FLIR, STEP_NS, TWO_GAINS, floats, images, metadata, write_bag1, write_bag2
 from image_samples import grey
 
 from ospc.errors import ExposureError
@@ -116,3 +117,16 @@ def test_a_name_above_the_topic_does_not_hide_a_gain(tmp_path: Path) -> None:
     sent = images(FRAMES, "/rgb/image_raw") + floats(MS, "/rgb/exposure") + floats(GAINS, "/rgb/isp_gain")
     with pytest.raises(ExposureError, match="/rgb/isp_gain: the gain changes from 1 to 4"):
         open_recording(write_bag1(tmp_path / "made", sent))
+
+
+def test_which_of_two_gains_beside_a_stated_exposure_counts_must_be_stated(tmp_path: Path) -> None:
+    values = [
+        {"exposure_ms": ms, "analog_gain": gain, "digital_gain": 1.0} for ms, gain in zip(MS, GAINS, strict=True)
+    ]
+    path = write_bag2(tmp_path / "made", images(FRAMES) + metadata(values, TWO_GAINS, "/own"))
+    stated = ReadingOptions(exposure_topic="/own", exposure_field="exposure_ms")
+    with pytest.raises(ExposureError, match=r"also has analog_gain, digital_gain; name the field .* --gain-field"):
+        open_recording(path, options=stated)
+    recording = open_recording(path, options=replace(stated, gain_field="analog_gain"))
+    assert recording.exposures_ms == pytest.approx(PRODUCT)
+    assert open_recording(path, options=replace(stated, gain_unit=GainUnit.NONE)).exposures_ms == pytest.approx(MS)

@@ -247,11 +247,13 @@ def test_units_in_the_names_of_fields_are_used(tmp_path: Path) -> None:
     values = [{"shutter_100us": np.array([10 * ms]), "analog_gain_db": 6.0206 * i} for i, ms in enumerate(MS)]
     path = write_mcap2(tmp_path / "made", images(FRAMES) + metadata(values, NAMED, "/own"))
     stated: dict[str, Any] = {"exposure_topic": "/own", "exposure_field": "shutter_100us[0]"}
-    recording = open_recording(path, options=ReadingOptions(**stated, gain_field="analog_gain_db"))
-    assert recording.exposures_ms == pytest.approx([ms * 2**i for i, ms in enumerate(MS)], rel=1e-6)
-    said = "exposures are the field shutter_100us[0] in 100us times the gain in field analog_gain_db (dB)"
-    assert any(note.endswith(said) for note in recording.notes), recording.notes
-    assert open_recording(path, options=ReadingOptions(**stated)).exposures_ms == pytest.approx(MS)
+    for gain_field in ("analog_gain_db", None):
+        recording = open_recording(path, options=ReadingOptions(**stated, gain_field=gain_field))
+        assert recording.exposures_ms == pytest.approx([ms * 2**i for i, ms in enumerate(MS)], rel=1e-6)
+        said = "exposures are the field shutter_100us[0] in 100us times the gain in field analog_gain_db (dB)"
+        assert any(note.endswith(said) for note in recording.notes), recording.notes
+    ignored = ReadingOptions(**stated, gain_unit=GainUnit.NONE)
+    assert open_recording(path, options=ignored).exposures_ms == pytest.approx(MS)
     linear = ReadingOptions(**stated, gain_field="analog_gain_db", gain_unit=GainUnit.LINEAR)
     with pytest.raises(ExposureError, match="image 0: the exposure must be"):  # a linear gain of 0
         open_recording(path, options=linear)

@@ -205,20 +205,39 @@ def carrier_of(topic: Topic, options: ReadingOptions, source: str) -> Carrier:
     """
     carrier = _known(topic)
     if options.exposure_field is not None:
-        carrier = _stated(topic, options.exposure_field, options.gain_field, options)
+        gain = options.gain_field
+        if gain is None and options.gain_unit is not GainUnit.NONE:
+            gain = _gain_field(topic, source)
+        carrier = _stated(topic, options.exposure_field, gain, options)
     elif options.gain_field is not None:
         raise ExposureError("--gain-field needs --exposure-field, the field of the same messages with the exposure")
     if carrier is None:
-        try:
-            numbers = shown(_type_of(topic).numbers())
-        except DamagedMessageError:
-            numbers = ""
+        numbers = _number_fields(topic)
         raise ExposureError(
             f"{source} has type {topic.type}; give the field of the exposure with "
-            f"--exposure-field{numbers and f': {numbers}'}"
+            f"--exposure-field{numbers and f': {shown(numbers)}'}"
         )
     gain_unit = (options.gain_unit if carrier.has_gain else None) or carrier.gain_unit
     return replace(carrier, unit=options.exposure_unit or carrier.unit, gain_unit=gain_unit)
+
+
+def _number_fields(topic: Topic) -> list[str]:
+    """Return the fields of messages that are numbers; none if the bag does not define their type."""
+    try:
+        return _type_of(topic).numbers()
+    except DamagedMessageError:
+        return []
+
+
+def _gain_field(topic: Topic, source: str) -> str | None:
+    """Return the field with the gain, None if there is none; ExposureError if it is unclear which field it is."""
+    found = [field for field in _number_fields(topic) if looks_like_gain(_last_part(field))]
+    if len(found) > 1 or not all(is_gain(_last_part(field)) for field in found):
+        raise ExposureError(
+            f"{source} also has {shown(found)}; name the field by which exposures must be multiplied with "
+            "--gain-field, or add --gain-unit none to ignore all gains"
+        )
+    return found[0] if found else None
 
 
 def _stated(topic: Topic, exposure: str, gain: str | None, options: ReadingOptions) -> Carrier:
