@@ -257,6 +257,36 @@ def test_dark_images_of_a_deep_sensor_are_corrected_like_bright_ones(tmp_path):
         np.testing.assert_allclose(image, known.correct(frame.image), rtol=1e-6)
 
 
+@pytest.fixture(scope="module")
+def twelve_bit(deep, tmp_path_factory):
+    known = Calibration(SETTINGS.size, deep.response, deep.vignette, max_grey=4095)
+    return known.save(tmp_path_factory.mktemp("twelve") / "calibration.json")
+
+
+@pytest.mark.parametrize("top", [125, 600, 2000, 4095])
+@pytest.mark.parametrize("shift", [0, 4])
+def test_images_of_a_deep_sensor_are_corrected_right_however_dark_and_aligned(twelve_bit, tmp_path, top, shift):
+    image = (np.arange(48 * 64) % (top + 1)).reshape(48, 64).astype(np.uint16)
+    image[:2] = top
+    cv2.imwrite(str(tmp_path / "a.png"), image << shift)
+    result = run(tmp_path / "a.png", twelve_bit, "-o", tmp_path / "out")
+    assert result.exit_code == 0, result.output
+    assert "stretched" not in result.output
+    assert ("left-aligned, shifted right by 4" in result.output) == bool(shift)
+    expected = Calibration.load(twelve_bit).correct(image, mark_saturated=False)
+    np.testing.assert_allclose(written(tmp_path / "out")[0], expected, rtol=1e-6)
+
+
+def test_a_sixteen_bit_calibration_takes_images_as_they_are(deep, tmp_path):
+    """Its images were left-aligned, so nothing may be shifted out."""
+    known = Calibration(SETTINGS.size, deep.response, deep.vignette, max_grey=65520)
+    known.save(tmp_path / "calibration.json")
+    image = (np.arange(48 * 64) % 4095).reshape(48, 64).astype(np.uint16) << 4
+    cv2.imwrite(str(tmp_path / "a.png"), image)
+    assert run(tmp_path / "a.png", tmp_path / "calibration.json", "-o", tmp_path / "out").exit_code == 0
+    np.testing.assert_allclose(written(tmp_path / "out")[0], known.correct(image), rtol=1e-6)
+
+
 # --- existing output ---------------------------------------------------------------------------------------------
 
 

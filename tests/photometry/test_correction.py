@@ -208,9 +208,9 @@ def test_the_white_level_of_a_limited_range_is_saturated(white, max_grey):
 
 
 def test_values_beyond_the_largest_grey_value_are_saturated():
-    image = np.full((8, 12), 60_000, np.uint16)
-    assert np.isnan(Corrector(LINEAR, VIGNETTE, 4095).correct(image)).all()
-    assert np.all(Corrector(LINEAR, None, 4095).warp_exposure(image, 2.0, 1.0) == 4095)
+    image = np.full((8, 12), 4090, np.uint16)
+    assert np.isnan(Corrector(LINEAR, VIGNETTE, 4000).correct(image)).all()
+    assert np.all(Corrector(LINEAR, None, 4000).warp_exposure(image, 2.0, 1.0) == 4000)
 
 
 def test_pixels_without_light_are_not_corrected():
@@ -328,6 +328,36 @@ def test_what_is_no_such_image_is_refused(image, complaint):
     for use in (corrector.correct, corrector.saturated, lambda i: corrector.warp_exposure(i, 1.0, 2.0)):
         with pytest.raises(FrameError, match=complaint):
             use(image)
+
+
+@pytest.mark.parametrize("bits", [10, 12, 14])
+@pytest.mark.parametrize("top", [0.02, 1.0])
+def test_left_aligned_images_are_refused_and_right_aligned_ones_corrected(bits, top):
+    max_grey = 2**bits - 1
+    image = image_of(1, int(top * max_grey)).astype(np.uint16)
+    corrector = Corrector(LINEAR, VIGNETTE, max_grey)
+    corrected = corrector.correct(image, mark_saturated=False)
+    np.testing.assert_allclose(corrected, image / max_grey / VIGNETTE.image(), rtol=1e-6)
+    left = image << (16 - bits)
+    for use in (
+        corrector.correct,
+        corrector.without_vignette,
+        corrector.saturated,
+        lambda i: corrector.warp_exposure(i, 1.0, 2.0),
+    ):
+        with pytest.raises(FrameError, match=rf"left-aligned.*multiples of .*image >> {16 - bits}"):
+            use(left)
+
+
+def test_values_with_more_bits_than_the_calibration_are_refused():
+    with pytest.raises(FrameError, match="does not match this uint16 image"):
+        Corrector(LINEAR, VIGNETTE, 4095).correct(image_of(0, 4097))
+
+
+@pytest.mark.parametrize("grey", [0, 64, 4080])
+def test_blank_images_do_not_look_left_aligned(grey):
+    image = np.full((8, 12), grey, np.uint16)
+    np.testing.assert_allclose(Corrector(LINEAR, VIGNETTE, 4095).correct(image), grey / 4095 / VIGNETTE.image())
 
 
 def test_depths_are_not_guessed():

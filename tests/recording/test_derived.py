@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from image_samples import grey
+from image_samples import encoded, grey
 
 from ospc.recording import ArrayRecording, Recording, identity, open_recording
-from ospc.recording.derived import DerivedRecording, innermost, masked, with_exposure_lag
+from ospc.recording.derived import DerivedRecording, innermost, masked, with_exposure_lag, with_sensor_depth
 
 COUNT = 6
 
@@ -53,6 +53,33 @@ def test_the_identity_is_that_of_the_images_that_are_kept() -> None:
     same = ArrayRecording([grey(i) for i in range(COUNT - 1)], 2.0 + np.arange(COUNT - 1), np.arange(COUNT - 1) / 10)
     assert identity(shifted) == identity(same)
     assert identity(shifted)["images_sha256"] != identity(whole)["images_sha256"]
+
+
+@pytest.mark.parametrize(("top", "shift"), [(4, 0), (200, 0), (200, 4), (1000, 4), (4096, 0), (4096, 4)])
+def test_dark_images_are_read_as_those_of_the_known_sensor(tum_folder, top: int, shift: int) -> None:
+    images = {f"{i}.png": encoded(grey(i, dtype=np.uint16, top=top) << shift) for i in range(3)}
+    opened = open_recording(tum_folder("0 0 1\n1 1 1\n2 2 1\n", images))
+    for recording in (with_sensor_depth(opened, 4095), with_sensor_depth(masked(opened, grey(3) > 100), 4095)):
+        assert recording.max_grey == 4095
+        assert sum("12-bit" in note for note in recording.notes) == 1
+        for index, frame in enumerate(recording):
+            assert frame.max_grey == 4095
+            np.testing.assert_array_equal(frame.image, grey(index, dtype=np.uint16, top=top))
+
+
+def test_images_with_more_or_fewer_bits_than_the_sensor_keep_theirs(tum_folder) -> None:
+    assert with_sensor_depth(recorded(), 4095).max_grey == 255
+    images = {f"{i}.png": encoded(grey(i, dtype=np.uint16, top=2**14)) for i in range(3)}
+    opened = open_recording(tum_folder("0 0 1\n1 1 1\n2 2 1\n", images))
+    assert with_sensor_depth(opened, 4095) is opened
+    assert with_sensor_depth(opened, None) is opened
+
+
+def test_images_in_memory_get_the_largest_grey_value_of_the_sensor() -> None:
+    dark = ArrayRecording([grey(i, dtype=np.uint16, top=200) for i in range(COUNT)], np.ones(COUNT))
+    assert dark.max_grey == 255
+    deep = with_sensor_depth(dark, 4095)
+    assert deep.max_grey == next(iter(deep)).max_grey == 4095
 
 
 def test_the_innermost_recording_has_the_frame(tum_folder) -> None:

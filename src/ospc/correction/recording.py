@@ -16,7 +16,7 @@ from ospc.correction.settings import CorrectionSettings
 from ospc.correction.source import Source, ids_for
 from ospc.errors import ExposureError, FrameError, NotObservableError, RecordingError, SettingError
 from ospc.exposures.table import range_in_words
-from ospc.exposures.used import use_of_exposures, with_calibrated_greys, with_used_exposures, without_gaps
+from ospc.exposures.used import use_of_exposures, with_used_exposures, without_gaps
 from ospc.formats.dso import parameter_files, write_times
 from ospc.formats.image_header import JPEG_START, WITH_METADATA, read_header
 from ospc.formats.opening import Photometry
@@ -24,6 +24,7 @@ from ospc.photometry.correction import Corrector, wrong_size
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import RasterVignette
 from ospc.recording import Frame, Recording, identity
+from ospc.recording.derived import with_sensor_depth
 from ospc.recording.frame_table import NO_EXPOSURES, NO_STAMPS
 from ospc.recording.image_formats import format_of
 from ospc.recording.image_sequence import ImageSequence
@@ -131,7 +132,7 @@ def correct_recording(
     RecordingError
         If no image can be read.
     """
-    recording = with_calibrated_greys(source.recording, photometry.calibration)
+    recording = with_sensor_depth(source.recording, photometry.max_grey)
     corrector = corrector_for(recording, photometry, assume_missing=settings.assume_missing)
     if source.unexposed is not None and settings.normalise_exposure:
         raise ExposureError(f"{source.unexposed}; or leave out --normalise-exposure, which needs exposures")
@@ -220,11 +221,10 @@ def _notes_on(
     source: Source, recording: Recording, photometry: Photometry, settings: CorrectionSettings
 ) -> Iterator[str]:
     """Yield remarks that the user should read before using the result."""
-    calibrated = None if photometry.calibration is None else photometry.calibration.max_grey
-    if calibrated not in (None, recording.max_grey):
+    if photometry.max_grey not in (None, recording.max_grey):
         yield (
-            f"the calibration is for grey values up to {calibrated}; its response is stretched to the grey values of "
-            f"the recording, up to {recording.max_grey}"
+            f"the calibration is for grey values up to {photometry.max_grey}; its response is stretched to the "
+            f"grey values of the recording, up to {recording.max_grey}"
         )
     if photometry.caveat:
         yield photometry.caveat

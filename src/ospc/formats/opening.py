@@ -44,6 +44,11 @@ class Photometry:
         return self.caveat_beside if self.calibration is None else self.calibration.caveat
 
     @property
+    def max_grey(self) -> int | None:
+        """Largest grey value of the images; None if unknown."""
+        return None if self.calibration is None else self.calibration.max_grey
+
+    @property
     def size(self) -> ImageSize | None:
         """Width and height of the images; None if unknown."""
         if self.calibration is not None:

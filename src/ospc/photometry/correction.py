@@ -21,6 +21,7 @@ from ospc.arrays import BoolArray, Float32Array, FloatArray, Image, ImageSize, I
 from ospc.errors import ExposureError, FrameError, NotObservableError, SettingError, counted
 from ospc.photometry.look_up import look_up
 from ospc.photometry.response import Response
+from ospc.photometry.used_bits import UsedBits
 from ospc.photometry.vignette import Vignette
 
 LEAST_ATTENUATION = 1e-3
@@ -88,7 +89,8 @@ class Corrector:
         Parameters
         ----------
         image
-            Shape (height, width) or (height, width, 3); uint16, or uint8 if ``max_grey`` is at most 255.
+            Shape (height, width) or (height, width, 3); uint16, or uint8 if ``max_grey`` is at most 255. The values
+            are right-aligned: up to 4095 for 12 bits.
         exposure_ms
             Exposure time times linear gain. If given, the result is divided by it, which makes images of different
             exposures comparable.
@@ -258,14 +260,26 @@ class Corrector:
             raise FrameError(f"an image to correct must be grey or have three channels, not shape {pixels.shape}")
         if len(self._responses) > 1 and pixels.ndim == 2:
             raise FrameError("three responses need an image with three channels, but this one is grey")
-        # Some recorders store 8-bit grey values in 16-bit words.
-        deeper = pixels.dtype == np.uint16 and self.max_grey < 256 and int(pixels.max()) > self.max_grey
-        if deeper or (pixels.dtype == np.uint8 and self.max_grey > 255):
-            raise FrameError(
-                f"the calibration is for grey values up to {self.max_grey}, which does not match this {pixels.dtype} "
-                f"image; pass max_grey if the response is also valid for its bit depth"
-            )
+        self._check_depth(pixels)
         return pixels
+
+    def _check_depth(self, pixels: Image) -> None:
+        """Raise a FrameError if the bits of an image do not match the calibration."""
+        if pixels.dtype == np.uint8:
+            shift = None if self.max_grey > 255 else 0
+        else:
+            # Some recorders store 8-bit grey values in 16-bit words, and some store fewer than 16 bits left-aligned.
+            shift = UsedBits.of([pixels]).shift_for(self.max_grey)
+        if shift == 0:
+            return
+        remedy = (
+            f"which does not match this {pixels.dtype} image; pass max_grey if the response is also valid for its "
+            f"bit depth"
+            if shift is None
+            else f"but those of this image look left-aligned: all are multiples of {1 << shift}; correct "
+            f"image >> {shift}"
+        )
+        raise FrameError(f"the calibration is for grey values up to {self.max_grey}, {remedy}")
 
 
 def wrong_size(what: str, found: ImageSize, calibration: str, expected: ImageSize) -> str:

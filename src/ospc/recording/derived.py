@@ -4,18 +4,21 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from itertools import islice
 from pathlib import Path
 from typing import Self
 
 import numpy as np
 
 from ospc.arrays import BoolArray, FloatArray, ImageSize, IntArray, read_only, size_of
-from ospc.errors import FrameError, SettingError, counted, quoted
+from ospc.errors import FrameError, OspcError, SettingError, counted, quoted
 from ospc.formats.files import read_bytes
 from ospc.recording.frame import Frame, checked_mask
 from ospc.recording.image_source import MAX_FILE_BYTES, decode_grey
 from ospc.recording.recording import Recording, StoredRecording, stored_bytes
+from ospc.recording.stream import usable_frames
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -101,6 +104,45 @@ def with_exposure_lag(recording: Recording, lag: int) -> Recording:
         "left out"
     )
     return DerivedRecording.of(recording, frames, recording.exposures_ms[frames + lag], note=note)
+
+
+def with_sensor_depth(recording: Recording, max_grey: int | None) -> Recording:
+    """Return a recording whose 16-bit images are read as those of a sensor with this largest grey value, and a note.
+
+    Their depth is inferred from the images, and dark ones do not show all bits of the sensor. If it is inferred as
+    this one, if images have 8 bits or more bits than the sensor, or if ``max_grey`` is None, for unknown, the
+    recording itself is returned.
+    """
+    if max_grey is None:
+        return recording
+    if isinstance(recording, DerivedRecording):
+        inner = with_sensor_depth(recording.inner, max_grey)
+        notes = (*inner.notes, *recording.notes[len(recording.inner.notes) :])
+        return replace(recording, inner=inner, max_grey=inner.max_grey, notes=notes)
+    assumed = f"the sensor's largest grey value is assumed to be that of the calibration, {max_grey}"
+    if not isinstance(recording, StoredRecording) or recording.layout is None:
+        return _with_more_bits(recording, max_grey, assumed)
+    inferred = recording.layout.depth
+    depth = inferred.of_sensor(max_grey)
+    if depth == inferred:
+        return recording
+    notes = (*(note for note in recording.notes if note != inferred.note), *filter(None, (depth.note, assumed)))
+    return replace(recording, layout=replace(recording.layout, depth=depth), max_grey=max_grey, notes=notes)
+
+
+def _with_more_bits(recording: Recording, max_grey: int, note: str) -> Recording:
+    """Return a recording of uint16 images that are used unchanged, with a larger largest grey value."""
+    if max_grey <= recording.max_grey or not _has_16_bits(recording):
+        return recording
+    every = np.arange(len(recording))
+    return DerivedRecording.of(recording, every, recording.exposures_ms, max_grey=max_grey, note=note)
+
+
+def _has_16_bits(recording: Recording) -> bool:
+    """Return whether the first readable image has 16 bits."""
+    with suppress(OspcError):
+        return any(frame.image.dtype == np.uint16 for frame in islice(usable_frames(recording), 1))
+    return False
 
 
 def innermost(recording: Recording, index: int) -> tuple[Recording, int]:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from itertools import chain
 
 import numpy as np
 
 from ospc.arrays import FloatArray, Image, ImageSize, size_of
 from ospc.errors import FrameError, RecordingError, SettingError
+from ospc.photometry.used_bits import UsedBits
 from ospc.recording.channel import DEFAULT_CHANNEL, Channel, Mosaic, find_mosaic
 from ospc.recording.frame import check_size
 from ospc.recording.options import ReadingOptions
@@ -34,12 +36,14 @@ _TAKEN = {
 class BitDepth:
     """Bits of a sensor, and their position in the stored word of 8 or 16 bits.
 
-    ``shift`` is the number of unused low bits; 0 if the values are right-aligned.
+    ``shift`` is the number of unused low bits; 0 if the values are right-aligned. ``used`` are the bits it was
+    inferred from; None if it is known, as that of 8 bits.
     """
 
     bits: int
     shift: int = 0
     stored_bits: int = 8
+    used: UsedBits | None = field(default=None, compare=False)
 
     @property
     def max_grey(self) -> int:
@@ -55,6 +59,14 @@ class BitDepth:
         used = "" if self.bits == 16 else f", {aligned}"
         return f"16-bit images are read as {self.bits}-bit grey values{used}: largest grey value {self.max_grey}"
 
+    def of_sensor(self, max_grey: int) -> BitDepth:
+        """Return the depth if the largest grey value of the sensor is known, because dark images do not show it.
+
+        It is unchanged if it was not inferred, or if the images use more bits than the sensor.
+        """
+        shift = None if self.used is None else self.used.shift_for(max_grey)
+        return self if shift is None else replace(self, bits=max_grey.bit_length(), shift=shift)
+
 
 def detect_bit_depth(images: Iterable[Image]) -> BitDepth:
     """Infer the bit depth from sample images, which should be bright.
@@ -63,18 +75,19 @@ def detect_bit_depth(images: Iterable[Image]) -> BitDepth:
     low bits that are zero are those that a sensor leaves, and the values do not fit into the others, the data are
     left-aligned and dark.
     """
-    union = 0
-    for image in images:
-        if image.dtype == np.uint8:
-            return BitDepth(8)
-        union |= int(np.bitwise_or.reduce(image, axis=None))
+    one_by_one = iter(images)
+    first = next(one_by_one)
+    if first.dtype == np.uint8:
+        return BitDepth(8)
+    used_bits = UsedBits.of(chain([first], one_by_one))
+    union = used_bits.in_any
     if union == 0:
-        return BitDepth(16, 0, 16)
+        return BitDepth(16, 0, 16, used_bits)
     highest, above_lowest = union.bit_length(), 17 - (union & -union).bit_length()
     left_aligned = highest == 16 or (above_lowest in _SENSOR_BITS and highest > above_lowest)
     used = above_lowest if left_aligned else highest
     bits = next(b for b in _SENSOR_BITS if b >= used)
-    return BitDepth(bits, 16 - bits if left_aligned else 0, 16)
+    return BitDepth(bits, 16 - bits if left_aligned else 0, 16, used_bits)
 
 
 @dataclass(frozen=True)

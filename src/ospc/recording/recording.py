@@ -20,7 +20,7 @@ from ospc.errors import ExposureError, FrameError, RecordingError, escaped, list
 from ospc.recording.channel import Channel
 from ospc.recording.frame import Frame, check_image, check_size, checked_max_grey
 from ospc.recording.frame_table import checked_exposures, checked_stamps
-from ospc.recording.pixel_layout import detect_bit_depth
+from ospc.recording.pixel_layout import PixelLayout, detect_bit_depth
 
 
 @runtime_checkable
@@ -87,7 +87,8 @@ class StoredRecording(AbstractContextManager["StoredRecording"]):
     """Base class of the readers in this package: a recording whose images are decoded on demand.
 
     ``channel`` is the channel of colour images to use, None for the default; ``ALL`` keeps them in colour.
-    ``exposures_estimated`` is whether exposures were estimated from the images, up to one exponent.
+    ``exposures_estimated`` is whether exposures were estimated from the images, up to one exponent. ``layout`` is how
+    grey values are read from stored images; None if those are used unchanged.
     """
 
     path: Path
@@ -99,6 +100,7 @@ class StoredRecording(AbstractContextManager["StoredRecording"]):
     notes: tuple[str, ...] = ()
     channel: Channel | None = None
     exposures_estimated: bool = False
+    layout: PixelLayout | None = None
 
     @abstractmethod
     def stored_bytes(self, index: int) -> bytes:

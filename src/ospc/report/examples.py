@@ -12,12 +12,12 @@ from ospc.arrays import FloatArray, Image
 from ospc.errors import OspcError, plain
 from ospc.evaluation.tracking import TrackingComparison, compare_tracking
 from ospc.exposures.table import filled
-from ospc.exposures.used import with_calibrated_greys, with_used_exposures
+from ospc.exposures.used import with_used_exposures
 from ospc.photometry.calibration import Calibration
 from ospc.photometry.correction import Corrector
 from ospc.photometry.coverage import Coverage, ExposureRatios
 from ospc.recording import Frame, Recording
-from ospc.recording.derived import DerivedRecording
+from ospc.recording.derived import DerivedRecording, with_sensor_depth
 from ospc.report.evidence import FEW_SAMPLES
 
 _TRACKED_FRAMES = 12
@@ -72,7 +72,7 @@ def examples_of(calibration: Calibration, recording: Recording, about: str = "")
         return Examples(notes=("no pictures: the image size of the recording differs from that of the calibration",))
     if calibration.response is None and calibration.vignette is None:
         return Examples(notes=("no pictures: neither response nor vignette is known",))
-    recording = with_used_exposures(with_calibrated_greys(recording, calibration), calibration)
+    recording = with_used_exposures(with_sensor_depth(recording, calibration.max_grey), calibration)
     corrector = Corrector(calibration.response, calibration.vignette, recording.max_grey, assume_missing=True)
     reach = min(len(recording), _STREAM_REACH if recording.kind in _STREAMS else len(recording))
     notes = [about] if about else []
