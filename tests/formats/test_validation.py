@@ -13,7 +13,8 @@ from ospc.errors import FormatError
 from ospc.formats.dso import read_pcalib, write_pcalib, write_times, write_vignette
 from ospc.formats.validation import ParameterFile, kind_of, repair, validate
 from ospc.photometry.response import Response
-from ospc.photometry.vignette import PolynomialVignette
+from ospc.photometry.vignette import LogVignette, PolynomialVignette
+from ospc.simulation.responses import RESPONSES
 
 COUNTING = " ".join(map(str, range(256)))
 CAMERA = "0.5 0.6 0.5 0.5 0.9\n640 480\ncrop\n640 480\n"
@@ -51,6 +52,35 @@ def test_what_this_project_writes_is_faultless(folder, program):
     assert result.valid
     assert result.size == (640, 480)
     assert [f.kind for f in result.files] == ["pcalib", "vignette", "times", "camera"]
+
+
+@pytest.mark.parametrize("exponent", [0.45, 0.9])
+def test_a_response_instead_of_its_inverse_is_suspected(tmp_path, exponent):
+    (tmp_path / "pcalib.txt").write_text(" ".join(f"{v:.9g}" for v in 255 * np.linspace(0, 1, 256) ** exponent))
+    ((severity, rule),) = found(tmp_path / "pcalib.txt")
+    assert severity == "warning"
+    assert "look like the response" in rule
+
+
+@pytest.mark.parametrize("name", sorted(RESPONSES))
+def test_no_inverse_response_is_taken_for_a_response(tmp_path, name):
+    write_pcalib(RESPONSES[name](), tmp_path / "pcalib.txt")
+    assert "look like the response" not in str(found(tmp_path / "pcalib.txt"))
+
+
+def test_the_inverse_of_a_vignette_is_suspected(folder):
+    before = cv2.imread(str(folder / "vignette.png"), cv2.IMREAD_UNCHANGED).astype(float)
+    cv2.imwrite(str(folder / "vignette.png"), np.rint(before.min() / before * 65535).astype(np.uint16))
+    ((severity, rule),) = found(folder / "vignette.png", size=(640, 480))
+    assert severity == "warning"
+    assert "looks like 1/V" in rule
+
+
+@pytest.mark.parametrize("shift", [(0.0, 0.0), (0.4, 0.3)])
+def test_flat_and_decentred_vignettes_are_not_taken_for_inverse_ones(tmp_path, shift):
+    for strength in (0.0, -0.3, -0.8):
+        write_vignette(LogVignette((160, 120), (strength,), shift), tmp_path / "vignette.png")
+        assert "1/V" not in str(found(tmp_path / "vignette.png", size=(160, 120)))
 
 
 @pytest.mark.parametrize(

@@ -100,6 +100,9 @@ _LIMITED_RANGE = (16, 20)
 _LIMITED_TOLERANCE = 2
 """Tolerance for the lengths of straight ends: extrapolation extends them by one or two grey levels."""
 
+_MOSTLY, _CLEARLY = 0.95, 0.02
+"""Share of the grey levels at which a response lies above the diagonal, and its mean height above it as a fraction of
+the range: the inverse response of nearly all cameras is below it, or close to it if they are almost linear."""
 
 _DECIMAL_COMMA = re.compile(r"(?:^|\s)[+-]?\d+,\d+(?:\s|$)", re.ASCII)
 _DECIMAL_POINTS = "write decimal points, and spaces between values"
@@ -198,6 +201,17 @@ def _about_the_range(table: PcalibText, _context: Context) -> Iterator[Broken]:
         yield Broken("note", rule, effect, repair=_scale_to_255)
 
 
+def _about_the_direction(table: PcalibText, _context: Context) -> Iterator[Broken]:
+    values = table.values.astype(np.float64)
+    if not _increases(table.values):
+        return
+    above = (values - values[0]) / (values[-1] - values[0]) - np.linspace(0, 1, values.size)
+    if np.mean(above[1:-1] > 0) >= _MOSTLY and np.mean(above) > _CLEARLY:
+        rule = "the inverse of the response, the irradiance at each grey level; these values look like the response"
+        effect = "applies the response a second time instead of removing it"
+        yield Broken("warning", rule, effect, "write the inverse function of this table")
+
+
 def _put_on_one_line(table: PcalibText, _context: Context) -> tuple[PcalibText, str]:
     extra = table.other_lines
     if len(words_of(table.first_line)) <= 1 and len(extra) + 1 >= FEWEST_VALUES:
@@ -282,5 +296,12 @@ def _is_of_limited_range(table: Float32Array) -> bool:
 PCALIB: Format[PcalibText] = Format(
     read=lambda path: PcalibText(read_text(path, keep_mark=True)),
     write=lambda table, path: write_text(path, table.text),
-    checks=(_about_the_mark, _about_the_line, _about_the_order, _about_the_count, _about_the_range),
+    checks=(
+        _about_the_mark,
+        _about_the_line,
+        _about_the_order,
+        _about_the_count,
+        _about_the_range,
+        _about_the_direction,
+    ),
 )

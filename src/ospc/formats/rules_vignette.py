@@ -16,6 +16,13 @@ from ospc.formats.rules import UNCORRECTED, Broken, Context, Format
 _STEEPEST_GAIN = 20
 """Factor above which the correction of a pixel, which also amplifies its noise, causes a warning."""
 
+_CENTRE, _BORDER = 1 / 8, 1 / 16
+"""Width of the centre and of the border, as fractions of the image."""
+
+_BRIGHTER_BORDER = 1.03
+"""Ratio of border to centre above which the file is probably the correction and not the attenuation: no lens makes
+the border brighter, and estimates of flat vignettes differ less."""
+
 _8_TO_16_BITS = 257
 """65535 / 255."""
 
@@ -71,6 +78,27 @@ def _about_the_values(image: Image, context: Context) -> Iterator[Broken]:
         yield Broken("warning", rule, effect, "mask or crop this part of the image")
 
 
+def _about_the_direction(image: Image, _context: Context) -> Iterator[Broken]:
+    values = image if image.ndim == 2 else image[..., :3].max(axis=2)
+    if _border_mean(values) > _BRIGHTER_BORDER * _centre_mean(values) > 0:
+        rule = "the attenuation V, which is largest near the centre; this looks like 1/V, largest at the border"
+        effect = "divides by it, which doubles the vignette instead of removing it"
+        yield Broken("warning", rule, effect, "save the attenuation, 1 divided by these values")
+
+
+def _centre_mean(values: Image) -> float:
+    height, width = (max(1, round(side * _CENTRE)) for side in values.shape)
+    top, left = (values.shape[0] - height) // 2, (values.shape[1] - width) // 2
+    return float(values[top : top + height, left : left + width].mean())
+
+
+def _border_mean(values: Image) -> float:
+    rows, columns = (max(1, round(side * _BORDER)) for side in values.shape)
+    border = np.ones(values.shape, dtype=bool)
+    border[rows:-rows, columns:-columns] = False
+    return float(values[border].mean())
+
+
 def _resize(image: Image, context: Context) -> tuple[Image, str]:
     size = size_of(image)
     wanted = context.size or size
@@ -106,5 +134,7 @@ def _connected_to_border(zeros: BoolArray) -> BoolArray:
 
 
 VIGNETTE: Format[Image] = Format(
-    read_png, lambda image, path: write_png(path, image), (_about_the_size, _about_the_type, _about_the_values)
+    read_png,
+    lambda image, path: write_png(path, image),
+    (_about_the_size, _about_the_type, _about_the_values, _about_the_direction),
 )
