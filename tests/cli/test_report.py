@@ -48,8 +48,16 @@ def test_calibrate_writes_a_pdf_on_request(recording, tmp_path, monkeypatch):
 def test_the_report_can_be_written_again(folder):
     done = ospc("report", folder)
     assert done.exit_code == 0
-    assert done.output.splitlines() == [str(folder / "report.html")]
+    assert done.stdout.splitlines() == [str(folder / "report.html")]
     assert "Before and after" not in (folder / "report.html").read_text(encoding="utf-8")
+
+
+def test_what_is_missing_without_the_recording_is_said(folder, recording):
+    missing = "the report has no pictures and no effect on tracking"
+    assert missing in ospc("report", folder).stderr
+    assert missing not in ospc("report", folder, "--recording", recording).output
+    replace(calibration(), source={"name": "mine"}).save(folder / "calibration.json")
+    assert "--recording, here mine" in ospc("report", folder).stderr
 
 
 def test_pictures_come_from_the_given_recording(folder, recording):

@@ -29,7 +29,8 @@ def command(
 ) -> None:
     """Write the report on the calibration in FOLDER again.
 
-    FOLDER contains the calibration.json of 'ospc calibrate' or 'ospc merge'. An earlier report.html is replaced.
+    FOLDER contains the calibration.json of 'ospc calibrate' or 'ospc merge'. An earlier report.html is replaced, also
+    by one with less: pictures and the effect on tracking need --recording, and a comparison needs --truth.
     """
     from ospc.formats.opening import open_photometry
     from ospc.output import OutputFolder
@@ -46,11 +47,23 @@ def command(
     place = OutputFolder(folder)
     written = place.report(place.findings(calibration, frames, known), frames, pdf=pdf, about=about)
     say_notes([about] if about else [], "warning")
+    if frames is None:
+        say_notes([_without_recording(calibration)])
     say_notes(written.notes)
     if written.problems:
         raise OspcError("; ".join(written.problems))
     for file in written.files:
         say(str(file))
+
+
+def _without_recording(calibration: Calibration) -> str:
+    """Return a note on what the report lacks."""
+    name = calibration.source.get("name")
+    given = f", here {name}" if isinstance(name, str) and name else ""
+    return (
+        "the report has no pictures and no effect on tracking, which come from the recording; add them with "
+        f"--recording{given}"
+    )
 
 
 def _checked(recording: Recording, calibration: Calibration) -> str:
