@@ -34,6 +34,14 @@ def number_of(value: Any) -> float | None:
         return None
 
 
+def numbers_of(values: npt.ArrayLike) -> FloatArray | None:
+    """Return numbers as an array of floats, or None if they are not numbers."""
+    try:
+        return np.array(values, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError):
+        return None
+
+
 def size_of(image: Image) -> ImageSize:
     """Return width and height of an image, with or without channels."""
     return image.shape[1], image.shape[0]

@@ -14,6 +14,7 @@ import zipfile
 import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from pathlib import Path
 from typing import SupportsIndex, TypeVar
 
 Named = TypeVar("Named")
@@ -103,6 +104,13 @@ def os_error_as(kind: type[OspcError], what: str, remedy: str = "") -> Iterator[
         if error.errno in _NO_SPACE:
             remedy = _FREE_SPACE
         raise kind(f"{what} ({error.strerror or error})", remedy) from None
+
+
+def path_of(value: object, kind: type[OspcError], what: str) -> Path:
+    """Return a path given as text or path; an error of this kind, with ``what`` it should be, if it is neither."""
+    if not isinstance(value, str | Path):
+        raise kind(f"{what} must be given by its path, a text or pathlib.Path, not {type(value).__name__}")
+    return Path(value)
 
 
 def message_of(error: BaseException, most: int | None = None) -> str:

@@ -161,10 +161,10 @@ class Observations(ByValue):
             try:
                 for number, end in enumerate((first, second)):
                     ends[:, number] = np.broadcast_to(np.asarray(end[name], np.float64), (n, *width))
-            except ValueError:
+            except (TypeError, ValueError):
                 given = f"{np.shape(first[name])} and {np.shape(second[name])}"
                 raise SettingError(
-                    f"{name}0 and {name}1 of {n} scene points must have shape {(n, *width)}, not {given}"
+                    f"{name}0 and {name}1 of {n} scene points must be numbers of shape {(n, *width)}, not {given}"
                 ) from None
             return ends.reshape(2 * n, *width)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from ospc.arrays import FloatArray
+from ospc.arrays import FloatArray, numbers_of
 from ospc.errors import ExposureError, NotObservableError, SettingError, counted
 from ospc.estimation.effect_choice import fit_with_chosen_effects
 from ospc.estimation.fit import Fit
@@ -72,6 +72,11 @@ def fit(
         raise SettingError(
             f"settings are {settings!r}; give 'default', 'fast' or settings such as DefaultSettings(min_points=100)"
         )
+    if not isinstance(observations, Observations) or not isinstance(noise, NoiseModel | None):
+        given = f"{type(observations).__name__} and {type(noise).__name__}"
+        raise SettingError(
+            f"observations and noise must be of types Observations and NoiseModel or None, not {given}"
+        )
     observations.check()
     exposed = observations.with_exposures(ExposureTable.of(_log_exposure(exposures_ms, observations)))
     _check_observable(exposed, known, vignette)
@@ -91,7 +96,9 @@ def fit(
 
 
 def _log_exposure(exposures_ms: npt.ArrayLike, observations: Observations) -> FloatArray:
-    values = np.asarray(exposures_ms, dtype=np.float64)
+    values = numbers_of(exposures_ms)
+    if values is None:
+        raise SettingError("exposures_ms must be numbers, one per frame")
     if values.ndim != 1:
         raise SettingError(f"exposures_ms must have one value per frame, not shape {values.shape}")
     last = int(observations.frame.max(initial=-1))

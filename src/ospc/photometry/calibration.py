@@ -16,8 +16,9 @@ import numpy.typing as npt
 from ospc.arrays import BoolArray, FloatArray, Image, ImageSize, read_only
 from ospc.atomic import write_atomically
 from ospc.by_value import ByValue
-from ospc.errors import FormatError, counted, os_error_as
+from ospc.errors import FormatError, SettingError, counted, os_error_as, path_of
 from ospc.photometry.coverage import Coverage, ExposureRatios
+from ospc.photometry.grey_range import checked_max_grey
 from ospc.photometry.noise import NoiseModel
 from ospc.photometry.notebook import curve_as_svg
 from ospc.photometry.response import Response
@@ -201,7 +202,8 @@ class Calibration(ByValue):
     def _corrector(self, max_grey: int | None, assume_missing: bool) -> Corrector:
         from ospc.photometry.correction import Corrector  # loads OpenCV, which is not needed otherwise
 
-        key = (self.max_grey if max_grey is None else max_grey, assume_missing)
+        grey = self.max_grey if max_grey is None else checked_max_grey(max_grey, "correction", SettingError)
+        key = (grey, assume_missing)
         if key not in self._correctors:
             self._correctors[key] = Corrector(self.response, self.vignette, *key)
         return self._correctors[key]
@@ -220,7 +222,7 @@ class Calibration(ByValue):
         FormatError
             If the file cannot be written; an earlier file is then unchanged.
         """
-        place = Path(path)
+        place = path_of(path, FormatError, "a calibration")
         content = json.dumps(self.as_dict(), indent=1, allow_nan=False) + "\n"
         with os_error_as(FormatError, f"{place}: cannot be written", "check that the folder exists and is writable"):
             if isinstance(self.vignette, RasterVignette):
@@ -238,7 +240,7 @@ class Calibration(ByValue):
         """
         from ospc.photometry.calibration_content import from_dict
 
-        place = Path(path)
+        place = path_of(path, FormatError, "a calibration")
         if place.is_dir():
             place = place / "calibration.json"
         try:

@@ -19,6 +19,7 @@ import numpy.typing as npt
 
 from ospc.arrays import BoolArray, Float32Array, FloatArray, Image, ImageSize, IntArray, number_of
 from ospc.errors import ExposureError, FrameError, NotObservableError, SettingError, counted
+from ospc.photometry.grey_range import checked_max_grey
 from ospc.photometry.look_up import look_up
 from ospc.photometry.response import Response
 from ospc.photometry.used_bits import UsedBits
@@ -61,8 +62,7 @@ class Corrector:
 
     def __post_init__(self) -> None:
         """Check the bit depth and the number of responses."""
-        if not 1 <= self.max_grey <= 65535:
-            raise SettingError(f"max_grey is {self.max_grey}; give the largest grey value of the images, up to 65535")
+        checked_max_grey(self.max_grey, "correction", SettingError)
         if isinstance(self.response, Sequence) and len(self.response) != 3:
             raise SettingError(
                 f"{counted(len(self.response), 'response')} given; give one, or three for colour images"

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ospc.arrays import FloatArray
+from ospc.errors import FrameError, OspcError
 from ospc.photometry.noise import NoiseModel
 
 LARGEST_GREY = 65535
@@ -18,6 +19,14 @@ _NOISE_LEVELS = 256
 
 _UNCERTAINTY = 2.5 / 255
 """Accuracy of black and white whose values scatter: two 8-bit grey values."""
+
+
+def checked_max_grey(max_grey: int, name: str, kind: type[OspcError] = FrameError) -> int:
+    """Return the largest grey value as int; an error of this kind if it is not an integer or exceeds 16 bits."""
+    whole = isinstance(max_grey, int | np.integer) and not isinstance(max_grey, bool)
+    if not whole or not 1 <= max_grey <= LARGEST_GREY:
+        raise kind(f"{name}: max_grey is {max_grey!r}; give a whole number from 1 to {LARGEST_GREY}")
+    return int(max_grey)
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ospc.arrays import BoolArray, FloatArray, read_only
+from ospc.arrays import BoolArray, FloatArray, number_of, numbers_of, read_only
 from ospc.by_value import ByValue
 from ospc.errors import FormatError, SettingError
 
@@ -53,7 +53,10 @@ class Response(ByValue):
 
     def __post_init__(self) -> None:
         """Check and freeze the table."""
-        table = read_only(np.array(self.inverse_table, dtype=np.float64))
+        numbers = numbers_of(self.inverse_table)
+        if numbers is None:
+            raise FormatError("an inverse response must consist of numbers")
+        table = read_only(numbers)
         if table.ndim != 1 or table.size < 2:
             raise FormatError(
                 f"an inverse response needs at least 2 values in one dimension, not shape {table.shape}"
@@ -87,7 +90,9 @@ class Response(ByValue):
         FormatError
             If the values are not finite or do not strictly increase.
         """
-        array = np.asarray(values, dtype=np.float64)
+        array = numbers_of(values)
+        if array is None:
+            raise FormatError("the values of a response must be numbers")
         if array.ndim == 1 and array.size >= 2 and array[-1] > array[0]:
             array = (array - array[0]) / (array[-1] - array[0])
             array[-1] = 1.0
@@ -104,7 +109,10 @@ class Response(ByValue):
     @classmethod
     def gamma(cls, exponent: float, levels: int = 256) -> Response:
         """Return the response with g(M) = M**exponent."""
-        return cls(np.linspace(0, 1, levels) ** exponent, model={"name": "gamma", "exponent": exponent})
+        power = number_of(exponent)
+        if power is None:
+            raise SettingError(f"the exponent is {exponent!r}; give a positive number")
+        return cls(np.linspace(0, 1, levels) ** power, model={"name": "gamma", "exponent": power})
 
     @property
     def inverse_sigma(self) -> FloatArray | None:

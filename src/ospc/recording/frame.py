@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from ospc.arrays import BoolArray, Image, ImageSize, number_of
 from ospc.errors import ExposureError, FrameError, message_of
-from ospc.photometry.grey_range import LARGEST_GREY
+from ospc.photometry.grey_range import checked_max_grey
 
 MAX_DECODED_BYTES = 512 * 2**20
 """Images that need more, including all stored channels, are rejected before decoding."""
@@ -184,14 +184,6 @@ def check_exposure(exposure_ms: float, name: str) -> None:
         raise ExposureError(f"{name}: its exposure is unknown")
     if not 0 < exposure_ms < math.inf:
         raise ExposureError(f"{name}: exposure {exposure_ms} ms is not a positive number")
-
-
-def checked_max_grey(max_grey: int, name: str) -> int:
-    """Return the largest grey value as int; FrameError if it is not an integer or exceeds 16 bits."""
-    whole = isinstance(max_grey, int | np.integer) and not isinstance(max_grey, bool)
-    if not whole or not 1 <= max_grey <= LARGEST_GREY:
-        raise FrameError(f"{name}: max_grey is {max_grey!r}; give a whole number from 1 to {LARGEST_GREY}")
-    return int(max_grey)
 
 
 def checked_mask(mask: BoolArray, name: str) -> BoolArray:

@@ -16,7 +16,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Protocol, runtime_checkable
 
-from ospc.errors import RecordingError, SettingError, listed, os_error_as, quoted
+from ospc.errors import RecordingError, SettingError, listed, os_error_as, path_of, quoted
 from ospc.recording.image_source import why_unread
 from ospc.recording.list_search import lists_in, only_image_folder
 from ospc.recording.options import DEFAULT, ReadingOptions
@@ -82,8 +82,12 @@ def open_recording(path: str | Path, kind: str | None = None, options: ReadingOp
     ------
     RecordingError
         If the path does not exist, is not of a known kind, or its parts do not match.
+    SettingError
+        If ``options`` are not of this type, or do not apply to this kind.
     """
-    place = Path(path)
+    place = path_of(path, RecordingError, "a recording")
+    if not isinstance(options, ReadingOptions):
+        raise SettingError(f"options must be ReadingOptions, not {type(options).__name__}")
     with _readable(place):
         place, chosen = _located(place, kind)
     if chosen is None:
@@ -101,7 +105,7 @@ def open_recording(path: str | Path, kind: str | None = None, options: ReadingOp
             raise RecordingError(f"{place}: is a calibration; give a recording instead") from None
     if kind is not None:
         names = ", ".join(k.name for k in kinds())
-        raise RecordingError(f"{quoted(kind)} is not a kind of recording; known: {names}")
+        raise RecordingError(f"{quoted(str(kind))} is not a kind of recording; known: {names}")
     inside = _recordings_inside(place)
     if why := inside or why_unread(place):
         raise RecordingError(f"{place}: {why}", "" if inside else _where_to_copy(place))
@@ -210,7 +214,7 @@ def cameras_of(
     RecordingError
         If the path does not exist, or has too many cameras.
     """
-    place = Path(path)
+    place = path_of(path, RecordingError, "a recording")
     with _readable(place):
         found = _cameras(place, kind, options)
     if len(found) > _MAX_CAMERAS:

@@ -17,8 +17,9 @@ import numpy.typing as npt
 
 from ospc.arrays import FloatArray, Image, ImageSize, size_of
 from ospc.errors import ExposureError, FrameError, RecordingError, escaped, listed
+from ospc.photometry.grey_range import checked_max_grey
 from ospc.recording.channel import Channel
-from ospc.recording.frame import Frame, check_image, check_size, checked_max_grey
+from ospc.recording.frame import Frame, check_image, check_size
 from ospc.recording.frame_table import checked_exposures, checked_stamps
 from ospc.recording.pixel_layout import PixelLayout, detect_bit_depth
 

@@ -12,7 +12,7 @@ from typing import Any, TypeAlias, TypeVar
 import numpy as np
 
 from ospc.arrays import Image
-from ospc.errors import ExposureError, FrameError
+from ospc.errors import ExposureError, FrameError, RecordingError
 from ospc.recording.frame import Frame, check_exposure, check_image
 
 Item: TypeAlias = Frame | tuple[Image, float | None] | tuple[Image, float | None, float]
@@ -35,6 +35,8 @@ def frames_of(items: Iterable[Item], *, max_grey: int | None = None) -> Iterator
 
     Raises
     ------
+    RecordingError
+        If ``items`` are not iterable.
     FrameError
         If an item has another type, or an image is not grey.
     ExposureError
@@ -46,6 +48,10 @@ def frames_of(items: Iterable[Item], *, max_grey: int | None = None) -> Iterator
     >>> [frame.exposure_ms for frame in frames_of([(np.zeros((4, 6), np.uint8), 5.0)])]
     [5.0]
     """
+    if not isinstance(items, Iterable):
+        raise RecordingError(
+            f"{type(items).__name__} is not a recording; give a recording, its path, or frames one by one"
+        )
     for index, item in enumerate(items):
         yield replace(item, index=index) if isinstance(item, Frame) else _frame(item, index, max_grey)
 

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from ospc.arrays import Float32Array, Image
+from ospc.errors import SettingError, path_of
 from ospc.folders import Content, check_usable, writing
 from ospc.formats.dso import write_pcalib, write_vignette
 from ospc.formats.image_files import encoded
@@ -173,7 +174,9 @@ def simulate(
     FormatError
         If a response or vignette file cannot be read.
     """
-    place = Path(out)
+    place = path_of(out, SettingError, "the folder of a simulated recording")
+    if not isinstance(settings, SimulationSettings):
+        raise SettingError(f"settings must be SimulationSettings, not {type(settings).__name__}")
     check_usable(place, content_of=_content, force=overwrite)
     known = truth(settings)
     with writing(place):

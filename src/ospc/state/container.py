@@ -22,7 +22,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ospc.atomic import write_atomically
-from ospc.errors import UNREADABLE, FormatError, os_error_as
+from ospc.errors import UNREADABLE, FormatError, os_error_as, path_of
 
 Array = npt.NDArray[Any]
 
@@ -83,7 +83,7 @@ def to_bytes(container: Container) -> bytes:
 
 def save(container: Container, path: str | Path) -> Path:
     """Write a container atomically and return its path; FormatError if that fails."""
-    place = Path(path)
+    place = path_of(path, FormatError, "a state")
     with os_error_as(FormatError, f"{place}: cannot be written", "check that the folder exists and is writable"):
         return write_atomically(place, to_bytes(container))
 
@@ -96,7 +96,7 @@ def load(path: str | Path, kind: str, version: int) -> Container:
     FormatError
         If the file does not exist, is not a container, is truncated or damaged, or has another kind or version.
     """
-    place = Path(path)
+    place = path_of(path, FormatError, "a state")
     with os_error_as(FormatError, f"{place}: cannot be read", "check the path and its permissions"):
         try:
             with place.open("rb") as stream:
