@@ -71,6 +71,44 @@ def test_wrong_exposures_are_refused(wrong, vignette):
         ospc.fit(as_pairs(exposed), wrong(exposures_ms), noise=NOISE, vignette=vignette)
 
 
+def one_frame_later(exposures_ms):
+    return np.roll(exposures_ms, 1)
+
+
+def one_frame_earlier(exposures_ms):
+    return np.roll(exposures_ms, -1)
+
+
+def inexact(exposures_ms):
+    return exposures_ms * np.exp(np.random.default_rng(0).normal(0, 0.5, len(exposures_ms)))
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        (inverse, "not their inverse"),
+        (one_frame_later, "frame numbers seem to be one too low"),
+        (one_frame_earlier, "frame numbers seem to be one too high"),
+        (inexact, "exposures are inexact or of other frames"),
+        (of_other_frames, "exposures are inexact or of other frames"),
+    ],
+)
+def test_the_reason_for_unexplained_exposures_is_named(wrong, said):
+    exposed, exposures_ms = made(Camera(GAMMA))
+    number = np.random.default_rng(3).permutation(len(exposures_ms))  # exposures of neighbours are unrelated
+    exposures_ms[number] = exposures_ms.copy()
+    mixed = as_pairs(replace(exposed, frame=number[exposed.frame]))
+    with pytest.raises(ExposureError, match=said):
+        ospc.fit(mixed, wrong(exposures_ms), noise=NOISE, vignette=False)
+
+
+def test_clipped_points_are_named_as_the_reason():
+    exposed, exposures_ms = made(Camera(GAMMA))
+    brighter = replace(exposed, grey=np.minimum(exposed.grey + 0.7, 1.0))
+    with pytest.raises(ExposureError, match=r"\d+% of the grey levels are clipped at 1: leave out"):
+        ospc.fit(as_pairs(brighter), exposures_ms, noise=NOISE, vignette=False)
+
+
 def test_pairs_keep_every_value():
     exposed, _ = made(Camera(GAMMA), groups=5, points=20)
     pairs = as_pairs(exposed)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import numpy.typing as npt
 
@@ -16,7 +18,11 @@ from ospc.methods.summary import exposure_ratios
 from ospc.observations import ExposedObservations, Observations
 from ospc.photometry.noise import NoiseModel
 from ospc.settings import DefaultSettings, Settings, preset
-from ospc.settings.methods import CONTRADICTING_UNEXPLAINED_SHARE
+from ospc.settings.methods import (
+    CLEARLY_BETTER_CORRELATION,
+    CLIPPED_OBSERVATIONS_SHARE,
+    CONTRADICTING_UNEXPLAINED_SHARE,
+)
 from ospc.settings.vignette import MIN_USABLE_RADIUS
 
 
@@ -58,7 +64,8 @@ def fit(
     NotObservableError
         If there are too few scene points, their exposures hardly change, or they hardly move radially.
     ExposureError
-        If the grey levels do not follow the exposures, as with inverse exposures or those of other frames.
+        If the grey levels do not follow the exposures, with the probable reason: clipped points, inverse exposures,
+        frame numbers off by one, or inexact exposures.
 
     Examples
     --------
@@ -78,7 +85,8 @@ def fit(
             f"observations and noise must be of types Observations and NoiseModel or None, not {given}"
         )
     observations.check()
-    exposed = observations.with_exposures(ExposureTable.of(_log_exposure(exposures_ms, observations)))
+    log_exposure = _log_exposure(exposures_ms, observations)
+    exposed = observations.with_exposures(ExposureTable.of(log_exposure))
     _check_observable(exposed, known, vignette)
     if vignette:
         reach = float(np.clip(np.linalg.norm(exposed.position, axis=1).max(), MIN_USABLE_RADIUS, 1.0))
@@ -89,10 +97,38 @@ def fit(
     unexplained = unexplained_share(exposure_ratios(found.fit, found.observations))
     if unexplained > CONTRADICTING_UNEXPLAINED_SHARE:
         raise ExposureError(
-            f"{min(unexplained, 1):.0%} of a typical change of exposure does not show in the grey levels; give one "
-            "exposure time in ms per frame, by frame number, and not its inverse"
+            f"{min(unexplained, 1):.0%} of a typical change of exposure does not show in the grey levels",
+            _remedy(observations, ExposureTable.of(log_exposure)),
         )
     return found.fit
+
+
+def _remedy(observations: Observations, exposures: ExposureTable) -> str:
+    """Return the probable reason why grey levels do not follow the exposures, and what to do about it."""
+    clipped = float(np.mean(observations.grey >= 1))
+    if clipped > CLIPPED_OBSERVATIONS_SHARE:
+        return f"{clipped:.0%} of the grey levels are clipped at 1: leave out points that are clipped in a frame"
+    as_given = _correlation(observations, exposures)
+    others = {
+        "they fall where exposures rise: give exposure times in ms, not their inverse": -as_given,
+        "frame numbers seem to be one too low": _correlation(observations, replace(exposures, lag_frames=1)),
+        "frame numbers seem to be one too high": _correlation(observations, replace(exposures, lag_frames=-1)),
+    }
+    best = max(others, key=others.__getitem__)
+    if others[best] > as_given + CLEARLY_BETTER_CORRELATION:
+        return best
+    return "the exposures are inexact or of other frames: give one exposure time in ms per frame, by frame number"
+
+
+def _correlation(observations: Observations, exposures: ExposureTable) -> float:
+    """Return the correlation of the changes of grey level and of ln exposure between two views of a point."""
+    first, last = observations.starts, observations.starts + observations.counts - 1
+    log_exposure = exposures.log_exposure_of(observations.frame)
+    changes = np.stack([values[last] - values[first] for values in (observations.grey, log_exposure)])
+    changes = changes[:, np.isfinite(changes).all(axis=0)]
+    if changes.shape[1] < 2 or not np.all(np.ptp(changes, axis=1) > 0):
+        return 0.0
+    return float(np.corrcoef(changes)[0, 1])
 
 
 def _log_exposure(exposures_ms: npt.ArrayLike, observations: Observations) -> FloatArray:

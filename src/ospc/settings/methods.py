@@ -199,6 +199,15 @@ DOUBTED_UNEXPLAINED_SHARE, CONTRADICTING_UNEXPLAINED_SHARE = 0.15, 0.33
 doubted; beyond the second, the response has no basis. Noise alone leaves less than a tenth. With exposures averaged
 over nine frames, 0.44 were missing, and κ was 0.16 at a stated 0.03."""
 
+CLIPPED_OBSERVATIONS_SHARE = 0.2
+"""Share of observations at white beyond which unexplained exposures are put down to them: a clipped grey level does
+not change with the exposure. Fits with fewer were right; from a third on, some
+failed."""
+
+CLEARLY_BETTER_CORRELATION = 0.15
+"""Increase of the correlation between changes of grey level and of exposure beyond which exposures of a neighbouring
+frame, or inverse ones, are named as the reason for unexplained exposures. Unrelated exposures reached 0.1."""
+
 WIDE_EXPOSURE_RATIO = 8.0
 """Ratio of the longest to the shortest exposure beyond which a wider range is no longer advised."""
 
