@@ -75,6 +75,13 @@ def test_images_with_more_or_fewer_bits_than_the_sensor_keep_theirs(tum_folder) 
     assert with_sensor_depth(opened, None) is opened
 
 
+@pytest.mark.parametrize("top", [1000, 4096])
+def test_a_white_level_below_the_largest_number_is_that_of_all_images(tum_folder, top: int) -> None:
+    images = {f"{i}.png": encoded(grey(i, dtype=np.uint16, top=top)) for i in range(3)}
+    opened = open_recording(tum_folder("0 0 1\n1 1 1\n2 2 1\n", images))
+    assert with_sensor_depth(opened, 4000).max_grey == next(iter(with_sensor_depth(opened, 4000))).max_grey == 4000
+
+
 def test_images_in_memory_get_the_largest_grey_value_of_the_sensor() -> None:
     dark = ArrayRecording([grey(i, dtype=np.uint16, top=200) for i in range(COUNT)], np.ones(COUNT))
     assert dark.max_grey == 255

@@ -124,7 +124,7 @@ def with_sensor_depth(recording: Recording, max_grey: int | None) -> Recording:
         return _with_more_bits(recording, max_grey, assumed)
     inferred = recording.layout.depth
     depth = inferred.of_sensor(max_grey)
-    if depth == inferred:
+    if depth is inferred or (depth, max_grey) == (inferred, recording.max_grey):
         return recording
     notes = (*(note for note in recording.notes if note != inferred.note), *filter(None, (depth.note, assumed)))
     return replace(recording, layout=replace(recording.layout, depth=depth), max_grey=max_grey, notes=notes)

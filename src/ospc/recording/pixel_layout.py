@@ -62,7 +62,7 @@ class BitDepth:
     def of_sensor(self, max_grey: int) -> BitDepth:
         """Return the depth if the largest grey value of the sensor is known, because dark images do not show it.
 
-        It is unchanged if it was not inferred, or if the images use more bits than the sensor.
+        The depth itself is returned if it was not inferred, or if the images use more bits than the sensor.
         """
         shift = None if self.used is None else self.used.shift_for(max_grey)
         return self if shift is None else replace(self, bits=max_grey.bit_length(), shift=shift)
