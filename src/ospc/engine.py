@@ -20,6 +20,7 @@ from ospc.exposures.findings import ExposureFindings
 from ospc.exposures.lag_choice import LagChoice, lag_in_words
 from ospc.exposures.monitor import ExposureMonitor
 from ospc.exposures.table import ExposureTable
+from ospc.exposures.used import with_earlier_exposures
 from ospc.frame_checks import SkippedFrames, check_is_frame, checked_frame, why_greys_are_useless
 from ospc.methods.change_detection import Change
 from ospc.methods.method import Method, Progress
@@ -269,7 +270,8 @@ class Engine:
             if earlier is not None:
                 known = earlier.continued(known, self.summary())
             judged = self._judged(known, found, {"frames": self.frames, "skipped": self._skipped.count})
-            return replace(judged, source=self.source | judged.source)
+            ended = ((e.last_frame + 1, e.calibration) for e in self._epochs if e.calibration is not None)
+            return replace(judged, source=with_earlier_exposures(self.source | judged.source, ended))
 
     def _used_exposures(self) -> tuple[ExposureTable, ExposureFindings]:
         """Return the exposures that the result uses, and the findings about them."""

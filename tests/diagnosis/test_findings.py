@@ -15,7 +15,9 @@ from ospc.exposures.brightness_series import BrightnessSeries
 from ospc.exposures.findings import assess_exposures
 from ospc.exposures.lag_choice import LagChoice
 from ospc.exposures.lag_selection import LagEstimate
+from ospc.exposures.used import used_exposures, with_earlier_exposures
 from ospc.methods.maximum_likelihood import MaximumLikelihoodMethod
+from ospc.photometry.calibration import Calibration
 from ospc.photometry.coverage import ExposureRatios
 from ospc.photometry.verdict import LATE_EXPOSURES, EffectEstimate, Verdict
 from ospc.recording import Frame
@@ -276,6 +278,25 @@ def test_a_lag_found_late_applies_to_all_that_was_observed_before() -> None:
     levels = np.linspace(0.2, 0.8, 13)
     step, expected = (np.diff(np.log(c.response.inverse(levels))) for c in (late, true))
     np.testing.assert_allclose(step, expected, atol=0.03)
+
+
+def test_exposures_before_a_change_of_their_lag_keep_the_earlier_one() -> None:
+    earlier, later = (
+        Calibration((8, 6), source={"exposure_lag_corrected_frames": lag} if lag else {}) for lag in (0, 2)
+    )
+    later = replace(later, source=with_earlier_exposures(later.source, [(5, earlier)]))
+    recorded = np.array([10.0, 20, 30, 40, 50, 40, 50, 60, 70, 80])
+    np.testing.assert_allclose(used_exposures(later, recorded), [10, 20, 30, 40, 50, 60, 70, 80, np.nan, np.nan])
+    undone = replace(earlier, source=with_earlier_exposures({}, [(5, later), (7, earlier)]))
+    np.testing.assert_allclose(used_exposures(undone, recorded), [30, 40, 50, 40, 50, 40, 50, 60, 70, 80])
+    np.testing.assert_array_equal(used_exposures(earlier, recorded), recorded)
+
+
+@pytest.mark.parametrize("stated", [5, [[3]], [[0, 1]], [[20, 1]], [["a", 1]], {"a": 1}])
+def test_a_calibration_with_impossible_lags_moves_nothing(stated: object) -> None:
+    recorded = np.arange(1.0, 11)
+    damaged = Calibration((8, 6), source={"exposure_lags_corrected_until": stated})
+    np.testing.assert_array_equal(used_exposures(damaged, recorded), recorded)
 
 
 def test_a_frame_without_an_exposure_hides_nothing_of_the_others(monkeypatch: pytest.MonkeyPatch) -> None:

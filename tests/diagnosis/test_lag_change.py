@@ -85,6 +85,26 @@ def test_a_change_to_earlier_exposures_needs_stronger_evidence(seed: int, size: 
     assert proven(changes(film), stated(film.log_exposure, 0, -2), 0) is None
 
 
+def sparse_before(film: Film) -> list[BrightnessChange]:
+    """Return the changes of a film, but only those in short bursts before the switch, as with trusted exposures."""
+    return [change for change in changes(film) if change.frame0 >= SWITCH or change.frame0 % 24 < 8]
+
+
+@pytest.mark.parametrize(("before", "after"), [(0, 2), (1, 0)])
+def test_few_pairs_before_suffice_if_they_exclude_the_later_lag(before: int, after: int) -> None:
+    change = proven(sparse_before(JUMPING), stated(JUMPING.log_exposure, before, after), before)
+    assert change is not None
+    assert change.later_frames == after - before
+
+
+def test_few_pairs_before_that_fit_any_lag_leave_a_suspicion() -> None:
+    film = Film(np.where(np.arange(FRAMES) < SWITCH - 5, 0.0, JUMPING.log_exposure))
+    change = detect_lag_change(sparse_before(film), stated(film.log_exposure, 2, 2), 0)
+    assert change is not None
+    assert change.later_frames == 2
+    assert not change.proven
+
+
 def test_a_few_frames_prove_nothing() -> None:
     few = [change for change in changes(WANDERING) if change.frame0 >= FRAMES - 20]
     assert proven(few, stated(WANDERING.log_exposure, 0, 2), 0) is None

@@ -74,12 +74,17 @@ def detect_lag_change(
     exposure_changes = np.stack([series.exposure_change(window, lag) for lag in lags])
     best, first_frame, lead = _start_of_change(_leads(series, exposure_changes), series.frame[series.predicted])
     suspected = LagChange(start + first_frame, int(_LATER[best]))
-    pairs_before = sum(change.frame0 < suspected.frame for change in changes)
-    if lead < SUSPECTED_LAG_CHANGE_LEAD or pairs_before < MIN_PAIRS_BEFORE_LAG_CHANGE:
+    if lead < SUSPECTED_LAG_CHANGE_LEAD:
         return None
     since_change = np.where(series.frame < first_frame, exposure_changes[_UNCHANGED], exposure_changes)
     later_frames = _proven_change(series, since_change)
-    return replace(suspected, later_frames=later_frames, proven=True) if later_frames else suspected
+    pairs_before = sum(change.frame0 < suspected.frame for change in changes)
+    if not later_frames or not (
+        pairs_before >= MIN_PAIRS_BEFORE_LAG_CHANGE
+        or _held_before(series, since_change, exposure_changes, later_frames)
+    ):
+        return suspected
+    return replace(suspected, later_frames=later_frames, proven=True)
 
 
 def _proven_change(series: BrightnessSeries, changes: FloatArray) -> int:
@@ -95,6 +100,18 @@ def _proven_change(series: BrightnessSeries, changes: FloatArray) -> int:
         beside_flicker = _clearly_later(fit_exposures(series, changes, flickering))
         found = beside_flicker if beside_flicker * found > 0 else 0
     return found
+
+
+def _held_before(
+    series: BrightnessSeries, since_change: FloatArray, throughout: FloatArray, later_frames: int
+) -> bool:
+    """Return whether the known lag held before a change: the later lag is much less likely to have held throughout.
+
+    ``since_change`` and ``throughout`` have the exposure changes at each lag since the change, and for all pairs.
+    """
+    rows = np.stack([changes[_UNCHANGED + later_frames] for changes in (since_change, throughout)])
+    changed, always = fit_exposures(series, rows, _slow_light(series.frame))
+    return changed.total - always.total > EARLIER_LAG_LEAD
 
 
 def _clearly_later(fits: Sequence[LagFit]) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,8 @@ from ospc.recording.derived import DerivedRecording
 from ospc.recording.recording import frames_sha256
 
 _LAG, _WRONG = "exposure_lag_corrected_frames", "exposures_ignored_of_frames"
+_EARLIER_LAGS = "exposure_lags_corrected_until"
+"""The frames before which other lags were corrected, in order, each with its lag."""
 
 
 def as_source(found: ExposureFindings) -> dict[str, Any]:
@@ -27,6 +30,23 @@ def as_source(found: ExposureFindings) -> dict[str, Any]:
     if found.wrong:
         source[_WRONG] = list(found.wrong)
     return source
+
+
+def with_earlier_exposures(source: Mapping[str, Any], ended: Iterable[tuple[int, Calibration]]) -> dict[str, Any]:
+    """Return a ``source`` with what it states about the exposures before changes of the camera.
+
+    ``ended`` has the first frame after each change, and the calibration of the frames before.
+    """
+    lags, wrong = [], list(source.get(_WRONG, ()))
+    for until, calibration in ended:
+        lags.append([until, corrected_lag(calibration)])
+        wrong += calibration.source.get(_WRONG, ())
+    found = dict(source)
+    if any(lag != source.get(_LAG, 0) for _, lag in lags):
+        found[_EARLIER_LAGS] = lags
+    if wrong:
+        found[_WRONG] = sorted(wrong)
+    return found
 
 
 def corrected_lag(calibration: Calibration) -> int:
@@ -48,13 +68,28 @@ def used_exposures(calibration: Calibration, exposures_ms: FloatArray) -> FloatA
     Each is moved to the frame that it belongs to. Those that are wrong or not recorded, such as the last ones if
     exposures are recorded late, are unknown.
     """
-    lag, count = corrected_lag(calibration), len(exposures_ms)
-    wrong = _wrong(calibration, count)
-    if not (lag or wrong) or abs(lag) >= count:
+    count = len(exposures_ms)
+    lags, wrong = _lags_until(calibration, count), _wrong(calibration, count)
+    if not (wrong or any(lag for _, lag in lags)) or any(abs(lag) >= count for _, lag in lags):
         return exposures_ms
     known = np.where(np.isfinite(exposures_ms) & (exposures_ms > 0), exposures_ms, np.nan)
-    table = ExposureTable.of(np.log(known), lag).without(wrong)
-    return np.exp(table.log_exposure_of(np.arange(count)))
+    first, found = 0, list[FloatArray]()
+    for until, lag in lags:
+        table = ExposureTable.of(np.log(known), lag).without(wrong)
+        found.append(table.log_exposure_of(np.arange(first, until)))
+        first = until
+    return np.exp(np.concatenate(found))
+
+
+def _lags_until(calibration: Calibration, count: int) -> list[tuple[int, int]]:
+    """Return the lags that were corrected in a recording with ``count`` frames, and the frames before which."""
+    stated = calibration.source.get(_EARLIER_LAGS, ())
+    found = list[tuple[int, int]]()
+    for entry in stated if isinstance(stated, list | tuple) else ():
+        match entry:
+            case [int(until), int(lag)] if (found[-1][0] if found else 0) < until < count:
+                found.append((until, lag))
+    return [*found, (count, corrected_lag(calibration))]
 
 
 def without_gaps(exposures_ms: FloatArray) -> FloatArray:
@@ -102,15 +137,23 @@ def with_calibrated_greys(recording: Recording, calibration: Calibration | None)
 
 def use_of_exposures(recording: Recording, calibration: Calibration) -> str:
     """Return a note on exposures that :func:`with_used_exposures` changes, or that may have to be; else empty."""
-    lag, wrong = corrected_lag(calibration), _wrong(calibration, len(recording))
-    late = f"exposures were recorded {lag_in_words(lag)}"
+    late, wrong = _course(_lags_until(calibration, len(recording))), _wrong(calibration, len(recording))
     if _is_from(calibration, recording):
-        moved = f"{late} and are moved to their frames" if lag else ""
+        moved = f"{late} and are moved to their frames" if late else ""
         ignored = f"{counted(len(wrong), 'wrong exposure')} interpolated" if wrong else ""
         return "; ".join(filter(None, (moved, ignored)))
-    if not lag:
+    if not late:
         return ""
     return f"in the recording of the calibration, {late}; those of {recording.path.name} are used as recorded"
+
+
+def _course(lags: Sequence[tuple[int, int]]) -> str:
+    """Return how exposures were recorded, as text; empty if it was always with their frames."""
+    if not any(lag for _, lag in lags):
+        return ""
+    each = [lag_in_words(lag) if lag else "with their frames" for _, lag in lags]
+    before = [f"{how} before frame {until}" for how, (until, _) in zip(each[:-1], lags, strict=False)]
+    return f"exposures were recorded {', then '.join([*before, each[-1]])}"
 
 
 def _is_from(calibration: Calibration, recording: Recording) -> bool:

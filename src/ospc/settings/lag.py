@@ -178,7 +178,8 @@ compared frames even late in a run."""
 
 MIN_PAIRS_BEFORE_LAG_CHANGE = 100
 """Minimum number of pairs of frames before a change: fewer may all show one passing cloud that auto exposure
-follows, so that the earlier lag was less certain than it seemed."""
+follows, so that the earlier lag was less certain than it seemed. Fewer suffice if they exclude the later lag as
+surely as the others exclude the earlier one, by :data:`EARLIER_LAG_LEAD`."""
 
 LAG_CHANGE_START_TOLERANCE = 1.0
 """Log likelihood that may be sacrificed for a later start of the change, so that uninformative pairs do not count as
