@@ -117,7 +117,9 @@ def test_jumps_of_a_hidden_gain_are_reported() -> None:
     report = check(hidden_log_gain=gain)
     assert report.exposures.brightness is not None
     assert [jump.frame for jump in report.exposures.brightness.jumps] == [40]
-    assert said(report, "jumps once", "frame 40", "gain")
+    assert said(report, "jumps by +", "at frame 40", "gain")
+    assert report.verdicts["exposures"].state == "marginal"
+    assert "at frame 40" in report.verdicts["exposures"].reason
 
 
 def test_a_camera_that_stands_still_shows_no_vignette(still: RecordingReport) -> None:

@@ -228,6 +228,23 @@ def test_exposures_that_a_fit_explains_do_not_fit_badly(error: float, state: str
     assert (judged.warnings == ()) == (state == "identifiable")
 
 
+def test_noise_that_a_fit_explains_is_no_misfit() -> None:
+    doubted = found(FLICKERING)
+    errors = np.random.default_rng(2).normal(0, 0.02, 60)
+    for sigma, state in ((0.02, "identifiable"), (0.005, "marginal")):
+        ratios = replace(ratios_with(errors), log_sigma=np.full(len(errors), sigma))
+        assert doubted.judged_by([], ratios).verdict.state == state
+
+
+@pytest.mark.parametrize(("factor", "state"), [(1.5, "marginal"), (1 / 1.5, "marginal"), (1.02, "identifiable")])
+def test_a_large_jump_that_the_exposures_do_not_explain_is_doubted(factor: float, state: str) -> None:
+    film = Film(wandering(FRAMES), hidden_log_gain=np.where(np.arange(FRAMES) < 30, 0.0, np.log(factor)))
+    told = found(film).doubted_for_jumps()
+    assert told.verdict.state == state
+    assert ("at frame 30" in told.verdict.reason) == (state == "marginal")
+    assert not told.warnings  # response and vignette are found from all other changes
+
+
 def test_a_fit_to_constant_exposures_or_to_few_pairs_does_not_make_them_right() -> None:
     good = ratios_with(np.full(40, 0.001))
     assert found(STALE).judged_by([], good).warnings

@@ -122,11 +122,10 @@ def _about_brightness(brightness: BrightnessReport | None, timing: Timing) -> It
     if brightness.jumps:
         largest = max(brightness.jumps, key=lambda jump: abs(jump.log_change))
         count = len(brightness.jumps)
-        times = "once" if count == 1 else f"{count} times"
+        also = "" if count == 1 else f", the largest of {count} jumps"
         yield (
-            f"brightness jumps {times} without a change of exposure, most at frame {largest.frame}, by "
-            f"{np.expm1(largest.log_change):+.0%}: the metadata do not record a change of gain or aperture; lock it, "
-            "or record it"
+            f"{largest.in_words}{also}: a gain or an aperture changed that the metadata do not record, a lamp was "
+            "switched, or the recorded exposure changed without an effect"
         )
     for flicker in brightness.flicker:
         often = f"every {1 / flicker.cycles_per_frame:.2g} frames"

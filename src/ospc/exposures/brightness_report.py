@@ -39,6 +39,14 @@ class Jump:
     frame: int
     log_change: float
 
+    @property
+    def in_words(self) -> str:
+        """The jump as the end of a sentence."""
+        return (
+            f"brightness jumps by {np.expm1(self.log_change):+.0%} at frame {self.frame} relative to what the "
+            "exposures predict"
+        )
+
 
 @dataclass(frozen=True)
 class BrightnessReport:

@@ -22,7 +22,9 @@ from ospc.exposures.wrong_exposures import in_words, wrong_exposures
 from ospc.photometry.coverage import ExposureRatios
 from ospc.photometry.verdict import LATE_EXPOSURES, EffectEstimate, State, Verdict
 from ospc.settings.brightness import (
+    CONTRADICTING_JUMP_LOG,
     EXPLAINED_POINTS,
+    EXPLAINED_SIGMAS,
     MIN_STALE_PAIRS,
     NOTABLE_RMS_LOG,
     UNCHANGED_EXPOSURE_LOG,
@@ -39,6 +41,7 @@ _NO_BLENDING = (
     "switch off temporal noise reduction and anything else that blends frames; if the images come from a video, "
     "record images or MJPEG instead"
 )
+_ONE_GAIN = "lock the gain and aperture, or record them; give all exposures in one unit; do not switch lamps"
 _PROGRESSIVE = "record progressive video, or use one field of each frame as a recording of half the height"
 
 
@@ -129,6 +132,15 @@ class ExposureFindings:
         reason = "alternate rows of the images show different moments, as in interlaced video"
         return self.with_warning(reason, _PROGRESSIVE)
 
+    def doubted_for_jumps(self) -> ExposureFindings:
+        """Return the findings, marginal if the brightness once jumps by much more or less than the exposure."""
+        jumps = () if self.brightness is None else self.brightness.jumps
+        largest = max(jumps, key=lambda jump: abs(jump.log_change), default=None)
+        if largest is None or abs(largest.log_change) < CONTRADICTING_JUMP_LOG or not self.verdict.known:
+            return self
+        reason = f"{self.verdict.reason}, but {largest.in_words}"
+        return replace(self, verdict=Verdict("marginal", reason, _ONE_GAIN))
+
     def judged_by(self, effects: Iterable[EffectEstimate], ratios: ExposureRatios) -> ExposureFindings:
         """Return the findings updated by a fit: its lag and its exposure ratios may settle doubts or raise them."""
         found = self._explained_by(ratios)
@@ -147,14 +159,18 @@ class ExposureFindings:
         if not (is_stale or fits_badly):
             return self
         # Points are counted rather than pairs, because a pair whose registration failed has few.
-        error, metadata = (
-            np.repeat(values, ratios.samples) for values in (np.abs(ratios.log_residual), ratios.metadata)
+        by_chance = 0.0 if ratios.log_sigma is None else EXPLAINED_SIGMAS * ratios.log_sigma
+        error = np.abs(ratios.log_residual)
+        error, relative, metadata = (
+            np.repeat(values, ratios.samples)
+            for values in (error, error / np.maximum(NOTABLE_RMS_LOG, by_chance), ratios.metadata)
         )
         unchanged = np.abs(np.log(metadata)) < UNCHANGED_EXPOSURE_LOG
-        parts = (part for part in (error, error[unchanged]) if len(part))
-        largest = max((float(np.quantile(part, EXPLAINED_POINTS)) for part in parts), default=np.inf)
-        if len(ratios.samples) < MIN_STALE_PAIRS or largest > NOTABLE_RMS_LOG:
+        parts = [part for part in (np.ones_like(unchanged), unchanged) if part.any()]
+        unexplained = any(np.quantile(relative[part], EXPLAINED_POINTS) > 1 for part in parts)
+        if len(ratios.samples) < MIN_STALE_PAIRS or unexplained:
             return self
+        largest = max(float(np.quantile(error[part], EXPLAINED_POINTS)) for part in parts)
         points = f"{EXPLAINED_POINTS:.0%} of the scene points to within {np.expm1(largest):.1%}"
         verdict = verdict_on_lag(self.recorded, lag, f"the brightness of {points}, with the fitted curves")
         question = "" if verdict.state == "identifiable" else _uncertain(verdict.reason)
