@@ -119,22 +119,6 @@ def with_used_exposures(recording: Recording, calibration: Calibration | None) -
     return DerivedRecording.of(recording, np.arange(len(recording)), exposures_ms, note=note)
 
 
-def with_calibrated_greys(recording: Recording, calibration: Calibration | None) -> Recording:
-    """Return a recording with the largest grey value of the calibration of its camera, and a note, if that is larger.
-
-    It is inferred from the images, and dark ones in 16-bit words do not show all bits of the sensor.
-    """
-    if calibration is None or not calibration.max_grey > recording.max_grey > np.iinfo(np.uint8).max:
-        return recording
-    note = (
-        f"the images only use grey values up to {recording.max_grey}, but the sensor's largest is assumed to be that "
-        f"of the calibration, {calibration.max_grey}"
-    )
-    return DerivedRecording.of(
-        recording, np.arange(len(recording)), recording.exposures_ms, max_grey=calibration.max_grey, note=note
-    )
-
-
 def use_of_exposures(recording: Recording, calibration: Calibration) -> str:
     """Return a note on exposures that :func:`with_used_exposures` changes, or that may have to be; else empty."""
     late, wrong = _course(_lags_until(calibration, len(recording))), _wrong(calibration, len(recording))
