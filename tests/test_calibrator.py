@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import copy
 import gc
 import json
+import pickle
 import sys
 import weakref
 from dataclasses import dataclass, field, fields, replace
@@ -526,3 +528,9 @@ def test_a_given_lag_needs_no_minimum_of_frames(lag: int, frames: int) -> None:
     found = calibrator.calibration()
     assert found.response is None
     assert found.verdicts["response"].state == "not identifiable"
+
+
+@pytest.mark.parametrize("copied", [pickle.dumps, copy.deepcopy])
+def test_a_calibrator_says_how_to_keep_it_instead_of_being_pickled(copied):
+    with pytest.raises(OspcError, match="save it with save_state"):
+        copied(OnlineCalibrator())

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from hashlib import sha256
 from threading import RLock
-from typing import Any
+from typing import Any, NoReturn
 
 from ospc.arrays import ImageSize, size_of
 from ospc.correspondence.pixel_statistics import PixelStatistics
@@ -155,6 +155,13 @@ class Engine:
             self._skip(unusable)
             self._update_prefetcher()
         return not unusable
+
+    def __getstate__(self) -> NoReturn:
+        """Refuse to be pickled or copied."""
+        raise OspcError(
+            "a calibrator cannot be pickled or copied; save it with save_state, and load it with "
+            "OnlineCalibrator.load_state"
+        )
 
     # The steps of push.
 

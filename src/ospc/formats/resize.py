@@ -15,19 +15,11 @@ import numpy as np
 from ospc.arrays import Image, ImageSize
 from ospc.errors import FormatError, SettingError
 from ospc.photometry.calibration import PROFILE_RADII, Calibration
-from ospc.photometry.geometry import half_diagonal, image_size, pixel_grid
+from ospc.photometry.geometry import half_diagonal, image_size, pixel_grid, same_aspect
 from ospc.photometry.vignette import LogVignette, PolynomialVignette, RasterVignette, Vignette
-
-_ASPECT_TOLERANCE = 0.01
-"""Largest difference between logarithms of aspect ratios for the same field of view; it allows for rounding."""
 
 _CENTRED_PX = 1.0
 """Largest difference between the margins of a centred part: they cannot be equal for an odd number of pixels."""
-
-
-def same_aspect(first: ImageSize, second: ImageSize) -> bool:
-    """Return whether images of two sizes can have the same field of view."""
-    return abs(math.log(first[0] * second[1] / (first[1] * second[0]))) <= _ASPECT_TOLERANCE
 
 
 def resampled(image: Image, size: ImageSize) -> Image:

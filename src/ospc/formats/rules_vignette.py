@@ -10,8 +10,9 @@ import numpy as np
 from ospc.arrays import BoolArray, Image, size_of
 from ospc.errors import FormatError, counted
 from ospc.formats.image_files import read_png, write_png
-from ospc.formats.resize import resampled, same_aspect
+from ospc.formats.resize import resampled
 from ospc.formats.rules import UNCORRECTED, Broken, Context, Format
+from ospc.photometry.geometry import same_aspect
 
 _STEEPEST_GAIN = 20
 """Factor above which the correction of a pixel, which also amplifies its noise, causes a warning."""

@@ -19,6 +19,7 @@ import numpy.typing as npt
 
 from ospc.arrays import BoolArray, Float32Array, FloatArray, Image, ImageSize, IntArray, number_of
 from ospc.errors import ExposureError, FrameError, NotObservableError, SettingError, counted
+from ospc.photometry.geometry import same_aspect
 from ospc.photometry.grey_range import checked_max_grey
 from ospc.photometry.look_up import look_up
 from ospc.photometry.response import Response
@@ -284,11 +285,17 @@ class Corrector:
 
 def wrong_size(what: str, found: ImageSize, calibration: str, expected: ImageSize) -> str:
     """Return the error message for images whose size differs from the calibration."""
-    size = f"{found[0]}x{found[1]}"
-    return (
-        f"{what} has {size} pixels, {calibration} is for {expected[0]}x{expected[1]}; "
-        f"adapt it with 'ospc export --to json --size {size}' (and --crop if the images are cropped)"
-    )
+    (width, height), (full_width, full_height) = found, expected
+    if same_aspect(found, expected):
+        remedy = f"adapt it with 'ospc export --to json --size {width}x{height}'"
+    elif same_aspect((height, width), expected):
+        remedy = "turn the images as they were when calibrated"
+    else:
+        remedy = (
+            "if they are cropped, adapt it with 'ospc export --to json --crop X,Y,W,H', where the region is that of "
+            "the images, and --size if they are also scaled"
+        )
+    return f"{what} has {width}x{height} pixels, {calibration} is for {full_width}x{full_height}; {remedy}"
 
 
 def _checked_type(dtype: npt.DTypeLike, allowed: Sequence[np.dtype[Any]]) -> np.dtype[Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 import numpy as np
@@ -15,6 +16,10 @@ _BAND_PIXELS = 2**15
 
 MOST_PIXELS = 2**27
 """Images with more pixels are rejected: twice the largest common sensor."""
+
+
+_ASPECT_TOLERANCE = 0.01
+"""Largest difference between logarithms of aspect ratios for the same field of view; it allows for rounding."""
 
 
 def image_size(width: float, height: float) -> ImageSize:
@@ -83,3 +88,8 @@ def pixel_grid(size: ImageSize) -> FloatArray:
     """Return the coordinates of all pixels, shape (height, width, 2)."""
     x, y = np.meshgrid(np.arange(size[0], dtype=np.float64), np.arange(size[1], dtype=np.float64))
     return np.stack([x, y], axis=-1)
+
+
+def same_aspect(first: ImageSize, second: ImageSize) -> bool:
+    """Return whether images of two sizes can have the same field of view."""
+    return abs(math.log(first[0] * second[1] / (first[1] * second[0]))) <= _ASPECT_TOLERANCE
