@@ -15,19 +15,21 @@ _WORD_BITS = 16
 
 @dataclass(frozen=True)
 class UsedBits:
-    """Bits that are set in at least one pixel of some images, and those that are set in all pixels."""
+    """Bits that are set in at least one pixel of some images, and whether all pixels have the same value."""
 
     in_any: int
-    in_all: int
+    blank: bool
 
     @classmethod
     def of(cls, images: Iterable[Image]) -> UsedBits:
         """Return the bits that uint16 images use."""
-        in_any, in_all = 0, (1 << _WORD_BITS) - 1
-        for image in images:
-            in_any |= int(np.bitwise_or.reduce(image, axis=None))
-            in_all &= int(np.bitwise_and.reduce(image, axis=None))
-        return cls(in_any, in_all)
+        in_any, blank = 0, True
+        for number, image in enumerate(images):
+            before, in_any = in_any, in_any | int(np.bitwise_or.reduce(image, axis=None))
+            same = number == 0 or in_any == before
+            # The second pass over the pixels is rare: the first pixel seldom has all the bits.
+            blank = blank and same and int(image.flat[0]) == in_any and bool(np.all(image == in_any))
+        return cls(in_any, blank)
 
     def shift_for(self, max_grey: int) -> int | None:
         """Return the number of unused low bits if the values are those of a sensor with this largest grey value.
@@ -38,7 +40,6 @@ class UsedBits:
         """
         bits = max_grey.bit_length()
         unused = _WORD_BITS - bits
-        blank = self.in_any == self.in_all
-        if self.in_any & ((1 << unused) - 1) == 0 and not blank:
+        if self.in_any & ((1 << unused) - 1) == 0 and not self.blank:
             return unused
         return 0 if self.in_any < 1 << bits else None
