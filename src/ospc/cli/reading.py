@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
@@ -26,9 +25,6 @@ _EACH = "each"
 _EACH_HELP = (
     " With each ('ospc calibrate' only), red, green and blue are calibrated into OUT/red, OUT/green and OUT/blue."
 )
-_CAMERA = re.compile(r"(opencv|realsense|depthai)(:.*)?")
-"""Names of cameras for 'ospc live' and 'ospc record'."""
-
 _WIDTH_WHEN_PIPED = 200
 """Characters per line of a table outside a terminal; long topic names fit."""
 
@@ -79,7 +75,11 @@ class Reading:
 
 
 def _refuse_camera(path: Path) -> None:
-    if not path.exists() and _CAMERA.fullmatch(str(path)):
+    if path.exists():
+        return
+    from ospc.recording.live import names_camera
+
+    if names_camera(str(path)):
         raise SettingError(
             f"{path}: is a camera, not a recording; calibrate it with 'ospc live {path} -o OUT', or record it first "
             f"with 'ospc record {path} -o OUT'"

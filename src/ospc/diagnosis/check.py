@@ -119,8 +119,7 @@ def _about_lag(found: ExposureFindings) -> Iterator[str]:
 def _about_brightness(brightness: BrightnessReport | None, timing: Timing) -> Iterator[str]:
     if brightness is None:
         return
-    if brightness.jumps:
-        largest = max(brightness.jumps, key=lambda jump: abs(jump.log_change))
+    if (largest := brightness.largest_jump) is not None:
         count = len(brightness.jumps)
         also = "" if count == 1 else f", the largest of {count} jumps"
         yield (

@@ -81,6 +81,11 @@ class BrightnessReport:
     flicker: tuple[Flicker, ...]
     jumps: tuple[Jump, ...] = ()
 
+    @property
+    def largest_jump(self) -> Jump | None:
+        """The largest of the jumps; None without any."""
+        return max(self.jumps, key=lambda jump: abs(jump.log_change), default=None)
+
 
 def brightness_report(lag: LagEstimate, log_exposure: FloatArray) -> BrightnessReport | None:
     """Compare brightness with ln exposures, shape (frames,); None if too few frames could be compared."""

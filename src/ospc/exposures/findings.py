@@ -134,8 +134,7 @@ class ExposureFindings:
 
     def doubted_for_jumps(self) -> ExposureFindings:
         """Return the findings, marginal if the brightness once jumps by much more or less than the exposure."""
-        jumps = () if self.brightness is None else self.brightness.jumps
-        largest = max(jumps, key=lambda jump: abs(jump.log_change), default=None)
+        largest = None if self.brightness is None else self.brightness.largest_jump
         if largest is None or abs(largest.log_change) < CONTRADICTING_JUMP_LOG or not self.verdict.known:
             return self
         reason = f"{self.verdict.reason}, but {largest.in_words}"

@@ -1,4 +1,4 @@
-"""A recording as its calibration used it: each exposure at its own frame, without wrong ones, and with all bits."""
+"""A recording as its calibration used it: each exposure at its own frame, and without wrong ones."""
 
 from __future__ import annotations
 

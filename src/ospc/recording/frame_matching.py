@@ -190,7 +190,5 @@ def _by_key(names: Sequence[str], place: str) -> dict[str, str]:
 
 def _consecutive(texts: Sequence[str]) -> bool:
     """Return whether texts are consecutive numbers."""
-    if not all(_INTEGER.fullmatch(text) for text in texts):
-        return False
-    numbers = [int(text) for text in texts]
-    return numbers == list(range(numbers[0], numbers[0] + len(numbers)))
+    numbers = frame_numbers(texts)
+    return bool(numbers) and numbers == list(range(numbers[0], numbers[0] + len(numbers)))

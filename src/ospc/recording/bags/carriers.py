@@ -249,10 +249,11 @@ def _stated(topic: Topic, exposure: str, gain: str | None, options: ReadingOptio
     summary = f"the field {exposure}" if unit is None else f"the field {exposure} in {unit.value}"
     if gain is None:
         return Carrier(topic, _fields(exposure, None), unit, _LINEAR, summary, has_gain=False)
-    gain_unit = options.gain_unit or gain_unit_named(_last_part(gain))
-    if gain_unit in (None, _LINEAR) and options.gain_unit is None:
-        # Drivers also send decibels as gain: its unit is known only if the user chose the field.
-        gain_unit = None if options.gain_field is None else _LINEAR
+    named = gain_unit_named(_last_part(gain))
+    if named in (None, _LINEAR):
+        # Drivers also send decibels as gain: without a unit in its name, it is linear only if the user chose it.
+        named = None if options.gain_field is None else _LINEAR
+    gain_unit = options.gain_unit or named
     summary += f" times the gain in field {gain}" + ("" if gain_unit is None else f" ({gain_unit.label})")
     return Carrier(topic, _fields(exposure, gain), unit, gain_unit, summary)
 

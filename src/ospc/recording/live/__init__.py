@@ -3,7 +3,7 @@
 :func:`open_camera` opens a camera given by a short text such as ``opencv:0`` or ``realsense``.
 """
 
-from ospc.recording.live.drivers import open_camera
+from ospc.recording.live.drivers import names_camera, open_camera
 from ospc.recording.live.source import Camera
 
-__all__ = ["Camera", "open_camera"]
+__all__ = ["Camera", "names_camera", "open_camera"]

@@ -195,6 +195,11 @@ _EXPECTED = (
 )
 
 
+def names_camera(text: str) -> bool:
+    """Return whether a text is that of a live camera, see :func:`open_camera`."""
+    return text.partition(":")[0] in _KINDS
+
+
 def open_camera(text: str, options: ReadingOptions = DEFAULT) -> Camera:
     """Open a live camera.
 
