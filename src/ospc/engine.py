@@ -293,7 +293,6 @@ class Engine:
         """Return exposures and findings, checked against a fit and the images."""
         chosen = self._exposures.choice == "auto"
         exposures, found = checked_by_fit(method, exposures, found, grey_range, undoes_correction=chosen)
-        found = found.doubted_for_jumps()
         return exposures, found.of_interlaced_images() if self.pixels.interlaced else found
 
     def _judged(self, known: Calibration, found: ExposureFindings, counts: dict[str, int]) -> Calibration:

@@ -10,6 +10,7 @@ from ospc.exposures.table import ExposureTable
 from ospc.exposures.used import as_source
 from ospc.methods.method import Method
 from ospc.photometry.calibration import Calibration
+from ospc.photometry.coverage import ExposureRatios
 from ospc.photometry.grey_range import GreyRange
 
 
@@ -29,7 +30,9 @@ def checked_by_fit(
     if undoes_correction and found.corrected_frames and inputs is not None and found.refuted_by(inputs.effects):
         exposures, found = replace(exposures, lag_frames=0), found.without_correction()
         inputs = method.inputs(exposures, grey_range)
-    return exposures, found if inputs is None else found.judged_by(inputs.effects, inputs.ratios)
+    if inputs is None:
+        return exposures, found.doubted_for_jumps(ExposureRatios.none())
+    return exposures, found.judged_by(inputs.effects, inputs.ratios).doubted_for_jumps(inputs.ratios)
 
 
 def judged_calibration(

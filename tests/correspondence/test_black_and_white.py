@@ -50,6 +50,17 @@ def test_the_outermost_of_few_grey_values_stand_for_black_and_white(step: int) -
     assert statistics.grey_range == FULL_RANGE
 
 
+@pytest.mark.parametrize("step", [2, 4, 8, 16])
+def test_the_highest_of_few_grey_values_is_white_if_many_pixels_are_clipped_there(step: int) -> None:
+    """In a camera of 6 bits, stored in 8, clipped pixels have the value 252 of 255."""
+    statistics = PixelStatistics()
+    image = np.random.default_rng(0).normal(150, 80, (48, 64)).clip(0, 255).astype(np.uint8) // step * step
+    frame = Frame.of_array(image, 1.0)
+    statistics.observe(frame, PREPROCESS.thumbnail(frame))
+    white = 256 - step
+    assert statistics.grey_range == (GreyRange(0.0, white / 255) if white < 254 else FULL_RANGE)
+
+
 @pytest.mark.parametrize(("before", "after"), [(LIMITED, FULL), (FULL, LIMITED)])
 def test_a_new_epoch_finds_its_own(before: tuple[int, int], after: tuple[int, int]) -> None:
     statistics = PixelStatistics()

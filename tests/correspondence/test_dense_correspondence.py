@@ -189,10 +189,17 @@ def test_registration_finds_a_shift_in_spite_of_exposure_and_vignette(normalizer
     assert np.median(forward_backward_error) < 0.1
 
 
-@pytest.mark.parametrize("stated", [np.log(1.9), np.nan, np.log(1 / 1.9), 3.0])
-def test_a_normalizer_brings_frames_to_one_brightness_whatever_exposures_are_stated(stated):
+@pytest.mark.parametrize(
+    ("stated", "trusted"),
+    [
+        *((stated, False) for stated in (np.log(1.9), np.nan, np.log(1 / 1.9), 3.0)),
+        *((stated, True) for stated in (np.log(1.9), np.nan, 3.0, -7.0)),
+    ],
+)
+def test_a_normalizer_brings_frames_to_one_brightness_whatever_exposures_are_stated(stated, trusted):
     frame0, frame1 = (preprocessor()(seen(np.zeros(2), e, noise=0)) for e in (1.0, 1.9))
-    image0, image1 = (image.astype(float) for image in ExposureNormalizer(LOG_RESPONSE)(frame0, frame1, stated))
+    normalizer = ExposureNormalizer(LOG_RESPONSE, trusts_stated=trusted)
+    image0, image1 = (image.astype(float) for image in normalizer(frame0, frame1, stated))
     unclipped = (frame1.small < 250) & (frame0.small > 20)
     np.testing.assert_allclose(image0[unclipped], image1[unclipped], atol=4)
 

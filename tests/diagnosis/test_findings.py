@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -239,10 +240,39 @@ def test_noise_that_a_fit_explains_is_no_misfit() -> None:
 @pytest.mark.parametrize(("factor", "state"), [(1.5, "marginal"), (1 / 1.5, "marginal"), (1.02, "identifiable")])
 def test_a_large_jump_that_the_exposures_do_not_explain_is_doubted(factor: float, state: str) -> None:
     film = Film(wandering(FRAMES), hidden_log_gain=np.where(np.arange(FRAMES) < 30, 0.0, np.log(factor)))
-    told = found(film).doubted_for_jumps()
+    told = found(film).doubted_for_jumps(NO_RATIOS)
     assert told.verdict.state == state
     assert ("at frame 30" in told.verdict.reason) == (state == "marginal")
     assert not told.warnings  # response and vignette are found from all other changes
+
+
+def ratios_across(jump: float, samples: int, at: int = 250) -> ExposureRatios:
+    """Return exposure ratios of pairs of frames up to 20 apart, with exposures that jump in ln at a frame."""
+    random = np.random.default_rng(5)
+    first = np.arange(0, 480, 4)
+    frames = np.stack([first, first + random.integers(1, 20, len(first))], axis=1)
+    across = (frames[:, 0] < at) & (frames[:, 1] >= at)
+    metadata = np.exp(np.where(across, -jump, 0.0))
+    estimated = np.exp(random.normal(0, 0.002, len(first)))
+    return ExposureRatios(frames, metadata, estimated, np.full(len(first), samples), np.full(len(first), 0.002))
+
+
+@pytest.mark.parametrize("factor", [1.5, 1 / 1.5, 1000.0, 1 / 1000])
+def test_a_jump_that_only_pairs_of_distant_frames_show_is_doubted(factor: float) -> None:
+    told = found(Film(wandering(FRAMES))).doubted_for_jumps(ratios_across(np.log(factor), samples=400))
+    assert told.verdict.state == "marginal"
+    first, last = map(int, re.findall(r"between frames (\d+) and (\d+)", told.verdict.reason)[0])
+    assert first < 250 <= last
+    assert last - first < 10
+    stated = {1.5: "-3[34]%", 1 / 1.5: r"\+(49|50|51)%", 1000.0: "a factor of 0.001", 1 / 1000: "a factor of 1000"}
+    assert re.search(f"jumps by {stated[factor]} between", told.verdict.reason)
+    assert not told.warnings
+
+
+@pytest.mark.parametrize(("jump", "samples"), [(0.05, 400), (0.4, 20), (0.0, 400)])
+def test_small_jumps_and_those_of_few_points_are_not_doubted(jump: float, samples: int) -> None:
+    findings = found(Film(wandering(FRAMES)))
+    assert findings.doubted_for_jumps(ratios_across(jump, samples)) == findings
 
 
 def test_a_fit_to_constant_exposures_or_to_few_pairs_does_not_make_them_right() -> None:

@@ -67,3 +67,12 @@ def test_frames_with_another_response_black_level_or_vignette_are_used(
     other = seen.grey**exponent * np.exp(slope * seen.position[:, 0]) + offset
     disturbed = replace(seen, grey=np.clip(np.where(changed, other, seen.grey), 0.0, 0.98))
     assert len(registered_pairs(disturbed)) == 60
+
+
+@pytest.mark.parametrize("factor", [1 / 1000, 0.2, 3.0, 10.0, 1000.0])
+def test_pairs_whose_points_agree_that_the_exposures_are_wrong_are_used(factor: float) -> None:
+    """Only with them can the calibration show that the exposures are wrong."""
+    seen = facade(0.0, seed=3)[0]
+    second = np.arange(len(seen)) % 2 == 1
+    wrong = second & (seen.group % 20 == 0)
+    assert len(registered_pairs(replace(seen, log_exposure=seen.log_exposure + np.log(factor) * wrong))) == 60

@@ -46,11 +46,11 @@ def shared_white_of(counts: IntArray) -> int | None:
     used, last = np.flatnonzero(counts), len(counts) - 1
     if len(used) < 2:
         return None
-    before, high = used[-2:].tolist()
-    below = counts[high - round(WHITE_NEIGHBOURHOOD * last) : high].sum()
+    high = int(used[-1])
+    # If few grey values occur, the next lower ones are farther away.
+    below = counts[min(high - round(WHITE_NEIGHBOURHOOD * last), *used[-3:].tolist()) : high].sum()
     many = counts[high] > max(MIN_PILE_SHARE * counts.sum(), below)
-    inside = LOWEST_WHITE * last < high < last - max(CLIPPED_MARGIN * last, high - before)
-    return high if many and inside else None
+    return high if many and LOWEST_WHITE * last < high < last - CLIPPED_MARGIN * last else None
 
 
 def scattered_white_of(counts: IntArray) -> int | None:

@@ -19,6 +19,7 @@ from ospc.settings.registration import (
     DISPLAY_GAMMA,
     MAX_LOG_RATIO_DISAGREEMENT,
     MAX_LOG_RATIO_SPREAD,
+    MAX_TRUSTED_LOG_RATIO,
     MIN_KEPT_BRIGHTNESS,
     MIN_SHARED_PLACES,
 )
@@ -28,7 +29,7 @@ class ExposureNormalizer:
     """Normalises two small images to equal brightness, without vignette, on a display scale.
 
     The brightness ratio is that of the stated exposures, unless the images clearly contradict it. If the stated
-    exposures are trusted, the images are not checked. Without exposures, the ratio is measured in the images. An
+    exposures are trusted, only large ratios are checked. Without exposures, the ratio is measured in the images. An
     unknown response is replaced by the typical display gamma, an unknown vignette by V ≡ 1.
 
     Parameters
@@ -58,7 +59,7 @@ class ExposureNormalizer:
         """
         log_ratio = stated_log_ratio
         if np.isnan(stated_log_ratio) or not (
-            self._trusts_stated
+            (self._trusts_stated and abs(stated_log_ratio) < MAX_TRUSTED_LOG_RATIO)
             or abs(self._log_ratio_of_quantiles(frame0, frame1) - stated_log_ratio) < CLEAR_LOG_RATIO_AGREEMENT
         ):
             shown, sure = self.log_ratio(frame0, frame1)

@@ -16,6 +16,7 @@ from ospc.observations import ExposedObservations
 from ospc.robust import median, robust_scale
 from ospc.settings.error_model import DARKEST_GREY
 from ospc.settings.residuals import (
+    AGREEING_SHARE,
     MISREGISTERED_FEWEST_POINTS,
     MISREGISTERED_ITERATIONS,
     MISREGISTERED_SPREAD,
@@ -27,7 +28,8 @@ def registered_points(fitted: Fitted) -> BoolArray:
     """Return which points are in pairs that scatter like the others, shape (points,).
 
     If response, vignette or effects are wrong, residuals vary smoothly with grey level, position and surroundings.
-    Only the scatter about such a dependence counts. Points with more than two observations are not judged.
+    Only the scatter about such a dependence counts. If the points of a pair agree that its exposures are wrong, it is
+    registered well, too. Points with more than two observations are not judged.
     """
     observations = fitted.observations
     registered = np.ones(len(observations.starts), np.bool_)
@@ -45,7 +47,8 @@ def registered_points(fitted: Fitted) -> BoolArray:
         # Errors of the models are smooth in ln L, not in ln L over its standard deviation.
         covariates = _covariates(observations) / latent.sigma[0::2, None]
     for pair in suspects:
-        if _unexplained(residual[pair], covariates[pair]) > limit:
+        common = abs(float(np.median(residual[pair])))
+        if _unexplained(residual[pair], covariates[pair]) > max(limit, AGREEING_SHARE * common):
             registered[number == number[pair[0]]] = False
     return registered
 

@@ -7,12 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from ospc.arrays import FloatArray, IntArray
+from ospc.errors import plain
 from ospc.exposures.flicker import Flicker, find_flicker, without_waves
 from ospc.exposures.lag_likelihood import LagFit
 from ospc.exposures.lag_selection import LagEstimate
 from ospc.exposures.table import exposure_cycle
+from ospc.photometry.coverage import ExposureRatios
 from ospc.robust import robust_scale
 from ospc.settings.brightness import (
+    CONTRADICTING_JUMP_LOG,
     DRIFT_FRAMES,
     DRIFT_STEP_FRAMES,
     HARMONIC_TOLERANCE_TURNS,
@@ -21,7 +24,9 @@ from ospc.settings.brightness import (
     LASTING_JUMP_SHARE,
     MAX_JUMPS_SHARE,
     MIN_JUMP_LOG,
+    MIN_JUMP_SAMPLES,
     MIN_STALE_PAIRS,
+    MODERATE_JUMP_LOG,
     NOTABLE_RMS_LOG,
     REPORTED_FLICKER_SHARE,
     REPORTED_FLICKER_TOTAL_SHARE,
@@ -34,18 +39,24 @@ from ospc.settings.exposures import MAX_UNEXPLAINED_SHARE
 
 @dataclass(frozen=True)
 class Jump:
-    """A lasting jump in ln grey of the same scene points; ``frame`` is the first frame after it."""
+    """A lasting jump in ln brightness of the same scene points, somewhere from ``first`` to ``frame``.
+
+    ``frame`` is the first frame that certainly shows it, and ``first`` the first that may.
+    """
 
     frame: int
     log_change: float
+    first: int
 
     @property
     def in_words(self) -> str:
         """The jump as the end of a sentence."""
-        return (
-            f"brightness jumps by {np.expm1(self.log_change):+.0%} at frame {self.frame} relative to what the "
-            "exposures predict"
-        )
+        alone = self.first == self.frame
+        where = f"at frame {self.frame}" if alone else f"between frames {self.first - 1} and {self.frame}"
+        factor = float(np.exp(self.log_change))
+        moderate = abs(self.log_change) < MODERATE_JUMP_LOG
+        change = f"{factor - 1:+.0%}" if moderate else f"a factor of {plain(factor, 2)}"
+        return f"brightness jumps by {change} {where} relative to what the exposures predict"
 
 
 @dataclass(frozen=True)
@@ -143,7 +154,29 @@ def _jumps(frame: IntArray, unexplained: FloatArray) -> tuple[Jump, ...]:
     lasting = [int(at) for at in large if _lasts(frame, unexplained, int(at))]
     if len(lasting) > MAX_JUMPS_SHARE * len(unexplained):
         return ()
-    return tuple(Jump(int(frame[at]) + 1, float(unexplained[at])) for at in lasting)
+    return tuple(Jump(int(frame[at]) + 1, float(unexplained[at]), int(frame[at]) + 1) for at in lasting)
+
+
+def largest_jump_of_pairs(ratios: ExposureRatios) -> Jump | None:
+    """Return the largest jump that pairs of frames certainly show, whose exposure ratios a fit has estimated.
+
+    Consecutive frames do not show every jump, because most frames are not processed. None if there is no such jump.
+    """
+    if ratios.log_sigma is None:
+        return None
+    change, size = -ratios.log_residual, np.abs(ratios.log_residual)
+    certain = (ratios.samples >= MIN_JUMP_SAMPLES) & (size > JUMP_SIGMAS * ratios.log_sigma)
+    contradicting = np.flatnonzero(certain & (size > CONTRADICTING_JUMP_LOG))
+    if not len(contradicting):
+        return None
+    largest = contradicting[np.argmax(size[contradicting])]
+    before, after = ratios.frames[largest]
+    for pair in contradicting[np.argsort(np.ptp(ratios.frames[contradicting], axis=1), kind="stable")]:
+        first, second = ratios.frames[pair]
+        same_sign = (change[pair] > 0) == (change[largest] > 0)
+        if same_sign and max(first, before) < min(second, after):  # it may show the same jump
+            before, after = max(first, before), min(second, after)
+    return Jump(int(after), float(change[largest]), int(before) + 1)
 
 
 def _lasts(frame: IntArray, unexplained: FloatArray, at: int) -> bool:

@@ -10,7 +10,7 @@ import numpy as np
 from ospc.arrays import FloatArray
 from ospc.errors import counted
 from ospc.exposures.brightness import BrightnessChange
-from ospc.exposures.brightness_report import BrightnessReport, brightness_report
+from ospc.exposures.brightness_report import BrightnessReport, brightness_report, largest_jump_of_pairs
 from ospc.exposures.brightness_series import BrightnessSeries
 from ospc.exposures.lag import estimate_lag, explained_by_inverse
 from ospc.exposures.lag_choice import LagChoice, lag_in_words, leaves_frames
@@ -132,13 +132,17 @@ class ExposureFindings:
         reason = "alternate rows of the images show different moments, as in interlaced video"
         return self.with_warning(reason, _PROGRESSIVE)
 
-    def doubted_for_jumps(self) -> ExposureFindings:
-        """Return the findings, marginal if the brightness once jumps by much more or less than the exposure."""
-        largest = None if self.brightness is None else self.brightness.largest_jump
-        if largest is None or abs(largest.log_change) < CONTRADICTING_JUMP_LOG or not self.verdict.known:
+    def doubted_for_jumps(self, ratios: ExposureRatios) -> ExposureFindings:
+        """Return the findings, marginal if the brightness once jumps by much more or less than the exposure.
+
+        Consecutive frames show it, or the fitted exposure ratios of pairs of frames.
+        """
+        jump = None if self.brightness is None else self.brightness.largest_jump
+        if jump is None or abs(jump.log_change) < CONTRADICTING_JUMP_LOG:
+            jump = largest_jump_of_pairs(ratios)
+        if jump is None or not self.verdict.known:
             return self
-        reason = f"{self.verdict.reason}, but {largest.in_words}"
-        return replace(self, verdict=Verdict("marginal", reason, _ONE_GAIN))
+        return replace(self, verdict=Verdict("marginal", f"{self.verdict.reason}, but {jump.in_words}", _ONE_GAIN))
 
     def judged_by(self, effects: Iterable[EffectEstimate], ratios: ExposureRatios) -> ExposureFindings:
         """Return the findings updated by a fit: its lag and its exposure ratios may settle doubts or raise them."""

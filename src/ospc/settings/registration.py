@@ -115,6 +115,10 @@ CLEAR_LOG_RATIO_AGREEMENT = 0.2
 """Largest difference, in ln, between the stated exposure ratio and that of the grey quantiles for the stated one to
 be used without further checks. Quantiles have smaller errors if the views overlap for the most part."""
 
+MAX_TRUSTED_LOG_RATIO = 1.2
+"""Stated exposure ratio, in ln, from which the images are checked even if earlier ones confirmed the exposures: their
+unit may have changed. Larger ratios are rare, because most points are then clipped in one of the frames."""
+
 MIN_SHARED_PLACES = 0.15
 """Share of the thumbnail points that two frames must have in common for their brightness to be compared point by
 point; with fewer, the quantiles of their grey levels are compared."""

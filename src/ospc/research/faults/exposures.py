@@ -97,6 +97,8 @@ FAULTS = (
         lambda f, x: f.with_exposures(_moved(f.exposures_ms, np.where(f.some(x), 2.0, 1.0)))),
     _stated("lag-midway", "exposures {} frames late in the second half", (1, 2, 3),
         lambda e, x: _moved(e, np.where(np.arange(e.size) >= e.size // 2, float(x), 0.0))),
+    _stated("gain-midway", "{} times all exposures in the second half", (1.1, 1.5, 1000),
+        lambda e, x: np.where(np.arange(e.size) >= e.size // 2, x * e, e)),
     _stated("smoothed", "exposures averaged over {} frames", (3, 5, 9), _smoothed),
     _stated("stops", "exposures rounded to {} stops", (0.25, 0.5, 1),
         lambda e, x: 2.0 ** (np.rint(np.log2(e) / x) * x)),
