@@ -9,6 +9,7 @@ import pytest
 from ospc import Frame
 from ospc.correspondence.pixel_statistics import PixelStatistics
 from ospc.photometry.grey_range import FULL_RANGE, VIDEO_RANGE, GreyRange
+from ospc.settings.grey_values import MAX_COUNTED_FRAMES
 from workers import preprocessor
 
 LIMITED, FULL = (16, 235), (0, 255)
@@ -59,6 +60,20 @@ def test_the_highest_of_few_grey_values_is_white_if_many_pixels_are_clipped_ther
     statistics.observe(frame, PREPROCESS.thumbnail(frame))
     white = 256 - step
     assert statistics.grey_range == (GreyRange(0.0, white / 255) if white < 254 else FULL_RANGE)
+
+
+@pytest.mark.parametrize("split", [0.2, 0.5, 0.8])
+def test_statistics_of_long_recordings_represent_all_frames_equally(split: float) -> None:
+    statistics, frames = PixelStatistics(), 4 * MAX_COUNTED_FRAMES
+    dark, bright = (Frame.of_array(np.full((32, 32), grey, np.uint8), 1.0) for grey in (40, 200))
+    thumbnails = {id(frame): PREPROCESS.thumbnail(frame) for frame in (dark, bright)}
+    for number in range(frames):
+        frame = dark if number < split * frames else bright
+        statistics.observe(frame, thumbnails[id(frame)])
+    report = statistics.report()
+    assert report is not None
+    share_of_bright = report.grey_share[:, 16:].sum(axis=1).mean()
+    np.testing.assert_allclose(share_of_bright, 1 - split, atol=0.01)
 
 
 @pytest.mark.parametrize(("before", "after"), [(LIMITED, FULL), (FULL, LIMITED)])

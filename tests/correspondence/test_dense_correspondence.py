@@ -15,6 +15,7 @@ from ospc.correspondence.registration import (
     displacement_at,
     jacobian_at,
 )
+from ospc.correspondence.thumbnail_registration import values_at
 from ospc.errors import SettingError
 from ospc.exposures.brightness import BrightnessComparer
 from ospc.photometry.geometry import pixel_grid
@@ -298,6 +299,36 @@ def test_slopes_of_places_are_those_of_a_turn_and_a_zoom_up_to_the_border(magnif
     jacobian = jacobian_at(registration, np.array([[1.0, 2.0], [320.0, 200.0], [638.0, 477.0]]), 2.0)
     turn = np.array([[np.cos(0.3), -np.sin(0.3)], [np.sin(0.3), np.cos(0.3)]])
     np.testing.assert_allclose(jacobian, np.broadcast_to(magnification * turn, (3, 2, 2)), atol=0.005)
+
+
+@pytest.mark.parametrize("size", [(1224, 736), (1226, 735), (1227, 741)])
+def test_displacements_of_reduced_frames_are_exact_though_a_remainder_is_cut_off(size):
+    smooth = cv2.resize(np.random.default_rng(3).uniform(80, 160, (9, 15)).astype(np.float32), size)
+    first, second = (preprocessor()(of_array(smooth.astype(np.uint8))) for _ in range(2))
+    moved = np.array([12.0, -7.0], np.float32)
+    height, width = first.small.shape
+    registration = Registration(np.full((height, width, 2), moved), np.zeros((height, width), np.float32))
+    sampler = flat_sampler(max_points=10_000)
+    found = sampler(sampler.keyframe(first), second, registration, 0).observations
+    displacement = (found.position[1::2] - found.position[0::2]) * np.hypot(size[0] - 1, size[1] - 1) / 2
+    expected = moved * first.further_reduction * first.reduction
+    assert first.further_reduction > 1
+    assert len(displacement) > 100
+    np.testing.assert_allclose(displacement, np.broadcast_to(expected, displacement.shape), rtol=1e-6)
+
+
+def test_any_number_of_points_is_interpolated():
+    image = np.random.default_rng(0).uniform(0, 1, (40, 60)).astype(np.float32)
+    places = np.random.default_rng(1).uniform(0, 39, (70_000, 1, 2)).astype(np.float32)
+    found = values_at(image, places)
+    for part in (slice(0, 100), slice(32_700, 32_800), slice(65_500, 65_600), slice(69_900, None)):
+        np.testing.assert_array_equal(found[part], values_at(image, places[part]))
+
+
+def test_the_brightest_pixels_stay_white_whatever_exposures_are_stated():
+    frame0, frame1 = (preprocessor()(seen(np.zeros(2), e, noise=0)) for e in (1.0, 1.9))
+    image0, _ = ExposureNormalizer(LOG_RESPONSE, VIGNETTE, trusts_stated=False)(frame0, frame1, 60.0)
+    assert image0[frame0.small > 20].min() > 0
 
 
 def test_slopes_of_places_follow_a_lens_that_magnifies_towards_the_border():

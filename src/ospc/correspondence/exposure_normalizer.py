@@ -17,6 +17,7 @@ from ospc.settings.registration import (
     CLEAR_LOG_RATIO_AGREEMENT,
     DARKEST_QUANTILE_8_BIT,
     DISPLAY_GAMMA,
+    MAX_LOG_DISPLAY,
     MAX_LOG_RATIO_DISAGREEMENT,
     MAX_LOG_RATIO_SPREAD,
     MAX_TRUSTED_LOG_RATIO,
@@ -108,10 +109,11 @@ class ExposureNormalizer:
         return max(0.0, float(log_kept - np.interp(middle, np.arange(256), self._log_irradiance)))
 
     def _brightened(self, frame: ReducedFrame, log_gain: float) -> Image:
-        table = (np.exp((self._log_irradiance + log_gain) / DISPLAY_GAMMA) * 255).astype(np.float32)
+        # Nothing brighter is needed, and the conversion to bytes below would turn very large numbers to black.
+        log_display = np.minimum((self._log_irradiance + log_gain) / DISPLAY_GAMMA, MAX_LOG_DISPLAY)
+        table = (np.exp(log_display) * 255).astype(np.float32)
         table[0] = 0  # ln g tends to −∞ at black
         if self._vignette is None:
-            # A table of bytes must be clipped here; below, the conversion to bytes clips.
             return np.asarray(cv2.LUT(frame.small, np.clip(table, 0, 255).astype(np.uint8)))
         bright = cv2.LUT(frame.small, table) * self._lift_of(frame.small.shape, frame.size)
         return np.asarray(cv2.convertScaleAbs(bright), dtype=np.uint8)

@@ -111,7 +111,7 @@ class FlatSampler:
         if registration is None:
             return NOTHING_FOUND
         places0 = keyframe.places
-        scale = keyframe.reduced_size[0] / registration.forward.shape[1]
+        scale = keyframe.further_reduction
         displacement, forward_backward_error = displacement_at(registration, places0, scale)
         places1 = places0 + displacement
         far = np.array(frame.reduced_size) - 1 - SAMPLING_MARGIN_PX

@@ -103,7 +103,7 @@ class KeyframeSelector:
             # Dropping a keyframe makes its neighbours adjacent: drop the one that leaves the smallest step in ln age.
             # Keep the newer half, which will provide the future old keyframes.
             step = np.log(np.append(ages[0] * OLDEST_AGE_FACTOR, ages[:-2])) - np.log(ages[1:])
-            del self._kept[int(np.argmin(step[: self.capacity // 2]))]
+            del self._kept[int(np.argmin(step[: max(1, self.capacity // 2)]))]
 
     def forget_before(self, number: int) -> None:
         """Drop the keyframes with lower numbers."""

@@ -102,6 +102,8 @@ class PixelStatistics:
     _radius_share: list[FloatArray] = field(default_factory=list)
     _log_exposure: list[float] = field(default_factory=list)
     _row_alternation: list[float] = field(default_factory=list)
+    _observed: int = 0
+    _stride: int = 1
     _brightest: Float32Array | None = None
     _bits: int = 0
     _max_grey: int = 255
@@ -117,6 +119,16 @@ class PixelStatistics:
         counts = _counts(image, frame.max_grey)
         self._histogram = counts if self._histogram is None else self._histogram + counts
         self._bits |= int(np.bitwise_or.reduce(image, axis=None))
+        self._brightest = small.grey if self._brightest is None else np.maximum(self._brightest, small.grey)
+        if self._observed % self._stride == 0:
+            self._keep(frame, small, counts)
+        self._observed += 1
+        found = self._found_range()
+        if found != self.grey_range:
+            self._ranges = [*self._ranges, (frame.index, found.black, found.white)][-MAX_GREY_RANGES:]
+
+    def _keep(self, frame: Frame, small: Thumbnail, counts: IntArray) -> None:
+        """Keep the statistics of a single frame, given the number of pixels of each grey value."""
         level = np.arange(len(counts)) * COVERAGE_GREY_CELLS // len(counts)
         self._grey_share.append(np.bincount(level, weights=counts, minlength=COVERAGE_GREY_CELLS) / counts.sum())
         cell = _radius_cells(size_of(small.grey))
@@ -126,13 +138,10 @@ class PixelStatistics:
         self._radius_share.append(np.divide(exposed, places, out=unknown, where=places > 0))
         self._log_exposure.append(float(np.log(frame.exposure_ms)))
         self._row_alternation.append(row_alternation(frame.image, frame.max_grey))
-        self._brightest = small.grey if self._brightest is None else np.maximum(self._brightest, small.grey)
         if len(self._grey_share) > MAX_COUNTED_FRAMES:
             self._grey_share, self._radius_share = self._grey_share[::2], self._radius_share[::2]
             self._log_exposure, self._row_alternation = self._log_exposure[::2], self._row_alternation[::2]
-        found = self._found_range()
-        if found != self.grey_range:
-            self._ranges = [*self._ranges, (frame.index, found.black, found.white)][-MAX_GREY_RANGES:]
+            self._stride *= 2
 
     @property
     def grey_range(self) -> GreyRange:

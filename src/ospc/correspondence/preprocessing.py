@@ -61,15 +61,23 @@ class ReducedFrame:
         """Width and height at which grey levels are sampled."""
         return self.size[0] // self.reduction, self.size[1] // self.reduction
 
+    @property
+    def further_reduction(self) -> int:
+        """Pixels of the reduced size, along each side, per pixel of the small image."""
+        return int(self.reduced_size[0] // self.small.shape[1])
+
     def values_at(self, image: Float32Array | npt.NDArray[np.uint8], places: FloatArray) -> FloatArray:
-        """Interpolate an image of this frame, of any size, at points in the reduced size.
+        """Interpolate an image of this frame, of the reduced size or derived from the small one, at reduced points.
 
         Shapes (h, w) or (h, w, c) and (..., 2) -> (...) or (..., c).
         """
         shape = (*places.shape[:-1], *image.shape[2:])
         if places.size == 0:
             return np.empty(shape)
-        there = rescaled(places, np.divide(image.shape[1::-1], self.reduced_size))
+        # The small image covers slightly less, because a remainder at the edge is cut off.
+        size, small_size = np.array(image.shape[1::-1]), np.array(self.small.shape[::-1])
+        covered = size if image.shape[1::-1] == self.reduced_size else small_size * self.further_reduction
+        there = rescaled(places, size / covered)
         return values_at(image, there.reshape(len(places), -1, 2)).astype(np.float64).reshape(shape)
 
     def to_frame(self, points: FloatArray) -> FloatArray:

@@ -165,8 +165,8 @@ def _spread(displacement: Float32Array) -> Float32Array:
 def displacement_at(registration: Registration, points: FloatArray, scale: float) -> tuple[FloatArray, FloatArray]:
     """Return displacement, (n, 2), and forward-backward error, (n,), at points (x, y) of the reduced image, (n, 2).
 
-    Both are in reduced pixels; ``scale`` is the size of the reduced image relative to the small image that was
-    registered.
+    Both are in reduced pixels; ``scale`` is the number of these, along each side, per pixel of the small image that
+    was registered.
     """
     if len(points) == 0:
         return np.empty((0, 2)), np.empty(0)

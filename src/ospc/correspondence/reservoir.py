@@ -61,7 +61,8 @@ class Reservoir:
     @property
     def points(self) -> int:
         """Number of scene points kept."""
-        return 0 if self.kept is None else len(self.kept.starts)
+        kept = self.kept  # read once: another thread may set it to None
+        return 0 if kept is None else len(kept.starts)
 
     def groups_before(self, frame: int, groups: int) -> int:
         """Return how many of all ``groups`` come before the first that has this frame or a later one."""

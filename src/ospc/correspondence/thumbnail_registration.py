@@ -12,6 +12,7 @@ from ospc.arrays import BoolArray, Float32Array, FloatArray, ImageSize, read_onl
 from ospc.correspondence.thumbnail import Thumbnail, magnitude
 from ospc.photometry.geometry import pixel_grid
 from ospc.settings.registration import (
+    MAX_REMAPPED_ROWS,
     MAX_THUMBNAIL_ERROR_PX,
     MIN_EXPOSED_SHARE,
     MIN_REGISTERED_SIDE_PX,
@@ -51,8 +52,9 @@ def values_at(
     image: Float32Array | npt.NDArray[np.uint8], places: Float32Array, border: int = cv2.BORDER_REPLICATE
 ) -> Float32Array:
     """Interpolate an image, (h, w) or (h, w, n), at points (x, y), (..., 2); ``border`` is OpenCV's border mode."""
-    values = cv2.remap(image, places, None, cv2.INTER_LINEAR, borderMode=border)
-    return np.asarray(values, dtype=np.float32)
+    parts = np.array_split(places, len(places) // MAX_REMAPPED_ROWS + 1)
+    values = [cv2.remap(image, part, None, cv2.INTER_LINEAR, borderMode=border) for part in parts]
+    return np.asarray(values[0] if len(values) == 1 else np.concatenate(values), dtype=np.float32)
 
 
 def rescaled(places: FloatArray, scale: npt.ArrayLike) -> Float32Array:

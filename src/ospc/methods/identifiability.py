@@ -75,7 +75,7 @@ def response_verdict(
     """
     points = 0 if observations is None else len(observations.starts)
     low, high = (1.0, np.inf) if observations is None else observations.exposure_range_ms
-    if high < low * np.exp(settings.min_log_exposure_change):
+    if np.log(high / low) < settings.min_log_exposure_change:
         return Verdict(
             "not identifiable",
             f"the exposure hardly changes ({range_in_words(low, high)}), so the response cannot be determined",

@@ -69,8 +69,8 @@ WHOLE_IMAGE_RADIUS = 0.97
 # Statistics of grey values (ospc.correspondence.pixel_statistics)
 
 MAX_COUNTED_FRAMES = 1024
-"""Maximum number of frames whose statistics are kept individually; beyond it, every second one is dropped, which
-bounds the memory of endless runs."""
+"""Maximum number of frames whose statistics are kept individually. Beyond it, every second one is dropped, also of
+those that follow, which bounds the memory of endless runs."""
 
 MAX_GREY_RANGES = 100
 """Number of latest changes of black and white that are kept: usually there is one, in the first frames."""

@@ -86,6 +86,9 @@ THUMBNAIL_SEARCH_STRIDE_PX = 6
 """Distance between the 8-pixel patches that are matched, in thumbnail pixels: OpenCV's 4 takes twice the time, and ln
 M of a grey bin differs by only 0.0001."""
 
+MAX_REMAPPED_ROWS = 2**15 - 2
+"""Largest number of points in one column that OpenCV interpolates: it counts rows in 16 bits."""
+
 MAX_THUMBNAIL_ERROR_PX = 1.0
 """Largest forward-backward registration error of a point, in thumbnail pixels."""
 
@@ -125,6 +128,9 @@ point; with fewer, the quantiles of their grey levels are compared."""
 
 MAX_LOG_RATIO_SPREAD = 0.15
 """Standard deviation, in ln, of the ratios of individual points up to which their median is trusted."""
+
+MAX_LOG_DISPLAY = 5.0
+"""Largest ln of a grey level on the display scale, relative to white: beyond all corrections of the vignette."""
 
 MIN_KEPT_BRIGHTNESS = 0.5
 """Minimum brightness of the middle grey level of the longer exposure after normalisation, on the display scale,

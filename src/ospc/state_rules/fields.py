@@ -80,6 +80,8 @@ RULES: Mapping[type, Mapping[str, Numbers | str]] = {
         "_log_exposure": logs("frames", most=MAX_COUNTED_FRAMES),
         "_row_alternation": Numbers(-1, 1, ("frames",), most=MAX_COUNTED_FRAMES),
         "_bits": Numbers(0, LARGEST_GREY),
+        "_observed": Numbers(0, MOST),
+        "_stride": Numbers(1, MOST),
     },
     BrightnessHistory: {
         "last_frame": Numbers(-1, MOST),
