@@ -269,7 +269,7 @@ def test_a_jump_that_only_pairs_of_distant_frames_show_is_doubted(factor: float)
     assert not told.warnings
 
 
-@pytest.mark.parametrize(("jump", "samples"), [(0.05, 400), (0.4, 20), (0.0, 400)])
+@pytest.mark.parametrize(("jump", "samples"), [(0.03, 400), (0.4, 20), (0.0, 400)])
 def test_small_jumps_and_those_of_few_points_are_not_doubted(jump: float, samples: int) -> None:
     findings = found(Film(wandering(FRAMES)))
     assert findings.doubted_for_jumps(ratios_across(jump, samples)) == findings

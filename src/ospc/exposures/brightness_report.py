@@ -15,7 +15,7 @@ from ospc.exposures.table import exposure_cycle
 from ospc.photometry.coverage import ExposureRatios
 from ospc.robust import robust_scale
 from ospc.settings.brightness import (
-    CONTRADICTING_JUMP_LOG,
+    CONTRADICTING_PAIR_LOG,
     DRIFT_FRAMES,
     DRIFT_STEP_FRAMES,
     HARMONIC_TOLERANCE_TURNS,
@@ -166,7 +166,7 @@ def largest_jump_of_pairs(ratios: ExposureRatios) -> Jump | None:
         return None
     change, size = -ratios.log_residual, np.abs(ratios.log_residual)
     certain = (ratios.samples >= MIN_JUMP_SAMPLES) & (size > JUMP_SIGMAS * ratios.log_sigma)
-    contradicting = np.flatnonzero(certain & (size > CONTRADICTING_JUMP_LOG))
+    contradicting = np.flatnonzero(certain & (size > CONTRADICTING_PAIR_LOG))
     if not len(contradicting):
         return None
     largest = contradicting[np.argmax(size[contradicting])]
