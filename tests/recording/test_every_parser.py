@@ -27,7 +27,7 @@ PARSERS = {
     "evaluation/trajectory.py": ["trajectory"],
     "formats/dso.py": ["pcalib.txt"],
     "formats/files.py": SAFE,
-    "formats/hugin.py": ["hugin .pto", "emor.txt"],
+    "formats/hugin.py": ["hugin .pto"],
     "formats/lens_profiles.py": ["Adobe .lcp", "lensfun .xml"],
     "formats/opencv.py": ["OpenCV .yml"],
     "formats/image_files.py": ["vignette.png"],
@@ -63,6 +63,7 @@ PARSERS = {
     "research/speed/reel.py": OURS,
     "research/runner.py": OURS,
     "simulation/texture.py": OURS,
+    "unknown_exposures/response_model.py": ["emor.txt"],
     "state/container.py": ["state.ospc", "values of a state", "arrays of a state", "result of a batch"],
     **dict.fromkeys(
         (
