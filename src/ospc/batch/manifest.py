@@ -24,11 +24,11 @@ from ospc.errors import (
 )
 from ospc.exposures.lag_choice import LagChoice, lag_choice
 from ospc.recording.kinds import is_recording, open_recording
-from ospc.recording.options import ReadingOptions, options_with_exposures
+from ospc.recording.options import ReadingOptions, declared_options
 from ospc.settings import DefaultSettings, check_names, with_overrides
 
 _OWN = ("kind", "correct_lag")
-_READING = tuple(options_with_exposures())
+_READING = tuple(declared_options())
 
 
 @dataclass(frozen=True)

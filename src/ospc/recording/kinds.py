@@ -106,17 +106,10 @@ def open_recording(path: str | Path, kind: str | None = None, options: ReadingOp
     if kind is not None:
         names = ", ".join(k.name for k in kinds())
         raise RecordingError(f"{quoted(str(kind))} is not a kind of recording; known: {names}")
-    inside = _recordings_inside(place)
-    if why := inside or why_unread(place):
-        raise RecordingError(f"{place}: {why}", "" if inside else _where_to_copy(place))
+    if why := _recordings_inside(place) or why_unread(place):
+        raise RecordingError(f"{place}: {why}")
     problem, remedy = _nothing_known(place)
     raise RecordingError(f"{place}: {problem}", remedy)
-
-
-def _where_to_copy(place: Path) -> str:
-    """Return what to do with lists of exposures in a folder with images in several subfolders."""
-    names = [path.name for path in lists_in(place)] if place.is_dir() else []
-    return f"copy {listed(names)} into the one whose exposures it has" if names else ""
 
 
 def _recordings_inside(place: Path) -> str | None:
