@@ -271,14 +271,6 @@ def file_targets(folder: Path) -> dict[str, tuple[Parse, list[bytes], list[bytes
             WORDS,
         ),
         "camera.txt": (_in("camera.txt", _camera), [b"Pinhole 100 100 48 36 0\n96 72\ncrop\n96 72\n"], WORDS),
-        "sensor.yaml": (
-            _in("sensor.yaml", _camera),
-            [
-                b"resolution: [96, 72]\ncamera_model: pinhole\nintrinsics: [100.0, 100.0, 48.0, 36.0]\n"
-                b"distortion_model: radial-tangential\ndistortion_coefficients: [-0.2, 0.07, 0.0, 0.0]\n"
-            ],
-            WORDS,
-        ),
         "mask": (
             _in("mask.png", lambda place: read_mask(place, SIZE)),
             [encoded(np.full((SIZE[1], SIZE[0]), 255, np.uint8))],

@@ -51,7 +51,7 @@ PARSERS = {
     "recording/live/drivers.py": "a camera, no file",
     "recording/derived.py": ["mask", "region"],
     "recording/video.py": ["video"],
-    "recording/writing/conversion.py": ["camera.txt", "sensor.yaml"],
+    "recording/writing/conversion.py": ["camera.txt"],
     "recording/writing/images.py": OURS,
     "research/accuracy/charts.py": "a data set that its user names as the truth",
     "research/accuracy/design.py": "a data set that its user names as the truth",
