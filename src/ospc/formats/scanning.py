@@ -14,7 +14,7 @@ _DECIMAL = r"(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 _STREAM_NUMBER = re.compile(rf"[+-]?{_DECIMAL}", re.ASCII)
 """A decimal number as read by C++ streams, without NaN and infinity."""
 
-__STREAM_NUMBERS = re.compile(rf"(?:\s*{_STREAM_NUMBER.pattern})*+", re.ASCII)
+_STREAM_NUMBERS = re.compile(rf"(?:\s*{_STREAM_NUMBER.pattern})*+", re.ASCII)
 
 NUMBER = re.compile(rf"[+-]?(?:{_DECIMAL}|inf(?:inity)?|nan)", re.ASCII | re.IGNORECASE)
 """A number as read by C functions, including NaN and infinity."""
@@ -35,7 +35,7 @@ def leading_numbers(line: str) -> tuple[FloatArray, str]:
 
     Extraction stops at a comma, ``nan``, ``inf``, and anything else that is not a decimal number.
     """
-    found = __STREAM_NUMBERS.match(line)
+    found = _STREAM_NUMBERS.match(line)
     numbers = found.group() if found else ""
     return np.array([float(number) for number in _STREAM_NUMBER.findall(numbers)]), line[len(numbers) :].strip()
 
