@@ -101,6 +101,7 @@ def test_flat_and_decentred_vignettes_are_not_taken_for_inverse_ones(tmp_path, s
         (COUNTING + " 256", "mono", "exactly 256 values on the first line; there are 257"),
         (" ".join(map(str, range(65537))), "dso", "at most 65536"),
         ("", "mono", "exactly 256 values on the first line; there are 0"),
+        ("0 255", "dso", "at least 256 values on the first line; there are 2"),
     ],
 )
 def test_tables_that_are_refused(tmp_path, text, program, complaint):

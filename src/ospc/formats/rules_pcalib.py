@@ -187,7 +187,7 @@ def _about_the_range(table: PcalibText, _context: Context) -> Iterator[Broken]:
 
 def _about_the_direction(table: PcalibText, _context: Context) -> Iterator[Broken]:
     values = table.values.astype(np.float64)
-    if not _increases(table.values):
+    if values.size < FEWEST_VALUES or not _increases(table.values):
         return
     above = (values - values[0]) / (values[-1] - values[0]) - np.linspace(0, 1, values.size)
     if np.mean(above[1:-1] > 0) >= _MOSTLY and np.mean(above) > _CLEARLY:
