@@ -75,7 +75,7 @@ def parsers(folder: Path, guided: bool) -> dict[str, Target]:
         import atheris
 
         # The estimation that follows parsing has no new paths to find.
-        packages = ["ospc", "exifread", "rosbags", "mcap"]
+        packages = ["ospc", "PIL", "rosbags", "mcap"]
         observed = atheris.instrument_imports(include=packages, exclude=["ospc.estimation"])
     with observed:
         import file_targets

@@ -95,16 +95,6 @@ def test_a_table_has_paths_relative_to_itself_and_options(recordings):
     assert third.is_remote
 
 
-def test_a_parquet_table_has_the_same_values(recordings):
-    arrow = pytest.importorskip("pyarrow")
-    from pyarrow import csv, parquet
-
-    (recordings / "m.csv").write_text(CSV)
-    strings = csv.ConvertOptions(column_types={"camera": arrow.string(), "options": arrow.string()})
-    parquet.write_table(csv.read_csv(recordings / "m.csv", convert_options=strings), recordings / "m.parquet")
-    assert read_manifest(str(recordings / "m.parquet")) == read_manifest(str(recordings / "m.csv"))
-
-
 def test_recordings_named_twice_are_one(recordings):
     (recordings / "twice.csv").write_text("recording\nleft/a\nleft/a\n")
     assert len(read_manifest(str(recordings / "twice.csv"))) == 1
@@ -163,7 +153,3 @@ def test_what_is_not_there_is_refused(tmp_path):
     for manifest in ("none", "none.csv", "none/*"):
         with pytest.raises(RecordingError, match="none"):
             read_manifest(str(tmp_path / manifest))
-    (tmp_path / "bad.parquet").write_bytes(b"PAR1 no")
-    pytest.importorskip("pyarrow")
-    with pytest.raises(FormatError, match="cannot be read as Parquet"):
-        read_manifest(str(tmp_path / "bad.parquet"))

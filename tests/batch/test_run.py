@@ -6,7 +6,6 @@ import csv
 import json
 import os
 import shutil
-import sys
 
 import numpy as np
 import pytest
@@ -74,7 +73,6 @@ def test_every_recording_has_a_row_and_failures_their_reason(done):
     assert "there is no such file or folder" in missing.error
     assert missing.attempts == 2
     assert statuses(out) == [row.status for row in outcome.rows]
-    assert (out / "batch.parquet").exists()
     assert "Failed: 2" in (out / "index.html").read_text()
     assert json.loads((out / "batch.json").read_text())["failed"] == 2
 
@@ -192,13 +190,6 @@ def test_without_workers_nothing_is_written(entries, tmp_path):
     with pytest.raises(SettingError, match="no scheduler answers"):
         run_batch(entries[:4], tmp_path / "out", Absent())
     assert not (tmp_path / "out").exists()
-
-
-def test_without_pyarrow_there_is_no_parquet_and_a_note(entries, tmp_path, monkeypatch):
-    monkeypatch.setitem(sys.modules, "pyarrow", None)
-    outcome = run_batch(entries[:1], tmp_path / "out", Pretending())
-    assert "pip install 'ospc[parquet]'" in outcome.notes[0]
-    assert not (tmp_path / "out" / "batch.parquet").exists()
 
 
 def test_a_batch_whose_last_files_are_missing_goes_on(done, entries, tmp_path):

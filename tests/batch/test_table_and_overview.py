@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from calibrations import calibration
 from ospc.batch.cameras import Camera, folder_name, page
-from ospc.batch.store import SCHEMA, Row, write_csv, write_parquet
+from ospc.batch.store import SCHEMA, Row, write_csv
 from ospc.pooling.agreement import Difference
 
 TEXTS = st.text(st.characters(blacklist_categories=("Cs", "Cc")), max_size=20)
@@ -29,13 +29,6 @@ ROWS = st.builds(
     response_sigma=st.none() | st.floats(0, 1),
 )
 FORMULAS = ("=", "+", "-", "@", "\t", "\r")
-
-
-@given(rows=st.lists(ROWS, max_size=4))
-def test_the_parquet_table_holds_every_value(rows, tmp_path_factory):
-    parquet = pytest.importorskip("pyarrow.parquet")
-    place = write_parquet(rows, tmp_path_factory.mktemp("table") / "batch.parquet")
-    assert parquet.read_table(place).to_pylist() == [{"schema": SCHEMA, **asdict(row)} for row in rows]
 
 
 @given(rows=st.lists(ROWS, max_size=4))

@@ -50,7 +50,7 @@ def test_a_folder_becomes_a_page_a_table_and_calibrations(folder, tmp_path):
     )
     assert "; vignette is not identifiable: scene points move radially" in result.stderr
     names = {place.name for place in (tmp_path / "out").iterdir()}
-    assert names == {"batch.json", "batch.csv", "batch.parquet", "index.html", "cameras", "recordings"}
+    assert names == {"batch.json", "batch.csv", "index.html", "cameras", "recordings"}
     for name in ("calibration.json", "report.html"):
         assert (tmp_path / "out" / "cameras" / "A" / name).exists()
     assert 'href="cameras/A/report.html"' in (tmp_path / "out" / "index.html").read_text()

@@ -36,13 +36,6 @@ def test_crop_and_size(calibration, tmp_path):
     assert read_vignette(tmp_path / "dso" / "vignette.png").size == (24, 18)
 
 
-def test_binning_keeps_whole_blocks(calibration, tmp_path):
-    result = run(calibration, "--to", "dso", "-o", tmp_path / "dso", "--bin", "3")
-    assert result.exit_code == 0
-    assert read_vignette(tmp_path / "dso" / "vignette.png").size == (21, 16)
-    assert isinstance(run(calibration, "--to", "dso", "-o", tmp_path / "x", "--bin", "40").exception, SettingError)
-
-
 def test_notes_are_printed(calibration, tmp_path):
     result = run(calibration, "--to", "adobe", "-o", tmp_path / "a.lcp", "--focal-px", 50, "--lens", "4 mm")
     assert result.exit_code == 0

@@ -13,21 +13,16 @@ import threading
 import time
 from dataclasses import replace
 
-import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from rich.console import Console
 
 from command_line import leave_out, ospc
 from ospc import OnlineCalibrator, open_recording, throttle
 from ospc.cli import live as live_command
 from ospc.cli.calibration_run import figures
-from ospc.cli.live_view import LiveView, bars, drawn, falling, filled
 from ospc.cli.terminal import ProgressLine
 from ospc.errors import FormatError, OspcError, RecordingError
 from ospc.live import LiveCalibrator
-from ospc.live.capture import Capture
 from ospc.recording import Frame
 from ospc.settings.live import GOAL
 from ospc.simulation import SimulationSettings, simulate
@@ -51,65 +46,6 @@ def terminal():
     return Console(file=io.StringIO(), width=80, height=30, force_terminal=True, color_system=None)
 
 
-@given(st.lists(st.integers(0, 10**7), min_size=1, max_size=40))
-def test_bars_grow_with_the_counts_and_mark_zero(counts):
-    marks = bars(np.array(counts))
-    assert len(marks) == len(counts)
-    assert [mark == "·" for mark in marks] == [count == 0 for count in counts]
-    order = sorted((count, mark) for count, mark in zip(counts, marks, strict=True) if count)
-    assert [mark for _, mark in order] == sorted(mark for _, mark in order)
-
-
-@given(st.lists(st.floats(1e-6, 1e3), max_size=50), st.integers(1, 30))
-def test_convergence_bars_show_the_latest_values(values, most):
-    marks = falling(values, most)
-    assert len(marks) == min(len(values), most)
-    if len(marks) > 1 and np.ptp(np.log(values[-most:])) > 0.1:
-        assert marks[int(np.argmin(values[-most:]))] == "▁"
-        assert marks[int(np.argmax(values[-most:]))] == "█"
-
-
-@given(st.lists(st.floats(-2, 3), min_size=2, max_size=60), st.integers(2, 40), st.integers(1, 12))
-def test_curves_stay_in_their_frame(heights, columns, rows):
-    lines = drawn([(np.array(heights), "red")], columns, rows).plain.split("\n")
-    assert len(lines) == rows
-    assert {len(line) for line in lines} == {columns}
-
-
-def test_curves_are_drawn_at_their_values():
-    lines = drawn([(np.array([0.0, 1.0]), "red")], 10, 4).plain.split("\n")
-    empty = "\u2800"
-    assert lines[0][-1] != empty
-    assert lines[-1][0] != empty
-    assert lines[0][0] == lines[-1][-1] == empty
-
-
-def test_the_view_fits_the_terminal_and_shows_everything(recording, terminal):
-    with LiveCalibrator() as live:
-        capture = Capture(live)
-        view = LiveView(capture, terminal)
-        terminal.print(view.picture(terminal.width))
-        capture.run(recording, lambda: False, replayed=True)
-        live.wait()
-        terminal.print(view.picture(terminal.width))
-    shown = terminal.file.getvalue()
-    assert max(len(line) for line in shown.splitlines()) <= 80
-    for part in (
-        "Film something with texture",
-        "24 frames",
-        "pairs",
-        "certainty",
-        "█",
-        "grey levels",
-        "exposures",
-        "radii",
-        "g(M)",
-        "V(R)",
-        "±",
-    ):
-        assert part in shown
-
-
 def test_a_stage_of_unknown_length_shows_no_full_bar(terminal):
     line = ProgressLine(terminal)
     line.show("comparing", 24, 24)
@@ -119,13 +55,6 @@ def test_a_stage_of_unknown_length_shows_no_full_bar(terminal):
     assert "24/24" not in terminal.file.getvalue()
     line.show("comparing", 6, 24)
     assert (line.bar.tasks[0].completed, line.bar.tasks[0].total) == (6, 24)
-
-
-@given(st.floats(-1, 2), st.integers(1, 40))
-def test_a_bar_is_as_full_as_its_share(share, most):
-    marks = filled(share, most)
-    assert len(marks) == most
-    assert marks.count("█") == int(min(max(share, 0), 1) * most)
 
 
 def test_without_a_page_advice_is_printed_and_the_output_is_that_of_calibrate(recording, tmp_path, monkeypatch):

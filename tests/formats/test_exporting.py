@@ -7,7 +7,7 @@ import pytest
 
 from ospc.errors import FormatError, NotObservableError, SettingError
 from ospc.evaluation.metrics import response_rmse, vignette_pixel_rmse
-from ospc.formats.export import ExportSettings, adapted, as_calibration, export
+from ospc.formats.export import adapted, as_calibration, export
 from ospc.formats.opening import Photometry, open_photometry
 from ospc.formats.radial import Optics
 from ospc.photometry.calibration import Calibration
@@ -19,7 +19,7 @@ SIZE = (96, 72)
 RESPONSE = Response.gamma(1.9)
 VIGNETTE = PolynomialVignette(SIZE, (-0.3, 0.1, -0.1))
 FULL = Photometry("full", RESPONSE, VIGNETTE)
-OPTICS = ExportSettings(optics=Optics(focal_mm=4, crop_factor=6, aperture=2))
+OPTICS = Optics(focal_mm=4, crop_factor=6, aperture=2)
 FILES = {
     "dso": "folder",
     "hugin": "a.pto",

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from ospc.errors import OspcError
 from ospc.evaluation.trajectory import read_trajectory
-from ospc.formats.export import ExportSettings, export
+from ospc.formats.export import export
 from ospc.formats.opening import Photometry, open_photometry
 from ospc.formats.radial import Optics
 from ospc.formats.validation import repair, validate
@@ -30,9 +30,9 @@ TEXTS = {
 def originals(tmp_path_factory) -> dict[str, bytes]:
     folder = tmp_path_factory.mktemp("originals")
     known = Photometry("known", Response.gamma(2.0), PolynomialVignette((16, 12), (-0.3, 0.1, 0.0)))
-    chosen = ExportSettings(optics=Optics(focal_mm=4, crop_factor=5, aperture=2))
+    optics = Optics(focal_mm=4, crop_factor=5, aperture=2)
     names = {"dso": "dso", "hugin": "a.pto", "opencv": "a.yml", "adobe": "a.lcp", "lensfun": "a.xml"}
-    files = [path for program, name in names.items() for path in export(known, program, folder / name, chosen).files]
+    files = [path for program, name in names.items() for path in export(known, program, folder / name, optics).files]
     return TEXTS | {path.name: path.read_bytes() for path in files}
 
 

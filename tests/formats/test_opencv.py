@@ -38,17 +38,16 @@ def test_opencv_merges_exposures_with_it(tmp_path):
     np.testing.assert_allclose(merged / irradiance, 1, atol=0.06)
 
 
-def test_plain_response_of_opencv_is_read_by_channel(tmp_path):
-    storage = cv2.FileStorage(str(tmp_path / "debevec.yml"), cv2.FILE_STORAGE_WRITE)
+def test_plain_response_of_opencv_is_read_if_channels_are_equal(tmp_path):
     levels = np.linspace(0.1, 1, 256, dtype=np.float32)
-    storage.write("response", np.stack([levels, levels**2, levels**3], axis=-1)[:, None])
-    storage.release()
-    with pytest.raises(FormatError, match="differs between channels"):
-        read_opencv(tmp_path / "debevec.yml")
-    with pytest.raises(FormatError, match="no channel 3"):
-        read_opencv(tmp_path / "debevec.yml", 3)
-    response, _ = read_opencv(tmp_path / "debevec.yml", 1)
+    for name, powers in (("equal.yml", (2, 2, 2)), ("different.yml", (1, 2, 3))):
+        storage = cv2.FileStorage(str(tmp_path / name), cv2.FILE_STORAGE_WRITE)
+        storage.write("response", np.stack([levels**power for power in powers], axis=-1)[:, None])
+        storage.release()
+    response, _ = read_opencv(tmp_path / "equal.yml")
     np.testing.assert_allclose(response.inverse_table, (levels**2 - 0.01) / 0.99, atol=1e-6)
+    with pytest.raises(FormatError, match="differs between channels"):
+        read_opencv(tmp_path / "different.yml")
 
 
 @pytest.mark.parametrize(

@@ -64,29 +64,6 @@ def test_polynomial_about_its_own_centre_is_kept_or_fitted_about_that_of_the_ima
     assert image_centre.rms > 0.001
 
 
-@pytest.mark.parametrize("levels", [2**8 - 1, 2**16 - 1])
-def test_centre_of_a_map_is_fitted_on_demand_if_that_lowers_the_residual(levels):
-    def as_map(vignette):
-        image = vignette.image() / vignette.image().max()
-        return RasterVignette(np.rint(image * levels) / levels)
-
-    centred, decentred = (PolynomialVignette(SIZE, (-0.3, 0.1, -0.1), c) for c in ((0.0, 0.0), (0.2, -0.1)))
-    found = fit_radial(as_map(decentred), about_its_centre=True)
-    assert found.centre == pytest.approx((0.2, -0.1), abs=0.003)
-    assert found.rms < 2 / levels
-    assert found.rms < 0.1 * fit_radial(as_map(decentred)).rms
-    assert fit_radial(as_map(centred), about_its_centre=True).centre == (0, 0)
-    assert fit_radial(as_map(PolynomialVignette(SIZE, ())), about_its_centre=True).coefficients == pytest.approx(
-        (0, 0, 0)
-    )
-
-
-@pytest.mark.parametrize("shape", [(2, 3), (3, 20)])
-def test_centre_of_a_tiny_map_is_that_of_the_image(shape):
-    values = np.random.default_rng(0).uniform(0.9, 1, shape).astype(np.float32)
-    assert fit_radial(RasterVignette(values), about_its_centre=True).centre == (0, 0)
-
-
 def test_dark_surround_does_not_count():
     values = PolynomialVignette(SIZE, (-0.3, 0.0, 0.0)).image().copy()
     values[:, :8] = 0

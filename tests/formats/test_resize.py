@@ -1,4 +1,4 @@
-"""Cropping, scaling and binning move the vignette with the pixels of the scene."""
+"""Cropping and scaling move the vignette with the pixels of the scene."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 
 from ospc.errors import SettingError
 from ospc.formats.resize import (
-    bin_calibration,
     crop_calibration,
     resize_calibration,
 )
@@ -108,18 +107,6 @@ def test_calibration_keeps_what_still_holds_and_drops_the_rest():
     assert crop_calibration(full(), (0, 0), (48, 36)).vignette_sigma is None
 
 
-def test_binning_averages_blocks():
-    binned = bin_calibration(full(), 3)
-    assert binned.size == (32, 24)
-    blocks = POLYNOMIAL.image().reshape(24, 3, 32, 3).mean(axis=(1, 3))
-    np.testing.assert_allclose(relative(binned.vignette.image()), relative(blocks), atol=1e-3)
-    assert bin_calibration(full(), 1).size == SIZE
-    uneven = bin_calibration(full(), 5)
-    assert uneven.size == (19, 14)
-    blocks = POLYNOMIAL.image()[:70, :95].reshape(14, 5, 19, 5).mean(axis=(1, 3))
-    np.testing.assert_allclose(relative(uneven.vignette.image()), relative(blocks), atol=3e-3)
-
-
 def test_unknown_parts_stay_unknown():
     bare = Calibration(SIZE)
     assert crop_calibration(bare, (0, 0), (10, 10)).vignette is None
@@ -135,8 +122,6 @@ def test_impossible_changes_are_refused():
         (lambda: resized(POLYNOMIAL, (96000, 72000)), "at most"),
         (lambda: resize_calibration(Calibration(SIZE), (96, 96)), "aspect"),
         (lambda: crop_calibration(Calibration(SIZE), (50, 0), (50, 50)), "not inside"),
-        (lambda: bin_calibration(full(), 0), "binned by 0"),
-        (lambda: bin_calibration(full(), 50), "binned by 50"),
     ):
         with pytest.raises(SettingError, match=reason):
             change()

@@ -26,7 +26,7 @@ from ospc.errors import FormatError, OspcError
 from ospc.evaluation.trajectory import read_trajectory
 from ospc.exposures.brightness import PixelSamples
 from ospc.formats.dso import write_pcalib, write_vignette
-from ospc.formats.hugin import EMOR_SAMPLES, read_emor, write_pto
+from ospc.formats.hugin import write_pto
 from ospc.formats.lens_profiles import write_lcp, write_lensfun
 from ospc.formats.opencv import write_opencv
 from ospc.formats.opening import open_photometry
@@ -40,10 +40,12 @@ from ospc.recording.derived import read_mask
 from ospc.recording.table_text import exposures_in
 from ospc.recording.writing.conversion import camera_text
 from ospc.settings import DefaultSettings
+from ospc.settings.unknown_exposures import RESPONSE_SAMPLES
 from ospc.simulation import SimulationSettings, frames
 from ospc.state import container
 from ospc.state.container import Container
 from ospc.state.run import KIND, VERSION
+from ospc.unknown_exposures.response_model import read_model
 
 SIZE = (96, 72)
 RESULT_KEY = "ab12"
@@ -214,7 +216,7 @@ def file_targets(folder: Path) -> dict[str, tuple[Parse, list[bytes], list[bytes
     write_lensfun(vignette, folder / "a.xml", OPTICS)
     write_opencv(folder / "a.yml", calibration.response, raster)
     (folder / "state.ospc").write_bytes((folder / "a.ospc").read_bytes())
-    line = " ".join(f"{value:.4f}" for value in np.linspace(0, 1, EMOR_SAMPLES) ** 0.5)
+    line = " ".join(f"{value:.4f}" for value in np.linspace(0, 1, RESPONSE_SAMPLES) ** 0.5)
     emor = "".join(f"{name} =\n{line}\n" for name in ("E", "f0", *(f"h({n})" for n in range(1, 6))))
     result = {"key": RESULT_KEY, "calibration": calibration.as_dict(), "summary": None, "notes": []}
     assert Result.__dataclass_fields__.keys() == result.keys()
@@ -244,7 +246,7 @@ def file_targets(folder: Path) -> dict[str, tuple[Parse, list[bytes], list[bytes
         "Adobe .lcp": (_in("a.lcp", _photometry), saved("a.lcp"), WORDS),
         "lensfun .xml": (_in("a.xml", _photometry), saved("a.xml"), WORDS),
         "OpenCV .yml": (_in("a.yml", _photometry), saved("a.yml"), WORDS),
-        "emor.txt": (_in("emor.txt", read_emor), [emor.encode()], WORDS),
+        "emor.txt": (_in("emor.txt", read_model), [emor.encode()], WORDS),
         "table of a batch": (
             _in("batch.csv", lambda place: read_manifest(str(place))),
             [b"recording,camera,options\na,left,rounds=4\nb,=1+1,kind=euroc\n"],
@@ -269,14 +271,6 @@ def file_targets(folder: Path) -> dict[str, tuple[Parse, list[bytes], list[bytes
             WORDS,
         ),
         "camera.txt": (_in("camera.txt", _camera), [b"Pinhole 100 100 48 36 0\n96 72\ncrop\n96 72\n"], WORDS),
-        "sensor.yaml": (
-            _in("sensor.yaml", _camera),
-            [
-                b"resolution: [96, 72]\ncamera_model: pinhole\nintrinsics: [100.0, 100.0, 48.0, 36.0]\n"
-                b"distortion_model: radial-tangential\ndistortion_coefficients: [-0.2, 0.07, 0.0, 0.0]\n"
-            ],
-            WORDS,
-        ),
         "mask": (
             _in("mask.png", lambda place: read_mask(place, SIZE)),
             [encoded(np.full((SIZE[1], SIZE[0]), 255, np.uint8))],

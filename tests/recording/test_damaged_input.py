@@ -50,7 +50,6 @@ NAMES = (
     "validate times.txt",
     "validate camera.txt",
     "camera.txt",
-    "sensor.yaml",
     "mask",
 )
 

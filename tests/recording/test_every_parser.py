@@ -27,7 +27,7 @@ PARSERS = {
     "evaluation/trajectory.py": ["trajectory"],
     "formats/dso.py": ["pcalib.txt"],
     "formats/files.py": SAFE,
-    "formats/hugin.py": ["hugin .pto", "emor.txt"],
+    "formats/hugin.py": ["hugin .pto"],
     "formats/lens_profiles.py": ["Adobe .lcp", "lensfun .xml"],
     "formats/opencv.py": ["OpenCV .yml"],
     "formats/image_files.py": ["vignette.png"],
@@ -51,7 +51,7 @@ PARSERS = {
     "recording/live/drivers.py": "a camera, no file",
     "recording/derived.py": ["mask", "region"],
     "recording/video.py": ["video"],
-    "recording/writing/conversion.py": ["camera.txt", "sensor.yaml"],
+    "recording/writing/conversion.py": ["camera.txt"],
     "recording/writing/images.py": OURS,
     "research/accuracy/charts.py": "a data set that its user names as the truth",
     "research/accuracy/design.py": "a data set that its user names as the truth",
@@ -63,6 +63,7 @@ PARSERS = {
     "research/speed/reel.py": OURS,
     "research/runner.py": OURS,
     "simulation/texture.py": OURS,
+    "unknown_exposures/response_model.py": ["emor.txt"],
     "state/container.py": ["state.ospc", "values of a state", "arrays of a state", "result of a batch"],
     **dict.fromkeys(
         (

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import struct
-import sys
 import time
 import tracemalloc
 from collections.abc import Callable
@@ -16,11 +15,9 @@ from hypothesis import strategies as st
 from image_samples import encoded, grey
 
 from exif_segments import exif
-from ospc.errors import ExposureError, MissingExtraError, OspcError, RecordingError
+from ospc.errors import ExposureError, OspcError, RecordingError
 from ospc.recording import open_recording
 from ospc.recording.image_formats import Shot, shot_of_exif
-
-pytest.importorskip("exifread", reason="needs the extra 'exif'")
 
 Folder = Callable[..., Path]
 
@@ -118,12 +115,6 @@ def test_photographs_without_a_common_exposure_are_one_error(photos: Folder, cas
     segments, error, message = BROKEN[case]
     with pytest.raises(error, match=message):
         open_recording(photos(*segments))
-
-
-def test_the_extra_is_named_where_it_is_missing(photos: Folder, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "exifread", None)
-    with pytest.raises(MissingExtraError, match=r"ospc\[exif\]"):
-        open_recording(photos(exif()))
 
 
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture])

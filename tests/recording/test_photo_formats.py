@@ -40,7 +40,6 @@ class TestHeic:
     @pytest.fixture(autouse=True)
     def _library(self) -> None:
         pytest.importorskip("pillow_heif", reason="needs the extra 'heic'")
-        pytest.importorskip("exifread", reason="needs the extra 'exif'")
 
     def test_channels_are_those_of_the_image(self) -> None:
         image, data = smooth(), heic(smooth())

@@ -144,7 +144,6 @@ def exposure_folders(place: Path, filmed: Filmed) -> Path:
 
 def photographs(place: Path, filmed: Filmed) -> Path:
     """Write each exposure as a quarter of its time, at ISO 400."""
-    pytest.importorskip("exifread", reason="needs the extra 'exif'")
     place.mkdir()
     for i, (jpeg, ms) in enumerate(zip(filmed.jpegs, filmed.ms, strict=True)):
         taken = f"2020:01:02 03:{i // 60:02d}:{i % 60:02d}"

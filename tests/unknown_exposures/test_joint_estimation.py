@@ -13,9 +13,10 @@ from scipy.optimize import least_squares
 from ospc.errors import NotObservableError
 from ospc.evaluation.metrics import response_rmse, vignette_rmse
 from ospc.photometry.vignette import PolynomialVignette
+from ospc.settings.unknown_exposures import RESPONSE_SAMPLES
 from ospc.simulation import SimulationSettings, frames, truth
 from ospc.unknown_exposures.joint_estimation import JointEstimate, estimate_jointly
-from ospc.unknown_exposures.response_model import SAMPLES, learned_model
+from ospc.unknown_exposures.response_model import learned_model
 from ospc.unknown_exposures.tracking import GainRobustTracker, TrackObservations
 
 SIZE = (640, 480)
@@ -32,7 +33,7 @@ def observations(points=300, count=12, noise=0.0, seed=2, c=C, v=V) -> TrackObse
     radius = np.clip(random.uniform(0, 1, points)[:, None] + np.linspace(-0.4, 0.4, count), 0, 1).ravel()
     light = np.exp(random.uniform(np.log(0.03), np.log(0.5), points))
     x = np.minimum(np.exp(log_e)[frame] * (1 + radius[:, None] ** [2, 4, 6] @ v) * light[point], 1)
-    grey = np.interp(x, np.linspace(0, 1, SAMPLES), model.curve(c)) + noise * random.normal(size=x.size)
+    grey = np.interp(x, np.linspace(0, 1, RESPONSE_SAMPLES), model.curve(c)) + noise * random.normal(size=x.size)
     kept = (x < 0.95) & (grey > 0.01)
     return TrackObservations(
         SIZE, point[kept], frame[kept], grey[kept], radius[kept], np.ones(kept.sum()), np.arange(count)
@@ -62,7 +63,7 @@ def test_no_other_solver_finds_a_smaller_cost():
     found = estimate_jointly(seen, iterations=300)
     k, m, n = len(C), seen.frames.size, int(seen.point.max()) + 1
     radial = seen.radius[:, None] ** [2, 4, 6]
-    grid = np.linspace(0, 1, SAMPLES)
+    grid = np.linspace(0, 1, RESPONSE_SAMPLES)
 
     def residual(p: np.ndarray) -> np.ndarray:
         c, v, log_e, log_l = np.split(p, [k, k + 3, k + 3 + m])

@@ -9,8 +9,9 @@ from hypothesis import strategies as st
 
 from ospc.errors import FormatError
 from ospc.evaluation.metrics import response_rmse
+from ospc.settings.unknown_exposures import RESPONSE_SAMPLES
 from ospc.simulation.responses import RESPONSES
-from ospc.unknown_exposures.response_model import SAMPLES, family_of_inverses, learned_model, read_model
+from ospc.unknown_exposures.response_model import family_of_inverses, learned_model, read_model
 
 
 @given(st.lists(st.floats(-3, 3), min_size=4, max_size=4))
@@ -35,7 +36,7 @@ def test_inverses_are_those_of_the_family():
 
 def test_the_published_tables_are_read_and_cover_the_learned_model(real_data):
     model = read_model(real_data / "responses" / "emor.txt")
-    assert model.components.shape == (4, SAMPLES)
+    assert model.components.shape == (4, RESPONSE_SAMPLES)
     for name, make in RESPONSES.items():
         if name != "log":
             assert response_rmse(model.response(model.coefficients_of(make())), make()) < 0.03

@@ -27,12 +27,12 @@ from ospc.recording.derived import Region, masked
 from ospc.recording.frame import Frame
 from ospc.recording.options import ReadingOptions
 from ospc.report.pictures import words_around
-from ospc.settings.unknown_exposures import EXPONENT_SIGMA, OBSERVED_OFFSETS_PX
+from ospc.settings.unknown_exposures import EXPONENT_SIGMA, OBSERVED_OFFSETS_PX, RESPONSE_SAMPLES
 from ospc.simulation import SimulationSettings, simulate, truth
 from ospc.unknown_exposures import recover_exposures
 from ospc.unknown_exposures.joint_estimation import JointEstimate
 from ospc.unknown_exposures.recovery import typical_exponent
-from ospc.unknown_exposures.response_model import SAMPLES, learned_model
+from ospc.unknown_exposures.response_model import learned_model
 from ospc.unknown_exposures.tracking import GainRobustTracker
 
 SETTINGS = SimulationSettings(
@@ -162,7 +162,7 @@ def test_the_exponent_is_that_of_the_mean_response() -> None:
     # A response with any exponent is mapped back.
     assert typical_exponent(replace(made, exponent=1.7)) == pytest.approx(1 / 1.7, rel=0.02)
     assert isinstance(made.response, Response)
-    assert len(curve) == SAMPLES
+    assert len(curve) == RESPONSE_SAMPLES
 
 
 def test_the_command_needs_the_option_and_labels_every_output(

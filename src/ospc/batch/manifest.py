@@ -5,11 +5,10 @@ from __future__ import annotations
 import csv
 import glob
 import io
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 from ospc.batch.object_store import is_address, matches
 from ospc.errors import (
@@ -17,18 +16,16 @@ from ospc.errors import (
     RecordingError,
     SettingError,
     listed,
-    message_of,
-    needs_extra,
     os_error_as,
     quoted,
 )
 from ospc.exposures.lag_choice import LagChoice, lag_choice
 from ospc.recording.kinds import is_recording, open_recording
-from ospc.recording.options import ReadingOptions, options_with_exposures
+from ospc.recording.options import ReadingOptions, declared_options
 from ospc.settings import DefaultSettings, check_names, with_overrides
 
 _OWN = ("kind", "correct_lag")
-_READING = tuple(options_with_exposures())
+_READING = tuple(declared_options())
 
 
 @dataclass(frozen=True)
@@ -112,9 +109,9 @@ def read_manifest(
 
     The manifest is one of
 
-    - a ``.csv`` table, separated by commas or semicolons, or a ``.parquet`` table, with the columns ``recording`` (a
-      path, relative to the table's folder, or an object-store address), ``camera`` and ``options`` (such as
-      ``rounds=4 kind=euroc``); the last two are optional, and other columns are ignored;
+    - a ``.csv`` table, separated by commas or semicolons, with the columns ``recording`` (a path, relative to the
+      table's folder, or an object-store address), ``camera`` and ``options`` (such as ``rounds=4 kind=euroc``); the
+      last two are optional, and other columns are ignored;
     - a folder: a recording, or every recording in it, up to four folders deep; a recording's parent folder names its
       camera;
     - a pattern such as ``recordings/*/cam0``, which may be an object-store address; cameras are named as for folders.
@@ -134,7 +131,7 @@ def read_manifest(
     elif place.is_dir():
         found = [place] if is_recording(place) else _recordings_in(place, left_out)
         entries = [_of_path(each) for each in found]
-    elif place.suffix.lower() in (".csv", ".parquet"):
+    elif place.suffix.lower() == ".csv":
         entries = list(_of_table(place))
     else:
         entries = [_of_path(Path(path)) for path in sorted(glob.glob(manifest, recursive=True))]  # noqa: PTH207 (the pattern may be absolute)
@@ -192,7 +189,7 @@ def _of_table(place: Path) -> Iterator[Entry]:
     with os_error_as(RecordingError, f"{place}: cannot be read", "check the path"):
         if place.stat().st_size > _MOST_BYTES:
             raise FormatError(f"{place}: is larger than {_MOST_BYTES // 10**6} MB; split it")
-        rows = _of_parquet(place) if place.suffix.lower() == ".parquet" else _of_csv(place)
+        rows = _rows(place)
     folder = place.absolute().parent
     for number, row in enumerate(rows, start=2):
         recording = (row.get("recording") or "").strip()
@@ -207,7 +204,7 @@ def _of_table(place: Path) -> Iterator[Entry]:
             raise SettingError(f"{place}, row {number}: {error}") from None
 
 
-def _of_csv(place: Path) -> list[dict[str, str]]:
+def _rows(place: Path) -> list[dict[str, str]]:
     try:
         text = place.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError:
@@ -215,10 +212,16 @@ def _of_csv(place: Path) -> list[dict[str, str]]:
     try:
         separator = _separator(text)
         reader = csv.DictReader(io.StringIO(text, newline=""), delimiter=separator, strict=True)
-        _check_columns(place, reader.fieldnames or [])
+        names = reader.fieldnames or []
         rows = list(reader)
     except csv.Error as error:
         raise FormatError(f"{place}: cannot be read as CSV ({error})") from None
+    if "recording" not in names:
+        found = listed([quoted(name) for name in names]) or "none"
+        raise FormatError(
+            f"{place}: has no column recording (its columns: {found}); name the columns in the first line, separated "
+            "by commas or semicolons; camera and options are optional"
+        )
     for number, row in enumerate(rows, start=2):
         if any(row.get(None, ())):  # cells beyond the last column
             quote = "paths with commas" if separator == "," else "cells with semicolons"
@@ -230,25 +233,3 @@ def _separator(text: str) -> str:
     """Return what separates the cells: spreadsheets write semicolons where the decimal sign is a comma."""
     header = text.lstrip("\r\n").partition("\n")[0]
     return ";" if ";" in header and "," not in header else ","
-
-
-def _of_parquet(place: Path) -> list[dict[str, str]]:
-    with needs_extra("reading Parquet tables", "parquet"):
-        import pyarrow as arrow
-        from pyarrow import parquet
-    try:
-        names = parquet.read_schema(place).names
-        _check_columns(place, names)
-        table: Any = parquet.read_table(place, columns=[name for name in _COLUMNS if name in names])
-    except arrow.ArrowException as error:
-        raise FormatError(f"{place}: cannot be read as Parquet ({message_of(error, 200)})") from None
-    return [{name: "" if value is None else str(value) for name, value in row.items()} for row in table.to_pylist()]
-
-
-def _check_columns(place: Path, names: Sequence[str]) -> None:
-    if "recording" not in names:
-        found = listed([quoted(name) for name in names]) or "none"
-        raise FormatError(
-            f"{place}: has no column recording (its columns: {found}); name the columns in the first line, separated "
-            "by commas or semicolons; camera and options are optional"
-        )

@@ -10,9 +10,9 @@ from pathlib import Path
 
 from ospc.batch.cameras import Camera, merged_cameras, page
 from ospc.batch.manifest import Entry
-from ospc.batch.store import CSV_NAME, PARQUET_NAME, Row, Store, write_csv, write_parquet
+from ospc.batch.store import CSV_NAME, Row, Store, write_csv
 from ospc.batch.work import Answer, Runner, Task, Work
-from ospc.errors import MissingExtraError, OspcError
+from ospc.errors import OspcError
 from ospc.folders import Content, check_usable
 from ospc.formats.files import json_object, write_bytes, write_text
 from ospc.photometry.calibration import Calibration
@@ -24,13 +24,13 @@ SCHEMA = "ospc-batch/1"
 PAGE_NAME = "index.html"
 _HEAD = "batch.json"
 _RECORDINGS = "recordings"
-_OWN_NAMES = {_RECORDINGS, "cameras", CSV_NAME, PARQUET_NAME, PAGE_NAME}
+_OWN_NAMES = {_RECORDINGS, "cameras", CSV_NAME, PAGE_NAME}
 """Files and folders of an unfinished batch; ``batch.json`` is written last."""
 
 
 @dataclass(frozen=True)
 class BatchOutcome:
-    """Outcome of a batch: a row per recording in the order of the manifest, cameras, files and notes.
+    """Outcome of a batch: a row per recording in the order of the manifest, cameras and files.
 
     An interrupted batch continues if it is run again.
     """
@@ -38,7 +38,6 @@ class BatchOutcome:
     rows: tuple[Row, ...]
     cameras: tuple[Camera, ...]
     files: tuple[Path, ...]
-    notes: tuple[str, ...] = ()
     interrupted: bool = False
 
     @property
@@ -62,10 +61,10 @@ def run_batch(
     """Calibrate recordings and merge those of each camera, reusing the results of an earlier run.
 
     The folder must be new, empty, or from an earlier run, unless ``force`` is set. It receives ``batch.csv``,
-    ``batch.parquet``, ``index.html``, a folder per camera in ``cameras``, and a result per recording in
-    ``recordings``. A recording that fails is retried after all others. ``progress`` is called with the name of the
-    stage, how many recordings or cameras are done, their total, and how many failed. If it raises
-    ``KeyboardInterrupt``, or the runner an error because it cannot continue, the results so far are written.
+    ``index.html``, a folder per camera in ``cameras``, and a result per recording in ``recordings``. A recording that
+    fails is retried after all others. ``progress`` is called with the name of the stage, how many recordings or
+    cameras are done, their total, and how many failed. If it raises ``KeyboardInterrupt``, or the runner an error
+    because it cannot continue, the results so far are written.
     """
     place = Path(folder)
     check_usable(place, content_of=_content, force=force)
@@ -147,13 +146,7 @@ class _Batch:
             )
         except KeyboardInterrupt:
             interrupted = True
-        notes: list[str] = []
         files = [write_csv(rows, place / CSV_NAME)]
-        try:
-            files.append(write_parquet(rows, place / PARQUET_NAME))
-        except MissingExtraError as error:
-            (place / PARQUET_NAME).unlink(missing_ok=True)  # one from an earlier run would contradict the CSV
-            notes.append(f"no {PARQUET_NAME}: {error}")
         files.append(write_bytes(place / PAGE_NAME, page(cameras, rows).encode("utf-8", "replace")))
         content = {
             "schema": SCHEMA,
@@ -164,7 +157,7 @@ class _Batch:
             "versions": versions(),
         }
         files.append(write_text(place / _HEAD, json.dumps(content, indent=1) + "\n"))
-        return BatchOutcome(tuple(rows), tuple(cameras), tuple(files), tuple(notes), interrupted)
+        return BatchOutcome(tuple(rows), tuple(cameras), tuple(files), interrupted)
 
 
 def _with_result(row: Row, store: Store) -> Row:

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import astuple, dataclass, fields
 from pathlib import Path
 from typing import Any, Literal
 
-from ospc.errors import FormatError, needs_extra, os_error_as
+from ospc.errors import FormatError, os_error_as
 from ospc.formats.files import csv_text, write_bytes, write_text
 from ospc.photometry.calibration import Calibration
 from ospc.pooling.summary import Summary
@@ -82,7 +81,7 @@ class Store:
 SCHEMA = "ospc-batch-table/1"
 """Version of the columns, repeated in the first column."""
 
-CSV_NAME, PARQUET_NAME = "batch.csv", "batch.parquet"
+CSV_NAME = "batch.csv"
 
 Status = Literal["done", "failed", "not done"]
 
@@ -118,34 +117,15 @@ class Row:
     notes: str = ""
 
 
-_COLUMNS = {"schema": "str"} | {str(entry.name): str(entry.type) for entry in fields(Row)}
-"""Names and types of the columns."""
-
-
 def write_csv(rows: Sequence[Row], path: Path) -> Path:
     """Write the table as CSV atomically, and return the path.
 
     No cell is interpreted as a formula, see :func:`~ospc.formats.files.csv_text`.
     """
-    return write_text(path, csv_text([_COLUMNS, *(_values(row).values() for row in rows)]))
+    return write_text(path, csv_text([["schema", *(entry.name for entry in fields(Row))], *map(_cells, rows)]))
 
 
-def write_parquet(rows: Sequence[Row], path: Path) -> Path:
-    """Write the table as Parquet (extra ``parquet``) atomically, and return the path."""
-    with needs_extra("writing Parquet tables", "parquet"):
-        import pyarrow as arrow
-        from pyarrow import parquet
-    kinds = {"int": arrow.int64(), "float": arrow.float64(), "float | None": arrow.float64()}
-    schema = arrow.schema([(name, kinds.get(kind, arrow.string())) for name, kind in _COLUMNS.items()])
-    packed = io.BytesIO()
-    parquet.write_table(arrow.Table.from_pylist([_values(row) for row in rows], schema), packed)
-    return write_bytes(path, packed.getvalue())
-
-
-def _values(row: Row) -> dict[str, object]:
+def _cells(row: Row) -> list[object]:
     """Return the cells of a row, escaping characters that cannot be encoded as UTF-8."""
-    cells = {"schema": SCHEMA, **asdict(row)}
-    return {
-        name: cell.encode("utf-8", "backslashreplace").decode() if isinstance(cell, str) else cell
-        for name, cell in cells.items()
-    }
+    cells = (SCHEMA, *astuple(row))
+    return [cell.encode("utf-8", "backslashreplace").decode() if isinstance(cell, str) else cell for cell in cells]

@@ -62,11 +62,11 @@ def command(
 ) -> int:
     """Calibrate all recordings in MANIFEST, and merge those of each camera.
 
-    MANIFEST is a folder with recordings, a pattern such as 'data/*/cam0', or a .csv or .parquet table with the
-    columns recording, camera and options. Recordings may be in object stores (s3://…; extra 'objects').
+    MANIFEST is a folder with recordings, a pattern such as 'data/*/cam0', or a .csv table with the columns
+    recording, camera and options. Recordings may be in object stores (s3://…; extra 'objects').
 
-    OUT gets the page index.html, batch.csv and batch.parquet with a row per recording, and cameras/NAME with the
-    calibration of each camera. Run the command again to process new, changed or failed recordings only.
+    OUT gets the page index.html, batch.csv with a row per recording, and cameras/NAME with the calibration of
+    each camera. Run the command again to process new, changed or failed recordings only.
     """
     from ospc.batch.cluster import Cluster
     from ospc.batch.manifest import Entry, read_manifest
@@ -140,7 +140,6 @@ def _warn(outcome: BatchOutcome, out: Path) -> None:
 
 
 def _say(outcome: BatchOutcome, out: Path) -> None:
-    say_notes(outcome.notes)
     done = [row for row in outcome.rows if row.status == "done"]
     earlier = sum(row.attempts == 0 for row in done)
     known = sum(camera.is_complete for camera in outcome.cameras)
@@ -183,5 +182,4 @@ def _as_json(outcome: BatchOutcome, out: Path) -> dict[str, Any]:
         },
         "interrupted": outcome.interrupted,
         "files": [str(file) for file in outcome.files],
-        "notes": list(outcome.notes),
     }

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import astuple
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import click
 
@@ -32,13 +32,6 @@ def command(
     crop: Region | None = option(
         "For images cropped to this region.", metavar="X,Y,W,H", type=Parsed("region", Region.parse)
     ),
-    binning: int = option(
-        "For images binned by averaging blocks of NxN pixels, after the crop.",
-        "--bin",
-        metavar="N",
-        type=click.IntRange(min=1),
-        default=1,
-    ),
     size: tuple[int, int] | None = option(
         "For images scaled to this size, after the crop.", metavar="WxH", type=SIZE
     ),
@@ -50,12 +43,6 @@ def command(
     maker: str = option("Manufacturer of the lens (adobe, lensfun).", default="unknown"),
     lens: str = option("Name of the lens (adobe, lensfun).", default="unknown"),
     camera: str = option("Name of the camera (adobe).", default="unknown"),
-    lensfun_model: Literal["pa", "acm"] = option(
-        "Radius in half diagonals (pa) or in focal lengths (acm) (lensfun).",
-        type=click.Choice(["pa", "acm"]),
-        default="pa",
-    ),
-    emor: Path | None = option("File emor.txt with the base curves, needed to write the response (hugin)."),
 ) -> None:
     """Write CALIBRATION for another program.
 
@@ -64,16 +51,14 @@ def command(
     file (lensfun, .xml), a project for use as a template (hugin, .pto), a file storage (opencv, .yml), a lens profile
     (adobe, .lcp), or calibration.json. Reports what the format cannot represent, and the residuals of fits.
     """
-    from ospc.formats.export import ExportSettings, adapted, export, files_of
-    from ospc.formats.hugin import read_emor
+    from ospc.formats.export import adapted, export, files_of
     from ospc.formats.opening import open_photometry
     from ospc.formats.radial import Optics
 
     check_new(files_of(program, out), force=force)
     optics = Optics(focal_mm, focal_px, crop_factor, aperture, maker=maker, lens=lens, camera=camera)
-    settings = ExportSettings(optics, lensfun_model, None if emor is None else read_emor(emor), values)
     part = None if crop is None else astuple(crop)
-    written = export(adapted(open_photometry(calibration), part, size, binning), program, out, settings)
+    written = export(adapted(open_photometry(calibration), part, size), program, out, optics, values)
     for path in written.files:
         say(f"wrote {path}")
     say_notes(written.notes)

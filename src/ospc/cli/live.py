@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+import time
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,8 +14,17 @@ import click
 from ospc.cli.interruption import Interruption, leaving
 from ospc.cli.options import AS_JSON, CORRECT_LAG, FORCE, QUIET, argument, declared, option, out_option
 from ospc.cli.reading import READING, Reading
-from ospc.cli.terminal import COMPLETE, FAILED, INTERRUPTED, UNDETERMINED, concluded, say, say_notes
-from ospc.errors import FormatError, OspcError, one_line
+from ospc.cli.terminal import (
+    COMPLETE,
+    FAILED,
+    INTERRUPTED,
+    UNDETERMINED,
+    concluded,
+    say,
+    say_notes,
+    spreads_in_words,
+)
+from ospc.errors import FormatError, OspcError, counted, one_line
 from ospc.recording import Frame, Recording
 
 if TYPE_CHECKING:
@@ -24,6 +34,9 @@ if TYPE_CHECKING:
 
 _GOAL = 0.005
 """Copy of :data:`ospc.settings.live.GOAL`, whose import would take too long for a help text."""
+
+_LINE_S = 5.0
+"""Time between two lines in the terminal, if the instruction stays the same, in seconds."""
 
 
 @declared(
@@ -41,7 +54,7 @@ def command(
     *,
     source: str = argument(),
     out: Path = out_option("Folder to write the results to."),
-    no_page: bool = option("Show instructions and bars in the terminal, not in a browser."),
+    no_page: bool = option("Print the instructions in the terminal, without a page in the browser."),
     port: int = option(
         "Port of the page; by default any free port.", type=click.IntRange(0, 65535), default=0, show_default=False
     ),
@@ -68,8 +81,8 @@ def command(
     as if it were being filmed.
 
     A page in the browser (extra 'live') shows the picture, the coverage so far, the uncertainty of response and
-    vignette, and one instruction at a time. It can be reached from this machine only. With --no-page, the terminal
-    shows the same.
+    vignette, and one instruction at a time. It can be reached from this machine only. The terminal shows the
+    instructions as lines of text.
 
     The capture ends when both are known to within the goal, with the button on the page, Ctrl-C or SIGTERM, when the
     terminal is closed, or at the end of a recording. OUT then gets the files that 'ospc calibrate' writes.
@@ -96,7 +109,7 @@ def command(
             _show_page(stack, capture, port, browser=not no_browser)
         try:
             result = ResultFolder(folder, interruption, quiet, as_json, times=capture)
-            content = _captured(capture, recording, frames, result, full=no_page)
+            content = _captured(capture, recording, frames, result)
         except OspcError as error:
             capture.stage, capture.message = "failed", str(error)
             raise
@@ -140,27 +153,26 @@ def _show_page(stack: ExitStack, capture: Capture, port: int, *, browser: bool) 
 
 
 def _captured(
-    capture: Capture, recording: Recording | None, frames: Iterable[Frame], result: ResultFolder, *, full: bool
+    capture: Capture, recording: Recording | None, frames: Iterable[Frame], result: ResultFolder
 ) -> dict[str, Any]:
     """Film, estimate, write and report."""
     from ospc.cli.calibration_result import CalibrationOutcome, Saved
-    from ospc.cli.live_view import shown
     from ospc.output import Written
     from ospc.report import style
     from ospc.state.container import STATE_NAME
 
     live, interruption, failure, replayed = capture.live, result.interruption, "", recording is not None
     with interruption.deferred():
-        with shown(capture, quiet=not result.prints_text, full=full) as show:
+        show = _instructions(capture) if result.prints_text else lambda: None
 
-            def stop() -> bool:
-                show()
-                return interruption.requested
+        def stop() -> bool:
+            show()
+            return interruption.requested
 
-            try:
-                capture.run(interruption.until_requested(frames), stop, replayed=replayed)
-            except Exception as error:  # estimate from the frames before the error
-                failure = one_line(error)
+        try:
+            capture.run(interruption.until_requested(frames), stop, replayed=replayed)
+        except Exception as error:  # estimate from the frames before the error
+            failure = one_line(error)
         capture.stage = "estimating"
         result.second.submit(style.load)  # not earlier: a small computer needs the memory while it films
         try:
@@ -182,3 +194,23 @@ def _captured(
                 return Written(), [*notes, f"no state was saved: {error}"]
 
         return result.take(outcome, saved)
+
+
+def _instructions(capture: Capture) -> Callable[[], None]:
+    """Return a function that prints a line for every new instruction and every few seconds."""
+    text, next_s = "", 0.0
+
+    def show() -> None:
+        nonlocal text, next_s
+        status, now_s = capture.live.status, time.monotonic()
+        if status.advice == text and now_s < next_s:
+            return
+        text, next_s = status.advice, now_s + _LINE_S
+        parts = [counted(status.frames, "frame"), counted(status.progress.pairs, "pair")]
+        parts += [f"{status.dropped} dropped"] if status.dropped else []
+        parts += spreads_in_words(status.instruction.response_sigma, status.instruction.vignette_sigma)
+        parts += [f"{name} {share:.0%}" for name, share in asdict(capture.bars).items()]
+        say("  ".join(parts), err=True)
+        say(f"  → {text}", err=True)
+
+    return show

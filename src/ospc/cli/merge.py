@@ -104,20 +104,11 @@ def _file(place: Path) -> Path:
 
 
 def _distinctly_named(found: Sequence[tuple[Path, Summary]]) -> list[Summary]:
-    """Add the shortest distinct path of the state to the names of recordings that share a name."""
-    named = []
-    for place, summary in found:
-        others = {
-            other for other, another in found if another.name == summary.name and another.key != summary.key
-        } - {place}
-        where = _shortest_distinct(place, others)
-        named.append(replace(summary, name=f"{summary.name} ({where})") if others else summary)
-    return named
-
-
-def _shortest_distinct(place: Path, others: set[Path]) -> str:
-    """Return the shortest suffix of a path that no other path has."""
-    parts = place.absolute().parts
-    ends = [parts[-count:] for count in range(1, len(parts) + 1)]
-    distinct = (end for end in ends if all(other.absolute().parts[-len(end) :] != end for other in others))
-    return "/".join(next(distinct, parts))
+    """Add the path of the state to the names of recordings that share a name."""
+    keys: dict[str, set[str]] = {}
+    for _, summary in found:
+        keys.setdefault(summary.name, set()).add(summary.key)
+    return [
+        replace(summary, name=f"{summary.name} ({place})") if len(keys[summary.name]) > 1 else summary
+        for place, summary in found
+    ]

@@ -17,7 +17,7 @@ from ospc.recording import Recording, cameras_of, open_recording
 from ospc.recording.channel import Channel
 from ospc.recording.derived import Region, masked, read_mask
 from ospc.recording.kinds import kinds
-from ospc.recording.options import ReadingOptions, declared_options, options_with_exposures
+from ospc.recording.options import ReadingOptions, declared_options
 
 _EACH = "each"
 """Value of ``--channel`` that calibrates each channel separately."""
@@ -113,8 +113,7 @@ def _stated(name: str, *, each: bool = False, text: str = "") -> Any:
     return option(text, *flags, type=click.Choice(choices) if choices else None, metavar=stated.metavar)
 
 
-# Only some commands can handle unknown exposures.
-_FIELDS = tuple(options_with_exposures())
+_FIELDS = tuple(declared_options())
 _READING: dict[str, Declared] = {
     "kind": KIND,
     **{name: _stated(name, each=name == "channel") for name in _FIELDS},

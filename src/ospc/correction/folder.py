@@ -6,6 +6,7 @@ import json
 import os
 import re
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import Any, Literal, NamedTuple
@@ -13,14 +14,14 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from ospc.arrays import ImageSize
 from ospc.atomic import write_atomically
 from ospc.errors import OspcError
 from ospc.folders import Content, check_usable, writing
 from ospc.formats.files import json_object, json_text, read_bytes, read_text, write_bytes, write_text
 from ospc.formats.image_files import encoded
 from ospc.formats.image_header import with_metadata
-from ospc.formats.rules_camera import input_size
+from ospc.recording import Recording
+from ospc.recording.writing.conversion import camera_text
 
 NOTE = "correction.json"
 """Describes the correction. Every output folder has it; it is written before the first image."""
@@ -110,22 +111,18 @@ class CorrectedFolder:
             # The line break comes first, so that a truncated line before it stays separate.
             file.write(f"\n{index} {counts.values} {counts.saturated} {counts.clipped} .")
 
-    def copy_geometry(self, recording: Path, size: ImageSize) -> list[str]:
-        """Copy camera.txt and groundtruthSync.txt, which stay valid, if they exist, and return their names.
-
-        A camera.txt for images of another size than the corrected ones, such as those before a Bayer mosaic was read,
-        is left out.
-        """
+    def copy_geometry(self, recording: Recording) -> list[str]:
+        """Copy camera.txt, if it is for images of this size, and groundtruthSync.txt, and return their names."""
         copied = []
-        for name in _GEOMETRY:
-            if (recording / name).is_file():
-                try:
-                    if name == "camera.txt" and input_size(read_text(recording / name)) != size:
-                        continue
-                    write_bytes(self.path / name, read_bytes(recording / name))
-                except OspcError:
-                    continue  # optional: the images do not depend on it
-                copied.append(name)
+        text, _ = camera_text(recording)
+        if text is not None:
+            write_text(self.path / "camera.txt", text)
+            copied.append("camera.txt")
+        truth = recording.path / "groundtruthSync.txt"
+        if truth.is_file():
+            with suppress(OspcError):  # optional: the images do not depend on it
+                write_bytes(self.path / truth.name, read_bytes(truth))
+                copied.append(truth.name)
         return copied
 
     def finish(self, note: dict[str, Any], files: Sequence[PurePosixPath]) -> None:

@@ -189,7 +189,7 @@ def correct_recording(
         "saturated_share": result.saturated,
         "clipped_share": result.clipped,
         "original_exposures_ms": None if source.unexposed else exposures_ms.tolist(),
-        "copied": folder.copy_geometry(recording.path, recording.size),
+        "copied": folder.copy_geometry(recording),
     }
     folder.finish(note | facts, files)
     return result

@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal, TypeAlias, get_args
 
 from ospc.arrays import ImageSize
 from ospc.errors import FormatError, NotObservableError, SettingError, os_error_as
 from ospc.formats.dso import PARAMETER_FILES, parameter_files
-from ospc.formats.hugin import EmorBasis, write_pto
+from ospc.formats.hugin import write_pto
 from ospc.formats.lens_profiles import write_lcp, write_lensfun
 from ospc.formats.opencv import write_opencv
 from ospc.formats.opening import Photometry
 from ospc.formats.radial import Optics
-from ospc.formats.resize import bin_calibration, crop_calibration, resize_calibration
+from ospc.formats.resize import crop_calibration, resize_calibration
 from ospc.formats.rules_pcalib import FEWEST_VALUES
 from ospc.photometry.calibration import Calibration
 from ospc.photometry.geometry import image_size
@@ -35,20 +35,6 @@ _SUFFIXES: dict[str, tuple[str, ...]] = {
 
 
 @dataclass(frozen=True)
-class ExportSettings:
-    """Additional information that some programs need.
-
-    This is the optics for lensfun and Adobe; the model of lensfun, ``pa`` for radii in half diagonals or ``acm`` for
-    focal lengths; the base curves for the response of hugin; and the number of grey levels in pcalib.txt.
-    """
-
-    optics: Optics = field(default_factory=Optics)
-    lensfun_model: Literal["pa", "acm"] = "pa"
-    emor: EmorBasis | None = None
-    values: int = FEWEST_VALUES
-
-
-@dataclass(frozen=True)
 class Exported:
     """Paths of the written files, and notes on residuals and on parts that were not written."""
 
@@ -57,29 +43,23 @@ class Exported:
 
 
 def adapted(
-    photometry: Photometry,
-    crop: tuple[int, int, int, int] | None = None,
-    size: ImageSize | None = None,
-    binning: int = 1,
+    photometry: Photometry, crop: tuple[int, int, int, int] | None = None, size: ImageSize | None = None
 ) -> Photometry:
-    """Return the photometry for images that are first cropped, then binned, then scaled to a size.
+    """Return the photometry for images that are first cropped, then scaled to a size.
 
-    ``crop`` is column, row, width and height of the part that is kept, and ``binning`` the side in pixels of the
-    blocks that are averaged.
+    ``crop`` is column, row, width and height of the part that is kept.
 
     Raises
     ------
     SettingError
-        If the part is not inside the image, no pixels are left, scaling would change the aspect ratio, or the size of
-        the images is unknown.
+        If the part is not inside the image, scaling would change the aspect ratio, or the size of the images is
+        unknown.
     """
-    if crop is None and size is None and binning == 1:
+    if crop is None and size is None:
         return photometry
     calibration = as_calibration(photometry)
     if crop is not None:
         calibration = crop_calibration(calibration, crop[:2], crop[2:])
-    if binning != 1:
-        calibration = bin_calibration(calibration, binning)
     if size is not None:
         calibration = resize_calibration(calibration, size)
     whole = calibration if photometry.calibration is not None else None
@@ -145,27 +125,31 @@ def files_of(program: Program, out: str | Path) -> list[Path]:
 
 
 def export(
-    photometry: Photometry, program: Program, out: str | Path, settings: ExportSettings | None = None
+    photometry: Photometry,
+    program: Program,
+    out: str | Path,
+    optics: Optics | None = None,
+    values: int = FEWEST_VALUES,
 ) -> Exported:
     """Write a calibration for another program, to a folder for ``dso``, and to a file for all others.
+
+    ``optics`` are needed for lensfun and Adobe; ``values`` is the number of grey levels in pcalib.txt.
 
     Raises
     ------
     NotObservableError
         If no part that the program can use is known.
     SettingError
-        If ``settings`` lack something that the program needs, or the program is unknown.
+        If ``optics`` lack something that the program needs, or the program is unknown.
     FormatError
         If the format cannot represent the calibration, the file has another suffix, or it cannot be written.
     """
     if program not in get_args(Program):
         raise SettingError(f"{program!r} is not a program; known: {', '.join(get_args(Program))}")
-    chosen, place = settings or ExportSettings(), Path(out)
+    place = Path(out)
     files_of(program, place)  # refuses a wrong suffix
-    if program in ("lensfun", "adobe"):
-        return _to_lens_profile(photometry, program, place, chosen)
-    if program == "hugin":
-        return _to_hugin(photometry, place, chosen)
+    if program in ("lensfun", "hugin", "adobe"):
+        return _vignette_only(photometry, program, place, optics or Optics())
     if program == "json":
         calibration = as_calibration(photometry)
         files = [calibration.save(place)]
@@ -176,7 +160,7 @@ def export(
     elif program == "opencv":
         files = [write_opencv(place, photometry.response, photometry.vignette)]
     else:
-        files = _to_dso(photometry, place, chosen.values)
+        files = _to_dso(photometry, place, values)
         # Programs would use them with the new ones.
         others = [old for name in PARAMETER_FILES if (old := place / name) not in files and old.exists()]
         left = [f"{old} is not of this calibration; remove it unless both belong together" for old in others]
@@ -191,33 +175,17 @@ def _to_dso(photometry: Photometry, folder: Path, values: int) -> list[Path]:
     return [write(folder / name) for name, write in files]
 
 
-def _to_lens_profile(photometry: Photometry, program: str, place: Path, settings: ExportSettings) -> Exported:
+def _vignette_only(photometry: Photometry, program: str, place: Path, optics: Optics) -> Exported:
     if photometry.vignette is None:
-        raise NotObservableError(f"{photometry.name}: has no vignette, which is all that {program} can use")
+        raise NotObservableError(f"{photometry.name}: has no vignette, which is all that is written for {program}")
     if program == "lensfun":
-        fit = write_lensfun(photometry.vignette, place, settings.optics, settings.lensfun_model)
+        fit = write_lensfun(photometry.vignette, place, optics)
+    elif program == "adobe":
+        fit = write_lcp(photometry.vignette, place, optics)
     else:
-        fit = write_lcp(photometry.vignette, place, settings.optics)
-    left_out = "" if photometry.response is None else f"{program} uses no response; only the vignette was written"
+        fit = write_pto(place, photometry.vignette)
+    left_out = "" if photometry.response is None else f"no response is written for {program}, only the vignette"
     return Exported((place,), tuple(filter(None, (fit.note, left_out, photometry.caveat))))
-
-
-def _to_hugin(photometry: Photometry, place: Path, settings: ExportSettings) -> Exported:
-    response, emor = photometry.response, settings.emor
-    if photometry.vignette is None and (response is None or emor is None):
-        raise NotObservableError(
-            f"{photometry.name}: has no vignette, and a response can only be written with the base curves emor.txt; "
-            f"add --emor"
-        )
-    size = as_calibration(photometry).size
-    fit, residual = write_pto(place, photometry.vignette, response, emor, size)
-    about_response = ""
-    if residual is not None:
-        about_response = f"response fitted by five EMoR coefficients: root mean square residual {residual:.2g}"
-    elif response is not None:
-        about_response = "the response was not written: the model of hugin needs the base curves emor.txt"
-    notes = ("" if fit is None else fit.note, about_response, *_unknown(photometry))
-    return Exported((place,), tuple(filter(None, notes)))
 
 
 def _unknown(photometry: Photometry) -> tuple[str, ...]:

@@ -265,15 +265,19 @@ def with_metadata(image: bytes, original: bytes) -> bytes:
     if image.startswith(JPEG_START) and original.startswith(JPEG_START):
         kept = (_segment(kind, content) for kind, content in _segments(original) if content.startswith(_COPIED))
         return JPEG_START + b"".join(kept) + image[2:]
-    blocks = (content for _, content in _segments(original) if content.startswith(EXIF))
-    exif = original if original.startswith(EXIF) else next(blocks, None)
-    if exif is None:
+    exif = original if original.startswith(EXIF) else exif_block(original)
+    if not exif:
         return image
     if image.startswith(JPEG_START) and len(exif) <= _LARGEST_SEGMENT:
         return JPEG_START + _segment(_APP1, exif) + image[2:]
     if image.startswith(PNG_SIGNATURE):
         return image[:PNG_HEADER_END] + png_chunk(b"eXIf", exif[len(EXIF) :]) + image[PNG_HEADER_END:]
     return image
+
+
+def exif_block(data: bytes) -> bytes:
+    """Return the EXIF block in a JPEG or PNG file, or in its beginning; empty if there is none."""
+    return next((content for _, content in _segments(data) if content.startswith(EXIF)), b"")
 
 
 def _segments(data: bytes) -> Iterator[tuple[int, bytes]]:

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement, register_namespace
 from xml.parsers import expat
@@ -164,13 +164,10 @@ def _resource(parent: Element, tag: str, **properties: str | float | None) -> El
     return node
 
 
-_TERMS = {"pa": ("k1", "k2", "k3"), "acm": ("alpha1", "alpha2", "alpha3")}
-
-
-def write_lensfun(
-    vignette: Vignette, path: str | Path, optics: Optics, model: Literal["pa", "acm"] = "pa"
-) -> RadialFit:
+def write_lensfun(vignette: Vignette, path: str | Path, optics: Optics) -> RadialFit:
     """Write a database file with one lens and return the polynomial fitted to the vignette, about the image centre.
+
+    The model is ``pa``.
 
     Raises
     ------
@@ -186,7 +183,6 @@ def write_lensfun(
         )
     fit = fit_radial(vignette)
     focal_mm = optics.focal_in_mm(fit.size)
-    terms = fit.coefficients if model == "pa" else rescaled(fit.coefficients, optics.focal_ratio(fit.size))
     divisor = math.gcd(*fit.size)
     database = Element("lensdatabase", version="1")
     lens = SubElement(database, "lens")
@@ -202,11 +198,11 @@ def write_lensfun(
         SubElement(lens, "calibration"),
         "vignetting",
         {
-            "model": model,
+            "model": "pa",
             "focal": f"{focal_mm:.9g}",
             "aperture": f"{optics.aperture:.9g}",
-            "distance": f"{optics.distance_m:.9g}",
-            **{name: f"{term:.9g}" for name, term in zip(_TERMS[model], terms, strict=True)},
+            "distance": "1000",  # a focus distance that stands for infinity
+            **{f"k{n}": f"{term:.9g}" for n, term in enumerate(fit.coefficients, start=1)},
         },
     )
     write_text(path, write_xml(database))
@@ -230,7 +226,7 @@ def read_lensfun(path: str | Path, size: ImageSize | None) -> tuple[RadialFit, .
         (lens, element)
         for lens in root.iter("lens")
         for element in lens.iter("vignetting")
-        if element.get("model") in _TERMS
+        if element.get("model") in ("pa", "acm")
     ]
     if entries and size is None:
         raise SettingError(f"{path}: {_NO_SIZE}")

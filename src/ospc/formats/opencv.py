@@ -64,10 +64,8 @@ def write_opencv(path: str | Path, response: Response | None = None, vignette: V
     return write_text(place, storage.releaseAndGetString())
 
 
-def read_opencv(path: str | Path, channel: int | None = None) -> tuple[Response | None, Vignette | None]:
+def read_opencv(path: str | Path) -> tuple[Response | None, Vignette | None]:
     """Read ``inverse_response`` or ``response``, and ``vignette``, from an OpenCV YAML file.
-
-    ``channel`` (0, 1 or 2 for blue, green, red) selects a channel if those of ``response`` differ.
 
     Raises
     ------
@@ -81,7 +79,7 @@ def read_opencv(path: str | Path, channel: int | None = None) -> tuple[Response 
     if "inverse_response" in matrices:
         response = _table(path, matrices["inverse_response"].ravel())
     elif "response" in matrices:
-        response = _table(path, _one_channel(path, matrices["response"], channel))
+        response = _table(path, _one_channel(path, matrices["response"]))
     if "vignette" not in matrices:
         return response, None
     picture = matrices["vignette"]
@@ -115,13 +113,11 @@ def _values(data: str, letter: str) -> FloatArray:
         return np.frombuffer(binary, np.dtype("<f4" if letter == "f" else "<f8")).astype(np.float64)
 
 
-def _one_channel(path: str | Path, response: FloatArray, channel: int | None) -> FloatArray:
+def _one_channel(path: str | Path, response: FloatArray) -> FloatArray:
     channels = response.reshape(response.shape[0], -1)
-    if channel is not None and not 0 <= channel < channels.shape[1]:
-        raise FormatError(f"{path}: has {channels.shape[1]} channels, but no channel {channel}")
-    if channel is None and np.any(channels != channels[:, :1]):
-        raise FormatError(f"{path}: the response differs between channels; choose one of them")
-    return channels[:, channel or 0]
+    if np.any(channels != channels[:, :1]):
+        raise FormatError(f"{path}: the response differs between channels; write a file with one of them")
+    return channels[:, 0]
 
 
 def _table(path: str | Path, values: FloatArray) -> Response:

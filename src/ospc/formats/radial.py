@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import math
-from contextlib import suppress
 from dataclasses import dataclass
-from typing import Self, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 
 from ospc.arrays import FloatArray, ImageSize
 from ospc.errors import FormatError, SettingError, escaped
@@ -17,7 +15,6 @@ from ospc.photometry.vignette import (
     LARGEST_ATTENUATION,
     LogVignette,
     PolynomialVignette,
-    RasterVignette,
     Vignette,
     powers_in_unit,
 )
@@ -30,18 +27,6 @@ FULL_FRAME_HALF_DIAGONAL_MM = math.hypot(36.0, 24.0) / 2
 
 _FITTED_PIXELS = 1_000_000
 """Approximate number of pixels on a regular grid for fits to larger images; four parameters need no more."""
-
-_SEARCHED_PIXELS = 20_000
-"""The same for the search of the centre, which fits the polynomial many times."""
-
-_FEWEST_SEARCHED_PIXELS = 64
-"""Fewest pixels for that search."""
-
-_LARGEST_RMS_RATIO = 0.9
-"""Largest ratio of the residual about a fitted centre to that about the image centre at which the former is used."""
-
-_EXACT_RMS = 1e-6
-"""Residual below which the polynomial about the image centre counts as exact: maps of pixels have 32-bit values."""
 
 
 @dataclass(frozen=True)
@@ -92,15 +77,13 @@ class RadialFit:
 class Optics:
     """Properties of camera and lens that photographic programs need in addition to the vignette.
 
-    The crop factor is the ratio of the diagonal of 36x24 mm to that of the sensor, the aperture is the f-number, and
-    a focus distance of one kilometre stands for infinity.
+    The crop factor is the ratio of the diagonal of 36x24 mm to that of the sensor, and the aperture is the f-number.
     """
 
     focal_mm: float | None = None
     focal_px: float | None = None
     crop_factor: float | None = None
     aperture: float | None = None
-    distance_m: float = 1000.0
     maker: str = "unknown"
     lens: str = "unknown"
     camera: str = "unknown"
@@ -109,7 +92,7 @@ class Optics:
         """Check the numbers, and escape the names."""
         for name in ("maker", "lens", "camera"):
             object.__setattr__(self, name, escaped(getattr(self, name)))
-        for name in ("focal_mm", "focal_px", "crop_factor", "aperture", "distance_m"):
+        for name in ("focal_mm", "focal_px", "crop_factor", "aperture"):
             value = getattr(self, name)
             if value is not None and not (math.isfinite(value) and value > 0):
                 raise SettingError(f"{name} must be positive, not {value}")
@@ -137,8 +120,8 @@ class Optics:
 def fit_radial(vignette: Vignette, *, about_its_centre: bool = False) -> RadialFit:
     """Return the polynomial fitted to a vignette by least squares over its pixels, without dark surrounds.
 
-    It is centred on the image, or on the vignette if ``about_its_centre``; the centre of a map of pixels is then
-    fitted too, if that clearly lowers the residual. A vignette that is such a polynomial is not changed.
+    It is centred on the image, or on the vignette if ``about_its_centre`` and the vignette states its centre. A
+    vignette that is such a polynomial is not changed.
 
     Raises
     ------
@@ -151,59 +134,24 @@ def fit_radial(vignette: Vignette, *, about_its_centre: bool = False) -> RadialF
     if isinstance(vignette, PolynomialVignette) and len(vignette.coefficients) <= 3 and vignette.centre == centre:
         v1, v2, v3 = (*vignette.coefficients, 0.0, 0.0, 0.0)[:3]
         return RadialFit(vignette.size, (v1, v2, v3), centre)
-    samples = _Samples.of(vignette, _FITTED_PIXELS)
-    fit = samples.fit(centre)
-    if about_its_centre and isinstance(vignette, RasterVignette) and fit.rms > _EXACT_RMS:
-        # If the polynomial about the other centre is not a vignette, the one about the image centre is used.
-        with suppress(FormatError):
-            moved = samples.fit(_Samples.of(vignette, _SEARCHED_PIXELS).best_centre())
-            if moved.rms < _LARGEST_RMS_RATIO * fit.rms:
-                return moved
-    return fit
+    places, values = _samples(vignette)
+    squared = np.sum((places - np.asarray(centre)) ** 2, axis=-1)
+    powers = np.vander(squared, 4, increasing=True)
+    solution = np.linalg.lstsq(powers, values, rcond=None)[0]
+    residual = (values - powers @ solution) / float(solution[0])
+    v1, v2, v3 = (float(v) for v in solution[1:] / solution[0])
+    rms, worst = float(np.sqrt(np.mean(residual**2))), float(np.abs(residual).max())
+    return RadialFit(vignette.size, (v1, v2, v3), centre, rms, worst)
 
 
-@dataclass(frozen=True)
-class _Samples:
-    """Values of a vignette at n places, (n, 2), relative to the image centre in half diagonals."""
-
-    size: ImageSize
-    places: FloatArray
-    values: FloatArray
-
-    @classmethod
-    def of(cls, vignette: Vignette, most: int) -> Self:
-        """Sample the bright pixels; about ``most`` of them on a regular grid if the image is larger."""
-        step = max(1, math.ceil(math.sqrt(vignette.size[0] * vignette.size[1] / most)))
-        x, y = np.meshgrid(*(np.arange(0.0, side, step) for side in vignette.size))
-        points = np.stack([x.ravel(), y.ravel()], axis=-1)
-        values = vignette.at(points)
-        bright = values > 0
-        return cls(vignette.size, normalised(points, vignette.size)[bright], values[bright])
-
-    def fit(self, centre: tuple[float, float]) -> RadialFit:
-        """Return the polynomial about a centre; FormatError if it is not a vignette."""
-        solution, residual = self._solve(centre)
-        v1, v2, v3 = (float(v) for v in solution[1:] / solution[0])
-        residual /= float(solution[0])
-        rms, worst = float(np.sqrt(np.mean(residual**2))), float(np.abs(residual).max())
-        return RadialFit(self.size, (v1, v2, v3), centre, rms, worst)
-
-    def best_centre(self) -> tuple[float, float]:
-        """Return the centre in the image about which the polynomial fits best, that of the image for few places."""
-        from scipy.optimize import least_squares  # slow to import and rarely needed
-
-        ends = (np.array(self.size) - 1) / 2 / half_diagonal(self.size)
-        if len(self.values) < _FEWEST_SEARCHED_PIXELS:
-            return 0.0, 0.0
-        x, y = least_squares(lambda centre: self._solve(centre)[1], np.zeros(2), bounds=(-ends, ends)).x
-        return float(x), float(y)
-
-    def _solve(self, centre: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """Return the coefficients of R⁰, R², R⁴ and R⁶ about a centre, and the residuals."""
-        squared = np.sum((self.places - np.asarray(centre)) ** 2, axis=-1)
-        powers = np.vander(squared, 4, increasing=True)
-        solution = np.asarray(np.linalg.lstsq(powers, self.values, rcond=None)[0], dtype=np.float64)
-        return solution, np.asarray(self.values - powers @ solution)
+def _samples(vignette: Vignette) -> tuple[FloatArray, FloatArray]:
+    """Return places relative to the image centre in half diagonals, (n, 2), and the values at them, without zeros."""
+    step = max(1, math.ceil(math.sqrt(vignette.size[0] * vignette.size[1] / _FITTED_PIXELS)))
+    x, y = np.meshgrid(*(np.arange(0.0, side, step) for side in vignette.size))
+    points = np.stack([x.ravel(), y.ravel()], axis=-1)
+    values = vignette.at(points)
+    bright = values > 0
+    return normalised(points, vignette.size)[bright], values[bright]
 
 
 def rescaled(coefficients: Terms, unit: float) -> Terms:

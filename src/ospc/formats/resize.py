@@ -1,4 +1,4 @@
-"""Calibrations for images that are cropped, scaled or binned after the calibration.
+"""Calibrations for images that are cropped or scaled after the calibration.
 
 The response does not change, and the vignette moves with the pixels. Parts that are no longer valid are left out: the
 noise of averaged pixels, and the uncertainty of a profile about another centre.
@@ -96,26 +96,6 @@ def _cropped(vignette: Vignette, offset: tuple[int, int], size: ImageSize) -> Vi
         return vignette.moved(size, (centre[0], centre[1]), new_half / half)
     values = vignette.at(pixel_grid(size) + np.array(offset, dtype=np.float64))
     return RasterVignette(values.astype(np.float32), {**vignette.as_dict(), "crop": [*offset, *size]})
-
-
-def bin_calibration(calibration: Calibration, factor: int) -> Calibration:
-    """Return the calibration for images in which blocks of ``factor`` × ``factor`` pixels are averaged.
-
-    Incomplete blocks at the right and bottom edges are cropped. If the camera averages grey values instead of
-    irradiances, the response is only correct for blocks of nearly equal values.
-
-    Raises
-    ------
-    SettingError
-        If the factor is less than 1 or leaves no pixels.
-    """
-    width, height = calibration.size
-    if factor < 1 or min(width, height) // max(factor, 1) < 2:
-        raise SettingError(f"{width}x{height} pixels cannot be binned by {factor}")
-    size = (width // factor, height // factor)
-    whole = (size[0] * factor, size[1] * factor)
-    cut = calibration if whole == calibration.size else crop_calibration(calibration, (0, 0), whole)
-    return cut if factor == 1 else resize_calibration(cut, size)
 
 
 def _changed(

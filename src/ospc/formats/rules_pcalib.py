@@ -91,15 +91,6 @@ def table_text(values: npt.ArrayLike) -> str:
 _LARGEST_VALUE = 1e30
 """Larger values count as missing: values and their differences must not exceed 3.4e38, the largest 32-bit float."""
 
-_STRAIGHT = 1e-5
-"""Steps count as equal if they differ by less than this fraction of the entire range."""
-
-_LIMITED_RANGE = (16, 20)
-"""Number of grey levels below 16 and above 235, which limited-range video does not use (ITU-R BT.601)."""
-
-_LIMITED_TOLERANCE = 2
-"""Tolerance for the lengths of straight ends: extrapolation extends them by one or two grey levels."""
-
 _MOSTLY, _CLEARLY = 0.95, 0.02
 """Share of the grey levels at which a response lies above the diagonal, and its mean height above it as a fraction of
 the range: the inverse response of nearly all cameras is below it, or close to it if they are almost linear."""
@@ -186,13 +177,6 @@ def _about_the_range(table: PcalibText, _context: Context) -> Iterator[Broken]:
     values = table.values
     if not _increases(values):
         return
-    if _is_of_limited_range(values):
-        rule = (
-            "the curve is measured at all grey levels; it is exactly straight below 16 and above 235, the grey "
-            "levels that limited-range video does not use"
-        )
-        effect = "applies it to images with all 256 grey levels, for which it is wrong"
-        yield Broken("warning", rule, effect, "record or decode full-range video and calibrate again")
     if values[0] != 0 or values[-1] != 255:
         rule = f"values run from {values[0]:g} to {values[-1]:g}"
         effect = (
@@ -203,7 +187,7 @@ def _about_the_range(table: PcalibText, _context: Context) -> Iterator[Broken]:
 
 def _about_the_direction(table: PcalibText, _context: Context) -> Iterator[Broken]:
     values = table.values.astype(np.float64)
-    if not _increases(table.values):
+    if values.size < FEWEST_VALUES or not _increases(table.values):
         return
     above = (values - values[0]) / (values[-1] - values[0]) - np.linspace(0, 1, values.size)
     if np.mean(above[1:-1] > 0) >= _MOSTLY and np.mean(above) > _CLEARLY:
@@ -281,16 +265,6 @@ def _scale_to_255(table: PcalibText, _context: Context) -> tuple[PcalibText, str
 
 def _increases(values: Float32Array) -> bool:
     return values.size >= 2 and bool(np.all(np.diff(values) > 0))
-
-
-def _is_of_limited_range(table: Float32Array) -> bool:
-    """Return whether the curve is exactly straight below grey level 16 and above 235, and only there."""
-    values = table.astype(np.float64)
-    bends = np.flatnonzero(np.abs(np.diff(values, 2)) > _STRAIGHT * (values[-1] - values[0]))
-    if values.size != FEWEST_VALUES or not bends.size:
-        return False
-    straight = np.array([bends[0] + 1, values.size - 2 - bends[-1]])  # levels before the first bend, after the last
-    return bool(np.abs(straight - _LIMITED_RANGE).max() <= _LIMITED_TOLERANCE)
 
 
 PCALIB: Format[PcalibText] = Format(

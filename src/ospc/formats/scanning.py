@@ -11,10 +11,10 @@ from ospc.arrays import FloatArray
 from ospc.errors import FormatError
 
 _DECIMAL = r"(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
-STREAM_NUMBER = re.compile(rf"[+-]?{_DECIMAL}", re.ASCII)
+_STREAM_NUMBER = re.compile(rf"[+-]?{_DECIMAL}", re.ASCII)
 """A decimal number as read by C++ streams, without NaN and infinity."""
 
-_STREAM_NUMBERS = re.compile(rf"(?:\s*{STREAM_NUMBER.pattern})*+", re.ASCII)
+_STREAM_NUMBERS = re.compile(rf"(?:\s*{_STREAM_NUMBER.pattern})*+", re.ASCII)
 
 NUMBER = re.compile(rf"[+-]?(?:{_DECIMAL}|inf(?:inity)?|nan)", re.ASCII | re.IGNORECASE)
 """A number as read by C functions, including NaN and infinity."""
@@ -37,7 +37,7 @@ def leading_numbers(line: str) -> tuple[FloatArray, str]:
     """
     found = _STREAM_NUMBERS.match(line)
     numbers = found.group() if found else ""
-    return np.array([float(number) for number in STREAM_NUMBER.findall(numbers)]), line[len(numbers) :].strip()
+    return np.array([float(number) for number in _STREAM_NUMBER.findall(numbers)]), line[len(numbers) :].strip()
 
 
 def scanned(line: str, conversions: str) -> list[float]:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from ospc.errors import ExposureError, FrameError, RecordingError, listed, os_error_as
 from ospc.formats.files import beginning, read_bytes
-from ospc.formats.image_header import EXIF
+from ospc.formats.image_header import EXIF, exif_block
 from ospc.photometry.correction import EXPOSURE_RANGE_MS
 from ospc.recording.frame_table import FrameTable, make_table
 from ospc.recording.image_formats import Shot, format_of, shot_of_exif
@@ -48,7 +48,8 @@ def _photo(path: Path) -> tuple[float, Shot]:
     """Return the exposure of a photograph in ms, and its EXIF data."""
     optional = format_of(path)
     if optional is None:
-        shot = shot_of_exif(_head(path))
+        head = _head(path)
+        shot = shot_of_exif(exif_block(head) or head)
     else:
         try:
             shot = optional.shot(read_bytes(path, MAX_FILE_BYTES, FrameError), str(path))

@@ -9,8 +9,13 @@ from ospc.recording.exposure_lists import read_list
 from ospc.recording.frame_table import FrameTable
 from ospc.recording.image_sequence import ImageSequence, open_sequence
 from ospc.recording.image_source import FolderImages
-from ospc.recording.list_search import lists_above, lists_beside, lists_in, only_list, read_beside
+from ospc.recording.list_search import lists_beside, lists_in, only_list, read_beside
 from ospc.recording.options import DEFAULT, ReadingOptions
+
+_ADVICE = (
+    "add times.txt with lines 'id stamp[s] exposure[ms]', or exposures.csv with a header "
+    "'file,timestamp_s,exposure_ms'"
+)
 
 
 class _ImageFolder:
@@ -29,18 +34,9 @@ class _ImageFolder:
                 return read_list(only_list(lists, path), options, images=images.names)
             if beside := lists_beside(path):
                 return read_beside(only_list(beside, path), images, options)
-            return read_list(only_list((), path, _advice(path, len(images.names))), options)
+            return read_list(only_list((), path, _ADVICE), options)
 
         return open_sequence(path, self.name, images, table, options=options)
-
-
-def _advice(path: Path, images: int) -> str:
-    """Return which list to add, or to copy from the folders above."""
-    copies = "".join(f", or copy {place} there if it belongs to these images" for place in lists_above(path, images))
-    return (
-        f"add times.txt with lines 'id stamp[s] exposure[ms]', or exposures.csv with a header "
-        f"'file,timestamp_s,exposure_ms'{copies}"
-    )
 
 
 KIND = _ImageFolder()

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import logging
 import math
 import re
+import warnings
 from abc import abstractmethod
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -23,8 +23,11 @@ from ospc.recording.channel import DEFAULT_CHANNEL, Channel, Mosaic
 from ospc.recording.frame import check_decoded_size
 from ospc.recording.pixel_layout import BitDepth, StoredImage
 
-_TIME, _NUMBER, _ISO = "EXIF ExposureTime", "EXIF FNumber", "EXIF ISOSpeedRatings"
-_TAKEN, _FRACTION, _MODEL = "EXIF DateTimeOriginal", "EXIF SubSecTimeOriginal", "Image Model"
+_TIME, _NUMBER, _ISO, _TAKEN, _FRACTION, _MODEL = 0x829A, 0x829D, 0x8827, 0x9003, 0x9291, 0x0110
+"""Tags of exposure time, f-number, ISO, time of the shot with its fraction, and camera model (Exif 3.0)."""
+
+_EXIF_DIRECTORY = 0x8769
+"""Tag of the directory with all of them except the model."""
 
 _MOST_BYTES = 8 * 2**20
 """Maximum number of EXIF bytes read from a photograph, counting repeated reads: far more than cameras write."""
@@ -45,21 +48,22 @@ class Shot:
     model: str = ""
 
 
-def shot_of_exif(data: bytes) -> Shot:
-    """Read the EXIF of a file, or of its beginning; damaged EXIF gives an empty result."""
-    with needs_extra("reading exposures from photographs", "exif"):
-        import exifread
-    logger = logging.getLogger("exifread")
-    if not logger.handlers:
-        # Without a handler, its messages about unusual files would be printed.
-        logger.addHandler(logging.NullHandler())
+def shot_of_exif(block: bytes) -> Shot:
+    """Read an EXIF block, which has the form of a TIFF file; a damaged one gives an empty result."""
+    from PIL import Image as Pillow
+
+    exif = Pillow.Exif()
     try:
-        tags: Mapping[str, Any] = exifread.process_file(_BoundedReads(data), details=False)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # about unusual files
+            exif.load_from_fp(_BoundedReads(block.removeprefix(EXIF)))
+            tags = exif.get_ifd(_EXIF_DIRECTORY)
+            model = str(exif.get(_MODEL, ""))
     except Exception:
         # The parser raises undocumented errors for damaged EXIF.
         return Shot()
-    time_s, iso, f_number = (_positive(tags, name) for name in (_TIME, _ISO, _NUMBER))
-    return Shot(time_s, iso, f_number, _taken(tags), str(tags.get(_MODEL, "")))
+    time_s, iso, f_number = (_positive(tags.get(tag)) for tag in (_TIME, _ISO, _NUMBER))
+    return Shot(time_s, iso, f_number, _taken(tags), model)
 
 
 class _BoundedReads(BytesIO):
@@ -75,16 +79,16 @@ class _BoundedReads(BytesIO):
         return found
 
 
-def _positive(tags: Mapping[str, Any], name: str) -> float | None:
-    """Return the number in a tag; None if it is missing or not positive."""
+def _positive(value: Any) -> float | None:
+    """Return the number in a tag, the first of several; None if it is missing or not positive."""
     try:
-        value = float(tags[name].values[0])
-    except (KeyError, IndexError, AttributeError, TypeError, ValueError, ZeroDivisionError, OverflowError):
+        number = float(value[0] if isinstance(value, tuple) else value)
+    except (IndexError, TypeError, ValueError, ZeroDivisionError, OverflowError):
         return None
-    return value if math.isfinite(value) and value > 0 else None
+    return number if math.isfinite(number) and number > 0 else None
 
 
-def _taken(tags: Mapping[str, Any]) -> datetime | None:
+def _taken(tags: Mapping[int, Any]) -> datetime | None:
     digits = str(tags.get(_FRACTION, "0")).strip()[:6]
     fraction = digits if digits.isascii() and digits.isdigit() else "0"
     try:
@@ -146,7 +150,7 @@ class Heic(ImageFormat):
 
     def shot(self, data: bytes, name: str) -> Shot:
         """Return how the photograph was taken, from its EXIF."""
-        return shot_of_exif(self._exif(data, name).removeprefix(EXIF))
+        return shot_of_exif(self._exif(data, name))
 
     def exif(self, data: bytes) -> bytes:
         """Return the EXIF block."""

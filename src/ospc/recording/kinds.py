@@ -38,7 +38,7 @@ _VIDEOS_AND_BAGS = (".mp4", ".mov", ".avi", ".mkv", ".webm", ".bag", ".mcap", ".
 """Suffixes of files that are recordings unless they are damaged."""
 
 _MOST_LOOKED_INTO = 100
-"""Maximum number of files in a folder that are checked to suggest those that are recordings."""
+"""Maximum number of entries of a folder that are checked for the recordings in it."""
 
 
 class Kind(Protocol):
@@ -106,35 +106,16 @@ def open_recording(path: str | Path, kind: str | None = None, options: ReadingOp
     if kind is not None:
         names = ", ".join(k.name for k in kinds())
         raise RecordingError(f"{quoted(str(kind))} is not a kind of recording; known: {names}")
-    inside = _recordings_inside(place)
-    if why := inside or why_unread(place):
-        raise RecordingError(f"{place}: {why}", "" if inside else _where_to_copy(place))
+    if files := [path.name for path in _entries(place)[:_MOST_LOOKED_INTO] if path.is_file() and is_recording(path)]:
+        raise RecordingError(f"{place}: is not a recording, but contains some; give one of them: {listed(files)}")
+    if why := why_unread(place):
+        raise RecordingError(f"{place}: {why}")
     problem, remedy = _nothing_known(place)
     raise RecordingError(f"{place}: {problem}", remedy)
 
 
-def _where_to_copy(place: Path) -> str:
-    """Return what to do with lists of exposures in a folder with images in several subfolders."""
-    names = [path.name for path in lists_in(place)] if place.is_dir() else []
-    return f"copy {listed(names)} into the one whose exposures it has" if names else ""
-
-
-def _recordings_inside(place: Path) -> str | None:
-    """Return which files in a folder, such as videos, are recordings; None if there are none."""
-    names = [path.name for path in _inside(place)[:_MOST_LOOKED_INTO] if path.is_file() and is_recording(path)]
-    return f"is not a recording, but contains some; give one of them: {listed(names)}" if names else None
-
-
-def _only_file_inside(place: Path, kind: str | None) -> Path | None:
-    """Return the file in a folder that is its only recording; None if there is none, or others cannot be excluded."""
-    inner = _inside(place)
-    found = [path for path in inner if is_recording(path)] if len(inner) <= _MOST_LOOKED_INTO else []
-    if len(found) == 1 and found[0].is_file() and is_recording(found[0], kind):
-        return found[0]
-    return None
-
-
-def _inside(place: Path) -> list[Path]:
+def _entries(place: Path) -> list[Path]:
+    """Return the files and then the folders in a folder."""
     return sorted(place.iterdir(), key=lambda path: (path.is_dir(), path)) if place.is_dir() else []
 
 
@@ -172,16 +153,17 @@ def _readable(place: Path) -> Iterator[None]:
 def _located(place: Path, kind: str | None) -> tuple[Path, Kind | None]:
     """Return the path, or that of the only recording in a folder that is not one itself, and the kind recognised."""
     found = _recognising(place, kind)
-    if found is None and (inner := _only_file_inside(place, kind)):
-        return inner, _recognising(inner, kind)
-    if found is None and kind in (None, _IMAGES) and (inner := _only_images_inside(place)):
-        return inner, _recognising(inner, _IMAGES)
-    return place, found
-
-
-def _only_images_inside(place: Path) -> Path | None:
-    """Return the only folder with images in a folder that has a list of their exposures."""
-    return only_image_folder(place) if place.is_dir() and lists_in(place) else None
+    if found is not None or not place.is_dir():
+        return place, found
+    entries = _entries(place)
+    # If there are too many to look into, others cannot be excluded.
+    inside = [path for path in entries if is_recording(path)] if len(entries) <= _MOST_LOOKED_INTO else []
+    if len(inside) == 1 and inside[0].is_file() and (found := _recognising(inside[0], kind)):
+        return inside[0], found
+    # A folder with a list of exposures stands for the only folder of images in it.
+    if kind in (None, _IMAGES) and lists_in(place) and (images := only_image_folder(place)):
+        return images, _recognising(images, _IMAGES)
+    return place, None
 
 
 _MAX_CAMERAS = 64

@@ -13,7 +13,7 @@ from ospc.recording.frame_matching import match_images
 from ospc.recording.frame_table import FrameTable
 from ospc.recording.image_source import FolderImages, ImageSource
 from ospc.recording.list_columns import columns_of
-from ospc.recording.options import DEFAULT, ReadingOptions
+from ospc.recording.options import ReadingOptions
 from ospc.recording.table_text import read_table_text
 
 TIMES = "times.txt"
@@ -58,15 +58,6 @@ def lists_beside(folder: Path) -> list[Path]:
     return lists_in(full.parent) if belongs else []
 
 
-def lists_above(folder: Path, images: int) -> list[Path]:
-    """Return the lists with an exposure per image in the two parent folders, as in data sets of rigs."""
-    found = []
-    for place in (place for above in folder.resolve().parents[:2] for place in lists_in(above)):
-        with suppress(RecordingError):
-            found += [place] if len(_read(place)) == images else []
-    return found
-
-
 def only_image_folder(place: Path) -> Path | None:
     """Return the folder with images in another folder; None if there are several, or images next to it."""
     inner: list[Path] = []
@@ -83,11 +74,6 @@ def _has_images(folder: Path) -> bool:
     return False
 
 
-def _read(path: Path, options: ReadingOptions = DEFAULT, images: Sequence[str] = ()) -> FrameTable:
-    """Read a list that is not in the folder of its images; a ``times.txt`` is then in the format of TUM data sets."""
-    return read_times(path, options) if path.name == TIMES else read_list(path, options, images=images)
-
-
 def read_beside(path: Path, images: ImageSource, options: ReadingOptions) -> FrameTable:
     """Read a list beside a folder or an archive of images.
 
@@ -97,7 +83,9 @@ def read_beside(path: Path, images: ImageSource, options: ReadingOptions) -> Fra
         If the list cannot be read, or does not belong to the images.
     """
     try:
-        table = _read(path, options, images.names)
+        # Outside the folder of the images, times.txt is in the format of TUM data sets.
+        tum = path.name == TIMES
+        table = read_times(path, options) if tum else read_list(path, options, images=images.names)
         match_images(table, images.names, str(images.place))
     except RecordingError as error:
         raise ExposureError(str(error)) from None

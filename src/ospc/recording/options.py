@@ -72,14 +72,8 @@ class ReadingOptions:
         ),
     ] = None
     gain_field: Annotated[str | None, Option("Field of these messages with a gain.", str, metavar="FIELD")] = None
-    unknown_exposures: Annotated[
-        bool,
-        Option(
-            "Open recordings without usable exposures too; every frame then has an exposure of 1 ms.",
-            "true".__eq__,
-            ("true", "false"),
-        ),
-    ] = False
+    unknown_exposures: bool = False
+    """Open recordings without usable exposures too; every frame then has an exposure of 1 ms. It has no text form."""
 
     @classmethod
     def of(cls, texts: Mapping[str, str | None]) -> ReadingOptions:
@@ -104,13 +98,9 @@ class ReadingOptions:
 
 @cache
 def declared_options() -> dict[str, Option]:
-    """Return the text form of each option, by field name."""
-    return {name: hint.__metadata__[0] for name, hint in get_type_hints(ReadingOptions, include_extras=True).items()}
-
-
-def options_with_exposures() -> dict[str, Option]:
-    """Return the options for recordings whose exposures must be known: all but ``unknown_exposures``."""
-    return {name: option for name, option in declared_options().items() if name != "unknown_exposures"}
+    """Return the text form of each option that has one, by field name."""
+    hints = get_type_hints(ReadingOptions, include_extras=True)
+    return {name: hint.__metadata__[0] for name, hint in hints.items() if hasattr(hint, "__metadata__")}
 
 
 DEFAULT = ReadingOptions()

@@ -64,9 +64,6 @@ def lines_of(text: str, source: str) -> list[tuple[int, str]]:
 
 
 _FRACTION = re.compile(r"(\d{1,9}(?:\.\d{1,9})?)/(\d{1,9}(?:\.\d{1,9})?)", re.ASCII)
-_THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(?:,\d{3})+(?:\.\d*)?", re.ASCII)
-_DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?", re.ASCII)
-_WITH_UNIT = re.compile(rf"(?:{NUMBER.pattern}|{_FRACTION.pattern})\s*(?:100)?[a-zµμ]+", re.ASCII | re.IGNORECASE)
 
 
 def is_number(text: str) -> bool:
@@ -94,7 +91,10 @@ def parse_number(text: str, what: str, place: str) -> float:
     unknown = ", or write nan if it is unknown" if what == EXPOSURE else ""
     if not text:
         raise RecordingError(f"{place}: {what} is missing; add it{unknown}")
-    raise RecordingError(f"{place}: {what} must be a number, not {quoted(text)}; {_as_number(text, unknown)}")
+    raise RecordingError(
+        f"{place}: {what} must be a number, not {quoted(text)}; write it like 1234.5, without a unit or "
+        f"commas{unknown}"
+    )
 
 
 def parse_exposure(text: str, place: str, *, seconds: bool) -> float:
@@ -109,20 +109,6 @@ def parse_exposure(text: str, place: str, *, seconds: bool) -> float:
         )
     dividend, divisor = float(fraction[1]), float(fraction[2])
     return dividend / divisor if divisor else math.inf
-
-
-def _as_number(text: str, otherwise: str) -> str:
-    """Return how to write what is not a number; ``otherwise`` is what else to do if it resembles none."""
-    if _THOUSANDS.fullmatch(text):
-        whole = text.replace(",", "")
-        if "." in text or text.count(",") > 1:
-            return f"write {whole}, without separators of thousands"
-        return f"write {whole} if the comma separates thousands, or {text.replace(',', '.')} if it is a decimal comma"
-    if _DECIMAL_COMMA.fullmatch(text):
-        return "use a decimal point"
-    if _WITH_UNIT.fullmatch(text):
-        return "write only the number, and its unit in the header"
-    return f"correct the line{otherwise}"
 
 
 def exposures_in(path: str | Path) -> list[float]:

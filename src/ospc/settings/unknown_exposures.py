@@ -36,6 +36,9 @@ most alternations."""
 RESPONSE_COMPONENTS = 4
 """Number of components of the model of responses, of at most five that the published one has."""
 
+RESPONSE_SAMPLES = 1024
+"""Number of irradiances at which a model of responses is tabulated, as in the published tables."""
+
 MIN_START_IRRADIANCE = 1e-4
 """Smallest irradiance whose logarithm is used for the initial exposures: darker samples are noise."""
 

@@ -33,10 +33,11 @@ from ospc.settings.unknown_exposures import (
     MIN_JOINT_OBSERVATIONS,
     MIN_JOINT_VIGNETTE,
     MIN_START_IRRADIANCE,
+    RESPONSE_SAMPLES,
     SOLVER_TOLERANCE,
     START_DAMPING,
 )
-from ospc.unknown_exposures.response_model import SAMPLES, ResponseModel, learned_model
+from ospc.unknown_exposures.response_model import ResponseModel, learned_model
 from ospc.unknown_exposures.tracking import TrackObservations
 
 _RADIAL = 2 * np.arange(1, 4)
@@ -139,7 +140,7 @@ class _Problem:
         self._c, self._v = c, v
         self._radial = tracks.radius[:, None] ** _RADIAL
         self._points = int(tracks.point.max()) + 1
-        irradiance = np.interp(tracks.grey, model.curve(c), np.linspace(0, 1, SAMPLES))
+        irradiance = np.interp(tracks.grey, model.curve(c), np.linspace(0, 1, RESPONSE_SAMPLES))
         first_log = np.log(np.maximum(irradiance, MIN_START_IRRADIANCE)) - np.log(self._attenuation(v))
         self._log_e, self._log_l = _first_exposures(tracks, first_log, log_e)
         self._damping = START_DAMPING
@@ -196,7 +197,7 @@ class _Problem:
         x = self._irradiance(self._v, self._log_e)
         curve = self._model.curve(self._c)
         residual = self._tracks.grey - self._at(curve[None], x)[:, 0]
-        slope = self._at(np.gradient(curve, 1 / (SAMPLES - 1))[None], x)[:, 0] * x
+        slope = self._at(np.gradient(curve, 1 / (RESPONSE_SAMPLES - 1))[None], x)[:, 0] * x
         weight = self._tracks.weight * np.minimum(1, JOINT_HUBER / np.maximum(np.abs(residual), 1e-12))
         return x, residual, np.where(x < 1, slope, 0.0), weight
 
@@ -221,8 +222,8 @@ class _Problem:
     @staticmethod
     def _at(curves: FloatArray, x: FloatArray) -> FloatArray:
         """Interpolate curves, given at equidistant irradiances, at x, shape (m, 1024), (n,) -> (n, m)."""
-        place = np.clip(x, 0, 1) * (SAMPLES - 1)
-        low = np.minimum(place.astype(np.int64), SAMPLES - 2)
+        place = np.clip(x, 0, 1) * (RESPONSE_SAMPLES - 1)
+        low = np.minimum(place.astype(np.int64), RESPONSE_SAMPLES - 2)
         share = (place - low)[:, None]
         table = curves.T
         return np.asarray(table[low] * (1 - share) + table[low + 1] * share)

@@ -21,9 +21,10 @@ from ospc.recording.recording import Recording
 from ospc.settings.unknown_exposures import (
     EXPONENT_LEVELS,
     MAX_RECOVERED_FRAMES,
+    RESPONSE_SAMPLES,
 )
 from ospc.unknown_exposures.joint_estimation import JointEstimate, estimate_jointly
-from ospc.unknown_exposures.response_model import SAMPLES, learned_model
+from ospc.unknown_exposures.response_model import learned_model
 from ospc.unknown_exposures.tracking import GainRobustTracker
 
 
@@ -60,7 +61,7 @@ def recover_exposures(
 
 def typical_exponent(found: JointEstimate) -> float:
     """Return the exponent γ for which ln g^γ is closest to the mean response, in least squares over grey levels."""
-    x = np.linspace(0, 1, SAMPLES)
+    x = np.linspace(0, 1, RESPONSE_SAMPLES)
     log_g = np.log(np.maximum(found.response.inverse(EXPONENT_LEVELS), 1e-6))
     log_mean = np.log(np.interp(EXPONENT_LEVELS, learned_model().mean, x))
     return float(log_g @ log_mean / (log_g @ log_g))

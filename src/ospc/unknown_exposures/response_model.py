@@ -16,7 +16,8 @@ import numpy as np
 import numpy.typing as npt
 
 from ospc.arrays import FloatArray, read_only
-from ospc.formats.hugin import EMOR_SAMPLES, read_emor
+from ospc.errors import FormatError
+from ospc.formats.files import read_text
 from ospc.photometry.response import Response
 from ospc.settings.unknown_exposures import (
     EVERY_WITH_KNEE,
@@ -29,10 +30,8 @@ from ospc.settings.unknown_exposures import (
     FAMILY_TOES,
     MIN_RESPONSE_SLOPE,
     RESPONSE_COMPONENTS,
+    RESPONSE_SAMPLES,
 )
-
-SAMPLES = EMOR_SAMPLES
-"""Number of irradiances at which a model is tabulated, as in the published tables."""
 
 
 @dataclass(frozen=True)
@@ -52,13 +51,13 @@ class ResponseModel:
 
     def coefficients_of(self, response: Response) -> FloatArray:
         """Return the least squares coefficients of a response, shape (n,)."""
-        target = response(np.linspace(0, 1, SAMPLES)) - self.mean
+        target = response(np.linspace(0, 1, RESPONSE_SAMPLES)) - self.mean
         return np.asarray(np.linalg.lstsq(self.components.T, target, rcond=None)[0], dtype=np.float64)
 
     def response(self, coefficients: npt.ArrayLike) -> Response:
         """Return the response with these coefficients."""
         values = np.array([float(c) for c in np.asarray(coefficients)])
-        table = np.interp(np.linspace(0, 1, 256), self.curve(values), np.linspace(0, 1, SAMPLES))
+        table = np.interp(np.linspace(0, 1, 256), self.curve(values), np.linspace(0, 1, RESPONSE_SAMPLES))
         return Response.from_values(_increasing(table), model={"name": "emor", "coefficients": values.tolist()})
 
 
@@ -76,19 +75,32 @@ def read_model(path: str | Path, count: int = RESPONSE_COMPONENTS) -> ResponseMo
 
     FormatError if the file is not an ``emor.txt``.
     """
-    basis = read_emor(path, count)
-    return ResponseModel(basis.mean, basis.components)
+    blocks: dict[str, list[float]] = {}
+    current: list[float] = []
+    try:
+        for line in read_text(path).splitlines():
+            name, equals, _ = line.partition("=")
+            if equals:
+                current = blocks.setdefault(name.strip(), [])
+            else:
+                current += [float(word) for word in line.split()]
+        table = np.array([blocks[name] for name in ("f0", *(f"h({i})" for i in range(1, count + 1)))])
+    except (ValueError, KeyError):
+        raise FormatError(f"{path}: not the file emor.txt of the empirical model of response") from None
+    if table.shape != (count + 1, RESPONSE_SAMPLES) or not np.all(np.isfinite(table)):
+        raise FormatError(f"{path}: not the file emor.txt, which has {RESPONSE_SAMPLES} values per curve")
+    return ResponseModel(table[0], table[1:])
 
 
 def family_of_inverses(levels: int) -> FloatArray:
     """Return g for every curve that the model is learned from, at equidistant grey levels, shape (n, levels)."""
-    grey, x = np.linspace(0, 1, levels), np.linspace(0, 1, SAMPLES)
+    grey, x = np.linspace(0, 1, levels), np.linspace(0, 1, RESPONSE_SAMPLES)
     return np.array([np.interp(grey, _increasing(curve), x) for curve in _family()])
 
 
 def _family() -> list[FloatArray]:
     """Return the curves that the model is learned from, at equidistant irradiances, shape (1024,) each."""
-    x = np.linspace(0, 1, SAMPLES)
+    x = np.linspace(0, 1, RESPONSE_SAMPLES)
     curves = [x ** (1 / g) for g in np.geomspace(*FAMILY_GAMMAS)]
     for g in np.geomspace(*FAMILY_TOE_GAMMAS):
         for toe in FAMILY_TOES:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-import re
 import shutil
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -13,13 +11,11 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from ospc.arrays import ImageSize
 from ospc.errors import FormatError, RecordingError, counted
 from ospc.folders import Content, check_usable, writing
 from ospc.formats.dso import write_times
 from ospc.formats.files import read_text, write_text
 from ospc.formats.rules_camera import input_size
-from ospc.formats.scanning import STREAM_NUMBER
 from ospc.formats.validation import validate
 from ospc.recording.euroc import FIRST_CAMERA
 from ospc.recording.recording import Recording
@@ -27,73 +23,27 @@ from ospc.recording.stream import usable_frames
 from ospc.recording.writing.images import ImageFormat, NumberedImages, encode, encoding_notes, original_file
 
 _MOST_BYTES = 65536
-"""Maximum size of camera.txt and sensor.yaml files; typical ones have a few hundred bytes."""
-
-_MULTIPLE = 16
-"""The sides of rectified images must be multiples of this, because DSO halves them several times."""
-
-_MODELS = {"radial-tangential": "RadTan", "radtan": "RadTan", "equidistant": "EquiDistant", "equi": "EquiDistant"}
+"""Maximum size of a camera.txt; typical ones have a few hundred bytes."""
 
 
 def camera_text(recording: Recording) -> tuple[str | None, list[str]]:
-    """Return the content of camera.txt for a recording, or None if its intrinsics are unknown, and notes.
-
-    The ``camera.txt`` of the recording is copied if it is for images of this size. Otherwise, the intrinsics in the
-    ``sensor.yaml`` of a EuRoC folder are converted to the format of DSO.
-    """
-    places = [recording.path / folder for folder in FIRST_CAMERA]
-    full = [place.resolve() for place in places]
+    """Return the ``camera.txt`` of a recording, or None if there is none for images of this size, and notes."""
+    full = [(recording.path / place).resolve() for place in FIRST_CAMERA]
     sources = [recording.path / "camera.txt", *(p.parent.parent / "dso" / p.name / "camera.txt" for p in full)]
-    sources += [place / "sensor.yaml" for place in places]
     notes: list[str] = []
-    for source in sources:
-        if source.is_file():
-            try:
-                text = read_text(source, _MOST_BYTES)
-                if source.suffix == ".yaml":
-                    return _of_sensor(text, source, recording.size), notes
-                _check_size(input_size(text), source, recording.size)
-                return text, notes
-            except FormatError as error:
-                notes.append(f"no camera.txt from {error}")
+    for source in filter(Path.is_file, sources):
+        try:
+            text = read_text(source, _MOST_BYTES)
+        except FormatError as error:
+            notes.append(f"no camera.txt from {error}")
+            continue
+        found = input_size(text)
+        if found == recording.size:
+            return text, notes
+        stated = "none" if found is None else f"{found[0]}×{found[1]}"
+        wanted = f"{recording.size[0]}×{recording.size[1]}"
+        notes.append(f"no camera.txt from {source}: is for images of another size ({stated}, not {wanted})")
     return None, notes
-
-
-def _check_size(found: tuple[float, ...] | None, source: Path, size: ImageSize) -> None:
-    if found != size:
-        stated = "none" if found is None else "×".join(f"{side:g}" for side in found)
-        raise FormatError(f"{source}: is for images of another size ({stated}, not {size[0]}×{size[1]})")
-
-
-def _of_sensor(text: str, source: Path, size: ImageSize) -> str:
-    """Return the content of camera.txt from the sensor.yaml of a EuRoC folder."""
-    focal_and_centre = _numbers(text, "intrinsics", source)
-    resolution = _numbers(text, "resolution", source)
-    distortion = _numbers(text, "distortion_coefficients", source)
-    named = re.search(r"^\s*distortion_model:\s*([\w-]+)", text, re.MULTILINE)
-    model = _MODELS.get(named[1]) if named else None
-    if len(focal_and_centre) != 4 or (len(distortion) != 4 and any(distortion)):
-        raise FormatError(f"{source}: does not have four intrinsics and four distortion coefficients")
-    _check_size(tuple(resolution), source, size)
-    if any(distortion) and model is None:
-        raise FormatError(
-            f"{source}: DSO does not support its distortion model {named[1] if named else 'without a name'}"
-        )
-    values = [*focal_and_centre, *(distortion if any(distortion) else [0.0])]
-    first = f"{model if any(distortion) else 'Pinhole'} {' '.join(f'{value:.12g}' for value in values)}"
-    width, height = (side - side % _MULTIPLE if side >= _MULTIPLE else side for side in size)
-    return f"{first}\n{size[0]} {size[1]}\ncrop\n{width} {height}\n"
-
-
-def _numbers(text: str, name: str, source: Path) -> list[float]:
-    """Return the numbers in the line ``name: [a, b, …]``."""
-    found = re.search(rf"^\s*{name}:\s*\[([^\]\n]{{0,400}})\]", text, re.MULTILINE)
-    if found is None:
-        raise FormatError(f"{source}: has no line '{name}: […]'")
-    values = [float(number) for number in STREAM_NUMBER.findall(found[1])]
-    if not all(math.isfinite(value) for value in values):
-        raise FormatError(f"{source}: '{name}' has a number that is not finite")
-    return values
 
 
 PARTS = ("images", "images.zip", "camera.txt", "times.txt")
