@@ -57,6 +57,17 @@ def test_noise_clouds_and_lamps_are_none(film: Film, lag: int) -> None:
     assert proven(changes(film), stated(film.log_exposure, lag, lag), lag) is None
 
 
+@pytest.mark.parametrize("jump", [0.3, 0.6, -0.6, 6.9])
+@pytest.mark.parametrize("compared", [0, 3])
+def test_a_jump_of_the_stated_exposures_is_none(jump: float, compared: int) -> None:
+    """Almost any other lag explains the pair of frames at the jump; only a few pairs near it are compared."""
+    number = np.arange(FRAMES)
+    film = Film(0.4 * np.sin(number / 20), seed=3)
+    near = [c for c in changes(film) if compared == 0 or not 0 <= c.frame0 - SWITCH - compared < 40]
+    for at in (SWITCH - 1, SWITCH, SWITCH + 1):
+        assert proven(near, film.log_exposure + np.where(number < at, 0.0, jump), 0) is None
+
+
 def test_flicker_that_the_exposure_control_begins_to_follow_is_none() -> None:
     """The exposure was at its limit before, so the flicker did not change it."""
     frames, limited = 300, 130

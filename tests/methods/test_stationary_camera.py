@@ -13,7 +13,7 @@ from ospc.settings import DefaultSettings
 
 def camera_after(motions_px: list[float]) -> StationaryCamera:
     """Return what is known of a camera after displacements between frames."""
-    camera = StationaryCamera(DefaultSettings().still_px, StaticSeries(points=100))
+    camera = StationaryCamera(DefaultSettings().still_px, 20.0, StaticSeries(points=100))
     random = np.random.default_rng(0)
     for number, motion_px in enumerate(motions_px):
         image = random.integers(20, 200, (48, 64)).astype(np.uint8)
@@ -26,7 +26,9 @@ def camera_after(motions_px: list[float]) -> StationaryCamera:
     ("motions_px", "stationary"),
     [
         ([0.1] * 100, True),
-        ([0.1] * 95 + [30.0] * 5, True),  # a few wrong registrations
+        ([0.1] * 95 + [15.0] * 5, True),  # a few wrong registrations
+        ([0.1] * 150 + [30.0], True),
+        ([0.1] * 150 + [30.0] * 2 + [0.1] * 50, False),  # a robot arm that mostly rests, or a bump
         ([0.1, 0.1, 0.1, 12.0] * 25, False),  # a pan-tilt unit that mostly rests
         ([0.1] * 50 + [9.0] * 20 + [0.1] * 300, False),  # it moved, and rests for the whole rest of the film
         ([5.0] * 100, False),

@@ -99,7 +99,16 @@ def _proven_change(series: BrightnessSeries, changes: FloatArray) -> int:
         flickering = np.hstack([light, waves(series.frame, [flicker.cycles_per_frame])])
         beside_flicker = _clearly_later(fit_exposures(series, changes, flickering))
         found = beside_flicker if beside_flicker * found > 0 else 0
-    return found
+    return found if found and _several_show(series, changes, found) else 0
+
+
+def _several_show(series: BrightnessSeries, changes: FloatArray, later_frames: int) -> bool:
+    """Return whether a change of the lag is proven without the pair to which it matters most."""
+    # A jump of the light, or of the stated exposures, is a single pair, which almost any other lag explains.
+    matters = np.abs(changes[_UNCHANGED + later_frames] - changes[_UNCHANGED])
+    others = np.arange(len(series)) != matters.argmax()
+    without = fit_exposures(series.where(others), changes[:, others], _slow_light(series.frame)[others])
+    return _clearly_later(without) * later_frames > 0
 
 
 def _held_before(

@@ -39,6 +39,7 @@ from ospc.second_thread import SecondThread
 from ospc.settings import DefaultSettings
 from ospc.settings.methods import (
     DROPPED_PAIRS,
+    FAR_MOTION,
     FIRST_QUICK_FIT_PAIRS,
     INTER_CODED_SIGMAS,
     NEAR_WHITE,
@@ -62,7 +63,8 @@ class MaximumLikelihoodMethod:
         self._noise = NoiseEstimator(max_grey)
         self._changes = ChangeDetector()
         self._scene_area = SceneArea()
-        self._stationary = StationaryCamera(settings.still_px, StaticSeries(points=settings.series_points))
+        series = StaticSeries(points=settings.series_points)
+        self._stationary = StationaryCamera(settings.still_px, FAR_MOTION * max(size), series)
         self._select_keyframe = KeyframeSelector(settings.keyframes, settings.max_log_ratio)
         self._register = named("registration", settings.registration, REGISTRARS)(self._second)
         self._sample = FlatSampler(

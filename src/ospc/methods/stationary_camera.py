@@ -6,7 +6,14 @@ import numpy as np
 
 from ospc.correspondence.static_series import StaticSeries
 from ospc.recording.frame import Frame
-from ospc.settings.methods import MAX_MOTIONS, MIN_MOVING_PAIRS, MOVING_FACTOR, MOVING_SHARE, UNDECIDED_PAIRS
+from ospc.settings.methods import (
+    MAX_MOTIONS,
+    MIN_FAR_PAIRS,
+    MIN_MOVING_PAIRS,
+    MOVING_FACTOR,
+    MOVING_SHARE,
+    UNDECIDED_PAIRS,
+)
 
 
 class StationaryCamera:
@@ -18,12 +25,15 @@ class StationaryCamera:
     ----------
     still_px
         Median displacement in pixels up to which a camera counts as stationary.
+    far_px
+        Displacement in pixels that even dark, noisy frames of a stationary camera do not show.
     series
         The kept grey values; None once the camera moved.
     """
 
-    def __init__(self, still_px: float, series: StaticSeries | None) -> None:
+    def __init__(self, still_px: float, far_px: float, series: StaticSeries | None) -> None:
         self._still_px = still_px
+        self._far_px = far_px
         self.series = series
         self.motions: list[float] = []
 
@@ -34,6 +44,8 @@ class StationaryCamera:
         self.series.observe(frame)
         motion_px = float(np.median(self.motions)) if self.motions else 0.0
         moves = len(self.motions) >= MIN_MOVING_PAIRS and motion_px > MOVING_FACTOR * self._still_px
+        # It may rest most of the time, like a robot arm, or have been moved only once.
+        moves |= sum(motion > self._far_px for motion in self.motions) >= MIN_FAR_PAIRS
         if moves or (len(self.motions) >= UNDECIDED_PAIRS and not self.stands_still):
             self.series = None
 

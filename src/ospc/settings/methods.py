@@ -57,6 +57,11 @@ MOVING_SHARE = 0.15
 """Share of pairs with such a displacement from which a camera is not stationary although most pairs show no motion: a
 pan-tilt unit in steps. Misregistered pairs of a stationary camera are fewer or less displaced."""
 
+MIN_FAR_PAIRS, FAR_MOTION = 2, 0.05
+"""Number of pairs, and displacement relative to the longer side of the image, after which a camera has certainly
+moved, however rarely. In seven recordings of a stationary camera, two of them very dark and noisy, the largest was
+0.03."""
+
 UNDECIDED_PAIRS = 60
 """Pairs after which a camera that is not stationary counts as moving. Dark frames register poorly at first."""
 
