@@ -87,6 +87,12 @@ def given_calibrations(entries: Iterable[str]) -> dict[str, Photometry]:
     return {name: open_photometry(files) for name, files in named(entries, _EXAMPLE).items()}
 
 
+def study_cache(out: Path) -> Path:
+    """Return the folder of finished results in the folder of a study, which must be new or from an earlier study."""
+    check_usable(out, content_of=_content)
+    return out / _CACHE
+
+
 def run_study(
     tasks: Sequence[Task],
     out: Path,
@@ -102,7 +108,7 @@ def run_study(
     """
     from ospc.research.runner import ResultStore, run
 
-    check_usable(out, content_of=_content)
+    store = ResultStore(study_cache(out))
     found: dict[str, Finished] = {}
 
     def finished() -> list[Finished]:
@@ -110,12 +116,7 @@ def run_study(
 
     interrupted = False
     with progress_line() as show:
-        results = run(
-            tasks,
-            ResultStore(out / _CACHE),
-            jobs,
-            lambda task, share: show(task.name, len(found) + share, len(tasks)),
-        )
+        results = run(tasks, store, jobs, lambda task, share: show(task.name, len(found) + share, len(tasks)))
         try:
             for one in results:
                 found[one.task.name] = one

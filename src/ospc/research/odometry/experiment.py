@@ -148,8 +148,8 @@ _FEWEST_POSES = 3
 class Experiment:
     """Recordings by name, each with camera.txt and groundtruthSync.txt, to be run under several conditions.
 
-    ``end_share`` is the share of the true trajectory to use at either end, as in data sets that know no more; None
-    for all of it.
+    ``folder`` gets the images of recordings in another layout. ``end_share`` is the share of the true trajectory to
+    use at either end, as in data sets that know no more; None for all of it.
     """
 
     recordings: dict[str, Recording]
@@ -185,7 +185,7 @@ def tasks_of(experiment: Experiment, odometry: Odometry) -> tuple[list[Task], li
     failed: list[RunResult] = []
     described = odometry.describe()
     for name, recording in experiment.recordings.items():
-        images = images_of(recording, experiment.folder / "images")
+        images = images_of(recording, experiment.folder)
         for condition in experiment.conditions:
             try:
                 photometry = experiment.calibrations.of(recording, condition)
