@@ -23,7 +23,6 @@ from ospc.report.charts import ReportFindings
 from ospc.report.drawing import Drawn
 from ospc.report.examples import NOTHING_TRIED, examples_of
 from ospc.report.page import write_page
-from ospc.report.pdf import write_pdf
 from ospc.report.pictures import PICTURES, pictures_as_png
 from ospc.state.container import STATE_NAME
 
@@ -31,8 +30,8 @@ _SCHEMA_BEGINNING = "ospc-calibration/"
 _MAP = "calibration.vignette.npz"
 _CALIBRATION = "calibration.json"
 _DATA = (_CALIBRATION, _MAP, *PARAMETER_FILES, "times.txt")
-REPORTS = ("report.html", "report.pdf")
-OWN_NAMES = (*_DATA, *PICTURES, *REPORTS)
+REPORT = "report.html"
+OWN_NAMES = (*_DATA, *PICTURES, REPORT)
 """All files that are ever written to an output folder; no other files in it are touched."""
 
 _PARTIAL = "partial"
@@ -184,11 +183,10 @@ class OutputFolder:
         findings: ReportFindings,
         recording: Recording | None = None,
         *,
-        pdf: bool = False,
         drawn: Drawn | None = None,
         about: str = "",
     ) -> Written:
-        """Write report.html, and report.pdf if ``pdf``.
+        """Write report.html.
 
         Example images and tracks come from the recording, and are left out without it. They are computed while
         ``drawn`` draws the charts in another process.
@@ -198,9 +196,7 @@ class OutputFolder:
             drawing = None if drawn is None else drawn()
             examples = NOTHING_TRIED if recording is None else examples_of(findings.calibration, recording, about)
             charts = None if drawing is None else drawing.result().charts
-            yield Written((write_page(findings, self.path / "report.html", examples, charts),))
-            if pdf:
-                yield Written((write_pdf(findings, self.path / "report.pdf", examples),))
+            yield Written((write_page(findings, self.path / REPORT, examples, charts),))
 
         return _collected(reports(), f"{self.path}: the report cannot be written")
 

@@ -19,7 +19,6 @@ from ospc.photometry.verdict import Verdict
 from ospc.report.charts import ReportFindings, chart_as_svg
 from ospc.report.examples import examples_of
 from ospc.report.page import page, write_page
-from ospc.report.pdf import write_pdf
 from ospc.report.pictures import pictures_of
 
 EXPOSURES_MS = np.geomspace(2, 10, 24)
@@ -137,9 +136,8 @@ def test_untrusted_texts_are_escaped(tmp_path):
     assert outline.text.count("<script>alert(1)</script>") >= 15
 
 
-def test_untrusted_texts_do_not_break_pictures_and_pdf(tmp_path):
-    findings, examples = hostile_findings()
-    assert write_pdf(findings, tmp_path / "report.pdf", examples).read_bytes().startswith(b"%PDF")
+def test_untrusted_texts_do_not_break_pictures():
+    findings, _ = hostile_findings()
     assert "figure.png" in pictures_of(findings)
 
 

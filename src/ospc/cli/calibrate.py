@@ -87,7 +87,6 @@ class _Request:
         type=click.Path(path_type=Path, dir_okay=False),
     )
     correct_lag: LagChoice = CORRECT_LAG
-    pdf: bool = option("Also write the report as report.pdf.")
     start_from: Path | None = option(
         "Earlier calibration of the camera: a state.ospc, a calibration.json, or a folder with one. It is used as "
         "long as the recording agrees with it; a changed lens or focus is detected."
@@ -179,7 +178,7 @@ class _Request:
         from ospc.output import OutputFolder
 
         folder = OutputFolder.at(self.out, recording=self.path, force=self.force)
-        return ResultFolder(folder, self.interruption, self.quiet, self.as_json, truth, self.pdf)
+        return ResultFolder(folder, self.interruption, self.quiet, self.as_json, truth)
 
     def of_camera(self, name: str) -> _Request:
         """Return the request for one camera of a rig."""

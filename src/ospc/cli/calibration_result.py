@@ -99,7 +99,6 @@ class ResultFolder:
     quiet: bool = False
     as_json: bool = False
     truth: Photometry | None = None
-    pdf: bool = False
     times: Times | None = None
     second: SecondThread = field(default_factory=SecondThread)
 
@@ -148,7 +147,7 @@ class ResultFolder:
         if not written.problems:
             findings = folder.findings(outcome.calibration, recording, self.truth)
             drawn = cache(partial(self.second.submit, drawings_of, findings))
-            written += folder.report(findings, recording, pdf=self.pdf, drawn=drawn)
+            written += folder.report(findings, recording, drawn=drawn)
             written += folder.draw(findings, stop=lambda: self.interruption.count > before, drawn=drawn)
         if self.interruption.requested and not outcome.interrupted:
             unfinished = replace(outcome.calibration, partial=True)
