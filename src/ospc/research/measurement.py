@@ -119,16 +119,6 @@ class Spread:
     cases: int
 
 
-@dataclass(frozen=True)
-class Contest:
-    """Two methods compared: the first is nearer to the truth on ``nearer`` of the ``both`` recordings both solve."""
-
-    nearer: int
-    both: int
-    only_first: int
-    only_second: int
-
-
 def methods_of(rows: Sequence[Measurement]) -> list[str]:
     """Return the methods in order of their first measurement."""
     return list(dict.fromkeys(row.method for row in rows))
@@ -167,15 +157,6 @@ def spread(rows: Sequence[Measurement], method: str, metric: Metric) -> Spread |
     worst = metric.worst(list(values.values()))
     name = next(name for name, value in values.items() if value == worst)
     return Spread(metric.typical(list(values.values())), worst, name, len(values), len(members))
-
-
-def contest(rows: Sequence[Measurement], first: str, second: str, figure: str) -> Contest:
-    """Return how often one method is nearer to the truth than another."""
-    known = [row for row in rows if figure in row.figures]
-    one, two = ({row.recording: row.figures[figure] for row in known if row.method == m} for m in (first, second))
-    both = one.keys() & two.keys()
-    nearer = sum(abs(one[name]) < abs(two[name]) for name in both)
-    return Contest(nearer, len(both), len(one) - len(both), len(two) - len(both))
 
 
 def medians(rows: Sequence[Measurement], figure: str) -> dict[str, float]:
