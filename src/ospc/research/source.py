@@ -21,7 +21,7 @@ from ospc.photometry.vignette import Vignette
 from ospc.recording import Frame, Recording, open_recording
 from ospc.recording.recording import identity
 from ospc.research.measurement import Measurement
-from ospc.research.method import Estimate, Method, Outcome, Result, run_methods
+from ospc.research.method import Estimate, Method, Result, run_methods
 from ospc.research.runner import OnProgress, Task, made_with
 from ospc.research.scoring import HeldOut, Truth, curves_of, score, simulated_pairs
 from ospc.simulation import SimulationSettings
@@ -82,10 +82,6 @@ class Methods(ABC):
     def make(self, source: Source) -> dict[str, Method]:
         """Create the methods for a recording."""
 
-    def references(self, source: Source) -> dict[str, Outcome]:
-        """Return further outcomes on a recording to compare the methods with."""
-        return {}
-
 
 def measuring_task(source: Source, methods: Methods) -> Task:
     """Return the task of measuring methods on a recording; the task is about the recording."""
@@ -96,7 +92,6 @@ def measuring_task(source: Source, methods: Methods) -> Task:
 
 def _measure(source: Source, methods: Methods, progress: OnProgress) -> list[dict[str, Any]]:
     results = run_methods(methods.make(source), source.frames(), source.count, progress)
-    results += [Result(name, outcome) for name, outcome in methods.references(source).items()]
     return [asdict(found) for found in judge(source, results, source.held_out())]
 
 

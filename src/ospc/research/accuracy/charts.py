@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 from hashlib import sha256
-from itertools import combinations, pairwise
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -24,14 +24,12 @@ from ospc.arrays import FloatArray, Image, IntArray
 from ospc.errors import FormatError, OspcError
 from ospc.evaluation.metrics import response_shape_rmse
 from ospc.formats.files import read_bytes, read_text
-from ospc.methods.paper import in_order, polynomial_response, response_rows, solve_response
 from ospc.photometry.geometry import pixel_grid
 from ospc.photometry.response import Response
 from ospc.recording import Frame
 from ospc.recording.channel import Channel
 from ospc.recording.image_source import decode_stored
 from ospc.recording.recording import ArrayRecording
-from ospc.research.method import Estimate, Outcome
 from ospc.research.scoring import HeldOut, HeldOutPair, Truth
 from ospc.research.source import Source
 
@@ -220,20 +218,6 @@ class ChartSource(Source):
             for first, second in combinations(range(EXPOSURES), 2)
         ]
         return HeldOut(pairs, pairs)
-
-    def quadratic(self) -> Outcome:
-        """Return the paper's quadratic response from corresponding pixels of successive exposures."""
-        planes = self._planes(self._fitted())
-        gram = np.zeros((3, 3))
-        for i, j in pairwise(range(EXPOSURES)):
-            ratio = _STATED_MS[i] / _STATED_MS[j]
-            pair = _same_places(planes, i, j, ratio)
-            rows = response_rows(in_order(pair, ratio), ratio, 2)
-            gram += rows.T @ rows
-        coefficients = solve_response(gram, "when needed")
-        if coefficients is None:
-            return "the quadratic does not increase"
-        return Estimate(polynomial_response(coefficients))
 
     def _fitted(self) -> ChartSeries:
         return read_series(self.folder, ILLUMINANTS[0])
