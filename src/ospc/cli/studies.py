@@ -100,11 +100,11 @@ def run_study(
     report: Callable[[Sequence[Finished]], StudyReport],
     *,
     as_json: bool = False,
-    partly: Callable[[Sequence[Finished]], bool] = lambda _finished: False,
+    partly: bool = False,
 ) -> None:
     """Run tasks with a progress bar, then write and print the report on the finished ones, in their order.
 
-    The report is also written whenever ``partly`` returns True for the tasks finished so far.
+    With ``partly``, it is also written whenever a task is finished.
     """
     from ospc.research.runner import ResultStore, run
 
@@ -120,7 +120,7 @@ def run_study(
         try:
             for one in results:
                 found[one.task.name] = one
-                if len(found) < len(tasks) and partly(finished()):
+                if partly and len(found) < len(tasks):
                     report(finished()).write(out)
         except KeyboardInterrupt:
             interrupted = True

@@ -108,14 +108,6 @@ def _attempted(step: Callable[[], _Found]) -> _Found | str:
         return one_line(error)
 
 
-def with_and_without(
-    name: str, truth: Response | None, estimate: Callable[[Response | None], Estimate]
-) -> dict[str, Outcome]:
-    """Return a method's estimates with one point of the true response, if that is known, and without it."""
-    variants = {"without": None} if truth is None else {"with": truth, "without": None}
-    return {f"{name}-{variant}": estimate(known) for variant, known in variants.items()}
-
-
 VIGNETTE_SOLVERS = ("l2", "l1", "m-estimator")
 """The solvers that the paper compares (section 5)."""
 

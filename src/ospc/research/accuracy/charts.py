@@ -9,8 +9,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
-from functools import partial
+from dataclasses import dataclass
 from hashlib import sha256
 from itertools import combinations
 from pathlib import Path
@@ -169,12 +168,11 @@ class ChartSource(Source):
 
     Methods get the JPEGs under the first illuminant with the nominal exposures; the RAW files give the truth.
     Exposure factors are predicted for the JPEGs under the second illuminant. ``channel`` is an index into
-    :data:`CHANNELS`; with ``colour``, frames contain all three.
+    :data:`CHANNELS`.
     """
 
     folder: Path
     channel: int
-    colour: bool = False
 
     @classmethod
     def of(cls, folder: Path, channel: int) -> ChartSource:
@@ -193,15 +191,13 @@ class ChartSource(Source):
         for illuminant in ILLUMINANTS:
             series = read_series(self.folder, illuminant)
             total.update(series.jpeg.tobytes() + series.raw.tobytes() + series.patches.tobytes())
-        known = {"kind": "chart", "camera": self.folder.name, "channel": self.channel, "colour": self.colour}
+        known = {"kind": "chart", "camera": self.folder.name, "channel": self.channel}
         return known | {"sha256": total.hexdigest()}
 
     def frames(self) -> Iterator[Frame]:
         """Iterate over the JPEGs under the first illuminant."""
-        series = self._fitted()
-        recording = ArrayRecording(list(self._planes(series)), _STATED_MS, name=self.name, max_grey=255)
-        for grey, image in zip(recording, series.jpeg, strict=True):
-            yield replace(grey, load=partial(np.asarray, image), colour=True) if self.colour else grey
+        planes = list(self._planes(self._fitted()))
+        return iter(ArrayRecording(planes, _STATED_MS, name=self.name, max_grey=255))
 
     def truth(self) -> Truth:
         """Return the response from the RAW files."""
