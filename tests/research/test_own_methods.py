@@ -27,8 +27,7 @@ def recording():
 
 def found_by(name, recording, *, solvers=True, progress=lambda _share: None):
     source = SimulatedSource("simulated", SETTINGS, group="simulated" if solvers else "static")
-    results = run_methods(PresetMethods(name).make(source), recording, len(recording), progress)
-    return {result.variant: result.outcome for result in results}
+    return run_methods(PresetMethods(name).make(source), recording, len(recording), progress)
 
 
 class Counting:

@@ -15,7 +15,7 @@ from ospc.cli.studies import CALIBRATIONS, DATA, JOBS, by_name, given_calibratio
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from ospc.research.method import Result
+    from ospc.research.method import Outcome
     from ospc.research.runner import Finished
     from ospc.research.source import Source
     from ospc.research.tables import StudyReport
@@ -103,19 +103,19 @@ class _Run:
             return [*sweeps(count, frames, self.size)]
         return [*stand_ins(count, frames, self.size, self.data, speed=self.speed or speed)]
 
-    def _others(self) -> list[Result]:
+    def _others(self) -> dict[str, Outcome]:
         """Return the results of other programs; exposures belong to the calibration of the same name, if any."""
         from ospc.recording.table_text import exposures_in
-        from ospc.research.method import Estimate, Result
+        from ospc.research.method import Estimate
 
         calibrations = given_calibrations(self.given)
         files = named(self.estimated, "theirs=times.txt")
         exposures = {name: dict(enumerate(exposures_in(file))) for name, file in files.items()}
-        found = []
+        found: dict[str, Outcome] = {}
         for name in dict.fromkeys([*calibrations, *exposures]):
             curves = calibrations.get(name)
             response, vignette = (None, None) if curves is None else (curves.response, curves.vignette)
-            found.append(Result(name, Estimate(response, vignette, exposures=exposures.get(name))))
+            found[name] = Estimate(response, vignette, exposures=exposures.get(name))
         return found
 
 

@@ -51,7 +51,6 @@ METRICS = (
     Metric("vignette_pixel_rmse", "vignette, RMSE of all pixels", "V pixels"),
     Metric("ratio_median_abs", "ln k, median error", "ln k"),
     Metric("ratio_bias", "ln k, bias", "bias", "bias"),
-    Metric("factor_error_percent", "exposure factor, error in %", "factor %", digits=2),
     Metric("exposure_error", "exposures, RMSE of ln e", "ln e"),
     Metric("response_within_1_sigma", "response within ±1σ", "g ±1σ", "share", 0),
     Metric("response_within_2_sigma", "response within ±2σ", "g ±2σ", "share", 0),
@@ -80,8 +79,6 @@ class Measurement:
         Verdicts by quantity, and their reasons.
     limits
         Limits of the comparison itself: how uncertain the truth is, how wrong the stated exposures are.
-    seconds
-        Processor time, of all variants together if the method has several.
     curves, ratios
         For plots: "response", g at 256 grey levels, and "vignette", the mean of V in 50 rings; the exposure ratios
         that a calibration reports, as lists "frames", "metadata", "estimated" and "samples".
@@ -96,7 +93,6 @@ class Measurement:
     states: dict[str, str] = field(default_factory=dict)
     reasons: dict[str, str] = field(default_factory=dict)
     limits: dict[str, float] = field(default_factory=dict)
-    seconds: float | None = None
     curves: dict[str, list[float]] = field(default_factory=dict, repr=False)
     ratios: dict[str, list[Any]] = field(default_factory=dict, repr=False)
 

@@ -8,7 +8,7 @@ response up to scale.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from hashlib import sha256
 from itertools import combinations
@@ -29,7 +29,7 @@ from ospc.recording import Frame
 from ospc.recording.channel import Channel
 from ospc.recording.image_source import decode_stored
 from ospc.recording.recording import ArrayRecording
-from ospc.research.scoring import HeldOut, HeldOutPair, Truth
+from ospc.research.scoring import HeldOutPair, Truth
 from ospc.research.source import Source
 
 EXPOSURES = 4
@@ -204,16 +204,15 @@ class ChartSource(Source):
         response, greys = true_response(self._fitted(), self.channel)
         return Truth(response, greys=greys, limits=self._limits(response, greys))
 
-    def held_out(self) -> HeldOut:
+    def held_out(self) -> Sequence[HeldOutPair]:
         """Return all pairs of exposures under the second illuminant, with the ratios of the RAW files."""
         series = read_series(self.folder, ILLUMINANTS[1])
         exposures, _ = series.irradiance()
         planes = self._planes(series)
-        pairs = [
+        return [
             _same_places(planes, first, second, float(exposures[first] / exposures[second]))
             for first, second in combinations(range(EXPOSURES), 2)
         ]
-        return HeldOut(pairs, pairs)
 
     def _fitted(self) -> ChartSeries:
         return read_series(self.folder, ILLUMINANTS[0])

@@ -227,8 +227,7 @@ class Calibrations:
         else:
             method = OwnMethod(preset, variant=name)
         progress = partial(self.progress, f"calibrating {recording.path.name}")
-        for result in run_methods({name: method}, recording, len(recording), progress):
-            found = result.outcome
+        for variant, found in run_methods({name: method}, recording, len(recording), progress).items():
             if isinstance(found, str):
                 raise NotObservableError(f"{recording.path}: {found}")
             if found.response is None:
@@ -236,7 +235,7 @@ class Calibrations:
             with writing(folder):
                 folder.mkdir(parents=True, exist_ok=True)
             known = found.calibration or Calibration(recording.size, found.response, found.vignette)
-            known.save(folder / f"{re.sub('joint-(online|batch)', 'joint', result.variant)}.json")
+            known.save(folder / f"{re.sub('joint-(online|batch)', 'joint', variant)}.json")
         if not place.is_file():
             raise FormatError(f"{recording.path}: has no {PCALIB}, which provides the known point of the response")
         return place
