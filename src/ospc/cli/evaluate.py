@@ -166,10 +166,8 @@ def odometry(
         default="truth,paper,ours,joint-wgt,joint-wogt,none",
     ),
     given: tuple[str, ...] = CALIBRATIONS,
-    batch: bool = option("Run the joint estimation on the whole recording, not online."),
     jobs: int = JOBS,
     timeout: float = option("Time limit of a run in seconds.", default=3600.0),
-    ends: float | None = option("Use only this share of the truth at either end.", metavar="SHARE"),
     arguments: tuple[str, ...] = option("Argument of the program, such as preset=0; repeatable.", "--argument"),
     as_json: bool = AS_JSON,
 ) -> None:
@@ -194,10 +192,8 @@ def odometry(
     tracker = _odometry(program, arguments, timeout, recordings if builtin else ())
     cache = study_cache(out)
     with leaving("the same command continues where it stopped"), progress_line() as show:
-        estimates = Calibrations(
-            cache / "calibrations", files, not batch, lambda what, share: show(what, 100 * share, 100)
-        )
-        experiment = Experiment(opened, columns, runs, estimates, cache, ends)
+        estimates = Calibrations(cache / "calibrations", files, lambda what, share: show(what, 100 * share, 100))
+        experiment = Experiment(opened, columns, runs, estimates, cache)
         tasks, failed = tasks_of(experiment, tracker)
     run_study(
         tasks,
