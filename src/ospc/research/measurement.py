@@ -138,12 +138,6 @@ def known_metrics(rows: Sequence[Measurement]) -> list[Metric]:
     return [metric for metric in METRICS if any(metric.figure in row.figures for row in rows)]
 
 
-def typical(rows: Sequence[Measurement], metric: Metric) -> float | None:
-    """Return the typical figure of measurements; None if it is never known."""
-    values = [row.figures[metric.figure] for row in rows if metric.figure in row.figures]
-    return metric.typical(values) if values else None
-
-
 def spread(rows: Sequence[Measurement], method: str, metric: Metric) -> Spread | None:
     """Summarise a figure of a method over recordings; None if it is never known."""
     members = [row for row in rows if row.method == method]

@@ -15,7 +15,6 @@ from ospc.research.measurement import (
     metrics,
     recordings_of,
     spread,
-    typical,
 )
 from ospc.research.pictures import draw_errors
 from ospc.research.tables import StudyReport, Table, benchmark_report, measurements_csv
@@ -100,8 +99,12 @@ def _by_factor(title: str, members: Sequence[Measurement]) -> Table:
     for factor, level in levels:
         alike: dict[tuple[str, ...], list[str]] = {}  # methods by their figures
         for method in methods_of(members):
-            there = [row for row in members if row.method == method and row.factors.get(factor) == level]
-            alike.setdefault(tuple(metric.text(typical(there, metric)) for metric in shown), []).append(method)
+            there = [row for row in members if row.factors.get(factor) == level]
+            found = [spread(there, method, metric) for metric in shown]
+            texts = tuple(
+                metric.text(None if one is None else one.typical) for metric, one in zip(shown, found, strict=True)
+            )
+            alike.setdefault(texts, []).append(method)
         lines += [(f"{factor} = {level}", ", ".join(names), *figures) for figures, names in alike.items()]
     return Table(title, ("level", "method", *(m.short for m in shown)), tuple(lines), names=2)
 
