@@ -1,4 +1,4 @@
-"""The output folder of a calibration: files for programs, a report and pictures."""
+"""The output folder of a calibration: files for programs, a report and a picture."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from ospc.report.charts import ReportFindings
 from ospc.report.drawing import Drawn
 from ospc.report.examples import NOTHING_TRIED, examples_of
 from ospc.report.page import write_page
-from ospc.report.pictures import PICTURES, pictures_as_png
+from ospc.report.pictures import PICTURE, picture_as_png
 from ospc.state.container import STATE_NAME
 
 _SCHEMA_BEGINNING = "ospc-calibration/"
@@ -31,7 +31,7 @@ _MAP = "calibration.vignette.npz"
 _CALIBRATION = "calibration.json"
 _DATA = (_CALIBRATION, _MAP, *PARAMETER_FILES, "times.txt")
 REPORT = "report.html"
-OWN_NAMES = (*_DATA, *PICTURES, REPORT)
+OWN_NAMES = (*_DATA, PICTURE, REPORT)
 """All files that are ever written to an output folder; no other files in it are touched."""
 
 _PARTIAL = "partial"
@@ -166,17 +166,16 @@ class OutputFolder:
     def draw(
         self, findings: ReportFindings, stop: Callable[[], bool] = lambda: False, drawn: Drawn | None = None
     ) -> Written:
-        """Write the pictures until ``stop`` returns true. ``drawn`` draws them in another process."""
+        """Write the picture unless ``stop`` returns true. ``drawn`` draws it in another process."""
 
         def pictures() -> Iterator[Written]:
-            content = pictures_as_png(findings) if drawn is None else drawn().result().pictures
-            for name, picture in content.items():
-                if stop():
-                    yield Written(notes=("interrupted before all pictures were written",))
-                    return
-                yield Written((write_bytes(self.path / name, picture),))
+            picture = picture_as_png(findings) if drawn is None else drawn().result().picture
+            if stop():
+                yield Written(notes=("interrupted before the picture was written",))
+            else:
+                yield Written((write_bytes(self.path / PICTURE, picture),))
 
-        return _collected(pictures(), f"{self.path}: the pictures cannot be drawn")
+        return _collected(pictures(), f"{self.path}: the picture cannot be drawn")
 
     def report(
         self,

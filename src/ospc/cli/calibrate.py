@@ -53,7 +53,7 @@ class _Request:
     PATH is a folder with images/ or images.zip and times.txt, a EuRoC folder, photographs with EXIF, folders named by
     exposure, images or a video with a list of exposures, or a ROS bag.
 
-    OUT gets report.html, calibration.json, pcalib.txt, vignette.png, times.txt, and pictures. Parts that the
+    OUT gets report.html, calibration.json, pcalib.txt, vignette.png, times.txt, and figure.png. Parts that the
     recording does not determine are not written, and the output explains why. OUT/state.ospc is the input of --resume
     and 'ospc merge'.
 
