@@ -88,6 +88,7 @@ def test_variants_that_share_their_matching_find_what_they_find_alone():
             alone.push(frame, None, exposures)
         expected = alone.calibration(exposures)
         np.testing.assert_array_equal(together[name].response.inverse_table, expected.response.inverse_table)
+        assert together[name].calibration.verdicts == expected.verdicts
 
 
 def test_every_experiment_makes_new_methods_and_describes_what_it_varies(source):
