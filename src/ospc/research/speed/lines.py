@@ -94,7 +94,7 @@ def _cells(row: SpeedRow) -> dict[str, str]:
     half, rare = ("", "") if row.push_ms is None else (f"{ms:.2g} ms" for ms in row.push_ms[:2])
     goal, met = goal_of(row)
     return {
-        "": row.what,
+        "measured": row.what,
         "size": f"{row.size[0]}×{row.size[1]}",
         "frames": str(row.frames),
         "seconds": f"{row.seconds:.3g}",
@@ -116,5 +116,5 @@ def speed_report(rows: Sequence[SpeedRow]) -> StudyReport:
     judged = [row.as_dict() | dict(zip(("goal", "met"), goal_of(row), strict=True)) for row in rows]
     lines = [_cells(row) for row in rows]
     table = Table("Speed", tuple(lines[0]), tuple(tuple(line.values()) for line in lines), 2)
-    csv = csv_text([tuple(judged[0]), *(row.values() for row in judged)])
+    csv = csv_text([table.header, *table.rows])
     return benchmark_report("speed", _NOTE, [], [table], csv, schema=SCHEMA, rows=judged, machine=machine)
