@@ -1,4 +1,4 @@
-"""The output folder of a calibration: files for programs, a report and pictures."""
+"""The output folder of a calibration: files for programs, a report and a picture."""
 
 from __future__ import annotations
 
@@ -23,16 +23,15 @@ from ospc.report.charts import ReportFindings
 from ospc.report.drawing import Drawn
 from ospc.report.examples import NOTHING_TRIED, examples_of
 from ospc.report.page import write_page
-from ospc.report.pdf import write_pdf
-from ospc.report.pictures import PICTURES, pictures_as_png
+from ospc.report.pictures import PICTURE, picture_as_png
 from ospc.state.container import STATE_NAME
 
 _SCHEMA_BEGINNING = "ospc-calibration/"
 _MAP = "calibration.vignette.npz"
 _CALIBRATION = "calibration.json"
 _DATA = (_CALIBRATION, _MAP, *PARAMETER_FILES, "times.txt")
-REPORTS = ("report.html", "report.pdf")
-OWN_NAMES = (*_DATA, *PICTURES, *REPORTS)
+REPORT = "report.html"
+OWN_NAMES = (*_DATA, PICTURE, REPORT)
 """All files that are ever written to an output folder; no other files in it are touched."""
 
 _PARTIAL = "partial"
@@ -167,28 +166,26 @@ class OutputFolder:
     def draw(
         self, findings: ReportFindings, stop: Callable[[], bool] = lambda: False, drawn: Drawn | None = None
     ) -> Written:
-        """Write the pictures until ``stop`` returns true. ``drawn`` draws them in another process."""
+        """Write the picture unless ``stop`` returns true. ``drawn`` draws it in another process."""
 
         def pictures() -> Iterator[Written]:
-            content = pictures_as_png(findings) if drawn is None else drawn().result().pictures
-            for name, picture in content.items():
-                if stop():
-                    yield Written(notes=("interrupted before all pictures were written",))
-                    return
-                yield Written((write_bytes(self.path / name, picture),))
+            picture = picture_as_png(findings) if drawn is None else drawn().result().picture
+            if stop():
+                yield Written(notes=("interrupted before the picture was written",))
+            else:
+                yield Written((write_bytes(self.path / PICTURE, picture),))
 
-        return _collected(pictures(), f"{self.path}: the pictures cannot be drawn")
+        return _collected(pictures(), f"{self.path}: the picture cannot be drawn")
 
     def report(
         self,
         findings: ReportFindings,
         recording: Recording | None = None,
         *,
-        pdf: bool = False,
         drawn: Drawn | None = None,
         about: str = "",
     ) -> Written:
-        """Write report.html, and report.pdf if ``pdf``.
+        """Write report.html.
 
         Example images and tracks come from the recording, and are left out without it. They are computed while
         ``drawn`` draws the charts in another process.
@@ -198,9 +195,7 @@ class OutputFolder:
             drawing = None if drawn is None else drawn()
             examples = NOTHING_TRIED if recording is None else examples_of(findings.calibration, recording, about)
             charts = None if drawing is None else drawing.result().charts
-            yield Written((write_page(findings, self.path / "report.html", examples, charts),))
-            if pdf:
-                yield Written((write_pdf(findings, self.path / "report.pdf", examples),))
+            yield Written((write_page(findings, self.path / REPORT, examples, charts),))
 
         return _collected(reports(), f"{self.path}: the report cannot be written")
 

@@ -37,14 +37,6 @@ def test_calibrate_writes_a_report_even_if_nothing_was_determined(recording, tmp
     assert "This recording does not determine the response and the vignette" in content
 
 
-def test_calibrate_writes_a_pdf_on_request(recording, tmp_path, monkeypatch):
-    leave_out(monkeypatch, "draw")
-    ospc("calibrate", recording, "-o", tmp_path / "out", "--pdf")
-    assert (tmp_path / "out" / "report.pdf").read_bytes().startswith(b"%PDF")
-    ospc("calibrate", recording, "-o", tmp_path / "out")
-    assert not (tmp_path / "out" / "report.pdf").exists()  # the earlier run's PDF is removed
-
-
 def test_the_report_can_be_written_again(folder):
     done = ospc("report", folder)
     assert done.exit_code == 0

@@ -19,8 +19,7 @@ from ospc.photometry.verdict import Verdict
 from ospc.report.charts import ReportFindings, chart_as_svg
 from ospc.report.examples import examples_of
 from ospc.report.page import page, write_page
-from ospc.report.pdf import write_pdf
-from ospc.report.pictures import pictures_of
+from ospc.report.pictures import picture_as_png
 
 EXPOSURES_MS = np.geomspace(2, 10, 24)
 VOID = {"meta", "img", "br"}
@@ -137,10 +136,9 @@ def test_untrusted_texts_are_escaped(tmp_path):
     assert outline.text.count("<script>alert(1)</script>") >= 15
 
 
-def test_untrusted_texts_do_not_break_pictures_and_pdf(tmp_path):
-    findings, examples = hostile_findings()
-    assert write_pdf(findings, tmp_path / "report.pdf", examples).read_bytes().startswith(b"%PDF")
-    assert "figure.png" in pictures_of(findings)
+def test_untrusted_texts_do_not_break_the_picture():
+    findings, _ = hostile_findings()
+    assert picture_as_png(findings).startswith(b"\x89PNG")
 
 
 EMPTY = Coverage(np.array([10.0, 10.01]), np.zeros((1, 32), np.int64), np.zeros((20, 20), np.int64), None, None, None)

@@ -13,53 +13,31 @@ from ospc.photometry.coverage import ExposureRatios
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import PolynomialVignette
 from ospc.report.charts import ReportFindings
-from ospc.report.pictures import PICTURES, pictures_of, plot_photometries
+from ospc.report.pictures import figure_of, picture_as_png, plot_photometries
 
 EXPOSURES_MS = np.geomspace(1, 3, 41)
 
 
-@pytest.fixture(scope="module")
-def pictures():
-    return pictures_of(ReportFindings(calibration(), EXPOSURES_MS))
+def titles(figure):
+    return [axes.get_title() for axes in figure.axes if axes.get_title()]
 
 
-def test_every_picture_is_drawn(pictures):
+def test_the_picture_shows_both_curves_and_the_known_ratios():
+    curves, ratios = ["Inverse response g", "Vignette V"], "Exposure ratios of pairs of frames"
     truth = Photometry("truth", Response.gamma(2.1), PolynomialVignette(SIZE, (-0.2, 0.0, 0.0)))
-    deep_with_truth = pictures_of(ReportFindings(calibration(max_grey=4095), EXPOSURES_MS, truth=truth))
-    for drawn in (pictures, deep_with_truth):
-        assert tuple(drawn) == PICTURES
-        for image in drawn.values():
-            assert image.shape[1] >= 500
-            assert np.ptp(image) > 200
-
-
-def test_a_picture_of_several_charts_joins_the_single_charts(pictures):
-    response, whole = pictures["plot_response.png"], pictures["figure.png"]
-    assert whole.shape == (response.shape[0], 3 * response.shape[1], 3)
-    np.testing.assert_array_equal(whole[:, : response.shape[1]], response)
-
-
-@pytest.mark.parametrize(
-    ("name", "lacking"),
-    [
-        ("plot_response.png", calibration(response=False)),
-        ("plot_vignette.png", calibration(vignette=False)),
-        ("plot_exposures.png", calibration(exposure_ratios=ExposureRatios.none())),
-    ],
-)
-def test_unknown_parts_have_no_picture_but_appear_in_the_overview(name, lacking):
-    assert set(pictures_of(ReportFindings(lacking))) == {*PICTURES} - {name}
-
-
-def test_the_overview_is_drawn_even_if_nothing_is_known():
+    deep_with_truth = ReportFindings(calibration(max_grey=4095), EXPOSURES_MS, truth=truth)
+    for findings in (ReportFindings(calibration(), EXPOSURES_MS), deep_with_truth):
+        assert titles(figure_of(findings)) == [*curves, ratios]
     nothing = calibration(response=False, vignette=False, exposure_ratios=ExposureRatios.none(), partial=True)
-    assert set(pictures_of(ReportFindings(nothing))) == {"figure.png"}
+    figure = figure_of(ReportFindings(nothing))
+    assert titles(figure) == curves
+    assert any("partial" in text.get_text() for text in figure.texts)
 
 
-def test_pictures_depend_only_on_the_calibration(pictures):
-    again = pictures_of(ReportFindings(calibration(), EXPOSURES_MS))
-    for name in pictures:
-        np.testing.assert_array_equal(again[name], pictures[name])
+def test_the_picture_depends_only_on_the_calibration():
+    first, again = (picture_as_png(ReportFindings(calibration(), EXPOSURES_MS)) for _ in range(2))
+    assert first == again
+    assert first.startswith(b"\x89PNG")
 
 
 def test_the_error_names_a_file_that_cannot_be_written(tmp_path):

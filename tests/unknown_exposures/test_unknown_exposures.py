@@ -26,7 +26,8 @@ from ospc.recording import ArrayRecording, Recording, open_recording
 from ospc.recording.derived import Region, masked
 from ospc.recording.frame import Frame
 from ospc.recording.options import ReadingOptions
-from ospc.report.pictures import words_around
+from ospc.report.charts import ReportFindings
+from ospc.report.pictures import figure_of
 from ospc.settings.unknown_exposures import EXPONENT_SIGMA, OBSERVED_OFFSETS_PX, RESPONSE_SAMPLES
 from ospc.simulation import SimulationSettings, simulate, truth
 from ospc.unknown_exposures import recover_exposures
@@ -200,7 +201,7 @@ def test_the_command_needs_the_option_and_labels_every_output(
 
 
 def test_pictures_are_labelled(found: Calibration) -> None:
-    figure = words_around(found, 4.0, 4.2)
+    figure = figure_of(ReportFindings(found))
     assert any("up to one common exponent" in text.get_text() for text in figure.texts)
 
 

@@ -111,9 +111,9 @@ def speed(
 ) -> None:
     """Measure the speed of whole commands, presets, a live camera, and corrections, with the goals of this project.
 
-    As a lower bound, simulated JPEG frames are decoded, or copied, in the same run just before. OUT gets speed.json,
-    speed.md and speed.png, which shows the time of each stage. Finished measurements are kept in OUT/cache: the same
-    command continues an interrupted run; remove the folder to measure again. Preset "paper" gets 30 frames.
+    As a lower bound, simulated JPEG frames are decoded, or copied, in the same run just before. OUT gets
+    results.json, results.csv and table.md. Finished measurements are kept in OUT/cache: the same command continues an
+    interrupted run; remove the folder to measure again. Preset "paper" gets 30 frames.
     """
     from ospc.research.speed.lines import SIZES, row_of, speed_report, speed_tasks
 

@@ -53,7 +53,7 @@ class _Request:
     PATH is a folder with images/ or images.zip and times.txt, a EuRoC folder, photographs with EXIF, folders named by
     exposure, images or a video with a list of exposures, or a ROS bag.
 
-    OUT gets report.html, calibration.json, pcalib.txt, vignette.png, times.txt, and pictures. Parts that the
+    OUT gets report.html, calibration.json, pcalib.txt, vignette.png, times.txt, and figure.png. Parts that the
     recording does not determine are not written, and the output explains why. OUT/state.ospc is the input of --resume
     and 'ospc merge'.
 
@@ -87,7 +87,6 @@ class _Request:
         type=click.Path(path_type=Path, dir_okay=False),
     )
     correct_lag: LagChoice = CORRECT_LAG
-    pdf: bool = option("Also write the report as report.pdf.")
     start_from: Path | None = option(
         "Earlier calibration of the camera: a state.ospc, a calibration.json, or a folder with one. It is used as "
         "long as the recording agrees with it; a changed lens or focus is detected."
@@ -179,7 +178,7 @@ class _Request:
         from ospc.output import OutputFolder
 
         folder = OutputFolder.at(self.out, recording=self.path, force=self.force)
-        return ResultFolder(folder, self.interruption, self.quiet, self.as_json, truth, self.pdf)
+        return ResultFolder(folder, self.interruption, self.quiet, self.as_json, truth)
 
     def of_camera(self, name: str) -> _Request:
         """Return the request for one camera of a rig."""

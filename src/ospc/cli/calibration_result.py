@@ -91,7 +91,7 @@ class ResultFolder:
     """The folder of a result, and how the result is reported.
 
     ``times`` has the time stamps of the frames if there is no recording. With ``as_json``, the caller prints the
-    result. An interruption while files are written only leaves out pictures. ``second`` draws the pictures.
+    result. An interruption while files are written only leaves out the picture. ``second`` draws.
     """
 
     folder: OutputFolder
@@ -99,7 +99,6 @@ class ResultFolder:
     quiet: bool = False
     as_json: bool = False
     truth: Photometry | None = None
-    pdf: bool = False
     times: Times | None = None
     second: SecondThread = field(default_factory=SecondThread)
 
@@ -142,13 +141,13 @@ class ResultFolder:
             return self._as_dict(outcome, written, notes, comparison)
 
     def _written(self, outcome: CalibrationOutcome) -> tuple[CalibrationOutcome, Written]:
-        """Write data, report and pictures; an interruption leaves out pictures only."""
+        """Write data, report and picture; an interruption leaves out the picture only."""
         folder, recording, before = self.folder, outcome.recording, self.interruption.count
         written = folder.write(outcome.calibration, self.times if recording is None else recording)
         if not written.problems:
             findings = folder.findings(outcome.calibration, recording, self.truth)
             drawn = cache(partial(self.second.submit, drawings_of, findings))
-            written += folder.report(findings, recording, pdf=self.pdf, drawn=drawn)
+            written += folder.report(findings, recording, drawn=drawn)
             written += folder.draw(findings, stop=lambda: self.interruption.count > before, drawn=drawn)
         if self.interruption.requested and not outcome.interrupted:
             unfinished = replace(outcome.calibration, partial=True)

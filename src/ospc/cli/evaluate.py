@@ -12,7 +12,16 @@ from ospc.cli.correct import warn_of_assumed
 from ospc.cli.interruption import leaving
 from ospc.cli.options import AS_JSON, ASSUME_MISSING, argument, declared, option
 from ospc.cli.reading import KIND
-from ospc.cli.studies import CALIBRATIONS, JOBS, by_name, given_calibrations, run_study, study_out_option, words
+from ospc.cli.studies import (
+    CALIBRATIONS,
+    JOBS,
+    by_name,
+    given_calibrations,
+    run_study,
+    study_cache,
+    study_out_option,
+    words,
+)
 from ospc.cli.terminal import print_json, progress_line, progress_of, say
 from ospc.errors import SettingError, counted
 
@@ -157,10 +166,8 @@ def odometry(
         default="truth,paper,ours,joint-wgt,joint-wogt,none",
     ),
     given: tuple[str, ...] = CALIBRATIONS,
-    batch: bool = option("Run the joint estimation on the whole recording, not online."),
     jobs: int = JOBS,
     timeout: float = option("Time limit of a run in seconds.", default=3600.0),
-    ends: float | None = option("Use only this share of the truth at either end.", metavar="SHARE"),
     arguments: tuple[str, ...] = option("Argument of the program, such as preset=0; repeatable.", "--argument"),
     as_json: bool = AS_JSON,
 ) -> None:
@@ -183,11 +190,10 @@ def odometry(
     columns = chosen(words(conditions))
     columns += tuple(external(name) for name in files if name not in {c.name for c in columns})
     tracker = _odometry(program, arguments, timeout, recordings if builtin else ())
+    cache = study_cache(out)
     with leaving("the same command continues where it stopped"), progress_line() as show:
-        estimates = Calibrations(
-            out / "calibrations", files, not batch, lambda what, share: show(what, 100 * share, 100)
-        )
-        experiment = Experiment(opened, columns, runs, estimates, out, ends)
+        estimates = Calibrations(cache / "calibrations", files, lambda what, share: show(what, 100 * share, 100))
+        experiment = Experiment(opened, columns, runs, estimates, cache)
         tasks, failed = tasks_of(experiment, tracker)
     run_study(
         tasks,

@@ -10,13 +10,12 @@ from typing import TYPE_CHECKING
 import click
 
 from ospc.cli.options import STUDY_SIZE, argument, declared, named, option
-from ospc.cli.studies import CALIBRATIONS, DATA, JOBS, by_name, given_calibrations, run_study, study_out_option, words
-from ospc.cli.terminal import say
+from ospc.cli.studies import CALIBRATIONS, DATA, JOBS, by_name, given_calibrations, run_study, study_out_option
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from ospc.research.method import Result
+    from ospc.research.method import Outcome
     from ospc.research.runner import Finished
     from ospc.research.source import Source
     from ospc.research.tables import StudyReport
@@ -32,7 +31,6 @@ _EXPERIMENTS = {
     "ambiguity": "The exponential ambiguity: without known exposures, every exponent explains a recording.",
 }
 _AMBIGUITY_FRAMES = 300
-_SIZE = option("Size of simulated images.", type=STUDY_SIZE, metavar="WxH", default="320x240")
 
 
 @click.group("experiments")
@@ -56,7 +54,7 @@ class _Run:
     data: Path | None = DATA
     count: int | None = option("Number of simulated recordings.", type=click.IntRange(1, 1000))
     frames: int | None = option("Frames used per recording.", type=click.IntRange(2, 1_000_000))
-    size: tuple[int, int] = _SIZE
+    size: tuple[int, int] = option("Size of simulated images.", type=STUDY_SIZE, metavar="WxH", default="320x240")
     speed: float | None = option("Speed factor of the simulated motion.")
     given: tuple[str, ...] = CALIBRATIONS
     estimated: tuple[str, ...] = option(
@@ -83,7 +81,7 @@ class _Run:
             return experiment_report(experiment, done, rows)
 
         tasks = [measuring_task(source, experiment) for source in sources]
-        run_study(tasks, self.out, self.jobs, report, partly=bool)
+        run_study(tasks, self.out, self.jobs, report, partly=True)
 
     def _show_ambiguity(self) -> None:
         from ospc.research.experiments.ambiguity import ambiguity_report, ambiguity_task
@@ -105,66 +103,21 @@ class _Run:
             return [*sweeps(count, frames, self.size)]
         return [*stand_ins(count, frames, self.size, self.data, speed=self.speed or speed)]
 
-    def _others(self) -> list[Result]:
+    def _others(self) -> dict[str, Outcome]:
         """Return the results of other programs; exposures belong to the calibration of the same name, if any."""
         from ospc.recording.table_text import exposures_in
-        from ospc.research.method import Estimate, Result
+        from ospc.research.method import Estimate
 
         calibrations = given_calibrations(self.given)
         files = named(self.estimated, "theirs=times.txt")
         exposures = {name: dict(enumerate(exposures_in(file))) for name, file in files.items()}
-        found = []
+        found: dict[str, Outcome] = {}
         for name in dict.fromkeys([*calibrations, *exposures]):
             curves = calibrations.get(name)
             response, vignette = (None, None) if curves is None else (curves.response, curves.vignette)
-            found.append(Result(name, Estimate(response, vignette, exposures=exposures.get(name))))
+            found[name] = Estimate(response, vignette, exposures=exposures.get(name))
         return found
 
 
 for _name, _help in _EXPERIMENTS.items():
     declared(_name, command, help=_help)(partial(_Run, _name))
-
-
-@declared("systems", command)
-def systems(
-    *,
-    recordings: tuple[Path, ...] = argument(),
-    out: Path = study_out_option("ospc-experiments"),
-    data: Path | None = DATA,
-    count: int = option("Number of simulated recordings.", type=click.IntRange(0, 1000), default=10),
-    frames: int = option("Frames per recording.", type=click.IntRange(2, 1_000_000), default=200),
-    size: tuple[int, int] = _SIZE,
-    only: str = option(
-        "Only systems with these names or patterns, separated by commas.",
-        default="",
-        show_default=False,
-        metavar="NAMES",
-    ),
-    only_list: bool = option("Print the systems with authors and year, and exit.", "--list"),
-    jobs: int = JOBS,
-) -> None:
-    """Compare all systems that the paper names: their requirements, what they recover, and how accurately.
-
-    Each is measured with and without the known point of the truth that it may need, on simulated recordings, and with
-    --data on a real video and on photographs of charts.
-    """
-    from ospc.research.experiments.systems import chosen_systems, system_sources, system_tasks, systems_report
-    from ospc.research.source import GivenSource, measured
-
-    chosen = chosen_systems(words(only))
-    if only_list:
-        for system in chosen:
-            say(str(system))
-        return
-    sources: list[Source] = [GivenSource.of(place, frames) for place in by_name(recordings).values()]
-    if not sources:
-        sources = system_sources(count, frames, size, data)
-    counts = {source.name: source.count for source in sources}
-
-    run_study(
-        system_tasks(chosen, sources),
-        out,
-        jobs,
-        lambda finished: systems_report(chosen, [row for one in finished for row in measured(one.result)], counts),
-        partly=lambda finished: len(finished) % len(chosen) == 0,  # whole recordings
-    )

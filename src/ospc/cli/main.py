@@ -32,7 +32,7 @@ _COMMANDS = {
     "experiments": "Reproduce the paper's figures and tables.",
     "export": "Export a calibration for another program.",
     "import": "Import a calibration from pcalib.txt and vignette.png, or from another program.",
-    "report": "Write the report on a calibration again, as HTML or PDF.",
+    "report": "Write the report on a calibration again.",
     "live": "Calibrate a camera while it films, with advice on what to film next.",
     "merge": "Combine several recordings of one camera into one calibration.",
     "record": "Record from a camera to a folder that can be calibrated.",

@@ -24,7 +24,6 @@ def command(
     folder: Path = argument(),
     recording: Path | None = option("Recording used for pictures and tracked points."),
     truth: str | None = TRUTH,
-    pdf: bool = option("Also write report.pdf."),
     reading: Reading = READING,
 ) -> None:
     """Write the report on the calibration in FOLDER again.
@@ -45,7 +44,7 @@ def command(
     about = "" if frames is None else _checked(frames, calibration)
     known = None if truth is None else open_photometry(truth)
     place = OutputFolder(folder)
-    written = place.report(place.findings(calibration, frames, known), frames, pdf=pdf, about=about)
+    written = place.report(place.findings(calibration, frames, known), frames, about=about)
     say_notes([about] if about else [], "warning")
     if frames is None:
         say_notes([_without_recording(calibration)])

@@ -87,6 +87,12 @@ def given_calibrations(entries: Iterable[str]) -> dict[str, Photometry]:
     return {name: open_photometry(files) for name, files in named(entries, _EXAMPLE).items()}
 
 
+def study_cache(out: Path) -> Path:
+    """Return the folder of finished results in the folder of a study, which must be new or from an earlier study."""
+    check_usable(out, content_of=_content)
+    return out / _CACHE
+
+
 def run_study(
     tasks: Sequence[Task],
     out: Path,
@@ -94,15 +100,15 @@ def run_study(
     report: Callable[[Sequence[Finished]], StudyReport],
     *,
     as_json: bool = False,
-    partly: Callable[[Sequence[Finished]], bool] = lambda _finished: False,
+    partly: bool = False,
 ) -> None:
     """Run tasks with a progress bar, then write and print the report on the finished ones, in their order.
 
-    The report is also written whenever ``partly`` returns True for the tasks finished so far.
+    With ``partly``, it is also written whenever a task is finished.
     """
     from ospc.research.runner import ResultStore, run
 
-    check_usable(out, content_of=_content)
+    store = ResultStore(study_cache(out))
     found: dict[str, Finished] = {}
 
     def finished() -> list[Finished]:
@@ -110,16 +116,11 @@ def run_study(
 
     interrupted = False
     with progress_line() as show:
-        results = run(
-            tasks,
-            ResultStore(out / _CACHE),
-            jobs,
-            lambda task, share: show(task.name, len(found) + share, len(tasks)),
-        )
+        results = run(tasks, store, jobs, lambda task, share: show(task.name, len(found) + share, len(tasks)))
         try:
             for one in results:
                 found[one.task.name] = one
-                if len(found) < len(tasks) and partly(finished()):
+                if partly and len(found) < len(tasks):
                     report(finished()).write(out)
         except KeyboardInterrupt:
             interrupted = True

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
@@ -13,7 +13,7 @@ from ospc.arrays import FloatArray
 from ospc.photometry.calibration import Calibration
 from ospc.photometry.coverage import Coverage, ExposureRatios
 from ospc.report import curves, evidence
-from ospc.report.style import BLUE, DPI, ORANGE, as_svg, fit_into, rules
+from ospc.report.style import BLUE, ORANGE, as_svg, new_figure, rules
 
 if TYPE_CHECKING:
     from ospc.formats.opening import Photometry
@@ -71,18 +71,6 @@ class Chart:
         axes = curves.draw_text(cell, self.unknown) if self.unknown else self.draw(cell)
         axes.set_title(self.title)
 
-    def drawn(self, width_in: float, height_in: float, margins_in: Mapping[str, float]) -> Any:
-        """Return a figure of the chart alone; it is reused, because creating axes takes as long as drawing them."""
-        return fit_into(self._figure, width_in, height_in, margins_in)
-
-    @cached_property
-    def _figure(self) -> Any:
-        from matplotlib.figure import Figure
-
-        figure = Figure(dpi=DPI)
-        self.draw_into(figure.add_gridspec(1, 1)[0])
-        return figure
-
 
 def charts_as_svg(findings: ReportFindings) -> dict[str, str]:
     """Return the charts with content as elements for HTML, by title."""
@@ -92,7 +80,9 @@ def charts_as_svg(findings: ReportFindings) -> dict[str, str]:
 def chart_as_svg(chart: Chart) -> str:
     """Return a chart as an element for HTML."""
     with rules():
-        return as_svg(chart.drawn(WIDTH_IN, chart.height_in, _MARGINS_IN), chart.title)
+        figure = new_figure(WIDTH_IN, chart.height_in, _MARGINS_IN)
+        chart.draw_into(figure.add_gridspec(1, 1)[0])
+        return as_svg(figure, chart.title)
 
 
 def _curves(calibration: Calibration, truth: Photometry | None) -> dict[str, Chart]:

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple, ParamSpec, TypeAlias, TypeVar
 
 from ospc.processes import Worker
 from ospc.report.charts import ReportFindings, charts_as_svg
-from ospc.report.pictures import pictures_as_png
+from ospc.report.pictures import picture_as_png
 from ospc.report.style import load
 from ospc.second_thread import SecondThread
 
@@ -25,10 +25,10 @@ _Result = TypeVar("_Result")
 
 
 class Drawings(NamedTuple):
-    """The charts of a report as :func:`charts_as_svg` returns them, and the content of PNG files by name."""
+    """The charts of a report as :func:`charts_as_svg` returns them, and the picture as PNG data."""
 
     charts: dict[str, str]
-    pictures: dict[str, bytes]
+    picture: bytes
 
 
 Drawn: TypeAlias = Callable[[], Future[Drawings]]
@@ -36,8 +36,8 @@ Drawn: TypeAlias = Callable[[], Future[Drawings]]
 
 
 def drawings_of(findings: ReportFindings) -> Drawings:
-    """Draw all charts and pictures."""
-    return Drawings(charts_as_svg(findings), pictures_as_png(findings))
+    """Draw all charts and the picture."""
+    return Drawings(charts_as_svg(findings), picture_as_png(findings))
 
 
 class DrawingProcess(SecondThread):

@@ -1,4 +1,4 @@
-"""The PNG pictures of a calibration, and a picture that compares several calibrations."""
+"""The picture of a calibration, and a picture that compares several calibrations."""
 
 from __future__ import annotations
 
@@ -8,36 +8,22 @@ from itertools import cycle
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from ospc.arrays import Image
 from ospc.errors import counted
-from ospc.formats.image_files import encoded
 from ospc.photometry.calibration import PROFILE_RADII, Calibration
 from ospc.photometry.vignette import diagonal_profile
 from ospc.report.charts import ReportFindings
 from ospc.report.curves import RADIUS_LABEL
-from ospc.report.style import BLACK, BLUE, GREEN, ORANGE, as_image, new_figure, printable, rules, save
+from ospc.report.style import BLACK, BLUE, GREEN, ORANGE, as_bytes, new_figure, printable, rules, save
 
 if TYPE_CHECKING:
     from ospc.formats.opening import Photometry
 
-_CONTENT = {
-    "figure.png": ("response", "vignette", "ratios"),
-    "plot_response.png": ("response",),
-    "plot_vignette.png": ("vignette", "vignette map"),
-    "plot_exposures.png": ("exposures", "ratios"),
-}
-
-PICTURES = tuple(_CONTENT)
-"""File names: an overview like figure 3 of the paper, and its three parts separately."""
+PICTURE = "figure.png"
+"""File name of the picture of a calibration: an overview like figure 3 of the paper."""
 
 _HEIGHT_IN, _CHART_IN = 4.2, 3.05
 _MARGINS_IN = {"left": 0.86, "right": 0.14, "top": 0.62, "bottom": 0.72}
 """Margins around the charts for titles and labels."""
-
-_TILE_IN = _MARGINS_IN["left"] + _CHART_IN + _MARGINS_IN["right"]
-"""Width of a chart with its margins: a whole number of pixels, so that drawings can be joined."""
 
 _LINE_IN = 0.14
 """Height of a line below the charts."""
@@ -53,48 +39,27 @@ _NAME_LETTERS = 40
 because their end is more informative."""
 
 
-def pictures_of(findings: ReportFindings) -> dict[str, Image]:
-    """Return those of :data:`PICTURES` with known content, by name, shape (height, width, 3) in BGR.
-
-    Each chart is drawn only once, even if several pictures show it, because drawing takes most of the time.
-    """
-    calibration, charts = findings.calibration, findings.charts
-    content = {name: [part for part in parts if part in charts] for name, parts in _CONTENT.items()}
-    caveat_in = _LINE_IN * len(_caveat(calibration))
-    height_in, margins_in = _HEIGHT_IN + caveat_in, _MARGINS_IN | {"bottom": _MARGINS_IN["bottom"] + caveat_in}
+def picture_as_png(findings: ReportFindings) -> bytes:
+    """Draw the picture of a calibration, and return it as PNG data."""
     with rules():
-        tiles = {
-            part: as_image(charts[part].drawn(_TILE_IN, height_in, margins_in))
-            for part in dict.fromkeys(part for parts in content.values() for part in parts)
-        }
-        words = as_image(words_around(calibration, max(map(len, content.values())) * _TILE_IN, height_in))
-    pictures = {}
-    for name, parts in content.items():
-        if name == PICTURES[0] or not all(charts[part].unknown for part in parts):
-            picture = np.concatenate([tiles[part] for part in parts], axis=1)
-            pictures[name] = np.minimum(picture, words[:, : picture.shape[1]])
-    return pictures
+        return as_bytes(figure_of(findings), "png")
 
 
-def pictures_as_png(findings: ReportFindings) -> dict[str, bytes]:
-    """Return the same pictures as PNG data."""
-    return {name: encoded(picture, ".png", name) for name, picture in pictures_of(findings).items()}
-
-
-def words_around(calibration: Calibration, width_in: float, height_in: float) -> Any:
-    """Return a figure of the text around charts: the title of a picture above and its caveat below."""
-    figure = new_figure(width_in, height_in, _MARGINS_IN)
+def figure_of(findings: ReportFindings) -> Any:
+    """Return a figure of response, vignette and known exposure ratios, with a title above and the caveat below."""
+    charts = [findings.charts[name] for name in ("response", "vignette", "ratios") if name in findings.charts]
+    caveat = textwrap.wrap(findings.calibration.caveat, _LETTERS)
+    between_in, below_in = _MARGINS_IN["left"] + _MARGINS_IN["right"], _LINE_IN * len(caveat)
+    width_in, height_in = (between_in + _CHART_IN) * len(charts), _HEIGHT_IN + below_in
+    margins_in = _MARGINS_IN | {"bottom": _MARGINS_IN["bottom"] + below_in}
+    figure = new_figure(width_in, height_in, margins_in)
+    for cell, chart in zip(figure.add_gridspec(1, len(charts), wspace=between_in / _CHART_IN), charts, strict=True):
+        chart.draw_into(cell)
     at, edge = 0.12 / width_in, 0.06 / height_in
-    title = textwrap.fill(_title(calibration), _LETTERS, max_lines=2)
+    title = textwrap.fill(_title(findings.calibration), _LETTERS, max_lines=2)
     figure.text(at, 1 - edge, printable(title), fontsize=8.5, va="top", parse_math=False, linespacing=1.1)
-    caveat = "\n".join(_caveat(calibration))
-    figure.text(at, edge, caveat, fontsize=8, va="bottom", color=ORANGE, linespacing=1.1)
+    figure.text(at, edge, "\n".join(caveat), fontsize=8, va="bottom", color=ORANGE, linespacing=1.1)
     return figure
-
-
-def _caveat(calibration: Calibration) -> list[str]:
-    """Return the lines below the charts; none if the calibration is based on known exposures."""
-    return textwrap.wrap(calibration.caveat, _LETTERS)
 
 
 def _title(calibration: Calibration) -> str:

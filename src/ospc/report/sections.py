@@ -1,4 +1,4 @@
-"""The content of a report, independent of its file format: sections, and the calibration in words."""
+"""The content of a report: sections, and the calibration in words."""
 
 from __future__ import annotations
 

@@ -11,9 +11,6 @@ from pathlib import Path
 from threading import RLock
 from typing import Any
 
-import numpy as np
-
-from ospc.arrays import Image
 from ospc.errors import FormatError
 from ospc.formats.files import write_bytes
 
@@ -49,18 +46,13 @@ def new_figure(width_in: float, height_in: float, margins_in: Mapping[str, float
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(width_in, height_in), dpi=DPI, layout=None if margins_in else "constrained")
-    return fit_into(figure, width_in, height_in, margins_in) if margins_in else figure
-
-
-def fit_into(figure: Any, width_in: float, height_in: float, margins_in: Mapping[str, float]) -> Any:
-    """Set the size and margins of a figure, and return it; letters and lines keep their size."""
-    figure.set_size_inches(width_in, height_in)
-    figure.subplots_adjust(
-        left=margins_in["left"] / width_in,
-        right=1 - margins_in["right"] / width_in,
-        top=1 - margins_in["top"] / height_in,
-        bottom=margins_in["bottom"] / height_in,
-    )
+    if margins_in:
+        figure.subplots_adjust(
+            left=margins_in["left"] / width_in,
+            right=1 - margins_in["right"] / width_in,
+            top=1 - margins_in["top"] / height_in,
+            bottom=margins_in["bottom"] / height_in,
+        )
     return figure
 
 
@@ -89,23 +81,19 @@ def save(figure: Any, path: Path) -> Path:
     FormatError
         If the file cannot be written, or matplotlib does not support the suffix.
     """
-    kind = path.suffix.removeprefix(".").lower() or "png"
-    fast = {"pil_kwargs": {"compress_level": 2}} if kind == "png" else {}
-    picture = io.BytesIO()
     try:
-        figure.savefig(picture, format=kind, dpi=DPI, **fast)
+        picture = as_bytes(figure, path.suffix.removeprefix(".").lower() or "png")
     except ValueError:
         raise FormatError(f"{path}: unknown picture format; use .png, .svg or .pdf") from None
-    return write_bytes(path, picture.getvalue())
+    return write_bytes(path, picture)
 
 
-def as_image(figure: Any) -> Image:
-    """Return a figure as an image in BGR, shape (height, width, 3)."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-
-    canvas: Any = FigureCanvasAgg(figure)
-    canvas.draw()
-    return np.asarray(canvas.buffer_rgba())[..., 2::-1].copy()
+def as_bytes(figure: Any, kind: str) -> bytes:
+    """Return a figure in a format such as "png"; ValueError if matplotlib does not support it."""
+    fast = {"pil_kwargs": {"compress_level": 2}} if kind == "png" else {}
+    picture = io.BytesIO()
+    figure.savefig(picture, format=kind, dpi=DPI, **fast)
+    return picture.getvalue()
 
 
 def as_svg(figure: Any, title: str) -> str:

@@ -51,7 +51,6 @@ METRICS = (
     Metric("vignette_pixel_rmse", "vignette, RMSE of all pixels", "V pixels"),
     Metric("ratio_median_abs", "ln k, median error", "ln k"),
     Metric("ratio_bias", "ln k, bias", "bias", "bias"),
-    Metric("factor_error_percent", "exposure factor, error in %", "factor %", digits=2),
     Metric("exposure_error", "exposures, RMSE of ln e", "ln e"),
     Metric("response_within_1_sigma", "response within ±1σ", "g ±1σ", "share", 0),
     Metric("response_within_2_sigma", "response within ±2σ", "g ±2σ", "share", 0),
@@ -80,8 +79,6 @@ class Measurement:
         Verdicts by quantity, and their reasons.
     limits
         Limits of the comparison itself: how uncertain the truth is, how wrong the stated exposures are.
-    seconds
-        Processor time, of all variants together if the method has several.
     curves, ratios
         For plots: "response", g at 256 grey levels, and "vignette", the mean of V in 50 rings; the exposure ratios
         that a calibration reports, as lists "frames", "metadata", "estimated" and "samples".
@@ -96,7 +93,6 @@ class Measurement:
     states: dict[str, str] = field(default_factory=dict)
     reasons: dict[str, str] = field(default_factory=dict)
     limits: dict[str, float] = field(default_factory=dict)
-    seconds: float | None = None
     curves: dict[str, list[float]] = field(default_factory=dict, repr=False)
     ratios: dict[str, list[Any]] = field(default_factory=dict, repr=False)
 
@@ -117,16 +113,6 @@ class Spread:
     worst_case: str
     known: int
     cases: int
-
-
-@dataclass(frozen=True)
-class Contest:
-    """Two methods compared: the first is nearer to the truth on ``nearer`` of the ``both`` recordings both solve."""
-
-    nearer: int
-    both: int
-    only_first: int
-    only_second: int
 
 
 def methods_of(rows: Sequence[Measurement]) -> list[str]:
@@ -152,12 +138,6 @@ def known_metrics(rows: Sequence[Measurement]) -> list[Metric]:
     return [metric for metric in METRICS if any(metric.figure in row.figures for row in rows)]
 
 
-def typical(rows: Sequence[Measurement], metric: Metric) -> float | None:
-    """Return the typical figure of measurements; None if it is never known."""
-    values = [row.figures[metric.figure] for row in rows if metric.figure in row.figures]
-    return metric.typical(values) if values else None
-
-
 def spread(rows: Sequence[Measurement], method: str, metric: Metric) -> Spread | None:
     """Summarise a figure of a method over recordings; None if it is never known."""
     members = [row for row in rows if row.method == method]
@@ -167,15 +147,6 @@ def spread(rows: Sequence[Measurement], method: str, metric: Metric) -> Spread |
     worst = metric.worst(list(values.values()))
     name = next(name for name, value in values.items() if value == worst)
     return Spread(metric.typical(list(values.values())), worst, name, len(values), len(members))
-
-
-def contest(rows: Sequence[Measurement], first: str, second: str, figure: str) -> Contest:
-    """Return how often one method is nearer to the truth than another."""
-    known = [row for row in rows if figure in row.figures]
-    one, two = ({row.recording: row.figures[figure] for row in known if row.method == m} for m in (first, second))
-    both = one.keys() & two.keys()
-    nearer = sum(abs(one[name]) < abs(two[name]) for name in both)
-    return Contest(nearer, len(both), len(one) - len(both), len(two) - len(both))
 
 
 def medians(rows: Sequence[Measurement], figure: str) -> dict[str, float]:

@@ -6,7 +6,6 @@ from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import partial
-from time import process_time
 from typing import Protocol, TypeAlias, TypeVar
 
 import numpy as np
@@ -60,39 +59,25 @@ class Method(Protocol):
         """Return the outcome of every variant by name."""
 
 
-@dataclass(frozen=True)
-class Result:
-    """The outcome of a variant, and the processor time of its method."""
-
-    variant: str
-    outcome: Outcome
-    seconds: float | None = None
-
-
 def run_methods(
     methods: dict[str, Method], frames: Iterable[Frame], count: int, progress: OnProgress
-) -> list[Result]:
-    """Run new methods over a recording of ``count`` frames in one pass, and report progress after each frame.
+) -> dict[str, Outcome]:
+    """Run new methods over a recording of ``count`` frames in one pass, and return the outcome of every variant.
 
-    An exception in a method is its outcome; the method's name then stands for all of its variants.
+    An exception in a method is its outcome; the method's name then stands for all of its variants. ``progress`` is
+    called after each frame.
     """
-    seconds = dict.fromkeys(methods, 0.0)
-    broken: dict[str, str] = {}
+    broken: dict[str, Outcome] = {}
     for done, frame in enumerate(frames, start=1):
         for name in methods.keys() - broken.keys():
-            began = process_time()
             if (failure := _attempted(partial(methods[name].push, frame))) is not None:
                 broken[name] = failure
-            seconds[name] += process_time() - began
         progress(min(done / count, 1.0))
-    results: list[Result] = []
+    outcomes: dict[str, Outcome] = {}
     for name, method in methods.items():
-        began = process_time()
         found = broken[name] if name in broken else _attempted(method.found)
-        outcomes: dict[str, Outcome] = {name: found} if isinstance(found, str) else found
-        seconds[name] += process_time() - began
-        results += [Result(variant, outcome, seconds[name]) for variant, outcome in outcomes.items()]
-    return results
+        outcomes |= found if isinstance(found, dict) else {name: found}
+    return outcomes
 
 
 def outcomes_of(variants: Mapping[str, Callable[[], Estimate]]) -> dict[str, Outcome]:
@@ -106,14 +91,6 @@ def _attempted(step: Callable[[], _Found]) -> _Found | str:
         return step()
     except Exception as error:
         return one_line(error)
-
-
-def with_and_without(
-    name: str, truth: Response | None, estimate: Callable[[Response | None], Estimate]
-) -> dict[str, Outcome]:
-    """Return a method's estimates with one point of the true response, if that is known, and without it."""
-    variants = {"without": None} if truth is None else {"with": truth, "without": None}
-    return {f"{name}-{variant}": estimate(known) for variant, known in variants.items()}
 
 
 VIGNETTE_SOLVERS = ("l2", "l1", "m-estimator")

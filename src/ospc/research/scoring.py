@@ -30,14 +30,6 @@ class HeldOutPair(Correspondences):
 
 
 @dataclass(frozen=True)
-class HeldOut:
-    """Pairs whose exposure ratio is to be predicted, and those for the error of factors in percent."""
-
-    pairs: Sequence[HeldOutPair] = ()
-    factor_pairs: Sequence[HeldOutPair] = ()
-
-
-@dataclass(frozen=True)
 class Truth:
     """What is known about the camera of a recording.
 
@@ -52,7 +44,7 @@ class Truth:
     limits: dict[str, float] = field(default_factory=dict)
 
 
-def score(estimate: Estimate, truth: Truth, held_out: HeldOut = HeldOut()) -> dict[str, float]:
+def score(estimate: Estimate, truth: Truth, held_out: Sequence[HeldOutPair] = ()) -> dict[str, float]:
     """Return the known figures of an estimate, by the names in :data:`~ospc.research.measurement.METRICS`.
 
     If the response is identical to the assumed truth, only its predictions are judged.
@@ -71,12 +63,9 @@ def score(estimate: Estimate, truth: Truth, held_out: HeldOut = HeldOut()) -> di
         figures |= {name: value for name, value in values.items() if value is not None}
         figures |= _shares("response", found.response_coverage)
         figures |= _shares("vignette", found.vignette_coverage)
-    if response is not None and held_out.pairs:
-        error = prediction_error(held_out.pairs, response, vignette)
+    if response is not None and held_out:
+        error = prediction_error(held_out, response, vignette)
         figures |= {"ratio_median_abs": error.median_abs, "ratio_bias": error.bias}
-    if response is not None and held_out.factor_pairs:
-        ratios = [predicted_ratio(p, response, vignette) / p.exposure_ratio for p in held_out.factor_pairs]
-        figures["factor_error_percent"] = float(np.median(np.abs(np.array(ratios) - 1) * 100))
     if estimate.exposures is not None:
         figures["exposure_error"] = exposure_error(estimate.exposures, truth.exposures_ms)
     return figures

@@ -21,9 +21,9 @@ from ospc.photometry.vignette import Vignette
 from ospc.recording import Frame, Recording, open_recording
 from ospc.recording.recording import identity
 from ospc.research.measurement import Measurement
-from ospc.research.method import Estimate, Method, Outcome, Result, run_methods
+from ospc.research.method import Estimate, Method, Outcome, run_methods
 from ospc.research.runner import OnProgress, Task, made_with
-from ospc.research.scoring import HeldOut, Truth, curves_of, score, simulated_pairs
+from ospc.research.scoring import HeldOutPair, Truth, curves_of, score, simulated_pairs
 from ospc.simulation import SimulationSettings
 from ospc.simulation import frames as simulated_frames
 from ospc.simulation import truth as simulated_truth
@@ -67,9 +67,9 @@ class Source(ABC):
         """Return the true exposure of every frame by its index."""
         return {frame.index: frame.exposure_ms for frame in self.frames()}
 
-    def held_out(self) -> HeldOut:
+    def held_out(self) -> Sequence[HeldOutPair]:
         """Return frame pairs that no method sees, with known exposure ratios."""
-        return HeldOut()
+        return ()
 
 
 @dataclass(frozen=True)
@@ -82,10 +82,6 @@ class Methods(ABC):
     def make(self, source: Source) -> dict[str, Method]:
         """Create the methods for a recording."""
 
-    def references(self, source: Source) -> dict[str, Outcome]:
-        """Return further outcomes on a recording to compare the methods with."""
-        return {}
-
 
 def measuring_task(source: Source, methods: Methods) -> Task:
     """Return the task of measuring methods on a recording; the task is about the recording."""
@@ -95,24 +91,23 @@ def measuring_task(source: Source, methods: Methods) -> Task:
 
 
 def _measure(source: Source, methods: Methods, progress: OnProgress) -> list[dict[str, Any]]:
-    results = run_methods(methods.make(source), source.frames(), source.count, progress)
-    results += [Result(name, outcome) for name, outcome in methods.references(source).items()]
-    return [asdict(found) for found in judge(source, results, source.held_out())]
+    outcomes = run_methods(methods.make(source), source.frames(), source.count, progress)
+    return [asdict(found) for found in judge(source, outcomes, source.held_out())]
 
 
-def judge(source: Source, results: Sequence[Result], held_out: HeldOut | None = None) -> list[Measurement]:
-    """Compare outcomes with the truth of a recording."""
+def judge(source: Source, outcomes: Mapping[str, Outcome], held_out: Sequence[HeldOutPair] = ()) -> list[Measurement]:
+    """Compare outcomes, by the name of their method, with the truth of a recording."""
     truth = source.truth()
-    if any(isinstance(r.outcome, Estimate) and r.outcome.exposures is not None for r in results):
+    if any(isinstance(outcome, Estimate) and outcome.exposures is not None for outcome in outcomes.values()):
         truth = replace(truth, exposures_ms=source.exposures_ms())
-    return [measurement(source, result, truth, held_out or HeldOut()) for result in results]
+    return [measurement(source, method, outcome, truth, held_out) for method, outcome in outcomes.items()]
 
 
-def measurement(source: Source, result: Result, truth: Truth, held_out: HeldOut) -> Measurement:
+def measurement(
+    source: Source, method: str, outcome: Outcome, truth: Truth, held_out: Sequence[HeldOutPair] = ()
+) -> Measurement:
     """Compare the outcome of a method on a recording with the truth."""
-    row = Measurement(source.name, result.variant, group=source.group, factors=source.factors)
-    row = replace(row, limits=truth.limits, seconds=result.seconds)
-    outcome = result.outcome
+    row = Measurement(source.name, method, group=source.group, factors=source.factors, limits=truth.limits)
     if isinstance(outcome, str):
         return replace(row, failure=outcome)
     row = replace(row, figures=score(outcome, truth, held_out), curves=curves_of(outcome))
@@ -163,9 +158,9 @@ class SimulatedSource(Source):
         """Return the simulated exposures, from which the metadata may differ."""
         return dict(enumerate(simulated_truth(self.settings).exposures_ms.tolist()))
 
-    def held_out(self) -> HeldOut:
+    def held_out(self) -> Sequence[HeldOutPair]:
         """Return pairs of another scene."""
-        return HeldOut(simulated_pairs(self.settings) if self.with_pairs else ())
+        return simulated_pairs(self.settings) if self.with_pairs else ()
 
 
 @dataclass(frozen=True)

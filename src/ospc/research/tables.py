@@ -56,15 +56,14 @@ def measurements_csv(rows: Sequence[Measurement]) -> str:
     limits = list(dict.fromkeys(name for row in rows for name in row.limits))
     figures = [metric.figure for metric in METRICS]
     parts = ("response", "vignette")
-    header = ["recording", "group", *factors, "method", *figures, *limits, "seconds"]
+    header = ["recording", "group", *factors, "method", *figures, *limits]
     header += [f"{part}_{what}" for what in ("verdict", "reason") for part in parts]
     lines = []
     for row in rows:
         names = [row.recording, row.group, *map(row.factors.get, factors), row.method]
         values = [*map(row.figures.get, figures), *map(row.limits.get, limits)]
-        seconds = None if row.seconds is None else rounded(row.seconds, 3)
         said = [*map(row.states.get, parts), *map(row.reasons.get, parts), row.failure]
-        lines.append([*names, *values, seconds, *said])
+        lines.append([*names, *values, *said])
     return csv_text([[*header, "failure"], *lines])
 
 

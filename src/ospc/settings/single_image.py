@@ -23,7 +23,7 @@ MAX_REGION_SPREAD, MIN_EDGE_CONTRAST = 4.0, 20.0
 channel: the error of the means must be small compared with the curvature of the response in between."""
 
 MIN_REGION_PIXELS, MIN_EDGE_PIXELS = 20, 8
-"""Fewest pixels of a region and an edge; with fewer, their means and histograms are noise."""
+"""Fewest pixels of a region and an edge; with fewer, their means are noise."""
 
 BETWEEN_MARGIN = 0.03
 """Margin between an edge pixel and both regions, relative to their difference: pixels within it cover only one
@@ -43,19 +43,6 @@ COLOUR_PRIOR_WEIGHT = 3 * 0.001
 
 MIN_SQUARED_LENGTH = 1e-12
 """Lower bound of the squared length of a line, against division by zero."""
-
-HISTOGRAM_PRIOR_WEIGHT = 0.001
-"""λ of edge histograms."""
-
-HISTOGRAM_MARGIN = 0.15
-"""Share of the range between the regions that is left out at either end, because it contains pixels of the
-regions."""
-
-MIN_HISTOGRAM_PIXELS = 5
-"""Fewest pixels of a histogram between these margins."""
-
-MIN_IRRADIANCE_RANGE = 1e-6
-"""Lower bound of the irradiance difference of two regions, for curves that are flat."""
 
 # The prior of responses (ospc.unknown_exposures.single_image.response_prior)
 
@@ -101,22 +88,7 @@ MIN_RING_RESIDUAL = 1e-9
 FITTED_RADII = np.linspace(0, 1, 61)
 """Radii at which a polynomial is fitted to V."""
 
-DARKEST_SEGMENT_IRRADIANCE = 1e-3
-"""Irradiance below which its logarithm is noise, for segments."""
-
-SEGMENT_SMOOTHING_PX, MAX_SEGMENT_GRADIENT = 0.7, 0.03
-"""Smoothing before segmentation, and largest gradient of ln I per pixel within a surface."""
-
-SEGMENT_START = (0.1, 0.1)
-"""Initial a and 1/f² of the fit, inside their bounds."""
-
-SEGMENTATIONS, MIN_SEGMENT_PIXELS = 4, 60
-"""Alternations of segmentation and V, and fewest pixels of a segment."""
-
-SEGMENT_HUBER = 0.05
-"""Residual of ln I above which the Huber loss is linear, for texture or segments with two radiances."""
-
-MIN_SEGMENT_VIGNETTE = 0.05
+MIN_RING_VIGNETTE = 0.05
 """Lower bound of V: no usable lens attenuates more."""
 
 # Both, blended with typical curves (ospc.unknown_exposures.single_image.fallback)

@@ -6,7 +6,7 @@ import json
 import math
 import re
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -139,14 +139,9 @@ def frames(settings: SimulationSettings = _DEFAULT, known: Truth | None = None) 
     again.
     """
     known = known or truth(settings)
-    for index, image in enumerate(exposed_images(Scene.of(settings), known, settings.seed)):
-        yield frame_of(known, index, image)
-
-
-def frame_of(known: Truth, index: int, image: Image) -> Frame:
-    """Return an image as a frame, with its metadata."""
-    stated_ms, stamp_s = float(known.metadata_exposures_ms[index]), float(known.stamps_s[index])
-    return Frame.of_array(image, stated_ms, index=index, stamp_s=stamp_s, max_grey=known.settings.max_grey)
+    for index, image in enumerate(_images(known)):
+        stated_ms, stamp_s = float(known.metadata_exposures_ms[index]), float(known.stamps_s[index])
+        yield Frame.of_array(image, stated_ms, index=index, stamp_s=stamp_s, max_grey=settings.max_grey)
 
 
 def simulate(
@@ -185,7 +180,7 @@ def simulate(
         place.mkdir(parents=True, exist_ok=True)
         _write_truth(place, known)
         with NumberedImages(place, settings.frames, archive=settings.archive) as images:
-            for index, image in enumerate(exposed_images(Scene.of(settings), known, settings.seed)):
+            for index, image in enumerate(_images(known)):
                 name, quality = f"image {index}", settings.jpg_quality
                 data = encoded(image, f".{settings.image_format}", name, jpeg_quality=quality)
                 images.write(index, data)
@@ -199,26 +194,21 @@ def irradiances(settings: SimulationSettings = _DEFAULT, known: Truth | None = N
     This is what an ideal sensor would record. Each array has shape (height, width). For ``known``, see
     :func:`frames`.
     """
-    yield from _irradiances(Scene.of(settings), known or truth(settings))
-
-
-def exposed_images(scene: Scene, known: Truth, noise_seed: int) -> Iterator[Image]:
-    """Yield the image of every frame of a scene."""
-    sensor = Sensor(known.response, replace(known.settings, seed=noise_seed))
-    for index, irradiance in enumerate(_irradiances(scene, known)):
-        yield sensor.expose(irradiance, frame=index, gain=float(known.gains[index]))
-
-
-def _irradiances(scene: Scene, known: Truth) -> Iterator[Float32Array]:
-    settings = known.settings
+    known = known or truth(settings)
+    scene, motion = Scene.of(settings), Motion.of(settings)
     attenuation = known.vignette.image()
-    motion = Motion.of(settings)
     exposed: Float32Array | None = None
     for index in range(settings.frames):
         if exposed is None or not settings.still:
             exposed = _exposed(scene, known, motion, index)
         factor = known.exposures_ms[index] * known.light[index]
         yield exposed * attenuation * np.float32(factor)
+
+
+def _images(known: Truth) -> Iterator[Image]:
+    sensor = Sensor(known.response, known.settings)
+    for index, irradiance in enumerate(irradiances(known.settings, known)):
+        yield sensor.expose(irradiance, frame=index, gain=float(known.gains[index]))
 
 
 def _exposed(scene: Scene, known: Truth, motion: Motion, index: int) -> Float32Array:

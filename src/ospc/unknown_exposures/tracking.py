@@ -127,11 +127,6 @@ class GainRobustTracker:
         """Numbers of the features in the last frame, ascending, shape (n,), and their pixels (x, y), shape (n, 2)."""
         return self._track.copy(), self._points.astype(np.float64)
 
-    def grey_at_current(self, frame: Frame) -> FloatArray:
-        """Return the smoothed grey levels, in [0, 1], of the features in the last frame, shape (n,)."""
-        smooth = cv2.GaussianBlur(frame.image_8_bit, (0, 0), 1.0).astype(np.float32)
-        return np.asarray(sampled(smooth, self._points) / 255)
-
     def observations(self) -> TrackObservations:
         """Return all observations so far, for points with at least two."""
         if not self._rows:

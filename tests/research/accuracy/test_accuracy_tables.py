@@ -12,7 +12,7 @@ import pytest
 
 from ospc.errors import SettingError
 from ospc.research.accuracy.report import accuracy_report, accuracy_tables
-from ospc.research.measurement import METRICS, Measurement, Metric, contest, medians, spread
+from ospc.research.measurement import METRICS, Measurement, Metric, medians, spread
 from ospc.research.tables import Table, measurements_csv
 
 SHAPE = next(m for m in METRICS if m.figure == "response_shape_rmse")
@@ -55,11 +55,6 @@ def test_worst_bias_is_the_farthest_from_zero_and_worst_share_the_smallest():
     assert (shares.typical, shares.worst) == (0.75, 0.5)
 
 
-def test_contest_counts_only_where_both_have_a_figure():
-    found = contest(RESULTS, "default", "paper", "response_shape_rmse")
-    assert (found.nearer, found.both, found.only_first, found.only_second) == (1, 2, 1, 0)
-
-
 @pytest.mark.parametrize(
     ("metric", "value", "text"),
     [(SHAPE, 0.01234, "0.0123"), (BIAS, 0.1, "+0.1000"), (SHARE, 0.683, "68%"), (SHAPE, None, "–")],
@@ -93,7 +88,6 @@ def test_files_hold_whole_tables_settings_and_every_measurement(tmp_path):
         rows = [line for line in block.splitlines() if line.startswith("|")]
         assert len({line.count("|") for line in rows}) <= 1
     assert "0.0400 (2 of 3)" in text
-    assert "1 of 2" in text
     assert "| noise = high | default | 0.0600 |" in text
     content = json.loads((tmp_path / "out" / "results.json").read_text())
     assert set(content["presets"]) == {"default", "paper"}
@@ -107,7 +101,7 @@ def test_files_hold_whole_tables_settings_and_every_measurement(tmp_path):
 def test_every_table_is_about_one_group():
     static = [replace(row, group="static") for row in RESULTS[:2]]
     titles = [table.title for table in accuracy_tables([*RESULTS, *static])]
-    assert len(titles) == len(set(titles)) == 6
+    assert len(titles) == len(set(titles)) == 5
     assert sum("at rest" in title for title in titles) == 2
 
 

@@ -38,6 +38,17 @@ def test_conditions_and_given_calibrations_are_compared(tiny_room, tmp_path):
     assert set(content["room"]) == {"truth", "none", "mine"}
 
 
+def test_an_estimated_calibration_can_be_used_in_a_new_folder_but_not_in_a_foreign_one(simulated, tmp_path):
+    words = ["--builtin", "--runs", 1, "--conditions", "joint-wogt"]
+    result = run(simulated, "-o", tmp_path / "out", *words)
+    assert result.exit_code == 0, result.output
+    assert "Joint, no truth" in result.output
+    (tmp_path / "notes.txt").write_text("mine")
+    result = run(simulated, "-o", tmp_path, *words)
+    assert "not from an earlier study" in str(result.exception)
+    assert {path.name for path in tmp_path.iterdir()} == {"notes.txt", "out"}
+
+
 @pytest.mark.parametrize(
     ("options", "words"),
     [

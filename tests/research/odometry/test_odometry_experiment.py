@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 from ospc.errors import RecordingError, SettingError
-from ospc.evaluation.trajectory import AlignmentError, read_trajectory
+from ospc.evaluation.trajectory import AlignmentError
 from ospc.formats.opening import open_photometry
 from ospc.recording import open_recording
-from ospc.research.odometry.experiment import Experiment, RunResult, Tracked, end_segments, result_of, tasks_of
+from ospc.research.odometry.experiment import Experiment, RunResult, Tracked, result_of, tasks_of
 from ospc.research.odometry.inputs import AFFINE, STANDARD, Calibrations, OdometryInput, chosen, external, images_of
 from ospc.research.odometry.report import columns_of, median_table, odometry_report
 from ospc.research.runner import ResultStore
@@ -140,7 +140,7 @@ def test_recordings_without_geometry_or_truth_are_refused_before_anything_runs(r
 
 
 def test_numbers_that_make_no_sense_are_refused(experiment):
-    for change in ({"runs": 0}, {"conditions": ()}, {"recordings": {}}, {"end_share": 0.7}):
+    for change in ({"runs": 0}, {"conditions": ()}, {"recordings": {}}):
         with pytest.raises(SettingError):
             replace(experiment, **change)
 
@@ -160,12 +160,6 @@ def test_the_conditions_are_the_papers():
     for bad in ("truth", "a b", "", "../x"):
         with pytest.raises(SettingError):
             external(bad)
-
-
-def test_the_truth_can_be_cut_to_its_ends(simulated):
-    truth = read_trajectory(simulated / "groundtruthSync.txt")
-    ends = end_segments(truth, 0.2)
-    np.testing.assert_array_equal(np.flatnonzero(ends.known), [*range(8), *range(32, 40)])
 
 
 def test_images_are_linked_where_they_can_be_and_written_where_not(recording, tmp_path):

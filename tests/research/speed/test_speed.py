@@ -7,12 +7,11 @@ import pytest
 from click.testing import CliRunner
 
 from ospc.cli.main import cli
-from ospc.correspondence.preprocessing import Preprocessor
 from ospc.recording import open_recording
 from ospc.research.speed import lines
 from ospc.research.speed.lines import LARGE, VGA, goal_of, row_of, speed_report, speed_tasks
 from ospc.research.speed.measuring import calibrate_command, calibrating, correct_command, correcting, live
-from ospc.research.speed.reel import OTHER, clocks, reel_of
+from ospc.research.speed.reel import reel_of
 
 SIZE = (128, 96)
 
@@ -23,14 +22,10 @@ def reel():
 
 
 @pytest.fixture(scope="module")
-def pushed(reel):
-    return [calibrating(SIZE, reel, name, 20) for name in ("default", "fast")] + [live(SIZE, reel, 0.2, 50)]
-
-
-@pytest.fixture(scope="module")
-def rows(pushed, reel):
+def rows(reel):
     return [
-        *pushed,
+        *(calibrating(SIZE, reel, name, 20) for name in ("default", "fast")),
+        live(SIZE, reel, 0.2, 50),
         calibrate_command(SIZE, reel, 20),
         correct_command(SIZE, reel, 5),
         correcting(SIZE, reel, "uint8"),
@@ -52,13 +47,6 @@ def test_a_reel_is_written_as_the_recording_that_it_shows(reel, tmp_path):
         assert frame.exposure_ms == pytest.approx(shown.exposure_ms)
 
 
-def test_stages_add_up_to_the_whole(pushed):
-    for row in pushed[:2]:
-        assert sum(row.stages.values()) == pytest.approx(row.seconds, rel=1e-6)
-        assert {"preparing", "registering", "sampling", OTHER} <= set(row.stages)
-        assert all(seconds >= 0 for seconds in row.stages.values())
-
-
 def test_figures_are_those_of_the_run(rows):
     for row in rows:
         assert row.push_ms is None or row.push_ms[0] <= row.push_ms[1] <= row.push_ms[2]
@@ -69,20 +57,13 @@ def test_figures_are_those_of_the_run(rows):
     assert all(row.peak_mb > 10 for row in rows[:5])
 
 
-def test_clocks_are_taken_away_again():
-    before = Preprocessor.__call__
-    with clocks():
-        assert Preprocessor.__call__ is not before
-    assert Preprocessor.__call__ is before
-
-
-def test_table_json_and_picture_hold_every_row(rows, tmp_path):
+def test_the_table_and_the_files_hold_every_row(rows, tmp_path):
     report = speed_report(rows)
     (table,) = report.tables
     assert [row[0] for row in table.rows] == [row.what for row in rows]
     assert all(len(row) == len(table.header) for row in table.rows)
     written = report.write(tmp_path)
-    assert [path.name for path in written] == ["speed.json", "speed.md", "speed.png"]
+    assert [path.name for path in written] == ["results.json", "results.csv", "table.md"]
     content = json.loads(written[0].read_text())
     assert content == json.loads(json.dumps(report.content))
     assert content["rows"][0]["ratio"] == pytest.approx(rows[0].seconds / rows[0].against_s)

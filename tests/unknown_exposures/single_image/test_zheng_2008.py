@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import cv2
 import numpy as np
 import pytest
 
@@ -10,11 +9,10 @@ from ospc.errors import NotObservableError
 from ospc.evaluation.metrics import vignette_rmse
 from ospc.photometry.geometry import normalised, pixel_grid
 from ospc.photometry.vignette import PolynomialVignette
-from ospc.unknown_exposures.single_image.zheng_2008 import radial_gradient_vignette, segment_vignette
+from ospc.unknown_exposures.single_image.zheng_2008 import radial_gradient_vignette
 
 SIZE = (400, 300)
 OFFSET = normalised(pixel_grid(SIZE), SIZE)
-RADIUS = np.linalg.norm(OFFSET, axis=-1)
 
 
 @pytest.mark.parametrize("coefficients", [(-0.35, 0.05, -0.15), (-0.12, 0.0, -0.03), (0.0, 0.0, 0.0)])
@@ -38,18 +36,7 @@ def test_symmetric_gradients_do_not_matter():
     assert vignette_rmse(radial_gradient_vignette([scene * vignette.image()]), vignette) < 0.025
 
 
-def test_segments_of_one_radiance_give_the_vignette_of_their_model():
-    squared = RADIUS**2
-    light = np.kron(np.random.default_rng(0).uniform(0.2, 0.9, (3, 4)), np.ones((100, 100)))
-    found = segment_vignette(light * (1 - 0.1 * RADIUS) / (1 + 0.3 * squared) ** 2)
-    truth = (1 - 0.1 * np.linspace(0, 1, 20)) / (1 + 0.3 * np.linspace(0, 1, 20) ** 2) ** 2
-    np.testing.assert_allclose(found.profile(np.linspace(0, 1, 20)), truth, atol=0.02)
-
-
 def test_images_that_show_nothing_are_refused():
     dark = np.zeros((SIZE[1], SIZE[0]))
     with pytest.raises(NotObservableError, match="radii"):
         radial_gradient_vignette([dark], [dark > 0])
-    noise = np.random.default_rng(0).uniform(0.1, 0.9, (75, 100))
-    with pytest.raises(NotObservableError, match="segments"):
-        segment_vignette(cv2.resize(noise, SIZE, interpolation=cv2.INTER_NEAREST))

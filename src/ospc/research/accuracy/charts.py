@@ -8,11 +8,10 @@ response up to scale.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
-from functools import partial
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from hashlib import sha256
-from itertools import combinations, pairwise
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -24,15 +23,13 @@ from ospc.arrays import FloatArray, Image, IntArray
 from ospc.errors import FormatError, OspcError
 from ospc.evaluation.metrics import response_shape_rmse
 from ospc.formats.files import read_bytes, read_text
-from ospc.methods.paper import in_order, polynomial_response, response_rows, solve_response
 from ospc.photometry.geometry import pixel_grid
 from ospc.photometry.response import Response
 from ospc.recording import Frame
 from ospc.recording.channel import Channel
 from ospc.recording.image_source import decode_stored
 from ospc.recording.recording import ArrayRecording
-from ospc.research.method import Estimate, Outcome
-from ospc.research.scoring import HeldOut, HeldOutPair, Truth
+from ospc.research.scoring import HeldOutPair, Truth
 from ospc.research.source import Source
 
 EXPOSURES = 4
@@ -171,12 +168,11 @@ class ChartSource(Source):
 
     Methods get the JPEGs under the first illuminant with the nominal exposures; the RAW files give the truth.
     Exposure factors are predicted for the JPEGs under the second illuminant. ``channel`` is an index into
-    :data:`CHANNELS`; with ``colour``, frames contain all three.
+    :data:`CHANNELS`.
     """
 
     folder: Path
     channel: int
-    colour: bool = False
 
     @classmethod
     def of(cls, folder: Path, channel: int) -> ChartSource:
@@ -195,45 +191,28 @@ class ChartSource(Source):
         for illuminant in ILLUMINANTS:
             series = read_series(self.folder, illuminant)
             total.update(series.jpeg.tobytes() + series.raw.tobytes() + series.patches.tobytes())
-        known = {"kind": "chart", "camera": self.folder.name, "channel": self.channel, "colour": self.colour}
+        known = {"kind": "chart", "camera": self.folder.name, "channel": self.channel}
         return known | {"sha256": total.hexdigest()}
 
     def frames(self) -> Iterator[Frame]:
         """Iterate over the JPEGs under the first illuminant."""
-        series = self._fitted()
-        recording = ArrayRecording(list(self._planes(series)), _STATED_MS, name=self.name, max_grey=255)
-        for grey, image in zip(recording, series.jpeg, strict=True):
-            yield replace(grey, load=partial(np.asarray, image), colour=True) if self.colour else grey
+        planes = list(self._planes(self._fitted()))
+        return iter(ArrayRecording(planes, _STATED_MS, name=self.name, max_grey=255))
 
     def truth(self) -> Truth:
         """Return the response from the RAW files."""
         response, greys = true_response(self._fitted(), self.channel)
         return Truth(response, greys=greys, limits=self._limits(response, greys))
 
-    def held_out(self) -> HeldOut:
+    def held_out(self) -> Sequence[HeldOutPair]:
         """Return all pairs of exposures under the second illuminant, with the ratios of the RAW files."""
         series = read_series(self.folder, ILLUMINANTS[1])
         exposures, _ = series.irradiance()
         planes = self._planes(series)
-        pairs = [
+        return [
             _same_places(planes, first, second, float(exposures[first] / exposures[second]))
             for first, second in combinations(range(EXPOSURES), 2)
         ]
-        return HeldOut(pairs, pairs)
-
-    def quadratic(self) -> Outcome:
-        """Return the paper's quadratic response from corresponding pixels of successive exposures."""
-        planes = self._planes(self._fitted())
-        gram = np.zeros((3, 3))
-        for i, j in pairwise(range(EXPOSURES)):
-            ratio = _STATED_MS[i] / _STATED_MS[j]
-            pair = _same_places(planes, i, j, ratio)
-            rows = response_rows(in_order(pair, ratio), ratio, 2)
-            gram += rows.T @ rows
-        coefficients = solve_response(gram, "when needed")
-        if coefficients is None:
-            return "the quadratic does not increase"
-        return Estimate(polynomial_response(coefficients))
 
     def _fitted(self) -> ChartSeries:
         return read_series(self.folder, ILLUMINANTS[0])

@@ -21,10 +21,10 @@ from ospc.arrays import FloatArray
 from ospc.errors import FormatError, SettingError
 from ospc.photometry.response import Response
 from ospc.research.accuracy.charts import FOLDER as CHARTS
-from ospc.research.accuracy.charts import ChartSource, chart_sources
+from ospc.research.accuracy.charts import chart_sources
 from ospc.research.accuracy.real_video import FOLDER as VIDEO
 from ospc.research.accuracy.real_video import VideoSource
-from ospc.research.method import VIGNETTE_SOLVERS, Estimate, Method, Outcome, OwnMethod, PaperVariants
+from ospc.research.method import VIGNETTE_SOLVERS, Method, OwnMethod, PaperVariants
 from ospc.research.source import SWEEP, Methods, SimulatedSource, Source
 from ospc.settings import PaperSettings, preset
 from ospc.simulation import SimulationSettings
@@ -68,18 +68,6 @@ class PresetMethods(Methods):
             return {"paper": PaperVariants({"paper": settings})}
         solvers = {f"paper/{solver}": replace(settings, vignette_solver=solver) for solver in VIGNETTE_SOLVERS}
         return {"paper": PaperVariants(solvers)}
-
-    def references(self, source: Source) -> dict[str, Outcome]:
-        """Return further outcomes to compare with on real recordings.
-
-        For "paper", this is its estimator on chart pixels known to correspond, because a chart has hardly any
-        features; for "default", the laboratory calibration by the authors of the video.
-        """
-        if self.name == "paper" and isinstance(source, ChartSource):
-            return {"paper, pixels known": source.quadratic()}
-        if self.name == "default" and isinstance(source, VideoSource):
-            return {"makers' laboratory": Estimate(source.truth().response)}
-        return {}
 
 
 def accuracy_sources(data: Path | None, frames: int = FRAMES) -> tuple[list[Source], list[str]]:

@@ -7,6 +7,7 @@ its nearest feature, and an error of a pixel hardly changes its grey level.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import islice
 
@@ -17,7 +18,7 @@ from scipy.spatial import KDTree
 from ospc.arrays import Float32Array, FloatArray
 from ospc.formats.dso import read_pcalib
 from ospc.recording import Frame, open_recording
-from ospc.research.scoring import HeldOut, HeldOutPair, Truth
+from ospc.research.scoring import HeldOutPair, Truth
 from ospc.research.source import PCALIB, GivenSource
 from ospc.unknown_exposures.tracking import sampled
 
@@ -29,9 +30,6 @@ _FITTED_FRAMES = 40
 
 _FARTHEST, _FEWEST_PLACES = 3, 50
 """Largest distance of the frames of a pair, and the flat points that it needs."""
-
-_FACTOR, _FACTOR_TOLERANCE = 8.0, 0.05
-"""The exposure factor whose prediction is reported, and the tolerance in ln for counting as this factor."""
 
 _LABORATORY_GREYS, _MAX_RADIAL_DISPLACEMENT = (5, 215), 0.01
 """Range in which the authors' response is valid, and largest |R₀ − R₁| of a pair: the true vignette is unknown."""
@@ -60,11 +58,9 @@ class VideoSource(GivenSource):
         """Return the authors' laboratory calibration."""
         return Truth(read_pcalib(self.path / PCALIB), greys=_LABORATORY_GREYS)
 
-    def held_out(self) -> HeldOut:
-        """Return pairs of the evaluation frames; factors are judged on pairs that differ eightfold."""
-        pairs = held_out_pairs(list(islice(open_recording(self.path), _FITTED_FRAMES, None)))
-        eightfold = [p for p in pairs if abs(abs(np.log(p.exposure_ratio)) - np.log(_FACTOR)) < _FACTOR_TOLERANCE]
-        return HeldOut(pairs, eightfold)
+    def held_out(self) -> Sequence[HeldOutPair]:
+        """Return pairs of the evaluation frames."""
+        return held_out_pairs(list(islice(open_recording(self.path), _FITTED_FRAMES, None)))
 
 
 def held_out_pairs(frames: list[Frame]) -> list[HeldOutPair]:

@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Any, TypeVar
+from typing import Any
 
 from ospc.research.measurement import (
     Measurement,
-    contest,
     groups_of,
     known_metrics,
     methods_of,
     metrics,
     recordings_of,
     spread,
-    typical,
 )
 from ospc.research.pictures import draw_errors
 from ospc.research.tables import StudyReport, Table, benchmark_report, measurements_csv
@@ -37,7 +35,6 @@ _NOTE = (
     "g(0) = 0, g(255) = 1, V = 1 at the centre; nothing is aligned by an exponent, and only the shape by a scale. "
     "Typical is the median; for shares within ±σ, the mean over all points. A dash: the method gives no result."
 )
-_Outcome = TypeVar("_Outcome", bound=Hashable)
 
 
 def accuracy_report(rows: Sequence[Measurement], presets: Sequence[str], notes: Sequence[str]) -> StudyReport:
@@ -57,13 +54,12 @@ def accuracy_report(rows: Sequence[Measurement], presets: Sequence[str], notes: 
 
 
 def accuracy_tables(rows: Sequence[Measurement]) -> list[Table]:
-    """Return for each group a summary, how often a method is nearer, medians by factor, and every measurement."""
+    """Return for each group a summary, medians by factor, and every measurement."""
     tables: list[Table] = []
     for group, members in groups_of(rows).items():
         title = _TITLES.get(group, group)
         tables.append(_summary(title, members))
         if len(recordings_of(members)) > 1:
-            tables.append(_contests(f"{title}: how often the first method is nearer to the truth", members))
             tables.append(_by_factor(f"{title}: medians by factor", members))
         tables.append(_every(f"{title}: every recording", members))
     return [table for table in tables if table.rows]
@@ -95,32 +91,21 @@ def _summary(title: str, members: Sequence[Measurement]) -> Table:
     return Table(title, header, tuple(lines))
 
 
-def _contests(title: str, members: Sequence[Measurement]) -> Table:
-    first, *others = methods_of(members)
-    lines = []
-    for metric in known_metrics(members):
-        if metric.kind != "error":
-            continue
-        found = {other: contest(members, first, other, metric.figure) for other in others}
-        for outcome, names in _alike(found).items():
-            if outcome.both + outcome.only_first + outcome.only_second:
-                counts = (f"{outcome.nearer} of {outcome.both}", str(outcome.only_first), str(outcome.only_second))
-                lines.append((metric.label, f"{first} against {names}", *counts))
-    header = ("metric", "methods", "nearer", "only the first has a result", "only the second has one")
-    return Table(title, header, tuple(lines), names=2)
-
-
 def _by_factor(title: str, members: Sequence[Measurement]) -> Table:
     shown = [metric for metric in known_metrics(members) if metric in _MAIN]
     levels = list(dict.fromkeys(level for row in members for level in row.factors.items()))
     levels.sort(key=lambda level: list(members[0].factors).index(level[0]))
     lines = []
     for factor, level in levels:
-        texts = {}
+        alike: dict[tuple[str, ...], list[str]] = {}  # methods by their figures
         for method in methods_of(members):
-            there = [row for row in members if row.method == method and row.factors.get(factor) == level]
-            texts[method] = tuple(metric.text(typical(there, metric)) for metric in shown)
-        lines += [(f"{factor} = {level}", names, *figures) for figures, names in _alike(texts).items()]
+            there = [row for row in members if row.factors.get(factor) == level]
+            found = [spread(there, method, metric) for metric in shown]
+            texts = tuple(
+                metric.text(None if one is None else one.typical) for metric, one in zip(shown, found, strict=True)
+            )
+            alike.setdefault(texts, []).append(method)
+        lines += [(f"{factor} = {level}", ", ".join(names), *figures) for figures, names in alike.items()]
     return Table(title, ("level", "method", *(m.short for m in shown)), tuple(lines), names=2)
 
 
@@ -139,11 +124,3 @@ def _every(title: str, members: Sequence[Measurement]) -> Table:
     ]
     header = ("recording", "method", *(m.short for m in shown), *(name.replace("_", " ") for name in limits))
     return Table(title, header, tuple(lines), names=2)
-
-
-def _alike(found: Mapping[str, _Outcome]) -> dict[_Outcome, str]:
-    """Return each distinct outcome with the names of the methods that share it."""
-    members: dict[_Outcome, list[str]] = {}
-    for name, outcome in found.items():
-        members.setdefault(outcome, []).append(name)
-    return {outcome: ", ".join(names) for outcome, names in members.items()}

@@ -1,4 +1,4 @@
-"""The recordings of experiments: stand-ins for the paper's, exposure sweeps, and recordings in colour.
+"""The recordings of experiments: stand-ins for the paper's, and exposure sweeps.
 
 With a folder of reference data, stand-ins have the response and vignette of the data set's narrow camera and the
 exposures of a real recording; without it, analytic approximations and simulated auto exposure.
@@ -6,27 +6,20 @@ exposures of a real recording; without it, analytic approximations and simulated
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
-from functools import partial
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from ospc.arrays import Float32Array, FloatArray, ImageSize
+from ospc.arrays import FloatArray, ImageSize
 from ospc.errors import FormatError, SettingError
 from ospc.formats.dso import read_pcalib
 from ospc.formats.files import read_text
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import PolynomialVignette, Vignette
-from ospc.recording.frame import Frame
 from ospc.recording.table_text import exposures_in
 from ospc.research.source import SWEEP, SimulatedSource
 from ospc.simulation import SimulationSettings
-from ospc.simulation.camera import exposed_images, frame_of
-from ospc.simulation.scene import Scene
-from ospc.simulation.surface import Face
-from ospc.simulation.truth import truth as simulated_truth
 
 RESPONSE, VIGNETTE = "params/pcalib_narrow_DIGITISED.txt", "params/vignette_narrow_radial_DIGITISED.csv"
 EXPOSURES = "params/tum_vi_times.txt"
@@ -42,12 +35,11 @@ _MOST_BYTES = 64_000_000
 
 
 def stand_ins(
-    count: int, frames: int, size: ImageSize, data: Path | None = None, *, speed: float = 1.0, seed: int = _SEED
+    count: int, frames: int, size: ImageSize, data: Path | None = None, *, speed: float = 1.0
 ) -> list[SimulatedSource]:
     """Return simulated recordings, each with its own scene, motion and exposures.
 
-    ``data`` is the folder of reference data, ``speed`` a factor on the camera's speed, and ``seed`` that of the first
-    recording.
+    ``data`` is the folder of reference data, and ``speed`` a factor on the camera's speed.
     """
     if count < 1 or frames < 2:
         raise SettingError("an experiment needs at least one recording, of two frames or more")
@@ -59,7 +51,7 @@ def stand_ins(
     common = SimulationSettings(size=size, frames=frames, speed=speed, response=response, vignette=vignette)
     found = []
     for number in range(count):
-        settings = replace(common, seed=seed + number)
+        settings = replace(common, seed=_SEED + number)
         if courses is not None:
             middle = float(np.exp(np.mean(np.log(courses[number]))))
             exposures = tuple(courses[number].tolist())
@@ -106,47 +98,3 @@ def _courses(count: int, frames: int, data: Path | None) -> list[FloatArray] | N
         starts = np.linspace(0, exposures.size - frames, count).astype(int)
     parts = [exposures[start : start + frames] for start in starts]
     return sorted(parts, key=lambda part: -float(np.std(np.log(part))))[:count]
-
-
-_LOG_TINT, _LEAST_CONTRAST = 0.5, 0.4
-"""Standard deviation of ln of a surface's brightness, and least contrast of a texture, relative to green."""
-
-_CHANNELS = (1, 0, 2)
-"""Seed offsets for the noise of blue, green and red; green has that of the grey recording."""
-
-
-@dataclass(frozen=True)
-class ColourSource(SimulatedSource):
-    """A simulated recording whose frames are in colour, shape (height, width, 3), blue, green, red."""
-
-    def frames(self) -> Iterator[Frame]:
-        """Iterate over the frames."""
-        scene, seed = Scene.of(self.settings), self.settings.seed
-        known = simulated_truth(self.settings)
-        planes = [exposed_images(tinted(scene, seed, channel), known, seed + channel) for channel in _CHANNELS]
-        for index, (blue, green, red) in enumerate(zip(*planes, strict=True)):
-            image = np.stack([blue, green, red], axis=-1)
-            yield replace(frame_of(known, index, green), load=partial(np.asarray, image), colour=True)
-
-
-def tinted(scene: Scene, seed: int, channel: int) -> Scene:
-    """Return a scene as another channel sees it; channel 0 is the scene itself."""
-    if channel == 0:
-        return scene
-    random = np.random.default_rng([seed, 11, channel])
-
-    def coloured(mips: tuple[Float32Array, ...]) -> tuple[Float32Array, ...]:
-        tint, contrast = np.exp(_LOG_TINT * random.normal()), random.uniform(_LEAST_CONTRAST, 1)
-        mean = mips[-1].mean()
-        return tuple((tint * (contrast * level + (1 - contrast) * mean)).astype(np.float32) for level in mips)
-
-    def faces(all_faces: tuple[Face, ...]) -> tuple[Face, ...]:
-        return tuple(replace(face, mips=coloured(face.mips)) for face in all_faces)
-
-    return replace(
-        scene,
-        walls=faces(scene.walls),
-        pictures=faces(scene.pictures),
-        solids=tuple(replace(solid, faces=faces(solid.faces)) for solid in scene.solids),
-        patches=tuple(replace(patch, mips=coloured(patch.mips)) for patch in scene.patches),
-    )

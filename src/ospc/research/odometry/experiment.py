@@ -140,16 +140,11 @@ def _covered(trajectory: Trajectory | None, stamps_s: FloatArray) -> float:
     return min(1.0, float(trajectory.stamps_s[-1] - trajectory.stamps_s[0]) / duration)
 
 
-_FEWEST_POSES = 3
-"""Poses that an alignment needs at either end."""
-
-
 @dataclass(frozen=True)
 class Experiment:
     """Recordings by name, each with camera.txt and groundtruthSync.txt, to be run under several conditions.
 
-    ``end_share`` is the share of the true trajectory to use at either end, as in data sets that know no more; None
-    for all of it.
+    ``folder`` gets the images of recordings in another layout.
     """
 
     recordings: dict[str, Recording]
@@ -157,22 +152,19 @@ class Experiment:
     runs: int
     calibrations: Calibrations
     folder: Path
-    end_share: float | None = None
 
     def __post_init__(self) -> None:
         """Check the input, before hours are spent."""
         if self.runs < 1 or not self.recordings or not self.conditions:
             raise SettingError("an experiment needs at least one recording, one condition and one run")
-        if self.end_share is not None and not 0 < self.end_share <= 0.5:
-            raise SettingError(f"the share of the truth at either end is {self.end_share}; choose at most 0.5")
         for recording in self.recordings.values():
             needed(recording.path, CAMERA)
-            self.truth_of(recording)
+            true_trajectory(recording)
 
-    def truth_of(self, recording: Recording) -> Trajectory:
-        """Return the true trajectory of a recording."""
-        known = read_trajectory(needed(recording.path, TRUTH))
-        return known if self.end_share is None else end_segments(known, self.end_share)
+
+def true_trajectory(recording: Recording) -> Trajectory:
+    """Return the true trajectory of a recording."""
+    return read_trajectory(needed(recording.path, TRUTH))
 
 
 def tasks_of(experiment: Experiment, odometry: Odometry) -> tuple[list[Task], list[RunResult]]:
@@ -185,7 +177,7 @@ def tasks_of(experiment: Experiment, odometry: Odometry) -> tuple[list[Task], li
     failed: list[RunResult] = []
     described = odometry.describe()
     for name, recording in experiment.recordings.items():
-        images = images_of(recording, experiment.folder / "images")
+        images = images_of(recording, experiment.folder)
         for condition in experiment.conditions:
             try:
                 photometry = experiment.calibrations.of(recording, condition)
@@ -211,16 +203,7 @@ def _run(odometry: Odometry, source: OdometryInput, number: int, _progress: OnPr
 def result_of(finished: Finished, experiment: Experiment) -> RunResult:
     """Compare a finished run with the truth."""
     name, source, number = finished.task.about
-    truth = experiment.truth_of(experiment.recordings[name])
+    truth = true_trajectory(experiment.recordings[name])
     tracked = Tracked.from_dict(finished.result)
     condition = source.condition.name
     return judged(tracked, truth, source.stamps_s, recording=name, condition=condition, run=number)
-
-
-def end_segments(truth: Trajectory, share: float) -> Trajectory:
-    """Return a truth known only over this share (at most 0.5) at either end, as in the monocular data set."""
-    keep = max(_FEWEST_POSES, round(share * len(truth)))
-    positions, quaternions = truth.positions.copy(), truth.quaternions.copy()
-    positions[keep : len(truth) - keep] = np.nan
-    quaternions[keep : len(truth) - keep] = np.nan
-    return Trajectory(truth.stamps_s, positions, quaternions)

@@ -190,14 +190,12 @@ _PRESETS = {"paper": "paper", "ours": "default"}
 class Calibrations:
     """Finds or estimates calibrations, and stores the estimates in a folder.
 
-    Those ``given``, by the name of their condition, take precedence. Joint estimation is ``online``, as in the
-    paper's comparison, or uses the whole recording at once. ``progress`` is called with a description of the
-    estimation and the share that is done.
+    Those ``given``, by the name of their condition, take precedence. Joint estimation is online, as in the paper's
+    comparison. ``progress`` is called with a description of the estimation and the share that is done.
     """
 
     folder: Path
     given: Mapping[str, Photometry] = field(default_factory=dict)
-    online: bool = True
     progress: Callable[[str, float], None] = lambda _what, _share: None
 
     def of(self, recording: Recording, condition: Condition) -> Photometry:
@@ -215,20 +213,18 @@ class Calibrations:
     def _estimated(self, recording: Recording, name: str) -> Path:
         """Return the file of an estimate, and create it if needed; both joint variants are created together."""
         preset = _PRESETS.get(name)
-        online = self.online and preset is None
-        depends_on = {"recording": identity(recording), "online": online, "made_with": made_with()}
+        depends_on = {"recording": identity(recording), "preset": preset, "made_with": made_with()}
         folder = self.folder / f"{recording.path.name or 'recording'}-{key_of(depends_on)[:16]}"
         place = folder / f"{name}.json"
         if place.is_file():
             return place
         if preset is None:
             truth = true_curves(recording)[0] if (recording.path / PCALIB).is_file() else None
-            method: Method = Bergmann(truth, online=online)
+            method: Method = Bergmann(truth, online=True)
         else:
             method = OwnMethod(preset, variant=name)
         progress = partial(self.progress, f"calibrating {recording.path.name}")
-        for result in run_methods({name: method}, recording, len(recording), progress):
-            found = result.outcome
+        for variant, found in run_methods({name: method}, recording, len(recording), progress).items():
             if isinstance(found, str):
                 raise NotObservableError(f"{recording.path}: {found}")
             if found.response is None:
@@ -236,7 +232,7 @@ class Calibrations:
             with writing(folder):
                 folder.mkdir(parents=True, exist_ok=True)
             known = found.calibration or Calibration(recording.size, found.response, found.vignette)
-            known.save(folder / f"{re.sub('joint-(online|batch)', 'joint', result.variant)}.json")
+            known.save(folder / f"{variant.replace('joint-online', 'joint')}.json")
         if not place.is_file():
             raise FormatError(f"{recording.path}: has no {PCALIB}, which provides the known point of the response")
         return place

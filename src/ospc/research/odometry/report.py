@@ -14,7 +14,7 @@ from ospc.errors import FormatError, NotObservableError
 from ospc.evaluation.trajectory import Trajectory, half_alignments
 from ospc.formats.files import csv_text, json_text
 from ospc.report.style import BLUE, GREEN, ORANGE, new_figure, printable
-from ospc.research.odometry.experiment import Experiment, RunResult
+from ospc.research.odometry.experiment import Experiment, RunResult, true_trajectory
 from ospc.research.odometry.inputs import Condition
 from ospc.research.pictures import figure_of_panels, line_style
 from ospc.research.tables import StudyReport, Table
@@ -83,7 +83,7 @@ def odometry_report(experiment: Experiment, results: Iterable[RunResult]) -> Stu
     for name, recording in experiment.recordings.items():
         # For each condition, the run with the median error.
         typical = [(c, sorted(r, key=lambda run: run.error)[(len(r) - 1) // 2]) for c, r in columns[name] if r]
-        truth = experiment.truth_of(recording)
+        truth = true_trajectory(recording)
         pictures[f"trajectories-{name}.png"] = partial(draw_trajectories, typical, truth, name)
     failures = [
         f"{run.recording}, {condition.title}, run {run.run}: {run.ending}; {run.reason}"

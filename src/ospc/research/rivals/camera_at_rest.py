@@ -1,4 +1,4 @@
-"""Methods of other papers for a static camera: the response from images of one view at several exposures.
+"""Methods of OpenCV for a static camera: the response from images of one view at several exposures.
 
 They need all images at once and estimate no vignette.
 """
@@ -154,66 +154,8 @@ def _by_opencv(method: Any, images: npt.NDArray[np.uint8], series: ExposureSerie
     return response_of_values(np.asarray(found, dtype=np.float64).reshape(LEVELS, -1)[:, 0], name)
 
 
-def engel_response(series: ExposureSeries, iterations: int = 20) -> Response:
-    """Return the response by the method of the TUM monocular data set (Engel, Usenko and Cremers 2016).
-
-    g has 256 free values. Minimises Σ (g(Mᵢ(x)) − tᵢB(x))² over unsaturated pixels in turn: g(m) is the mean of
-    tᵢB(x) where Mᵢ(x) = m, and B(x) = Σ tᵢ g(Mᵢ(x)) / Σ tᵢ².
-    """
-    t = series.relative_exposures[:, None]
-    grey = series.images.reshape(len(series.images), -1)
-    used = grey < LEVELS - 1
-    weight = np.where(used, t, 0.0)
-    square = np.maximum((weight * t).sum(axis=0), 1e-12)
-    table: FloatArray = np.arange(LEVELS, dtype=np.float64)
-    counts = np.bincount(grey[used], minlength=LEVELS)
-    for _ in range(iterations):
-        irradiance = (weight * table[grey]).sum(axis=0) / square
-        sums = np.bincount(grey[used], weights=(t * irradiance)[used], minlength=LEVELS)
-        table = sums / np.maximum(counts, 1)
-        table *= (LEVELS - 1) / max(float(table.max()), 1e-12)
-    return response_of_values(np.where(counts > 0, table, np.nan), "engel")
-
-
-_MOST_DEGREES, _EXPOSED = 10, (2, 253)
-"""The highest degree that the publication tries, and the range of grey levels used."""
-
-_PIXELS, _FEWEST_PIXELS = 2000, 50
-"""Pixels used, and fewest of them that must be well exposed in two successive images."""
-
-
-def mitsunaga_nayar(series: ExposureSeries) -> Response:
-    """Return the response of Mitsunaga and Nayar, "Radiometric self calibration", 1999, with known exposure ratios.
-
-    g(M) = Σ cₙMⁿ with g(1) = 1. For successive images with exposure ratio R, g(M₀) − R·g(M₁) = 0 is linear in the
-    coefficients. The degree is the one between 1 and 10 with the smallest error.
-    """
-    grey = series.sampled(_PIXELS).astype(np.float64)
-    exposed = (grey > _EXPOSED[0]) & (grey < _EXPOSED[1])
-    pairs = exposed[:-1] & exposed[1:]
-    if np.count_nonzero(pairs) < _FEWEST_PIXELS:
-        raise NotObservableError("hardly any pixel is well exposed in two successive images; use smaller steps")
-    ratio = (series.exposures_ms[:-1] / series.exposures_ms[1:])[np.nonzero(pairs)[0]]
-    grey0, grey1 = grey[:-1][pairs] / 255, grey[1:][pairs] / 255
-    fits = (polynomial(grey0, grey1, ratio, degree) for degree in range(1, _MOST_DEGREES + 1))
-    coefficients, _ = min(fits, key=lambda fit: fit[1])
-    values = np.polynomial.polynomial.polyval(np.linspace(0, 1, LEVELS), coefficients)
-    return response_of_values(np.asarray(values - values[0]), "mitsunaga-nayar")
-
-
-def polynomial(grey0: FloatArray, grey1: FloatArray, ratio: FloatArray, degree: int) -> tuple[FloatArray, float]:
-    """Return c₀ … c_N, with c_N = 1 − Σ c of the others, and the root mean square of g(M₀) − R·g(M₁)."""
-    power = np.arange(degree + 1)
-    d = grey0[:, None] ** power - ratio[:, None] * grey1[:, None] ** power
-    free = np.linalg.lstsq(d[:, :-1] - d[:, -1:], -d[:, -1], rcond=None)[0]
-    coefficients = np.append(free, 1 - free.sum())
-    return coefficients, float(np.sqrt(np.mean((d @ coefficients) ** 2)))
-
-
 AT_REST: dict[str, Callable[[ExposureSeries], Response]] = {
     "debevec-malik": debevec_malik,
     "robertson": robertson,
-    "mitsunaga-nayar": mitsunaga_nayar,
-    "engel": engel_response,
 }
 """The methods by name."""

@@ -4,7 +4,7 @@
    images, the brightness transfer function τ: the most likely increasing path through the joint histogram.
 2. ln g(τ(M)) − ln g(M) = K for all pairs and grey levels is linear in the coefficients of an empirical model of ln g
    and in the exposures K. The solution is known up to an exponent, which one K fixes; the publication assumes a
-   constant.
+   constant, and uses the model of Grossberg and Nayar, whose tables are not distributed here.
 3. With both known, all points give V(r₁) = a·V(r₂), where a is the median of g(M₁)/g(M₂)e⁻ᴷ over points with similar
    radii. This is linear in the coefficients of V.
 """
@@ -12,9 +12,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cache
 
 import cv2
 import numpy as np
+from scipy.optimize import isotonic_regression
 
 from ospc.arrays import FloatArray, IntArray, members_of
 from ospc.errors import NotObservableError
@@ -23,11 +25,14 @@ from ospc.photometry.response import Response
 from ospc.photometry.vignette import PolynomialVignette
 from ospc.recording.frame import Frame
 from ospc.research.method import Estimate, Outcome, outcomes_of
-from ospc.research.rivals.log_response import log_model
 from ospc.robust import robust_scale
+from ospc.unknown_exposures.response_model import family_of_inverses
 from ospc.unknown_exposures.tracking import equalised, log_brightness, sampled
 
 _LEVELS = 256
+_COMPONENTS, _DARKEST = 5, 1e-4
+"""Number of components of the model, as published, and g at which ln g is cut off."""
+
 _SAME_RADIUS, _MOVING = 0.03, 0.1
 """Largest |r₁ − r₂| of points for the response, and smallest for the vignette."""
 
@@ -111,8 +116,7 @@ def _solve_response(
     transfers: Sequence[tuple[int, IntArray, IntArray, FloatArray]], known: tuple[int, float] | None
 ) -> tuple[Response, dict[int, float]]:
     """Solve Σ cₖ(hₖ(M₁) − hₖ(τ)) − K = −(g₀(M₁) − g₀(τ)), all in ln, with one K fixed."""
-    model = log_model()
-    mean, components = model.mean, model.components
+    mean, components = _log_model()
     changes = [float(np.average(np.log(m1 / m2), weights=w)) for _, m1, m2, w in transfers]
     numbers = [number for number, *_ in transfers]
     if known is not None and known[0] in numbers:
@@ -137,7 +141,22 @@ def _solve_response(
     pull = _PULL * np.eye(count, count + len(transfers) - 1)
     found = _robust(np.delete(matrix, count + fixed, axis=1), target, pull)
     ratios = np.insert(found[count:], fixed, value)
-    return model.response(found[:count], "kim-pollefeys"), dict(zip(numbers, ratios.tolist(), strict=True))
+    curve = np.exp(mean + found[:count] @ components)
+    rising = isotonic_regression(curve).x + 1e-9 * np.arange(_LEVELS)
+    rising[0] = 0.0
+    response = Response.from_values(rising, model={"name": "kim-pollefeys", "coefficients": found[:count].tolist()})
+    return response, dict(zip(numbers, ratios.tolist(), strict=True))
+
+
+@cache
+def _log_model() -> tuple[FloatArray, FloatArray]:
+    """Return g₀, shape (256,), and hₖ, shape (5, 256), all in ln, learned from analytic families of curves."""
+    curves = np.log(np.maximum(family_of_inverses(_LEVELS), _DARKEST))
+    mean = curves.mean(axis=0)
+    _, singular, directions = np.linalg.svd(curves - mean, full_matrices=False)
+    # Coefficients of typical curves have unit variance.
+    scale = singular[:_COMPONENTS, None] / np.sqrt(len(curves))
+    return np.asarray(mean), np.asarray(directions[:_COMPONENTS] * scale)
 
 
 def _robust(matrix: FloatArray, target: FloatArray, pull: FloatArray) -> FloatArray:

@@ -1,4 +1,4 @@
-"""The measurements of the speed benchmark, their goals, and its table, JSON and plot."""
+"""The measurements of the speed benchmark, their goals, and its table."""
 
 from __future__ import annotations
 
@@ -10,14 +10,18 @@ from multiprocessing import get_context
 from typing import Any, TypeAlias
 
 from ospc.arrays import ImageSize
-from ospc.formats.files import json_text
-from ospc.report.style import new_figure
-from ospc.research.pictures import line_style
+from ospc.formats.files import csv_text
 from ospc.research.runner import OnProgress, Task, made_with
 from ospc.research.speed.measuring import SpeedRow, calibrate_command, calibrating, correct_command, correcting, live
 from ospc.research.speed.reel import Reel, reel_of
-from ospc.research.tables import StudyReport, Table
-from ospc.versions import versions
+from ospc.research.tables import StudyReport, Table, benchmark_report
+
+SCHEMA = "ospc-benchmark-speed/1"
+
+_NOTE = (
+    "× is the time relative to decoding the same frames in one thread, or to copying the same data, in the same run. "
+    "CPU s is the processor time of all threads. Memory is the peak without the input frames."
+)
 
 VGA, LARGE = (640, 480), (1280, 1024)
 SIZES: tuple[ImageSize, ...] = (VGA, LARGE)
@@ -86,15 +90,11 @@ def speed_tasks(
     return tasks
 
 
-_LEAST_NAMED = 0.06
-"""Share of the time above which a stage's name fits into its bar."""
-
-
 def _cells(row: SpeedRow) -> dict[str, str]:
     half, rare = ("", "") if row.push_ms is None else (f"{ms:.2g} ms" for ms in row.push_ms[:2])
     goal, met = goal_of(row)
     return {
-        "": row.what,
+        "measured": row.what,
         "size": f"{row.size[0]}×{row.size[1]}",
         "frames": str(row.frames),
         "seconds": f"{row.seconds:.3g}",
@@ -111,33 +111,10 @@ def _cells(row: SpeedRow) -> dict[str, str]:
 
 
 def speed_report(rows: Sequence[SpeedRow]) -> StudyReport:
-    """Return the report, with ``speed.json``, ``speed.md`` and ``speed.png``."""
+    """Return the report, with ``results.json``, ``results.csv`` and ``table.md``."""
     machine = {"cores": os.cpu_count(), "machine": platform.machine(), "system": platform.system()}
     judged = [row.as_dict() | dict(zip(("goal", "met"), goal_of(row), strict=True)) for row in rows]
-    content = {"rows": judged, "machine": machine, "versions": versions()}
     lines = [_cells(row) for row in rows]
     table = Table("Speed", tuple(lines[0]), tuple(tuple(line.values()) for line in lines), 2)
-    texts = {"speed.json": json_text(content) + "\n", "speed.md": table.as_markdown()}
-    pictures = {"speed.png": partial(_draw, rows)} if any(row.stages for row in rows) else {}
-    return StudyReport([table], texts, pictures, content=content)
-
-
-def _draw(rows: Sequence[SpeedRow]) -> Any:
-    """Draw a bar per row, divided by stage; the work of other threads is not included."""
-    shown = [row for row in rows if row.stages]
-    stages = list(dict.fromkeys(stage for row in shown for stage in row.stages))
-    figure = new_figure(11.0, 1.5 + 0.5 * len(shown))
-    axes = figure.subplots()
-    for place, row in enumerate(shown):
-        left = 0.0
-        for number, stage in enumerate(stages):
-            share = row.stages.get(stage, 0.0) / row.seconds
-            axes.barh(place, share, left=left, color=line_style(number)["color"], height=0.7)
-            if share > _LEAST_NAMED:
-                axes.text(left + share / 2, place, stage, ha="center", va="center", fontsize=8, color="white")
-            left += share
-    names = [f"{r.what}, {r.size[0]}×{r.size[1]}: {1e3 * r.seconds / r.frames:.3g} ms a frame" for r in shown]
-    axes.set(yticks=range(len(shown)), yticklabels=names, xlim=(0, 1), xlabel="share of the time, by stage")
-    axes.invert_yaxis()
-    axes.grid(visible=False)
-    return figure
+    csv = csv_text([table.header, *table.rows])
+    return benchmark_report("speed", _NOTE, [], [table], csv, schema=SCHEMA, rows=judged, machine=machine)

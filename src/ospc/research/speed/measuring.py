@@ -8,7 +8,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -55,8 +55,6 @@ class SpeedRow:
         Median, 99th percentile and maximum of the time of one push; None if nothing is pushed.
     peak_mb
         Peak resident memory without the input frames; None if the system does not report it.
-    stages
-        Seconds by stage; the last, "other", is the rest. Empty if unknown.
     """
 
     what: str
@@ -69,7 +67,6 @@ class SpeedRow:
     against_cpu_s: float
     push_ms: tuple[float, float, float] | None = None
     peak_mb: float | None = None
-    stages: dict[str, float] = field(default_factory=dict)
     notes: str = ""
 
     @property
@@ -110,9 +107,8 @@ class _Spent:
 
 
 def calibrating(size: ImageSize, reel: Reel, preset: str, count: int) -> SpeedRow:
-    """Measure pushing frames and the final calibration with a preset in this process, by stage."""
+    """Measure pushing frames and the final calibration with a preset in this process."""
     from ospc.calibrator import OnlineCalibrator, drive
-    from ospc.research.speed.reel import OTHER, clocks
 
     count = min(count, SLOW_FRAMES) if preset == "paper" else count
     decoding = reel.decoding_s(count)
@@ -125,20 +121,13 @@ def calibrating(size: ImageSize, reel: Reel, preset: str, count: int) -> SpeedRo
             pushes.append(time.perf_counter() - before)
             return used
 
-    with clocks() as stages, _Spent() as spent:
+    with _Spent() as spent:
         calibrator = Clocked(preset)
         drive(calibrator, reel.frames(count))
         calibrator.calibration()
     times = (spent.seconds, spent.cpu_s, "decoding", *decoding)
-    return SpeedRow(
-        f"preset {preset}",
-        size,
-        count,
-        *times,
-        push_ms=_spread(pushes),
-        peak_mb=_peak_mb(reel.megabytes),
-        stages={**stages, OTHER: max(0.0, spent.seconds - sum(stages.values()))},
-    )
+    peak_mb = _peak_mb(reel.megabytes)
+    return SpeedRow(f"preset {preset}", size, count, *times, push_ms=_spread(pushes), peak_mb=peak_mb)
 
 
 def live(size: ImageSize, reel: Reel, seconds: float, rate_hz: float) -> SpeedRow:

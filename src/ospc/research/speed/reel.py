@@ -1,18 +1,13 @@
-"""Frames for speed measurements (a simulated walk of any length) and timers for the stages of the methods."""
+"""Frames for speed measurements: a simulated walk of any length."""
 
 from __future__ import annotations
 
 import os
-import threading
 import time
-from collections import defaultdict
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import lru_cache, partial, wraps
-from importlib import import_module
+from functools import lru_cache, partial
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
@@ -98,48 +93,3 @@ def reel_of(size: ImageSize, most: int) -> Reel:
         images.append(encoded(frame.image, ".jpg", frame.name, jpeg_quality=_QUALITY))
         exposures_ms.append(frame.exposure_ms)
     return Reel(tuple(images), tuple(exposures_ms))
-
-
-_STEPS = (
-    ("decoding", "ospc.research.speed.reel", "", "decode_grey"),
-    ("preparing", "ospc.correspondence.preprocessing", "Preprocessor", "__call__"),
-    ("noise", "ospc.correspondence.noise_estimation", "NoiseEstimator", "observe"),
-    ("registering", "ospc.correspondence.registration", "DenseRegistration", "__call__"),
-    ("sampling", "ospc.correspondence.flat_sampling", "FlatSampler", "__call__"),
-    ("features", "ospc.methods.paper", "FeatureMatcher", "features"),
-    ("matching", "ospc.methods.paper", "FeatureMatcher", "correspondences"),
-    ("updating", "ospc.methods.maximum_likelihood", "MaximumLikelihoodMethod", "_refine"),
-    ("fitting", "ospc.methods.maximum_likelihood", "MaximumLikelihoodMethod", "_new_inputs"),
-)
-"""The stages: name, module, class ("" for a module-level function), and function."""
-
-OTHER = "other"
-"""Name of the time that belongs to no stage."""
-
-
-@contextmanager
-def clocks() -> Iterator[dict[str, float]]:
-    """Measure the seconds spent in each stage by this thread until the context ends."""
-    seconds: dict[str, float] = defaultdict(float)
-    with ExitStack() as stack:
-        for stage, module, owner, name in _STEPS:
-            home = import_module(module)
-            place: Any = getattr(home, owner) if owner else home
-            step = getattr(place, name)
-            stack.callback(setattr, place, name, step)
-            setattr(place, name, _clocked(step, stage, seconds, threading.get_ident()))
-        yield seconds
-
-
-def _clocked(step: Callable[..., Any], stage: str, seconds: dict[str, float], thread: int) -> Callable[..., Any]:
-    @wraps(step)
-    def clocked(*args: Any, **named: Any) -> Any:
-        if threading.get_ident() != thread:
-            return step(*args, **named)
-        begun = time.perf_counter()
-        try:
-            return step(*args, **named)
-        finally:
-            seconds[stage] += time.perf_counter() - begun
-
-    return clocked

@@ -4,9 +4,9 @@ A pixel on the edge covers a part of each region. Its irradiance is a mixture of
 same mixture of their grey levels unless the response is linear. The prior p of responses is
 :mod:`~ospc.unknown_exposures.single_image.response_prior`.
 
-**Colours**: Lin, Gu, Yamazaki and Shum, "Radiometric calibration from a single image", 2004. An edge pixel has the
-irradiance α I₁ + (1 − α) I₂ in every channel, with the same α. Its irradiance therefore lies on the line between the
-region colours, and g must map its colour onto that line:
+Lin, Gu, Yamazaki and Shum, "Radiometric calibration from a single image", 2004. An edge pixel has the irradiance
+α I₁ + (1 − α) I₂ in every channel, with the same α. Its irradiance therefore lies on the line between the region
+colours, and g must map its colour onto that line:
 
     d = |(g(M₁) − g(M₂)) × (g(Mₚ) − g(M₂))| / |g(M₁) − g(M₂)|²,     g* = argmin  mean d − λ ln p(g)
 
@@ -15,17 +15,6 @@ time. Its distances become small for any g that is close to zero up to the brigh
 learned from real cameras prevents this solution; d relative to the length of the line does not have this problem. The
 published thresholds for windows could not be verified. As in an independent implementation (Lalonde), d is the mean
 over all edge pixels, and the prior counts once per channel.
-
-**Histograms**: Lin and Zhang, "Determining the radiometric response function from a single grayscale image", 2005.
-Edges cross pixels at uniformly distributed positions, so irradiances in a window are uniformly distributed between
-those of its regions: the histogram of g(Mₚ) is uniform. With Hₖ pixels in the k-th of b equal bins between g(M₁) and
-g(M₂),
-
-    N(g; H) = 1/b Σₖ (|Hₖ| / |H| − 1/b)²,     g* = argmin  mean N − λ ln p(g)
-
-The published weights of the histograms could not be verified. Counts jump when a pixel moves to another bin; this
-implementation compares cumulative distributions instead, N = mean (F(u) − u)², which is continuous and vanishes for
-the same histograms.
 """
 
 from __future__ import annotations
@@ -46,14 +35,10 @@ from ospc.settings.single_image import (
     EDGE_BLEND_PX,
     EDGE_SPACING_PX,
     EDGE_WINDOW_PX,
-    HISTOGRAM_MARGIN,
-    HISTOGRAM_PRIOR_WEIGHT,
     MAX_EDGE_WINDOWS,
     MAX_REGION_SPREAD,
     MIN_EDGE_CONTRAST,
     MIN_EDGE_PIXELS,
-    MIN_HISTOGRAM_PIXELS,
-    MIN_IRRADIANCE_RANGE,
     MIN_PATCHES,
     MIN_REGION_PIXELS,
     MIN_SQUARED_LENGTH,
@@ -163,34 +148,4 @@ def edge_colour_response(patches: EdgePatches, prior_weight: float = COLOUR_PRIO
         raise NotObservableError("this needs the colours of edges, but the image is grey")
     return response_prior().most_likely(
         lambda curve: edge_colour_distance(patches, curve), prior_weight, "edge-colours"
-    )
-
-
-def histogram_unevenness(patches: EdgePatches, curve: FloatArray) -> float:
-    """Return how far irradiances at edges are from a uniform distribution, given g at equidistant grey levels.
-
-    NotObservableError if too few pixels lie between their regions.
-    """
-    levels = np.arange(curve.size) * (255 / (curve.size - 1))
-    grey, window = patches.edge[:, 0], patches.window
-    low, high = np.minimum(patches.first, patches.second)[:, 0], np.maximum(patches.first, patches.second)[:, 0]
-    low, high = low + HISTOGRAM_MARGIN * (high - low), high - HISTOGRAM_MARGIN * (high - low)
-    inner = (grey > low[window]) & (grey < high[window])
-    grey, window = grey[inner], window[inner]
-    counts = np.bincount(window, minlength=len(low))
-    if counts.max(initial=0) < MIN_HISTOGRAM_PIXELS:
-        raise NotObservableError("too few pixels lie on edges to determine the distribution of irradiances")
-    order = np.lexsort((grey, window))
-    grey, window = grey[order], window[order]
-    place = np.arange(window.size) - (np.cumsum(counts) - counts)[window] + 0.5
-    darkest, brightest, light = (np.interp(g, levels, curve) for g in (low[window], high[window], grey))
-    share = (light - darkest) / np.maximum(brightest - darkest, MIN_IRRADIANCE_RANGE)
-    usable = (counts >= MIN_HISTOGRAM_PIXELS)[window]
-    return float(np.mean((share - place / counts[window])[usable] ** 2))
-
-
-def edge_histogram_response(patches: EdgePatches, prior_weight: float = HISTOGRAM_PRIOR_WEIGHT) -> Response:
-    """Return the response for which irradiances at edges are uniformly distributed, using the first channel."""
-    return response_prior().most_likely(
-        lambda curve: histogram_unevenness(patches, curve), prior_weight, "edge-histograms"
     )

@@ -3,8 +3,7 @@
 The response is estimated from edge colours (Lin et al. 2004) if there are enough even regions in colour, and shrunk
 towards a typical response; otherwise it is the typical response. The vignette is estimated from radial gradients
 (Zheng et al. 2008) and shrunk towards a typical vignette, because the shading of a scene looks like a vignette. The
-alternatives, edge histograms and segments, were less accurate on simulated photographs. The bands are the errors
-measured on these.
+bands are the errors measured on simulated photographs.
 """
 
 from __future__ import annotations
