@@ -208,7 +208,6 @@ class MaximumLikelihoodMethod:
             size=self._size,
             max_grey=self._max_grey,
             pairs=self._pairs,
-            usable_radius=self._scene_area.usable_radius(),
         )
 
     def inputs(self, exposures: ExposureTable, grey_range: GreyRange = FULL_RANGE) -> FitInputs:
@@ -247,7 +246,6 @@ class MaximumLikelihoodMethod:
             fit=None if fitted is None else fitted.fit,
             standing_still=self._stationary.stands_still,
             pairs=self._reservoir.groups_before(len(exposures), self._pairs),
-            usable_radius=self._scene_area.usable_radius(),
             grey_range=grey_range,
             inter_coded=self._inter_coded,
             overlay_share=self._scene_area.overlay_share,
@@ -292,7 +290,7 @@ class MaximumLikelihoodMethod:
         self._changes = state.changes
         self._inter_coded = state.inter_coded
         if state.fit is not None:
-            self._quick_fit.rely_on(state.fit, self._scene_area.usable_radius(), trusts_stated=state.trusts_stated)
+            self._quick_fit.rely_on(state.fit, trusts_stated=state.trusts_stated)
 
     @property
     def frames_to_replay(self) -> frozenset[int]:
