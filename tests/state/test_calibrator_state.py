@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 from ospc.calibrator import OnlineCalibrator, drive, remaining
 from ospc.engine_state import EngineState
 from ospc.errors import FormatError, FrameError, RecordingError, SettingError
+from ospc.exposures import brightness_history
 from ospc.exposures.monitor import ExposureMonitor, ExposureMonitorState
 from ospc.methods.maximum_likelihood import MaximumLikelihoodMethod
 from ospc.methods.maximum_likelihood_state import MaximumLikelihoodState
@@ -265,7 +266,9 @@ def test_states_of_other_versions_are_refused_by_name(saved, tmp_path, version, 
             load(other)
 
 
-def test_a_run_interrupted_within_repeated_images_skips_the_same_frames(tmp_path):
+@pytest.mark.parametrize("listed", [1000, 0])
+def test_a_run_interrupted_within_repeated_images_skips_the_same_frames(tmp_path, monkeypatch, listed):
+    monkeypatch.setattr(brightness_history, "MAX_REPEATED_FRAMES", listed)
     images = list(np.random.default_rng(4).integers(60, 200, (4, 96, 128)).astype(np.uint8))
     images[2] = images[3] = images[1]
     exposures_ms = (4.0, 5.0, 6.0, 6.0)

@@ -82,7 +82,7 @@ RULES: Mapping[type, Mapping[str, Numbers | str]] = {
         "_bits": Numbers(0, LARGEST_GREY),
     },
     BrightnessHistory: {
-        "last_frame": Numbers(-1, MOST),
+        "last_frame image_since": Numbers(-1, MOST),
         "repeated": count("repeated", most=MAX_REPEATED_FRAMES),
     },
     BrightnessChange: {

@@ -80,3 +80,5 @@ def _check_history(found: BrightnessHistory, frames: int) -> None:
     require(np.all(np.diff(numbers) > 0), "changes of brightness are out of order")
     require(all(c.frame1 == c.frame0 + 1 < frames for c in found.changes), "frames were compared that do not exist")
     require(found.last_frame < frames and found.compared <= frames, "frames were observed that do not exist")
+    require(found.image_since <= found.last_frame, "the latest image was first seen in the future")
+    require(len(found.repeated) <= found.repeats <= found.compared, "repeated frames were not compared")
