@@ -28,7 +28,7 @@ __all__ = ["OnlineCalibrator", "Status", "calibrate", "drive", "remaining"]
 
 
 class OnlineCalibrator(Engine):
-    """Calibrates a camera frame by frame in bounded memory. Its state can be saved to a file and loaded again.
+    """Calibrates a camera frame by frame. Its state can be saved to a file and loaded again.
 
     Examples
     --------

@@ -15,8 +15,9 @@ from ospc.photometry.geometry import MOST_PIXELS
 from ospc.settings import Settings
 from ospc.settings.brightness import MAX_BRIGHTNESS_CHANGES
 from ospc.settings.grey_values import MAX_GREY_RANGES
+from ospc.settings.methods import MAX_EPOCH_CALIBRATIONS
 from ospc.state_rules.fields import check_fields
-from ospc.state_rules.numbers import check_settings, count, require, share
+from ospc.state_rules.numbers import LAG, check_settings, count, require, share
 
 
 def check_run(run: EngineState, settings: Settings) -> None:
@@ -49,9 +50,13 @@ def _check_sampler(found: FrameSampler, frames: int, settings: Settings) -> None
 
 def _check_epochs(run: EngineState, frames: int) -> None:
     begin = 0
-    for epoch in map(epoch_of, run.epochs):
+    for later, epoch in zip(reversed(range(len(run.epochs))), map(epoch_of, run.epochs), strict=True):
         require(epoch.first_frame == begin <= epoch.last_frame < frames, "epochs are out of order")
-        require(epoch.change is not None and epoch.calibration is not None, "an epoch ended without a change")
+        require(epoch.change is not None, "an epoch ended without a change")
+        known = epoch.calibration is not None
+        require(known == (later < MAX_EPOCH_CALIBRATIONS), "other epochs than the latest have calibrations")
+        LAG.check("epochs.corrected_lag_frames", epoch.corrected_lag_frames)
+        require(all(0 <= frame < frames for frame in epoch.wrong_exposures), "exposures of frames that do not exist")
         begin = epoch.last_frame + 1
 
 
