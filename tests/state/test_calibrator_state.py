@@ -172,7 +172,7 @@ def seen_twice(random, points, pair):
 def test_everything_a_method_learns_is_in_its_state():
     """An attribute that is neither saved nor recreated would be lost silently."""
     made_anew = {"settings", "size", "max_grey", "register", "sample", "second"}
-    not_needed = {"inputs", "restored_keyframes", "latest", "lost"}
+    not_needed = {"inputs", "latest", "lost"}
     saved = {"reservoir", "noise", "pairs", "scene_area", "changes", "inter_coded"}
     in_parts = {"stationary": {"series", "motions"}, "quick_fit": {"fit", "trusts_stated"}}
     method = MaximumLikelihoodMethod(DefaultSettings(), (64, 48), 255)

@@ -150,6 +150,9 @@ def test_a_poisoned_state_is_refused_or_everything_works_with_it(saved, motion, 
         ("method.reservoir.capacity", 2**40),
         ("method.reservoir.points", 3),
         ("method.motions", ["inf"]),
+        ("method.keyframes.capacity", 7),
+        ("method.keyframes._kept.columns.number.0", 10**6),
+        ("method.keyframes._kept.columns.log_exposure.0", 1e300),
     ],
 )
 def test_values_out_of_range_are_refused(saved, tmp_path, path, value):
@@ -165,7 +168,6 @@ def test_values_out_of_range_are_refused(saved, tmp_path, path, value):
         ("run.exposures.log_exposure", 1e300),
         ("method.fit.covariance", np.nan),
         ("method.fit.parameters", -1.0),
-        ("method.keyframes.frames", 10**6),
         ("method.reservoir.kept.gradient", 1e300),
         ("method.reservoir.kept.grey", 2.0),
         ("run.exposures.history.changes.log_ratio", 1e300),

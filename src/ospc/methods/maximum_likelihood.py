@@ -9,7 +9,7 @@ import numpy as np
 
 from ospc.arrays import FloatArray, ImageSize
 from ospc.correspondence.flat_sampling import NOTHING_FOUND, FlatSampler, Samples
-from ospc.correspondence.keyframe_selection import KeyframeSelector, KeyframeSelectorState
+from ospc.correspondence.keyframe_selection import KeyframeSelector
 from ospc.correspondence.noise_estimation import NoiseEstimator
 from ospc.correspondence.preprocessing import PreprocessedFrame
 from ospc.correspondence.registration import REGISTRARS
@@ -77,12 +77,10 @@ class MaximumLikelihoodMethod:
         self._pairs = 0
         self._lost = False
         self._inter_coded = False
-        self._restored_keyframes: KeyframeSelectorState | None = None
         self._inputs: dict[tuple[int, int, GreyRange], FitInputs] = {}
 
     def push(self, frame: Frame, prepared: PreprocessedFrame, exposures: ExposureTable) -> Change | None:
         """Process the next frame, and return the camera change that it proves, if any."""
-        self._restored_keyframes = None
         self._inputs = {}  # outdated, and as large as everything kept of the frames
         log_exposure = _log_exposure(exposures, prepared.number)
         self._inter_coded |= frame.inter_coded
@@ -259,7 +257,7 @@ class MaximumLikelihoodMethod:
     def state(self) -> MaximumLikelihoodState:
         """Return the state; call it before the next frame is pushed."""
         return MaximumLikelihoodState(
-            keyframes=self._restored_keyframes or self._select_keyframe.state(),
+            keyframes=self._select_keyframe,
             reservoir=self._reservoir,
             series=self._stationary.series,
             noise=self._noise,
@@ -281,8 +279,7 @@ class MaximumLikelihoodMethod:
             If a value is out of range, or values are inconsistent.
         """
         check_state(state, self._settings, self._size, self._max_grey, frames)
-        self._select_keyframe.restore(state.keyframes)
-        self._restored_keyframes = state.keyframes
+        self._select_keyframe = state.keyframes
         self._reservoir, self._pairs = state.reservoir, state.pairs
         self._noise = state.noise
         self._stationary.series, self._stationary.motions = state.series, state.motions
@@ -294,14 +291,13 @@ class MaximumLikelihoodMethod:
 
     @property
     def frames_to_replay(self) -> frozenset[int]:
-        """Numbers of the keyframes of the restored state."""
-        restored = self._restored_keyframes
-        return frozenset() if restored is None else frozenset(restored.frames.tolist())
+        """Numbers of the keyframes of the restored state that are still missing."""
+        return self._select_keyframe.frames_to_replay
 
     def replay(self, prepared: PreprocessedFrame) -> None:
         """Process a keyframe of the restored state again."""
-        if self._restored_keyframes is not None:
-            self._select_keyframe.replay(self._sample.keyframe(prepared), self._restored_keyframes)
+        if prepared.number in self.frames_to_replay:
+            self._select_keyframe.replay(self._sample.keyframe(prepared))
 
     def _observations(
         self, exposures: ExposureTable, grey_range: GreyRange = FULL_RANGE

@@ -11,7 +11,7 @@ from typing import Any
 
 from ospc.correspondence import noise_estimation, pixel_statistics
 from ospc.correspondence.frame_sampling import FrameSampler
-from ospc.correspondence.keyframe_selection import KeyframeSelectorState
+from ospc.correspondence.keyframe_selection import Kept, KeyframeSelector
 from ospc.correspondence.reservoir import Reservoir
 from ospc.correspondence.scene_area import SceneArea
 from ospc.correspondence.static_series import StaticSeries
@@ -97,11 +97,8 @@ RULES: Mapping[type, Mapping[str, Numbers | str]] = {
         "position0 position1": Numbers(-2, 2, ("places", 2)),
     },
     MaximumLikelihoodState: {"motions": Numbers(0, MOST_PIXELS, ("motions",))},
-    KeyframeSelectorState: {
-        "frames uses": count("kept"),
-        "log_exposure": logs("kept"),
-        "statistics": Numbers(0, 2 * MAX_COMPARISONS, (4, AGE_CLASSES)),
-    },
+    KeyframeSelector: {"_kept": ELSEWHERE, "_statistics": Numbers(0, 2 * MAX_COMPARISONS, (4, AGE_CLASSES))},
+    Kept: {"log_exposure": logs()},
     Reservoir: {"_halvings": Numbers(0, 64)},
     StaticSeries: {"_places _size _grey _index": ELSEWHERE, "_stride": Numbers(1, MOST)},
     noise_estimation.NoiseEstimator: {"_found _frames _waiting": ELSEWHERE},
