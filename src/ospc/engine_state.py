@@ -11,7 +11,7 @@ import numpy as np
 from ospc.arrays import FloatArray, ImageSize
 from ospc.correspondence.frame_sampling import FrameSampler
 from ospc.correspondence.pixel_statistics import PixelStatistics
-from ospc.exposures.monitor import ExposureMonitorState
+from ospc.exposures.monitor import ExposureMonitor
 from ospc.frame_checks import SkippedFrames
 from ospc.methods.change_detection import Change
 from ospc.photometry.calibration import Calibration
@@ -83,10 +83,9 @@ class EngineState:
     """
 
     settings: dict[str, Any]
-    correct_lag: str
     size: ImageSize
     max_grey: int
-    exposures: ExposureMonitorState
+    exposures: ExposureMonitor
     sampler: FrameSampler
     pixels: PixelStatistics
     epochs: list[dict[str, Any]]

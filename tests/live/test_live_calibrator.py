@@ -202,6 +202,7 @@ def test_the_state_hardly_grows_with_the_number_of_epochs(changed, tmp_path):
     for frame in range(3 * MAX_EPOCH_CALIBRATIONS):
         epoch = replace(first, first_frame=frame, last_frame=frame, corrected_lag_frames=2, wrong_exposures=(frame,))
         calibrator._epochs = keeping_latest_calibrations([*calibrator._epochs, epoch])
+        calibrator._exposures._first_frame = frame + 1
         size[len(calibrator._epochs)] = calibrator.save_state(tmp_path / "state.ospc").stat().st_size
     assert size[MAX_EPOCH_CALIBRATIONS] - size[1] > 20_000
     assert size[3 * MAX_EPOCH_CALIBRATIONS] - size[MAX_EPOCH_CALIBRATIONS] < 5_000

@@ -25,7 +25,8 @@ from ospc.estimation.response_basis import ResponseBasis
 from ospc.estimation.vignette_basis import VignetteBasis
 from ospc.exposures.brightness import BrightnessChange, PixelSamples
 from ospc.exposures.brightness_history import BrightnessHistory
-from ospc.exposures.monitor import ExposureMonitorState
+from ospc.exposures.monitor import ExposureMonitor
+from ospc.exposures.table import ExposureTable
 from ospc.frame_checks import SkippedFrames
 from ospc.methods.change_detection import Baseline, ChangeDetector
 from ospc.methods.maximum_likelihood_state import MaximumLikelihoodState
@@ -69,10 +70,8 @@ RULES: Mapping[type, Mapping[str, Numbers | str]] = {
             ELSEWHERE
         ),
     },
-    ExposureMonitorState: {
-        "log_exposure": logs("frames", unknown=True),
-        "lag_frames known_lag suspected_lag": LAG,
-    },
+    ExposureMonitor: {"choice": ELSEWHERE, "_known_lag _suspected_lag": LAG},
+    ExposureTable: {"_log_exposure": logs("frames", unknown=True), "lag_frames": LAG},
     pixel_statistics.PixelStatistics: {
         "_histogram _brightest _ranges": ELSEWHERE,
         "_grey_share": share("frames", COVERAGE_GREY_CELLS, most=MAX_COUNTED_FRAMES),

@@ -29,7 +29,9 @@ def check_run(run: EngineState, settings: Settings) -> None:
         If a value is out of range, or values are inconsistent.
     """
     check_fields(run)
-    frames = len(run.exposures.log_exposure)
+    table = run.exposures.table
+    frames = len(table)
+    require(frames == len(table._log_exposure), "the number of frames is not the number of exposures")
     _check_sampler(run.sampler, frames, settings)
     _check_epochs(run, frames)
     if run.max_grey == 0:
@@ -43,7 +45,7 @@ def check_run(run: EngineState, settings: Settings) -> None:
 def _check_sampler(found: FrameSampler, frames: int, settings: Settings) -> None:
     fixed = "frames_per_slowdown dense_frames longest_pause_frames comparison_period_frames comparison_run_frames"
     check_settings("sampler", found, settings.sampler(), fixed)
-    require(found.number == frames, "the number of frames is not the number of exposures")
+    require(found.number == frames, "the number of frames pushed is not the number of exposures")
     require(found.processed <= found.number, "more frames were processed than pushed")
     require(found._restarted_after <= found.processed, "the sampler restarted in the future")
 
@@ -58,6 +60,7 @@ def _check_epochs(run: EngineState, frames: int) -> None:
         LAG.check("epochs.corrected_lag_frames", epoch.corrected_lag_frames)
         require(all(0 <= frame < frames for frame in epoch.wrong_exposures), "exposures of frames that do not exist")
         begin = epoch.last_frame + 1
+    require(run.exposures._first_frame == begin, "the exposures are of another epoch")
 
 
 def _check_pixels(run: EngineState, frames: int) -> None:
