@@ -41,9 +41,7 @@ def fisheye_inputs_of(camera: Camera, seed: int, radius: float) -> FitInputs:
     observations = whole.of_points(inside)
     vignette = replace(VIGNETTE, usable_radius=radius)
     fit = fit_with_chosen_vignette(observations, FitPlan(RESPONSE, vignette, NOISE, rounds=5)).fit
-    return replace(
-        inputs_of(camera, seed, groups=6), observations=observations, fit=fit, pairs=60, usable_radius=radius
-    )
+    return replace(inputs_of(camera, seed, groups=6), observations=observations, fit=fit, pairs=60)
 
 
 @cache

@@ -24,11 +24,13 @@ from ospc.errors import ExposureError, FrameError, OspcError, RecordingError, Se
 from ospc.exposures.brightness import BrightnessComparer
 from ospc.frame_checks import LATEST_REASONS
 from ospc.live import LiveCalibrator
+from ospc.methods.change_detection import Change
 from ospc.methods.method import Progress
 from ospc.photometry.calibration import Calibration
 from ospc.recording import ArrayRecording, Frame
 from ospc.recording.recording import identity
 from ospc.settings import DefaultSettings, PaperSettings, as_dict, preset, with_overrides
+from ospc.settings.methods import MAX_EPOCH_CALIBRATIONS
 from workers import preprocessor
 
 IMAGE = np.full((6, 8), 90, np.uint8)
@@ -177,6 +179,34 @@ class GrowingWhileRead(list):
     def __iter__(self):
         yield from tuple(super().__iter__())
         self.append(Epoch(10 * len(self), 10 * len(self) + 9, None, None))
+
+
+class Changing(Noting):
+    """A method in whose view every third frame shows another camera."""
+
+    def push(self, frame, prepared, exposures):
+        super().push(frame, prepared, exposures)
+        change = Change(frame.index, frame.index, "vignette", f"another lens at frame {frame.index}")
+        return change if frame.index and frame.index % 3 == 0 else None
+
+    def split(self, number):
+        return self
+
+
+def test_only_the_latest_epochs_keep_their_calibrations_and_all_keep_their_exposures(monkeypatch):
+    monkeypatch.setattr(NotingSettings, "build", lambda _, *given: Changing(*given))
+    calibrator = OnlineCalibrator(NotingSettings(), correct_lag=1)
+    for number in range(3 * (MAX_EPOCH_CALIBRATIONS + 5) + 1):
+        calibrator.push(frame(number))
+    *ended, _ = calibrator.epochs
+    assert [epoch.first_frame for epoch in ended] == list(range(0, 3 * len(ended), 3))
+    assert [epoch.change.text for epoch in ended] == [f"another lens at frame {e.last_frame + 1}" for e in ended]
+    assert [epoch.calibration is not None for epoch in ended] == [False] * 5 + [True] * MAX_EPOCH_CALIBRATIONS
+    assert {epoch.corrected_lag_frames for epoch in ended} == {1}
+    calibrator._epochs[0] = replace(ended[0], corrected_lag_frames=2, wrong_exposures=(1,))
+    source = calibrator.calibration().source
+    assert source["exposure_lags_corrected_until"] == [[3, 2], *([epoch.last_frame + 1, 1] for epoch in ended[1:])]
+    assert source["exposures_ignored_of_frames"] == [1]
 
 
 def test_epochs_follow_each_other_while_another_thread_ends_one():

@@ -11,7 +11,7 @@ from typing import Any
 from ospc.engine import Engine, Status
 from ospc.engine_state import EngineState, epoch_content, epoch_of
 from ospc.errors import FormatError, FrameError, SettingError
-from ospc.exposures.lag_choice import LagChoice, check_lag, checked_lag_choice, lag_choice, lag_choice_for
+from ospc.exposures.lag_choice import LagChoice, check_lag, checked_lag_choice, lag_choice_for
 from ospc.frame_checks import image_of_size
 from ospc.library_threads import one_library_thread
 from ospc.photometry.calibration import Calibration
@@ -28,7 +28,7 @@ __all__ = ["OnlineCalibrator", "Status", "calibrate", "drive", "remaining"]
 
 
 class OnlineCalibrator(Engine):
-    """Calibrates a camera frame by frame in bounded memory. Its state can be saved to a file and loaded again.
+    """Calibrates a camera frame by frame. Its state can be saved to a file and loaded again.
 
     Examples
     --------
@@ -84,10 +84,9 @@ class OnlineCalibrator(Engine):
             method = None if self._method is None else self._method.state()
             run = EngineState(
                 settings=as_dict(self.settings),
-                correct_lag=str(self.correct_lag),
                 size=self._size,
                 max_grey=self._max_grey,
-                exposures=self._exposures.state(),
+                exposures=self._exposures.trimmed(),
                 sampler=self._sampler,
                 pixels=self.pixels,
                 epochs=[epoch_content(epoch) for epoch in self._epochs],
@@ -115,8 +114,7 @@ class OnlineCalibrator(Engine):
         settings = _settings_of(run.settings, str(path))
         try:
             check_run(run, settings)
-            lag: LagChoice = "estimated" if run.correct_lag == "estimated" else lag_choice(run.correct_lag)
-            calibrator = cls(settings, correct_lag=lag)
+            calibrator = cls(settings)
             calibrator._restore(run, method)
         except (FormatError, SettingError, LookupError, TypeError, ValueError, AttributeError) as error:
             raise FormatError(f"{path}: not readable as a state ({error})") from None
@@ -128,7 +126,7 @@ class OnlineCalibrator(Engine):
         self._sampler, self.pixels = run.sampler, run.pixels
         self._skipped, self._first_frames = run.skipped, run.first_frames
         self._epochs = [epoch_of(content) for content in run.epochs]
-        self._exposures.restore(run.exposures, self.epochs[-1].first_frame)
+        self._exposures = run.exposures
         if (run.max_grey == 0) != (method is None):
             raise FormatError("a run must have both a first frame and a method, or neither")
         if method is not None:

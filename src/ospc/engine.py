@@ -10,7 +10,7 @@ from typing import Any, NoReturn
 from ospc.arrays import ImageSize, size_of
 from ospc.correspondence.pixel_statistics import PixelStatistics
 from ospc.correspondence.thumbnail import Thumbnail
-from ospc.engine_state import Epoch, response_before_change
+from ospc.engine_state import Epoch, keeping_latest_calibrations, response_before_change
 from ospc.engine_verdicts import checked_by_fit, judged_calibration
 from ospc.errors import ExposureError, FrameError, OspcError, RecordingError, SettingError
 from ospc.exposures.brightness import BrightnessChange
@@ -54,8 +54,9 @@ class Status:
 
 
 class Engine:
-    """Processes the frames of one camera in bounded memory. The calibration is available at any time.
+    """Processes the frames of one camera. The calibration is available at any time.
 
+    Memory is bounded, except for the exposure of every frame and a few hundred bytes for every change of the camera.
     Frames are numbered in the order in which they are pushed. All methods are thread-safe.
 
     Parameters
@@ -245,7 +246,8 @@ class Engine:
         if change is None:
             return method
         ended = self._judged(method.calibration(exposures, grey_range), found, {"frames": begin - first})
-        self._epochs.append(Epoch(first, begin - 1, ended, change))
+        epoch = Epoch(first, begin - 1, ended, change, found.corrected_frames, found.wrong)
+        self._epochs = keeping_latest_calibrations([*self._epochs, epoch])
         self._exposures.begin_epoch(begin)
         self.pixels = self.pixels.of_next_epoch()
         self._method = method.split(begin)
@@ -277,7 +279,7 @@ class Engine:
             if earlier is not None:
                 known = earlier.continued(known, self.summary())
             judged = self._judged(known, found, {"frames": self.frames, "skipped": self._skipped.count})
-            ended = ((e.last_frame + 1, e.calibration) for e in self._epochs if e.calibration is not None)
+            ended = ((e.last_frame + 1, e.corrected_lag_frames, e.wrong_exposures) for e in self._epochs)
             return replace(judged, source=with_earlier_exposures(self.source | judged.source, ended))
 
     def _used_exposures(self) -> tuple[ExposureTable, ExposureFindings]:
@@ -360,8 +362,11 @@ class Engine:
 
     @property
     def epochs(self) -> tuple[Epoch, ...]:
-        """The epochs of the camera so far; a new one begins with each change, and the last is the current one."""
-        ended = tuple(self._epochs)  # read once: the thread that pushes may add one at any time
+        """The epochs of the camera so far; a new one begins with each change, and the last is the current one.
+
+        The last eight that have ended keep their calibrations.
+        """
+        ended = tuple(self._epochs)  # read once: the thread that pushes may replace them at any time
         first = ended[-1].last_frame + 1 if ended else 0
         return (*ended, Epoch(first, self.frames - 1, None, None))
 

@@ -11,24 +11,44 @@ import numpy as np
 from ospc.arrays import FloatArray, ImageSize
 from ospc.correspondence.frame_sampling import FrameSampler
 from ospc.correspondence.pixel_statistics import PixelStatistics
-from ospc.exposures.monitor import ExposureMonitorState
+from ospc.exposures.monitor import ExposureMonitor
 from ospc.frame_checks import SkippedFrames
 from ospc.methods.change_detection import Change
 from ospc.photometry.calibration import Calibration
 from ospc.pooling.prior_calibration import PriorCalibration
+from ospc.settings.methods import MAX_EPOCH_CALIBRATIONS
 
 
 @dataclass(frozen=True)
 class Epoch:
-    """A range of frames in which the camera did not change, its calibration, and the change that ended it.
+    """A range of frames in which the camera did not change.
 
-    ``calibration`` and ``change`` are None for the current epoch, whose calibration is that of the engine.
+    Attributes
+    ----------
+    first_frame, last_frame
+        Numbers of its first and its last frame.
+    calibration
+        The calibration from its frames; None for the current epoch, whose calibration is that of the engine, and for
+        all but the last eight that have ended.
+    change
+        The change that ended it; None for the current epoch.
+    corrected_lag_frames, wrong_exposures
+        Number of frames by which exposures were recorded late and that was corrected, and the frames whose exposures
+        were ignored. Both are 0 and empty for the current epoch.
     """
 
     first_frame: int
     last_frame: int
     calibration: Calibration | None
     change: Change | None
+    corrected_lag_frames: int = 0
+    wrong_exposures: tuple[int, ...] = ()
+
+
+def keeping_latest_calibrations(ended: Sequence[Epoch]) -> list[Epoch]:
+    """Return the epochs that have ended, without the calibrations of all but the last few."""
+    older, latest = ended[:-MAX_EPOCH_CALIBRATIONS], ended[-MAX_EPOCH_CALIBRATIONS:]
+    return [*(replace(epoch, calibration=None) for epoch in older), *latest]
 
 
 def response_before_change(epochs: Sequence[Epoch], log_exposure: FloatArray) -> PriorCalibration | None:
@@ -57,16 +77,15 @@ class EngineState:
     """State of an engine, except for its method.
 
     ``settings`` includes the name of the preset. ``size`` and ``max_grey`` are (0, 0) and 0 before the first frame.
-    ``epochs`` has the past epochs as JSON-compatible values. ``first_frames`` is a hash of the first usable frames,
-    which identifies the stream, and the number of frames in it. ``source`` identifies the recording, if it is not a
-    live camera.
+    ``epochs`` has the past epochs as JSON-compatible values, the latest with their calibrations. ``first_frames`` is
+    a hash of the first usable frames, which identifies the stream, and the number of frames in it. ``source``
+    identifies the recording, if it is not a live camera.
     """
 
     settings: dict[str, Any]
-    correct_lag: str
     size: ImageSize
     max_grey: int
-    exposures: ExposureMonitorState
+    exposures: ExposureMonitor
     sampler: FrameSampler
     pixels: PixelStatistics
     epochs: list[dict[str, Any]]
@@ -86,4 +105,11 @@ def epoch_of(content: dict[str, Any]) -> Epoch:
     """Return the epoch from the values of :func:`epoch_content`."""
     change = None if content["change"] is None else Change(**content["change"])
     calibration = None if content["calibration"] is None else Calibration.from_dict(content["calibration"])
-    return Epoch(int(content["first_frame"]), int(content["last_frame"]), calibration, change)
+    return Epoch(
+        int(content["first_frame"]),
+        int(content["last_frame"]),
+        calibration,
+        change,
+        int(content["corrected_lag_frames"]),
+        tuple(int(frame) for frame in content["wrong_exposures"]),
+    )

@@ -151,4 +151,4 @@ def test_the_unit_of_exposure_does_not_matter(course, shift):
 def test_it_forgets_what_was_before_a_frame():
     keyframes = with_exposures([0.0] * 10)
     keyframes.forget_before(7)
-    assert keyframes.state().frames.tolist() == [7, 8, 9]
+    assert keyframes.numbers == [7, 8, 9]

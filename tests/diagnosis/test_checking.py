@@ -12,6 +12,7 @@ from filmed import LARGE, LARGEST, SIZE, Film, jumping, wandering
 from ospc.calibrator import calibrate
 from ospc.diagnosis import RecordingReport, check_recording
 from ospc.errors import RecordingError
+from ospc.exposures import brightness_history
 from ospc.methods.maximum_likelihood import MaximumLikelihoodMethod
 from ospc.recording import ArrayRecording
 from ospc.recording.derived import masked
@@ -57,7 +58,7 @@ def test_a_good_recording_is_good_in_every_respect(good: RecordingReport) -> Non
     assert not good.exposures.brightness.jumps
     assert not good.exposures.brightness.flicker
     assert good.exposures.brightness.unexplained_share < 0.02
-    assert (good.timing.dropped_frames, good.timing.duplicate_frames) == (0, ())
+    assert (good.timing.dropped_frames, good.timing.duplicates) == (0, 0)
     assert good.notes == ()
 
 
@@ -185,13 +186,25 @@ def test_what_is_masked_is_not_looked_at() -> None:
 
 
 @pytest.mark.usefixtures("no_pairs")
+def test_all_repeated_frames_are_counted_however_few_are_listed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(brightness_history, "MAX_REPEATED_FRAMES", 3)
+    recording = Film(wandering(60)).recording()
+    images = [frame.image for frame in recording]
+    images[1::2] = images[::2]
+    report = check_recording(ArrayRecording(images, np.repeat(recording.exposures_ms[::2], 2), np.arange(60) / 20))
+    assert (report.timing.duplicates, report.timing.duplicate_frames) == (30, (1, 3, 5))
+    assert report.as_dict()["timing"]["duplicate_frames"] == 30
+    assert said(report, "30 of 59 frames repeat", "frame 1:")
+
+
+@pytest.mark.usefixtures("no_pairs")
 def test_repeated_and_missing_frames_are_counted() -> None:
     recording = Film(wandering(60)).recording()
     images = [frame.image for frame in recording]
     images[20] = images[19]
     stamps = np.arange(60) / 20 + np.where(np.arange(60) >= 30, 0.1, 0.0)
     report = check_recording(ArrayRecording(images, recording.exposures_ms, stamps))
-    assert report.timing.duplicate_frames == (20,)
+    assert (report.timing.duplicates, report.timing.duplicate_frames) == (1, (20,))
     assert (report.timing.gaps, report.timing.dropped_frames) == (1, 2)
     assert said(report, "1 of 59 frames repeat", "frame 20")
     assert said(report, "2 frames missing in 1 gap", "20 frames a second")

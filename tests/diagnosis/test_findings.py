@@ -331,10 +331,10 @@ def test_exposures_before_a_change_of_their_lag_keep_the_earlier_one() -> None:
     earlier, later = (
         Calibration((8, 6), source={"exposure_lag_corrected_frames": lag} if lag else {}) for lag in (0, 2)
     )
-    later = replace(later, source=with_earlier_exposures(later.source, [(5, earlier)]))
+    later = replace(later, source=with_earlier_exposures(later.source, [(5, 0, ())]))
     recorded = np.array([10.0, 20, 30, 40, 50, 40, 50, 60, 70, 80])
     np.testing.assert_allclose(used_exposures(later, recorded), [10, 20, 30, 40, 50, 60, 70, 80, np.nan, np.nan])
-    undone = replace(earlier, source=with_earlier_exposures({}, [(5, later), (7, earlier)]))
+    undone = replace(earlier, source=with_earlier_exposures({}, [(5, 2, ()), (7, 0, ())]))
     np.testing.assert_allclose(used_exposures(undone, recorded), [30, 40, 50, 40, 50, 40, 50, 60, 70, 80])
     np.testing.assert_array_equal(used_exposures(earlier, recorded), recorded)
 

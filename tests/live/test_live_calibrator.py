@@ -16,13 +16,14 @@ from calibrations import calibration
 from ospc.calibrator import OnlineCalibrator, drive
 from ospc.correspondence.frame_sampling import FrameSampler
 from ospc.engine import Engine
-from ospc.engine_state import response_before_change
+from ospc.engine_state import keeping_latest_calibrations, response_before_change
 from ospc.errors import FrameError, OspcError, SettingError
 from ospc.live import LiveCalibrator
 from ospc.live import calibrator as live_calibrator
 from ospc.photometry.verdict import Verdict
 from ospc.recording import Frame
 from ospc.settings import DefaultSettings
+from ospc.settings.methods import MAX_EPOCH_CALIBRATIONS
 
 
 class Held:
@@ -192,6 +193,22 @@ def test_epochs_survive_a_saved_state(changed, tmp_path):
     again = OnlineCalibrator.load_state(changed.save_state(tmp_path / "state.ospc"))
     assert [e.change for e in again.epochs] == [e.change for e in changed.epochs]
     assert again.epochs[0].calibration.as_dict() == changed.epochs[0].calibration.as_dict()
+
+
+def test_the_state_hardly_grows_with_the_number_of_epochs(changed, tmp_path):
+    calibrator = OnlineCalibrator.load_state(changed.save_state(tmp_path / "state.ospc"))
+    first, size = calibrator.epochs[0], {}
+    calibrator._epochs = []
+    for frame in range(3 * MAX_EPOCH_CALIBRATIONS):
+        epoch = replace(first, first_frame=frame, last_frame=frame, corrected_lag_frames=2, wrong_exposures=(frame,))
+        calibrator._epochs = keeping_latest_calibrations([*calibrator._epochs, epoch])
+        calibrator._exposures._first_frame = frame + 1
+        size[len(calibrator._epochs)] = calibrator.save_state(tmp_path / "state.ospc").stat().st_size
+    assert size[MAX_EPOCH_CALIBRATIONS] - size[1] > 20_000
+    assert size[3 * MAX_EPOCH_CALIBRATIONS] - size[MAX_EPOCH_CALIBRATIONS] < 5_000
+    again = OnlineCalibrator.load_state(tmp_path / "state.ospc")
+    for epoch, other in zip(again.epochs, calibrator.epochs, strict=True):
+        assert replace(epoch, calibration=None) == replace(other, calibration=None)
 
 
 def test_a_change_that_the_complete_fit_disproves_is_none_and_a_resumed_run_agrees(commanded, cameras, tmp_path):

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from ospc import OnlineCalibrator
+from ospc.calibrator import drive
+from ospc.methods import quick_fit
 from ospc.photometry.calibration import Calibration
 from ospc.photometry.geometry import normalised, pixel_grid
 from ospc.photometry.vignette import LogVignette
@@ -21,9 +24,9 @@ CIRCLE = 0.62
 INSIDE = np.linalg.norm(normalised(pixel_grid(SETTINGS.size), SETTINGS.size), axis=-1) < CIRCLE
 
 
-def circular(frame: Frame) -> Frame:
+def circular(frame: Frame, *, flare: bool = False) -> Frame:
     random = np.random.default_rng(frame.index)
-    dark = random.integers(0, 6, frame.image.shape, dtype=np.uint8)
+    dark = random.integers(0, 6, frame.image.shape, dtype=np.uint8) + np.uint8(60 * flare)
     return Frame.of_array(np.where(INSIDE, frame.image, dark), frame.exposure_ms, index=frame.index)
 
 
@@ -74,6 +77,20 @@ def test_an_image_lit_everywhere_has_no_limit(filmed: list[Frame]) -> None:
     vignette = calibrator.calibration().vignette
     assert isinstance(vignette, LogVignette)
     assert vignette.limit == np.inf
+
+
+def test_a_run_resumed_after_flare_in_the_surround_ends_the_same(
+    filmed: list[Frame], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # The flare hides the surround, but until the next quick fit, registration uses the vignette of the latest one.
+    monkeypatch.setattr(quick_fit, "MAX_VIGNETTE_SIGMA", 1.0)
+    shown = [circular(frame, flare=frame.index == 22) for frame in filmed]
+    whole, begun = OnlineCalibrator(), OnlineCalibrator()
+    drive(whole, shown)
+    drive(begun, shown[:24])
+    resumed = OnlineCalibrator.load_state(begun.save_state(tmp_path / "state.ospc"))
+    drive(resumed, shown)
+    assert resumed.calibration().as_dict() == whole.calibration().as_dict()
 
 
 def test_the_limit_survives_saving(found: Calibration, tmp_path) -> None:

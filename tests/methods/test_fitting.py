@@ -47,6 +47,15 @@ def test_response_and_vignette_are_found():
     assert found.vignette_errors(SIZE).sigma_at_corner < 0.05
 
 
+def test_the_vignette_goes_on_beyond_the_observations():
+    exposed, exposures_ms = made(Camera(GAMMA), groups=15)
+    inside = np.logical_and.reduceat(np.linalg.norm(exposed.position, axis=1) < 0.7, exposed.starts)
+    found = ospc.fit(exposed.of_points(inside), exposures_ms, noise=NOISE)
+    assert found.vignette_basis.usable_radius < 0.7
+    assert found.vignette(SIZE).limit == np.inf
+    assert found.usable_vignette(SIZE).limit < 0.8
+
+
 def test_points_may_lie_on_a_line():
     exposed, exposures_ms = made(Camera(GAMMA))
     radius = np.linalg.norm(exposed.position, axis=1)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from dataclasses import dataclass, field, fields
-from typing import Any, TypeVar
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -42,6 +42,7 @@ class Whole:
     many: tuple[float, ...]
     more: tuple[float, ...]
     nested: list[list[float]]
+    choice: int | Literal["auto", "never"]
     part: Part | None
     columns: list[Columns]
 
@@ -63,6 +64,7 @@ WHOLES = st.builds(
     st.lists(NUMBERS, max_size=3).map(tuple),
     st.lists(NUMBERS, max_size=3).map(tuple),
     st.lists(st.lists(NUMBERS, max_size=2), max_size=3),
+    st.integers(-9, 9) | st.sampled_from(["auto", "never"]),
     st.none() | PARTS,
     st.lists(COLUMNS, max_size=3),
 )
@@ -113,9 +115,16 @@ def test_what_does_not_fit_is_refused(change):
 
 @pytest.mark.parametrize("name", [entry.name for entry in fields(Whole) if entry.name != "part"])
 def test_null_is_refused_where_a_value_is_needed(name):
-    content, arrays = pack(Whole("a", True, 1, (0.0, 1.0), (), (), [], None, []))
+    content, arrays = pack(Whole("a", True, 1, (0.0, 1.0), (), (), [], "auto", None, []))
     with pytest.raises(FormatError, match="is invalid"):
         unpack(Whole, content | {name: None}, arrays)
+
+
+@pytest.mark.parametrize("choice", ["always", "", 1.0, True, ["auto"], 2**70])
+def test_what_is_none_of_several_types_is_refused(choice):
+    content, arrays = pack(Whole("a", True, 1, (0.0, 1.0), (), (), [], "auto", None, []))
+    with pytest.raises(FormatError, match="is invalid"):
+        unpack(Whole, content | {"choice": choice}, arrays)
 
 
 def test_an_array_of_another_type_is_refused():

@@ -26,27 +26,25 @@ from ospc.settings.sampling import (
 
 
 @dataclass
-class _Kept:
-    frame: Keyframe
+class Kept:
+    """A kept keyframe: its number, ln of its exposure when it was added, and how often it was selected.
+
+    ``frame`` is None after its state was loaded, until it is supplied again.
+    """
+
+    number: int
     log_exposure: float
     uses: int = 0
 
+    def __post_init__(self) -> None:
+        self.frame: Keyframe | None = None
 
-@dataclass(frozen=True)
-class KeyframeSelectorState:
-    """State of a :class:`KeyframeSelector`, with keyframes given by their numbers."""
-
-    frames: IntArray
-    """Number of every keyframe, shape (kept,)."""
-    uses: IntArray
-    """Number of times each was selected, shape (kept,)."""
-    log_exposure: FloatArray
-    """ln of each exposure when the keyframe was added, shape (kept,)."""
-    selections: int
-    """Number of selections so far."""
-    statistics: FloatArray
-    """For each class of age: the number of comparisons, the sum of their overlap, the number of successful ones, and
-    the sum of their radial motion, with decreasing weight of older ones, shape (4, 26)."""
+    @classmethod
+    def of(cls, frame: Keyframe, log_exposure: float) -> Kept:
+        """Return a new keyframe."""
+        kept = cls(frame.number, log_exposure)
+        kept.frame = frame
+        return kept
 
 
 @dataclass
@@ -63,22 +61,26 @@ class KeyframeSelector:
     max_log_ratio: float
     """Changes of exposure beyond this, in ln, add no information: most points are then clipped in one of the two
     frames."""
-    _kept: list[_Kept] = field(default_factory=list, repr=False)
+    _kept: list[Kept] = field(default_factory=list, repr=False)
     _selections: int = field(default=0, repr=False)
     _statistics: FloatArray = field(default_factory=lambda: np.zeros((4, AGE_CLASSES)), repr=False)
+    """For each class of age: the number of comparisons, the sum of their overlap, the number of successful ones, and
+    the sum of their radial motion, with decreasing weight of older ones, shape (4, 26)."""
 
     def select(self, number: int, log_exposure: float) -> Keyframe | None:
         """Return the keyframe to compare with a frame of this number and ln exposure; None if there is none."""
+        self._kept = [kept for kept in self._kept if kept.frame is not None]  # others were not replayed
         if not self._kept:
             return None
         self._selections += 1
-        known = self.state()
-        change = np.minimum(np.abs(known.log_exposure - log_exposure), self.max_log_ratio)
+        change = np.abs(np.array([kept.log_exposure for kept in self._kept]) - log_exposure)
+        change = np.minimum(change, self.max_log_ratio)
         overlap, motion = self._expected()
-        age = _age_class(number - known.frames)
+        age = _age_class(number - np.array([kept.number for kept in self._kept]))
         for_response = self._selections % RESPONSE_TURN == 0
         gain = change**2 if for_response else motion[age] ** 2 + EXPOSURE_CHANGE_WEIGHT * change**2
-        information = (gain + MIN_INFORMATION) * overlap[age] ** OVERLAP_POWER / (1 + known.uses)
+        information = (gain + MIN_INFORMATION) * overlap[age] ** OVERLAP_POWER
+        information /= 1 + np.array([kept.uses for kept in self._kept])
         best = self._kept[int(np.argmax(information))]
         best.uses += 1
         return best.frame
@@ -97,9 +99,9 @@ class KeyframeSelector:
 
     def add(self, frame: Keyframe, log_exposure: float) -> None:
         """Add a keyframe, and drop the least useful one if there are too many."""
-        self._kept.append(_Kept(frame, log_exposure))
+        self._kept.append(Kept.of(frame, log_exposure))
         if len(self._kept) > self.capacity:
-            ages = 1 + frame.number - np.array([k.frame.number for k in self._kept], dtype=np.float64)
+            ages = 1 + frame.number - np.array([k.number for k in self._kept], dtype=np.float64)
             # Dropping a keyframe makes its neighbours adjacent: drop the one that leaves the smallest step in ln age.
             # Keep the newer half, which will provide the future old keyframes.
             step = np.log(np.append(ages[0] * OLDEST_AGE_FACTOR, ages[:-2])) - np.log(ages[1:])
@@ -107,27 +109,23 @@ class KeyframeSelector:
 
     def forget_before(self, number: int) -> None:
         """Drop the keyframes with lower numbers."""
-        self._kept = [kept for kept in self._kept if kept.frame.number >= number]
+        self._kept = [kept for kept in self._kept if kept.number >= number]
 
-    def state(self) -> KeyframeSelectorState:
-        """Return everything needed to continue with :meth:`restore` and :meth:`replay`."""
-        return KeyframeSelectorState(
-            np.array([k.frame.number for k in self._kept], dtype=np.int64),
-            np.array([k.uses for k in self._kept], dtype=np.int64),
-            np.array([k.log_exposure for k in self._kept], dtype=np.float64),
-            self._selections,
-            self._statistics.copy(),
-        )
+    @property
+    def numbers(self) -> list[int]:
+        """Numbers of the keyframes."""
+        return [kept.number for kept in self._kept]
 
-    def restore(self, state: KeyframeSelectorState) -> None:
-        """Continue from a state, without the images of the keyframes."""
-        self._kept, self._selections, self._statistics = [], state.selections, state.statistics.copy()
+    @property
+    def frames_to_replay(self) -> frozenset[int]:
+        """Numbers of the keyframes to pass to :meth:`replay` after loading; those missing at a selection are lost."""
+        return frozenset(kept.number for kept in self._kept if kept.frame is None)
 
-    def replay(self, frame: Keyframe, state: KeyframeSelectorState) -> None:
-        """Add a frame again if it was a keyframe in the state; ignore any other."""
-        for at in np.flatnonzero(state.frames == frame.number):
-            self._kept.append(_Kept(frame, float(state.log_exposure[at]), int(state.uses[at])))
-        self._kept.sort(key=lambda kept: kept.frame.number)
+    def replay(self, frame: Keyframe) -> None:
+        """Supply a keyframe again."""
+        for kept in self._kept:
+            if kept.number == frame.number:
+                kept.frame = frame
 
     def _expected(self) -> tuple[FloatArray, FloatArray]:
         """Return the expected overlap and radial motion of every class of age, shape (26,) each."""

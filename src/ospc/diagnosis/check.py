@@ -59,7 +59,7 @@ def check_recording(
         why = calibrator.first_reasons[0] if calibrator.first_reasons else "there are none"
         raise RecordingError(f"{recording.path}: none of its frames can be used; the first: {why}")
     found, calibration = calibrator.exposure_findings(), calibrator.calibration()
-    when = timing(recording.stamps_s[:total], brightness.repeated, brightness.compared)
+    when = timing(recording.stamps_s[:total], brightness)
     remarks = (
         *_about_frames(when, calibration.counts, calibrator.first_reasons),
         *_about_lag(found),
@@ -89,9 +89,9 @@ def check_recording(
 def _about_frames(timing: Timing, counts: Mapping[str, int], reasons: Sequence[str]) -> Iterator[str]:
     if counts["skipped"]:
         yield skipped_in_words(counts["skipped"], counts["frames"], reasons)
-    if timing.duplicate_frames:
+    if timing.duplicates:
         yield (
-            f"{len(timing.duplicate_frames)} of {timing.compared_frames} frames repeat the previous image, first at "
+            f"{timing.duplicates} of {timing.compared_frames} frames repeat the previous image, first at "
             f"frame {timing.duplicate_frames[0]}: dropped frames were replaced by copies, and exposures may belong "
             "to other frames; record without such copies"
         )

@@ -12,6 +12,7 @@ import numpy as np
 from ospc.arrays import FloatArray, ImageSize
 from ospc.correspondence.pixel_statistics import PixelReport
 from ospc.exposures.brightness import BrightnessChange
+from ospc.exposures.brightness_history import BrightnessHistory
 from ospc.exposures.brightness_report import BrightnessReport
 from ospc.exposures.findings import ExposureFindings
 from ospc.methods.summary import FitInputs
@@ -29,25 +30,31 @@ class Timing:
 
     ``interval_s`` is the median time between frames, NaN for a single frame. ``gaps`` is the number of intervals
     longer than 1.5 times the median, and ``dropped_frames`` the number of frames that would fill them.
-    ``duplicate_frames`` are the indices of frames identical to the previous one, among ``compared_frames`` compared
-    frames.
+    Of ``compared_frames`` compared frames, ``duplicates`` are identical to the previous one; ``duplicate_frames`` are
+    the indices of the first of them.
     """
 
     interval_s: float
     gaps: int
     dropped_frames: int
+    duplicates: int
     duplicate_frames: tuple[int, ...]
     compared_frames: int
 
 
-def timing(stamps_s: FloatArray, duplicates: list[int], compared: int) -> Timing:
-    """Summarise time stamps in seconds, shape (frames,), and the indices of frames that repeat the previous one."""
+def timing(stamps_s: FloatArray, compared: BrightnessHistory) -> Timing:
+    """Summarise time stamps in seconds, shape (frames,), and the comparisons of consecutive frames."""
     interval = np.diff(stamps_s)
-    if not len(interval):
-        return Timing(float("nan"), 0, 0, tuple(duplicates), compared)
-    usual = float(np.median(interval))
+    usual = float(np.median(interval)) if len(interval) else float("nan")
     missing = np.rint(interval[interval > GAP_RATIO * usual] / usual) - 1 if usual > 0 else np.empty(0)
-    return Timing(usual, len(missing), int(min(missing.sum(), _MOST_DROPPED)), tuple(duplicates), compared)
+    return Timing(
+        interval_s=usual,
+        gaps=len(missing),
+        dropped_frames=int(min(missing.sum(), _MOST_DROPPED)),
+        duplicates=compared.repeats,
+        duplicate_frames=tuple(compared.repeated),
+        compared_frames=compared.compared,
+    )
 
 
 @dataclass(frozen=True)
@@ -255,7 +262,7 @@ def _timing(timing: Timing) -> dict[str, Any]:
         "frames_per_s": 1 / interval_s if interval_s else None,
         "gaps": timing.gaps,
         "dropped_frames": timing.dropped_frames,
-        "duplicate_frames": len(timing.duplicate_frames),
+        "duplicate_frames": timing.duplicates,
         "duplicate_frame_indices": list(timing.duplicate_frames[:_MOST_LISTED]),
         "frames_compared_with_previous": timing.compared_frames,
     }

@@ -202,9 +202,13 @@ class Fit(Model):
         known = possible[unresolved <= max(MAX_REFERENCE_UNRESOLVED, unresolved.min())]
         return float(known[np.argmin(np.abs(known - middle))])
 
-    def vignette(self, size: ImageSize, usable_radius: float = 1.0) -> LogSplineVignette:
-        """Return the vignette for an image size; beyond the usable radius it is constant."""
-        return self.vignette_basis.vignette(self.vignette_parameters, size, usable_radius)
+    def vignette(self, size: ImageSize) -> LogSplineVignette:
+        """Return the vignette for an image size; beyond the observations it is extrapolated."""
+        return self.vignette_basis.vignette(self.vignette_parameters, size)
+
+    def usable_vignette(self, size: ImageSize) -> LogSplineVignette:
+        """Return the vignette for an image size; beyond the usable radius of the images it is constant."""
+        return self.vignette_basis.usable_vignette(self.vignette_parameters, size)
 
     def log_response_sigma(self, grey: FloatArray, reference: float) -> FloatArray:
         """Return the standard deviation of ln g(M)/g(reference) at grey levels M, shape (n,) -> (n,).

@@ -11,7 +11,7 @@ from ospc.estimation.bends import sharpest_bend
 from ospc.observations import Observations
 from ospc.photometry.non_radial import NON_RADIAL, non_radial_terms, slope_of_non_radial
 from ospc.photometry.radial_spline import RadialSpline, radial_spline
-from ospc.photometry.vignette import LogSplineVignette
+from ospc.photometry.vignette import LogSplineVignette, Vignette
 from ospc.settings.fit import (
     MAX_DECENTRING,
     UNRESOLVED_JUMP,
@@ -71,7 +71,7 @@ class VignetteBasis:
 
     def log_value(self, parameters: FloatArray, position: FloatArray) -> FloatArray:
         """Return ln V at positions in half diagonals from the image centre, shape (n, 2) -> (n,)."""
-        return self._model(parameters, (1, 1)).log_at_normalised(position)
+        return self.vignette(parameters, (1, 1)).log_at_normalised(position)
 
     def jacobian(self, parameters: FloatArray, position: FloatArray) -> FloatArray:
         """Return the derivative of ln V with respect to the parameters, shape (n, 2) -> (n, len)."""
@@ -126,18 +126,24 @@ class VignetteBasis:
         within[self.centre_part] = np.clip(within[self.centre_part], -MAX_DECENTRING, MAX_DECENTRING)
         return within
 
-    def vignette(self, parameters: FloatArray, size: ImageSize, usable_radius: float = 1.0) -> LogSplineVignette:
+    def usable_vignette(self, parameters: FloatArray, size: ImageSize) -> LogSplineVignette:
         """Return the vignette for an image size; beyond the usable radius it is constant."""
-        model = self._model(parameters, size)
-        if usable_radius >= 1:
+        model = self.vignette(parameters, size)
+        if self.usable_radius >= 1:
             return model
-        return replace(model, limit=usable_radius + float(np.hypot(*model.centre)))
+        return replace(model, limit=self.usable_radius + float(np.hypot(*model.centre)))
 
-    def _model(self, parameters: FloatArray, size: ImageSize) -> LogSplineVignette:
+    def vignette(self, parameters: FloatArray, size: ImageSize) -> LogSplineVignette:
+        """Return the vignette for an image size; beyond the usable radius it is extrapolated."""
         non_radial = parameters[len(self) - len(NON_RADIAL) :].tolist() if self.non_radial else ()
         x, y = self.centre(parameters).tolist()
         slopes = tuple(parameters[: self.radial].tolist())
         return LogSplineVignette(size, slopes, (x, y), tuple(non_radial), reach=self.spline.reach)
+
+
+def usable_radius_of(vignette: Vignette | None) -> float:
+    """Return the usable radius of the images to which a vignette was fitted; 1 if it does not tell."""
+    return min(1.0, vignette.reach / VIGNETTE_REACH) if isinstance(vignette, LogSplineVignette) else 1.0
 
 
 def measured_radius(observations: Observations, centre: FloatArray) -> float:

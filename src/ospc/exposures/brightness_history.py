@@ -36,8 +36,10 @@ class BrightnessHistory:
         Number of the latest frame, -1 before the first.
     compared
         Number of frames that were compared with their predecessor.
-    repeated
-        Numbers of frames whose image equals that of the previous frame; only the first ones are stored.
+    repeats, repeated
+        Number of frames whose image equals that of the previous frame, and the numbers of the first of them.
+    image_since
+        Number of the first of the latest frames that all have the same image, -1 before the first frame.
     observed
         Number of brightness changes in this epoch, stored or not.
     """
@@ -45,13 +47,14 @@ class BrightnessHistory:
     changes: list[BrightnessChange] = field(default_factory=list, repr=False)
     last_frame: int = -1
     compared: int = 0
+    repeats: int = 0
     repeated: list[int] = field(default_factory=list)
+    image_since: int = -1
     observed: int = 0
 
     def __post_init__(self) -> None:
         self._compare = BrightnessComparer()
         self._previous: Thumbnail | None = None
-        self._image_since = -1
 
     def __len__(self) -> int:
         """Return the number of stored changes."""
@@ -63,13 +66,14 @@ class BrightnessHistory:
         A precomputed change is used if it is for exactly these two frames.
         """
         if not self._repeats(frame):
-            self._image_since = frame.frame
+            self.image_since = frame.frame
         previous, self._previous, self.last_frame = self._previous, frame, frame.frame
         if previous is None or frame.frame != previous.frame + 1:
             return None
         self.compared += 1
         # A repeated image means that a frame was lost, not that the light was constant.
-        if self._image_since < frame.frame:
+        if self.image_since < frame.frame:
+            self.repeats += 1
             self.repeated = [*self.repeated, frame.frame][:MAX_REPEATED_FRAMES]
             return None
         if precomputed is not None and precomputed.first is previous and precomputed.second is frame:
@@ -85,7 +89,7 @@ class BrightnessHistory:
 
     def first_with_image_of(self, frame: Thumbnail) -> int:
         """Return the number of the next frame, or of the first of the latest frames with the same image."""
-        return self._image_since if self._repeats(frame) else frame.frame
+        return self.image_since if self._repeats(frame) else frame.frame
 
     @property
     def frames_to_replay(self) -> frozenset[int]:
@@ -95,9 +99,7 @@ class BrightnessHistory:
     def replay(self, frame: Thumbnail) -> None:
         """Supply the last frame before the history was saved, to compare the next one with it."""
         if frame.frame == self.last_frame:
-            self._previous, self._image_since = frame, frame.frame
-            while self._image_since in self.repeated:
-                self._image_since -= 1
+            self._previous = frame
 
     def before(self, number: int) -> list[BrightnessChange]:
         """Return the changes between the frames before a given one."""
@@ -107,7 +109,7 @@ class BrightnessHistory:
         """Return a history that continues with the changes from a frame on."""
         later = replace(self, changes=[change for change in self.changes if change.frame0 >= number])
         later.observed = len(later.changes)
-        later._previous, later._image_since = self._previous, self._image_since
+        later._previous = self._previous
         return later
 
     def _repeats(self, frame: Thumbnail) -> bool:

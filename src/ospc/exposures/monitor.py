@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -26,59 +26,35 @@ from ospc.settings.exposures import (
 )
 
 
-@dataclass(frozen=True)
-class ExposureMonitorState:
-    """Saved state of an :class:`ExposureMonitor`.
-
-    Attributes
-    ----------
-    log_exposure
-        ln of the recorded exposures in milliseconds, shape (frames,).
-    lag_frames, trusted
-        The lag corrected during the run, and whether the images agree with the exposures.
-    history
-        The brightness changes.
-    next_assessment
-        Number of brightness changes at which the exposures are assessed again.
-    known_lag
-        The latest lag that was certain; None if there was none.
-    suspected_lag
-        Suspected change of that lag at the latest check, in frames; 0 if there is no suspicion.
-    """
-
-    log_exposure: FloatArray
-    lag_frames: int
-    trusted: bool
-    history: BrightnessHistory
-    next_assessment: int
-    known_lag: int | None
-    suspected_lag: int
-
-
+@dataclass
 class ExposureMonitor:
     """Keeps the exposures of a run and checks them against the brightness changes.
 
-    Parameters
+    Attributes
     ----------
     choice
         What to do about a lag; SettingError if it is not a :data:`~ospc.exposures.lag_choice.LagChoice`.
-
-    Attributes
-    ----------
     table
-        The exposures recorded so far.
+        The exposures recorded so far, and the lag that is corrected during the run.
     history
         The brightness changes between consecutive frames of this epoch.
     """
 
-    def __init__(self, choice: LagChoice) -> None:
-        self.choice: LagChoice = checked_lag_choice(choice)
-        self.table = ExposureTable(self.choice if isinstance(self.choice, int) else 0)
-        self.history = BrightnessHistory()
-        self._first_frame = 0
-        self._next_assessment = FIRST_ASSESSMENT_CHANGES
-        self._known_lag: int | None = None
-        self._suspected_lag = 0
+    choice: LagChoice
+    table: ExposureTable = field(default_factory=ExposureTable)
+    history: BrightnessHistory = field(default_factory=BrightnessHistory)
+    _first_frame: int = 0
+    _next_assessment: int = FIRST_ASSESSMENT_CHANGES
+    """Number of brightness changes at which the exposures are assessed again."""
+    _known_lag: int | None = None
+    """The latest lag that was certain."""
+    _suspected_lag: int = 0
+    """Suspected change of that lag at the latest check, in frames; 0 if there is no suspicion."""
+
+    def __post_init__(self) -> None:
+        self.choice = checked_lag_choice(self.choice)
+        if isinstance(self.choice, int):
+            self.table.lag_frames = self.choice
         self._findings: tuple[tuple[int, int], ExposureFindings] | None = None
 
     def assess_if_due(self) -> None:
@@ -157,24 +133,10 @@ class ExposureMonitor:
         with one_blas_thread():
             return assess_exposures(changes, log_exposure, self.choice, first_frame=self._first_frame)
 
-    def state(self) -> ExposureMonitorState:
-        """Return the state; save it before the next frame, which may change its history."""
-        return ExposureMonitorState(
-            log_exposure=self.table.written,
-            lag_frames=self.table.lag_frames,
-            trusted=self.table.trusted,
-            history=self.history,
-            next_assessment=self._next_assessment,
-            known_lag=self._known_lag,
-            suspected_lag=self._suspected_lag,
-        )
-
-    def restore(self, state: ExposureMonitorState, first_frame: int) -> None:
-        """Continue from a saved state whose epoch began at ``first_frame``."""
-        self.table = ExposureTable.of(state.log_exposure, state.lag_frames, trusted=state.trusted)
-        self.history, self._first_frame = state.history, first_frame
-        self._next_assessment = state.next_assessment
-        self._known_lag, self._suspected_lag = state.known_lag, state.suspected_lag
+    def trimmed(self) -> ExposureMonitor:
+        """Return the monitor without spare room in its table; save it before the next frame."""
+        table = ExposureTable.of(self.table.written, self.table.lag_frames, trusted=self.table.trusted)
+        return replace(self, table=table)
 
 
 def _corrected(table: ExposureTable, found: ExposureFindings) -> ExposureTable:

@@ -32,15 +32,18 @@ def as_source(found: ExposureFindings) -> dict[str, Any]:
     return source
 
 
-def with_earlier_exposures(source: Mapping[str, Any], ended: Iterable[tuple[int, Calibration]]) -> dict[str, Any]:
-    """Return a ``source`` with what it states about the exposures before changes of the camera.
+def with_earlier_exposures(
+    source: Mapping[str, Any], ended: Iterable[tuple[int, int, Sequence[int]]]
+) -> dict[str, Any]:
+    """Return a ``source`` that also states what is known of the exposures before changes of the camera.
 
-    ``ended`` has the first frame after each change, and the calibration of the frames before.
+    ``ended`` has the first frame after each change, the lag that was corrected before, and the frames before whose
+    exposures were ignored.
     """
     lags, wrong = [], list(source.get(_WRONG, ()))
-    for until, calibration in ended:
-        lags.append([until, corrected_lag(calibration)])
-        wrong += calibration.source.get(_WRONG, ())
+    for until, lag, ignored in ended:
+        lags.append([until, lag])
+        wrong += ignored
     found = dict(source)
     if any(lag != source.get(_LAG, 0) for _, lag in lags):
         found[_EARLIER_LAGS] = lags
@@ -49,7 +52,7 @@ def with_earlier_exposures(source: Mapping[str, Any], ended: Iterable[tuple[int,
     return found
 
 
-def corrected_lag(calibration: Calibration) -> int:
+def _corrected_lag(calibration: Calibration) -> int:
     """Return the number of frames by which the exposures were recorded late and that was corrected; 0 for none."""
     lag = calibration.source.get(_LAG, 0)
     return lag if isinstance(lag, int) else 0
@@ -89,7 +92,7 @@ def _lags_until(calibration: Calibration, count: int) -> list[tuple[int, int]]:
         match entry:
             case [int(until), int(lag)] if (found[-1][0] if found else 0) < until < count:
                 found.append((until, lag))
-    return [*found, (count, corrected_lag(calibration))]
+    return [*found, (count, _corrected_lag(calibration))]
 
 
 def without_gaps(exposures_ms: FloatArray) -> FloatArray:

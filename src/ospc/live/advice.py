@@ -152,7 +152,7 @@ class Adviser:
         if knowledge.reaches(self._goal):
             self.expects_end = True
             if known is not None:
-                knowledge = knowledge.corrected(*certainty(known, preview.usable_radius))
+                knowledge = knowledge.corrected(*certainty(known))
         self._choose({o.instruction.kind: o for o in _options(preview, knowledge, self._goal)}, time_s)
         self.instruction = replace(
             self.instruction, response_sigma=knowledge.response_sigma, vignette_sigma=knowledge.vignette_sigma
@@ -162,7 +162,7 @@ class Adviser:
     def _urgent(self, preview: Preview | None, known: Calibration | None, unusable: str) -> Instruction | None:
         """Return the instruction that overrides all others, if any."""
         if known is not None:
-            response, vignette = certainty(known, 1.0 if preview is None else preview.usable_radius)
+            response, vignette = certainty(known)
             enough = known.converged and known.counts.get("pairs", 0) >= MIN_CAPTURED_PAIRS
             if enough and response is not None and vignette is not None and max(response, vignette) <= self._goal:
                 text = f"Done: response and vignette are known to ±{self._goal:g}."
@@ -228,7 +228,7 @@ def _options(preview: Preview, knowledge: Knowledge, goal: float) -> Iterator[_O
             yield _Option(replace(instruction, greys=greys), float(gains[at]))
         middle = (TARGET_GREYS >= DARK_GREY) & (TARGET_GREYS <= BRIGHT_GREY)
         yield _Option(_VARY, float(gains[middle].max()))
-    reach = min(1.0, preview.usable_radius / TARGET_RADII[-1])
+    reach = min(1.0, knowledge.fit.vignette_basis.usable_radius / TARGET_RADII[-1])
     ways = [(reach * a, reach * b) for a in TARGET_RADII for b in TARGET_RADII if b > a]
     gains_of_motion = [knowledge.gain_of_motion(*radii, TYPICAL_GREY, goal) for radii in ways]
     best = int(np.argmax(gains_of_motion))

@@ -10,6 +10,7 @@ from ospc.arrays import FloatArray
 from ospc.estimation.fit import Fit, measured_greys
 from ospc.estimation.fitted import Fitted
 from ospc.estimation.maximum_likelihood import MaximumLikelihoodEstimator
+from ospc.estimation.vignette_basis import usable_radius_of
 from ospc.methods.preview import Preview
 from ospc.observations import ExposedObservations
 from ospc.photometry.calibration import PROFILE_RADII, Calibration
@@ -106,14 +107,14 @@ def knowledge_of(preview: Preview | None) -> Knowledge | None:
     fit, observations = preview.fit, preview.observations
     step = max(1, len(observations.starts) // INFORMATION_POINTS)
     covariance, scale = _covariance(fit, observations.of_points(slice(None, None, step)), step)
-    wanted = _wanted(fit, sum(measured_greys(observations)) / 2, _radii(preview.usable_radius))
+    wanted = _wanted(fit, sum(measured_greys(observations)) / 2, _radii(fit.vignette_basis.usable_radius))
     disagreement = np.maximum(_variance(wanted, fit.covariance - fit.chance), 0)
     sigma = np.sqrt(_variance(wanted, covariance) + disagreement)
     of_response, of_vignette = (_root_mean_square(part) for part in np.split(sigma, [len(ASSESSED_GREYS)]))
     return Knowledge(fit, covariance, wanted, scale, of_response, of_vignette)
 
 
-def certainty(calibration: Calibration, usable_radius: float = 1.0) -> tuple[float | None, float | None]:
+def certainty(calibration: Calibration) -> tuple[float | None, float | None]:
     """Return the counterparts of :attr:`Knowledge.response_sigma` and ``vignette_sigma`` for a calibration.
 
     They are None for an unknown part. Radii beyond the usable part of the image do not count.
@@ -122,7 +123,8 @@ def certainty(calibration: Calibration, usable_radius: float = 1.0) -> tuple[flo
     if response is not None and response.inverse_sigma is not None:
         of_response = _root_mean_square(np.interp(ASSESSED_GREYS, response.levels, response.inverse_sigma))
     if calibration.vignette_sigma is not None:
-        of_vignette = _root_mean_square(calibration.vignette_sigma[: len(_radii(usable_radius))])
+        radii = _radii(usable_radius_of(calibration.vignette))
+        of_vignette = _root_mean_square(calibration.vignette_sigma[: len(radii)])
     return of_response, of_vignette
 
 

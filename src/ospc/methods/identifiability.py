@@ -128,7 +128,6 @@ def vignette_verdict(
     *,
     size: ImageSize,
     contradictions: Contradictions = (),
-    usable_radius: float = 1.0,
 ) -> Verdict:
     """Return whether the vignette is known, and what to record if it is not.
 
@@ -141,8 +140,6 @@ def vignette_verdict(
         Share of a typical change of exposure that is missing in the images.
     size
         Width and height of the images in pixels.
-    usable_radius
-        Radius, in half diagonals, of the usable part of the image.
     """
     if standing_still:
         return Verdict(
@@ -157,9 +154,9 @@ def vignette_verdict(
         )
     if fit is None or unexplained > CONTRADICTING_UNEXPLAINED_SHARE:
         return Verdict("not identifiable", "without a response there is no irradiance to compare", "")
-    errors = fit.vignette_errors(size)
-    error, sigma = errors.bound(usable_radius), errors.worst_log_sigma(usable_radius)
-    where = "at the corner" if usable_radius >= 1 else f"at {usable_radius:.2f} half diagonals, the image edge,"
+    errors, radius = fit.vignette_errors(size), fit.vignette_basis.usable_radius
+    error, sigma = errors.bound(radius), errors.worst_log_sigma(radius)
+    where = "at the corner" if radius >= 1 else f"at {radius:.2f} half diagonals, the image edge,"
     figure = (
         f"V is known to within {100 * error:.2g}% ({CONFIDENCE:.0%} confidence), and ln V {where} to ±{sigma:.2g}, "
         f"from radial motion of {reach:.2f} half diagonals"

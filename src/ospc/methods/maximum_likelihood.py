@@ -9,7 +9,7 @@ import numpy as np
 
 from ospc.arrays import FloatArray, ImageSize
 from ospc.correspondence.flat_sampling import NOTHING_FOUND, FlatSampler, Samples
-from ospc.correspondence.keyframe_selection import KeyframeSelector, KeyframeSelectorState
+from ospc.correspondence.keyframe_selection import KeyframeSelector
 from ospc.correspondence.noise_estimation import NoiseEstimator
 from ospc.correspondence.preprocessing import PreprocessedFrame
 from ospc.correspondence.registration import REGISTRARS
@@ -79,12 +79,10 @@ class MaximumLikelihoodMethod:
         self._pairs = 0
         self._lost = False
         self._inter_coded = False
-        self._restored_keyframes: KeyframeSelectorState | None = None
         self._inputs: dict[tuple[int, int, GreyRange], FitInputs] = {}
 
     def push(self, frame: Frame, prepared: PreprocessedFrame, exposures: ExposureTable) -> Change | None:
         """Process the next frame, and return the camera change that it proves, if any."""
-        self._restored_keyframes = None
         self._inputs = {}  # outdated, and as large as everything kept of the frames
         log_exposure = _log_exposure(exposures, prepared.number)
         self._inter_coded |= frame.inter_coded
@@ -210,7 +208,6 @@ class MaximumLikelihoodMethod:
             size=self._size,
             max_grey=self._max_grey,
             pairs=self._pairs,
-            usable_radius=self._scene_area.usable_radius(),
         )
 
     def inputs(self, exposures: ExposureTable, grey_range: GreyRange = FULL_RANGE) -> FitInputs:
@@ -249,7 +246,6 @@ class MaximumLikelihoodMethod:
             fit=None if fitted is None else fitted.fit,
             standing_still=self._stationary.stands_still,
             pairs=self._reservoir.groups_before(len(exposures), self._pairs),
-            usable_radius=self._scene_area.usable_radius(),
             grey_range=grey_range,
             inter_coded=self._inter_coded,
             overlay_share=self._scene_area.overlay_share,
@@ -263,7 +259,7 @@ class MaximumLikelihoodMethod:
     def state(self) -> MaximumLikelihoodState:
         """Return the state; call it before the next frame is pushed."""
         return MaximumLikelihoodState(
-            keyframes=self._restored_keyframes or self._select_keyframe.state(),
+            keyframes=self._select_keyframe,
             reservoir=self._reservoir,
             series=self._stationary.series,
             noise=self._noise,
@@ -285,8 +281,7 @@ class MaximumLikelihoodMethod:
             If a value is out of range, or values are inconsistent.
         """
         check_state(state, self._settings, self._size, self._max_grey, frames)
-        self._select_keyframe.restore(state.keyframes)
-        self._restored_keyframes = state.keyframes
+        self._select_keyframe = state.keyframes
         self._reservoir, self._pairs = state.reservoir, state.pairs
         self._noise = state.noise
         self._stationary.series, self._stationary.motions = state.series, state.motions
@@ -294,18 +289,17 @@ class MaximumLikelihoodMethod:
         self._changes = state.changes
         self._inter_coded = state.inter_coded
         if state.fit is not None:
-            self._quick_fit.rely_on(state.fit, self._scene_area.usable_radius(), trusts_stated=state.trusts_stated)
+            self._quick_fit.rely_on(state.fit, trusts_stated=state.trusts_stated)
 
     @property
     def frames_to_replay(self) -> frozenset[int]:
-        """Numbers of the keyframes of the restored state."""
-        restored = self._restored_keyframes
-        return frozenset() if restored is None else frozenset(restored.frames.tolist())
+        """Numbers of the keyframes of the restored state that are still missing."""
+        return self._select_keyframe.frames_to_replay
 
     def replay(self, prepared: PreprocessedFrame) -> None:
         """Process a keyframe of the restored state again."""
-        if self._restored_keyframes is not None:
-            self._select_keyframe.replay(self._sample.keyframe(prepared), self._restored_keyframes)
+        if prepared.number in self.frames_to_replay:
+            self._select_keyframe.replay(self._sample.keyframe(prepared))
 
     def _observations(
         self, exposures: ExposureTable, grey_range: GreyRange = FULL_RANGE

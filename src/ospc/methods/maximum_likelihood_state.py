@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ospc.correspondence.keyframe_selection import KeyframeSelectorState
+from ospc.correspondence.keyframe_selection import KeyframeSelector
 from ospc.correspondence.noise_estimation import NoiseEstimator
 from ospc.correspondence.reservoir import Reservoir
 from ospc.correspondence.scene_area import SceneArea
@@ -20,7 +20,7 @@ class MaximumLikelihoodState:
     Attributes
     ----------
     keyframes
-        State of the keyframes; their images are read again.
+        Keyframes by their numbers; their images are read again.
     series
         Pixels of a camera that may be stationary; None once it moved.
     fit
@@ -35,7 +35,7 @@ class MaximumLikelihoodState:
         Whether the frames come from a video with inter-frame compression.
     """
 
-    keyframes: KeyframeSelectorState
+    keyframes: KeyframeSelector
     reservoir: Reservoir
     series: StaticSeries | None
     noise: NoiseEstimator

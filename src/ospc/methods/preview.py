@@ -57,8 +57,6 @@ class Preview:
         Points of the latest pair of frames; None if it had none.
     observations, fit
         All observations, and the latest quick fit (None before there is one), from which advice is derived.
-    usable_radius
-        Radius in half diagonals of the usable part of the image.
     """
 
     pairs: int
@@ -69,7 +67,6 @@ class Preview:
     matches: Matches | None = None
     observations: ExposedObservations | None = None
     fit: Fit | None = None
-    usable_radius: float = 1.0
 
 
 def preview_of(
@@ -80,7 +77,6 @@ def preview_of(
     size: ImageSize,
     max_grey: int,
     pairs: int,
-    usable_radius: float = 1.0,
 ) -> Preview:
     """Return the preview for all observations, those of the latest pair of frames, and the latest quick fit.
 
@@ -90,19 +86,16 @@ def preview_of(
         Width and height of the frames in pixels, and their largest grey value.
     pairs
         Number of pairs of frames compared so far.
-    usable_radius
-        Radius in half diagonals of the usable part of the image.
     """
     return Preview(
         pairs,
         coverage_of(observations, None, size),
         response=fit.response(max_grey, measured_greys(observations)) if fit else None,
-        vignette=fit.vignette(size, usable_radius) if fit else None,
-        vignette_sigma=vignette_sigma(fit, size, usable_radius) if fit else None,
+        vignette=fit.usable_vignette(size) if fit else None,
+        vignette_sigma=vignette_sigma(fit, size) if fit else None,
         matches=_matches_of(latest, fit, size),
         observations=observations,
         fit=fit,
-        usable_radius=usable_radius,
     )
 
 

@@ -61,9 +61,9 @@ class QuickFit:
         plan = FitPlan(self._basis, vignette, noise, rounds)
         fit = fit_with_chosen_vignette(observations, plan, start=self.fit).fit
         if unexplained_share(exposure_ratios(fit, observations)) <= CONTRADICTING_UNEXPLAINED_SHARE:
-            self.rely_on(fit, usable_radius, trusts_stated=trusts_stated)
+            self.rely_on(fit, trusts_stated=trusts_stated)
 
-    def rely_on(self, fit: Fit, usable_radius: float, *, trusts_stated: bool) -> None:
+    def rely_on(self, fit: Fit, *, trusts_stated: bool) -> None:
         """Use a fit to normalise frames to equal brightness from now on."""
         self.fit, self.trusts_stated = fit, trusts_stated
         sigma = fit.response(self._max_grey).inverse_sigma
@@ -71,6 +71,6 @@ class QuickFit:
         errors = fit.vignette_errors(self._size)
         self.vignette_sigma = errors.sigma_at_corner
         reliable = errors.chance_sigma_at_corner < MAX_VIGNETTE_SIGMA
-        vignette = fit.vignette(self._size, usable_radius) if reliable else None
+        vignette = fit.usable_vignette(self._size) if reliable else None
         log_response = np.interp(np.arange(256) / 255, fit.response_basis.grid, fit.log_response)
         self.normalize = ExposureNormalizer(log_response, vignette, trusts_stated=trusts_stated)

@@ -62,8 +62,6 @@ class FitInputs:
         Whether the camera was stationary: each observation is then a single pixel instead of a mean of several.
     pairs
         Number of pairs of frames registered.
-    usable_radius
-        Radius in half diagonals of the usable part of the image: less than 1 for a fisheye.
     grey_range
         Grey levels of black and white.
     inter_coded
@@ -81,7 +79,6 @@ class FitInputs:
     fit: Fit | None
     standing_still: bool
     pairs: int
-    usable_radius: float = 1.0
     grey_range: GreyRange = FULL_RANGE
     inter_coded: bool = False
     overlay_share: float = 0.0
@@ -128,7 +125,6 @@ def summarise(inputs: FitInputs, settings: DefaultSettings) -> Calibration:
             unexplained,
             contradictions=contradictions,
             size=inputs.size,
-            usable_radius=inputs.usable_radius,
         ),
     }
     response_known, vignette_known = verdicts["response"].known, verdicts["vignette"].known
@@ -136,9 +132,9 @@ def summarise(inputs: FitInputs, settings: DefaultSettings) -> Calibration:
     return Calibration(
         size=inputs.size,
         response=fit.response(inputs.max_grey, (low, high), inputs.grey_range) if fit and response_known else None,
-        vignette=fit.vignette(inputs.size, inputs.usable_radius) if fit and vignette_known else None,
+        vignette=fit.usable_vignette(inputs.size) if fit and vignette_known else None,
         verdicts=verdicts,
-        vignette_sigma=vignette_sigma(fit, inputs.size, inputs.usable_radius) if fit and vignette_known else None,
+        vignette_sigma=vignette_sigma(fit, inputs.size) if fit and vignette_known else None,
         noise=inputs.noise,
         exposure_ratios=ratios,
         covariance={} if fit is None else covariance_of(fit, response_known, vignette_known),
@@ -160,12 +156,12 @@ def summarise(inputs: FitInputs, settings: DefaultSettings) -> Calibration:
     )
 
 
-def vignette_sigma(fit: Fit, size: ImageSize, usable_radius: float) -> FloatArray:
+def vignette_sigma(fit: Fit, size: ImageSize) -> FloatArray:
     """Return the standard deviation of the profile at :data:`PROFILE_RADII`, shape (51,).
 
     Like the vignette, it is constant beyond the usable radius.
     """
-    return fit.vignette_errors(size).sigma(np.minimum(PROFILE_RADII, usable_radius))
+    return fit.vignette_errors(size).sigma(np.minimum(PROFILE_RADII, fit.vignette_basis.usable_radius))
 
 
 def exposure_ratios(fit: Fit, observations: ExposedObservations) -> ExposureRatios:

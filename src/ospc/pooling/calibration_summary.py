@@ -11,11 +11,11 @@ from ospc.arrays import FloatArray
 from ospc.errors import FormatError, NotObservableError, SettingError
 from ospc.estimation.prior import START, Prior, vignette_precision
 from ospc.estimation.response_basis import ResponseBasis
-from ospc.estimation.vignette_basis import VignetteBasis
+from ospc.estimation.vignette_basis import VignetteBasis, usable_radius_of
 from ospc.photometry.calibration import Calibration
 from ospc.photometry.grey_range import GreyRange
 from ospc.photometry.noise import NoiseModel
-from ospc.photometry.vignette import LogSplineVignette, Vignette
+from ospc.photometry.vignette import LogSplineVignette
 from ospc.pooling.summary import (
     PARAMETERS,
     RESPONSE,
@@ -29,7 +29,6 @@ from ospc.pooling.summary import (
 from ospc.settings.fit import MAX_GAMMA
 from ospc.settings.pooling import MAX_RESPONSE_KNOTS, MAX_WALK, MIN_OBSERVED, MIN_RELATIVE_INFORMATION, OMITTED_SIGMA
 from ospc.settings.sampling import ASSUMED_NOISE_SIGMA
-from ospc.settings.vignette import VIGNETTE_REACH
 
 
 def summary_of_calibration(calibration: Calibration, name: str) -> Summary:
@@ -84,18 +83,13 @@ def _summary_of(calibration: Calibration, name: str) -> Summary:
         unexplained=0.0,
         noise=calibration.noise or NoiseModel(ASSUMED_NOISE_SIGMA**2, 0.0),
         grey_range=GreyRange(*(float(level) for level in _response_model(calibration).get("grey_range", (0.0, 1.0)))),
-        usable_radius=_usable_radius(calibration.vignette),
+        usable_radius=usable_radius_of(calibration.vignette),
         measured_radius=float(calibration.covariance.get("vignette", {}).get("measured_radius", 1.0)),
     )
 
 
 def _response_model(calibration: Calibration) -> dict[str, Any]:
     return calibration.response.model if calibration.response is not None else {}
-
-
-def _usable_radius(vignette: Vignette | None) -> float:
-    """Return the usable radius of the image to which a vignette was fitted."""
-    return min(1.0, vignette.reach / VIGNETTE_REACH) if isinstance(vignette, LogSplineVignette) else 1.0
 
 
 def _of_response(calibration: Calibration) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -144,7 +138,7 @@ def _of_vignette(calibration: Calibration) -> tuple[FloatArray, FloatArray, Floa
     if not 0 <= walk <= MAX_WALK:
         raise ValueError("not a vignette of the default method")
     precision = np.linalg.inv(covariance).astype(np.float64)
-    basis = replace(VIGNETTE, usable_radius=_usable_radius(vignette))
+    basis = replace(VIGNETTE, usable_radius=usable_radius_of(vignette))
     of_prior, _ = vignette_precision(basis, walk)
     of_prior = of_prior[np.ix_(place, place)]
     # In units of the prior, so that all parameters have the same scale.

@@ -170,12 +170,11 @@ def merge(pool: Pool, *, counts_recordings: bool = True) -> Merged:
         raise SettingError("there is nothing to merge: give at least one state")
     agreed = agreement(pool.summaries)
     used = agreeing(pool, agreed)
-    radius = usable_radius(used)
-    fit = solve_with_chosen_vignette(Information.of(used, radius).weakened(agreed.scatter))
+    fit = solve_with_chosen_vignette(Information.of(used, usable_radius(used)).weakened(agreed.scatter))
     judged = partial(judged_by_agreement, agreed, recordings=len(pool), counts=counts_recordings)
     verdicts = {
         "response": judged("response", response_verdict_of(fit, used)),
-        "vignette": judged("vignette", vignette_verdict_of(fit, used, pool.size, radius)),
+        "vignette": judged("vignette", vignette_verdict_of(fit, used, pool.size)),
     }
     response, vignette = verdicts["response"].known, verdicts["vignette"].known
     support = joint_range(s.support for s in used) if used else (0.0, 1.0)
@@ -183,9 +182,9 @@ def merge(pool: Pool, *, counts_recordings: bool = True) -> Merged:
     calibration = Calibration(
         size=pool.size,
         response=fit.response(pool.max_grey, support, used[0].grey_range) if response else None,
-        vignette=fit.vignette(pool.size, radius) if vignette else None,
+        vignette=fit.usable_vignette(pool.size) if vignette else None,
         verdicts=verdicts,
-        vignette_sigma=vignette_sigma(fit, pool.size, radius) if vignette else None,
+        vignette_sigma=vignette_sigma(fit, pool.size) if vignette else None,
         # From the recording with the most scene points.
         noise=max(used, key=lambda s: (s.points, s.key)).noise if used else None,
         covariance=covariance_of(fit, response, vignette),

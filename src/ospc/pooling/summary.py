@@ -223,7 +223,7 @@ def summary_of(inputs: FitInputs, first_frames: str, source: dict[str, Any], fra
         grey_range=inputs.grey_range,
         unexplained=unexplained_share(inputs.ratios),
         noise=inputs.noise,
-        usable_radius=inputs.usable_radius,
+        usable_radius=fit.vignette_basis.usable_radius,
         measured_radius=fit.measured_radius,
     )
 
@@ -256,7 +256,7 @@ def _information(
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return A, b, A S A and the estimate, all in the common parameters."""
     noise = None if inputs.standing_still else inputs.grey_range.stretched_noise(inputs.noise)
-    vignette = replace(VIGNETTE, usable_radius=inputs.usable_radius)
+    vignette = replace(VIGNETTE, usable_radius=fit.vignette_basis.usable_radius)
     estimator = MaximumLikelihoodEstimator(RESPONSE, vignette, noise, fit.effects)
     fitted, in_common = Fitted(fit, observations, noise), _in_common(fit, vignette)
     estimate = in_common @ fit.parameters[: fit.vignette_part.stop]

@@ -31,14 +31,12 @@ def response_verdict_of(fit: Fit, used: Sequence[Summary]) -> Verdict:
     return response_verdict_of_fit(fit, range_ms, float(np.median([s.unexplained for s in used])))
 
 
-def vignette_verdict_of(fit: Fit, used: Sequence[Summary], size: ImageSize, radius: float) -> Verdict:
-    """Return the verdict on the vignette, up to a radius in half diagonals, from the recordings that agree on it."""
+def vignette_verdict_of(fit: Fit, used: Sequence[Summary], size: ImageSize) -> Verdict:
+    """Return the verdict on the vignette from the recordings that agree on it."""
     standing_still = bool(used) and all(s.standing_still for s in used)
     unexplained = float(np.median([s.unexplained for s in used])) if used else 0.0
     reach = max((s.reach for s in used), default=0.0)
-    return vignette_verdict(
-        DefaultSettings(), fit, reach, standing_still, unexplained, size=size, usable_radius=radius
-    )
+    return vignette_verdict(DefaultSettings(), fit, reach, standing_still, unexplained, size=size)
 
 
 def judged_by_agreement(agreed: Agreement, part: Part, verdict: Verdict, *, recordings: int, counts: bool) -> Verdict:

@@ -184,6 +184,12 @@ MIN_SLOPE = 0.15
 MIN_SLOPE_ERROR_LOG = 0.008
 """Median error of neighbours, in ln, below which the slope is not judged: clouds change light by less per frame."""
 
+# Epochs between changes (ospc.engine_state)
+
+MAX_EPOCH_CALIBRATIONS = 8
+"""Number of ended epochs whose calibrations are kept. Each takes about 65 kB of memory and of every saved state: with
+a zoom lens, keeping all would add megabytes every hour. Only the latest one is used again."""
+
 # Identifiability of response and vignette (ospc.methods.identifiability)
 
 IDENTIFIABLE_ERROR, IDENTIFIABLE_CORNER_SIGMA = 0.005, 0.025

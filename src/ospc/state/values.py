@@ -1,7 +1,7 @@
 """Conversion of dataclasses to JSON and arrays, and back, by the declared types of their fields.
 
-Only the type annotations determine what is read: booleans, numbers, strings, arrays, tuples, lists, None, and
-dataclasses of these. Names of classes or functions are never read from a file.
+Only the type annotations determine what is read: booleans, numbers, strings, literals, arrays, tuples, lists, None,
+and dataclasses of these. Names of classes or functions are never read from a file.
 """
 
 from __future__ import annotations
@@ -161,7 +161,15 @@ def _unpacked(content: Any, hint: Any, arrays: typing.Mapping[str, Array]) -> An
         return tuple(_unpacked(value, item, arrays) for value, item in zip(content, items, strict=True))
     if origin in (list, tuple):
         return origin(_unpacked_list(content, items[0], arrays))
-    return _checked(content, origin or hint)
+    return _checked(content, _alternative(content, items) if origin in (UnionType, typing.Union) else origin or hint)
+
+
+def _alternative(content: Any, kinds: tuple[Any, ...]) -> Any:
+    """Return the type of a value that has one of several types, or is one of the values of a Literal."""
+    for kind in kinds:
+        if content in get_args(kind) if get_origin(kind) is typing.Literal else type(content) is kind:
+            return type(content)
+    raise ValueError(f"{content!r} is none of {kinds}")
 
 
 def _unpacked_list(content: Any, item: Any, arrays: typing.Mapping[str, Array]) -> list[Any]:

@@ -11,7 +11,7 @@ from typing import Any
 
 from ospc.correspondence import noise_estimation, pixel_statistics
 from ospc.correspondence.frame_sampling import FrameSampler
-from ospc.correspondence.keyframe_selection import KeyframeSelectorState
+from ospc.correspondence.keyframe_selection import Kept, KeyframeSelector
 from ospc.correspondence.reservoir import Reservoir
 from ospc.correspondence.scene_area import SceneArea
 from ospc.correspondence.static_series import StaticSeries
@@ -25,7 +25,8 @@ from ospc.estimation.response_basis import ResponseBasis
 from ospc.estimation.vignette_basis import VignetteBasis
 from ospc.exposures.brightness import BrightnessChange, PixelSamples
 from ospc.exposures.brightness_history import BrightnessHistory
-from ospc.exposures.monitor import ExposureMonitorState
+from ospc.exposures.monitor import ExposureMonitor
+from ospc.exposures.table import ExposureTable
 from ospc.frame_checks import SkippedFrames
 from ospc.methods.change_detection import Baseline, ChangeDetector
 from ospc.methods.maximum_likelihood_state import MaximumLikelihoodState
@@ -69,10 +70,8 @@ RULES: Mapping[type, Mapping[str, Numbers | str]] = {
             ELSEWHERE
         ),
     },
-    ExposureMonitorState: {
-        "log_exposure": logs("frames", unknown=True),
-        "lag_frames known_lag suspected_lag": LAG,
-    },
+    ExposureMonitor: {"choice": ELSEWHERE, "_known_lag _suspected_lag": LAG},
+    ExposureTable: {"_log_exposure": logs("frames", unknown=True), "lag_frames": LAG},
     pixel_statistics.PixelStatistics: {
         "_histogram _brightest _ranges": ELSEWHERE,
         "_grey_share": share("frames", COVERAGE_GREY_CELLS, most=MAX_COUNTED_FRAMES),
@@ -84,7 +83,7 @@ RULES: Mapping[type, Mapping[str, Numbers | str]] = {
         "_stride": Numbers(1, MOST),
     },
     BrightnessHistory: {
-        "last_frame": Numbers(-1, MOST),
+        "last_frame image_since": Numbers(-1, MOST),
         "repeated": count("repeated", most=MAX_REPEATED_FRAMES),
     },
     BrightnessChange: {
@@ -99,11 +98,8 @@ RULES: Mapping[type, Mapping[str, Numbers | str]] = {
         "position0 position1": Numbers(-2, 2, ("places", 2)),
     },
     MaximumLikelihoodState: {"motions": Numbers(0, MOST_PIXELS, ("motions",))},
-    KeyframeSelectorState: {
-        "frames uses": count("kept"),
-        "log_exposure": logs("kept"),
-        "statistics": Numbers(0, 2 * MAX_COMPARISONS, (4, AGE_CLASSES)),
-    },
+    KeyframeSelector: {"_kept": ELSEWHERE, "_statistics": Numbers(0, 2 * MAX_COMPARISONS, (4, AGE_CLASSES))},
+    Kept: {"log_exposure": logs()},
     Reservoir: {"_halvings": Numbers(0, 64)},
     StaticSeries: {"_places _size _grey _index": ELSEWHERE, "_stride": Numbers(1, MOST)},
     noise_estimation.NoiseEstimator: {"_found _frames _waiting": ELSEWHERE},

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 
 from ospc.arrays import ImageSize
+from ospc.correspondence.keyframe_selection import KeyframeSelector
 from ospc.correspondence.reservoir import Reservoir
 from ospc.correspondence.static_series import StaticSeries
 from ospc.estimation.effect_models import EFFECTS, GAIN_STEPS
@@ -30,10 +33,11 @@ def check_state(
     FormatError
         If a value is out of range, or values are inconsistent.
     """
-    kept = method.keyframes.frames
+    new = KeyframeSelector(settings.keyframes, settings.max_log_ratio)
+    check_settings("keyframes", method.keyframes, new, "capacity max_log_ratio")
+    kept = method.keyframes.numbers
     require(len(kept) <= settings.keyframes, "there are more keyframes than its settings allow")
-    require(np.all(kept < frames), "keyframes are of frames that do not exist")
-    require(np.all(np.diff(kept) > 0), "keyframes are out of order")
+    require(all(a < b for a, b in pairwise([*kept, frames])), "keyframes are out of order or do not exist")
     _check_reservoir(method.reservoir, frames, settings)
     if method.series is not None:
         _check_series(method.series, settings, size, max_grey, frames)

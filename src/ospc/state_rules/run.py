@@ -15,8 +15,9 @@ from ospc.photometry.geometry import MOST_PIXELS
 from ospc.settings import Settings
 from ospc.settings.brightness import MAX_BRIGHTNESS_CHANGES
 from ospc.settings.grey_values import MAX_GREY_RANGES
+from ospc.settings.methods import MAX_EPOCH_CALIBRATIONS
 from ospc.state_rules.fields import check_fields
-from ospc.state_rules.numbers import check_settings, count, require, share
+from ospc.state_rules.numbers import LAG, check_settings, count, require, share
 
 
 def check_run(run: EngineState, settings: Settings) -> None:
@@ -28,7 +29,9 @@ def check_run(run: EngineState, settings: Settings) -> None:
         If a value is out of range, or values are inconsistent.
     """
     check_fields(run)
-    frames = len(run.exposures.log_exposure)
+    table = run.exposures.table
+    frames = len(table)
+    require(frames == len(table._log_exposure), "the number of frames is not the number of exposures")
     _check_sampler(run.sampler, frames, settings)
     _check_epochs(run, frames)
     if run.max_grey == 0:
@@ -42,17 +45,22 @@ def check_run(run: EngineState, settings: Settings) -> None:
 def _check_sampler(found: FrameSampler, frames: int, settings: Settings) -> None:
     fixed = "frames_per_slowdown dense_frames longest_pause_frames comparison_period_frames comparison_run_frames"
     check_settings("sampler", found, settings.sampler(), fixed)
-    require(found.number == frames, "the number of frames is not the number of exposures")
+    require(found.number == frames, "the number of frames pushed is not the number of exposures")
     require(found.processed <= found.number, "more frames were processed than pushed")
     require(found._restarted_after <= found.processed, "the sampler restarted in the future")
 
 
 def _check_epochs(run: EngineState, frames: int) -> None:
     begin = 0
-    for epoch in map(epoch_of, run.epochs):
+    for later, epoch in zip(reversed(range(len(run.epochs))), map(epoch_of, run.epochs), strict=True):
         require(epoch.first_frame == begin <= epoch.last_frame < frames, "epochs are out of order")
-        require(epoch.change is not None and epoch.calibration is not None, "an epoch ended without a change")
+        require(epoch.change is not None, "an epoch ended without a change")
+        known = epoch.calibration is not None
+        require(known == (later < MAX_EPOCH_CALIBRATIONS), "other epochs than the latest have calibrations")
+        LAG.check("epochs.corrected_lag_frames", epoch.corrected_lag_frames)
+        require(all(0 <= frame < frames for frame in epoch.wrong_exposures), "exposures of frames that do not exist")
         begin = epoch.last_frame + 1
+    require(run.exposures._first_frame == begin, "the exposures are of another epoch")
 
 
 def _check_pixels(run: EngineState, frames: int) -> None:
@@ -80,3 +88,5 @@ def _check_history(found: BrightnessHistory, frames: int) -> None:
     require(np.all(np.diff(numbers) > 0), "changes of brightness are out of order")
     require(all(c.frame1 == c.frame0 + 1 < frames for c in found.changes), "frames were compared that do not exist")
     require(found.last_frame < frames and found.compared <= frames, "frames were observed that do not exist")
+    require(found.image_since <= found.last_frame, "the latest image was first seen in the future")
+    require(len(found.repeated) <= found.repeats <= found.compared, "repeated frames were not compared")
