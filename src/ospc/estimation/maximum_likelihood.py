@@ -40,7 +40,7 @@ class _Estimate:
     """What each round of a fit improves.
 
     These are the parameters of the model, the error model, the corrected share of the texture, the hyperparameters of
-    the prior, the robust weights with their sandwich factor, and the index of each predicted grey level.
+    the prior, the robust weights, the index of each predicted grey level, and the sandwich factor of the weights.
     """
 
     parameters: FloatArray
@@ -48,8 +48,8 @@ class _Estimate:
     texture_share: float
     hyperparameters: PriorHyperparameters
     weight: FloatArray
-    sandwich_factor: float
     index: IntArray
+    sandwich_factor: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -126,9 +126,9 @@ class MaximumLikelihoodEstimator:
     def _beginning(self, observations: ExposedObservations, start: Fit | None) -> _Estimate:
         index, weight = self.response_basis.index_of(observations.grey), np.ones(len(observations))
         if start is None:
-            return _Estimate(self.model.typical, ErrorModel(), 0.0, START, weight, 1.0, index)
+            return _Estimate(self.model.typical, ErrorModel(), 0.0, START, weight, index)
         about = self.parameters_of(start)
-        return _Estimate(about, start.errors, start.texture_share, start.hyperparameters, weight, 1.0, index)
+        return _Estimate(about, start.errors, start.texture_share, start.hyperparameters, weight, index)
 
     def _linearised(
         self, observations: ExposedObservations, present: _Estimate, predict: LatentModel, *, convex: bool

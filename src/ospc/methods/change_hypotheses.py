@@ -28,7 +28,6 @@ from ospc.settings.methods import (
     MIN_SIGNIFICANT_PAIRS,
     MIN_SLOPE,
     MIN_SLOPE_ERROR_LOG,
-    SYSTEMATIC_LOG,
 )
 
 Halves = tuple[list[PairErrors], list[PairErrors]]
@@ -59,7 +58,7 @@ def explain(
 
 def best_explanations(pairs: list[PairErrors], fit: Fit) -> list[ExplainedChange]:
     """Return the best explanation of the pairs by each of response and vignette, the better first."""
-    parts = (ExplainedChange.of(pairs, fit, part, SYSTEMATIC_LOG) for part in PARTS)
+    parts = (ExplainedChange.of(pairs, fit, part) for part in PARTS)
     return sorted(parts, key=lambda explained: -explained.gain)
 
 
@@ -96,7 +95,7 @@ class _InHalves:
     def of(cls, pairs: list[PairErrors], fit: Fit, whole: ExplainedChange) -> _InHalves:
         halves = _halves_by_effect(pairs, whole)
         long_enough = min(map(len, halves)) >= MIN_HALF_PAIRS
-        by_half = (ExplainedChange.of(half, fit, whole.part, SYSTEMATIC_LOG) for half in halves if long_enough)
+        by_half = (ExplainedChange.of(half, fit, whole.part) for half in halves if long_enough)
         return cls(whole, halves, tuple(by_half))
 
     @property

@@ -11,7 +11,13 @@ from ospc.estimation.fit import Fit
 from ospc.observations import ExposedObservations
 from ospc.robust import median
 from ospc.settings.error_model import DARKEST_GREY
-from ospc.settings.methods import CHANGE_GREY_KNOTS, NO_CHANGE_POINTS, OUTLIER_ERROR_LOG, SEEN_QUANTILES
+from ospc.settings.methods import (
+    CHANGE_GREY_KNOTS,
+    NO_CHANGE_POINTS,
+    OUTLIER_ERROR_LOG,
+    SEEN_QUANTILES,
+    SYSTEMATIC_LOG,
+)
 
 RESPONSE_PARAMETERS = len(CHANGE_GREY_KNOTS) + 1
 PARTS = {
@@ -139,7 +145,7 @@ class ExplainedChange:
     grey_limits: FloatArray
 
     @classmethod
-    def of(cls, pairs: list[PairErrors], fit: Fit, part: str, systematic_log: float) -> ExplainedChange:
+    def of(cls, pairs: list[PairErrors], fit: Fit, part: str) -> ExplainedChange:
         """Explain pairs by a change of one part; the covariance includes a systematic error of each parameter."""
         own = PARTS[part]
         matrix = np.sum([pair.matrix[own, own] for pair in pairs], axis=0)
@@ -150,7 +156,7 @@ class ExplainedChange:
         curves = slice(fit.vignette_part.stop)
         covariance = inverse @ (scores.T @ scores) @ inverse + by_fit @ fit.chance[curves, curves] @ by_fit.T
         # The ridge keeps unobserved changes at zero, so it adds nothing to the covariance.
-        covariance += systematic_log**2 * np.eye(len(found))
+        covariance += SYSTEMATIC_LOG**2 * np.eye(len(found))
         change = np.zeros(len(pairs[0].vector))
         change[own] = found
         gain = sum(pair.gain(change) for pair in pairs)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 import pytest
 
@@ -38,7 +40,8 @@ def test_edge_colours_by_their_own_model_give_the_response():
     response = PRIOR.response(PRIOR.means[1], "of the model")
     own = patches(response, 3)
     assert edge_colour_distance(own, response.inverse_table) < 1e-3
-    assert response_rmse(edge_colour_response(own, prior_weight=1e-6), response) < 0.002
+    found = PRIOR.most_likely(partial(edge_colour_distance, own), 1e-6, "edge-colours")
+    assert response_rmse(found, response) < 0.002
 
 
 def test_edges_are_found_in_a_photograph_and_give_its_response():

@@ -139,7 +139,7 @@ def edge_colour_distance(patches: EdgePatches, curve: FloatArray) -> float:
     return float(np.mean(area / np.maximum(np.sum(line**2, axis=1), MIN_SQUARED_LENGTH)))
 
 
-def edge_colour_response(patches: EdgePatches, prior_weight: float = COLOUR_PRIOR_WEIGHT) -> Response:
+def edge_colour_response(patches: EdgePatches) -> Response:
     """Return the response that maps edge colours onto the lines between the colours of their regions.
 
     NotObservableError if the patches have no colours.
@@ -147,5 +147,5 @@ def edge_colour_response(patches: EdgePatches, prior_weight: float = COLOUR_PRIO
     if patches.first.shape[1] != 3:
         raise NotObservableError("this needs the colours of edges, but the image is grey")
     return response_prior().most_likely(
-        lambda curve: edge_colour_distance(patches, curve), prior_weight, "edge-colours"
+        lambda curve: edge_colour_distance(patches, curve), COLOUR_PRIOR_WEIGHT, "edge-colours"
     )

@@ -40,12 +40,12 @@ from ospc.settings.single_image import (
 
 
 def radial_gradient_vignette(
-    images: Sequence[FloatArray], masks: Sequence[BoolArray] | None = None, smoothness: float = RING_SMOOTHNESS
+    images: Sequence[FloatArray], masks: Sequence[BoolArray] | None = None
 ) -> PolynomialVignette:
     """Estimate the vignette of images of equal size from the symmetry of their radial gradients.
 
     The images are irradiances, shape (height, width) each. Masks are true for well-exposed pixels, and default to all
-    pixels. ``smoothness`` is λ. NotObservableError if too few pixels are well exposed.
+    pixels. NotObservableError if too few pixels are well exposed.
     """
     size = (images[0].shape[1], images[0].shape[0])
     rings, gradients = [], []
@@ -58,7 +58,7 @@ def radial_gradient_vignette(
         gradients.append(psi[kept])
     last = int(ring.max())
     # The same smoothness for any number of images.
-    bending = (2 * smoothness * ring.size / (last + 1)) ** 2 * len(images)
+    bending = (2 * RING_SMOOTHNESS * ring.size / (last + 1)) ** 2 * len(images)
     log_v = _log_attenuation(np.concatenate(rings), np.concatenate(gradients), last, bending)
     return _polynomial(size, np.interp(FITTED_RADII, np.arange(last + 1) / last, log_v))
 
