@@ -7,19 +7,19 @@ from functools import cache
 
 import numpy as np
 
+from log_polynomials import log_polynomial
 from ospc.estimation.fit_plan import FitPlan
 from ospc.estimation.response_basis import ResponseBasis
 from ospc.estimation.vignette_choice import fit_with_chosen_vignette
 from ospc.methods.summary import FitInputs
 from ospc.photometry.noise import NoiseModel
 from ospc.photometry.response import Response
-from ospc.photometry.vignette import LogVignette
 from ospc.pooling.summary import PARAMETERS, RESPONSE, VIGNETTE, Summary, summary_of, triangle_of
 from synthetic_observations import SIZE, Camera
 
 NOISE = NoiseModel((1 / 255) ** 2, (1.5 / 255) ** 2)
 CAMERA = Camera(Response.gamma(1.7, 4097), registration_sigma_px=0.4)
-OTHER_LENS = replace(CAMERA, vignette=LogVignette(SIZE, (-0.35, 0.05, -0.2)))
+OTHER_LENS = replace(CAMERA, vignette=log_polynomial(SIZE, (-0.35, 0.05, -0.2)))
 OTHER_RESPONSE = replace(CAMERA, response=Response.gamma(2.2, 4097))
 
 

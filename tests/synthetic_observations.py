@@ -6,14 +6,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from log_polynomials import log_polynomial
 from ospc.observations import ExposedObservations
 from ospc.photometry.response import Response
-from ospc.photometry.vignette import LogVignette
+from ospc.photometry.vignette import LogSplineVignette
 from ospc.settings import DefaultSettings
 
 SIZE = (640, 480)
-POLYNOMIAL = LogVignette(SIZE, (-0.5, 0.05, -0.2))
-NONE = LogVignette(SIZE, (0.0,))
+POLYNOMIAL = log_polynomial(SIZE, (-0.5, 0.05, -0.2))
+NONE = log_polynomial(SIZE, (0.0,))
 ROUNDS = DefaultSettings().rounds
 
 
@@ -42,7 +43,7 @@ class Camera:
     """
 
     response: Response
-    vignette: LogVignette = POLYNOMIAL
+    vignette: LogSplineVignette = POLYNOMIAL
     read: float = (0.4 / 255) ** 2
     shot: float = (0.8 / 255) ** 2
     registration_sigma_px: float = 0.2

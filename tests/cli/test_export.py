@@ -5,18 +5,18 @@ from functools import partial
 import pytest
 
 from command_line import ospc
+from log_polynomials import log_polynomial
 from ospc.errors import SettingError
 from ospc.formats.dso import read_vignette
 from ospc.formats.validation import validate
 from ospc.photometry.calibration import Calibration
 from ospc.photometry.response import Response
-from ospc.photometry.vignette import LogVignette
 
 
 @pytest.fixture
 def calibration(tmp_path):
     return str(
-        Calibration((64, 48), Response.gamma(2.0), LogVignette((64, 48), (-0.6, -0.4))).save(tmp_path / "c.json")
+        Calibration((64, 48), Response.gamma(2.0), log_polynomial((64, 48), (-0.6, -0.4))).save(tmp_path / "c.json")
     )
 
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from command_line import ospc
+from log_polynomials import log_polynomial
 from ospc.errors import FormatError, SettingError
 from ospc.formats.dso import write_pcalib, write_vignette
 from ospc.formats.hugin import write_pto
@@ -13,7 +14,7 @@ from ospc.formats.lens_profiles import write_lensfun
 from ospc.formats.radial import Optics
 from ospc.photometry.calibration import Calibration
 from ospc.photometry.response import Response
-from ospc.photometry.vignette import LogVignette, PolynomialVignette
+from ospc.photometry.vignette import PolynomialVignette
 
 SIZE = (64, 48)
 
@@ -21,7 +22,7 @@ SIZE = (64, 48)
 @pytest.fixture
 def files(tmp_path):
     pcalib = write_pcalib(Response.gamma(2.2), tmp_path / "pcalib.txt")
-    return pcalib, write_vignette(LogVignette(SIZE, (-0.6, -0.2), (0.1, 0.0)), tmp_path / "vignette.png")
+    return pcalib, write_vignette(log_polynomial(SIZE, (-0.6, -0.2), (0.1, 0.0)), tmp_path / "vignette.png")
 
 
 run = ospc

@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from log_polynomials import log_polynomial
 from ospc.estimation.effect_choice import fit_with_chosen_effects
 from ospc.estimation.fit_plan import FitPlan
 from ospc.estimation.maximum_likelihood import MaximumLikelihoodEstimator
@@ -22,7 +23,7 @@ from ospc.observations import ExposedObservations
 from ospc.photometry.geometry import along_diagonals, normalised, pixel_grid
 from ospc.photometry.noise import NoiseModel
 from ospc.photometry.response import Response
-from ospc.photometry.vignette import LogVignette, RasterVignette
+from ospc.photometry.vignette import RasterVignette
 from ospc.settings import DefaultSettings
 from ospc.simulation.responses import RESPONSES
 from synthetic_observations import NONE, POLYNOMIAL, ROUNDS, SIZE, Camera, reordered
@@ -88,7 +89,7 @@ def test_responses_and_vignettes_of_all_kinds_are_found(name, outliers):
 
 
 @pytest.mark.parametrize(
-    "vignette", [NONE, LogVignette(SIZE, (0.0, -1.5)), LogVignette(SIZE, (0.2, -0.3, 0.0, -0.4))]
+    "vignette", [NONE, log_polynomial(SIZE, (0.0, -1.5)), log_polynomial(SIZE, (0.2, -0.3, 0.0, -0.4))]
 )
 def test_vignettes_of_other_shapes_are_found_too(vignette):
     fit = fitted(Camera(GAMMA, vignette).pairs(1))
@@ -131,12 +132,12 @@ def test_the_simplest_vignette_that_explains_the_data_is_chosen():
     widest = VignetteBasis(RADIAL_TERMS, free_centre=True, non_radial=True)
     plain = with_chosen_vignette(Camera(GAMMA).pairs(4), widest)
     assert not plain.vignette_basis.non_radial
-    truth = LogVignette(SIZE, (-0.5, 0.05, -0.2), (0.1, -0.06))
+    truth = log_polynomial(SIZE, (-0.5, 0.05, -0.2), (0.1, -0.06))
     moved = with_chosen_vignette(Camera(GAMMA, truth).pairs(4), widest)
     assert moved.vignette_basis.free_centre
     np.testing.assert_allclose(moved.vignette_basis.centre(moved.vignette_parameters), truth.centre, atol=0.006)
     assert vignette_pixel_rmse(moved.vignette(SIZE), truth) < 0.004
-    skew = LogVignette(SIZE, (-0.5, 0.05, -0.2), (0.0, 0.0), (0.05, -0.04, 0.1, -0.05, 0.08, 0.0, 0.05, -0.1))
+    skew = log_polynomial(SIZE, (-0.5, 0.05, -0.2), (0.0, 0.0), (0.05, -0.04, 0.1, -0.05, 0.08, 0.0, 0.05, -0.1))
     wide = with_chosen_vignette(Camera(GAMMA, skew).pairs(4), widest)
     assert wide.vignette_basis.non_radial
     assert vignette_pixel_rmse(wide.vignette(SIZE), skew) < 0.006
@@ -145,7 +146,7 @@ def test_the_simplest_vignette_that_explains_the_data_is_chosen():
 @pytest.mark.parametrize("height", [-0.08, 0.0, 0.04])
 def test_a_centre_that_was_not_seen_may_be_elsewhere(height):
     """If points move horizontally only, a factor on V that depends on y leaves the images unchanged."""
-    truth = LogVignette(SIZE, (-0.7,), (0.0, height))
+    truth = log_polynomial(SIZE, (-0.7,), (0.0, height))
     plan = FitPlan(ResponseBasis(32), VignetteBasis(RADIAL_TERMS, free_centre=True), NOISE, ROUNDS)
     fit = fit_with_chosen_effects(Camera(GAMMA, truth, sideways=True).pairs(4), plan).fit
     errors = fit.vignette_errors(SIZE)
@@ -153,13 +154,13 @@ def test_a_centre_that_was_not_seen_may_be_elsewhere(height):
     wrong = np.log(fit.vignette(SIZE).at_normalised(corners)) - np.log(truth.at_normalised(corners))
     assert np.all(np.abs(wrong) < 2 * errors.worst_log_sigma(1.0))
     assert errors.worst_log_sigma(1.0) > 0.03
-    seen = fit_with_chosen_effects(Camera(GAMMA, LogVignette(SIZE, (-0.7,))).pairs(4), plan).fit
+    seen = fit_with_chosen_effects(Camera(GAMMA, log_polynomial(SIZE, (-0.7,))).pairs(4), plan).fit
     assert seen.vignette_errors(SIZE).worst_log_sigma(1.0) < 0.02
     assert not seen.vignette_basis.free_centre
 
 
 def test_a_free_centre_that_was_hardly_seen_is_more_uncertain_than_by_chance():
-    cameras = (Camera(GAMMA, LogVignette(SIZE, (-0.7,)), sideways=sideways) for sideways in (True, False))
+    cameras = (Camera(GAMMA, log_polynomial(SIZE, (-0.7,)), sideways=sideways) for sideways in (True, False))
     hardly, seen = (fitted(camera.pairs(4), free_centre=True) for camera in cameras)
     assert with_uncertain_centre(seen) is seen
     before, after = (
@@ -235,7 +236,7 @@ def test_the_kink_of_a_mechanical_vignette_is_found(begins):
 
 def test_a_flat_vignette_has_no_centre():
     widest = VignetteBasis(RADIAL_TERMS, free_centre=True, non_radial=True)
-    flat = Camera(GAMMA, LogVignette(SIZE, (0.0,)))
+    flat = Camera(GAMMA, log_polynomial(SIZE, (0.0,)))
     for seed in range(5):
         fit = with_chosen_vignette(flat.pairs(seed), widest)
         assert not fit.vignette_basis.free_centre
@@ -320,7 +321,7 @@ def test_the_sigma_at_the_corners_is_that_of_the_corners_of_the_image():
 def test_the_sigma_of_an_unseen_corner_covers_its_error():
     """V = 1 − 0.35 R² + 0.05 R⁴ − 0.15 R⁶ about a shifted centre; it reaches zero not far beyond the corner."""
     zeros = np.roots([-0.15, 0.05, -0.35, 1.0])
-    truth = LogVignette(SIZE, tuple(-np.sum(zeros**-i).real / i for i in np.arange(1.0, 61.0)), (0.11, 0.08))
+    truth = log_polynomial(SIZE, tuple(-np.sum(zeros**-i).real / i for i in np.arange(1.0, 61.0)), (0.11, 0.08))
     corner = np.array([[-0.8, -0.6]])
     for seed in range(3):
         everywhere = Camera(GAMMA, truth).pairs(seed, groups=40)

@@ -11,6 +11,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from log_polynomials import log_polynomial
 from ospc.errors import ExposureError, FormatError, SettingError
 from ospc.formats.dso import (
     read_pcalib,
@@ -21,7 +22,7 @@ from ospc.formats.dso import (
 )
 from ospc.formats.rules_pcalib import strictly_increasing_float32
 from ospc.photometry.response import Response
-from ospc.photometry.vignette import LogVignette, PolynomialVignette, RasterVignette
+from ospc.photometry.vignette import PolynomialVignette, RasterVignette
 
 
 def as_dso_reads(text: str) -> np.ndarray:
@@ -134,7 +135,7 @@ def test_missing_file_is_one_clear_error(tmp_path):
     "vignette",
     [
         PolynomialVignette((64, 48), (-0.3, 0.1, -0.15)),
-        LogVignette((63, 49), (-0.4, -0.2), (0.1, -0.05), (0.01, -0.02, 0.02, 0.01, 0.0, 0.03, 0.02, -0.01)),
+        log_polynomial((63, 49), (-0.4, -0.2), (0.1, -0.05), (0.01, -0.02, 0.02, 0.01, 0.0, 0.03, 0.02, -0.01)),
     ],
 )
 def test_vignette_survives_to_its_resolution(tmp_path, vignette):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from log_polynomials import log_polynomial
 from ospc.errors import FormatError, NotObservableError, SettingError
 from ospc.evaluation.metrics import response_rmse, vignette_pixel_rmse
 from ospc.formats.export import adapted, as_calibration, export
@@ -13,7 +14,7 @@ from ospc.formats.radial import Optics
 from ospc.photometry.calibration import Calibration
 from ospc.photometry.response import Response
 from ospc.photometry.verdict import Verdict
-from ospc.photometry.vignette import LogVignette, PolynomialVignette, RasterVignette
+from ospc.photometry.vignette import PolynomialVignette, RasterVignette
 
 SIZE = (96, 72)
 RESPONSE = Response.gamma(1.9)
@@ -44,7 +45,7 @@ def test_what_is_exported_can_be_opened_again(tmp_path, program):
 
 @pytest.mark.parametrize("program", ["lensfun", "hugin", "adobe"])
 def test_residual_of_a_fit_is_stated(tmp_path, program):
-    curved = Photometry("curved", None, LogVignette(SIZE, (-0.9, -0.8)))
+    curved = Photometry("curved", None, log_polynomial(SIZE, (-0.9, -0.8)))
     notes = " ".join(export(curved, program, tmp_path / FILES[program], OPTICS).notes)
     assert "residual" in notes
     exact = Photometry("exact", None, VIGNETTE)

@@ -6,14 +6,14 @@ import cv2
 import numpy as np
 import pytest
 
+from log_polynomials import log_polynomial
 from ospc.errors import FormatError
 from ospc.formats.opencv import read_opencv, write_opencv
 from ospc.photometry.response import Response
-from ospc.photometry.vignette import LogVignette
 
 SIZE = (64, 48)
 RESPONSE = Response.gamma(2.2)
-VIGNETTE = LogVignette(SIZE, (-0.3, -0.1), (0.1, 0.0), (0.03, -0.02, 0.05, 0.0, 0.0, 0.02, 0.0, 0.02))
+VIGNETTE = log_polynomial(SIZE, (-0.3, -0.1), (0.1, 0.0), (0.03, -0.02, 0.05, 0.0, 0.0, 0.02, 0.0, 0.02))
 
 
 def test_round_trip(tmp_path):

@@ -10,18 +10,19 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from log_polynomials import log_polynomial
 from ospc.errors import FormatError, SettingError
 from ospc.formats.hugin import read_pto, write_pto
 from ospc.formats.lens_profiles import read_lcp, read_lensfun, write_lcp, write_lensfun
 from ospc.formats.radial import Optics
 from ospc.photometry.calibration import Calibration
 from ospc.photometry.geometry import half_diagonal
-from ospc.photometry.vignette import LogVignette, PolynomialVignette
+from ospc.photometry.vignette import PolynomialVignette
 
 SIZE = (96, 72)
 POLYNOMIAL = PolynomialVignette(SIZE, (-0.31, 0.12, -0.07))
 OPTICS = Optics(focal_mm=4.0, crop_factor=6.0, aperture=2.0, maker="A & B", lens='4 mm "wide" <f/2>')
-DECENTRED = LogVignette(SIZE, (-0.3, -0.05), (0.15, -0.08))
+DECENTRED = log_polynomial(SIZE, (-0.3, -0.05), (0.15, -0.08))
 
 triples = st.tuples(st.floats(-0.3, 0.1), st.floats(-0.2, 0.2), st.floats(-0.2, 0.2))
 

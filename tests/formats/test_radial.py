@@ -9,10 +9,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from log_polynomials import log_polynomial
 from ospc.errors import FormatError, SettingError
 from ospc.formats.radial import Optics, RadialFit, fit_radial, rescaled
 from ospc.photometry.geometry import half_diagonal
-from ospc.photometry.vignette import LogVignette, PolynomialVignette, RasterVignette
+from ospc.photometry.vignette import PolynomialVignette, RasterVignette
 
 SIZE = (64, 48)
 coefficient = st.floats(-0.2, 0.2)
@@ -34,7 +35,7 @@ def test_a_map_of_a_polynomial_gives_it_back(v1, v2, v3):
 
 
 def test_fit_is_the_least_squares_and_states_its_residual():
-    vignette = LogVignette(SIZE, (-0.6, -0.5))
+    vignette = log_polynomial(SIZE, (-0.6, -0.5))
     fit = fit_radial(vignette)
     image = vignette.image().astype(float)
     radius = np.hypot(*np.meshgrid(np.arange(64) - 31.5, np.arange(48) - 23.5)) / half_diagonal(SIZE)
@@ -47,7 +48,7 @@ def test_fit_is_the_least_squares_and_states_its_residual():
 
 
 def test_own_centre_is_kept_on_demand():
-    vignette = LogVignette(SIZE, (-0.3,), (0.2, -0.1))
+    vignette = log_polynomial(SIZE, (-0.3,), (0.2, -0.1))
     own, image_centre = fit_radial(vignette, about_its_centre=True), fit_radial(vignette)
     assert own.centre == (0.2, -0.1)
     assert own.rms < 0.001 < image_centre.rms

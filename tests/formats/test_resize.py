@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from log_polynomials import log_polynomial
 from ospc.errors import SettingError
 from ospc.formats.resize import (
     crop_calibration,
@@ -15,11 +16,11 @@ from ospc.formats.resize import (
 from ospc.photometry.calibration import Calibration
 from ospc.photometry.noise import NoiseModel
 from ospc.photometry.response import Response
-from ospc.photometry.vignette import LogSplineVignette, LogVignette, PolynomialVignette, RasterVignette
+from ospc.photometry.vignette import LogSplineVignette, PolynomialVignette, RasterVignette
 
 SIZE = (96, 72)
 POLYNOMIAL = PolynomialVignette(SIZE, (-0.3, 0.1, -0.15))
-LOG = LogVignette(SIZE, (-0.3, -0.1), (0.2, -0.1), (0.06, -0.05, 0.05, -0.03, 0.02, 0.04, -0.05, 0.03))
+LOG = log_polynomial(SIZE, (-0.3, -0.1), (0.2, -0.1), (0.06, -0.05, 0.05, -0.03, 0.02, 0.04, -0.05, 0.03))
 SPLINE = LogSplineVignette(SIZE, (-0.1, -0.3, -0.9, 0.2), LOG.centre, LOG.non_radial, reach=0.9)
 RASTER = RasterVignette(LOG.image())
 EVERY = pytest.mark.parametrize(

@@ -9,11 +9,12 @@ import cv2
 import numpy as np
 import pytest
 
+from log_polynomials import log_polynomial
 from ospc.errors import FormatError
 from ospc.formats.dso import read_pcalib, write_pcalib, write_times, write_vignette
 from ospc.formats.validation import ParameterFile, kind_of, repair, validate
 from ospc.photometry.response import Response
-from ospc.photometry.vignette import LogVignette, PolynomialVignette
+from ospc.photometry.vignette import PolynomialVignette
 from ospc.simulation.responses import RESPONSES
 
 COUNTING = " ".join(map(str, range(256)))
@@ -79,7 +80,7 @@ def test_the_inverse_of_a_vignette_is_suspected(folder):
 @pytest.mark.parametrize("shift", [(0.0, 0.0), (0.4, 0.3)])
 def test_flat_and_decentred_vignettes_are_not_taken_for_inverse_ones(tmp_path, shift):
     for strength in (0.0, -0.3, -0.8):
-        write_vignette(LogVignette((160, 120), (strength,), shift), tmp_path / "vignette.png")
+        write_vignette(log_polynomial((160, 120), (strength,), shift), tmp_path / "vignette.png")
         assert "1/V" not in str(found(tmp_path / "vignette.png", size=(160, 120)))
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
+from log_polynomials import log_polynomial
 from ospc.estimation.fit import Fit
 from ospc.estimation.fit_plan import FitPlan
 from ospc.estimation.response_basis import ResponseBasis
@@ -16,14 +17,13 @@ from ospc.exposures.table import ExposureTable
 from ospc.methods.change_detection import Change, ChangeDetector
 from ospc.observations import ExposedObservations
 from ospc.photometry.grey_range import FULL_RANGE
-from ospc.photometry.vignette import LogVignette
 from ospc.settings import DefaultSettings
 from ospc.settings.methods import MIN_BASELINE_PAIRS, MIN_FRAME_RATE, RECENT_PAIRS
 from ospc.simulation.responses import make_response
 from synthetic_observations import POLYNOMIAL, SIZE, Camera
 
 CAMERA = Camera(make_response("srgb"), POLYNOMIAL, log_ratio=0.2)
-DARKER_CORNERS = replace(CAMERA, vignette=LogVignette(SIZE, (-0.8, 0.05, -0.2)))
+DARKER_CORNERS = replace(CAMERA, vignette=log_polynomial(SIZE, (-0.8, 0.05, -0.2)))
 NEIGHBOURS, DISTANT = 1, 4
 LONG_ENOUGH = 100
 """Number of pairs that prove a change."""

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
+from log_polynomials import log_polynomial
 from ospc.arrays import FloatArray
 from ospc.estimation.fit_plan import FitPlan
 from ospc.estimation.response_basis import ResponseBasis
@@ -17,7 +18,6 @@ from ospc.methods.change_hypotheses import explain
 from ospc.methods.prediction_errors import PARTS, ExplainedChange, PairErrors
 from ospc.observations import ExposedObservations
 from ospc.photometry.response import Response
-from ospc.photometry.vignette import LogVignette
 from ospc.settings import DefaultSettings
 from ospc.settings.methods import CHANGE_GREY_KNOTS
 from ospc.simulation.responses import make_response
@@ -27,8 +27,8 @@ USUAL_ERROR = 0.001
 SPAN = 60
 FRAMES = 72
 CAMERA = Camera(make_response("srgb"), POLYNOMIAL)
-DARKER_CORNERS = replace(CAMERA, vignette=LogVignette(SIZE, (-0.8, 0.05, -0.2)))
-MUCH_DARKER_CORNERS = LogVignette(SIZE, (-1.0, 0.05, -0.2))
+DARKER_CORNERS = replace(CAMERA, vignette=log_polynomial(SIZE, (-0.8, 0.05, -0.2)))
+MUCH_DARKER_CORNERS = log_polynomial(SIZE, (-1.0, 0.05, -0.2))
 ANOTHER_RESPONSE = replace(CAMERA, response=make_response("filmic"))
 
 
@@ -134,7 +134,7 @@ def test_a_camera_that_pauses_does_not_hide_a_change(seed, fit):
 
 
 def test_the_size_of_a_change_is_stated_unless_it_is_extrapolated(fit):
-    for vignette, size in ((DARKER_CORNERS.vignette, "by -"), (LogVignette(SIZE, (-3.0,)), "greatly")):
+    for vignette, size in ((DARKER_CORNERS.vignette, "by -"), (log_polynomial(SIZE, (-3.0,)), "greatly")):
         part, text = Film(replace(CAMERA, vignette=vignette)).explained(fit)
         assert text.startswith(f"the {part} changed {size}")
 

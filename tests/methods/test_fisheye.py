@@ -13,7 +13,7 @@ from ospc.calibrator import drive
 from ospc.methods import quick_fit
 from ospc.photometry.calibration import Calibration
 from ospc.photometry.geometry import normalised, pixel_grid
-from ospc.photometry.vignette import LogVignette
+from ospc.photometry.vignette import LogSplineVignette
 from ospc.recording.frame import Frame
 from ospc.simulation import SimulationSettings, frames, truth
 
@@ -56,7 +56,7 @@ def test_the_vignette_is_known_where_there_is_an_image(found: Calibration) -> No
 
 
 def test_nothing_is_made_up_beyond(found: Calibration) -> None:
-    assert isinstance(found.vignette, LogVignette)
+    assert isinstance(found.vignette, LogSplineVignette)
     assert CIRCLE - 0.05 < found.vignette.limit < CIRCLE + 0.1
     values = found.vignette.image()
     assert values.min() >= 0.98 * values[INSIDE].min()
@@ -75,7 +75,7 @@ def test_an_image_lit_everywhere_has_no_limit(filmed: list[Frame]) -> None:
     for frame in filmed[:20]:
         calibrator.push(frame)
     vignette = calibrator.calibration().vignette
-    assert isinstance(vignette, LogVignette)
+    assert isinstance(vignette, LogSplineVignette)
     assert vignette.limit == np.inf
 
 

@@ -21,16 +21,16 @@ from ospc.photometry.coverage import Coverage, ExposureRatios
 from ospc.photometry.noise import NoiseModel
 from ospc.photometry.response import Response
 from ospc.photometry.verdict import State, Verdict
-from ospc.photometry.vignette import LogSplineVignette, LogVignette, PolynomialVignette, RasterVignette
+from ospc.photometry.vignette import LogSplineVignette, PolynomialVignette, RasterVignette
 
 SIZE = (12, 9)
 VIGNETTES = {
     "polynomial": PolynomialVignette(SIZE, (-0.31, 0.07, -0.1 / 3)),
     "decentred polynomial": PolynomialVignette(SIZE, (-0.31, 0.07, -0.1 / 3), (0.05, -0.02)),
-    "log": LogVignette(
+    "spline": LogSplineVignette(
         SIZE, (-0.31, 0.07, -0.1 / 3, 1e-9), (0.05, -0.02), (0.02, -0.01, 0.01, -0.02, 0.03, -0.04, 0.05, -0.06)
     ),
-    "spline": LogSplineVignette(SIZE, (-0.31, 0.07, -0.1 / 3), (0.05, -0.02), limit=0.9, reach=1.1),
+    "limited spline": LogSplineVignette(SIZE, (-0.31, 0.07, -0.1 / 3), (0.05, -0.02), limit=0.9, reach=1.1),
     "raster": RasterVignette(
         np.random.default_rng(0).uniform(0.2, 1, SIZE[::-1]).astype(np.float32), {"file": "vignette.png"}
     ),
@@ -45,7 +45,7 @@ FULL = Calibration(
         support=(1 / 255, 0.1 + 0.2),
         model={"name": "polynomial", "coefficients": [0.0, 1 / 3, 2 / 3]},
     ),
-    vignette=VIGNETTES["log"],
+    vignette=VIGNETTES["spline"],
     verdicts={
         "response": Verdict("identifiable", "ln g is known to ±0.01"),
         "vignette": Verdict("marginal", "hardly any motion, 0.05 ½-diagonals", "pan the camera"),
@@ -262,7 +262,7 @@ def places_in(content, path=()):
         yield from places_in(content[0], (*path, 0))
 
 
-@given(data=st.data(), vignette=st.sampled_from(["polynomial", "log", "raster"]), remove=st.booleans())
+@given(data=st.data(), vignette=st.sampled_from(["polynomial", "spline", "raster"]), remove=st.booleans())
 def test_damage_anywhere_is_refused_by_name_or_harmless(data, vignette, remove, tmp_path_factory):
     place = tmp_path_factory.mktemp("damaged") / "calibration.json"
     calibration = replace(FULL, vignette=VIGNETTES[vignette])

@@ -9,12 +9,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from log_polynomials import log_polynomial
 from ospc.errors import ExposureError, FrameError, NotObservableError, SettingError
 from ospc.photometry import look_up
 from ospc.photometry.calibration import Calibration
 from ospc.photometry.correction import Corrector
 from ospc.photometry.response import Response
-from ospc.photometry.vignette import LogVignette, PolynomialVignette, RasterVignette
+from ospc.photometry.vignette import PolynomialVignette, RasterVignette
 from ospc.simulation import SimulationSettings, frames, irradiances, truth
 
 SIZE = (12, 8)
@@ -398,8 +399,8 @@ def test_impossible_options_are_refused():
 
 
 def test_a_vignette_above_one_off_the_centre_leaves_saturation_marked():
-    vignette = LogVignette(SIZE, (-0.5,), (0.9, 0.0))
-    off_centre = LogVignette(SIZE, (0.8,))
+    vignette = log_polynomial(SIZE, (-0.5,), (0.9, 0.0))
+    off_centre = log_polynomial(SIZE, (0.8,))
     for chosen in (vignette, off_centre):
         white = Corrector(LINEAR, chosen).correct(np.full((8, 12), 255, np.uint8), dtype=np.uint8)
         assert np.all(white == 255)

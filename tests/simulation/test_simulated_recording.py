@@ -10,9 +10,9 @@ import cv2
 import numpy as np
 import pytest
 
+from log_polynomials import log_polynomial
 from ospc.errors import SettingError
 from ospc.photometry.response import Response
-from ospc.photometry.vignette import LogVignette
 from ospc.recording import open_recording
 from ospc.simulation import SimulationSettings, frames, irradiances, simulate, truth
 from ospc.simulation.camera import remove_recording
@@ -144,11 +144,13 @@ def test_jpeg_is_nearly_the_same(recording, tmp_path):
 
 
 def test_own_responses_and_vignettes(tmp_path):
-    settings = replace(SMALL, frames=1, response=Response.gamma(1.4, 1024), vignette=LogVignette((96, 64), (-0.3,)))
+    settings = replace(
+        SMALL, frames=1, response=Response.gamma(1.4, 1024), vignette=log_polynomial((96, 64), (-0.3,))
+    )
     made = simulate(tmp_path / "r", settings)
     written = json.loads((made.path / "truth.json").read_text())
     assert written["response"]["model"] == {"name": "gamma", "exponent": 1.4}
-    assert written["settings"]["vignette"]["name"] == "log_polynomial"
+    assert written["settings"]["vignette"]["name"] == "log_spline"
 
 
 def test_motion_blur_is_the_mean_over_the_exposure():

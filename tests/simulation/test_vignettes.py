@@ -6,9 +6,9 @@ import cv2
 import numpy as np
 import pytest
 
+from log_polynomials import log_polynomial
 from ospc.errors import FormatError, OspcError, SettingError
 from ospc.photometry.geometry import half_diagonal
-from ospc.photometry.vignette import LogVignette
 from ospc.simulation import SimulationSettings
 from ospc.simulation.responses import VIGNETTES, make_vignette
 
@@ -47,7 +47,7 @@ def test_decentred_is_brightest_where_its_centre_is():
 
 
 def test_objects_and_files_are_taken(tmp_path):
-    given = LogVignette(SIZE, (-0.4,))
+    given = log_polynomial(SIZE, (-0.4,))
     assert make_vignette(settings(vignette=given)) is given
     path = tmp_path / "vignette.png"
     cv2.imwrite(str(path), np.rint(given.image() * 65535).astype(np.uint16))
@@ -58,7 +58,7 @@ def test_objects_and_files_are_taken(tmp_path):
     ("values", "error"),
     [
         ({"vignette": "polynomail"}, SettingError),
-        ({"vignette": LogVignette((10, 10), (-0.4,))}, SettingError),
+        ({"vignette": log_polynomial((10, 10), (-0.4,))}, SettingError),
         ({"vignette_coefficients": (-1.5, 0.0, 0.0)}, SettingError),
         ({"vignette_coefficients": (0.5, 0.0, 0.0)}, SettingError),
         ({"vignette": "decentred", "vignette_coefficients": (-1.5, 0.0, 0.0)}, OspcError),

@@ -13,9 +13,9 @@ from ospc.errors import FormatError, SettingError, escaped
 from ospc.photometry.geometry import half_diagonal, image_size, normalised
 from ospc.photometry.vignette import (
     LARGEST_ATTENUATION,
-    LogVignette,
     PolynomialVignette,
     Vignette,
+    VignetteModel,
     powers_in_unit,
 )
 
@@ -129,7 +129,7 @@ def fit_radial(vignette: Vignette, *, about_its_centre: bool = False) -> RadialF
         If the polynomial is not positive everywhere in the image.
     """
     centre = (0.0, 0.0)
-    if about_its_centre and isinstance(vignette, PolynomialVignette | LogVignette):
+    if about_its_centre and isinstance(vignette, VignetteModel):
         centre = vignette.centre
     if isinstance(vignette, PolynomialVignette) and len(vignette.coefficients) <= 3 and vignette.centre == centre:
         v1, v2, v3 = (*vignette.coefficients, 0.0, 0.0, 0.0)[:3]

@@ -16,7 +16,7 @@ from ospc.arrays import Image, ImageSize
 from ospc.errors import FormatError, SettingError
 from ospc.photometry.calibration import PROFILE_RADII, Calibration
 from ospc.photometry.geometry import half_diagonal, image_size, pixel_grid, same_aspect
-from ospc.photometry.vignette import LogVignette, PolynomialVignette, RasterVignette, Vignette
+from ospc.photometry.vignette import RasterVignette, Vignette, VignetteModel
 
 _CENTRED_PX = 1.0
 """Largest difference between the margins of a centred part: they cannot be equal for an odd number of pixels."""
@@ -52,7 +52,7 @@ def _resized(vignette: Vignette, size: ImageSize) -> Vignette:
         return RasterVignette(resampled(vignette.values, size), vignette.source)
     scale = math.hypot(*vignette.size) / math.hypot(*size)
     unit = scale * half_diagonal(size) / half_diagonal(vignette.size)
-    if isinstance(vignette, PolynomialVignette | LogVignette):
+    if isinstance(vignette, VignetteModel):
         centre = (vignette.centre[0] / unit, vignette.centre[1] / unit)
         return vignette.moved(size, centre, unit)
     at = (pixel_grid(size) + 0.5) * scale - 0.5
@@ -89,7 +89,7 @@ def crop_calibration(calibration: Calibration, offset: tuple[int, int], size: Im
 
 
 def _cropped(vignette: Vignette, offset: tuple[int, int], size: ImageSize) -> Vignette:
-    if isinstance(vignette, PolynomialVignette | LogVignette):
+    if isinstance(vignette, VignetteModel):
         half, new_half = half_diagonal(vignette.size), half_diagonal(size)
         shift = [(w - 1) / 2 - o - (s - 1) / 2 for w, o, s in zip(vignette.size, offset, size, strict=True)]
         centre = tuple((c * half + move) / new_half for c, move in zip(vignette.centre, shift, strict=True))

@@ -22,7 +22,6 @@ from ospc.photometry.verdict import EffectEstimate, State, Verdict
 from ospc.photometry.vignette import (
     LARGEST_ATTENUATION,
     LogSplineVignette,
-    LogVignette,
     PolynomialVignette,
     RasterVignette,
     Vignette,
@@ -157,7 +156,9 @@ def _vignette_from_dict(model: dict[str, Any], size: ImageSize, place: Path) -> 
     if model["name"] == "polynomial":
         x, y = _signed(model.get("centre", (0.0, 0.0)), "centre", (2,)).tolist()
         vignette = PolynomialVignette(size, coefficients, (x, y))
-    elif model["name"] in {"log_polynomial", "log_spline"}:
+    elif model["name"] == "log_spline":
+        if not coefficients:
+            raise FormatError("a spline has no coefficients")
         non_radial = tuple(_signed(model["non_radial"], "non_radial", (None,)).tolist())
         if len(non_radial) not in (0, len(NON_RADIAL)):
             raise FormatError(
@@ -165,12 +166,8 @@ def _vignette_from_dict(model: dict[str, Any], size: ImageSize, place: Path) -> 
             )
         x, y = _signed(model["centre"], "centre", (2,)).tolist()
         limit = _number(model, "limit") if "limit" in model else math.inf
-        vignette = LogVignette(size, coefficients, (x, y), non_radial, limit)
-        if model["name"] == "log_spline":
-            if not coefficients:
-                raise FormatError("a spline has no coefficients")
-            reach = _number(model, "reach", low=_LEAST_REACH)
-            vignette = LogSplineVignette(size, coefficients, (x, y), non_radial, limit, reach)
+        reach = _number(model, "reach", low=_LEAST_REACH)
+        vignette = LogSplineVignette(size, coefficients, (x, y), non_radial, limit, reach)
     else:
         raise FormatError(f"unknown vignette model {model['name']!r}")
     x_px, y_px = (np.linspace(0, side - 1, _PROBES_PER_SIDE) for side in size)

@@ -122,10 +122,10 @@ _LARGEST_LOG = 50.0
 
 
 @dataclass(frozen=True)
-class LogVignette(VignetteModel):
-    """ln V = Σ aᵢ R²ⁱ about its own centre, plus non-radial terms; zero at that centre.
+class LogSplineVignette(VignetteModel):
+    """ln V about its own centre: a :class:`~ospc.photometry.radial_spline.RadialSpline` plus non-radial terms.
 
-    The coefficients are (a₁, a₂, …).
+    The coefficients are the slopes d ln V / d(R²) of the spline at its knots. ln V is zero at the centre.
     """
 
     non_radial: tuple[float, ...] = ()
@@ -133,8 +133,10 @@ class LogVignette(VignetteModel):
     limit: float = math.inf
     """Distance from ``centre`` in half diagonals beyond which V is unknown, as outside the image circle of a fisheye.
     Beyond, V keeps its value at this distance."""
+    reach: float = 1.0
+    """Radius of the last knot in half diagonals, measured from ``centre``."""
 
-    _NAME = "log_polynomial"
+    _NAME = "log_spline"
 
     def log_at_normalised(self, position: FloatArray) -> FloatArray:
         """Return ln V at positions relative to the image centre in half diagonals, (..., 2) -> (...)."""
@@ -142,12 +144,15 @@ class LogVignette(VignetteModel):
 
     def moved(self, size: ImageSize, centre: tuple[float, float], unit: float) -> Self:
         """Return the same vignette in images of another size; see :meth:`VignetteModel.moved`."""
-        non_radial = tuple(c * unit**degree for c, degree in zip(self.non_radial, DEGREES, strict=False))
-        return replace(super().moved(size, centre, unit), non_radial=non_radial, limit=self.limit / unit)
-
-    def _radial(self, squared: FloatArray) -> FloatArray:
-        """Return the radial part of ln V at squared radii."""
-        return np.asarray(np.polynomial.polynomial.polyval(squared, [0.0, *self.coefficients]))
+        return replace(
+            self,
+            size=size,
+            coefficients=tuple(c * unit**2 for c in self.coefficients),
+            centre=centre,
+            non_radial=tuple(c * unit**degree for c, degree in zip(self.non_radial, DEGREES, strict=False)),
+            limit=self.limit / unit,
+            reach=self.reach / unit,
+        )
 
     def _values(self, x: FloatArray, y: FloatArray) -> FloatArray:
         return np.asarray(np.exp(np.clip(self._log_values(x, y), -_LARGEST_LOG, _LARGEST_LOG)))
@@ -158,31 +163,10 @@ class LogVignette(VignetteModel):
         if squared.size and squared.max() > self.limit**2:
             inwards = np.minimum(1.0, self.limit / np.sqrt(np.maximum(squared, 1e-300)))
             x, y, squared = x * inwards, y * inwards, squared * inwards**2
-        log_v = self._radial(squared)
+        log_v = radial_spline(len(self.coefficients), self.reach).values(np.array(self.coefficients), squared)
         if self.non_radial:
             log_v = log_v + sum(c * t for c, t in zip(self.non_radial, non_radial_terms(x, y), strict=True))
         return np.asarray(log_v)
-
-
-@dataclass(frozen=True)
-class LogSplineVignette(LogVignette):
-    """ln V whose radial part is a :class:`~ospc.photometry.radial_spline.RadialSpline`.
-
-    The coefficients are its slopes d ln V / d(R²) at the knots.
-    """
-
-    reach: float = 1.0
-    """Radius of the last knot in half diagonals, measured from ``centre``."""
-
-    _NAME = "log_spline"
-
-    def moved(self, size: ImageSize, centre: tuple[float, float], unit: float) -> Self:
-        """Return the same vignette in images of another size; see :meth:`VignetteModel.moved`."""
-        slopes = tuple(c * unit**2 for c in self.coefficients)
-        return replace(super().moved(size, centre, unit), coefficients=slopes, reach=self.reach / unit)
-
-    def _radial(self, squared: FloatArray) -> FloatArray:
-        return radial_spline(len(self.coefficients), self.reach).values(np.array(self.coefficients), squared)
 
 
 def powers_in_unit(coefficients: tuple[float, ...], unit: float) -> tuple[float, ...]:
