@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from ospc import OnlineCalibrator, open_recording
+from ospc.photometry.geometry import pixels_of
 from ospc.simulation import SimulationSettings, simulate
 
 SIZE = (240, 180)
@@ -58,17 +59,15 @@ def test_coverage_grows_with_the_pairs(run):
     assert previews[-1].pairs >= 20
 
 
-def test_matches_are_in_the_image_and_show_the_exposure_ratio(run):
-    matches = [
-        p.matches for p in run[3] if p is not None and p.matches is not None and p.matches.log_ratios is not None
-    ]
-    for found in matches:
-        for points in (found.points0, found.points1):
-            assert np.all((points >= 0) & (points <= np.array(SIZE) - 1))
-        assert found.frames[0] < found.frames[1]
-    errors = [
-        np.median(found.log_ratios) - np.log(found.exposures_ms[0] / found.exposures_ms[1])
-        for found in matches
-        if len(found.log_ratios) > 100
-    ]
+def test_the_latest_pair_is_in_the_image_and_shows_the_exposure_ratio(run):
+    previews = [p for p in run[3] if p is not None and p.latest is not None and p.fit is not None]
+    errors = []
+    for preview in previews:
+        latest, log_irradiance = preview.latest, preview.fit.log_irradiance(preview.latest)
+        points = pixels_of(latest.position, SIZE)
+        assert np.all((points >= 0) & (points <= np.array(SIZE) - 1))
+        assert np.all(latest.frame[::2] < latest.frame[1::2])
+        if len(latest.starts) > 100:
+            log_ratio = np.median(log_irradiance[::2] - log_irradiance[1::2])
+            errors.append(log_ratio - (latest.log_exposure[0] - latest.log_exposure[1]))
     assert np.median(np.abs(errors)) < 0.02

@@ -9,17 +9,18 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ospc.arrays import Image
+from ospc.arrays import Image, size_of
 from ospc.errors import FormatError, SettingError, counted, needs_extra, os_error_as
 from ospc.photometry.calibration import PROFILE_RADII
 from ospc.photometry.correction import Corrector
+from ospc.photometry.geometry import pixels_of
 from ospc.photometry.vignette import diagonal_profile
 from ospc.report.examples import corrected_picture
 from ospc.throttle import Throttle
 
 if TYPE_CHECKING:
     from ospc.calibrator import OnlineCalibrator
-    from ospc.methods.preview import Matches, Preview
+    from ospc.methods.preview import Preview
     from ospc.recording import Frame, Recording
 
 _REFRESH_S, _LARGEST_SHARE = 0.2, 0.2
@@ -111,7 +112,7 @@ class RerunStream:
 
     def _log_preview(self, preview: Preview, frame: Frame) -> None:
         rr = self._rr
-        self._log_matches(preview.matches, frame)
+        self._log_matches(preview, frame)
         counts = np.log1p(preview.coverage.grey_exposure)
         self._log_image("coverage", np.rint(255 * counts / max(float(counts.max()), 1e-12)).astype(np.uint8)[::-1])
         response, vignette, sigma = preview.response, preview.vignette, preview.vignette_sigma
@@ -128,16 +129,18 @@ class RerunStream:
         corrector = Corrector(response, vignette, frame.max_grey)
         self._log_image("corrected/image", corrected_picture(corrector, frame, self._longest_ms))
 
-    def _log_matches(self, matches: Matches | None, frame: Frame) -> None:
-        rr = self._rr
-        if matches is None or matches.frames[1] != frame.index:
+    def _log_matches(self, preview: Preview, frame: Frame) -> None:
+        rr, latest, fit = self._rr, preview.latest, preview.fit
+        if latest is None or not len(latest) or latest.frame[1] != frame.index:
             self._stream.log("recorded/matches", rr.Clear(recursive=False))
             return
-        step = -(-len(matches.points0) // _MOST_POINTS)
-        moves = np.stack([matches.points0, matches.points1], axis=1)[::step]
-        self._stream.log("recorded/matches", rr.LineStrips2D(moves, colors=_GREEN))
-        if matches.log_ratios is not None:
-            shown_ms = matches.exposures_ms[0] / np.exp(np.median(matches.log_ratios))
+        moves = pixels_of(latest.position, size_of(frame.image)).reshape(-1, 2, 2)
+        step = -(-len(moves) // _MOST_POINTS)
+        self._stream.log("recorded/matches", rr.LineStrips2D(moves[::step], colors=_GREEN))
+        if fit is not None:
+            log_irradiance = fit.log_irradiance(latest)
+            log_ratio = np.median(log_irradiance[::2] - log_irradiance[1::2])
+            shown_ms = np.exp(latest.log_exposure[0] - log_ratio)
             self._stream.log("exposure/from_images", rr.Scalars(np.log2(shown_ms)))
 
     def _log_curve(self, name: str, value: Any, sigma: Any, colour: tuple[int, int, int]) -> None:
