@@ -36,7 +36,19 @@ def median(values: FloatArray | Float32Array) -> FloatArray | Float32Array:
 
 def robust_scale(residuals: FloatArray | Float32Array) -> float:
     """Return the standard deviation of the normal distribution with the same median absolute value; 0 if empty."""
-    return float(median(np.abs(residuals).ravel()) * SIGMA_OF_MEDIAN) if residuals.size else 0.0
+    return float(robust_scales(residuals.ravel()))
+
+
+def robust_scales(residuals: FloatArray | Float32Array) -> FloatArray | Float32Array:
+    """Return :func:`robust_scale` along the last axis, shape (..., n) -> (...)."""
+    if not residuals.size:
+        return np.zeros(residuals.shape[:-1])
+    return np.asarray(median(np.abs(residuals)) * SIGMA_OF_MEDIAN)
+
+
+def huber_weights(residuals: FloatArray, threshold: float) -> FloatArray:
+    """Return weights (Huber 1964): 1 for residuals up to a positive threshold, less above; of the same shape."""
+    return np.asarray(threshold / np.maximum(np.abs(residuals), threshold))
 
 
 def tail_scale(residuals: FloatArray) -> float:

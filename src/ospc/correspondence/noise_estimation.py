@@ -12,7 +12,7 @@ from ospc.least_squares import non_negative_least_squares
 from ospc.observations import ExposureLookup
 from ospc.photometry.noise import BRIGHTEST_EXPOSED, DARKEST_EXPOSED, NoiseModel
 from ospc.recording.frame import Frame
-from ospc.robust import robust_scale
+from ospc.robust import huber_weights, robust_scale
 from ospc.settings.sampling import (
     ASSUMED_NOISE_SIGMA,
     GAIN_BEGINS,
@@ -149,7 +149,7 @@ def _growth_with_gain(number: IntArray, log_exposure: FloatArray, log_variance: 
                 break
             power = float(np.sum(weight * rise * deviation)) / spread
             residual = np.abs(deviation - power * rise)
-            weight = 1 / np.maximum(1.0, residual / max(robust_scale(residual), _TINY))
+            weight = huber_weights(residual, max(robust_scale(residual), _TINY))
         else:
             best = min(best, (float(residual.sum()), begin, power))
     _, begin, power = best

@@ -17,7 +17,7 @@ import numpy as np
 
 from ospc.arrays import FloatArray, IntArray
 from ospc.exposures.brightness_series import BrightnessSeries
-from ospc.robust import SIGMA_OF_MEDIAN, median
+from ospc.robust import robust_scales
 from ospc.settings.brightness import AR_ORDER
 from ospc.settings.lag import (
     AR_RIDGE,
@@ -231,7 +231,4 @@ def _student_t_scales(values: FloatArray, scale: FloatArray) -> FloatArray:
 
 def _robust_scales(values: FloatArray) -> FloatArray:
     """Return the robust scale of the values of each lag, bounded below, shape (lags, n) -> (lags, 1)."""
-    if not values.size:
-        return np.full((len(values), 1), MIN_NOISE_SCALE_LOG)
-    found = SIGMA_OF_MEDIAN * median(np.abs(values))[:, None]
-    return np.asarray(np.maximum(found, MIN_NOISE_SCALE_LOG))
+    return np.maximum(robust_scales(values)[:, None], MIN_NOISE_SCALE_LOG)

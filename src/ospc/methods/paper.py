@@ -34,7 +34,7 @@ from ospc.photometry.response import Response
 from ospc.photometry.verdict import Verdict
 from ospc.photometry.vignette import PolynomialVignette, Vignette
 from ospc.recording.frame import Frame
-from ospc.robust import robust_scale
+from ospc.robust import huber_weights, robust_scale
 from ospc.settings import PaperSettings
 from ospc.settings.methods import (
     CONSTRAINT_WEIGHT,
@@ -271,9 +271,10 @@ def solver_weights(solver: str, residuals: FloatArray, tuning: float) -> FloatAr
     if solver == "l2":
         return np.ones_like(residuals)
     scale = max(robust_scale(residuals), float(np.finfo(float).tiny))
+    if solver == "m-estimator":
+        return huber_weights(residuals, tuning * scale)
     # A residual far below the scale counts as zero; without the limit its weight would be infinite.
-    size = np.maximum(np.abs(residuals), ZERO_RESIDUAL * scale)
-    return np.asarray(1 / size if solver == "l1" else np.minimum(1.0, tuning * scale / size))
+    return np.asarray(1 / np.maximum(np.abs(residuals), ZERO_RESIDUAL * scale))
 
 
 def solve_vignette(rows: FloatArray, target: FloatArray, solver: str, tuning: float) -> FloatArray:

@@ -19,6 +19,7 @@ from ospc.arrays import FloatArray, ImageSize, IntArray
 from ospc.errors import NotObservableError, counted
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import PolynomialVignette, RasterVignette, Vignette
+from ospc.robust import huber_weights
 from ospc.settings.unknown_exposures import (
     DAMPING_DOWN,
     DAMPING_UP,
@@ -198,7 +199,7 @@ class _Problem:
         curve = self._model.curve(self._c)
         residual = self._tracks.grey - self._at(curve[None], x)[:, 0]
         slope = self._at(np.gradient(curve, 1 / (RESPONSE_SAMPLES - 1))[None], x)[:, 0] * x
-        weight = self._tracks.weight * np.minimum(1, JOINT_HUBER / np.maximum(np.abs(residual), 1e-12))
+        weight = self._tracks.weight * huber_weights(residual, JOINT_HUBER)
         return x, residual, np.where(x < 1, slope, 0.0), weight
 
     def _attenuation(self, v: FloatArray) -> FloatArray:

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from ospc.arrays import Float32Array, FloatArray
-from ospc.robust import robust_scale
+from ospc.robust import huber_weights, robust_scale
 
 LEVELS = 4
 """Levels of the image pyramid, each half as large as the one below."""
@@ -158,11 +158,10 @@ def _step(
     jacobian = np.column_stack([along, np.cross(points_m[good], along)])
     if affine:
         jacobian = np.column_stack([jacobian, -scaled, -np.ones_like(scaled)])
-    size = np.abs(residual)
     sigma = robust_scale(residual) + 1e-6
-    weight = np.minimum(1, _HUBER * sigma / np.maximum(size, 1e-12))
+    weight = huber_weights(residual, _HUBER * sigma)
     weight *= _GRADIENT**2 / (_GRADIENT**2 + dx**2 + dy**2)
     normal = (jacobian * weight[:, None]).T @ jacobian
     normal[np.diag_indices_from(normal)] *= 1 + 1e-6
     change = np.linalg.lstsq(normal, -jacobian.T @ (weight * residual), rcond=None)[0]
-    return np.asarray(change), float(np.count_nonzero(size < _AGREEING_SIGMAS * sigma) / len(points_m))
+    return np.asarray(change), float(np.count_nonzero(np.abs(residual) < _AGREEING_SIGMAS * sigma) / len(points_m))

@@ -25,7 +25,7 @@ from ospc.photometry.response import Response
 from ospc.photometry.vignette import PolynomialVignette
 from ospc.recording.frame import Frame
 from ospc.research.method import Estimate, Outcome, outcomes_of
-from ospc.robust import robust_scale
+from ospc.robust import huber_weights, robust_scale
 from ospc.unknown_exposures.response_model import family_of_inverses
 from ospc.unknown_exposures.tracking import equalised, log_brightness, sampled
 
@@ -167,8 +167,7 @@ def _robust(matrix: FloatArray, target: FloatArray, pull: FloatArray) -> FloatAr
         normal = (matrix * weight[:, None]).T @ matrix + pull.T @ pull
         found = np.asarray(np.linalg.lstsq(normal, matrix.T @ (weight * target), rcond=None)[0], dtype=np.float64)
         residual = matrix @ found - target
-        sigma = robust_scale(residual) + 1e-9
-        weight = np.minimum(1, _HUBER * sigma / np.maximum(np.abs(residual), 1e-12))
+        weight = huber_weights(residual, _HUBER * (robust_scale(residual) + 1e-9))
     return found
 
 
