@@ -24,7 +24,7 @@ from ospc.estimation.fit import Fit
 from ospc.estimation.fitted import Fitted
 from ospc.estimation.maximum_likelihood import MaximumLikelihoodEstimator
 from ospc.evaluation.metrics import log_ratio_error, response_shape_rmse, vignette_rmse
-from ospc.methods.summary import FitInputs
+from ospc.methods.fit_inputs import FitInputs
 from ospc.research.accuracy.design import moving_sources
 from ospc.simulation import SimulationSettings, frames
 from results import Row, errors, measured, table_of

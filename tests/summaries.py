@@ -11,7 +11,7 @@ from log_polynomials import log_polynomial
 from ospc.estimation.fit_plan import FitPlan
 from ospc.estimation.response_basis import ResponseBasis
 from ospc.estimation.vignette_choice import fit_with_chosen_vignette
-from ospc.methods.summary import FitInputs
+from ospc.methods.fit_inputs import FitInputs
 from ospc.photometry.noise import NoiseModel
 from ospc.photometry.response import Response
 from ospc.pooling.summary import PARAMETERS, RESPONSE, VIGNETTE, Summary, summary_of, triangle_of

@@ -23,9 +23,9 @@ from ospc.exposures.table import ExposureTable
 from ospc.exposures.used import with_earlier_exposures
 from ospc.frame_checks import SkippedFrames, check_is_frame, checked_frame, why_greys_are_useless
 from ospc.methods.change_detection import Change
+from ospc.methods.fit_inputs import FitInputs
 from ospc.methods.method import Method, Progress
 from ospc.methods.preview import Preview
-from ospc.methods.summary import FitInputs
 from ospc.photometry.calibration import Calibration
 from ospc.photometry.grey_range import GreyRange
 from ospc.pooling.prior_calibration import PriorCalibration

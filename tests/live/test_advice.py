@@ -17,8 +17,9 @@ from ospc.estimation.vignette_basis import VignetteBasis
 from ospc.live.advice import Adviser
 from ospc.live.capture import Bars
 from ospc.live.knowledge import certainty, knowledge_of
+from ospc.methods.fit_inputs import FitInputs
 from ospc.methods.preview import preview_of
-from ospc.methods.summary import FitInputs, summarise
+from ospc.methods.result import calibration_of
 from ospc.photometry.noise import NoiseModel
 from ospc.photometry.response import Response
 from ospc.photometry.verdict import Verdict
@@ -178,7 +179,7 @@ def calibrated(pairs, *, seed=3):
     fit = fitted(observations)
     noise = NoiseModel(1e-6, 1e-6)
     inputs = FitInputs(SIZE, 255, noise, observations, fit, False, pairs)
-    return summarise(inputs, DefaultSettings())
+    return calibration_of(inputs, DefaultSettings())
 
 
 def test_it_says_done_when_both_are_known_to_the_goal_and_not_before():

@@ -7,7 +7,7 @@ import numpy as np
 from ospc.estimation.maximum_likelihood import MaximumLikelihoodEstimator
 from ospc.estimation.response_basis import ResponseBasis
 from ospc.estimation.vignette_basis import VignetteBasis
-from ospc.methods.summary import exposure_ratios
+from ospc.methods.exposure_ratios import exposure_ratios
 from ospc.photometry.response import Response
 from synthetic_observations import ROUNDS, Camera
 

@@ -10,7 +10,7 @@ import pytest
 from ospc.estimation.effects import Effects
 from ospc.methods.corrections import notes_of
 from ospc.methods.identifiability import response_verdict_of_fit, vignette_verdict
-from ospc.methods.summary import summarise
+from ospc.methods.result import calibration_of
 from ospc.photometry.verdict import EffectEstimate
 from ospc.settings import DefaultSettings
 from summaries import CAMERA, inputs_of
@@ -35,7 +35,7 @@ def vignette(*, reach, standing_still=False, contradictions=()):
 @pytest.mark.parametrize("covariance", [1.0, 1e4])
 def test_a_contradiction_is_the_reason_and_has_the_remedy_of_every_curve(covariance):
     fit = replace(FIT, covariance=covariance * FIT.covariance, effect_estimates=(TONE,))
-    found = summarise(replace(INPUTS, fit=fit), DefaultSettings())
+    found = calibration_of(replace(INPUTS, fit=fit), DefaultSettings())
     (warning,) = found.warnings
     for verdict in (found.verdicts["response"], found.verdicts["vignette"]):
         assert verdict.state == ("marginal" if covariance == 1 else "not identifiable")
@@ -131,7 +131,7 @@ def test_a_fit_to_exposures_that_the_images_contradict_states_no_effects():
     observations = INPUTS.observations
     inverse = replace(observations, log_exposure=-observations.log_exposure)
     wrong, right = (
-        summarise(replace(INPUTS, fit=fit, observations=o), DefaultSettings()) for o in (inverse, observations)
+        calibration_of(replace(INPUTS, fit=fit, observations=o), DefaultSettings()) for o in (inverse, observations)
     )
     assert "does not show in the images" in wrong.verdicts["response"].reason
     assert (wrong.effects, wrong.warnings, wrong.notes) == ((), (), ())
@@ -150,6 +150,6 @@ def test_a_fit_to_exposures_that_the_images_contradict_states_no_effects():
 )
 def test_a_contradiction_names_its_causes_and_size(name, causes, unit):
     fit = replace(FIT, effect_estimates=(EffectEstimate(name, 0.1, 0.01, contradicts=True),))
-    (warning,) = summarise(replace(INPUTS, fit=fit), DefaultSettings()).warnings
+    (warning,) = calibration_of(replace(INPUTS, fit=fit), DefaultSettings()).warnings
     assert all(cause in warning for cause in causes)
     assert warning.endswith(f", by 0.1 ± 0.01 {unit}")

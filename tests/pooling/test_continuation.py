@@ -17,7 +17,7 @@ from ospc.evaluation.metrics import vignette_rmse
 from ospc.exposures.monitor import ExposureMonitor
 from ospc.methods.change_detection import Change
 from ospc.methods.identifiability import judged
-from ospc.methods.summary import summarise
+from ospc.methods.result import calibration_of
 from ospc.photometry.calibration import Calibration
 from ospc.photometry.grey_range import GreyRange
 from ospc.photometry.verdict import Verdict
@@ -35,13 +35,13 @@ def yesterday(tmp_path_factory):
     """A saved state of four recordings, and a saved calibration of one."""
     place = tmp_path_factory.mktemp("yesterday")
     Pool.of([summary(CAMERA, seed) for seed in range(4)]).save(place / "state.ospc")
-    summarise(inputs_of(CAMERA, 0, groups=80), DefaultSettings()).save(place / "calibration.json")
+    calibration_of(inputs_of(CAMERA, 0, groups=80), DefaultSettings()).save(place / "calibration.json")
     return place
 
 
 def today(camera, groups):
     evidence = inputs_of(camera, 50, groups=groups)
-    return summarise(evidence, DefaultSettings()), summary(camera, 50, groups=groups)
+    return calibration_of(evidence, DefaultSettings()), summary(camera, 50, groups=groups)
 
 
 @pytest.mark.parametrize("name", ["state.ospc", "calibration.json"])
@@ -100,7 +100,9 @@ class DenseAtBlack:
 @pytest.mark.parametrize(("intervals", "functions"), [(20, "hats"), (64, "hats"), (32, "dense at black")])
 def test_the_earlier_response_may_have_another_basis(monkeypatch, tmp_path, intervals, functions):
     monkeypatch.setitem(FUNCTIONS, "dense at black", DenseAtBlack())
-    before = summarise(inputs_of(CAMERA, 0, groups=80, basis=ResponseBasis(intervals, functions)), DefaultSettings())
+    before = calibration_of(
+        inputs_of(CAMERA, 0, groups=80, basis=ResponseBasis(intervals, functions)), DefaultSettings()
+    )
     before.save(tmp_path / "calibration.json")
     earlier = PriorCalibration.open(tmp_path)
     found = earlier.continued(Calibration(size=SIZE, verdicts=before.verdicts), None)
@@ -122,7 +124,7 @@ def test_a_response_of_an_unknown_basis_is_refused(yesterday, change):
 
 
 def test_what_the_prior_says_of_the_vignette_counts_once():
-    before = summarise(inputs_of(CAMERA, 50, groups=6), DefaultSettings())  # so few that the prior matters
+    before = calibration_of(inputs_of(CAMERA, 50, groups=6), DefaultSettings())  # so few that the prior matters
     earlier = PriorCalibration("before", Pool.of([summary_of_calibration(before, "before")]))
     found = earlier.continued(Calibration(size=SIZE, verdicts=before.verdicts), None)
     np.testing.assert_allclose(found.vignette_sigma[1:], before.vignette_sigma[1:], rtol=0.02)
@@ -132,7 +134,7 @@ def test_what_the_prior_says_of_the_vignette_counts_once():
 @pytest.mark.parametrize("name", ["state.ospc", "calibration.json"])
 def test_a_continued_fisheye_keeps_its_image_limit(tmp_path, name):
     inputs = fisheye_inputs_of(CAMERA, 0, 0.7)
-    before = summarise(inputs, DefaultSettings())
+    before = calibration_of(inputs, DefaultSettings())
     before.save(tmp_path / "calibration.json")
     Pool.of([summary_of(inputs, "frames", {}, 100)]).save(tmp_path / "state.ospc")
     found = PriorCalibration.open(tmp_path / name).continued(Calibration(size=SIZE, verdicts=before.verdicts), None)
@@ -143,7 +145,7 @@ def test_a_continued_fisheye_keeps_its_image_limit(tmp_path, name):
 def test_a_recording_that_starts_from_itself_counts_once():
     source = {"frames_sha256": "1", "images_sha256": "2"}
     inputs = inputs_of(CAMERA, 50, groups=20)
-    own = replace(summarise(inputs, DefaultSettings()), source=source)
+    own = replace(calibration_of(inputs, DefaultSettings()), source=source)
     seen = summary_of(inputs, "frames", source, 100)
     for itself in (Pool.of([seen]), Pool.of([summary_of_calibration(own, "itself")])):
         found = PriorCalibration("itself", itself).continued(own, seen)

@@ -13,7 +13,7 @@ from ospc.estimation.fit_plan import FitPlan
 from ospc.estimation.response_basis import ResponseBasis
 from ospc.estimation.vignette_choice import fit_with_chosen_vignette
 from ospc.evaluation.metrics import log_ratio_error, response_shape_rmse, vignette_rmse
-from ospc.methods.summary import summarise
+from ospc.methods.result import calibration_of
 from ospc.pooling.pool import Pool, merge
 from ospc.pooling.solution import Information, solve_with_chosen_vignette
 from ospc.pooling.summary import VIGNETTE, summary_of
@@ -60,7 +60,7 @@ def as_text(merged):
 
 
 def test_eight_recordings_have_less_than_half_the_errors_of_their_median(merged):
-    alone = [summarise(inputs_of(CAMERA, seed), DefaultSettings()) for seed in range(RECORDINGS)]
+    alone = [calibration_of(inputs_of(CAMERA, seed), DefaultSettings()) for seed in range(RECORDINGS)]
     median = np.median([errors(calibration) for calibration in alone], axis=0)
     ratios = errors(merged.calibration) / median  # 1 / √8 = 0.35 expected
     assert np.exp(np.log(ratios).mean()) < 0.45
@@ -83,7 +83,7 @@ def test_the_order_makes_no_difference_to_a_single_bit(recordings, merged):
 
 
 def test_one_recording_alone_stays_what_it_was():
-    alone = summarise(inputs_of(CAMERA, 0), DefaultSettings())
+    alone = calibration_of(inputs_of(CAMERA, 0), DefaultSettings())
     pooled = merge(Pool.of([summary(CAMERA, 0)])).calibration
     np.testing.assert_allclose(
         np.log(pooled.response.inverse([0.2, 0.8])), np.log(alone.response.inverse([0.2, 0.8])), atol=0.02
@@ -98,7 +98,7 @@ def test_one_recording_alone_stays_as_uncertain_as_it_was(error):
     fit = replace(inputs.fit, covariance=inputs.fit.covariance + np.outer(suspected, suspected))
     inputs = replace(inputs, fit=fit)
     pooled = merge(Pool.of([summary_of(inputs, "frames", {}, 100)])).calibration
-    alone = summarise(inputs, DefaultSettings())
+    alone = calibration_of(inputs, DefaultSettings())
     assert step_sigma(pooled) == pytest.approx(step_sigma(alone), rel=0.35)
     assert pooled.vignette_sigma[-1] == pytest.approx(alone.vignette_sigma[-1], rel=0.35)
 
@@ -118,7 +118,7 @@ def test_corners_that_no_recording_shows_are_as_uncertain_as_in_one_alone():
 
 def test_merging_keeps_where_the_image_ends():
     inputs = fisheye_inputs_of(CAMERA, 0, 0.7)
-    alone, seen = summarise(inputs, DefaultSettings()), summary_of(inputs, "frames", {}, 100)
+    alone, seen = calibration_of(inputs, DefaultSettings()), summary_of(inputs, "frames", {}, 100)
     dark = replace(seen.with_usable_radius(1.0), key="dark")  # too dark to show the edge of the image circle
     for pool in ([seen], [seen, dark]):
         found = merge(Pool.of(pool)).calibration

@@ -15,7 +15,7 @@ from ospc.exposures.brightness import BrightnessChange
 from ospc.exposures.brightness_history import BrightnessHistory
 from ospc.exposures.brightness_report import BrightnessReport
 from ospc.exposures.findings import ExposureFindings
-from ospc.methods.summary import FitInputs
+from ospc.methods.fit_inputs import FitInputs
 from ospc.photometry.verdict import Verdict
 from ospc.settings.brightness import GREY_BIN_EDGES
 from ospc.settings.diagnosis import GAP_RATIO

@@ -12,9 +12,9 @@ from ospc.errors import ExposureError, NotObservableError, SettingError, counted
 from ospc.estimation.effect_choice import fit_with_chosen_effects
 from ospc.estimation.fit import Fit
 from ospc.exposures.table import ExposureTable
+from ospc.methods.exposure_ratios import exposure_ratios
 from ospc.methods.identifiability import unexplained_share
 from ospc.methods.planned_fit import plan_of_moving_camera, plan_of_stationary_camera
-from ospc.methods.summary import exposure_ratios
 from ospc.observations import ExposedObservations, Observations
 from ospc.photometry.noise import NoiseModel
 from ospc.settings import DefaultSettings, Settings, preset

@@ -23,13 +23,14 @@ from ospc.estimation.fitted import Fitted
 from ospc.exposures.brightness import BrightnessChange
 from ospc.exposures.table import ExposureTable
 from ospc.methods.change_detection import Change, ChangeDetector
+from ospc.methods.fit_inputs import FitInputs
 from ospc.methods.maximum_likelihood_state import MaximumLikelihoodState
 from ospc.methods.method import Progress, check_can_be_matched
 from ospc.methods.planned_fit import plan_of_moving_camera, plan_of_stationary_camera
 from ospc.methods.preview import Preview, preview_of
 from ospc.methods.quick_fit import QuickFit
+from ospc.methods.result import calibration_of
 from ospc.methods.stationary_camera import StationaryCamera
-from ospc.methods.summary import FitInputs, summarise
 from ospc.observations import ExposedObservations, Observations
 from ospc.photometry.calibration import Calibration
 from ospc.photometry.grey_range import FULL_RANGE, GreyRange
@@ -254,7 +255,7 @@ class MaximumLikelihoodMethod:
 
     def calibration(self, exposures: ExposureTable, grey_range: GreyRange = FULL_RANGE) -> Calibration:
         """Return the calibration from all observations so far."""
-        return summarise(self.inputs(exposures, grey_range), self._settings)
+        return calibration_of(self.inputs(exposures, grey_range), self._settings)
 
     def state(self) -> MaximumLikelihoodState:
         """Return the state; call it before the next frame is pushed."""

@@ -12,8 +12,8 @@ from ospc.errors import FrameError
 from ospc.exposures.brightness import BrightnessChange
 from ospc.exposures.table import ExposureTable
 from ospc.methods.change_detection import Change
+from ospc.methods.fit_inputs import FitInputs
 from ospc.methods.preview import Preview
-from ospc.methods.summary import FitInputs
 from ospc.photometry.calibration import Calibration
 from ospc.photometry.grey_range import FULL_RANGE, GreyRange
 from ospc.recording.frame import Frame

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from ospc.arrays import FloatArray, ImageSize
 from ospc.estimation.fit import Fit, measured_greys
 from ospc.methods.coverage import coverage_of
-from ospc.methods.summary import vignette_sigma
+from ospc.methods.result import vignette_sigma
 from ospc.observations import ExposedObservations
 from ospc.photometry.coverage import Coverage
 from ospc.photometry.response import Response

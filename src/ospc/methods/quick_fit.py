@@ -11,8 +11,8 @@ from ospc.estimation.fit_plan import FitPlan
 from ospc.estimation.response_basis import ResponseBasis
 from ospc.estimation.vignette_basis import VignetteBasis
 from ospc.estimation.vignette_choice import fit_with_chosen_vignette
+from ospc.methods.exposure_ratios import exposure_ratios
 from ospc.methods.identifiability import unexplained_share
-from ospc.methods.summary import exposure_ratios
 from ospc.observations import ExposedObservations
 from ospc.photometry.noise import NoiseModel
 from ospc.settings import DefaultSettings

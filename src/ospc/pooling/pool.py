@@ -16,7 +16,7 @@ import numpy as np
 
 from ospc.arrays import ImageSize
 from ospc.errors import FormatError, SettingError
-from ospc.methods.summary import covariance_of, vignette_sigma
+from ospc.methods.result import covariance_of, vignette_sigma
 from ospc.photometry.calibration import Calibration
 from ospc.pooling.agreement import Agreement, Difference, Part, agreement
 from ospc.pooling.solution import Information, solve, solve_with_chosen_vignette

@@ -21,8 +21,8 @@ from ospc.estimation.fitted import Fitted
 from ospc.estimation.maximum_likelihood import MaximumLikelihoodEstimator
 from ospc.estimation.response_basis import ResponseBasis
 from ospc.estimation.vignette_basis import VignetteBasis
+from ospc.methods.fit_inputs import FitInputs
 from ospc.methods.identifiability import unexplained_share
-from ospc.methods.summary import FitInputs
 from ospc.observations import ExposedObservations
 from ospc.photometry.geometry import image_size
 from ospc.photometry.grey_range import FULL_RANGE, LARGEST_GREY, GreyRange

@@ -92,7 +92,7 @@ MOST_RADIANCE_SIGMA = 0.04
 vignette do not explain the images. It was at most 0.01 in 39 clean simulated recordings, 0.005 in a real video, with
 crowds and with glossy surfaces, and 0.07 to 0.09 if contrast was equalised in tiles."""
 
-# Pairs that were registered wrongly (ospc.estimation.misregistration, ospc.methods.summary)
+# Pairs that were registered wrongly (ospc.estimation.misregistration, ospc.methods.exposure_ratios)
 
 MISREGISTERED_SPREAD = 3.0
 """Scatter of a pair's points, relative to typical pairs, above which the frames count as misregistered: two thirds of

@@ -1,0 +1,54 @@
+"""Exposure ratios of pairs of frames, re-estimated from their scene points with the curves of a fit."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ospc.arrays import FloatArray, IntArray
+from ospc.estimation.fit import Fit
+from ospc.observations import ExposedObservations
+from ospc.photometry.coverage import ExposureRatios
+from ospc.photometry.noise import BRIGHTEST_EXPOSED, DARKEST_EXPOSED
+from ospc.robust import SIGMA_OF_MEDIAN, medians
+from ospc.settings.residuals import MISREGISTERED_SIGMAS, MISREGISTERED_SPREAD
+
+
+def exposure_ratios(fit: Fit, observations: ExposedObservations) -> ExposureRatios:
+    """Return the exposure ratio of every pair of frames, the median over its scene points, with its uncertainty."""
+    log_irradiance = fit.log_irradiance(observations)
+    exposed = (observations.grey > DARKEST_EXPOSED) & (observations.grey < BRIGHTEST_EXPOSED)
+    # Compare each observation with the previous one of the same point: a pair, or neighbours in a static series.
+    later = np.flatnonzero((np.diff(observations.point) == 0) & exposed[1:] & exposed[:-1]) + 1
+    if not len(later):
+        return ExposureRatios.none()
+    observed = log_irradiance[later - 1] - log_irradiance[later]
+    metadata = observations.log_exposure[later - 1] - observations.log_exposure[later]
+    frames = np.stack([observations.frame[later - 1], observations.frame[later]], axis=1)
+    pairs, first, pair, count = np.unique(frames, axis=0, return_index=True, return_inverse=True, return_counts=True)
+    pair = pair.reshape(-1)  # NumPy 2.0 adds a dimension
+    estimated = medians(observed, pair)
+    spread = SIGMA_OF_MEDIAN * medians(np.abs(observed - estimated[pair]), pair)
+    by_scatter = _sigma_of_medians(spread, count)
+    by_curves = _sigma_by_curves(fit, observations, later[np.argsort(pair, kind="stable")], count)
+    return ExposureRatios(pairs, np.exp(metadata[first]), np.exp(estimated), count, np.hypot(by_scatter, by_curves))
+
+
+def _sigma_of_medians(spread: FloatArray, count: IntArray) -> FloatArray:
+    """Return the standard deviation of the median of each group of points, from their scatter, shape (groups,)."""
+    typical = float(np.median(np.repeat(spread, count)))
+    wrong = spread > MISREGISTERED_SPREAD * typical
+    return np.where(wrong, MISREGISTERED_SIGMAS * spread, np.sqrt(np.pi / 2 / count) * spread)
+
+
+def _sigma_by_curves(fit: Fit, observations: ExposedObservations, later: IntArray, count: IntArray) -> FloatArray:
+    """Return the standard deviation of each pair's ln k due to the uncertainty of the curves, shape (pairs,)."""
+    # ``later`` contains the indices of the pairs' second observations in order, and ``count`` their number per pair.
+
+    def mean_row(one: IntArray) -> FloatArray:
+        rows = fit.log_irradiance_rows(observations.grey[one], observations.position[one])
+        return np.asarray(rows.mean(axis=0))
+
+    # One pair at a time: the rows of all pairs would take more memory than the rest of a fit.
+    mean = np.stack([mean_row(pair - 1) - mean_row(pair) for pair in np.split(later, np.cumsum(count)[:-1])])
+    n = mean.shape[1]
+    return np.asarray(np.sqrt(np.einsum("ij,jk,ik->i", mean, fit.covariance[:n, :n], mean)))
