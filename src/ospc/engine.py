@@ -180,7 +180,7 @@ class Engine:
             change = change or method.compare(brightness, self._exposures.table)
             change = self._detect_lag_change(change) or change
         if change is not None:
-            method = self._begin_epoch(method, change)
+            method = self._begin_epoch_if_confirmed(method, change)
         self._sampler.advance(method.longest_pause)
         self._exposures.assess_if_due()
 
@@ -234,15 +234,14 @@ class Engine:
         text = f"since about frame {found.frame}, exposures are recorded {late} compared with earlier frames"
         return Change(found.frame, self.frames - 1, "exposures", text)
 
-    def _begin_epoch(self, method: Method, suspected: Change) -> Method:
-        """End the epoch with the calibration before a change of the camera, and continue with the frames after it."""
-        # The epoch goes on if the fit of that calibration shows that the camera has not changed.
+    def _begin_epoch_if_confirmed(self, method: Method, suspected: Change) -> Method:
+        """Return the method for the frames after a change of the camera, or the same one if its fit shows none."""
         first, begin = self.epochs[-1].first_frame, suspected.frame
         exposures, found = self._exposures.before(begin)
         grey_range = self.pixels.range_before(begin)
         exposures, found = self._checked_by_fit(method, exposures, found, grey_range)
         inputs = method.inputs(exposures, grey_range)
-        change = suspected if inputs is None else method.confirmed(suspected, inputs, self._exposures.table)
+        change = suspected if inputs is None else method.judge_again(suspected, inputs, self._exposures.table)
         if change is None:
             return method
         ended = self._judged(method.calibration(exposures, grey_range), found, {"frames": begin - first})

@@ -179,7 +179,7 @@ class ChangeDetector:
         """Process the observations of the latest pair, and return the camera change that they prove, if any.
 
         When a suspicion begins (:attr:`is_suspicious`), the reference should be replaced by a fit to all pairs so
-        far. A change that is returned must be :meth:`confirmed`.
+        far. A change that is returned is only proven once :meth:`judge_again` returns it, too.
         """
         if self.reference is None or len(latest.starts) < MIN_PAIR_POINTS:
             return None
@@ -198,7 +198,7 @@ class ChangeDetector:
         self.seen = [old for old in (*self.seen, some) if old.frame[0] >= first]
         return self._judged(first, pair.frame1, self.reference, exposures)
 
-    def confirmed(self, change: Change, fit: Fit, grey_range: GreyRange, exposures: ExposureTable) -> Change | None:
+    def judge_again(self, change: Change, fit: Fit, grey_range: GreyRange, exposures: ExposureTable) -> Change | None:
         """Judge the pairs again with the complete fit to the frames before a change, which becomes the reference.
 
         Return the change if they still prove one. If not, the suspicion continues, and its further changes need no

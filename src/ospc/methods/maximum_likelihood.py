@@ -25,7 +25,7 @@ from ospc.exposures.table import ExposureTable
 from ospc.methods.change_detection import Change, ChangeDetector
 from ospc.methods.fit_inputs import FitInputs
 from ospc.methods.maximum_likelihood_state import MaximumLikelihoodState
-from ospc.methods.method import Progress, check_can_be_matched
+from ospc.methods.method import Method, Progress, check_can_be_matched
 from ospc.methods.planned_fit import plan_of_moving_camera, plan_of_stationary_camera
 from ospc.methods.preview import Preview, preview_of
 from ospc.methods.quick_fit import QuickFit
@@ -52,7 +52,7 @@ from ospc.settings.response import BLACK_LEVEL_ACCURACY, MIN_BLACK_LEVEL
 from ospc.state_rules.maximum_likelihood import check_state
 
 
-class MaximumLikelihoodMethod:
+class MaximumLikelihoodMethod(Method):
     """The presets ``default`` and ``fast``, for frames of a size in pixels and a largest grey value."""
 
     def __init__(self, settings: DefaultSettings, size: ImageSize, max_grey: int) -> None:
@@ -132,7 +132,7 @@ class MaximumLikelihoodMethod:
         self._latest = samples.observations
 
     def _refine(self, exposures: ExposureTable) -> None:
-        """Update the normalisation used by registration, with a quick fit to some of the observations."""
+        """Update the quick fit, by which registration normalises frames, and forget the first pairs, made without."""
         if self._reservoir.points >= self._settings.min_points:
             some = self._reservoir.some(QUICK_FIT_POINTS).with_exposures(exposures)
             if some.log_exposure_change() >= self._settings.min_log_exposure_change:
@@ -155,11 +155,14 @@ class MaximumLikelihoodMethod:
 
     # Epochs and pauses.
 
-    def confirmed(self, change: Change, before: FitInputs, exposures: ExposureTable) -> Change | None:
-        """Judge a change of response or vignette again with the complete fit to the frames before it, if any."""
+    def judge_again(self, change: Change, before: FitInputs, exposures: ExposureTable) -> Change | None:
+        """Judge a change of response or vignette again with the complete fit to the frames before it, if any.
+
+        Later pairs are compared with that fit.
+        """
         if change.part == "exposures" or before.fit is None:
             return change
-        return self._changes.confirmed(change, before.fit, before.grey_range, exposures)
+        return self._changes.judge_again(change, before.fit, before.grey_range, exposures)
 
     def end_threads(self) -> None:
         """End the second thread; the next frame starts it again."""

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import sys
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 from ospc.arrays import ImageSize
 from ospc.correspondence.preprocessing import PreprocessedFrame
@@ -54,14 +55,15 @@ def check_can_be_matched(size: ImageSize) -> None:
         )
 
 
-class Method(Protocol):
+class Method(ABC):
     """Processes frames as they arrive, and returns the current results at any time.
 
     Exposures are looked up in the table for every estimate, so a lag that is found late applies to all frames.
-    Subclasses must define :meth:`push`, :attr:`progress` and :meth:`calibration`; with the defaults of the other
+    Subclasses define :meth:`push`, :attr:`progress` and :meth:`calibration`; with the defaults of the other
     methods, no camera change is detected, and runs can be neither merged nor continued.
     """
 
+    @abstractmethod
     def push(self, frame: Frame, prepared: PreprocessedFrame, exposures: ExposureTable) -> Change | None:
         """Process the next frame, and return the camera change that it proves, if any.
 
@@ -74,9 +76,11 @@ class Method(Protocol):
         """
 
     @property
+    @abstractmethod
     def progress(self) -> Progress:
         """The current progress."""
 
+    @abstractmethod
     def calibration(self, exposures: ExposureTable, grey_range: GreyRange = FULL_RANGE) -> Calibration:
         """Return the current calibration for the given grey range; more frames may be pushed afterwards."""
 
@@ -84,8 +88,11 @@ class Method(Protocol):
         """Process a brightness change between consecutive frames, and return the camera change that it proves."""
         return None
 
-    def confirmed(self, change: Change, before: FitInputs, exposures: ExposureTable) -> Change | None:
-        """Judge a change again with the complete fit to the frames before it; None if the camera has not changed."""
+    def judge_again(self, change: Change, before: FitInputs, exposures: ExposureTable) -> Change | None:
+        """Judge a change again with the complete fit to the frames before it; None if the camera has not changed.
+
+        The method then continues with that fit.
+        """
         return change
 
     @property
