@@ -77,7 +77,8 @@ class Engine:
         An earlier calibration of the camera, or None. It is used as a prior as long as it agrees with the frames.
         It is not saved in states.
     pixels
-        Grey value statistics of the frames processed in this epoch.
+        Grey value statistics of the frames processed in this epoch. Each frame changes them; do not read them while
+        another thread pushes.
     prefetcher
         Predicts which frames will be needed, and keeps those that another thread preprocessed ahead of time.
     """
@@ -381,7 +382,7 @@ class Engine:
 
     @property
     def brightness(self) -> BrightnessHistory:
-        """Changes of brightness between consecutive frames of this epoch."""
+        """Changes of brightness between consecutive frames of this epoch; do not read them during a push."""
         return self._exposures.history
 
     def may_need_image(self, number: int) -> bool:
