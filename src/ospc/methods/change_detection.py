@@ -196,7 +196,7 @@ class ChangeDetector:
         some = latest.of_points(slice(None, None, -(-len(latest.starts) // JUDGED_AGAIN_POINTS)))
         self.pairs = [old for old in (*self.pairs, pair) if old.frame0 >= first]
         self.seen = [old for old in (*self.seen, some) if old.frame[0] >= first]
-        return self._judged(first, pair.frame1, self.reference, exposures)
+        return self._explained_change(first, pair.frame1, self.reference, exposures)
 
     def judge_again(self, change: Change, fit: Fit, grey_range: GreyRange, exposures: ExposureTable) -> Change | None:
         """Judge the pairs again with the complete fit to the frames before a change, which becomes the reference.
@@ -209,14 +209,14 @@ class ChangeDetector:
         self.reference, self.grey_range, self.complete_before = fit, grey_range, change.frame
         judged = (self._errors(seen, fit, exposures) for seen in self.seen)
         self.pairs = [pair for pair in judged if pair is not None]
-        return self._judged(change.frame, change.found, fit, exposures)
+        return self._explained_change(change.frame, change.found, fit, exposures)
 
     def _errors(self, seen: Observations, fit: Fit, exposures: ExposureTable) -> PairErrors | None:
         """Return the errors of a pair; None if nothing of it is exposed."""
         exposed = seen.with_exposures(exposures).stretched(self.grey_range)
         return PairErrors.of(exposed, fit) if len(exposed) else None
 
-    def _judged(self, first: int, frame: int, reference: Fit, exposures: ExposureTable) -> Change | None:
+    def _explained_change(self, first: int, frame: int, reference: Fit, exposures: ExposureTable) -> Change | None:
         """Return the change since a first frame that the pairs up to a frame prove; end the suspicion if it fades."""
         found = explain(self.pairs, reference, exposures, self.neighbours.error, self._frames(MIN_SPAN_S))
         if found is None:
