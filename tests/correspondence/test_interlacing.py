@@ -59,6 +59,15 @@ def test_fields_that_were_made_to_whole_images_are_not_interlaced(seed, smoothin
     assert row_alternation(as_image(whole), 255) < 0.2
 
 
+@given(st.integers(0, 2**32 - 1), st.floats(3, 6), st.floats(0.5, 0.8))
+def test_a_bayer_mosaic_is_not_interlaced(seed, smoothing_px, red):
+    grey = texture(seed, smoothing_px)
+    mosaic = grey.copy()
+    mosaic[::2, ::2] *= red
+    mosaic[1::2, 1::2] *= red / 2
+    assert row_alternation(as_image(mosaic), 255) < MIN_INTERLACED_ALTERNATION
+
+
 @given(st.integers(0, 255), st.tuples(st.integers(1, 40), st.integers(1, 40)))
 def test_even_and_tiny_images_are_not_interlaced(level, shape):
     assert row_alternation(np.full(shape, level, np.uint8), 255) == 0

@@ -40,12 +40,10 @@ from ospc.recording.derived import read_mask
 from ospc.recording.table_text import exposures_in
 from ospc.recording.writing.conversion import camera_text
 from ospc.settings import DefaultSettings
-from ospc.settings.unknown_exposures import RESPONSE_SAMPLES
 from ospc.simulation import SimulationSettings, frames
 from ospc.state import container
 from ospc.state.container import Container
 from ospc.state.run import KIND, VERSION
-from ospc.unknown_exposures.response_model import read_model
 
 SIZE = (96, 72)
 RESULT_KEY = "ab12"
@@ -216,8 +214,6 @@ def file_targets(folder: Path) -> dict[str, tuple[Parse, list[bytes], list[bytes
     write_lensfun(vignette, folder / "a.xml", OPTICS)
     write_opencv(folder / "a.yml", calibration.response, raster)
     (folder / "state.ospc").write_bytes((folder / "a.ospc").read_bytes())
-    line = " ".join(f"{value:.4f}" for value in np.linspace(0, 1, RESPONSE_SAMPLES) ** 0.5)
-    emor = "".join(f"{name} =\n{line}\n" for name in ("E", "f0", *(f"h({n})" for n in range(1, 6))))
     result = {"key": RESULT_KEY, "calibration": calibration.as_dict(), "summary": None, "notes": []}
     assert Result.__dataclass_fields__.keys() == result.keys()
 
@@ -246,7 +242,6 @@ def file_targets(folder: Path) -> dict[str, tuple[Parse, list[bytes], list[bytes
         "Adobe .lcp": (_in("a.lcp", _photometry), saved("a.lcp"), WORDS),
         "lensfun .xml": (_in("a.xml", _photometry), saved("a.xml"), WORDS),
         "OpenCV .yml": (_in("a.yml", _photometry), saved("a.yml"), WORDS),
-        "emor.txt": (_in("emor.txt", read_model), [emor.encode()], WORDS),
         "table of a batch": (
             _in("batch.csv", lambda place: read_manifest(str(place))),
             [b"recording,camera,options\na,left,rounds=4\nb,=1+1,kind=euroc\n"],

@@ -41,7 +41,6 @@ NAMES = (
     "Adobe .lcp",
     "lensfun .xml",
     "OpenCV .yml",
-    "emor.txt",
     "table of a batch",
     "trajectory",
     "exposures of a program",

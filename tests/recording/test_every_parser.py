@@ -63,7 +63,6 @@ PARSERS = {
     "research/speed/reel.py": OURS,
     "research/runner.py": OURS,
     "simulation/texture.py": OURS,
-    "unknown_exposures/response_model.py": ["emor.txt"],
     "state/container.py": ["state.ospc", "values of a state", "arrays of a state", "result of a batch"],
     **dict.fromkeys(
         (

@@ -6,15 +6,24 @@ import cv2
 import numpy as np
 
 from ospc.arrays import Image
-from ospc.settings.grey_values import COMPARED_COLUMNS_PX, LEAST_ROW_VARIANCE
+from ospc.settings.grey_values import COMPARED_COLUMNS_PX, LEAST_ROW_VARIANCE, MIN_INTERLACED_ALTERNATION
 
 
 def row_alternation(image: Image, max_grey: int) -> float:
     """Return how much rows differ from both neighbours in the same direction, from -1 to 1.
 
     It is minus the correlation of successive differences between rows, in the middle of the image: 1 if rows
-    alternate between two images, 1/2 for noise and single lines, and usually below 0 for scenes.
+    alternate between two images, 1/2 for noise and single lines, and usually below 0 for scenes. If columns
+    alternate, too, as in a Bayer mosaic, it is 0.
     """
+    rows = _alternation(image, max_grey)
+    if rows > MIN_INTERLACED_ALTERNATION and _alternation(image.T, max_grey) > MIN_INTERLACED_ALTERNATION:
+        return 0.0
+    return rows
+
+
+def _alternation(image: Image, max_grey: int) -> float:
+    """Return minus the correlation of successive differences between rows."""
     height, width = (side // 2 for side in image.shape)
     columns = width // COMPARED_COLUMNS_PX
     if height < 3 or not columns:

@@ -82,7 +82,9 @@ class Mosaic:
         pixels = [image[row:height:2, column:width:2] for row, column in self.places(channel)]
         if channel is Channel.GREEN:
             first, second = (part.astype(np.uint32) for part in pixels)
-            return np.asarray(((first + second + 1) >> 1).astype(image.dtype))
+            total = first + second
+            # Halves are rounded to even values: always up would brighten the image by a quarter of a grey value.
+            return np.asarray(((total + (total >> 1 & 1)) >> 1).astype(image.dtype))
         return np.ascontiguousarray(pixels[0])
 
     def places(self, channel: Channel) -> list[tuple[int, int]]:

@@ -10,14 +10,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
 from ospc.arrays import FloatArray, read_only
-from ospc.errors import FormatError
-from ospc.formats.files import read_text
 from ospc.photometry.response import Response
 from ospc.settings.unknown_exposures import (
     EVERY_WITH_KNEE,
@@ -68,28 +65,6 @@ def learned_model() -> ResponseModel:
     mean = curves.mean(axis=0)
     _, _, directions = np.linalg.svd(curves - mean, full_matrices=False)
     return ResponseModel(read_only(mean), read_only(directions[:RESPONSE_COMPONENTS] * np.sqrt(len(curves))))
-
-
-def read_model(path: str | Path, count: int = RESPONSE_COMPONENTS) -> ResponseModel:
-    """Read the empirical model of response from ``emor.txt``, with ``count`` components, at most five.
-
-    FormatError if the file is not an ``emor.txt``.
-    """
-    blocks: dict[str, list[float]] = {}
-    current: list[float] = []
-    try:
-        for line in read_text(path).splitlines():
-            name, equals, _ = line.partition("=")
-            if equals:
-                current = blocks.setdefault(name.strip(), [])
-            else:
-                current += [float(word) for word in line.split()]
-        table = np.array([blocks[name] for name in ("f0", *(f"h({i})" for i in range(1, count + 1)))])
-    except (ValueError, KeyError):
-        raise FormatError(f"{path}: not the file emor.txt of the empirical model of response") from None
-    if table.shape != (count + 1, RESPONSE_SAMPLES) or not np.all(np.isfinite(table)):
-        raise FormatError(f"{path}: not the file emor.txt, which has {RESPONSE_SAMPLES} values per curve")
-    return ResponseModel(table[0], table[1:])
 
 
 def family_of_inverses(levels: int) -> FloatArray:
