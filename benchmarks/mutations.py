@@ -86,7 +86,7 @@ MUTATIONS = (
     Mutation("nothing-forgotten", "Reservoir.forget_before", body("return None"),
         "keeps the early pairs, which were registered before the vignette was known"),
     Mutation("exposures-late", "read_times", exposures_late, "gives every frame the exposure of the one before it"),
-    Mutation("vignette-sign", "VignetteBasis.log_value", replaced("return self._model(", "return -self._model("),
+    Mutation("vignette-sign", "VignetteBasis.log_value", replaced("return self.vignette(", "return -self.vignette("),
         "predicts brighter corners where the fit says darker ones"),
     Mutation("vignette-jacobian-sign", "VignetteBasis.jacobian",
         replaced("return np.concatenate(", "return -np.concatenate("),

@@ -57,13 +57,15 @@ def test_odd_sizes_are_no_mosaic() -> None:
 
 
 @pytest.mark.parametrize("pattern", Mosaic.GREEN_PATTERNS)
-def test_green_is_the_rounded_mean_of_its_two_pixels(pattern: str) -> None:
-    image = np.full((2, 4), 9, np.uint8)
-    (first, second) = Mosaic(pattern).places(Channel.GREEN)
-    image[first], image[second] = 255, 254
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+def test_green_is_the_mean_of_its_two_pixels_rounded_without_bias(pattern: str, dtype: type) -> None:
+    image = np.random.default_rng(0).integers(0, np.iinfo(dtype).max, (200, 300), dtype, endpoint=True)
     taken = Mosaic(pattern).of(image, Channel.GREEN)
-    assert taken.dtype == np.uint8
-    assert taken.tolist() == [[255, 9]]
+    both = [image[row::2, column::2].astype(float) for row, column in Mosaic(pattern).places(Channel.GREEN)]
+    assert taken.dtype == dtype
+    error = taken - np.mean(both, axis=0)
+    assert np.abs(error).max() <= 0.5
+    assert abs(error.mean()) < 0.01
 
 
 def test_other_kinds_only_report_a_mosaic(tum_folder: Callable[..., Path]) -> None:

@@ -153,8 +153,8 @@ def _check_observable(observations: ExposedObservations, settings: DefaultSettin
         )
     if observations.log_exposure_change(settings.min_points) < settings.min_log_exposure_change:
         raise NotObservableError(
-            "hardly any scene points were seen at different exposures, so the response cannot be determined; "
-            "add pairs of frames with different exposures"
+            f"fewer than {settings.min_points} of {counted(points, 'scene point')} were seen at different exposures, "
+            "so the response cannot be determined; add pairs of frames with different exposures"
         )
     if vignette and observations.radial_reach < settings.min_radial_reach:
         raise NotObservableError(
