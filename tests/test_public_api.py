@@ -28,6 +28,7 @@ NAMES = {
     "Vignette",
     "__version__",
     "calibrate",
+    "calibrate_observations",
     "fit",
     "open_recording",
     "simulate",

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from ospc.calibrator import calibrate as calibrate
     from ospc.errors import OspcError as OspcError
     from ospc.live import LiveCalibrator as LiveCalibrator
+    from ospc.methods.fitting import calibrate_observations as calibrate_observations
     from ospc.methods.fitting import fit as fit
     from ospc.observations import Observations as Observations
     from ospc.photometry.calibration import Calibration as Calibration
@@ -28,7 +29,7 @@ __version__ = "0.1.0"
 _HOME = {
     "ospc.calibrator": ("OnlineCalibrator", "calibrate"),
     "ospc.errors": ("OspcError",),
-    "ospc.methods.fitting": ("fit",),
+    "ospc.methods.fitting": ("calibrate_observations", "fit"),
     "ospc.live": ("LiveCalibrator",),
     "ospc.observations": ("Observations",),
     "ospc.photometry.calibration": ("Calibration",),
@@ -51,6 +52,7 @@ __all__ = [
     "Vignette",
     "__version__",
     "calibrate",
+    "calibrate_observations",
     "fit",
     "open_recording",
     "simulate",

@@ -47,6 +47,33 @@ def test_response_and_vignette_are_found():
     assert found.vignette_errors(SIZE).sigma_at_corner < 0.05
 
 
+def test_a_calibration_from_own_observations_is_saved_like_any_other(tmp_path):
+    exposed, exposures_ms = made(Camera(GAMMA))
+    pairs = as_pairs(exposed)
+    found = ospc.calibrate_observations(pairs, exposures_ms, SIZE, noise=NOISE)
+    fitted = ospc.fit(pairs, exposures_ms, noise=NOISE)
+    np.testing.assert_array_equal(found.response.inverse_table, fitted.response().inverse_table)
+    np.testing.assert_array_equal(found.vignette.image(), fitted.usable_vignette(SIZE).image())
+    assert {name: verdict.state for name, verdict in found.verdicts.items()}.keys() == {"response", "vignette"}
+    assert found.counts["pairs"] == len(np.unique(exposed.group))
+    assert response_shape_rmse(ospc.Calibration.load(found.save(tmp_path / "a.json")).response, GAMMA) < 0.006
+
+
+def test_a_calibration_of_a_stationary_camera_has_no_vignette():
+    exposed, exposures_ms = made(Camera(GAMMA, vignette=NONE))
+    found = ospc.calibrate_observations(as_pairs(exposed), exposures_ms, SIZE, vignette=False, max_grey=4095)
+    assert found.vignette is None
+    assert found.verdicts["vignette"].state == "not identifiable"
+    assert (found.max_grey, found.response.inverse_table.size) == (4095, 4096)
+
+
+@pytest.mark.parametrize("size", [(640,), (0, 480), (640.5, 480), "640x480", None, (10**9, 10**9), (np.nan, 480)])
+def test_sizes_of_no_image_are_rejected(size):
+    exposed, exposures_ms = made(Camera(GAMMA), groups=8)
+    with pytest.raises(SettingError, match="give width and height"):
+        ospc.calibrate_observations(as_pairs(exposed), exposures_ms, size)
+
+
 def test_the_vignette_goes_on_beyond_the_observations():
     exposed, exposures_ms = made(Camera(GAMMA), groups=15)
     inside = np.logical_and.reduceat(np.linalg.norm(exposed.position, axis=1) < 0.7, exposed.starts)

@@ -7,23 +7,30 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from ospc.arrays import FloatArray, numbers_of
+from ospc.arrays import FloatArray, ImageSize, numbers_of
 from ospc.errors import ExposureError, NotObservableError, SettingError, counted
 from ospc.estimation.effect_choice import fit_with_chosen_effects
 from ospc.estimation.fit import Fit
+from ospc.estimation.fitted import Fitted
 from ospc.exposures.table import ExposureTable
 from ospc.methods.exposure_ratios import exposure_ratios
+from ospc.methods.fit_inputs import FitInputs
 from ospc.methods.identifiability import unexplained_share
 from ospc.methods.planned_fit import plan_of_moving_camera, plan_of_stationary_camera
+from ospc.methods.result import calibration_of
 from ospc.observations import ExposedObservations, Observations
+from ospc.photometry.calibration import Calibration
+from ospc.photometry.geometry import MOST_PIXELS
+from ospc.photometry.grey_range import checked_max_grey
 from ospc.photometry.noise import NoiseModel
-from ospc.settings import DefaultSettings, Settings, preset
+from ospc.settings import DefaultSettings, Settings, as_dict, preset
 from ospc.settings.methods import (
     CLEARLY_BETTER_CORRELATION,
     CLIPPED_OBSERVATIONS_SHARE,
     CONTRADICTING_UNEXPLAINED_SHARE,
 )
 from ospc.settings.vignette import MIN_USABLE_RADIUS
+from ospc.versions import versions
 
 
 def fit(
@@ -54,7 +61,8 @@ def fit(
     Returns
     -------
     Fit
-        Its methods ``response`` and ``vignette`` return the results.
+        Its methods ``response`` and ``vignette`` return the results; for a calibration with verdicts, which can be
+        saved and exported, use :func:`calibrate_observations`.
 
     Raises
     ------
@@ -74,11 +82,84 @@ def fit(
     >>> found = ospc.fit(pairs, exposures_ms)  # doctest: +SKIP
     >>> response, vignette = found.response(), found.vignette((640, 480))  # doctest: +SKIP
     """
+    return _fitted(observations, exposures_ms, noise, vignette, _known(settings)).fit
+
+
+def calibrate_observations(
+    observations: Observations,
+    exposures_ms: npt.ArrayLike,
+    size: ImageSize,
+    *,
+    max_grey: int = 255,
+    noise: NoiseModel | None = None,
+    vignette: bool = True,
+    settings: Settings | str = "default",
+) -> Calibration:
+    """Calibrate a camera from your own correspondences, with the verdicts of the default method.
+
+    Parameters
+    ----------
+    observations, exposures_ms, noise, vignette, settings
+        As for :func:`fit`.
+    size
+        Width and height of the images in pixels.
+    max_grey
+        Largest grey value of the images: 255 for 8 bit.
+
+    Returns
+    -------
+    Calibration
+        Curves that the observations do not determine are None; their verdicts say why. There is no verdict on the
+        exposures, which the fit has only been checked against.
+
+    Raises
+    ------
+    SettingError, NotObservableError, ExposureError
+        As for :func:`fit`.
+    """
+    known = _known(settings)
+    largest = checked_max_grey(max_grey, "the images", SettingError)
+    found = _fitted(observations, exposures_ms, noise, vignette, known)
+    inputs = FitInputs(
+        size=_checked_size(size),
+        max_grey=largest,
+        noise=NoiseModel(0.0, 0.0) if noise is None else noise,
+        observations=found.observations,
+        fit=found.fit,
+        standing_still=not vignette,
+        pairs=len(np.unique(found.observations.group)),
+    )
+    calibration = calibration_of(inputs, known)
+    return replace(calibration, noise=noise, settings=as_dict(known), versions=versions())
+
+
+def _checked_size(size: ImageSize) -> ImageSize:
+    """Return the size of images as two whole numbers; SettingError if it is no possible size."""
+    values = numbers_of(size)
+    possible = values is not None and values.shape == (2,) and np.all(values >= 1) and np.all(values % 1 == 0)
+    if values is None or not possible or values.prod() > MOST_PIXELS:
+        raise SettingError(f"size is {size!r}; give width and height of the images in pixels, such as (640, 480)")
+    return int(values[0]), int(values[1])
+
+
+def _known(settings: Settings | str) -> DefaultSettings:
+    """Return the settings of the default method; SettingError for others."""
     known = preset(settings) if isinstance(settings, str) else settings
     if not isinstance(known, DefaultSettings):
         raise SettingError(
             f"settings are {settings!r}; give 'default', 'fast' or settings such as DefaultSettings(min_points=100)"
         )
+    return known
+
+
+def _fitted(
+    observations: Observations,
+    exposures_ms: npt.ArrayLike,
+    noise: NoiseModel | None,
+    vignette: bool,
+    settings: DefaultSettings,
+) -> Fitted:
+    """Fit the checked observations; errors as for :func:`fit`."""
     if not isinstance(observations, Observations) or not isinstance(noise, NoiseModel | None):
         given = f"{type(observations).__name__} and {type(noise).__name__}"
         raise SettingError(
@@ -87,12 +168,12 @@ def fit(
     observations.check()
     log_exposure = _log_exposure(exposures_ms, observations)
     exposed = observations.with_exposures(ExposureTable.of(log_exposure))
-    _check_observable(exposed, known, vignette)
+    _check_observable(exposed, settings, vignette)
     if vignette:
         reach = float(np.clip(np.linalg.norm(exposed.position, axis=1).max(), MIN_USABLE_RADIUS, 1.0))
-        plan = plan_of_moving_camera(known, noise, reach)
+        plan = plan_of_moving_camera(settings, noise, reach)
     else:
-        plan = plan_of_stationary_camera(known, noise)
+        plan = plan_of_stationary_camera(settings, noise)
     found = fit_with_chosen_effects(exposed, plan)
     unexplained = unexplained_share(exposure_ratios(found.fit, found.observations))
     if unexplained > CONTRADICTING_UNEXPLAINED_SHARE:
@@ -100,7 +181,7 @@ def fit(
             f"{min(unexplained, 1):.0%} of a typical change of exposure does not show in the grey levels",
             _remedy(observations, ExposureTable.of(log_exposure)),
         )
-    return found.fit
+    return found
 
 
 def _remedy(observations: Observations, exposures: ExposureTable) -> str:
