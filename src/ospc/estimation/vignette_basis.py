@@ -18,7 +18,7 @@ from ospc.settings.fit import (
     UNSEEN_CHANGE,
     UNSEEN_OBSERVATIONS,
 )
-from ospc.settings.vignette import VIGNETTE_REACH
+from ospc.settings.vignette import VIGNETTE_REACH, VIGNETTE_REACH_STEP
 
 
 @dataclass(frozen=True)
@@ -27,13 +27,14 @@ class VignetteBasis:
 
     The parameters are the slopes d ln V / d(R²) at a number of knots, the free centre, in which ln V is not linear,
     and the coefficients of the terms :data:`~ospc.photometry.non_radial.NON_RADIAL`. The usable radius, in half
-    diagonals, is the radius that the image reaches.
+    diagonals, is the radius that the image reaches, and ``reach`` is the radius of the last knot in usable radii.
     """
 
     radial: int
     free_centre: bool = False
     non_radial: bool = False
     usable_radius: float = 1.0
+    reach: float = VIGNETTE_REACH
 
     def __len__(self) -> int:
         """Return the number of parameters."""
@@ -54,7 +55,13 @@ class VignetteBasis:
     @property
     def spline(self) -> RadialSpline:
         """The radial part."""
-        return radial_spline(self.radial, VIGNETTE_REACH * self.usable_radius)
+        return radial_spline(self.radial, self.reach * self.usable_radius)
+
+    def reaching_far_corner(self, parameters: FloatArray) -> VignetteBasis:
+        """Return the basis whose last knot is not closer to the centre than the farthest corner of the image."""
+        farthest = 1 + float(np.hypot(*self.centre(parameters))) / self.usable_radius
+        steps = max(np.ceil((farthest - VIGNETTE_REACH) / VIGNETTE_REACH_STEP), 0.0)
+        return replace(self, reach=float(VIGNETTE_REACH + steps * VIGNETTE_REACH_STEP))
 
     def conversion(self, other: VignetteBasis) -> FloatArray:
         """Return the matrix that converts the parameters of another basis to this one, shape (len, len of other).
@@ -95,10 +102,16 @@ class VignetteBasis:
         return np.asarray(self.log_value(parameters, position) - jacobian @ parameters)
 
     def unresolved(self, parameters: FloatArray, position: FloatArray) -> FloatArray:
-        """Return the standard deviation of ln V due to jumps of its slope between knots, shape (n, 2) -> (n,)."""
+        """Return the standard deviation of ln V that the basis cannot follow, shape (n, 2) -> (n,).
+
+        The slope of ln V may jump between knots. Beyond the last one it is constant, but may go on to change at the
+        rate before.
+        """
         squared, spline = np.sum((position - self.centre(parameters)) ** 2, axis=1), self.spline
         bend = sharpest_bend(parameters[: self.radial], spline.knots, squared)
-        return np.asarray(UNRESOLVED_JUMP * bend * np.minimum(squared, spline.width_at(squared)))
+        between = UNRESOLVED_JUMP * bend * np.minimum(squared, spline.width_at(squared))
+        beyond = np.maximum(squared - spline.reach**2, 0.0)
+        return np.asarray(np.hypot(between, self._rate_before(parameters, spline.reach) * beyond**2 / 2))
 
     def unseen(self, parameters: FloatArray, radius: float) -> FloatArray:
         """Return the covariance of the parameters due to bends beyond the last observations, shape (len, len).
@@ -108,13 +121,18 @@ class VignetteBasis:
         error of ln V then grows with the square of the distance in R².
         """
         change = np.zeros(len(self))
-        if self.radial > 1:
-            knots = self.spline.knots
-            rates = np.abs(np.diff(parameters[: self.radial]) / np.diff(knots))
-            end = int(np.clip(np.searchsorted(knots, radius**2), 1, len(rates)))
-            rate = UNSEEN_CHANGE * rates[max(end - 2, 0) : end].max()
-            change[: self.radial] = rate * np.maximum(knots - radius**2, 0.0)
+        rate = UNSEEN_CHANGE * self._rate_before(parameters, radius)
+        change[: self.radial] = rate * np.maximum(self.spline.knots - radius**2, 0.0)
         return np.outer(change, change)
+
+    def _rate_before(self, parameters: FloatArray, radius: float) -> float:
+        """Return the largest rate of change of the slope of ln V in the last two intervals of knots to a radius."""
+        if self.radial < 2:
+            return 0.0
+        knots = self.spline.knots
+        rates = np.abs(np.diff(parameters[: self.radial]) / np.diff(knots))
+        end = int(np.clip(np.searchsorted(knots, radius**2), 1, len(rates)))
+        return float(rates[max(end - 2, 0) : end].max())
 
     def centre(self, parameters: FloatArray) -> FloatArray:
         """Return the centre of the vignette relative to the image centre, in half diagonals, shape (2,)."""

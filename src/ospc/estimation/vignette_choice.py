@@ -34,7 +34,8 @@ def fit_with_chosen_vignette(
     Starting from the purely radial model, first a free centre is tried, and then the non-radial terms, which include
     the centre if it was rejected. Each step has to meet the criterion of Schwarz (1978): the joint Wald statistic of
     the added parameters, with a covariance that includes correlated errors, must exceed their number times the
-    logarithm of the number of groups. ``effects`` are fitted with the vignette; None for none. ``start`` is an
+    logarithm of the number of groups. If the centre is so far off that the corner farthest from it is beyond the last
+    knot, the knots are placed to include it. ``effects`` are fitted with the vignette; None for none. ``start`` is an
     earlier fit with the same response basis, if there is one.
     """
     effects = Effects() if effects is None else effects
@@ -51,6 +52,10 @@ def fit_with_chosen_vignette(
         richer = richer[richer.index(promising) + 1 :]
         wider = plan.fit(observations, promising, effects, fitted.fit)
         if supported(wider, len(promising) - len(fitted.fit.vignette_basis)):
+            farther = promising.reaching_far_corner(wider.vignette_parameters)
+            if farther != promising:
+                wider = plan.fit(observations, farther, effects, wider)
+                richer = [replace(basis, reach=farther.reach) for basis in richer]
             fitted = replace(fitted, fit=wider)
     return fitted
 

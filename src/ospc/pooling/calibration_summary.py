@@ -63,6 +63,7 @@ def _summary_of(calibration: Calibration, name: str) -> Summary:
     ):
         if known is not None:
             estimate[part], matrix[part, part], vector[part] = information_of(calibration)
+    usable_radius, vignette_reach = _knots_of(calibration.vignette)
     range_ms = calibration.source.get("exposure_range_ms") or (1.0, np.e)
     return Summary(
         key=recording_key(f"calibration {name}", calibration.source),
@@ -84,7 +85,8 @@ def _summary_of(calibration: Calibration, name: str) -> Summary:
         unexplained=0.0,
         noise=calibration.noise or NoiseModel(ASSUMED_NOISE_SIGMA**2, 0.0),
         grey_range=GreyRange(*(float(level) for level in _response_model(calibration).get("grey_range", (0.0, 1.0)))),
-        usable_radius=_usable_radius(calibration.vignette),
+        usable_radius=usable_radius,
+        vignette_reach=vignette_reach,
         measured_radius=float(calibration.covariance.get("vignette", {}).get("measured_radius", 1.0)),
     )
 
@@ -93,9 +95,12 @@ def _response_model(calibration: Calibration) -> dict[str, Any]:
     return calibration.response.model if calibration.response is not None else {}
 
 
-def _usable_radius(vignette: Vignette | None) -> float:
-    """Return the usable radius of the image to which a vignette was fitted."""
-    return min(1.0, vignette.reach / VIGNETTE_REACH) if isinstance(vignette, LogSplineVignette) else 1.0
+def _knots_of(vignette: Vignette | None) -> tuple[float, float]:
+    """Return the usable radius of the image to which a vignette was fitted, and the reach of its knots."""
+    if not isinstance(vignette, LogSplineVignette):
+        return 1.0, VIGNETTE_REACH
+    usable_radius = min(1.0, vignette.limit - float(np.hypot(*vignette.centre)))
+    return usable_radius, vignette.reach / usable_radius
 
 
 def _of_response(calibration: Calibration) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -144,7 +149,8 @@ def _of_vignette(calibration: Calibration) -> tuple[FloatArray, FloatArray, Floa
     if not 0 <= walk <= MAX_WALK:
         raise ValueError("not a vignette of the default method")
     precision = np.linalg.inv(covariance).astype(np.float64)
-    basis = replace(VIGNETTE, usable_radius=_usable_radius(vignette))
+    usable_radius, reach = _knots_of(vignette)
+    basis = replace(VIGNETTE, usable_radius=usable_radius, reach=reach)
     of_prior, _ = vignette_precision(basis, walk)
     of_prior = of_prior[np.ix_(place, place)]
     # In units of the prior, so that all parameters have the same scale.
