@@ -117,19 +117,32 @@ def assert_jacobian(basis, seed):
 
 def test_beyond_the_last_observations_the_error_grows_with_the_square_of_the_distance():
     basis = VignetteBasis(16, free_centre=True)
-    bent = np.concatenate([-2 * basis.spline.knots, np.zeros(2)])
+    bent = np.concatenate([-0.5 * basis.spline.knots, np.zeros(2)])
     place = np.array([[0.3, 0.4], [0.5, 0.5], [0.6, 0.7], [0.6, 0.8]])
 
     def sigma(parameters, radius):
         rows = basis.jacobian(parameters, place)
         return np.sqrt(np.einsum("ij,jk,ik->i", rows, basis.unseen(parameters, radius), rows))
 
-    # The slope is -2 R² up to a knot at R² = 0.4, and its rate of change beyond is uncertain by half of that.
-    expected = np.maximum(np.sum(place**2, axis=1) - 0.4, 0) ** 2 / 2
-    np.testing.assert_allclose(sigma(bent, np.sqrt(0.4)), expected, rtol=0.2, atol=3e-3)
+    # The slope is -R²/2 up to a knot at R² = 0.4, and its rate of change beyond is uncertain by half of that.
+    expected = np.maximum(np.sum(place**2, axis=1) - 0.4, 0) ** 2 / 8
+    np.testing.assert_allclose(sigma(bent, np.sqrt(0.4)), expected, rtol=0.2, atol=7e-4)
     assert not np.any(sigma(bent, 1.2))
     assert not np.any(sigma(np.full(18, -0.5), 0.5))
     assert not np.any(VignetteBasis(0).unseen(np.empty(0), 0.5))
+
+
+def test_the_uncertain_rate_increases_only_for_a_vignette_that_would_soon_reach_zero():
+    basis, corner, radius = VignetteBasis(16), np.array([[0.6, 0.8]]), np.sqrt(0.9)
+
+    def sigma_over_rate(fall):
+        parameters = -fall * (1 + basis.spline.knots)
+        row = basis.jacobian(parameters, corner)[0]
+        return np.sqrt(row @ basis.unseen(parameters, radius) @ row) / fall
+
+    assert sigma_over_rate(0.2) == pytest.approx(sigma_over_rate(0.5))
+    assert sigma_over_rate(3.0) > 1.5 * sigma_over_rate(0.5)
+    assert np.isfinite(sigma_over_rate(1e3))
 
 
 @pytest.mark.parametrize("usable_radius", [0.6, 1.0])

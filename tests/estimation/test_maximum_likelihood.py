@@ -395,6 +395,14 @@ def test_a_centred_vignette_keeps_its_knots():
     assert fit.vignette_basis == VignetteBasis(RADIAL_TERMS)
 
 
+@pytest.mark.parametrize(("fall", "seen"), [((0.55, 0.3), 0.97), ((0.6, 0.3), 0.97), ((0.55, 0.3), 0.9)])
+def test_the_sigma_covers_corners_that_are_nearly_dark(fall, seen):
+    deviations = [
+        error / sigma for _, error, sigma in (corner_errors(SteepVignette(*fall), s, seen) for s in range(3))
+    ]
+    assert np.sqrt(np.mean(np.square(deviations))) < 2
+
+
 def test_disagreement_of_halves_adds_uncertainty():
     camera = Camera(GAMMA)
     observations = camera.pairs(0, groups=60)

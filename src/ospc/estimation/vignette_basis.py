@@ -14,6 +14,7 @@ from ospc.photometry.radial_spline import RadialSpline, radial_spline
 from ospc.photometry.vignette import LogSplineVignette
 from ospc.settings.fit import (
     MAX_DECENTRING,
+    MAX_UNSEEN_FALL,
     UNRESOLVED_JUMP,
     UNSEEN_CHANGE,
     UNSEEN_OBSERVATIONS,
@@ -118,11 +119,15 @@ class VignetteBasis:
 
         Nothing shows what the slope of ln V does beyond that radius, a distance from the vignette's centre. Its rate
         of change there may differ by a share of the largest one in the last two intervals between knots before. The
-        error of ln V then grows with the square of the distance in R².
+        error of ln V then grows with the square of the distance in R². If V falls so steeply that it would reach zero
+        soon, the rate increases on the way there: if V is linear in R², its slope is proportional to 1/V.
         """
         change = np.zeros(len(self))
-        rate = UNSEEN_CHANGE * self._rate_before(parameters, radius)
-        change[: self.radial] = rate * np.maximum(self.spline.knots - radius**2, 0.0)
+        distance = np.maximum(self.spline.knots - radius**2, 0.0)
+        slope = self.spline.slope(parameters[: self.radial], np.array([radius**2]))
+        fallen = np.clip(-slope * distance, 0.0, MAX_UNSEEN_FALL)
+        share = np.maximum(fallen / (1 - fallen), UNSEEN_CHANGE)
+        change[: self.radial] = share * self._rate_before(parameters, radius) * distance
         return np.outer(change, change)
 
     def _rate_before(self, parameters: FloatArray, radius: float) -> float:
