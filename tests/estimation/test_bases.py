@@ -149,7 +149,7 @@ def test_the_uncertain_rate_increases_only_for_a_vignette_that_would_soon_reach_
 @pytest.mark.parametrize(("centre", "changes"), [((0.0, 0.0), False), ((0.05, 0.03), False), ((0.15, -0.1), True)])
 def test_the_last_knot_is_never_closer_to_the_centre_than_the_farthest_corner(centre, usable_radius, changes):
     basis = VignetteBasis(16, free_centre=True, usable_radius=usable_radius)
-    found = basis.reaching_far_corner(np.array([*np.zeros(16), *centre]))
+    found = replace(basis, reach=basis.reach_of_far_corner(np.array([*np.zeros(16), *centre])))
     assert (found != basis) == changes
     assert found.spline.reach >= usable_radius + np.hypot(*centre)
     assert found.reach < 1.2 + np.hypot(*centre) / usable_radius

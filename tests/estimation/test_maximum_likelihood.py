@@ -24,6 +24,7 @@ from ospc.photometry.noise import NoiseModel
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import LogVignette, RasterVignette
 from ospc.settings import DefaultSettings
+from ospc.settings.vignette import MAX_VIGNETTE_REACH
 from ospc.simulation.responses import RESPONSES
 from synthetic_observations import NONE, POLYNOMIAL, ROUNDS, SIZE, Camera, reordered
 
@@ -373,7 +374,7 @@ def corner_errors(truth, seed, seen=0.97):
     """Return a fit to points within a share of each side, the errors of ln V at the corners, and their sigma."""
     everywhere = Camera(GAMMA, truth).pairs(seed, groups=120)
     observations = everywhere.seen_twice(np.all(np.abs(everywhere.position) < seen * CORNERS[0], axis=1))
-    fit = with_chosen_vignette(observations, VignetteBasis(RADIAL_TERMS, free_centre=True))
+    fit = with_chosen_vignette(observations, VignetteBasis(RADIAL_TERMS, free_centre=True, reach=MAX_VIGNETTE_REACH))
     error = fit.vignette_basis.log_value(fit.vignette_parameters, CORNERS) - np.log(truth.at_normalised(CORNERS))
     return fit, error, fit.vignette_errors(SIZE).worst_log_sigma(1.0)
 

@@ -58,11 +58,11 @@ class VignetteBasis:
         """The radial part."""
         return radial_spline(self.radial, self.reach * self.usable_radius)
 
-    def reaching_far_corner(self, parameters: FloatArray) -> VignetteBasis:
-        """Return the basis whose last knot is not closer to the centre than the farthest corner of the image."""
+    def reach_of_far_corner(self, parameters: FloatArray) -> float:
+        """Return the reach with which the last knot is as far from the centre as any corner of the image, or more."""
         farthest = 1 + float(np.hypot(*self.centre(parameters))) / self.usable_radius
         steps = max(np.ceil((farthest - VIGNETTE_REACH) / VIGNETTE_REACH_STEP), 0.0)
-        return replace(self, reach=float(VIGNETTE_REACH + steps * VIGNETTE_REACH_STEP))
+        return float(VIGNETTE_REACH + steps * VIGNETTE_REACH_STEP)
 
     def conversion(self, other: VignetteBasis) -> FloatArray:
         """Return the matrix that converts the parameters of another basis to this one, shape (len, len of other).

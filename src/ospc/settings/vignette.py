@@ -48,8 +48,9 @@ constant: with 1.1, the far corners of three vignettes with centres off by 0.18 
 cent. In steps, most recordings of one camera have the same knots. Chosen by hand."""
 
 MAX_VIGNETTE_REACH = 100.0
-"""Largest radius of the last knot that is accepted from files: it is smaller for the farthest centre and the smallest
-usable radius."""
+"""Largest radius of the last knot, in usable radii: it is smaller for the farthest centre and the smallest usable
+radius. Quick fits keep :data:`VIGNETTE_REACH`: after a few pairs of frames, the centre may be wrong by 0.2, and they
+only serve registration."""
 
 VIGNETTE_NUGGET = 1e-6
 """Independent variance of the slopes of ln V, which keeps their prior covariance invertible: a standard deviation of
