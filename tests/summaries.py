@@ -15,6 +15,7 @@ from ospc.methods.fit_inputs import FitInputs
 from ospc.photometry.noise import NoiseModel
 from ospc.photometry.response import Response
 from ospc.pooling.summary import PARAMETERS, RESPONSE, VIGNETTE, Summary, summary_of, triangle_of
+from ospc.settings.vignette import MAX_VIGNETTE_REACH
 from synthetic_observations import SIZE, Camera
 
 NOISE = NoiseModel((1 / 255) ** 2, (1.5 / 255) ** 2)
@@ -29,7 +30,8 @@ def inputs_of(
 ) -> FitInputs:
     """Return the fit inputs of a short recording of a camera."""
     observations = camera.pairs(seed, groups, points)
-    fit = fit_with_chosen_vignette(observations, FitPlan(basis, VIGNETTE, NOISE, rounds=5)).fit
+    widest = replace(VIGNETTE, reach=MAX_VIGNETTE_REACH)
+    fit = fit_with_chosen_vignette(observations, FitPlan(basis, widest, NOISE, rounds=5)).fit
     return FitInputs(SIZE, 255, NOISE, observations, fit, standing_still=False, pairs=groups)
 
 

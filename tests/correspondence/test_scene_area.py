@@ -11,7 +11,7 @@ import pytest
 from ospc import Frame
 from ospc.arrays import BoolArray, Image
 from ospc.correspondence.scene_area import SceneArea
-from ospc.photometry.geometry import normalised
+from ospc.photometry.geometry import normalised, pixel_grid
 from workers import preprocessor
 
 SIZE = (160, 120)
@@ -75,6 +75,20 @@ def test_a_mask_reaches_as_far_as_any_pixel_in_use(used: tuple[slice, slice], ex
     mask[used] = True
     image = np.random.default_rng(0).integers(50, 200, SIZE[::-1]).astype(np.uint8)
     assert area_of([image], mask).usable_radius() == pytest.approx(expected, abs=0.03)
+
+
+@pytest.mark.parametrize("used", [np.s_[:, 30:130], np.s_[20:100, :]])
+def test_the_usable_radius_includes_the_margin_beside_bars_but_not_the_bars(used: tuple[slice, slice]) -> None:
+    lit = np.zeros(SIZE[::-1], bool)
+    lit[used] = True
+    area = area_of(np.where(lit, image, 0).astype(np.uint8) for image in views(WALK))
+    visible = np.linalg.norm(normalised(pixel_grid(SIZE), SIZE), axis=-1)[lit].max()
+    pixel = 2 / np.hypot(*SIZE)
+    assert visible - pixel / 2 < area.usable_radius() < visible + pixel
+    surround = area.surround()
+    assert surround is not None
+    assert surround[~lit].all()
+    assert surround[lit].any()
 
 
 @pytest.mark.parametrize("shape", [letters, box])

@@ -117,19 +117,51 @@ def assert_jacobian(basis, seed):
 
 def test_beyond_the_last_observations_the_error_grows_with_the_square_of_the_distance():
     basis = VignetteBasis(16, free_centre=True)
-    bent = np.concatenate([-2 * basis.spline.knots, np.zeros(2)])
+    bent = np.concatenate([-0.5 * basis.spline.knots, np.zeros(2)])
     place = np.array([[0.3, 0.4], [0.5, 0.5], [0.6, 0.7], [0.6, 0.8]])
 
     def sigma(parameters, radius):
         rows = basis.jacobian(parameters, place)
         return np.sqrt(np.einsum("ij,jk,ik->i", rows, basis.unseen(parameters, radius), rows))
 
-    # The slope is -2 R² up to a knot at R² = 0.4, and its rate of change beyond is uncertain by half of that.
-    expected = np.maximum(np.sum(place**2, axis=1) - 0.4, 0) ** 2 / 2
-    np.testing.assert_allclose(sigma(bent, np.sqrt(0.4)), expected, rtol=0.2, atol=3e-3)
+    # The slope is -R²/2 up to a knot at R² = 0.4, and its rate of change beyond is uncertain by half of that.
+    expected = np.maximum(np.sum(place**2, axis=1) - 0.4, 0) ** 2 / 8
+    np.testing.assert_allclose(sigma(bent, np.sqrt(0.4)), expected, rtol=0.2, atol=7e-4)
     assert not np.any(sigma(bent, 1.2))
     assert not np.any(sigma(np.full(18, -0.5), 0.5))
     assert not np.any(VignetteBasis(0).unseen(np.empty(0), 0.5))
+
+
+def test_the_uncertain_rate_increases_only_for_a_vignette_that_would_soon_reach_zero():
+    basis, corner, radius = VignetteBasis(16), np.array([[0.6, 0.8]]), np.sqrt(0.9)
+
+    def sigma_over_rate(fall):
+        parameters = -fall * (1 + basis.spline.knots)
+        row = basis.jacobian(parameters, corner)[0]
+        return np.sqrt(row @ basis.unseen(parameters, radius) @ row) / fall
+
+    assert sigma_over_rate(0.2) == pytest.approx(sigma_over_rate(0.5))
+    assert sigma_over_rate(3.0) > 1.5 * sigma_over_rate(0.5)
+    assert np.isfinite(sigma_over_rate(1e3))
+
+
+@pytest.mark.parametrize("usable_radius", [0.6, 1.0])
+@pytest.mark.parametrize(("centre", "changes"), [((0.0, 0.0), False), ((0.05, 0.03), False), ((0.15, -0.1), True)])
+def test_the_last_knot_is_never_closer_to_the_centre_than_the_farthest_corner(centre, usable_radius, changes):
+    basis = VignetteBasis(16, free_centre=True, usable_radius=usable_radius)
+    found = replace(basis, reach=basis.reach_of_far_corner(np.array([*np.zeros(16), *centre])))
+    assert (found != basis) == changes
+    assert found.spline.reach >= usable_radius + np.hypot(*centre)
+    assert found.reach < 1.2 + np.hypot(*centre) / usable_radius
+    assert np.isfinite(np.linalg.cholesky(vignette_precision(found, 0.1)[0])).all()
+
+
+def test_beyond_the_last_knot_the_slope_may_go_on_to_change_at_the_rate_before():
+    """The slope of -R⁴ in R² is -2 R²; beyond the last knot, that of the basis is constant."""
+    basis, squared = VignetteBasis(16), np.array([1.2, 1.3, 1.5])
+    parameters, place = -2 * basis.spline.knots, np.stack([np.sqrt(squared), np.zeros(3)], axis=1)
+    error = basis.log_value(parameters, place) + squared**2
+    np.testing.assert_allclose(basis.unresolved(parameters, place), np.abs(error), atol=1e-9)
 
 
 @given(vignette_bases, seeds)
@@ -152,13 +184,15 @@ def test_a_vignette_keeps_its_values_in_a_basis_with_the_same_knots(radial, seed
     np.testing.assert_array_equal(simpler.conversion(whole) @ parameters, parameters[:radial])
 
 
-@given(st.integers(2, 20), st.floats(0.3, 1.0), st.floats(0.0, 10.0))
-def test_the_prior_of_the_vignette_is_a_smooth_curve_and_a_random_walk_of_its_slope(radial, usable_radius, walk):
-    basis = VignetteBasis(radial, usable_radius=usable_radius)
+@given(st.integers(2, 20), st.floats(0.3, 1.0), st.sampled_from([1.1, 1.25]), st.floats(0.0, 10.0))
+def test_the_prior_of_the_vignette_is_a_smooth_curve_and_a_random_walk_of_its_slope(
+    radial, usable_radius, reach, walk
+):
+    basis = VignetteBasis(radial, usable_radius=usable_radius, reach=reach)
     precision, log_determinant = vignette_precision(basis, walk)
     knots, order = basis.spline.knots, np.arange(1, 200)
     # ln V = Σ aₖ R²ᵏ with standard deviations 2 / (k D^(2(k - 1))) has the slopes Σ k aₖ R^(2(k - 1)).
-    slopes = 2 * (knots[:, None] / (1.2 * usable_radius) ** 2) ** (order - 1)
+    slopes = 2 * (knots[:, None] / ((reach + 0.1) * usable_radius) ** 2) ** (order - 1)
     covariance = slopes @ slopes.T + walk**2 / usable_radius**5 * np.sqrt(np.minimum.outer(knots, knots))
     np.testing.assert_allclose(np.linalg.inv(precision), covariance, atol=1e-3, rtol=1e-3)
     assert log_determinant == pytest.approx(np.linalg.slogdet(precision)[1])

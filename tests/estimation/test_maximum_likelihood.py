@@ -25,6 +25,7 @@ from ospc.photometry.noise import NoiseModel
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import RasterVignette
 from ospc.settings import DefaultSettings
+from ospc.settings.vignette import MAX_VIGNETTE_REACH
 from ospc.simulation.responses import RESPONSES
 from synthetic_observations import NONE, POLYNOMIAL, ROUNDS, SIZE, Camera, reordered
 
@@ -351,6 +352,56 @@ def test_the_sigma_covers_a_vignette_that_gets_ever_steeper_beyond_the_last_obse
         deviations.append(float(error[0]) / fit.vignette_errors(SIZE).worst_log_sigma(1.0))
         assert fit.vignette_errors(SIZE).worst_log_sigma(1.0) < 0.1
         assert fit.vignette_errors(SIZE).worst_log_sigma(0.9) < 0.01
+    assert np.sqrt(np.mean(np.square(deviations))) < 2
+
+
+@dataclass(frozen=True)
+class SteepVignette:
+    """V = 1 − a R² − b R⁴ about its own centre."""
+
+    a: float
+    b: float
+    centre: tuple[float, float] = (0.0, 0.0)
+
+    def at_normalised(self, place):
+        squared = np.sum((place - np.array(self.centre)) ** 2, axis=-1)
+        return 1 - self.a * squared - self.b * squared**2
+
+
+CORNERS = np.array([[0.8, 0.6], [-0.8, 0.6], [0.8, -0.6], [-0.8, -0.6]])
+
+
+def corner_errors(truth, seed, seen=0.97):
+    """Return a fit to points within a share of each side, the errors of ln V at the corners, and their sigma."""
+    everywhere = Camera(GAMMA, truth).pairs(seed, groups=120)
+    observations = everywhere.seen_twice(np.all(np.abs(everywhere.position) < seen * CORNERS[0], axis=1))
+    fit = with_chosen_vignette(observations, VignetteBasis(RADIAL_TERMS, free_centre=True, reach=MAX_VIGNETTE_REACH))
+    error = fit.vignette_basis.log_value(fit.vignette_parameters, CORNERS) - np.log(truth.at_normalised(CORNERS))
+    return fit, error, fit.vignette_errors(SIZE).worst_log_sigma(1.0)
+
+
+@pytest.mark.parametrize("centre", [(0.15, -0.1), (0.2, 0.1), (-0.25, 0.0), (0.12, 0.0)])
+def test_the_corner_farthest_from_a_decentred_vignette_is_known_as_stated(centre):
+    truth = SteepVignette(0.35, 0.1, centre)
+    deviations = []
+    for seed in range(3):
+        fit, error, sigma = corner_errors(truth, seed)
+        assert fit.vignette_basis.spline.reach >= np.linalg.norm(CORNERS - centre, axis=1).max()
+        assert np.all(np.abs(error) < 0.03)
+        deviations.append(error / sigma)
+    assert np.abs(deviations).max() < 2
+
+
+def test_a_centred_vignette_keeps_its_knots():
+    fit, _, _ = corner_errors(SteepVignette(0.35, 0.1), 0)
+    assert fit.vignette_basis == VignetteBasis(RADIAL_TERMS)
+
+
+@pytest.mark.parametrize(("fall", "seen"), [((0.55, 0.3), 0.97), ((0.6, 0.3), 0.97), ((0.55, 0.3), 0.9)])
+def test_the_sigma_covers_corners_that_are_nearly_dark(fall, seen):
+    deviations = [
+        error / sigma for _, error, sigma in (corner_errors(SteepVignette(*fall), s, seen) for s in range(3))
+    ]
     assert np.sqrt(np.mean(np.square(deviations))) < 2
 
 

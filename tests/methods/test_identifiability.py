@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from log_polynomials import log_polynomial
 from ospc.estimation.effects import Effects
 from ospc.methods.corrections import notes_of
 from ospc.methods.identifiability import response_verdict_of_fit, vignette_verdict
@@ -43,6 +44,18 @@ def test_a_contradiction_is_the_reason_and_has_the_remedy_of_every_curve(covaria
         assert verdict.remedy.startswith("switch off local contrast")
     assert found.advice[0] == found.verdicts["response"].remedy
     assert not any("sweep the exposure" in text or "pan and tilt" in text for text in found.advice)
+
+
+@pytest.mark.parametrize(("log_v", "state"), [(-0.5, "not identifiable"), (-1.5, "marginal")])
+def test_an_uncertain_corner_alone_leaves_a_vignette_marginal_if_the_corner_is_dark(log_v, state):
+    fit = inputs_of(replace(CAMERA, vignette=log_polynomial(INPUTS.size, (log_v,))), 0).fit
+    last = np.zeros(len(fit.parameters))
+    last[fit.vignette_part.start + 13 : fit.vignette_part.start + 16] = 1.0  # the knots from a radius of 0.99
+    sigma = fit.vignette_basis.jacobian(fit.vignette_parameters, np.array([[0.8, 0.6]]))[0, 13:16].sum()
+    fit = replace(fit, covariance=fit.covariance + np.outer(last, last) * (0.3 / sigma) ** 2)
+    verdict = vignette_verdict(DefaultSettings(), fit, 0.3, False, 0.0, size=INPUTS.size)
+    assert "±0.3," in verdict.reason
+    assert verdict.state == state
 
 
 def test_a_contradiction_is_not_why_a_stationary_camera_shows_no_vignette():

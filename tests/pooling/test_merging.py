@@ -8,17 +8,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from log_polynomials import log_polynomial
 from ospc.errors import SettingError
 from ospc.estimation.fit_plan import FitPlan
 from ospc.estimation.response_basis import ResponseBasis
 from ospc.estimation.vignette_choice import fit_with_chosen_vignette
 from ospc.evaluation.metrics import log_ratio_error, response_shape_rmse, vignette_rmse
 from ospc.methods.result import calibration_of
+from ospc.pooling.calibration_summary import summary_of_calibration
 from ospc.pooling.pool import Pool, merge
 from ospc.pooling.solution import Information, solve_with_chosen_vignette
 from ospc.pooling.summary import VIGNETTE, summary_of
 from ospc.research.faults.judging import step_sigma
 from ospc.settings import DefaultSettings
+from ospc.settings.vignette import VIGNETTE_REACH
 from summaries import CAMERA, NOISE, OTHER_LENS, OTHER_RESPONSE, fisheye_inputs_of, inputs_of, summary
 from synthetic_observations import SIZE
 
@@ -119,12 +122,35 @@ def test_corners_that_no_recording_shows_are_as_uncertain_as_in_one_alone():
 def test_merging_keeps_where_the_image_ends():
     inputs = fisheye_inputs_of(CAMERA, 0, 0.7)
     alone, seen = calibration_of(inputs, DefaultSettings()), summary_of(inputs, "frames", {}, 100)
-    dark = replace(seen.with_usable_radius(1.0), key="dark")  # too dark to show the edge of the image circle
+    # One that is too dark to show the edge of the image circle.
+    dark = replace(seen.with_knots(1.0, seen.vignette_reach), key="dark")
     for pool in ([seen], [seen, dark]):
         found = merge(Pool.of(pool)).calibration
         assert found.vignette.limit == pytest.approx(0.7, abs=0.02)
         assert found.verdicts["vignette"].state == alone.verdicts["vignette"].state == "identifiable"
         np.testing.assert_allclose(found.vignette.image(), alone.vignette.image(), atol=0.01)
+
+
+def test_merging_and_starting_anew_keep_the_knots_of_a_decentred_vignette():
+    decentred = replace(CAMERA, vignette=log_polynomial(SIZE, (-0.35, 0.05, -0.2), (0.2, 0.1)))
+    seen = [summary(decentred, seed, groups=60, points=80) for seed in range(2)]
+    found = merge(Pool.of(seen)).calibration
+    known = summary_of_calibration(found, "merged")
+    assert [known.vignette_reach, found.vignette.reach] == [seen[0].vignette_reach] * 2 == [1.25, 1.25]
+    again = merge(Pool.of([known])).calibration
+    corners = [[0, 0], [SIZE[0] - 1, 0], [0, SIZE[1] - 1], [SIZE[0] - 1, SIZE[1] - 1]]
+    for vignette in (found.vignette, again.vignette):
+        np.testing.assert_allclose(vignette.at(corners), decentred.vignette.at(corners), rtol=0.02)
+
+
+def test_a_recording_with_fewer_knots_is_merged_in_the_knots_of_the_others():
+    decentred = replace(CAMERA, vignette=log_polynomial(SIZE, (-0.35, 0.05, -0.2), (0.2, 0.1)))
+    far, near = (summary(decentred, seed, groups=60, points=80) for seed in range(2))
+    near = near.with_knots(1.0, VIGNETTE_REACH)
+    information = Information.of([far, near])
+    assert information.vignette_reach == far.vignette_reach > near.vignette_reach
+    without, alone = information.without(near), Information.of([far])
+    np.testing.assert_allclose(without.matrix, alone.matrix, atol=1e-6 * np.abs(alone.matrix).max())
 
 
 def test_a_region_masked_in_one_recording_is_known_from_the_others(recordings):

@@ -179,7 +179,7 @@ def test_everything_a_method_learns_is_in_its_state():
     known = {name.lstrip("_") for name in vars(method)}
     assert known == made_anew | not_needed | saved | in_parts.keys() | {"select_keyframe"}
     for part, held in in_parts.items():
-        made_anew = {"settings", "size", "max_grey", "still_px", "basis", "normalize"}
+        made_anew = {"settings", "size", "max_grey", "still_px", "far_px", "basis", "normalize"}
         made_anew |= {"response_sigma", "vignette_sigma"}
         assert {name.lstrip("_") for name in vars(getattr(method, f"_{part}"))} - made_anew == held
     assert set(MaximumLikelihoodState.__dataclass_fields__) == saved.union(*in_parts.values()) | {"keyframes"}

@@ -74,7 +74,12 @@ class SceneArea:
         self._observe_fine_structure(_fine_structure(frame.small))
 
     def surround(self) -> BoolArray | None:
-        """Return which pixels never receive light, in the small size, shape (h, w); None if all do."""
+        """Return which pixels never receive light, with a margin, in the small size, shape (h, w); None if all do."""
+        dark = self._dark_surround()
+        return None if dark is None else _widened(dark)
+
+    def _dark_surround(self) -> BoolArray | None:
+        """Return the surround without its margin, in the small size, shape (h, w); None if there is none."""
         if self.brightest is None or self.frames < MIN_CIRCLE_FRAMES:
             return None
         lit = float(np.quantile(self.brightest, LIT_QUANTILE))
@@ -89,7 +94,7 @@ class SceneArea:
         # An image circle has an edge. The dark corners of a wide lens do not, and they show the scene.
         inside = _widened(outside, 2 * SURROUND_MARGIN_PX) & ~_widened(outside)
         within, beyond = np.median(self.brightest[inside]), np.median(self.brightest[outside])
-        return _widened(outside) if within > MIN_EDGE_RATIO * beyond else None
+        return outside if within > MIN_EDGE_RATIO * beyond else None
 
     def overlay(self) -> BoolArray | None:
         """Return which pixels show something fixed to the camera, in the small size, shape (h, w); None if none."""
@@ -122,7 +127,8 @@ class SceneArea:
 
     def usable_radius(self) -> float:
         """Return the radius of the usable part, in half diagonals about the image centre; at most 1."""
-        surround = self.surround()
+        # The margin has no observations, but its pixels show the scene: V is needed there, too.
+        surround = self._dark_surround()
         if self.brightest is None or (surround is None and self.allowed is None):
             return 1.0
         height, width = self.brightest.shape

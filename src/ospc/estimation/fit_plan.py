@@ -22,7 +22,7 @@ class FitPlan:
     response
         Basis of the response.
     widest
-        The vignette model with the most parameters.
+        The vignette model with the most parameters and the farthest knots.
     noise
         Noise of single pixels; None if the observations are single pixels.
     rounds

@@ -35,6 +35,7 @@ from ospc.settings.vignette import (
     NON_RADIAL_SIGMA,
     START_VIGNETTE_WALK,
     VIGNETTE_NUGGET,
+    VIGNETTE_REACH,
     VIGNETTE_SIGMA,
     VIGNETTE_WALK_CANDIDATES,
 )
@@ -135,16 +136,17 @@ def vignette_precision(basis: VignetteBasis, walk: float) -> tuple[FloatArray, f
     """
     further = [CENTRE_SIGMA] * (2 * basis.free_centre) + [NON_RADIAL_SIGMA] * (len(NON_RADIAL) * basis.non_radial)
     precision = np.diag(np.concatenate([np.ones(basis.radial), np.array(further) ** -2.0]))
-    radial, log_determinant = _radial_precision(basis.radial, basis.usable_radius, walk)
+    radial, log_determinant = _radial_precision(basis.radial, basis.usable_radius, basis.reach, walk)
     precision[: basis.radial, : basis.radial] = radial
     return precision, log_determinant
 
 
 @lru_cache(maxsize=_KEPT_TABLES)
-def _radial_precision(knots: int, usable_radius: float, walk: float) -> tuple[FloatArray, float]:
+def _radial_precision(knots: int, usable_radius: float, reach: float, walk: float) -> tuple[FloatArray, float]:
     """Return the precision of the slopes of ln V at the knots, shape (knots, knots), and its log determinant."""
-    squared = VignetteBasis(knots, usable_radius=usable_radius).spline.knots
-    smooth = VIGNETTE_SIGMA**2 / (1 - np.outer(squared, squared) / (DARK_RADIUS * usable_radius) ** 4)
+    squared = VignetteBasis(knots, usable_radius=usable_radius, reach=reach).spline.knots
+    dark_radius = DARK_RADIUS + (reach - VIGNETTE_REACH)
+    smooth = VIGNETTE_SIGMA**2 / (1 - np.outer(squared, squared) / (dark_radius * usable_radius) ** 4)
     radius = np.sqrt(squared)
     random_walk = walk**2 / usable_radius**5 * np.minimum.outer(radius, radius)
     return _inverted(smooth + random_walk + VIGNETTE_NUGGET * np.eye(knots))

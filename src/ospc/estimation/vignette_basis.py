@@ -14,11 +14,12 @@ from ospc.photometry.radial_spline import RadialSpline, radial_spline
 from ospc.photometry.vignette import LogSplineVignette, Vignette
 from ospc.settings.fit import (
     MAX_DECENTRING,
+    MAX_UNSEEN_FALL,
     UNRESOLVED_JUMP,
     UNSEEN_CHANGE,
     UNSEEN_OBSERVATIONS,
 )
-from ospc.settings.vignette import VIGNETTE_REACH
+from ospc.settings.vignette import VIGNETTE_REACH, VIGNETTE_REACH_STEP
 
 
 @dataclass(frozen=True)
@@ -27,13 +28,14 @@ class VignetteBasis:
 
     The parameters are the slopes d ln V / d(R²) at a number of knots, the free centre, in which ln V is not linear,
     and the coefficients of the terms :data:`~ospc.photometry.non_radial.NON_RADIAL`. The usable radius, in half
-    diagonals, is the radius that the image reaches.
+    diagonals, is the radius that the image reaches, and ``reach`` is the radius of the last knot in usable radii.
     """
 
     radial: int
     free_centre: bool = False
     non_radial: bool = False
     usable_radius: float = 1.0
+    reach: float = VIGNETTE_REACH
 
     def __len__(self) -> int:
         """Return the number of parameters."""
@@ -54,7 +56,13 @@ class VignetteBasis:
     @property
     def spline(self) -> RadialSpline:
         """The radial part."""
-        return radial_spline(self.radial, VIGNETTE_REACH * self.usable_radius)
+        return radial_spline(self.radial, self.reach * self.usable_radius)
+
+    def reach_of_far_corner(self, parameters: FloatArray) -> float:
+        """Return the reach with which the last knot is as far from the centre as any corner of the image, or more."""
+        farthest = 1 + float(np.hypot(*self.centre(parameters))) / self.usable_radius
+        steps = max(np.ceil((farthest - VIGNETTE_REACH) / VIGNETTE_REACH_STEP), 0.0)
+        return float(VIGNETTE_REACH + steps * VIGNETTE_REACH_STEP)
 
     def conversion(self, other: VignetteBasis) -> FloatArray:
         """Return the matrix that converts the parameters of another basis to this one, shape (len, len of other).
@@ -95,26 +103,41 @@ class VignetteBasis:
         return np.asarray(self.log_value(parameters, position) - jacobian @ parameters)
 
     def unresolved(self, parameters: FloatArray, position: FloatArray) -> FloatArray:
-        """Return the standard deviation of ln V due to jumps of its slope between knots, shape (n, 2) -> (n,)."""
+        """Return the standard deviation of ln V that the basis cannot follow, shape (n, 2) -> (n,).
+
+        The slope of ln V may jump between knots. Beyond the last one it is constant, but may go on to change at the
+        rate before.
+        """
         squared, spline = np.sum((position - self.centre(parameters)) ** 2, axis=1), self.spline
         bend = sharpest_bend(parameters[: self.radial], spline.knots, squared)
-        return np.asarray(UNRESOLVED_JUMP * bend * np.minimum(squared, spline.width_at(squared)))
+        between = UNRESOLVED_JUMP * bend * np.minimum(squared, spline.width_at(squared))
+        beyond = np.maximum(squared - spline.reach**2, 0.0)
+        return np.asarray(np.hypot(between, self._rate_before(parameters, spline.reach) * beyond**2 / 2))
 
     def unseen(self, parameters: FloatArray, radius: float) -> FloatArray:
         """Return the covariance of the parameters due to bends beyond the last observations, shape (len, len).
 
         Nothing shows what the slope of ln V does beyond that radius, a distance from the vignette's centre. Its rate
         of change there may differ by a share of the largest one in the last two intervals between knots before. The
-        error of ln V then grows with the square of the distance in R².
+        error of ln V then grows with the square of the distance in R². If V falls so steeply that it would reach zero
+        soon, the rate increases on the way there: if V is linear in R², its slope is proportional to 1/V.
         """
         change = np.zeros(len(self))
-        if self.radial > 1:
-            knots = self.spline.knots
-            rates = np.abs(np.diff(parameters[: self.radial]) / np.diff(knots))
-            end = int(np.clip(np.searchsorted(knots, radius**2), 1, len(rates)))
-            rate = UNSEEN_CHANGE * rates[max(end - 2, 0) : end].max()
-            change[: self.radial] = rate * np.maximum(knots - radius**2, 0.0)
+        distance = np.maximum(self.spline.knots - radius**2, 0.0)
+        slope = self.spline.slope(parameters[: self.radial], np.array([radius**2]))
+        fallen = np.clip(-slope * distance, 0.0, MAX_UNSEEN_FALL)
+        share = np.maximum(fallen / (1 - fallen), UNSEEN_CHANGE)
+        change[: self.radial] = share * self._rate_before(parameters, radius) * distance
         return np.outer(change, change)
+
+    def _rate_before(self, parameters: FloatArray, radius: float) -> float:
+        """Return the largest rate of change of the slope of ln V in the last two intervals of knots to a radius."""
+        if self.radial < 2:
+            return 0.0
+        knots = self.spline.knots
+        rates = np.abs(np.diff(parameters[: self.radial]) / np.diff(knots))
+        end = int(np.clip(np.searchsorted(knots, radius**2), 1, len(rates)))
+        return float(rates[max(end - 2, 0) : end].max())
 
     def centre(self, parameters: FloatArray) -> FloatArray:
         """Return the centre of the vignette relative to the image centre, in half diagonals, shape (2,)."""
@@ -143,7 +166,9 @@ class VignetteBasis:
 
 def usable_radius_of(vignette: Vignette | None) -> float:
     """Return the usable radius of the images to which a vignette was fitted; 1 if it does not tell."""
-    return min(1.0, vignette.reach / VIGNETTE_REACH) if isinstance(vignette, LogSplineVignette) else 1.0
+    if not isinstance(vignette, LogSplineVignette):
+        return 1.0
+    return min(1.0, vignette.limit - float(np.hypot(*vignette.centre)))
 
 
 def measured_radius(observations: Observations, centre: FloatArray) -> float:

@@ -23,6 +23,7 @@ from ospc.settings.vignette import (
     MIN_CRITERION_GROUPS,
     POSSIBLE_CENTRE_SIGMA,
     PROMISING_SHARE,
+    VIGNETTE_REACH,
 )
 
 
@@ -34,11 +35,12 @@ def fit_with_chosen_vignette(
     Starting from the purely radial model, first a free centre is tried, and then the non-radial terms, which include
     the centre if it was rejected. Each step has to meet the criterion of Schwarz (1978): the joint Wald statistic of
     the added parameters, with a covariance that includes correlated errors, must exceed their number times the
-    logarithm of the number of groups. ``effects`` are fitted with the vignette; None for none. ``start`` is an
-    earlier fit with the same response basis, if there is one.
+    logarithm of the number of groups. If the centre is so far off that the corner farthest from it is beyond the last
+    knot, the knots are placed to include it, as far as those of the plan's widest model. ``effects`` are fitted with
+    the vignette; None for none. ``start`` is an earlier fit with the same response basis, if there is one.
     """
     effects = Effects() if effects is None else effects
-    widest = plan.widest
+    widest = replace(plan.widest, reach=VIGNETTE_REACH)
     simplest = replace(widest, free_centre=False, non_radial=False)
     # A subset of the points already gives most of the solution; only the last rounds need all of them.
     step = len(observations.starts) // FIRST_FIT_POINTS
@@ -51,6 +53,10 @@ def fit_with_chosen_vignette(
         richer = richer[richer.index(promising) + 1 :]
         wider = plan.fit(observations, promising, effects, fitted.fit)
         if supported(wider, len(promising) - len(fitted.fit.vignette_basis)):
+            reach = min(promising.reach_of_far_corner(wider.vignette_parameters), plan.widest.reach)
+            if reach != promising.reach:
+                wider = plan.fit(observations, replace(promising, reach=reach), effects, wider)
+                richer = [replace(basis, reach=reach) for basis in richer]
             fitted = replace(fitted, fit=wider)
     return fitted
 

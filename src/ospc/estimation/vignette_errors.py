@@ -42,6 +42,10 @@ class VignetteErrors:
         """Return the largest standard deviation of ln V at a radius in half diagonals."""
         return float(np.sqrt(self._total_log_variance(np.array([radius])).max()))
 
+    def largest_correction(self, radius: float) -> float:
+        """Return the largest |ln V| at a radius in half diagonals."""
+        return float(np.abs(np.log(self._value(np.array([radius])))).max())
+
     def sigma(self, radius: FloatArray) -> FloatArray:
         """Return the root mean square standard deviation of V at radii in half diagonals, shape (n,) -> (n,)."""
         variance = self._value(radius) ** 2 * self._total_log_variance(radius)

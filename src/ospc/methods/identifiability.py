@@ -21,6 +21,7 @@ from ospc.settings.methods import (
     FAR_RADIAL_REACH,
     IDENTIFIABLE_CORNER_SIGMA,
     IDENTIFIABLE_ERROR,
+    MAX_CORNER_ERROR_SHARE,
     MIN_COMPARED_LOG_K,
     MIN_SCATTER_GROUPS,
     ONE_DIRECTION_RATIO,
@@ -165,7 +166,10 @@ def vignette_verdict(
     remedy = _MOVE_RADIALLY if round(reach, 2) < FAR_RADIAL_REACH else _SEE_MORE_MOVING
     remedy = _MOVE_ACROSS if _moves_in_one_direction(fit) else remedy
     remedy = _STEADIER if _is_unsteady(fit) else remedy
-    relative = max(error / IDENTIFIABLE_ERROR, sigma / IDENTIFIABLE_CORNER_SIGMA)
+    at_corner = sigma / IDENTIFIABLE_CORNER_SIGMA
+    if sigma <= MAX_CORNER_ERROR_SHARE * errors.largest_correction(radius):
+        at_corner = min(at_corner, UNIDENTIFIABLE_FACTOR)  # a dark corner is no reason to leave all else uncorrected
+    relative = max(error / IDENTIFIABLE_ERROR, at_corner)
     return judged(_graded(fit, relative, figure, remedy), contradictions)
 
 

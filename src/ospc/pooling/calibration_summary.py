@@ -15,7 +15,7 @@ from ospc.estimation.vignette_basis import VignetteBasis, usable_radius_of
 from ospc.photometry.calibration import Calibration
 from ospc.photometry.grey_range import GreyRange
 from ospc.photometry.noise import NoiseModel
-from ospc.photometry.vignette import LogSplineVignette
+from ospc.photometry.vignette import LogSplineVignette, Vignette
 from ospc.pooling.summary import (
     PARAMETERS,
     RESPONSE,
@@ -29,6 +29,7 @@ from ospc.pooling.summary import (
 from ospc.settings.fit import MAX_GAMMA
 from ospc.settings.pooling import MAX_RESPONSE_KNOTS, MAX_WALK, MIN_OBSERVED, MIN_RELATIVE_INFORMATION, OMITTED_SIGMA
 from ospc.settings.sampling import ASSUMED_NOISE_SIGMA
+from ospc.settings.vignette import VIGNETTE_REACH
 
 
 def summary_of_calibration(calibration: Calibration, name: str) -> Summary:
@@ -62,6 +63,7 @@ def _summary_of(calibration: Calibration, name: str) -> Summary:
     ):
         if known is not None:
             estimate[part], matrix[part, part], vector[part] = information_of(calibration)
+    usable_radius, vignette_reach = _knots_of(calibration.vignette)
     range_ms = calibration.source.get("exposure_range_ms") or (1.0, np.e)
     return Summary(
         key=recording_key(f"calibration {name}", calibration.source),
@@ -83,13 +85,22 @@ def _summary_of(calibration: Calibration, name: str) -> Summary:
         unexplained=0.0,
         noise=calibration.noise or NoiseModel(ASSUMED_NOISE_SIGMA**2, 0.0),
         grey_range=GreyRange(*(float(level) for level in _response_model(calibration).get("grey_range", (0.0, 1.0)))),
-        usable_radius=usable_radius_of(calibration.vignette),
+        usable_radius=usable_radius,
+        vignette_reach=vignette_reach,
         measured_radius=float(calibration.covariance.get("vignette", {}).get("measured_radius", 1.0)),
     )
 
 
 def _response_model(calibration: Calibration) -> dict[str, Any]:
     return calibration.response.model if calibration.response is not None else {}
+
+
+def _knots_of(vignette: Vignette | None) -> tuple[float, float]:
+    """Return the usable radius of the image to which a vignette was fitted, and the reach of its knots."""
+    usable_radius = usable_radius_of(vignette)
+    if not isinstance(vignette, LogSplineVignette):
+        return usable_radius, VIGNETTE_REACH
+    return usable_radius, vignette.reach / usable_radius
 
 
 def _of_response(calibration: Calibration) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -138,7 +149,8 @@ def _of_vignette(calibration: Calibration) -> tuple[FloatArray, FloatArray, Floa
     if not 0 <= walk <= MAX_WALK:
         raise ValueError("not a vignette of the default method")
     precision = np.linalg.inv(covariance).astype(np.float64)
-    basis = replace(VIGNETTE, usable_radius=usable_radius_of(vignette))
+    usable_radius, reach = _knots_of(vignette)
+    basis = replace(VIGNETTE, usable_radius=usable_radius, reach=reach)
     of_prior, _ = vignette_precision(basis, walk)
     of_prior = of_prior[np.ix_(place, place)]
     # In units of the prior, so that all parameters have the same scale.

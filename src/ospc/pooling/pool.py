@@ -31,7 +31,7 @@ from ospc.state.run import load_summary
 from ospc.state.values import pack, unpack
 from ospc.versions import versions
 
-KIND, VERSION = "pool", 8
+KIND, VERSION = "pool", 9
 """Kind and version that pool files declare."""
 
 

@@ -100,6 +100,7 @@ class PriorCalibration:
             support=joint_range(s.support for s in used),
             unexplained=float(np.median([s.unexplained for s in used])),
             usable_radius=information.usable_radius,
+            vignette_reach=information.vignette_reach,
         )
 
     def check_size(self, size: tuple[int, int]) -> None:

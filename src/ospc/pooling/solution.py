@@ -19,6 +19,7 @@ from ospc.estimation.vignette_choice import supported, with_possible_centre, wit
 from ospc.library_threads import one_blas_thread
 from ospc.pooling.summary import PARAMETERS, RESPONSE, VIGNETTE, Summary
 from ospc.settings.pooling import MAX_SOLUTION_ROUNDS, SOLUTION_TOLERANCE
+from ospc.settings.vignette import VIGNETTE_REACH
 
 _SIMPLER = (VignetteBasis(VIGNETTE.radial, free_centre=True), VignetteBasis(VIGNETTE.radial))
 
@@ -29,7 +30,7 @@ class Information:
 
     The matrix A and ``systematic``, the sum of A S A, have shape (p, p), the vector b (p,). The errors of different
     recordings are independent. ``points`` and ``groups`` count the scene points and their groups. The usable radius
-    determines the knots of the vignette, and the measured one is that of the last observations.
+    and the reach determine the knots of the vignette, and the measured radius is that of the last observations.
     """
 
     matrix: FloatArray
@@ -39,18 +40,20 @@ class Information:
     groups: int = 0
     usable_radius: float = 1.0
     measured_radius: float = 1.0
+    vignette_reach: float = VIGNETTE_REACH
 
     @classmethod
     def of(cls, summaries: Sequence[Summary], usable_radius: float | None = None) -> Information:
         """Return the sum over summaries; their order only affects the last bits.
 
-        By default, the usable radius is the largest of the summaries.
+        By default, the usable radius is the largest of the summaries, as the reach of the knots always is.
         """
         nothing = np.zeros((PARAMETERS, PARAMETERS))
         moving = [s for s in summaries if not s.standing_still]
         if usable_radius is None:
             usable_radius = max((s.usable_radius for s in moving), default=1.0)
-        summaries = [s.with_usable_radius(usable_radius) for s in summaries]
+        vignette_reach = max((s.vignette_reach for s in moving), default=VIGNETTE_REACH)
+        summaries = [s.with_knots(usable_radius, vignette_reach) for s in summaries]
         return cls(
             np.sum([nothing, *(s.matrix for s in summaries)], axis=0),
             np.sum([nothing[0], *(s.vector for s in summaries)], axis=0),
@@ -59,11 +62,12 @@ class Information:
             sum(s.groups for s in summaries),
             usable_radius,
             max((s.measured_radius for s in moving), default=1.0),
+            vignette_reach,
         )
 
     def without(self, summary: Summary) -> Information:
         """Return the information without one of the summaries."""
-        summary = summary.with_usable_radius(self.usable_radius)
+        summary = summary.with_knots(self.usable_radius, self.vignette_reach)
         matrix, vector = self.matrix - summary.matrix, self.vector - summary.vector
         systematic = self.systematic - summary.systematic_matrix
         points, groups = self.points - summary.points, self.groups - summary.groups
@@ -82,7 +86,7 @@ def solve(information: Information, vignette: VignetteBasis = VIGNETTE, start: F
     information and the same model; reusing its prior saves most of the time.
     """
     with one_blas_thread():
-        vignette = replace(vignette, usable_radius=information.usable_radius)
+        vignette = replace(vignette, usable_radius=information.usable_radius, reach=information.vignette_reach)
         model = Model(RESPONSE, vignette, Effects())
         parameters = model.typical if start is None else start.parameters
         p = len(parameters)

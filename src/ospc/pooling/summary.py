@@ -28,12 +28,12 @@ from ospc.photometry.geometry import image_size
 from ospc.photometry.grey_range import FULL_RANGE, LARGEST_GREY, GreyRange
 from ospc.photometry.noise import NoiseModel
 from ospc.settings.pooling import SUMMARY_RADIAL_TERMS, SUMMARY_RESPONSE_INTERVALS
-from ospc.settings.vignette import MIN_USABLE_RADIUS
+from ospc.settings.vignette import MAX_VIGNETTE_REACH, MIN_USABLE_RADIUS, VIGNETTE_REACH
 
 RESPONSE = ResponseBasis(SUMMARY_RESPONSE_INTERVALS)
 VIGNETTE = VignetteBasis(SUMMARY_RADIAL_TERMS, free_centre=True, non_radial=True)
 """The models whose parameters all summaries share, whatever settings their recordings used: the richest models of the
-default settings. The knots of the vignette depend on the usable radius."""
+default settings. The knots of the vignette depend on the usable radius and on their reach."""
 
 RESPONSE_PART = slice(0, len(RESPONSE))
 VIGNETTE_PART = slice(len(RESPONSE), len(RESPONSE) + len(VIGNETTE))
@@ -87,6 +87,8 @@ class Summary:
     usable_radius, measured_radius
         Radius in half diagonals of the usable part of the image, in (0, 1], and distance of the last observations
         from the centre of the vignette.
+    vignette_reach
+        Radius of the last knot of the vignette in usable radii.
     """
 
     key: str
@@ -110,6 +112,7 @@ class Summary:
     grey_range: GreyRange = FULL_RANGE
     usable_radius: float = 1.0
     measured_radius: float = 1.0
+    vignette_reach: float = VIGNETTE_REACH
 
     def __post_init__(self) -> None:
         p = PARAMETERS
@@ -141,6 +144,7 @@ class Summary:
             and 0 <= self.grey_range.black < self.grey_range.white <= 1
             and MIN_USABLE_RADIUS <= self.usable_radius <= 1
             and 0 <= self.measured_radius <= _FARTHEST
+            and 1 <= self.vignette_reach <= MAX_VIGNETTE_REACH
             and abs(self.unexplained) <= _LARGEST
             and all(0 <= variance <= 1 for variance in noise)
             and len(noise) <= LARGEST_GREY
@@ -165,14 +169,15 @@ class Summary:
         """A S A, shape (p, p), symmetric."""
         return _full(self.systematic)
 
-    def with_usable_radius(self, usable_radius: float) -> Summary:
-        """Return the summary in the parameters of the common models for another usable radius.
+    def with_knots(self, usable_radius: float, vignette_reach: float) -> Summary:
+        """Return the summary in the parameters of the common models for another usable radius or reach of the knots.
 
         Its likelihood is that of the curves between the new knots.
         """
-        if usable_radius == self.usable_radius:
+        own = replace(VIGNETTE, usable_radius=self.usable_radius, reach=self.vignette_reach)
+        other = replace(VIGNETTE, usable_radius=usable_radius, reach=vignette_reach)
+        if own == other:
             return self
-        own, other = (replace(VIGNETTE, usable_radius=radius) for radius in (self.usable_radius, usable_radius))
         whole = np.eye(PARAMETERS)
         whole[VIGNETTE_PART, VIGNETTE_PART] = own.conversion(other)
         estimate = self.estimate.copy()
@@ -184,6 +189,7 @@ class Summary:
             vector=whole.T @ self.vector,
             systematic=triangle_of(whole.T @ self.systematic_matrix @ whole),
             usable_radius=usable_radius,
+            vignette_reach=vignette_reach,
         )
 
     @property
@@ -225,6 +231,7 @@ def summary_of(inputs: FitInputs, first_frames: str, source: dict[str, Any], fra
         noise=inputs.noise,
         usable_radius=fit.vignette_basis.usable_radius,
         measured_radius=fit.measured_radius,
+        vignette_reach=fit.vignette_basis.reach,
     )
 
 
@@ -256,7 +263,7 @@ def _information(
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return A, b, A S A and the estimate, all in the common parameters."""
     noise = None if inputs.standing_still else inputs.grey_range.stretched_noise(inputs.noise)
-    vignette = replace(VIGNETTE, usable_radius=fit.vignette_basis.usable_radius)
+    vignette = replace(VIGNETTE, usable_radius=fit.vignette_basis.usable_radius, reach=fit.vignette_basis.reach)
     estimator = MaximumLikelihoodEstimator(RESPONSE, vignette, noise, fit.effects)
     fitted, in_common = Fitted(fit, observations, noise), _in_common(fit, vignette)
     estimate = in_common @ fit.parameters[: fit.vignette_part.stop]

@@ -201,6 +201,11 @@ did in two."""
 UNIDENTIFIABLE_FACTOR = 8.0
 """A curve is not identifiable beyond this multiple of these limits: such errors are as large as the correction."""
 
+MAX_CORNER_ERROR_SHARE = 0.3
+"""Share of |ln V| up to which the standard deviation of ln V at the corner alone leaves a vignette marginal, beyond
+that multiple. It matters for V below 0.51. With V of 0.09 in one corner, which was hardly observed, the standard
+deviation was 0.55 there, and V was known to within one per cent everywhere else. Chosen by hand."""
+
 MIN_SCATTER_GROUPS = 5
 """Minimum number of frame comparisons for their scatter to show the accuracy of a curve. With up to three, exposures
 off by one or two per cent gave errors of 6 to 28 stated standard deviations; from about five on, at most 1.5."""

@@ -30,9 +30,9 @@ are usual, and real lenses reach 0.1."""
 
 DARK_RADIUS = 1.2
 """Distance from the vignette's centre, in usable radii of the image, at which the smooth part of the prior lets V
-reach zero, as V does at the edge of the image circle. The far corner is at 1.15 if the centre is off by 0.15. With
-powers of R² instead of a spline, on 42 simulated recordings, 28 of them decentred, 1.3 raised the error of these from
-1.25 to 1.7 standard deviations, and 1.1 raised the vignette error of the centred ones by a tenth."""
+reach zero, as V does at the edge of the image circle. It increases with the radius of the last knot. With powers of
+R² instead of a spline, on 42 simulated recordings, 28 of them decentred, 1.3 raised the error of these from 1.25 to
+1.7 standard deviations, and 1.1 raised the vignette error of the centred ones by a tenth."""
 
 VIGNETTE_WALK_CANDIDATES = (0.01, 0.1, 0.3, 1.0, 3.0, 10.0)
 """Candidate standard deviations of the random walk of the slope over the usable image. 0.01 leaves a smooth curve,
@@ -41,9 +41,16 @@ which the cos⁴ vignettes of five recordings selected; mechanical ones selected
 START_VIGNETTE_WALK = 0.1
 """That standard deviation until it is first selected, in the first round. Chosen by hand."""
 
-VIGNETTE_REACH = 1.1
-"""Radius of the last knot of ln V, in usable radii: the far corner if the centre is off by 0.1. Beyond, the slope is
-constant. Chosen by hand."""
+VIGNETTE_REACH, VIGNETTE_REACH_STEP = 1.1, 0.05
+"""Radius of the last knot of ln V, in usable radii, and the steps by which it increases until it includes the corner
+farthest from the centre, which is beyond 1.1 if the centre is off by more than 0.1. Beyond the last knot the slope is
+constant: with 1.1, the far corners of three vignettes with centres off by 0.18 and 0.22 were wrong by 5 to 12 per
+cent. In steps, most recordings of one camera have the same knots. Chosen by hand."""
+
+MAX_VIGNETTE_REACH = 100.0
+"""Largest radius of the last knot, in usable radii: it is smaller for the farthest centre and the smallest usable
+radius. Quick fits keep :data:`VIGNETTE_REACH`: after a few pairs of frames, the centre may be wrong by 0.2, and they
+only serve registration."""
 
 VIGNETTE_NUGGET = 1e-6
 """Independent variance of the slopes of ln V, which keeps their prior covariance invertible: a standard deviation of

@@ -40,7 +40,7 @@ from ospc.settings.effects import STEP_EXPOSURES
 from ospc.settings.grey_values import COVERAGE_GREY_CELLS, COVERAGE_RADIUS_CELLS, MAX_COUNTED_FRAMES
 from ospc.settings.methods import MAX_BASELINE_PAIRS, MAX_FRAME_RATE, MIN_FRAME_RATE
 from ospc.settings.sampling import AGE_CLASSES, MAX_COMPARISONS, MAX_GAIN_POWER
-from ospc.settings.vignette import MIN_USABLE_RADIUS
+from ospc.settings.vignette import MAX_VIGNETTE_REACH, MIN_USABLE_RADIUS, VIGNETTE_REACH
 from ospc.state_rules.numbers import (
     BINS,
     CHANGES,
@@ -125,7 +125,11 @@ RULES: Mapping[type, Mapping[str, Numbers | str]] = {
         "step_exposures": Numbers(0, LARGEST, ("steps",), unknown=True, most=STEP_EXPOSURES),
     },
     AbsorbedLight: {"frame_moments": Numbers(shape=(MOMENTS,)), "surround_moments": Numbers(shape=(1 + MOMENTS,))},
-    VignetteBasis: {"radial": Numbers(0, MOST_RADIAL), "usable_radius": Numbers(MIN_USABLE_RADIUS, 1)},
+    VignetteBasis: {
+        "radial": Numbers(0, MOST_RADIAL),
+        "usable_radius": Numbers(MIN_USABLE_RADIUS, 1),
+        "reach": Numbers(VIGNETTE_REACH, MAX_VIGNETTE_REACH),
+    },
     ErrorModel: {
         "constant shot read": UNIT,
         "registration_sigma_px radiance_sigma": Numbers(0, 100),
