@@ -107,6 +107,8 @@ def test_unsteady_light_is_accounted_for_and_its_remedy_asks_for_no_wider_exposu
     remedy = response_verdict_of_fit(unsteady, (1.0, 100.0), 0.0).remedy
     assert "steadier light with a fixed white balance" in remedy
     assert "different exposures" not in remedy
+    nearly_steady = replace(UNCERTAIN, errors=replace(FIT.errors, gain_variances=(1e-6,)))
+    assert "steadier light" not in response_verdict_of_fit(nearly_steady, (1.0, 100.0), 0.0).remedy
     light = EffectEstimate("unsteady light", 0.02, 0.001, corrected=True)
     (note,) = notes_of(replace(FIT, effect_estimates=(light,)))
     assert note.endswith("by 2% between the frames of a pair; this was accounted for")

@@ -174,3 +174,12 @@ def test_a_changing_aperture_gets_a_note(column: str) -> None:
     header = f"file,exposure_ms,{column}"
     assert any("f-number changes" in note for note in table(header, "a,1,2.8", "b,1,4").notes)
     assert table(header, "a,1,2.8", "b,1,2.8").notes == ()
+
+
+@pytest.mark.parametrize(
+    ("name", "doubtful"), [("gain", True), ("Analogue Gain", True), ("gain_db", False), ("gain_linear", False)]
+)
+def test_a_gain_without_a_unit_is_linear_and_a_note_says_what_else_it_may_be(name: str, doubtful: bool) -> None:
+    (note, *_) = parse_columns(f"file,exposure_ms,{name}\na,1,10\nb,2,20\n", "list.csv").notes
+    assert "multiplied by the gain" in note
+    assert ("add --gain-unit db if it is in decibels" in note) == doubtful

@@ -183,7 +183,8 @@ def _moves_in_one_direction(fit: Fit) -> bool:
 
 def _is_unsteady(fit: Fit) -> bool:
     """Return whether unsteady light prevents the response, and with it the vignette, from being known."""
-    return bool(fit.errors.gain_variances) and fit.log_ratio_error_bound > IDENTIFIABLE_ERROR
+    between_frames = float(np.sqrt(2 * sum(fit.errors.gain_variances)))
+    return between_frames > IDENTIFIABLE_ERROR and fit.log_ratio_error_bound > IDENTIFIABLE_ERROR
 
 
 def _clearer_view(fit: Fit) -> str:

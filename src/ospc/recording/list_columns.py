@@ -159,6 +159,12 @@ def gain_unit_named(name: str) -> GainUnit | None:
     return None if match["own"] else _GAIN_UNITS.get(match["unit"], GainUnit.LINEAR)
 
 
+def states_gain_unit(name: str) -> bool:
+    """Return whether the name of a gain states its unit; otherwise the gain is taken as linear."""
+    match = _GAIN.fullmatch(_joined(name))
+    return match is None or match["unit"] is not None
+
+
 def _is_iso(name: str) -> bool:
     return bool(_among([_word_and_unit(name)], [word for words in _ISO_WORDS for word in words]))
 
