@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -11,6 +12,7 @@ from filmed import LARGE, Film, found, observed, wandering
 from ospc.calibrator import calibrate
 from ospc.evaluation.metrics import log_ratio_error
 from ospc.exposures.findings import assess_exposures
+from ospc.photometry.coverage import ExposureRatios
 from ospc.photometry.response import Response
 from ospc.recording import ArrayRecording
 from ospc.settings import DefaultSettings
@@ -38,6 +40,28 @@ def test_they_are_ignored_and_named(factors: dict[int, float], lag: int) -> None
     assert (told.corrected_frames, told.warnings, told.verdict.state) == (lag, (), "identifiable")
     # What the exposures were instead is only interpolated.
     assert told.brightness.unexplained_share < 0.1
+
+
+@pytest.mark.parametrize("factor", [1000.0, 1e-3, 10.0])
+@pytest.mark.parametrize("lag", [0, 2])
+@pytest.mark.parametrize("missing", [range(0), range(39, 42), range(42, 60)])
+def test_another_unit_from_some_frame_on_is_a_jump_and_no_lag(factor: float, lag: int, missing: range) -> None:
+    film = replace(GOOD, lag=lag)
+    history, log_exposure = observed(film)
+    other_unit = log_exposure + np.where(np.arange(FRAMES) < 40, 0.0, np.log(factor))
+    told = assess_exposures([c for c in history.changes if c.frame0 not in missing], other_unit)
+    assert (told.lag_frames, told.corrected_frames) == (lag, lag)
+    doubted = told.doubted_for_jumps(ExposureRatios.none())
+    assert doubted.verdict.state == "marginal"
+    assert re.search(r"jumps by a factor of [\d.]+ at frame (39|40|41|42)", doubted.verdict.reason)
+
+
+@pytest.mark.parametrize("lag", [0, 3])
+def test_a_real_step_of_the_exposure_is_none(lag: int) -> None:
+    film = Film(0.3 * wandering(FRAMES) + np.where(np.arange(FRAMES) < 40, -0.9, 0.9), lag=lag)
+    told = found(film)
+    assert told.corrected_frames == lag
+    assert told.doubted_for_jumps(ExposureRatios.none()) == told
 
 
 @pytest.mark.parametrize("ratio", [2.0, 4.0])

@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ospc.arrays import FloatArray
+from ospc.arrays import FloatArray, IntArray
 from ospc.errors import counted
 from ospc.exposures.brightness import BrightnessChange
-from ospc.exposures.brightness_report import BrightnessReport, brightness_report, largest_jump_of_pairs
+from ospc.exposures.brightness_report import BrightnessReport, Jump, brightness_report, largest_jump_of_pairs
 from ospc.exposures.brightness_series import BrightnessSeries
 from ospc.exposures.lag import estimate_lag, explained_by_inverse
 from ospc.exposures.lag_choice import LagChoice, lag_in_words, leaves_frames
@@ -18,7 +18,7 @@ from ospc.exposures.lag_selection import LagEstimate
 from ospc.exposures.table import ExposureReport, filled, without
 from ospc.exposures.tone_mapping import NO_LOCAL_TONE, LocalTone, local_tone
 from ospc.exposures.verdicts import CHANGE_IRREGULARLY, either, verdict_on, verdict_on_lag
-from ospc.exposures.wrong_exposures import in_words, wrong_exposures
+from ospc.exposures.wrong_exposures import away_from, in_words, unshown_steps, wrong_exposures
 from ospc.photometry.coverage import ExposureRatios
 from ospc.photometry.verdict import LATE_EXPOSURES, EffectEstimate, State, Verdict
 from ospc.settings.brightness import (
@@ -246,9 +246,20 @@ def assess_exposures(
         return _assess_choice(series, filled(log_exposure[first_frame:]), choice).renumbered(first_frame)
     wrong = tuple((wrong_exposures(series, filled(log_exposure[first_frame:])) + first_frame).tolist())
     known = filled(without(log_exposure, wrong))
-    found = _assess_choice(series, known[first_frame:], choice).renumbered(first_frame)
+    steps = unshown_steps(series, known[first_frame:])
+    found = _assess_choice(away_from(steps, series), known[first_frame:], choice)
+    found = _with_jumps(found, steps, known[first_frame:]).renumbered(first_frame)
     found = _with_local_tone(found, changes, known)
     return replace(found, wrong=wrong)
+
+
+def _with_jumps(found: ExposureFindings, steps: IntArray, log_exposure: FloatArray) -> ExposureFindings:
+    """Return the findings with steps of the exposures, after these frames, that the images do not show."""
+    if found.brightness is None or not len(steps):
+        return found
+    unshown = (Jump(at + 1, float(log_exposure[at] - log_exposure[at + 1]), at + 1) for at in steps.tolist())
+    jumps = tuple(sorted((*found.brightness.jumps, *unshown), key=lambda jump: jump.frame))
+    return replace(found, brightness=replace(found.brightness, jumps=jumps))
 
 
 def _assess_choice(series: BrightnessSeries, written: FloatArray, choice: LagChoice) -> ExposureFindings:

@@ -12,6 +12,7 @@ from ospc.exposures.brightness_series import BrightnessSeries
 from ospc.settings.exposures import (
     MAX_WRONG_SHARE,
     MIN_SHOWN_SHARE,
+    MIN_UNIT_STEP_LOG,
     MIN_WRONG_LOG,
 )
 from ospc.settings.lag import MAX_LAG
@@ -44,6 +45,33 @@ def wrong_exposures(series: BrightnessSeries, log_exposure: FloatArray) -> IntAr
     shown = np.array([part.max() for part in near])
     wrong = np.isfinite(seen[suspects]) & (shown < MIN_SHOWN_SHARE * recorded[suspects])
     return suspects[wrong] + 1
+
+
+def unshown_steps(series: BrightnessSeries, log_exposure: FloatArray) -> IntArray:
+    """Return after which frames the exposures change by a factor that no frame near them shows, in order.
+
+    The unit of the exposures probably changes there. The arguments are those of :func:`wrong_exposures`; there are
+    none if such steps are frequent, or no frame near them was compared with the next.
+    """
+    step = np.abs(np.diff(log_exposure))
+    suspects = np.flatnonzero(step > MIN_UNIT_STEP_LOG)
+    if not len(suspects) or len(suspects) > MAX_WRONG_SHARE * len(series):
+        return np.empty(0, np.int64)
+    change = np.full(len(step), np.nan)
+    change[series.frame] = np.abs(series.means[0])
+    compared = np.isfinite(change)
+    unshown = []
+    for place in suspects:
+        near = slice(max(0, place - MAX_LAG), place + MAX_LAG + 1)
+        shown = change[near].max(initial=0.0, where=compared[near])
+        unshown.append(bool(compared[near].any() and shown < MIN_SHOWN_SHARE * step[place]))
+    return suspects[unshown]
+
+
+def away_from(steps: IntArray, series: BrightnessSeries) -> BrightnessSeries:
+    """Return the pairs of frames to which no lag moves any of the steps after these frames."""
+    distance = np.abs(series.frame[:, None] - steps)
+    return series.where(distance.min(axis=1, initial=MAX_LAG + 1) > MAX_LAG) if len(steps) else series
 
 
 def _peak(step: FloatArray) -> FloatArray:

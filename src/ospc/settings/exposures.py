@@ -112,5 +112,9 @@ MIN_WRONG_LOG, MIN_SHOWN_SHARE = 0.5, 0.1
 """Least ln by which an exposure that may be wrong differs from those before and after it, and share of it by which
 grey levels would follow at least: those of logarithmic cameras change by a sixth of ln exposure."""
 
+MIN_UNIT_STEP_LOG = 1.5
+"""Least step of ln exposure that no image near it shows and that is left out when the lag is searched for: with any
+lag that moves it to frames that were not compared, the other exposures would seem to fit better."""
+
 MAX_WRONG_SHARE = 0.05
 """Largest number of such exposures relative to the compared pairs of frames. If there are more, all are doubtful."""
