@@ -246,6 +246,15 @@ def test_a_large_jump_that_the_exposures_do_not_explain_is_doubted(factor: float
     assert not told.warnings  # response and vignette are found from all other changes
 
 
+@pytest.mark.parametrize("lag", [-3, 0, 2])
+def test_a_jump_is_stated_at_its_frame_in_a_later_epoch_and_with_a_lag(lag: int) -> None:
+    film = Film(wandering(FRAMES), hidden_log_gain=np.where(np.arange(FRAMES) < 30, 0.0, np.log(1.5)), lag=lag)
+    told = found(film)
+    assert told.corrected_frames == lag
+    assert "at frame 30" in told.doubted_for_jumps(NO_RATIOS).verdict.reason
+    assert "at frame 130" in told.renumbered(100).doubted_for_jumps(NO_RATIOS).verdict.reason
+
+
 def ratios_across(jump: float, samples: int, at: int = 250) -> ExposureRatios:
     """Return exposure ratios of pairs of frames up to 20 apart, with exposures that jump in ln at a frame."""
     random = np.random.default_rng(5)

@@ -39,20 +39,21 @@ from ospc.settings.exposures import MAX_UNEXPLAINED_SHARE
 
 @dataclass(frozen=True)
 class Jump:
-    """A lasting jump in ln brightness of the same scene points, somewhere from ``first`` to ``frame``.
+    """A lasting jump in ln brightness of the same scene points.
 
-    ``frame`` is the first frame that certainly shows it, and ``first`` the first that may.
+    ``frame`` is the first frame that certainly shows it; it lies between this frame and the one ``span_frames``
+    before.
     """
 
     frame: int
     log_change: float
-    first: int
+    span_frames: int = 1
 
     @property
     def in_words(self) -> str:
         """The jump as the end of a sentence."""
-        alone = self.first == self.frame
-        where = f"at frame {self.frame}" if alone else f"between frames {self.first - 1} and {self.frame}"
+        before = self.frame - self.span_frames
+        where = f"at frame {self.frame}" if self.span_frames == 1 else f"between frames {before} and {self.frame}"
         factor = float(np.exp(self.log_change))
         moderate = abs(self.log_change) < MODERATE_JUMP_LOG
         change = f"{factor - 1:+.0%}" if moderate else f"a factor of {plain(factor, 2)}"
@@ -154,7 +155,7 @@ def _jumps(frame: IntArray, unexplained: FloatArray) -> tuple[Jump, ...]:
     lasting = [int(at) for at in large if _lasts(frame, unexplained, int(at))]
     if len(lasting) > MAX_JUMPS_SHARE * len(unexplained):
         return ()
-    return tuple(Jump(int(frame[at]) + 1, float(unexplained[at]), int(frame[at]) + 1) for at in lasting)
+    return tuple(Jump(int(frame[at]) + 1, float(unexplained[at])) for at in lasting)
 
 
 def largest_jump_of_pairs(ratios: ExposureRatios) -> Jump | None:
@@ -176,7 +177,7 @@ def largest_jump_of_pairs(ratios: ExposureRatios) -> Jump | None:
         same_sign = (change[pair] > 0) == (change[largest] > 0)
         if same_sign and max(first, before) < min(second, after):  # it may show the same jump
             before, after = max(first, before), min(second, after)
-    return Jump(int(after), float(change[largest]), int(before) + 1)
+    return Jump(int(after), float(change[largest]), int(after - before))
 
 
 def _lasts(frame: IntArray, unexplained: FloatArray, at: int) -> bool:

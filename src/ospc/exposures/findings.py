@@ -257,7 +257,7 @@ def _with_jumps(found: ExposureFindings, steps: IntArray, log_exposure: FloatArr
     """Return the findings with steps of the exposures, after these frames, that the images do not show."""
     if found.brightness is None or not len(steps):
         return found
-    unshown = (Jump(at + 1, float(log_exposure[at] - log_exposure[at + 1]), at + 1) for at in steps.tolist())
+    unshown = (Jump(at + 1, float(log_exposure[at] - log_exposure[at + 1])) for at in steps.tolist())
     jumps = tuple(sorted((*found.brightness.jumps, *unshown), key=lambda jump: jump.frame))
     return replace(found, brightness=replace(found.brightness, jumps=jumps))
 
@@ -313,8 +313,8 @@ def _assess_shifted(series: BrightnessSeries, written: FloatArray, lag: int) -> 
     """Assess the exposures shifted by a lag; the estimated lag refers to the exposures as recorded."""
     first, last = max(0, -lag), len(written) - max(0, lag)
     inside = series.with_exposures(len(written), 0, lag).renumbered(-first)
-    found = _assess(inside, written[first + lag : last + lag], lag)
-    return replace(found, lag=replace(found.lag.plus(lag), frame=found.lag.frame + first))
+    found = _assess(inside, written[first + lag : last + lag], lag).renumbered(first)
+    return replace(found, lag=found.lag.plus(lag))
 
 
 def _assess(series: BrightnessSeries, written: FloatArray, moved: int = 0) -> ExposureFindings:
