@@ -40,9 +40,7 @@ def wrong_exposures(series: BrightnessSeries, log_exposure: FloatArray) -> IntAr
     change = np.full(len(step), np.nan)
     change[series.frame] = series.means[0]
     seen = _peak(change)
-    # With a lag, another frame would show the exposure.
-    near = [np.nan_to_num(seen[max(0, place - MAX_LAG) : place + MAX_LAG + 1]) for place in suspects]
-    shown = np.array([part.max() for part in near])
+    shown = _largest_near(np.nan_to_num(seen), suspects)
     wrong = np.isfinite(seen[suspects]) & (shown < MIN_SHOWN_SHARE * recorded[suspects])
     return suspects[wrong] + 1
 
@@ -57,15 +55,15 @@ def unshown_steps(series: BrightnessSeries, log_exposure: FloatArray) -> IntArra
     suspects = np.flatnonzero(step > MIN_UNIT_STEP_LOG)
     if not len(suspects) or len(suspects) > MAX_WRONG_SHARE * len(series):
         return np.empty(0, np.int64)
-    change = np.full(len(step), np.nan)
-    change[series.frame] = np.abs(series.means[0])
-    compared = np.isfinite(change)
-    unshown = []
-    for place in suspects:
-        near = slice(max(0, place - MAX_LAG), place + MAX_LAG + 1)
-        shown = change[near].max(initial=0.0, where=compared[near])
-        unshown.append(bool(compared[near].any() and shown < MIN_SHOWN_SHARE * step[place]))
-    return suspects[unshown]
+    change, compared = np.zeros(len(step)), np.zeros(len(step))
+    change[series.frame], compared[series.frame] = np.abs(series.means[0]), 1
+    shown = _largest_near(change, suspects)
+    return suspects[(_largest_near(compared, suspects) > 0) & (shown < MIN_SHOWN_SHARE * step[suspects])]
+
+
+def _largest_near(values: FloatArray, places: IntArray) -> FloatArray:
+    """Return the largest value near each place: with a lag, another frame would show the exposure there."""
+    return np.array([values[max(0, place - MAX_LAG) : place + MAX_LAG + 1].max() for place in places])
 
 
 def away_from(steps: IntArray, series: BrightnessSeries) -> BrightnessSeries:
