@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
 
 from ospc.arrays import FloatArray, ImageSize, numbers_of
-from ospc.errors import ExposureError, NotObservableError, SettingError, counted
+from ospc.errors import ExposureError, FormatError, NotObservableError, SettingError, counted
 from ospc.estimation.effect_choice import fit_with_chosen_effects
 from ospc.estimation.fit import Fit
 from ospc.estimation.fitted import Fitted
@@ -20,7 +21,8 @@ from ospc.methods.planned_fit import plan_of_moving_camera, plan_of_stationary_c
 from ospc.methods.result import calibration_of
 from ospc.observations import ExposedObservations, Observations
 from ospc.photometry.calibration import Calibration
-from ospc.photometry.geometry import MOST_PIXELS
+from ospc.photometry.coverage import ExposureRatios
+from ospc.photometry.geometry import image_size
 from ospc.photometry.grey_range import checked_max_grey
 from ospc.photometry.noise import NoiseModel
 from ospc.settings import DefaultSettings, Settings, as_dict, preset
@@ -82,7 +84,10 @@ def fit(
     >>> found = ospc.fit(pairs, exposures_ms)  # doctest: +SKIP
     >>> response, vignette = found.response(), found.vignette((640, 480))  # doctest: +SKIP
     """
-    return _fitted(observations, exposures_ms, noise, vignette, _known(settings)).fit
+    known, exposures = _known(settings), _exposures(observations, exposures_ms, noise)
+    found = _fitted(observations.with_exposures(exposures), noise, vignette, known)
+    _check_explained(exposure_ratios(found.fit, found.observations), observations, exposures)
+    return found.fit
 
 
 def calibrate_observations(
@@ -117,11 +122,12 @@ def calibrate_observations(
     SettingError, NotObservableError, ExposureError
         As for :func:`fit`.
     """
-    known = _known(settings)
+    known, shape = _known(settings), _checked_size(size)
     largest = checked_max_grey(max_grey, "the images", SettingError)
-    found = _fitted(observations, exposures_ms, noise, vignette, known)
+    exposures = _exposures(observations, exposures_ms, noise)
+    found = _fitted(observations.with_exposures(exposures), noise, vignette, known)
     inputs = FitInputs(
-        size=_checked_size(size),
+        size=shape,
         max_grey=largest,
         noise=NoiseModel(0.0, 0.0) if noise is None else noise,
         observations=found.observations,
@@ -129,6 +135,7 @@ def calibrate_observations(
         standing_still=not vignette,
         pairs=len(np.unique(found.observations.group)),
     )
+    _check_explained(inputs.ratios, observations, exposures)
     calibration = calibration_of(inputs, known)
     return replace(calibration, noise=noise, settings=as_dict(known), versions=versions())
 
@@ -136,10 +143,10 @@ def calibrate_observations(
 def _checked_size(size: ImageSize) -> ImageSize:
     """Return the size of images as two whole numbers; SettingError if it is no possible size."""
     values = numbers_of(size)
-    possible = values is not None and values.shape == (2,) and np.all(values >= 1) and np.all(values % 1 == 0)
-    if values is None or not possible or values.prod() > MOST_PIXELS:
-        raise SettingError(f"size is {size!r}; give width and height of the images in pixels, such as (640, 480)")
-    return int(values[0]), int(values[1])
+    if values is not None and values.shape == (2,) and np.all(values % 1 == 0):
+        with suppress(FormatError):
+            return image_size(*values.tolist())
+    raise SettingError(f"size is {size!r}; give width and height of the images in pixels, such as (640, 480)")
 
 
 def _known(settings: Settings | str) -> DefaultSettings:
@@ -152,36 +159,38 @@ def _known(settings: Settings | str) -> DefaultSettings:
     return known
 
 
-def _fitted(
-    observations: Observations,
-    exposures_ms: npt.ArrayLike,
-    noise: NoiseModel | None,
-    vignette: bool,
-    settings: DefaultSettings,
-) -> Fitted:
-    """Fit the checked observations; errors as for :func:`fit`."""
+def _exposures(observations: Observations, exposures_ms: npt.ArrayLike, noise: NoiseModel | None) -> ExposureTable:
+    """Return the exposures as a table, after checking everything given; errors as for :func:`fit`."""
     if not isinstance(observations, Observations) or not isinstance(noise, NoiseModel | None):
         given = f"{type(observations).__name__} and {type(noise).__name__}"
         raise SettingError(
             f"observations and noise must be of types Observations and NoiseModel or None, not {given}"
         )
     observations.check()
-    log_exposure = _log_exposure(exposures_ms, observations)
-    exposed = observations.with_exposures(ExposureTable.of(log_exposure))
-    _check_observable(exposed, settings, vignette)
+    return ExposureTable.of(_log_exposure(exposures_ms, observations))
+
+
+def _fitted(
+    observations: ExposedObservations, noise: NoiseModel | None, vignette: bool, settings: DefaultSettings
+) -> Fitted:
+    """Fit the observations; NotObservableError as for :func:`fit`."""
+    _check_observable(observations, settings, vignette)
     if vignette:
-        reach = float(np.clip(np.linalg.norm(exposed.position, axis=1).max(), MIN_USABLE_RADIUS, 1.0))
+        reach = float(np.clip(np.linalg.norm(observations.position, axis=1).max(), MIN_USABLE_RADIUS, 1.0))
         plan = plan_of_moving_camera(settings, noise, reach)
     else:
         plan = plan_of_stationary_camera(settings, noise)
-    found = fit_with_chosen_effects(exposed, plan)
-    unexplained = unexplained_share(exposure_ratios(found.fit, found.observations))
+    return fit_with_chosen_effects(observations, plan)
+
+
+def _check_explained(ratios: ExposureRatios, observations: Observations, exposures: ExposureTable) -> None:
+    """Raise an ExposureError if the grey levels do not follow the exposures, given the ratios of a fit."""
+    unexplained = unexplained_share(ratios)
     if unexplained > CONTRADICTING_UNEXPLAINED_SHARE:
         raise ExposureError(
             f"{min(unexplained, 1):.0%} of a typical change of exposure does not show in the grey levels",
-            _remedy(observations, ExposureTable.of(log_exposure)),
+            _remedy(observations, exposures),
         )
-    return found
 
 
 def _remedy(observations: Observations, exposures: ExposureTable) -> str:
