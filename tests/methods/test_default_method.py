@@ -19,7 +19,7 @@ from ospc.photometry.calibration import PROFILE_RADII, Calibration
 from ospc.photometry.vignette import radial_profile
 from ospc.recording import Frame
 from ospc.settings import DefaultSettings
-from ospc.settings.fit import UNSEEN_RESPONSE
+from ospc.settings.fit import UNSEEN_RESPONSE_CHANGE
 from ospc.simulation import SimulationSettings
 from ospc.simulation import frames as simulated_frames
 
@@ -78,9 +78,13 @@ def test_bands_widen_above_the_highest_measured_grey_level(result):
     levels = np.linspace(0, 1, len(response.log_sigma))
     beyond = levels - response.support[1]
     assert beyond[-1] > 0.01
-    assert np.all(response.log_sigma[beyond > 0] >= UNSEEN_RESPONSE * beyond[beyond > 0])
-    assert response.log_sigma[beyond <= 0][-1] < UNSEEN_RESPONSE * beyond[-1]
-    assert response.scale_sigma > UNSEEN_RESPONSE * beyond[-1]
+    inside = (beyond > -0.05) & (beyond <= 0)
+    slope = np.polyfit(levels[inside], np.log(response.inverse_table[inside]), 1)[0]
+    # The slope is taken at the highest measured level, not over the twentieth below.
+    least = 0.9 * UNSEEN_RESPONSE_CHANGE * slope * beyond
+    assert np.all(response.log_sigma[beyond > 0] >= least[beyond > 0])
+    assert response.log_sigma[beyond <= 0][-1] < least[-1]
+    assert response.scale_sigma > least[-1]
 
 
 def test_exposures_are_predicted(result):

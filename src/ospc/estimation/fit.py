@@ -32,7 +32,7 @@ from ospc.settings.fit import (
     RATIO_LOG_GREY_SPREAD,
     RATIO_PARTNERS,
     SUPPORT_QUANTILES,
-    UNSEEN_RESPONSE,
+    UNSEEN_RESPONSE_CHANGE,
 )
 from ospc.settings.residuals import MAX_UNSTEADY_UNRESOLVED
 
@@ -185,10 +185,11 @@ class Fit(Model):
         }
         if not grey_range.is_full:
             model["grey_range"] = [grey_range.black, grey_range.white]
+        scale_sigma = np.hypot(self.log_response_step_sigma(1.0, reference), self._unseen_sigma(1.0, highest))
         return Response.from_values(
             table,
-            log_sigma=np.hypot(self.log_response_sigma(grey, reference), _unseen_sigma(grey, highest)),
-            scale_sigma=float(np.hypot(self.log_response_step_sigma(1.0, reference), _unseen_sigma(1.0, highest))),
+            log_sigma=np.hypot(self.log_response_sigma(grey, reference), self._unseen_sigma(grey, highest)),
+            scale_sigma=float(scale_sigma),
             support=support,
             model=model,
             reference_grey=reference_grey,
@@ -228,6 +229,12 @@ class Fit(Model):
         """Return the standard deviation of ln g(high)/g(low)."""
         return float(self.log_response_sigma(np.array([high]), low)[0])
 
+    def _unseen_sigma(self, grey: npt.ArrayLike, highest: float) -> FloatArray:
+        """Return the standard deviation of ln g due to bends above the highest measured grey level, any shape."""
+        gamma = self.response_basis.gamma_of(self.response_parameters)
+        slope = np.interp(highest, self.response_basis.grid, gamma) / highest
+        return np.asarray(UNSEEN_RESPONSE_CHANGE * slope * np.maximum(np.asarray(grey) - highest, 0.0))
+
     @cached_property
     def log_ratio_error_bound(self) -> float:
         """Error of irradiance ratios that is not exceeded with a probability of 95 %.
@@ -252,11 +259,6 @@ class Fit(Model):
         covariance, chance = self.covariance[part, part], self.chance[part, part]
         parameters, radius = self.vignette_parameters, self.measured_radius
         return VignetteErrors(self.vignette_basis, parameters, covariance, chance, radius, size)
-
-
-def _unseen_sigma(grey: npt.ArrayLike, highest: float) -> FloatArray:
-    """Return the standard deviation of ln g due to bends above the highest measured grey level, any shape."""
-    return np.asarray(UNSEEN_RESPONSE * np.maximum(np.asarray(grey) - highest, 0.0))
 
 
 def measured_greys(observations: Observations) -> tuple[float, float]:

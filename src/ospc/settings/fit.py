@@ -132,11 +132,11 @@ R². If V falls by more than a third, the rate is more uncertain than by :data:`
 the corner was 4.0, 2.5 and 1.3 standard deviations without this, and is 1.7, 1.6 and 1.1 with it. Where V is at least
 0.35 at the corner, it has hardly any effect."""
 
-UNSEEN_RESPONSE = 1.0
-"""Standard deviation of ln g above the highest measured grey level, over the distance from it: some responses bend
-sharply next to white. The 201 measured responses were fitted up to grey levels of 0.8 to 0.99 and extrapolated to
-white: 81 to 87 per cent of the errors are within one standard deviation and 87 to 95 within two. Without it, it was
-32 to 71 and 62 to 87."""
+UNSEEN_RESPONSE_CHANGE = 0.5
+"""Standard deviation of the slope of ln g above the highest measured grey level, relative to the slope there: some
+responses bend sharply next to white. The 201 measured responses were extrapolated from nine grey levels of 0.4 to
+0.99: 67 to 86 per cent of the errors at white are within one standard deviation, 91 to 92 within two, and the largest
+is 7. With a standard deviation of 1 for all slopes, it was 59 to 77, 81 to 94, and 28."""
 
 UNSEEN_OBSERVATIONS = 30
 """Radii that fewer observations exceed count as not seen. Chosen by hand."""
