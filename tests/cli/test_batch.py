@@ -46,7 +46,7 @@ def test_a_folder_becomes_a_page_a_table_and_calibrations(folder, tmp_path):
     assert "2 of 2 recordings processed (0 of them before), 0 failed" in result.stdout
     assert "0 of 1 camera fully calibrated" in result.stdout
     assert result.stderr.startswith(
-        "incomplete: A: response is marginal: typical ratios of irradiance are known to within "
+        "incomplete: A: response is marginal: typical irradiance ratios are known to within "
     )
     assert "; vignette is not identifiable: scene points move radially" in result.stderr
     names = {place.name for place in (tmp_path / "out").iterdir()}

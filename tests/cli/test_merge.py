@@ -64,7 +64,7 @@ def test_another_lens_gives_a_warning_even_if_quiet(states, tmp_path):
     result = run(*states, "-o", tmp_path / "out", "--quiet")
     assert result.exit_code == 0
     assert result.stdout == ""
-    assert "warning: recording 3 differs from the others: V at radius" in result.stderr
+    assert "warning: recording 3 differs from the others: the vignette at radius" in result.stderr
     assert Calibration.load(tmp_path / "out").source["differing"][0]["name"] == "recording 3"
 
 

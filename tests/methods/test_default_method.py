@@ -56,8 +56,8 @@ def test_response_and_vignette_are_found(result, walk):
     assert log_ratio_error(result.response, walk.truth.response) < 0.01
     assert vignette_rmse(result.vignette, walk.truth.vignette) < 0.02
     assert {v.state for v in result.verdicts.values()} == {"identifiable"}
-    assert "exposures of" in result.verdicts["response"].reason
-    assert "ln V at the corner" in result.verdicts["vignette"].reason
+    assert "ratios of the exposures" in result.verdicts["response"].reason
+    assert "at the corner to ±" in result.verdicts["vignette"].reason
     assert result.advice == result.coverage.gaps(255)
 
 

@@ -54,7 +54,7 @@ def test_an_uncertain_corner_alone_leaves_a_vignette_marginal_if_the_corner_is_d
     sigma = fit.vignette_basis.jacobian(fit.vignette_parameters, np.array([[0.8, 0.6]]))[0, 13:16].sum()
     fit = replace(fit, covariance=fit.covariance + np.outer(last, last) * (0.3 / sigma) ** 2)
     verdict = vignette_verdict(DefaultSettings(), fit, 0.3, False, 0.0, size=INPUTS.size)
-    assert "±0.3," in verdict.reason
+    assert "±30% (1σ)," in verdict.reason
     assert verdict.state == state
 
 
@@ -155,16 +155,16 @@ def test_a_fit_to_exposures_that_the_images_contradict_states_no_effects():
 
 
 @pytest.mark.parametrize(
-    ("name", "causes", "unit"),
+    ("name", "causes", "quantity"),
     [
-        ("unsteady response", ("sun or lamps in or near the view", "haze", "fog"), "in the exponent"),
-        ("unsteady vignette", ("glossy", "a lamp on the camera"), "in ln V per half diagonal"),
-        ("black level by exposure", ("or the light changed",), "of the scale per factor e"),
-        ("uneven vignette", ("wipers", "reflections in a window"), "in ln V"),
+        ("unsteady response", ("sun or lamps in or near the view", "haze", "fog"), "exponent"),
+        ("unsteady vignette", ("glossy", "a lamp on the camera"), "change of ln vignette per half diagonal"),
+        ("black level by exposure", ("or the light changed",), "share of white per e-fold exposure"),
+        ("uneven vignette", ("wipers", "reflections in a window"), "deviation of ln vignette"),
     ],
 )
-def test_a_contradiction_names_its_causes_and_size(name, causes, unit):
+def test_a_contradiction_names_its_causes_and_size(name, causes, quantity):
     fit = replace(FIT, effect_estimates=(EffectEstimate(name, 0.1, 0.01, contradicts=True),))
     (warning,) = calibration_of(replace(INPUTS, fit=fit), DefaultSettings()).warnings
     assert all(cause in warning for cause in causes)
-    assert warning.endswith(f", by 0.1 ± 0.01 {unit}")
+    assert warning.endswith(f"({quantity}: 0.1 ± 0.01)")

@@ -164,7 +164,7 @@ def test_a_ninth_recording_of_another_lens_is_named_and_its_vignette_left_out(re
     (difference,) = found.agreement.differing.values()
     assert (difference.name, difference.parts) == ("recording 100", ("vignette",))
     assert "another lens" in difference.text
-    assert "V at radius 1.0 differs by +1" in difference.text
+    assert "the vignette at radius 1.0 differs by +1" in difference.text
     assert "recording 100 left out" in found.calibration.verdicts["vignette"].reason
     assert found.calibration.source["differing"][0]["name"] == "recording 100"
     np.testing.assert_allclose(found.calibration.vignette.image(), merged.calibration.vignette.image(), atol=1e-3)

@@ -111,7 +111,7 @@ def test_no_point_outside_the_mask_is_observed() -> None:
 
 
 def test_the_unit_of_estimated_exposures_is_arbitrary() -> None:
-    verdict = Verdict("not identifiable", "if the exposures of 0.6 to 1.1 ms are proportional to the light")
+    verdict = Verdict("not identifiable", "if the ratios of the exposures (0.6 to 1.1 ms) are right")
     reason = labelled(Calibration(SETTINGS.size, verdicts={"response": verdict})).verdicts["response"].reason
     assert reason == f"{verdict.reason} (exposures are estimated: their unit is arbitrary)"
 

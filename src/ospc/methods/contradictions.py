@@ -16,85 +16,85 @@ _VIGNETTE_STAYS = (
 _CONTRADICTIONS = {
     "local tone mapping": (
         "grey levels depend on the brightness around them, as with local tone mapping or flickering light",
-        "in the exponent",
+        "exponent",
         _SAME_FOR_ALL_PLACES,
     ),
     "curved exposures": (
         "the brightness of the images is not proportional to the exposures over their whole range",
-        "in ln per squared ln of the exposure",
+        "curvature of ln brightness over ln exposure",
         "check the unit of the exposures: they must be times (not logarithms or steps) multiplied by the linear "
         "gain; switch off digital gain and HDR",
     ),
     "drifting response": (
         "the response changes during the recording",
-        "in the exponent",
+        "exponent",
         "lock the picture profile, contrast and gamma of the camera",
     ),
     "drifting black level": (
         "the black level changes during the recording",
-        "of the scale",
+        "share of white",
         "let the camera warm up, and switch off automatic contrast",
     ),
     "black level by exposure": (
         "the black level differs between long and short exposures, or the light changed",
-        "of the scale per factor e",
+        "share of white per e-fold exposure",
         "lock the gain of the camera, let it control only the exposure time, and film in steady light without sun or "
         "lamps in or near the view",
     ),
     UNSTEADY_VIGNETTE: (
         "the vignette has a different position in each frame, as with stabilisation, glossy surfaces or a lamp on "
         "the camera",
-        "in ln V per half diagonal",
+        "change of ln vignette per half diagonal",
         "switch off electronic stabilisation and cropping of the camera, and avoid glossy floors and walls, and "
         "lamps that move with the camera",
     ),
     UNSTEADY_RESPONSE: (
         "the response differs from frame to frame (automatic contrast, sun or lamps in or near the view, haze, fog), "
         "or the frames show too little texture to be registered",
-        "in the exponent",
+        "exponent",
         "switch off automatic contrast and scene modes of the camera, keep sun and lamps out of the view, and film "
         "scenes with texture in clear air",
     ),
     UNSTEADY_RADIANCE: (
         "the brightness of the same points differs between frames by more than noise and exposure explain",
-        "in ln",
+        "deviation of ln brightness",
         _SAME_FOR_ALL_PLACES,
     ),
     UNEVEN: (
         "a region of the image is darker or brighter than a smooth vignette predicts (dirt, wipers, reflections in a "
         "window, parts of the sensor with another gain)",
-        "in ln V",
+        "deviation of ln vignette",
         "clean lens and sensor, avoid wipers and reflections from the dashboard or a window, and switch off shading "
         "correction",
     ),
     "drifting vignette": (
         "the vignette changes during the recording",
-        "in ln V at the corners",
+        "change of ln vignette at the corners",
         "lock zoom, focus and aperture, and switch off shading correction",
     ),
     "vignette by exposure": (
         "the vignette differs between long and short exposures, as with a leaf shutter or an automatic iris",
-        "in ln V at the corners per factor e",
+        "change of ln vignette at the corners per e-fold exposure",
         "lock the aperture, and use an electronic shutter",
     ),
     "square vignette": (
         "the corners of the image are darker or brighter than a round vignette predicts, as with shading correction "
         "on a coarse grid or a rectangular hood",
-        "in ln V",
+        "deviation of ln vignette",
         "switch off shading correction, and film without a lens hood or filters",
     ),
     "vignette moving sideways": (
         "the vignette moves sideways during the recording",
-        "in ln V per half diagonal",
+        "change of ln vignette per half diagonal",
         _VIGNETTE_STAYS,
     ),
     "vignette moving vertically": (
         "the vignette moves vertically during the recording",
-        "in ln V per half diagonal",
+        "change of ln vignette per half diagonal",
         _VIGNETTE_STAYS,
     ),
 }
-"""The description of each contradiction, the unit of its size, and its remedy."""
+"""The description of each contradiction, the quantity that its size is given in, and its remedy."""
 
 
 def contradictions_of(fit: Fit) -> Contradictions:
@@ -103,6 +103,6 @@ def contradictions_of(fit: Fit) -> Contradictions:
     found.sort(key=lambda estimate: -abs(estimate.value) / estimate.sigma)
     contradictions = []
     for one in found:
-        what, unit, remedy = _CONTRADICTIONS[one.name]
-        contradictions.append((f"{what}, by {one.value:.2g} ± {one.sigma:.1g} {unit}", remedy))
+        what, quantity, remedy = _CONTRADICTIONS[one.name]
+        contradictions.append((f"{what} ({quantity}: {one.value:.2g} ± {one.sigma:.1g})", remedy))
     return tuple(contradictions)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ospc.arrays import ImageSize
-from ospc.errors import counted
+from ospc.errors import counted, plain
 from ospc.estimation.effect_models import SCATTERED_LIGHT
 from ospc.estimation.fit import Fit
 from ospc.exposures.table import range_in_words
@@ -105,8 +105,8 @@ def response_verdict_of_fit(
     low, high = exposure_range_ms
     # If all exposures were raised to a power, so would g and V be, and no image would differ.
     figure = (
-        f"typical ratios of irradiance are known to within {100 * error:.2g}% ({CONFIDENCE:.0%} confidence), "
-        f"if the exposures of {range_in_words(low, high)} are proportional to the light"
+        f"typical irradiance ratios are known to within {plain(100 * error, 2)}% ({CONFIDENCE:.0%} confidence), "
+        f"if the ratios of the exposures ({range_in_words(low, high)}) are right"
     )
     missing = f"{min(unexplained, 1):.0%} of a typical change of exposure does not show in the images"
     if unexplained > CONTRADICTING_UNEXPLAINED_SHARE:
@@ -157,10 +157,10 @@ def vignette_verdict(
         return Verdict("not identifiable", "without a response there is no irradiance to compare", "")
     errors, radius = fit.vignette_errors(size), fit.vignette_basis.usable_radius
     error, sigma = errors.bound(radius), errors.worst_log_sigma(radius)
-    where = "at the corner" if radius >= 1 else f"at {radius:.2f} half diagonals, the image edge,"
+    where = "at the corner" if radius >= 1 else f"at the edge of the usable image ({radius:.2f} half diagonals)"
     figure = (
-        f"V is known to within {100 * error:.2g}% ({CONFIDENCE:.0%} confidence), and ln V {where} to ±{sigma:.2g}, "
-        f"from radial motion of {reach:.2f} half diagonals"
+        f"the vignette is known to within {plain(100 * error, 2)}% ({CONFIDENCE:.0%} confidence), {where} to "
+        f"±{plain(100 * sigma, 2)}% (1σ), from radial motion of {reach:.2f} half diagonals"
     )
     # The reason shows two decimals, so the remedy must not ask for what they already show.
     remedy = _MOVE_RADIALLY if round(reach, 2) < FAR_RADIAL_REACH else _SEE_MORE_MOVING

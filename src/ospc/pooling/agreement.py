@@ -192,9 +192,9 @@ def _described(  # noqa: PLR0917 (two recordings, and what is usual)
     for part in found:
         at = _PLACES[part].start + int(np.argmax(score[_PLACES[part]]))
         if part == "response":
-            what = f"g({COMPARED_GREYS[at]:.1f})/g({NORMALISING_GREY})"
+            what = f"the irradiance ratio of grey levels {COMPARED_GREYS[at]:.1f} and {NORMALISING_GREY}"
         else:
-            what = f"V at radius {np.linalg.norm(_places()[at - len(COMPARED_GREYS)]):.1f}"
+            what = f"the vignette at radius {np.linalg.norm(_places()[at - len(COMPARED_GREYS)]):.1f}"
         texts.append(f"{what} differs by {difference[at]:+.0%} from {whose} ({score[at]:.0f} standard deviations)")
     parts, meaning = tuple(found), _MEANING[tuple(found)]
     # Wrong exposures spoil both parts, even if only one of them differs significantly.
