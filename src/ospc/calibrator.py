@@ -242,7 +242,7 @@ def calibrate(
     RecordingError
         If the recording cannot be opened.
     SettingError
-        If ``correct_lag`` is invalid, or not smaller than the number of frames.
+        If there is no such preset, or ``correct_lag`` is invalid or not smaller than the number of frames.
     OspcError
         If no frame can be used.
     """

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -139,3 +140,9 @@ def test_grey_values_in_place_of_grey_levels_are_refused(grey):
         Response.gamma(2.2).inverse(grey)
     assert Response.gamma(2.2).inverse([0, 1]).tolist() == [0, 1]
     assert Response.gamma(2.2).inverse([]).size == 0
+
+
+@pytest.mark.parametrize("exponent", [0, -1, math.inf, math.nan, "steep"])
+def test_an_exponent_must_be_a_positive_number(exponent):
+    with pytest.raises(SettingError, match="give a positive number"):
+        Response.gamma(exponent)

@@ -37,12 +37,15 @@ class Coverage(NamedTuple):
 
 
 def response_rmse(estimate: Response, truth: Response) -> float:
-    """Return the root mean square of g − G over the 256 grey levels."""
+    """Return the root mean square of g − G over the 256 grey levels.
+
+    g is the inverse response of the estimate and G that of the truth, both from 0 to 1.
+    """
     return _rms(estimate.resampled(METRIC_GREYS) - truth.resampled(METRIC_GREYS))
 
 
 def response_shape_rmse(estimate: Response, truth: Response, low: int = 5, high: int = 250) -> float:
-    """Return the root mean square of s·g − G over greys low…high, with the scale s that minimises it.
+    """Return the root mean square of s·g − G over the grey values low to high of 255, with the best scale s.
 
     The scale of a response is not observable, and the brightest grey levels, which fix it by convention, are rarely
     measured.
@@ -53,10 +56,10 @@ def response_shape_rmse(estimate: Response, truth: Response, low: int = 5, high:
 
 
 def log_ratio_error(estimate: Response, truth: Response, seed: int = 0) -> float:
-    """Return κ, the median over random pairs of grey values of |ln g(a)/g(b) − ln G(a)/G(b)|.
+    """Return κ, the median over random pairs of grey values a and b of |ln g(a)/g(b) − ln G(a)/G(b)|.
 
-    There are 20 000 pairs: a is uniform in 15…245, and b = a·exp(N(0, 0.3)) is clipped to the same range. Direct
-    methods compare such pairs.
+    g is the inverse response of the estimate and G that of the truth. There are 20 000 pairs: a is uniform from 15 to
+    245, and b = a·exp(N(0, 0.3)) is clipped to the same range. Direct methods compare such pairs.
     """
     random = np.random.default_rng(seed)
     a = random.uniform(RATIO_DARKEST_GREY, RATIO_BRIGHTEST_GREY, RANDOM_PAIRS)
@@ -85,7 +88,10 @@ def vignette_rmse(estimate: Vignette, truth: Vignette, reach: float = 1.0) -> fl
 def vignette_pixel_rmse(estimate: Vignette, truth: Vignette) -> float:
     """Return the root mean square difference over all pixels, each vignette divided by its mean at the centre.
 
-    FormatError if their sizes differ.
+    Raises
+    ------
+    FormatError
+        If their sizes differ.
     """
     if estimate.size != truth.size:
         raise FormatError(
@@ -102,7 +108,15 @@ def vignette_pixel_rmse(estimate: Vignette, truth: Vignette) -> float:
 def exposure_ratio_error(k_estimated: npt.ArrayLike, k_metadata: npt.ArrayLike) -> RatioError:
     """Return the errors of estimated exposure ratios against the metadata, for pairs that were not used in the fit.
 
-    ExposureError if there are no ratios, their numbers differ, or a ratio is not positive.
+    Parameters
+    ----------
+    k_estimated, k_metadata
+        Exposure ratio of each pair, shape (pairs,) each.
+
+    Raises
+    ------
+    ExposureError
+        If there are no ratios, their numbers differ, or a ratio is not positive.
     """
     ratios = np.asarray(k_estimated, dtype=np.float64), np.asarray(k_metadata, dtype=np.float64)
     if ratios[0].shape != ratios[1].shape or ratios[0].size == 0:
@@ -118,8 +132,16 @@ def coverage(estimate: npt.ArrayLike, sigma: npt.ArrayLike, truth: npt.ArrayLike
     """Return the share of curve points within ±1σ and ±2σ of the truth: 0.683 and 0.954 if σ is right.
 
     Points without error and with σ = 0 do not count, such as the ends of a response, which are fixed by convention.
-    The shapes of curves, standard deviations and true curves broadcast, such as (recordings, points). FormatError if
-    a standard deviation is negative, a value is not finite, or no point counts.
+
+    Parameters
+    ----------
+    estimate, sigma, truth
+        Curves, standard deviations and true curves; their shapes broadcast, such as (recordings, points).
+
+    Raises
+    ------
+    FormatError
+        If a standard deviation is negative, a value is not finite, or no point counts.
     """
     e, s, t = np.broadcast_arrays(*(np.asarray(array, dtype=np.float64) for array in (estimate, sigma, truth)))
     if not all(np.all(np.isfinite(array)) for array in (e, s, t)) or np.any(s < 0):

@@ -49,7 +49,8 @@ class LiveCalibrator(AbstractContextManager["LiveCalibrator"]):
     correct_lag
         What to do about a lag of the exposures, as for :func:`~ospc.calibrator.calibrate`.
     goal
-        Root mean square standard deviation of g and V at which the advice says that the capture is done.
+        Standard deviation of the inverse response and of the vignette, as a root mean square over grey levels and
+        radii, at which the advice says that the capture is done.
     source
         Identification of the recording that is replayed; empty for a camera.
 
@@ -103,8 +104,12 @@ class LiveCalibrator(AbstractContextManager["LiveCalibrator"]):
     def push(self, frame: Frame) -> bool:
         """Accept the next frame without waiting for its processing, and return whether its image was kept.
 
-        Images in memory are copied if they may be processed, because a driver may reuse its buffer. FrameError if it
-        is not a frame.
+        Images in memory are copied if they may be processed, because a driver may reuse its buffer.
+
+        Raises
+        ------
+        FrameError
+            If ``frame`` is not a :class:`~ospc.recording.frame.Frame`.
         """
         with self._running():
             check_is_frame(frame, self._frames)
@@ -139,7 +144,10 @@ class LiveCalibrator(AbstractContextManager["LiveCalibrator"]):
     def calibration(self) -> Calibration:
         """Wait for and return the calibration from all frames pushed before this call.
 
-        OspcError if no frame could be used.
+        Raises
+        ------
+        OspcError
+            If no frame could be used.
         """
         answer: Future[Calibration] = Future()
         with self._running():
@@ -170,7 +178,13 @@ class LiveCalibrator(AbstractContextManager["LiveCalibrator"]):
         return self._engine.first_reasons
 
     def save_state(self, path: str | Path) -> Path:
-        """Write the state to a file, like ``OnlineCalibrator.save_state`` with its summary."""
+        """Write the state, including the summary that ``ospc merge`` needs, to a file, and return its path.
+
+        Raises
+        ------
+        FormatError
+            If the file cannot be written.
+        """
         self._check_process()
         return self._engine.save_state(path, complete=True)
 

@@ -177,25 +177,48 @@ class Calibration(ByValue):
         max_grey: int | None = None,
         assume_missing: bool = False,
     ) -> npt.NDArray[Any]:
-        """Return the irradiance e·L = g(M)/V(x) of an image, or the radiance L if its exposure is given.
+        """Return the irradiance of every pixel, corrected for the vignette, or the radiance if the exposure is given.
 
-        Apply it before any undistortion or scaling. Parameters and errors are those of
-        :meth:`Corrector.correct <ospc.photometry.correction.Corrector.correct>`. ``max_grey`` is the largest grey
-        value of the image, if it differs from the calibration. With ``assume_missing``, an unknown response or
-        vignette is replaced by the identity instead of raising an error.
+        The irradiance is e·L = g(M)/V(x), with exposure e, radiance L, grey level M, inverse response g and vignette
+        V. Apply it before any undistortion or scaling.
+
+        Parameters
+        ----------
+        image, exposure_ms, dtype, white, mark_saturated
+            As for :meth:`Corrector.correct <ospc.photometry.correction.Corrector.correct>`.
+        max_grey
+            Largest grey value of the image; None for that of the calibration.
+        assume_missing
+            Whether to replace an unknown response or vignette by the identity instead of raising an error.
+
+        Raises
+        ------
+        NotObservableError, SettingError, FrameError, ExposureError
+            As for :meth:`Corrector.correct <ospc.photometry.correction.Corrector.correct>`.
         """
         corrector = self._corrector(max_grey, assume_missing)
         return corrector.correct(image, exposure_ms, dtype=dtype, white=white, mark_saturated=mark_saturated)
 
     def saturated(self, image: Image, *, max_grey: int | None = None) -> BoolArray:
-        """Return which pixels have the largest grey value, which is only a lower bound of their irradiance."""
+        """Return which pixels are saturated, so that their grey value is only a lower bound of their irradiance.
+
+        ``image`` and ``max_grey`` are as for :meth:`correct`. The result has the shape of the image.
+
+        Raises
+        ------
+        FrameError
+            If the type or the bit depth of the image is wrong.
+        SettingError
+            If ``max_grey`` is not a grey value.
+        """
         return self._corrector(max_grey, assume_missing=True).saturated(image)
 
     def warp_exposure(self, image: Image, from_ms: float, to_ms: float, *, max_grey: int | None = None) -> Image:
         """Return the image the camera would have recorded of the same scene at another exposure.
 
-        See :meth:`Corrector.warp_exposure <ospc.photometry.correction.Corrector.warp_exposure>` for details and
-        errors.
+        ``from_ms`` and ``to_ms`` are its exposure and the new one, in milliseconds times linear gain; ``image`` and
+        ``max_grey`` are as for :meth:`correct`. The result has the shape and type of the image. Details and errors
+        are those of :meth:`Corrector.warp_exposure <ospc.photometry.correction.Corrector.warp_exposure>`.
         """
         return self._corrector(max_grey, assume_missing=False).warp_exposure(image, from_ms, to_ms)
 
@@ -269,7 +292,13 @@ class Calibration(ByValue):
 
     @classmethod
     def from_dict(cls, content: dict[str, Any]) -> Calibration:
-        """Return a calibration from the values of :meth:`as_dict`."""
+        """Return a calibration from the values of :meth:`as_dict`.
+
+        Raises
+        ------
+        FormatError
+            If a value is impossible.
+        """
         from ospc.photometry.calibration_content import from_dict
 
         return from_dict(content, Path())

@@ -81,9 +81,15 @@ class Response(ByValue):
 
     @classmethod
     def from_values(cls, values: npt.ArrayLike, **attributes: Any) -> Response:
-        """Return the response with these values of g at equidistant grey levels, in any scale, shape (n,).
+        """Return the response with these values of the inverse response.
 
-        The values are shifted and scaled to the range from 0 to 1. ``attributes`` are other attributes of the class.
+        Parameters
+        ----------
+        values
+            Inverse response g at equidistant grey levels, in any scale, shape (n,). It is shifted and scaled to the
+            range from 0 to 1.
+        **attributes
+            Other attributes of the class.
 
         Raises
         ------
@@ -108,9 +114,22 @@ class Response(ByValue):
 
     @classmethod
     def gamma(cls, exponent: float, levels: int = 256) -> Response:
-        """Return the response with g(M) = M**exponent."""
+        """Return the response with the inverse g(M) = M**exponent.
+
+        Parameters
+        ----------
+        exponent
+            Positive; 2.2 for a typical gamma curve, 1 for a linear camera.
+        levels
+            Number of grey levels in the table.
+
+        Raises
+        ------
+        SettingError
+            If the exponent is not a positive number.
+        """
         power = number_of(exponent)
-        if power is None:
+        if power is None or not 0 < power < math.inf:
             raise SettingError(f"the exponent is {exponent!r}; give a positive number")
         return cls(np.linspace(0, 1, levels) ** power, model={"name": "gamma", "exponent": power})
 
@@ -131,11 +150,11 @@ class Response(ByValue):
         return np.asarray((self.levels >= low) & (self.levels <= high))
 
     def __call__(self, irradiance: npt.ArrayLike) -> FloatArray:
-        """Return f, the grey level in [0, 1] of an irradiance, clipped outside [0, 1]."""
+        """Return the grey levels f in [0, 1] of irradiances, in the same shape; irradiances are clipped to [0, 1]."""
         return np.interp(np.asarray(irradiance, dtype=np.float64), self.inverse_table, self.levels)
 
     def inverse(self, grey: npt.ArrayLike) -> FloatArray:
-        """Return g, the irradiance in [0, 1] of a grey level in [0, 1].
+        """Return the irradiances g in [0, 1] of grey levels in [0, 1], in the same shape.
 
         Raises
         ------

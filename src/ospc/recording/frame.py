@@ -99,11 +99,23 @@ class Frame:
         max_grey: int | None = None,
         mask: BoolArray | None = None,
     ) -> Frame:
-        """Return a frame with an image in memory, shape (height, width), uint8 or uint16.
+        """Return a frame with an image in memory.
 
-        The other parameters are the attributes of a frame. Without an ``index``, a calibrator names the frame by its
-        number in the run. ``max_grey`` defaults to the maximum of the data type;
-        larger 16-bit values count as saturated.
+        Parameters
+        ----------
+        image
+            Grey image, shape (height, width), uint8 or uint16.
+        exposure_ms
+            Exposure time in milliseconds times linear gain; None if unknown.
+        index
+            Position in the recording; None if a calibrator shall name the frame by its number in the run.
+        stamp_s
+            Time stamp in seconds.
+        max_grey
+            Largest grey value of the sensor, such as 4095 for 12 bits; None for the maximum of the data type. Larger
+            16-bit values count as saturated.
+        mask
+            True where pixels may be used, shape (height, width); None for all pixels.
 
         Raises
         ------

@@ -319,9 +319,14 @@ def preset(name: str) -> Settings:
 
 
 def with_overrides(settings: S, overrides: dict[str, str], others: Sequence[str] = ()) -> S:
-    """Return the settings with some values replaced, given as text.
+    """Return the settings with some values replaced.
 
-    ``others`` are options that could have been meant by an unknown name; the message proposes them too.
+    Parameters
+    ----------
+    overrides
+        New values as text, by the names of the settings.
+    others
+        Names of options that could have been meant by an unknown name; the message proposes them too.
 
     Raises
     ------

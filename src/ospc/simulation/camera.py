@@ -157,6 +157,8 @@ def simulate(
     ----------
     out
         Folder to create. It must be empty or missing, unless it contains an earlier simulated recording to overwrite.
+    settings
+        Camera, scene, motion and exposures.
     overwrite
         Whether to remove an earlier simulated recording; nothing else is ever removed.
     progress
