@@ -181,7 +181,7 @@ class ResultFolder:
         if comparison is None:
             say(f"nothing to compare with {truth.name}: the estimate lacks the parts that it contains")
             return
-        say(f"against {truth.name} (nothing aligned):")
+        say(f"errors against {truth.name}:")
         rows = error_rows(comparison)
         if ratios.metadata.size:
             rows["exposure ratios, median |Δ ln k| (bias)"] = f"{ratios.misfit:.4f} ({ratios.bias:+.4f})"

@@ -63,8 +63,8 @@ def command(
 
     OUT/images gets the corrected images under their own names, with their EXIF (PNG and JPEG) and file times. OUT
     also gets correction.json, which describes the correction, the original camera.txt if it is for images of the same
-    size, and times.txt if stamps are known. For 8- and 16-bit images, it gets a matching pcalib.txt and a constant
-    vignette.png, and is a recording if exposures are known; 32-bit images are for other programs.
+    size, and times.txt if stamps are known. With 8- and 16-bit images, it also gets a matching pcalib.txt and a
+    constant vignette.png; if exposures are known, OUT is then itself a recording.
 
     Correct images before undistortion, rectification or scaling, never after it.
     """

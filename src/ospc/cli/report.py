@@ -28,8 +28,8 @@ def command(
 ) -> None:
     """Write the report on the calibration in FOLDER again.
 
-    FOLDER contains the calibration.json of 'ospc calibrate' or 'ospc merge'. An earlier report.html is replaced, also
-    by one with less: pictures and the effect on tracking need --recording, and a comparison needs --truth.
+    FOLDER contains the calibration.json of 'ospc calibrate' or 'ospc merge'. An existing report.html is replaced.
+    Without --recording, the new one has no pictures and no effect on tracking; without --truth, no comparison.
     """
     from ospc.formats.opening import open_photometry
     from ospc.output import OutputFolder
@@ -60,7 +60,7 @@ def _without_recording(calibration: Calibration) -> str:
     name = calibration.source.get("name")
     given = f", here {name}" if isinstance(name, str) and name else ""
     return (
-        "the report has no pictures and no effect on tracking, which come from the recording; add them with "
+        "the report has no pictures and no effect on tracking; to add them, give the recording with "
         f"--recording{given}"
     )
 

@@ -62,7 +62,9 @@ def sections_of(findings: ReportFindings, examples: Examples) -> Iterator[Sectio
         SUMMARY, (headline(calibration),), tuple(facts(calibration, examples.tracking)), calibration.verdicts
     )
     reference = (
-        () if findings.truth is None else (f"The reference is {findings.truth.name}; nothing is aligned to it.",)
+        ()
+        if findings.truth is None
+        else (f"The reference is {findings.truth.name}; only the scale of its response is adapted.",)
     )
     yield Section("Response and vignette", reference, charts=existing("response", "vignette", "vignette map"))
     compared = existing("exposures", "ratios")
@@ -237,7 +239,7 @@ def _shape_fact(response: Response, max_grey: int) -> str:
         known += f" typically and {_spread(most)} at worst"
     return (
         f" Between grey levels {low * max_grey:.0f} and {high * max_grey:.0f} the ratio of two irradiances is known "
-        f"to {known}; the scale, g = 1 at white, does not affect it."
+        f"to {known}, whatever the scale of the response."
     )
 
 
