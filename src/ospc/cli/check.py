@@ -95,8 +95,8 @@ def _figures(report: RecordingReport, unit: str) -> dict[str, str]:
     brightness = report.exposures.brightness
     if brightness is not None:
         rows["brightness"] = (
-            f"ln grey of the same points changes by {brightness.change_rms_log:.4f} per frame; "
-            f"the exposures do not explain {brightness.unexplained_rms_log:.4f} of this"
+            f"the same points change by {brightness.change_rms_log:.2%} per frame, "
+            f"of which the exposures leave {brightness.unexplained_rms_log:.2%} unexplained"
         )
     radii = " ".join("-" if math.isnan(share) else f"{share * 100:.0f}" for share in pixels.mean_radius_share)
     speed = "unknown" if math.isnan(motion.median_px_per_frame) else f"{motion.median_px_per_frame:.2g} px per frame"

@@ -94,7 +94,7 @@ class CorrectionSettings:
         if self.keep_response:
             exposure = "" if reference_ms is None else f" at an exposure of {reference_ms:g} ms"
             white = "" if self.white == 1 else f", where an irradiance of {self.white:g} becomes white"
-            grey = f"the grey level f(g(M)/V) that the camera would have recorded without vignette{exposure}{white}"
+            grey = f"the grey level that the camera would have recorded without vignette, f(g(M)/V){exposure}{white}"
             return f"{grey}, scaled to at most {self.limit}"
         if reference_ms is None:
             light = "irradiance e·L = g(M)/V"
