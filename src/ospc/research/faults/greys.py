@@ -90,7 +90,7 @@ def _tone_mapped(footage: Footage, share: float) -> Footage:
         around = cv2.resize(cv2.GaussianBlur(small, (0, 0), small.shape[1] / 8), image.shape[::-1])
         return np.asarray(image * (128 / np.maximum(around, 1.0)) ** share)
 
-    # In a bracket of one view, the surroundings brighten with the exposure: to the images, it is a power of it.
+    # In a bracket of one view, surroundings brighten with the exposure, so tone mapping looks like a power of it.
     return replace(_filtered(footage, mapped), power=1 / (1 - share))
 
 
