@@ -216,6 +216,8 @@ def test_a_step_of_the_gain_is_measured_and_corrected(step: float) -> None:
     ("speeds", "per_stop"),
     [
         ((400, 320, 250, 200, 160, 125, 100, 80), 3),
+        # The first is closer to a half of a stop than to a third, as with an error that all exposures share.
+        ((380, 320, 250, 200, 160, 125, 100, 80), 3),
         ((350, 250, 180, 125, 90, 60, 45), 2),
         ((500, 250, 125, 60), 1),
     ],

@@ -165,10 +165,20 @@ def _gain_step(number: int) -> Effect:
 
 
 def _missing_of_nominal(seen: Circumstances) -> FloatArray:
-    """Return ln of the closest 2^(n/3) or 2^(n/2) s relative to the exposure: cameras call 1/64 s 1/60 s."""
-    stops = (seen.observations.log_exposure - math.log(1000)) / math.log(2)
-    of_third, of_half = (np.rint(stops * steps) / steps - stops for steps in (3, 2))
-    return np.asarray(np.where(np.abs(of_half) < np.abs(of_third), of_half, of_third) * math.log(2))
+    """Return ln of the closest 2^(n/3) or 2^(n/2) s relative to the exposure: cameras call 1/64 s 1/60 s.
+
+    A camera sets either thirds or halves of a stop: those that are closer to most of its exposures.
+    """
+    typical = seen.observations.log_exposure[:1] - np.log(seen.exposure[:1])
+    of_camera = np.log(seen.step_exposures) + typical
+    per_stop = min((3, 2), key=lambda n: np.nansum(np.abs(_missing_of_steps(of_camera, n))))
+    return _missing_of_steps(seen.observations.log_exposure, per_stop)
+
+
+def _missing_of_steps(log_exposure: FloatArray, per_stop: int) -> FloatArray:
+    """Return ln of the closest exposure in steps of 2^(1/per_stop), counted from 1 s, relative to each exposure."""
+    steps = (log_exposure - math.log(1000)) / math.log(2) * per_stop
+    return np.asarray((np.rint(steps) - steps) / per_stop * math.log(2))
 
 
 def _four_fold(x: FloatArray, y: FloatArray) -> FloatArray:
