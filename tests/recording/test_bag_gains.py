@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from bag_samples import CUSTOM, FLIR, STEP_NS, TWO_GAINS, floats, images, metadata, write_bag1, write_bag2
+from bag_samples import CUSTOM, FLIR, START_NS, STEP_NS, TWO_GAINS, floats, images, metadata, write_bag1, write_bag2
 from image_samples import grey
 
 from ospc.errors import ExposureError
@@ -130,3 +130,34 @@ def test_which_of_two_gains_beside_a_stated_exposure_counts_must_be_stated(tmp_p
     recording = open_recording(path, options=replace(stated, gain_field="analog_gain"))
     assert recording.exposures_ms == pytest.approx(PRODUCT)
     assert open_recording(path, options=replace(stated, gain_unit=GainUnit.NONE)).exposures_ms == pytest.approx(MS)
+
+
+@pytest.mark.parametrize("options", [ReadingOptions(), ReadingOptions(gain_unit=GainUnit.LINEAR)])
+def test_a_list_beside_a_bag_is_multiplied_by_the_gain_in_the_bag_unless_it_has_its_own(
+    options: ReadingOptions, tmp_path: Path
+) -> None:
+    path = write_bag1(tmp_path / "made", images(FRAMES) + floats(GAINS, "/cam/gain"))
+    stamps_ns = [START_NS + i * STEP_NS for i in range(4)]
+    lines = "".join(f"{stamp},{ms}\n" for stamp, ms in zip(stamps_ns, MS, strict=True))
+    own_list = path.with_suffix(".csv")
+    own_list.write_text(f"timestamp_ns,exposure_ms\n{lines}")
+    recording = open_recording(path, options=options)
+    assert recording.exposures_ms == pytest.approx(PRODUCT)
+    assert any("/cam/gain: exposures are multiplied by this gain" in note for note in recording.notes)
+    ignored = open_recording(path, options=ReadingOptions(gain_unit=GainUnit.NONE))
+    assert ignored.exposures_ms == pytest.approx(MS)
+    own_list.write_text("timestamp_ns,exposure_ms,gain\n" + lines.replace("\n", ",3\n"))
+    assert open_recording(path, options=options).exposures_ms == pytest.approx([3 * ms for ms in MS])
+
+
+def test_a_gain_without_a_unit_is_linear_as_in_lists_and_a_note_says_what_else_it_may_be(tmp_path: Path) -> None:
+    doubt = "(linear, as its name states no unit; add --gain-unit db if it is in decibels)"
+    values = [{"exposure_time": round(1000 * ms), "gain": gain} for ms, gain in zip(MS, GAINS, strict=True)]
+    path = write_bag1(tmp_path / "field", images(FRAMES) + metadata(values, FLIR, "/own"))
+    options = ReadingOptions(exposure_topic="/own", exposure_field="exposure_time")
+    topic = write_bag1(tmp_path / "topic", images(FRAMES) + floats(MS) + floats(GAINS, "/cam/gain"))
+    for recording in (open_recording(path, options=options), open_recording(topic)):
+        assert recording.exposures_ms == pytest.approx(PRODUCT)
+        assert any(doubt in note for note in recording.notes), recording.notes
+    stated = open_recording(topic, options=ReadingOptions(gain_unit=GainUnit.LINEAR))
+    assert any(note.endswith("(linear)") for note in stated.notes)

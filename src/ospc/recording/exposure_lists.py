@@ -14,7 +14,7 @@ from ospc.errors import ExposureError, RecordingError, SettingError, counted, pl
 from ospc.recording.exposure_units import SHORTEST_MS, ExposureUnit, GainUnit, in_seconds, infer_unit, known_gain_unit
 from ospc.recording.frame_matching import file_name, frame_numbers, image_column
 from ospc.recording.frame_table import FrameTable, at_lines, make_table
-from ospc.recording.list_columns import Columns, Rows, columns_of, states_gain_unit
+from ospc.recording.list_columns import Columns, Rows, columns_of, gain_unit_note
 from ospc.recording.options import DEFAULT, ReadingOptions
 from ospc.recording.table_text import is_fraction, lines_of, parse_exposure, parse_number, read_table_text
 
@@ -26,8 +26,6 @@ _LONG_EXPOSURE = 1.5
 
 _INVERSE_TOLERANCE = 0.01
 """Relative rounding error allowed between an exposure time and its inverse in ``image_list.txt``."""
-
-_ASSUMED_LINEAR = ", as its name states no unit; add --gain-unit db if it is in decibels"
 
 _TIMES_LINE = "a line is 'id stamp[s] exposure[ms]'"
 _IMAGE_LIST_LINE = "a line is 'file exposure[s] 1/exposure'"
@@ -272,8 +270,7 @@ def _gain_factors(columns: Columns, rows: Rows, source: str, stated: GainUnit | 
         if known is None:
             notes.append(f"the gain in {quoted(name)} is constant and ignored")
         else:
-            assumed = stated is None and not states_gain_unit(name)
-            said.append(f"{quoted(name)} ({unit.label}{_ASSUMED_LINEAR if assumed else ''})")
+            said.append(quoted(name) + gain_unit_note(name, unit, stated=stated is not None))
     used = [f"exposures are multiplied by the gain in {', '.join(said)}"] if said else []
     return factors, used + notes
 

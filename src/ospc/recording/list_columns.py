@@ -54,6 +54,8 @@ _APERTURE_WORDS = (("fnumber",), ("fstop",), ("aperture",), ("aperturevalue",))
 
 _GAIN_UNITS = {"db": GainUnit.DB, "iso": GainUnit.ISO}
 
+_ASSUMED_LINEAR = ", as its name states no unit; add --gain-unit db if it is in decibels"
+
 _LIKE_A_GAIN = re.compile(r"gain|sensitivity|iso$|^iso(?:speed|value|setting|rating|equivalent)")
 _OF_A_COLOUR = re.compile(r"red|blue|colou?r|white|awb|wb|rgb|^[rb]gain|gain[rb]$")
 _OF_ISO = re.compile(r"iso|^gaincontrol$|^standardoutputsensitivity$|^sensitivitytype$")
@@ -159,10 +161,11 @@ def gain_unit_named(name: str) -> GainUnit | None:
     return None if match["own"] else _GAIN_UNITS.get(match["unit"], GainUnit.LINEAR)
 
 
-def states_gain_unit(name: str) -> bool:
-    """Return whether the name of a gain states its unit; otherwise the gain is taken as linear."""
+def gain_unit_note(name: str, unit: GainUnit, *, stated: bool) -> str:
+    """Return the unit of a gain for notes, and that it is assumed if neither its name nor the user states it."""
     match = _GAIN.fullmatch(_joined(name))
-    return match is None or match["unit"] is not None
+    assumed = not stated and match is not None and match["unit"] is None
+    return f" ({unit.label}{_ASSUMED_LINEAR if assumed else ''})"
 
 
 def _is_iso(name: str) -> bool:

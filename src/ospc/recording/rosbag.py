@@ -29,10 +29,12 @@ from ospc.recording.exposure_lists import read_list
 from ospc.recording.exposure_units import ExposureUnit, GainUnit, infer_unit, known_gain_unit
 from ospc.recording.frame import Frame
 from ospc.recording.frame_table import FrameTable, checked_exposures, unlisted
+from ospc.recording.list_columns import columns_of
 from ospc.recording.list_search import names_exposures
 from ospc.recording.options import DEFAULT, ReadingOptions
 from ospc.recording.pixel_layout import PixelLayout, find_layout
 from ospc.recording.recording import StoredRecording
+from ospc.recording.table_text import read_table_text
 
 _NS_PER_MS = 1e6
 """Nanoseconds, the unit of stamps in bags, per millisecond."""
@@ -51,13 +53,7 @@ class _Rosbag:
             joined = listed([file.path.name for file in bag.files])
             notes.append(f"{path}: {len(bag.files)} bags are read as one recording: {joined}")
         try:
-            if options.exposure_topic is None and names_exposures(bag.exposure_list):
-                log_ns, numbers, table = _listed(bag, topic, read_list(bag.exposure_list, options))
-            else:
-                carrying = exposure_topic(bag, topic, options)
-                carrier = carrier_of(carrying, options, f"{path}: {carrying.name}")
-                gains = [] if carrier.has_gain else _gain_carriers(bag, topic, options)
-                log_ns, numbers, table = _exposed(bag, topic, carrier, gains)
+            log_ns, numbers, table = _exposed(bag, topic, options)
         except ExposureError:
             if not options.unknown_exposures:
                 raise
@@ -127,13 +123,6 @@ def _camera_names(topics: Sequence[Topic]) -> dict[str, Topic]:
     return dict(zip(names, topics, strict=True))
 
 
-def _gain_carriers(bag: Bag, images: Topic, options: ReadingOptions) -> list[Carrier]:
-    """Return the topics with gains of images that are to be used."""
-    if options.gain_unit is GainUnit.NONE:
-        return []
-    return [gain_carrier(topic, options) for topic in gain_topics(bag, images)]
-
-
 def _unexposed(bag: Bag, images: Topic) -> tuple[IntArray, IntArray, FrameTable]:
     """Return recording times and message numbers of all images, and their table with unknown exposures."""
     times, _ = read_through(bag, images)
@@ -142,28 +131,45 @@ def _unexposed(bag: Bag, images: Topic) -> tuple[IntArray, IntArray, FrameTable]
     return times.log_ns, numbers, replace(table, notes=(*table.notes, *notes))
 
 
-def _exposed(
-    bag: Bag, images: Topic, carrier: Carrier, gains: Sequence[Carrier]
-) -> tuple[IntArray, IntArray, FrameTable]:
+def _exposed(bag: Bag, images: Topic, options: ReadingOptions) -> tuple[IntArray, IntArray, FrameTable]:
     """Return recording times of all images, message numbers of those with an exposure, and their table."""
-    times, ((exposure_times, readings), *carried) = read_through(bag, images, (carrier, *gains))
-    source = f"{bag.path}: {escaped(carrier.topic.name)}"
-    if not readings.size:
-        raise ExposureError(f"{source}: has no exposures ({carrier.summary}); choose another topic")
+    gains = [] if options.gain_unit is GainUnit.NONE else gain_topics(bag, images)
+    if options.exposure_topic is None and names_exposures(bag.exposure_list):
+        table, gains = _listed(bag.exposure_list, options, gains)
+        source, notes = table.source, [f"{table.source}: exposures are read from this list", *table.notes]
+        carriers = [gain_carrier(topic, options) for topic in gains]
+        times, carried = read_through(bag, images, carriers)
+        at_ns = np.rint(table.stamps_s * NS_PER_S).astype(np.int64)
+        exposure_times, values_ms = Times(at_ns, at_ns), table.exposures_ms
+    else:
+        topic = exposure_topic(bag, images, options)
+        source = f"{bag.path}: {escaped(topic.name)}"
+        carrier = carrier_of(topic, options, source)
+        carriers = [] if carrier.has_gain else [gain_carrier(topic, options) for topic in gains]
+        times, ((exposure_times, readings), *carried) = read_through(bag, images, (carrier, *carriers))
+        values_ms, notes = _in_ms(readings, carrier, times, source)
     exposure, match_notes = match_times(times, exposure_times, source)
-    factors, gain_notes = _gain_factors(bag, times, gains, carried)
+    factors, gain_notes = _gain_factors(bag, times, carriers, carried)
     known = (exposure >= 0) & np.isfinite(factors)
     numbers, stamps_ns, stamp_notes = increasing(times, np.flatnonzero(known), str(bag.path))
-    interval_ms = float(np.median(np.diff(stamps_ns))) / _NS_PER_MS if len(stamps_ns) > 1 else None
-    values, unit_notes = _in_ms(readings, carrier, interval_ms, source)
     exposures_ms = checked_exposures(
-        values[exposure[numbers]] * factors[numbers],
+        values_ms[exposure[numbers]] * factors[numbers],
         lambda frames: f"{source}, image {listed(frames)}",
         "give the unit or the gain, or ignore it with --gain-unit none",
     )
-    stamps_s = read_only(stamps_ns / NS_PER_S)
-    notes = (*unit_notes, *gain_notes, *match_notes, *stamp_notes)
-    return times.log_ns, numbers, FrameTable(source, (), stamps_s, exposures_ms, notes)
+    notes += [*gain_notes, *match_notes, *stamp_notes]
+    table = FrameTable(source, (), read_only(stamps_ns / NS_PER_S), exposures_ms, tuple(notes))
+    return times.log_ns, numbers, table
+
+
+def _listed(path: Path, options: ReadingOptions, gains: list[Topic]) -> tuple[FrameTable, list[Topic]]:
+    """Return the list of exposures of a bag, and the topics with gains that it does not include."""
+    if gains and columns_of(read_table_text(path), str(path))[0].gains:
+        gains = []
+    table = read_list(path, replace(options, gain_unit=None) if gains else options)
+    if not table.stamped:
+        raise ExposureError(f"{table.source}: has no time stamps; add a column timestamp_s or timestamp_ns")
+    return table, gains
 
 
 def _gain_factors(
@@ -179,32 +185,24 @@ def _gain_factors(
         unit = known_gain_unit(carrier.gain_unit, gains, f"{source}: the gain")
         gain, match_notes = match_times(images, gain_times, source, "gain")
         factors *= np.where(gain >= 0, unit.linear(gains)[gain], np.nan)
-        notes += [f"{source}: exposures are multiplied by this gain ({unit.label})", *match_notes]
+        notes += [f"{source}: exposures are multiplied by this gain{carrier.summary}", *match_notes]
     return factors, notes
 
 
-def _listed(bag: Bag, images: Topic, table: FrameTable) -> tuple[IntArray, IntArray, FrameTable]:
-    """Return the same as :func:`_exposed` with the exposures of a list."""
-    if not table.stamped:
-        raise ExposureError(f"{table.source}: has no time stamps; add a column timestamp_s or timestamp_ns")
-    times, _ = read_through(bag, images)
-    at_ns = np.rint(table.stamps_s * NS_PER_S).astype(np.int64)
-    exposure, match_notes = match_times(times, Times(at_ns, at_ns), table.source)
-    numbers, stamps_ns, stamp_notes = increasing(times, np.flatnonzero(exposure >= 0), str(bag.path))
-    exposures_ms = read_only(table.exposures_ms[exposure[numbers]])
-    notes = (f"{table.source}: exposures are read from this list", *table.notes, *match_notes, *stamp_notes)
-    return times.log_ns, numbers, FrameTable(table.source, (), read_only(stamps_ns / NS_PER_S), exposures_ms, notes)
-
-
-def _in_ms(
-    readings: FloatArray, carrier: Carrier, interval_ms: float | None, source: str
-) -> tuple[FloatArray, list[str]]:
+def _in_ms(readings: FloatArray, carrier: Carrier, images: Times, source: str) -> tuple[FloatArray, list[str]]:
     """Return exposure times gain in milliseconds, and notes about the units."""
+    if not readings.size:
+        raise ExposureError(f"{source}: has no exposures ({carrier.summary}); choose another topic")
     values, gains = readings
-    unit = carrier.unit or infer_unit(values, interval_ms, source)
+    unit, how = carrier.unit, ""
+    if unit is None:
+        _, stamps_ns, _ = increasing(images, np.arange(len(images.log_ns)), source)
+        unit = infer_unit(
+            values, float(np.median(np.diff(stamps_ns))) / _NS_PER_MS if len(stamps_ns) > 1 else None, source
+        )
+        how = f", in {unit.value}, inferred from their size and the frame rate"
     if unit is not ExposureUnit.LOG2_S:
         values = np.where(values <= 0, np.nan, values)  # drivers send 0 or -1 while they do not know the exposure
-    how = "" if carrier.unit is not None else f", in {unit.value}, inferred from their size and the frame rate"
     notes = [f"{source}: exposures are {carrier.summary}{how}"]
     gain_unit = known_gain_unit(carrier.gain_unit, gains, f"{source}: the gain")
     if carrier.gain_unit is None:

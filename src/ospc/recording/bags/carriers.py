@@ -25,7 +25,7 @@ from ospc.recording.bags.messages import (
     value_at,
 )
 from ospc.recording.exposure_units import REALSENSE_UNIT_GAIN, ExposureUnit, GainUnit
-from ospc.recording.list_columns import gain_unit_named, is_gain, looks_like_gain, unit_named
+from ospc.recording.list_columns import gain_unit_named, gain_unit_note, is_gain, looks_like_gain, unit_named
 from ospc.recording.options import ReadingOptions
 
 _MAX_TEXT_CHARACTERS = 100_000
@@ -174,10 +174,14 @@ def gains_in(topics: tuple[Topic, ...]) -> Iterator[Topic]:
 
 
 def gain_carrier(topic: Topic, options: ReadingOptions) -> Carrier:
-    """Return how a topic carries gains, as if they were exposures; only the name of a sure gain tells the unit."""
+    """Return how a topic carries gains, as if they were exposures; only the name of a sure gain tells the unit.
+
+    The summary is the unit for notes.
+    """
     name = _last_step(topic)
     unit = options.gain_unit or (gain_unit_named(name) if is_gain(name) else None)
-    return Carrier(topic, _fields("data", None), None, unit, "its numbers")
+    said = "" if unit is None else gain_unit_note(name, unit, stated=options.gain_unit is not None)
+    return Carrier(topic, _fields("data", None), None, unit, said)
 
 
 def _last_step(topic: Topic) -> str:
@@ -249,12 +253,13 @@ def _stated(topic: Topic, exposure: str, gain: str | None, options: ReadingOptio
     summary = f"the field {exposure}" if unit is None else f"the field {exposure} in {unit.value}"
     if gain is None:
         return Carrier(topic, _fields(exposure, None), unit, _LINEAR, summary, has_gain=False)
-    named = gain_unit_named(_last_part(gain))
-    if named in (None, _LINEAR):
-        # Drivers also send decibels as gain: without a unit in its name, it is linear only if the user chose it.
-        named = None if options.gain_field is None else _LINEAR
-    gain_unit = options.gain_unit or named
-    summary += f" times the gain in field {gain}" + ("" if gain_unit is None else f" ({gain_unit.label})")
+    own = (
+        None if options.gain_field is None else _LINEAR
+    )  # a unit of the camera's own, unless the user chose the field
+    gain_unit = options.gain_unit or gain_unit_named(_last_part(gain)) or own
+    stated = options.gain_unit is not None
+    said = "" if gain_unit is None else gain_unit_note(_last_part(gain), gain_unit, stated=stated)
+    summary += f" times the gain in field {gain}{said}"
     return Carrier(topic, _fields(exposure, gain), unit, gain_unit, summary)
 
 
