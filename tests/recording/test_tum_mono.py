@@ -189,15 +189,15 @@ def test_parts_that_do_not_belong_together_are_one_clear_error(tum_folder: Make,
 
 
 def test_missing_times_are_requested(tum_folder: Make) -> None:
-    with pytest.raises(RecordingError, match=r"made: has no times\.txt; add it"):
+    with pytest.raises(RecordingError, match=r"made: has no list of exposures; add times\.txt with lines 'id stamp"):
         open_recording(tum_folder(None))
 
 
-def test_times_next_to_the_images_are_named(tum_folder: Make) -> None:
-    folder = tum_folder(None)
-    (folder / "images" / "times.txt").write_text("0 0.0 1.0\n")
-    with pytest.raises(RecordingError, match=r"made: has no times\.txt; move it there from images/"):
-        open_recording(folder)
+def test_a_list_in_the_folder_of_the_images_is_read_whichever_folder_is_given(tum_folder: Make) -> None:
+    folder = tum_folder()
+    (folder / "images" / "times.txt").write_text("0 0.5 2\n1 1.0 4\n2 1.5 8\n")
+    for given in (folder, folder / "images"):
+        assert open_recording(given).exposures_ms.tolist() == [2, 4, 8]
 
 
 def test_the_kind_given_by_name_says_what_it_needs(tmp_path: Path) -> None:

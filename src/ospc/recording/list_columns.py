@@ -161,11 +161,15 @@ def gain_unit_named(name: str) -> GainUnit | None:
     return None if match["own"] else _GAIN_UNITS.get(match["unit"], GainUnit.LINEAR)
 
 
+def states_gain_unit(name: str) -> bool:
+    """Return whether the name of a gain states its unit; otherwise the gain is taken as linear."""
+    match = _GAIN.fullmatch(_joined(name))
+    return match is None or match["unit"] is not None
+
+
 def gain_unit_note(name: str, unit: GainUnit, *, stated: bool) -> str:
     """Return the unit of a gain for notes, and that it is assumed if neither its name nor the user states it."""
-    match = _GAIN.fullmatch(_joined(name))
-    assumed = not stated and match is not None and match["unit"] is None
-    return f" ({unit.label}{_ASSUMED_LINEAR if assumed else ''})"
+    return f" ({unit.label}{'' if stated or states_gain_unit(name) else _ASSUMED_LINEAR})"
 
 
 def _is_iso(name: str) -> bool:

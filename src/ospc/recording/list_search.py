@@ -26,6 +26,11 @@ _NAMES = (TIMES, "exposures.txt", "exposures.csv", IMAGE_LIST)
 TEXT_SUFFIXES = (".csv", ".txt", ".json")
 """Suffixes of files that the user may take for a list of exposures."""
 
+_ADVICE = (
+    "add times.txt with lines 'id stamp[s] exposure[ms]', or exposures.csv with a header "
+    "'file,timestamp_s,exposure_ms'"
+)
+
 _MAX_CSV_FILES = 32
 """Maximum number of CSV files in a folder that are searched for exposures."""
 
@@ -51,11 +56,13 @@ def names_exposures(path: Path) -> bool:
     return columns.named and columns.exposure is not None
 
 
-def lists_beside(folder: Path) -> list[Path]:
-    """Return the lists of exposures beside a folder of images; none if they may belong to other images."""
-    full = folder if folder.name not in ("", "..") else folder.resolve()  # such as '.'
-    belongs = full.name == IMAGES or only_image_folder(full.parent) == full
-    return lists_in(full.parent) if belongs else []
+def _lists_beside(images: Path) -> list[Path]:
+    """Return the lists of exposures beside a folder or archive of images; none if they may be of other images."""
+    full = images if images.name not in ("", "..") else images.resolve()  # such as '.'
+    if full.stem == IMAGES:
+        times = full.parent / TIMES
+        return [times] if times.is_file() else lists_in(full.parent)
+    return lists_in(full.parent) if only_image_folder(full.parent) == full else []
 
 
 def only_image_folder(place: Path) -> Path | None:
@@ -74,31 +81,39 @@ def _has_images(folder: Path) -> bool:
     return False
 
 
-def read_beside(path: Path, images: ImageSource, options: ReadingOptions) -> FrameTable:
-    """Read a list beside a folder or an archive of images.
+def read_list_of(images: ImageSource, path: Path, options: ReadingOptions) -> FrameTable:
+    """Read the list of exposures in the folder of some images, or else the one beside it; ``path`` is what is opened.
 
     Raises
     ------
     ExposureError
-        If the list cannot be read, or does not belong to the images.
+        If there is no list, there are several, or one beside the images cannot be read or belongs to others.
+    RecordingError
+        If a list in the folder of the images, or the ``times.txt`` of a TUM data set, cannot be read.
     """
+    place = images.place
+    if place.is_dir() and (inside := lists_in(place)):
+        return read_list(only_list(inside, place), options, images=images.names)
+    found = only_list(_lists_beside(place), path, _ADVICE)
+    tum = found.name == TIMES  # outside the folder of the images, it is in the format of TUM data sets
     try:
-        # Outside the folder of the images, times.txt is in the format of TUM data sets.
-        tum = path.name == TIMES
-        table = read_times(path, options) if tum else read_list(path, options, images=images.names)
-        match_images(table, images.names, str(images.place))
+        table = read_times(found, options) if tum else read_list(found, options, images=images.names)
+        match_images(table, images.names, str(place))
     except RecordingError as error:
+        if tum and place.stem == IMAGES:
+            raise
         raise ExposureError(str(error)) from None
-    return replace(table, notes=(f"{path}: exposures are read from this list", *table.notes))
+    said = () if found.parent == path else (f"{found}: exposures are read from this list",)
+    return replace(table, notes=(*said, *table.notes))
 
 
-def only_list(found: Sequence[Path], place: Path, advice: str = "", *, missing: str = "list of exposures") -> Path:
+def only_list(found: Sequence[Path], place: Path, advice: str = "") -> Path:
     """Return the only list of exposures of a place.
 
     Raises
     ------
     ExposureError
-        If there are several, or none; then the message says what is ``missing``, and ends with the ``advice``.
+        If there are several, or none; then the message ends with the ``advice``.
     """
     if len(found) > 1:
         named = [path.name if path.parent in (place, place.parent) else path for path in found]
@@ -110,7 +125,7 @@ def only_list(found: Sequence[Path], place: Path, advice: str = "", *, missing: 
             check_text(path, place)
         needed = "a list is a CSV file with a column such as exposure_ms"
         unused = f" (not used: {listed([p.name for p in others])}; {needed})" if others else ""
-        raise ExposureError(f"{place}: has no {missing}{unused}; {advice}")
+        raise ExposureError(f"{place}: has no list of exposures{unused}; {advice}")
     return found[0]
 
 

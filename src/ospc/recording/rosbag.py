@@ -204,8 +204,10 @@ def _in_ms(readings: FloatArray, carrier: Carrier, images: Times, source: str) -
     if unit is not ExposureUnit.LOG2_S:
         values = np.where(values <= 0, np.nan, values)  # drivers send 0 or -1 while they do not know the exposure
     notes = [f"{source}: exposures are {carrier.summary}{how}"]
-    gain_unit = known_gain_unit(carrier.gain_unit, gains, f"{source}: the gain")
-    if carrier.gain_unit is None:
+    # A gain that drivers do not set is often zero.
+    doubtful = carrier.gain_unit is None or (carrier.gain_assumed and np.ptp(gains) == 0)
+    gain_unit = known_gain_unit(None if doubtful else carrier.gain_unit, gains, f"{source}: the gain")
+    if doubtful:
         notes.append(f"{source}: the gain is constant and ignored")
     return unit.to_ms(values) * gain_unit.linear(gains), notes
 

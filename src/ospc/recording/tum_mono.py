@@ -8,11 +8,9 @@ from __future__ import annotations
 from pathlib import Path
 
 from ospc.errors import RecordingError
-from ospc.recording.exposure_lists import read_times
-from ospc.recording.frame_table import FrameTable
 from ospc.recording.image_sequence import ImageSequence, open_sequence
 from ospc.recording.image_source import FolderImages, ImageSource, ZipImages
-from ospc.recording.list_search import IMAGES, TIMES, lists_in, only_list, read_beside
+from ospc.recording.list_search import IMAGES, TIMES, read_list_of
 from ospc.recording.options import DEFAULT, ReadingOptions
 
 _ARCHIVE = f"{IMAGES}.zip"
@@ -28,24 +26,9 @@ class _TumMono:
         if not path.is_dir():
             raise RecordingError(f"{path}: a {self.name} recording is a folder with {IMAGES}/ and {TIMES}")
         source, notes = _images(path)
-
-        def table() -> FrameTable:
-            times = path / TIMES
-            if times.is_file():
-                return read_times(times, options)
-            found = only_list(lists_in(path), path, _remedy(path), missing=TIMES)
-            return read_beside(found, source, options)
-
-        return open_sequence(path, self.name, source, table, notes, options=options)
-
-
-def _remedy(path: Path) -> str:
-    """Return what to do about a missing list of exposures."""
-    folder = path / IMAGES
-    inside = lists_in(folder) if folder.is_dir() else []
-    if inside:
-        return f"move {'it' if inside[0].name == TIMES else inside[0].name} there from {IMAGES}/"
-    return "add it with a line 'id stamp[s] exposure[ms]' for each image"
+        return open_sequence(
+            path, self.name, source, lambda: read_list_of(source, path, options), notes, options=options
+        )
 
 
 def _images(path: Path) -> tuple[ImageSource, tuple[str, ...]]:

@@ -25,7 +25,14 @@ from ospc.recording.bags.messages import (
     value_at,
 )
 from ospc.recording.exposure_units import REALSENSE_UNIT_GAIN, ExposureUnit, GainUnit
-from ospc.recording.list_columns import gain_unit_named, gain_unit_note, is_gain, looks_like_gain, unit_named
+from ospc.recording.list_columns import (
+    gain_unit_named,
+    gain_unit_note,
+    is_gain,
+    looks_like_gain,
+    states_gain_unit,
+    unit_named,
+)
 from ospc.recording.options import ReadingOptions
 
 _MAX_TEXT_CHARACTERS = 100_000
@@ -40,7 +47,8 @@ class Carrier:
     """How the messages of a topic carry exposures, with a summary of fields and units for the user.
 
     ``unit`` is None to infer it from the numbers; ``gain_unit`` is None if only the manufacturer knows it.
-    ``has_gain`` is whether the messages include the gain; otherwise it may be on topics of its own.
+    ``has_gain`` is whether the messages include the gain; otherwise it may be on topics of its own. ``gain_assumed``
+    is whether the gain is only assumed to be linear.
     """
 
     topic: Topic
@@ -49,6 +57,7 @@ class Carrier:
     gain_unit: GainUnit | None
     summary: str
     has_gain: bool = True
+    gain_assumed: bool = False
 
     def readings(self) -> Callable[[bytes], tuple[float, float, int] | None]:
         """Return a function that reads exposure, gain and time stamp in ns (0 for none) from serialised messages.
@@ -253,14 +262,12 @@ def _stated(topic: Topic, exposure: str, gain: str | None, options: ReadingOptio
     summary = f"the field {exposure}" if unit is None else f"the field {exposure} in {unit.value}"
     if gain is None:
         return Carrier(topic, _fields(exposure, None), unit, _LINEAR, summary, has_gain=False)
-    own = (
-        None if options.gain_field is None else _LINEAR
-    )  # a unit of the camera's own, unless the user chose the field
-    gain_unit = options.gain_unit or gain_unit_named(_last_part(gain)) or own
-    stated = options.gain_unit is not None
-    said = "" if gain_unit is None else gain_unit_note(_last_part(gain), gain_unit, stated=stated)
+    name, chosen = _last_part(gain), options.gain_unit or (None if options.gain_field is None else _LINEAR)
+    gain_unit = options.gain_unit or gain_unit_named(name) or chosen
+    said = "" if gain_unit is None else gain_unit_note(name, gain_unit, stated=options.gain_unit is not None)
     summary += f" times the gain in field {gain}{said}"
-    return Carrier(topic, _fields(exposure, gain), unit, gain_unit, summary)
+    assumed = chosen is None and not states_gain_unit(name)
+    return Carrier(topic, _fields(exposure, gain), unit, gain_unit, summary, gain_assumed=assumed)
 
 
 def _last_part(field: str) -> str:
