@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,7 +11,15 @@ import numpy as np
 
 from ospc.arrays import FloatArray
 from ospc.errors import ExposureError, RecordingError, SettingError, counted, plain, quoted
-from ospc.recording.exposure_units import SHORTEST_MS, ExposureUnit, GainUnit, in_seconds, infer_unit, known_gain_unit
+from ospc.recording.exposure_units import (
+    SHORTEST_MS,
+    ExposureUnit,
+    GainUnit,
+    in_seconds,
+    infer_unit,
+    interval_ms,
+    known_gain_unit,
+)
 from ospc.recording.frame_matching import file_name, frame_numbers, image_column
 from ospc.recording.frame_table import FrameTable, at_lines, make_table
 from ospc.recording.list_columns import Columns, Rows, columns_of, gain_unit_note
@@ -76,16 +84,16 @@ def parse_times(text: str, source: str, options: ReadingOptions = DEFAULT) -> Fr
 
 def _doubts(table: FrameTable) -> list[str]:
     """Return a note if exposures are not plausible in ms: they are longer than the time between frames, or tiny."""
-    interval_ms = 1e3 * float(np.median(np.diff(table.stamps_s))) if len(table) > 1 else math.inf
+    between_ms = interval_ms(table.stamps_s)
     middle_ms = float(np.nanmedian(table.exposures_ms))
-    if SHORTEST_MS <= middle_ms <= _LONG_EXPOSURE * interval_ms:
+    if SHORTEST_MS <= middle_ms <= _LONG_EXPOSURE * between_ms:
         return []
     try:
-        unit = infer_unit(table.exposures_ms, interval_ms if math.isfinite(interval_ms) else None, table.source).value
+        unit = infer_unit(table.exposures_ms, table.stamps_s, table.source).value
         remedy = f"if they are in {unit}, add --exposure-unit {unit}"
     except ExposureError:
         remedy = "check the column, or give their unit with --exposure-unit"
-    why = "very short" if middle_ms < SHORTEST_MS else f"longer than the {plain(interval_ms)} ms between frames"
+    why = "very short" if middle_ms < SHORTEST_MS else f"longer than the {plain(between_ms)} ms between frames"
     return [f"{table.source}: exposures of {plain(middle_ms)} ms are {why}; {remedy}"]
 
 
@@ -177,7 +185,6 @@ def _table(
         columns = replace(columns, image=image_column(columns, texts, images))
     elif numbered and columns.image is not None and (numbers := frame_numbers(texts[columns.image])):
         rows = [rows[i] for i in np.argsort(numbers, kind="stable")]
-    values, unit, unit_notes = _exposures(columns, rows, source, options)
     stamps_s, stamp_notes = np.arange(len(rows), dtype=np.float64), list[str]()
     with np.errstate(over="ignore", invalid="ignore"):
         if columns.stamp is not None:
@@ -186,10 +193,9 @@ def _table(
             in_s = stamps if stated is ExposureUnit.S else 1e-3 * stated.to_ms(stamps)
             stamps_s, stamp_notes = in_seconds(in_s, source, stated=columns.stamp_unit is not None)
         factors, gain_notes = _gain_factors(columns, rows, source, options.gain_unit)
-        if unit is None:
-            times_s = stamps_s if columns.stamp is not None else np.empty(0)
-            unit, unit_notes = _inferred_unit(values, times_s, source)
-        exposures_ms = unit.to_ms(values) * factors
+        times_s = stamps_s if columns.stamp is not None else stamps_s[:0]
+        times_ms, unit_notes = _in_ms(columns, rows, times_s, source, options.exposure_unit)
+        exposures_ms = times_ms * factors
     if columns.aperture is not None and len(set(texts[columns.aperture])) > 1:
         gain_notes.append("the f-number changes, and with it exposure and vignette; keep images of one f-number")
     notes = [f"{source}: {note}" for note in (*columns.notes, *gain_notes, *unit_notes)]
@@ -228,23 +234,26 @@ def _check(columns: Columns, rows: Rows, source: str, options: ReadingOptions) -
         raise SettingError(f"{source}: has no gains; leave out --gain-unit")
 
 
-def _exposures(
-    columns: Columns, rows: Rows, source: str, options: ReadingOptions
-) -> tuple[FloatArray, ExposureUnit | None, list[str]]:
-    """Return the exposures, and their unit with notes about it, None if it has to be inferred from their size."""
-    unit = options.exposure_unit or columns.unit
-    texts = [fields[columns.exposure or 0] for _, fields in rows]
-    values = np.array(
-        [
-            parse_exposure(text, f"{source}, line {line}", seconds=unit in (None, ExposureUnit.S))
-            for text, (line, _) in zip(texts, rows, strict=True)
-        ]
-    )
-    if options.exposure_unit is not None:
-        return values, unit, [f"exposures are in {options.exposure_unit.value}, as stated by the user"]
-    if unit is None and any(is_fraction(text) for text in texts):
-        return values, ExposureUnit.S, ["exposures are in s, because some are fractions of a second"]
-    return values, unit, []
+def _in_ms(
+    columns: Columns, rows: Rows, stamps_s: FloatArray, source: str, stated: ExposureUnit | None
+) -> tuple[FloatArray, list[str]]:
+    """Return the exposures without gain, and notes about their unit."""
+    unit, texts = stated or columns.unit, [fields[columns.exposure or 0] for _, fields in rows]
+    seconds, places = unit in (None, ExposureUnit.S), [f"{source}, line {line}" for line, _ in rows]
+    read = [parse_exposure(text, place, seconds=seconds) for text, place in zip(texts, places, strict=True)]
+    values, notes = np.array(read), list[str]()
+    if stated is not None:
+        notes = [f"exposures are in {stated.value}, as stated by the user"]
+    elif unit is None and any(map(is_fraction, texts)):
+        unit, notes = ExposureUnit.S, ["exposures are in s, because some are fractions of a second"]
+    if unit is None:
+        unit, how = ExposureUnit.MS, "no other unit is stated"
+        with suppress(ExposureError):
+            unit = infer_unit(values, stamps_s, source)
+        if unit is not ExposureUnit.MS:
+            how = "inferred from their size"
+        notes = [f"exposures are assumed to be in {unit.value}: {how}"]
+    return unit.to_ms(values), notes
 
 
 def _numbers(rows: Rows, column: int, what: str, source: str) -> FloatArray:
@@ -284,16 +293,3 @@ def _image_names(columns: Columns, rows: Rows, source: str) -> list[str]:
         line = rows[names.index("")][0]
         raise RecordingError(f"{source}, line {line}: does not name its image; correct the line")
     return names
-
-
-def _inferred_unit(values: FloatArray, stamps_s: FloatArray, source: str) -> tuple[ExposureUnit, list[str]]:
-    """Return the unit of exposures inferred from their size and the time between frames, and a note about it."""
-    steps = np.diff(stamps_s)
-    usable = len(steps) > 0 and np.all(np.isfinite(steps))
-    interval_ms = 1e3 * float(np.median(steps)) if usable else None
-    try:
-        unit = infer_unit(values, interval_ms if interval_ms and interval_ms > 0 else None, source)
-    except ExposureError:
-        unit = ExposureUnit.MS
-    how = "no other unit is stated" if unit is ExposureUnit.MS else "inferred from their size"
-    return unit, [f"exposures are assumed to be in {unit.value}: {how}"]

@@ -98,11 +98,18 @@ _INTERVAL_MARGIN = 1.1
 """Factor by which exposures may exceed the frame interval because of jitter in the time stamps."""
 
 
-def infer_unit(exposures: npt.ArrayLike, interval_ms: float | None, source: str) -> ExposureUnit:
+def interval_ms(stamps_s: FloatArray) -> float:
+    """Return the median time between frames; infinite if it is unknown."""
+    steps = np.diff(stamps_s)
+    middle_ms = 1e3 * float(np.median(steps)) if len(steps) and np.all(np.isfinite(steps)) else 0.0
+    return middle_ms if middle_ms > 0 else np.inf
+
+
+def infer_unit(exposures: npt.ArrayLike, stamps_s: FloatArray, source: str) -> ExposureUnit:
     """Infer the unit in which exposures are plausible: no longer than the frame interval, and not too short.
 
     Exposure ratios, and therefore response and vignette, are the same in all units except log2 s, which is recognised
-    by negative values. ``interval_ms`` is the median time between frames, None if unknown.
+    by negative values. ``stamps_s`` are the time stamps of the frames; with fewer than two, the interval is unknown.
 
     Raises
     ------
@@ -121,7 +128,8 @@ def infer_unit(exposures: npt.ArrayLike, interval_ms: float | None, source: str)
     if not positive.size:
         raise ExposureError(f"{source}: has no positive exposures; check that it is the right field")
     middle = float(np.median(positive))
-    longest = _INTERVAL_MARGIN * interval_ms if interval_ms is not None else _LONGEST_MS
+    between_ms = interval_ms(stamps_s)
+    longest = _INTERVAL_MARGIN * between_ms if np.isfinite(between_ms) else _LONGEST_MS
     for unit, factor in _IN_MS.items():
         if SHORTEST_MS <= middle * factor <= longest:
             return unit

@@ -36,9 +36,6 @@ from ospc.recording.pixel_layout import PixelLayout, find_layout
 from ospc.recording.recording import StoredRecording
 from ospc.recording.table_text import read_table_text
 
-_NS_PER_MS = 1e6
-"""Nanoseconds, the unit of stamps in bags, per millisecond."""
-
 
 class _Rosbag:
     name = "rosbag"
@@ -197,9 +194,7 @@ def _in_ms(readings: FloatArray, carrier: Carrier, images: Times, source: str) -
     unit, how = carrier.unit, ""
     if unit is None:
         _, stamps_ns, _ = increasing(images, np.arange(len(images.log_ns)), source)
-        unit = infer_unit(
-            values, float(np.median(np.diff(stamps_ns))) / _NS_PER_MS if len(stamps_ns) > 1 else None, source
-        )
+        unit = infer_unit(values, stamps_ns / NS_PER_S, source)
         how = f", in {unit.value}, inferred from their size and the frame rate"
     if unit is not ExposureUnit.LOG2_S:
         values = np.where(values <= 0, np.nan, values)  # drivers send 0 or -1 while they do not know the exposure
