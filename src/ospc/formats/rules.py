@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import chain
 from pathlib import Path
 from typing import Any, Generic, Literal, TypeAlias, TypeVar
@@ -39,6 +39,15 @@ _REPAIR = "run 'ospc validate --repair FILE' for a repaired copy"
 
 
 @dataclass(frozen=True)
+class Context:
+    """The context of a file: the program, and size and sorted file names of the images, None if unknown."""
+
+    program: Program
+    size: ImageSize | None = None
+    images: tuple[str, ...] | None = None
+
+
+@dataclass(frozen=True)
 class Finding:
     """A rule that a parameter file breaks.
 
@@ -49,31 +58,18 @@ class Finding:
     severity: Severity
     rule: str
     effect: str
-    remedy: str
-    file: str
+    remedy: str = ""
+    file: str = field(default="", kw_only=True)
 
 
 @dataclass(frozen=True)
-class Context:
-    """The context of a file: the program, and size and sorted file names of the images, None if unknown."""
-
-    program: Program
-    size: ImageSize | None = None
-    images: tuple[str, ...] | None = None
-
-
-@dataclass(frozen=True)
-class Broken:
-    """A rule that a document breaks: a :class:`Finding` without its file, and a repair.
+class Broken(Finding):
+    """A rule that a document breaks, and a repair.
 
     ``repair``, or None, returns a document that follows the rule, and a sentence about the change. It raises
     FormatError, without the name of the file, if content would have to be invented.
     """
 
-    severity: Severity
-    rule: str
-    effect: str
-    remedy: str = ""
     repair: Callable[[Any, Context], tuple[Any, str]] | None = None
 
 
@@ -109,7 +105,7 @@ class Format(Generic[Document]):
             document = self.read(path)
         except FormatError as error:
             reason = str(error).removeprefix(f"{path}: ")
-            return (Finding("error", reason, UNCORRECTED[context.program], "", str(path)),)
+            return (Finding("error", reason, UNCORRECTED[context.program], file=str(path)),)
         return self.findings_in(document, path, context)
 
     def findings_in(self, document: Document, path: Path, context: Context) -> tuple[Finding, ...]:
@@ -122,7 +118,7 @@ class Format(Generic[Document]):
         for broken in self._broken(document, context):
             offered = repairable and broken.repair is not None and broken.severity != "note"
             remedy = ", or ".join(filter(None, (broken.remedy, _REPAIR if offered else "")))
-            found.append(Finding(broken.severity, broken.rule, broken.effect, remedy, str(path)))
+            found.append(Finding(broken.severity, broken.rule, broken.effect, remedy, file=str(path)))
         return tuple(found)
 
     def repaired(self, path: Path, context: Context) -> tuple[Document, tuple[str, ...]]:

@@ -116,7 +116,7 @@ def validate(paths: Iterable[str | Path], program: Program, size: ImageSize | No
     if vignettes and not any(file.kind == "pcalib" for file in files):
         rule = "a vignette is used with a pcalib.txt; none was given"
         remedy = "give both; a linear camera needs a pcalib.txt with the numbers 0 to 255"
-        findings.append(Finding("note", rule, f"then {_WITHOUT_PCALIB[program]}", remedy, vignettes[0]))
+        findings.append(Finding("note", rule, f"then {_WITHOUT_PCALIB[program]}", remedy, file=vignettes[0]))
     return Validation(program, known_size, files, tuple(findings))
 
 

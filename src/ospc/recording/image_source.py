@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import os
 import re
 import stat
 import threading
 import zipfile
 from abc import ABC, abstractmethod
-from collections import deque
 from dataclasses import dataclass, field
+from itertools import islice
 from pathlib import Path, PurePosixPath
 
 import cv2
@@ -285,14 +286,6 @@ def why_unread(place: Path) -> str | None:
 
 def _folders_with_images(place: Path) -> list[Path]:
     """Return the folders below a path that contain images, nearest first."""
-    found, waiting, seen = [], deque([place]), 0
-    while waiting and seen < _MOST_FOLDERS:
-        folder = waiting.popleft()
-        seen += 1
-        try:
-            waiting.extend(sorted(p for p in folder.iterdir() if p.is_dir() and not p.is_symlink()))
-        except OSError:
-            continue
-        if FolderImages.of(folder).names:
-            found.append(folder)
-    return found
+    walked = islice(os.walk(place), _MOST_FOLDERS)
+    found = [Path(folder) for folder, _, files in walked if any(map(is_image_name, files))]
+    return sorted(found, key=lambda folder: (len(folder.parts), by_name(str(folder))))
