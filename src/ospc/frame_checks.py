@@ -11,7 +11,7 @@ import numpy as np
 from ospc.arrays import Image, ImageSize, size_of
 from ospc.correspondence.pixel_statistics import PixelReport
 from ospc.errors import FrameError, counted
-from ospc.recording.frame import Frame, check_exposure
+from ospc.recording.frame import Frame, check_exposure, check_size
 from ospc.settings.grey_values import MOST_CLIPPED_SHARE, USED_SHARE
 
 FIRST_REASONS, LATEST_REASONS = 3, 20
@@ -89,12 +89,7 @@ def checked_frame(frame: Frame, number: int, size: ImageSize | None, max_grey: i
 
 def image_of_size(frame: Frame, size: ImageSize) -> Image:
     """Return a frame's image; FrameError if its size differs from the first."""
-    width, height = size_of(frame.image)
-    if (width, height) != size:
-        raise FrameError(
-            f"{frame.name}: {width}×{height} pixels, but the first frame has {size[0]}×{size[1]}; "
-            "calibrate each image size separately"
-        )
+    check_size(size_of(frame.image), size, frame.name)
     return frame.image
 
 

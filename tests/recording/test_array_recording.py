@@ -47,7 +47,7 @@ def test_left_aligned_values_stay_where_they_are() -> None:
 def test_an_odd_image_is_an_unreadable_frame() -> None:
     odd: list[np.ndarray] = [IMAGES[0], IMAGES[1][:5], IMAGES[2].astype(np.float32)]
     frames = list(ArrayRecording(odd, [1, 2, 4], name="mine"))
-    with pytest.raises(FrameError, match=r"mine\[1\]: is 24x5 pixels, but the first image is 24x16"):
+    with pytest.raises(FrameError, match=r"mine\[1\]: 24×5 pixels, but the first frame has 24×16"):
         _ = frames[1].image
     with pytest.raises(FrameError, match=r"mine\[2\]: grey values must be uint8 or uint16"):
         _ = frames[2].image

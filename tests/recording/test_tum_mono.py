@@ -224,7 +224,7 @@ UNREADABLE = {
     "PNG that lies about its size": (png_of_size(4000, 3000), "damaged and cannot be decoded"),
     "another size": (
         encoded(grey(1, (20, 10))),
-        "but the first image is 24x16; use only images of one size",
+        "but the first frame has 24×16; use only frames of one size",
     ),
     "another depth": (encoded(grey(1, dtype=np.uint16)), "does not have 8 bits"),
     "floats": (encoded(np.zeros((16, 24), np.float32), ".tif"), "32 bits per channel; .* --output grey16"),

@@ -213,8 +213,8 @@ def check_size(size: ImageSize, wanted: ImageSize, name: str) -> None:
     """Raise a FrameError unless an image has the size of its recording."""
     if size != wanted:
         raise FrameError(
-            f"{name}: is {size[0]}x{size[1]} pixels, but the first image is {wanted[0]}x{wanted[1]}; use only "
-            f"images of one size"
+            f"{name}: {size[0]}×{size[1]} pixels, but the first frame has {wanted[0]}×{wanted[1]}; use only frames "
+            f"of one size"
         )
 
 

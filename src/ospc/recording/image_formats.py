@@ -19,7 +19,7 @@ import numpy as np
 from ospc.arrays import Float32Array, Image
 from ospc.errors import FrameError, OspcError, needs_extra
 from ospc.formats.image_header import EXIF
-from ospc.recording.channel import DEFAULT_CHANNEL, Channel, Mosaic
+from ospc.recording.channel import Channel, Mosaic
 from ospc.recording.frame import check_decoded_size
 from ospc.recording.pixel_layout import BitDepth, StoredImage
 
@@ -137,16 +137,12 @@ class Heic(ImageFormat):
         if pixels.dtype == np.uint16:  # decoded left-aligned; dark images would not show how many bits there are
             depth = BitDepth(int(photo.info["bit_depth"]), 0, 16)
             pixels = pixels >> (16 - depth.bits)
-        colour = pixels.ndim == 3 and pixels.shape[2] >= 3
         if pixels.ndim == 3:  # drop transparency
-            pixels = np.ascontiguousarray(pixels[:, :, :3]) if colour else pixels[:, :, 0]
-        taken = (channel or DEFAULT_CHANNEL) if colour else None
-        if taken is not None:
-            pixels = taken.of(pixels)
+            pixels = pixels[:, :, :3] if pixels.shape[2] >= 3 else pixels[:, :, 0]
         # libheif rotates the image for display, but response and vignette refer to the axes of the sensor.
         for kind, (value,) in reversed(_TURNS.findall(data)[:2]):
             pixels = np.rot90(pixels, -value) if kind == b"irot" else np.flip(pixels, value & 1)
-        return StoredImage(np.ascontiguousarray(pixels), taken, depth=depth)
+        return StoredImage.of(pixels, channel, depth)
 
     def shot(self, data: bytes, name: str) -> Shot:
         """Return how the photograph was taken, from its EXIF."""
@@ -208,8 +204,7 @@ class Raw(ImageFormat):
             pixels = photo.raw_image_visible
             if stacked:
                 linear = _scaled(pixels[:, :, :3], black[:3], white)
-                taken = channel or DEFAULT_CHANNEL
-                return StoredImage(taken.of(linear[:, :, ::-1]), taken, depth=_DEPTH)
+                return StoredImage.of(linear[:, :, ::-1], channel, _DEPTH)
             if photo.num_colors == 1:
                 return StoredImage(_scaled(pixels, black[0], white), depth=_DEPTH)
             block = photo.raw_colors_visible[:2, :2]

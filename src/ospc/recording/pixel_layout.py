@@ -99,6 +99,14 @@ class StoredImage:
     mosaic: Mosaic | None = None
     depth: BitDepth | None = None
 
+    @classmethod
+    def of(cls, pixels: Image, channel: Channel | None, depth: BitDepth | None = None) -> StoredImage:
+        """Return a channel, by default green, of an image in blue, green and red; a grey image is unchanged."""
+        if pixels.ndim == 2:
+            return cls(np.ascontiguousarray(pixels), depth=depth)
+        taken = channel or DEFAULT_CHANNEL
+        return cls(taken.of(np.ascontiguousarray(pixels)), taken, depth=depth)
+
 
 @dataclass(frozen=True)
 class PixelLayout:

@@ -20,7 +20,7 @@ from ospc.errors import FrameError, RecordingError, escaped, quoted
 from ospc.recording.bags.bag import RAW, Bag
 from ospc.recording.bags.container import Encoding, Message, Topic
 from ospc.recording.bags.messages import DamagedMessageError, MessageType, stamp_ns_of
-from ospc.recording.channel import DEFAULT_CHANNEL, Channel, Mosaic
+from ospc.recording.channel import Channel, Mosaic
 from ospc.recording.image_source import decode_stored
 from ospc.recording.pixel_layout import StoredImage
 
@@ -100,9 +100,7 @@ def image_of(message: Any, name: str, channel: Channel | None = None) -> StoredI
     if layout.bits == 16:
         pixels = pixels.view(">u2" if message.is_bigendian else "<u2").astype(np.uint16)
     if len(layout.order) == 3:
-        ordered = np.ascontiguousarray(pixels.reshape(height, width, layout.channels)[:, :, list(layout.order)])
-        taken = channel or DEFAULT_CHANNEL
-        return StoredImage(taken.of(ordered), taken)
+        return StoredImage.of(pixels.reshape(height, width, layout.channels)[:, :, list(layout.order)], channel)
     if layout.order or encoding.startswith("nv"):
         if channel not in (None, Channel.LUMINANCE, Channel.ALL):
             raise FrameError(f"{name}: {encoding} has no {channel.value} channel; use --channel luminance")
