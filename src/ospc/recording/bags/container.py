@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import bz2
-import os
-import struct
 import sys
 from abc import ABC, abstractmethod
 from collections import defaultdict
@@ -29,10 +27,6 @@ MAX_TOPICS = 20_000
 ROS1_START, SQLITE_START = b"#ROSBAG V", b"SQLite format 3\0"
 _ZSTD_START = b"\x28\xb5\x2f\xfd"
 """Magic number of a Zstandard frame (RFC 8878)."""
-
-_SQLITE_HEADER_BYTES = 100
-_SQLITE_LARGEST_PAGE = 65536
-"""Page size that a header states as 1, because it exceeds 16 bits."""
 
 _QUOTED_CHARACTERS = 120
 """Maximum length of a library message that an error quotes."""
@@ -240,13 +234,16 @@ class Sqlite3File(RosbagsFile):
     def _open(self, names: Collection[str]) -> Iterator[Any]:
         with needs_extra("reading bags", "ros"):
             from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
-        _check_length(self.path)
         # The package puts the path into a URI without quoting it.
         if any(c in str(self.path) for c in "?#%"):
             raise RecordingError(f"{self.path}: its path must not contain '?', '#' or '%'; rename it")
-        reader = Sqlite3Reader(self.path)
+        reader: Any = Sqlite3Reader(self.path)
         reader.open()
         try:
+            # SQLite fills up the last page of a truncated file, and only notices that others are missing.
+            (page_bytes,) = reader.dbconn.execute("PRAGMA page_size").fetchone()
+            if self.path.stat().st_size % page_bytes:
+                raise RecordingError("the bag is truncated")
             yield reader
         finally:
             reader.close()
@@ -254,16 +251,3 @@ class Sqlite3File(RosbagsFile):
     def _expanded(self, data: bytes) -> bytes:
         # Bags may compress messages individually; uncompressed ones never begin like this.
         return expand(data, "zstd") if data.startswith(_ZSTD_START) else data
-
-
-def _check_length(path: Path) -> None:
-    """Raise a RecordingError if a database is shorter than stated in its header; SQLite may not notice."""
-    with path.open("rb") as file:
-        header = file.read(_SQLITE_HEADER_BYTES)
-        size = os.fstat(file.fileno()).st_size
-    page_bytes, changes, pages = struct.unpack_from(">H6xII", header, 16)
-    (valid_for,) = struct.unpack_from(">I", header, 92)
-    page_bytes = _SQLITE_LARGEST_PAGE if page_bytes == 1 else page_bytes
-    # If the two counters differ, the number of pages is not up to date (SQLite file format, section 1.3.7).
-    if changes == valid_for and size < pages * page_bytes:
-        raise RecordingError("the bag is truncated")
