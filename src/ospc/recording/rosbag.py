@@ -130,23 +130,24 @@ def _unexposed(bag: Bag, images: Topic) -> tuple[IntArray, IntArray, FrameTable]
 
 def _exposed(bag: Bag, images: Topic, options: ReadingOptions) -> tuple[IntArray, IntArray, FrameTable]:
     """Return recording times of all images, message numbers of those with an exposure, and their table."""
-    gains = [] if options.gain_unit is GainUnit.NONE else gain_topics(bag, images)
+    topics = [] if options.gain_unit is GainUnit.NONE else gain_topics(bag, images)
+    gains = [gain_carrier(topic, options) for topic in topics]
     if options.exposure_topic is None and names_exposures(bag.exposure_list):
-        table, gains = _listed(bag.exposure_list, options, gains)
+        table, has_gain = _listed(bag.exposure_list, options, gain_elsewhere=bool(gains))
         source, notes = table.source, [f"{table.source}: exposures are read from this list", *table.notes]
-        carriers = [gain_carrier(topic, options) for topic in gains]
-        times, carried = read_through(bag, images, carriers)
+        gains = [] if has_gain else gains
+        times, carried = read_through(bag, images, gains)
         at_ns = np.rint(table.stamps_s * NS_PER_S).astype(np.int64)
         exposure_times, values_ms = Times(at_ns, at_ns), table.exposures_ms
     else:
         topic = exposure_topic(bag, images, options)
         source = f"{bag.path}: {escaped(topic.name)}"
         carrier = carrier_of(topic, options, source)
-        carriers = [] if carrier.has_gain else [gain_carrier(topic, options) for topic in gains]
-        times, ((exposure_times, readings), *carried) = read_through(bag, images, (carrier, *carriers))
+        gains = [] if carrier.has_gain else gains
+        times, ((exposure_times, readings), *carried) = read_through(bag, images, (carrier, *gains))
         values_ms, notes = _in_ms(readings, carrier, times, source)
     exposure, match_notes = match_times(times, exposure_times, source)
-    factors, gain_notes = _gain_factors(bag, times, carriers, carried)
+    factors, gain_notes = _gain_factors(bag, times, gains, carried)
     known = (exposure >= 0) & np.isfinite(factors)
     numbers, stamps_ns, stamp_notes = increasing(times, np.flatnonzero(known), str(bag.path))
     exposures_ms = checked_exposures(
@@ -159,14 +160,13 @@ def _exposed(bag: Bag, images: Topic, options: ReadingOptions) -> tuple[IntArray
     return times.log_ns, numbers, table
 
 
-def _listed(path: Path, options: ReadingOptions, gains: list[Topic]) -> tuple[FrameTable, list[Topic]]:
-    """Return the list of exposures of a bag, and the topics with gains that it does not include."""
-    if gains and columns_of(read_table_text(path), str(path))[0].gains:
-        gains = []
-    table = read_list(path, replace(options, gain_unit=None) if gains else options)
+def _listed(path: Path, options: ReadingOptions, *, gain_elsewhere: bool) -> tuple[FrameTable, bool]:
+    """Return the list of exposures of a bag, and whether it includes the gain."""
+    has_gain = bool(columns_of(read_table_text(path), str(path))[0].gains)
+    table = read_list(path, replace(options, gain_unit=None) if gain_elsewhere and not has_gain else options)
     if not table.stamped:
         raise ExposureError(f"{table.source}: has no time stamps; add a column timestamp_s or timestamp_ns")
-    return table, gains
+    return table, has_gain
 
 
 def _gain_factors(
