@@ -89,7 +89,7 @@ def read_list_of(images: ImageSource, path: Path, options: ReadingOptions) -> Fr
     ExposureError
         If there is no list, there are several, or one beside the images cannot be read or belongs to others.
     RecordingError
-        If a list in the folder of the images, or the ``times.txt`` of a TUM data set, cannot be read.
+        If a list in the folder of the images, or the ``times.txt`` of an opened TUM data set, cannot be read.
     """
     place = images.place
     if place.is_dir() and (inside := lists_in(place)):
@@ -100,7 +100,7 @@ def read_list_of(images: ImageSource, path: Path, options: ReadingOptions) -> Fr
         table = read_times(found, options) if tum else read_list(found, options, images=images.names)
         match_images(table, images.names, str(place))
     except RecordingError as error:
-        if tum and place.stem == IMAGES:
+        if tum and found.parent == path:
             raise
         raise ExposureError(str(error)) from None
     said = () if found.parent == path else (f"{found}: exposures are read from this list",)
