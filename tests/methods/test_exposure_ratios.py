@@ -28,6 +28,23 @@ def test_stated_deviations_hold_for_pairs_that_were_not_used():
     assert np.mean(sigmas < 2) > 0.92
 
 
+def test_stated_deviations_hold_if_neighbouring_points_have_errors_in_common():
+    random = np.random.default_rng(0)
+    sigmas = []
+    for seed in range(4):
+        fit, _ = ratios_of_other_pairs(seed)
+        seen = CAMERA.pairs(2 * seed + 1, points=400)
+        later = seen.starts + 1
+        patch = np.floor(8 * (seen.position[later] + 1)).astype(int)
+        number = np.ravel_multi_index((seen.group[later], *patch.T), (seen.group.max() + 1, 16, 16))
+        grey = seen.grey.copy()
+        grey[later] *= np.exp(random.normal(0, 0.01, number.max() + 1))[number]
+        found = exposure_ratios(fit, replace(seen, grey=grey))
+        sigmas.append(np.abs(found.log_residual) / found.log_sigma)
+    assert 0.6 < np.mean(np.concatenate(sigmas) < 1) < 0.85
+    assert np.mean(np.concatenate(sigmas) < 2) > 0.88
+
+
 def test_a_pair_whose_points_disagree_is_not_known_the_better_for_being_many():
     fit, right = ratios_of_other_pairs(0)
     seen = CAMERA.pairs(1)

@@ -10,7 +10,7 @@ from ospc.observations import ExposedObservations
 from ospc.photometry.coverage import ExposureRatios
 from ospc.photometry.noise import BRIGHTEST_EXPOSED, DARKEST_EXPOSED
 from ospc.robust import SIGMA_OF_MEDIAN, medians
-from ospc.settings.residuals import MISREGISTERED_SIGMAS, MISREGISTERED_SPREAD
+from ospc.settings.residuals import MISREGISTERED_SIGMAS, MISREGISTERED_SPREAD, RATIO_CELLS
 
 
 def exposure_ratios(fit: Fit, observations: ExposedObservations) -> ExposureRatios:
@@ -27,17 +27,33 @@ def exposure_ratios(fit: Fit, observations: ExposedObservations) -> ExposureRati
     pairs, first, pair, count = np.unique(frames, axis=0, return_index=True, return_inverse=True, return_counts=True)
     pair = pair.reshape(-1)  # NumPy 2.0 adds a dimension
     estimated = medians(observed, pair)
-    spread = SIGMA_OF_MEDIAN * medians(np.abs(observed - estimated[pair]), pair)
-    by_scatter = _sigma_of_medians(spread, count)
+    deviation = observed - estimated[pair]
+    spread = SIGMA_OF_MEDIAN * medians(np.abs(deviation), pair)
+    by_scatter = _sigma_of_medians(spread, count, _dependence(deviation, observations.position[later], pair, count))
     by_curves = _sigma_by_curves(fit, observations, later[np.argsort(pair, kind="stable")], count)
     return ExposureRatios(pairs, np.exp(metadata[first]), np.exp(estimated), count, np.hypot(by_scatter, by_curves))
 
 
-def _sigma_of_medians(spread: FloatArray, count: IntArray) -> FloatArray:
+def _dependence(deviation: FloatArray, position: FloatArray, pair: IntArray, count: IntArray) -> FloatArray:
+    """Return the factor by which neighbouring points with a common error increase each median's standard deviation.
+
+    The errors of misregistered or glossy surfaces are common to an image cell: the variance of a median is then given
+    by the scatter of the cells' sums of signs (cluster-robust variance; Parente and Santos Silva 2016).
+    """
+    cells = np.array(RATIO_CELLS)
+    extent = np.maximum(np.abs(position).max(axis=0), np.finfo(np.float64).tiny)
+    column, row = np.clip((position / extent + 1) / 2 * cells, 0, cells - 1).astype(np.int64).T
+    shape = (len(count), *RATIO_CELLS)
+    cell = np.ravel_multi_index((pair, column, row), shape)
+    excess = np.bincount(cell, np.sign(deviation), np.prod(shape)).reshape(len(count), -1)
+    return np.asarray(np.sqrt(np.maximum(np.sum(excess**2, axis=1) / count, 1.0)))
+
+
+def _sigma_of_medians(spread: FloatArray, count: IntArray, dependence: FloatArray) -> FloatArray:
     """Return the standard deviation of the median of each group of points, from their scatter, shape (groups,)."""
     typical = float(np.median(np.repeat(spread, count)))
     wrong = spread > MISREGISTERED_SPREAD * typical
-    return np.where(wrong, MISREGISTERED_SIGMAS * spread, np.sqrt(np.pi / 2 / count) * spread)
+    return np.where(wrong, MISREGISTERED_SIGMAS * spread, np.sqrt(np.pi / 2 / count) * spread * dependence)
 
 
 def _sigma_by_curves(fit: Fit, observations: ExposedObservations, later: IntArray, count: IntArray) -> FloatArray:
