@@ -14,11 +14,12 @@ import numpy as np
 from ospc.arrays import BoolArray, FloatArray, IntArray, members_of
 from ospc.observations import ExposedObservations
 from ospc.photometry.verdict import EffectEstimate
-from ospc.robust import median, robust_scale
+from ospc.robust import median, medians, robust_scale
 from ospc.settings.error_model import DARKEST_GREY
 from ospc.settings.fit import WEIGHT_CUT_SIGMAS
 from ospc.settings.residuals import (
     MOST_RADIANCE_SIGMA,
+    REJECTED_SCALES,
     UNEVEN_CELLS,
     UNEVEN_FEWEST,
     UNEVEN_FEWEST_BLOCKS,
@@ -48,7 +49,11 @@ def uneven_vignette(residual: FloatArray, observations: ExposedObservations) -> 
     known = np.isfinite(residual)
     if not known.any():
         return ()
-    limit = WEIGHT_CUT_SIGMAS * robust_scale(residual[known])
+    scale = robust_scale(residual[known])
+    rejected = _rejected_cell(residual, observations, known, scale)
+    if rejected is not None:
+        return (rejected,)
+    limit = WEIGHT_CUT_SIGMAS * scale
     count, total = _sums_of_parts(np.clip(residual, -limit, limit), observations, known)
     points, blocks = count.sum(axis=1), np.count_nonzero(count, axis=1)
     judged = (points >= UNEVEN_FEWEST) & (blocks >= UNEVEN_FEWEST_BLOCKS)
@@ -72,21 +77,41 @@ def uneven_vignette(residual: FloatArray, observations: ExposedObservations) -> 
     return (EffectEstimate(UNEVEN, 2 * float(mean[worst]), 2 * float(sigma[worst]), contradicts=True),)
 
 
+def _rejected_cell(
+    residual: FloatArray, observations: ExposedObservations, known: BoolArray, scale: float
+) -> EffectEstimate | None:
+    """Return the image cell whose points disagree most with the fit, if it rejects most of them as outliers."""
+    cell, blocks, block = _cells_and_blocks(observations, known)
+    cells, inverse, count = np.unique(cell, return_inverse=True, return_counts=True)
+    seen_in = np.unique(inverse * blocks + block) // blocks
+    judged = (count >= UNEVEN_FEWEST) & (np.bincount(seen_in, minlength=len(cells)) >= UNEVEN_FEWEST_BLOCKS)
+    middle = np.where(judged, medians(residual[known], inverse), 0.0)
+    worst = int(np.argmax(np.abs(middle)))
+    if abs(middle[worst]) <= REJECTED_SCALES * scale:
+        return None
+    sigma = robust_scale(residual[known][inverse == worst] - middle[worst]) / math.sqrt(count[worst])
+    return EffectEstimate(UNEVEN, 2 * float(middle[worst]), 2 * sigma, contradicts=True)
+
+
+def _cells_and_blocks(observations: ExposedObservations, known: BoolArray) -> tuple[IntArray, int, IntArray]:
+    """Return the image cell of each known residual, the number of blocks of pairs, and the block of each residual."""
+    extent = np.maximum(np.abs(observations.position).max(axis=0), np.finfo(np.float64).tiny)
+    place = np.clip((observations.position[known] / extent + 1) / 2 * UNEVEN_CELLS, 0, np.array(UNEVEN_CELLS) - 1)
+    blocks, block = np.unique(observations.group[known] // UNEVEN_GROUPS_PER_BLOCK, return_inverse=True)
+    return np.ravel_multi_index(tuple(place.astype(np.int64).T), UNEVEN_CELLS), len(blocks), block
+
+
 def _sums_of_parts(
     residual: FloatArray, observations: ExposedObservations, known: BoolArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return the number and sum of known residuals in each image region and block, shape (regions, blocks)."""
     # The regions are all squares of four neighbouring cells, so they overlap.
-    extent = np.maximum(np.abs(observations.position).max(axis=0), np.finfo(np.float64).tiny)
-    place = np.clip((observations.position[known] / extent + 1) / 2 * UNEVEN_CELLS, 0, np.array(UNEVEN_CELLS) - 1)
-    column, row = place.astype(np.int64).T
-    blocks, block = np.unique(observations.group[known] // UNEVEN_GROUPS_PER_BLOCK, return_inverse=True)
-    shape = (*UNEVEN_CELLS, len(blocks))
-    number = np.ravel_multi_index((column, row, block), shape)
+    cell, blocks, block = _cells_and_blocks(observations, known)
+    shape = (*UNEVEN_CELLS, blocks)
+    number = cell * blocks + block
     of_cells = (np.bincount(number, weights, np.prod(shape)).reshape(shape) for weights in (None, residual[known]))
     count, total = (
-        (cells[:-1, :-1] + cells[1:, :-1] + cells[:-1, 1:] + cells[1:, 1:]).reshape(-1, len(blocks))
-        for cells in of_cells
+        (cells[:-1, :-1] + cells[1:, :-1] + cells[:-1, 1:] + cells[1:, 1:]).reshape(-1, blocks) for cells in of_cells
     )
     return count.astype(np.float64), np.asarray(total, dtype=np.float64)
 

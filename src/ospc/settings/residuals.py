@@ -28,6 +28,11 @@ UNEVEN_SIGMAS = 4.5
 real video, the largest of all parts was 2.8, but 4.0 in single cells. A smudge that absorbs three fifths of the light
 had 5.4, but 4.4 in single cells, because few points on its slopes are flat enough to be sampled."""
 
+REJECTED_SCALES = 3.0
+"""Median residual of a cell, in units of the scatter of all residuals, above which the fit rejects a part of the
+image instead of explaining it. In 97 clean recordings, the largest of all cells was 1.9. It was 4 to 10 with a corner
+of 2 % of the image that a hood or a finger darkens by up to 30 %."""
+
 # Constancy of response and vignette (ospc.estimation.residual_effects)
 
 UNSTEADY_FEWEST_POINTS = 20

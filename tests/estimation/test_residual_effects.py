@@ -1,0 +1,33 @@
+"""Parts of the image that a fit does not explain."""
+
+import numpy as np
+import pytest
+
+from ospc.estimation.residual_effects import uneven_vignette
+from ospc.photometry.response import Response
+from synthetic_observations import Camera
+
+SEEN = Camera(Response.gamma(2.2, 256)).pairs(0, groups=60, points=300)
+SCATTER = 0.005
+
+
+def residuals(of_corner: float, of_neighbours: float) -> np.ndarray:
+    """Return normal residuals with additions in a corner of the image, and in a part of its surroundings."""
+    right, below = (SEEN.position / np.abs(SEEN.position).max(axis=0)).T
+    corner = (right > 7 / 8) & (below > 5 / 6)
+    near = (right > 3 / 4) & (below > 2 / 3) & ~corner
+    random = np.random.default_rng(0)
+    return random.normal(0, SCATTER, len(right)) + of_corner * corner + of_neighbours * near
+
+
+def test_residuals_of_chance_show_nothing():
+    assert uneven_vignette(residuals(0.0, 0.0), SEEN) == ()
+
+
+@pytest.mark.parametrize("of_corner", [-0.04, -0.1, 0.1])
+def test_a_corner_that_the_fit_rejects_is_not_offset_by_its_surroundings(of_corner: float):
+    """The vignette adapts to the corner as far as it can, so the residuals next to it have the opposite sign."""
+    limited = 5 * SCATTER * np.sign(of_corner)  # outliers count as little more
+    (found,) = uneven_vignette(residuals(of_corner, -limited / 3), SEEN)
+    assert found.contradicts
+    assert found.value == pytest.approx(2 * of_corner, rel=0.1)
