@@ -27,7 +27,6 @@ from ospc.methods.fit_inputs import FitInputs
 from ospc.methods.method import Method, Progress
 from ospc.methods.preview import Preview
 from ospc.photometry.calibration import Calibration
-from ospc.photometry.grey_range import GreyRange
 from ospc.pooling.prior_calibration import PriorCalibration
 from ospc.pooling.summary import Summary, summary_of
 from ospc.prefetching import Prefetcher
@@ -240,13 +239,13 @@ class Engine:
         first, begin = self.epochs[-1].first_frame, suspected.frame
         exposures, found = self._exposures.before(begin)
         grey_range = self.pixels.range_before(begin)
-        exposures, found = self._checked_by_fit(method, exposures, found, grey_range)
+        exposures, found = checked_by_fit(method, exposures, found, grey_range, interlaced=self.pixels.interlaced)
         inputs = method.inputs(exposures, grey_range)
         change = suspected if inputs is None else method.judge_again(suspected, inputs, self._exposures.table)
         if change is None:
             return method
         ended = self._judged(method.calibration(exposures, grey_range), found, {"frames": begin - first})
-        epoch = Epoch(first, begin - 1, ended, change, found.corrected_frames, found.wrong)
+        epoch = Epoch(first, begin - 1, ended, change, found.corrected_frames, found.evidence.wrong)
         self._epochs = keeping_latest_calibrations([*self._epochs, epoch])
         self._exposures.begin_epoch(begin)
         self.pixels = self.pixels.of_next_epoch()
@@ -287,15 +286,8 @@ class Engine:
         exposures, found = self._exposures.corrected_table, self._exposures.findings()
         if self._method is None:
             return exposures, found
-        return self._checked_by_fit(self._method, exposures, found, self.pixels.grey_range)
-
-    def _checked_by_fit(
-        self, method: Method, exposures: ExposureTable, found: ExposureFindings, grey_range: GreyRange
-    ) -> tuple[ExposureTable, ExposureFindings]:
-        """Return exposures and findings, checked against a fit and the images."""
-        chosen = self._exposures.choice == "auto"
-        exposures, found = checked_by_fit(method, exposures, found, grey_range, undoes_correction=chosen)
-        return exposures, found.of_interlaced_images() if self.pixels.interlaced else found
+        pixels = self.pixels
+        return checked_by_fit(self._method, exposures, found, pixels.grey_range, interlaced=pixels.interlaced)
 
     def _judged(self, known: Calibration, found: ExposureFindings, counts: dict[str, int]) -> Calibration:
         """Return a calibration with the counts of its frames and the verdicts that exposures and images allow."""

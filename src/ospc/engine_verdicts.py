@@ -8,31 +8,25 @@ from dataclasses import replace
 from ospc.exposures.findings import ExposureFindings
 from ospc.exposures.table import ExposureTable
 from ospc.exposures.used import as_source
+from ospc.exposures.verdicts import findings_from
 from ospc.methods.method import Method
 from ospc.photometry.calibration import Calibration
-from ospc.photometry.coverage import ExposureRatios
 from ospc.photometry.grey_range import GreyRange
 
 
 def checked_by_fit(
-    method: Method,
-    exposures: ExposureTable,
-    found: ExposureFindings,
-    grey_range: GreyRange,
-    *,
-    undoes_correction: bool,
+    method: Method, exposures: ExposureTable, found: ExposureFindings, grey_range: GreyRange, *, interlaced: bool
 ) -> tuple[ExposureTable, ExposureFindings]:
-    """Return exposures and findings, checked against the method's fit.
-
-    With ``undoes_correction``, a correction of the lag that the fit contradicts is undone.
-    """
+    """Return exposures and findings, checked against the method's fit, which may undo a correction of the lag."""
+    evidence = replace(found.evidence, interlaced=interlaced)
     inputs = method.inputs(exposures, grey_range)
-    if undoes_correction and found.corrected_frames and inputs is not None and found.refuted_by(inputs.effects):
-        exposures, found = replace(exposures, lag_frames=0), found.without_correction()
-        inputs = method.inputs(exposures, grey_range)
-    if inputs is None:
-        return exposures, found.doubted_for_jumps(ExposureRatios.none())
-    return exposures, found.judged_by(inputs.effects, inputs.ratios).doubted_for_jumps(inputs.ratios)
+    if inputs is not None:
+        evidence = evidence.with_fit(inputs.effects, inputs.ratios)
+        if evidence.refutes_correction:
+            exposures, evidence = replace(exposures, lag_frames=0), evidence.without_correction()
+            again = method.inputs(exposures, grey_range)
+            evidence = evidence if again is None else evidence.with_fit(again.effects, again.ratios)
+    return exposures, findings_from(evidence)
 
 
 def judged_calibration(

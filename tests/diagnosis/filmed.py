@@ -12,8 +12,11 @@ import numpy as np
 
 from ospc.arrays import Image
 from ospc.exposures.brightness_history import BrightnessHistory
-from ospc.exposures.findings import ExposureFindings, assess_exposures
+from ospc.exposures.findings import ExposureFindings
 from ospc.exposures.lag_choice import LagChoice
+from ospc.exposures.verdicts import assess_exposures, findings_from
+from ospc.photometry.coverage import ExposureRatios
+from ospc.photometry.verdict import EffectEstimate
 from ospc.recording import ArrayRecording
 from ospc.settings import DefaultSettings
 
@@ -139,6 +142,13 @@ def found(film: Film, choice: LagChoice = "auto", stated_log_exposure: np.ndarra
     """Assess the exposures of a film without the rest of a run."""
     history, stated = observed(film)
     return assess_exposures(history.changes, stated if stated_log_exposure is None else stated_log_exposure, choice)
+
+
+def fitted(
+    told: ExposureFindings, *effects: EffectEstimate, ratios: ExposureRatios | None = None
+) -> ExposureFindings:
+    """Return findings that also follow from a fit with these effects and exposure ratios."""
+    return findings_from(told.evidence.with_fit(effects, ExposureRatios.none() if ratios is None else ratios))
 
 
 @lru_cache(maxsize=16)

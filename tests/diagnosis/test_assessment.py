@@ -11,10 +11,9 @@ from filmed import Film, observed, wandering
 from ospc import Frame, OnlineCalibrator
 from ospc.correspondence.thumbnail import Thumbnail
 from ospc.exposures import brightness_history, monitor
-from ospc.exposures.findings import assess_exposures
 from ospc.exposures.lag_choice import LagChoice
 from ospc.exposures.monitor import ExposureMonitor
-from ospc.exposures.verdicts import verdict_on
+from ospc.exposures.verdicts import assess_exposures, findings_from
 from ospc.settings.exposures import FIRST_ASSESSMENT_CHANGES
 from workers import preprocessor
 
@@ -88,5 +87,6 @@ def test_exposures_never_explain_less_than_none_of_the_changes(unexplained: floa
     assert found.brightness is not None
     brightness = replace(found.brightness, unexplained_share=unexplained, fits_badly=True)
     lag = replace(found.lag, candidates=(0,), state="determined")
-    first = verdict_on(found.recorded, lag, brightness, 100, 0.0)
-    assert f"exposures fit poorly: they {said} the brightness changes; the rest" in first.reason
+    evidence = replace(found.evidence, brightness=brightness, remaining_lag=lag)
+    reason = findings_from(evidence).verdict.reason
+    assert f"exposures fit poorly: they {said} the brightness changes; the rest" in reason

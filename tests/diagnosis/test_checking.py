@@ -284,7 +284,7 @@ def test_the_answer_is_json_with_units(good: RecordingReport) -> None:
     content = json.loads(json.dumps(good.as_dict(), allow_nan=False))
     assert content["exposure_lag_frames"] == 0
     assert content["verdicts"] == states(good)
-    assert content["exposure"]["lowest_ms"] == pytest.approx(good.exposures.recorded.lowest_ms)
+    assert content["exposure"]["lowest_ms"] == pytest.approx(good.exposures.evidence.recorded.lowest_ms)
     assert content["timing"]["frames_per_s"] == pytest.approx(20)
     unknown = check(log_exposure=jumping(3)).as_dict()
     assert unknown["exposure_lag_frames"] is None

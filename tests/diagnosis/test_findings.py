@@ -7,16 +7,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from filmed import LARGE, Film, found, wandering
+from filmed import LARGE, Film, fitted, found, wandering
 
 from ospc.calibrator import OnlineCalibrator, calibrate
 from ospc.evaluation.metrics import log_ratio_error
-from ospc.exposures import findings as exposure_findings
+from ospc.exposures import evidence
 from ospc.exposures.brightness_series import BrightnessSeries
-from ospc.exposures.findings import assess_exposures
 from ospc.exposures.lag_choice import LagChoice
 from ospc.exposures.lag_selection import LagEstimate
 from ospc.exposures.used import used_exposures, with_earlier_exposures
+from ospc.exposures.verdicts import assess_exposures, findings_from
 from ospc.methods.maximum_likelihood import MaximumLikelihoodMethod
 from ospc.photometry.calibration import Calibration
 from ospc.photometry.coverage import ExposureRatios
@@ -29,7 +29,6 @@ LATE = Film(wandering(FRAMES), lag=2)
 STALE = Film(np.zeros(FRAMES), hidden_log_gain=wandering(FRAMES))
 RISING = Film(np.linspace(-0.6, 0.6, 60))
 HALF_STOPS = Film(np.repeat(np.resize([0.0, 0.35], 4), 14), hidden_log_gain=wandering(FRAMES))
-NO_RATIOS = ExposureRatios.none()
 FLICKERING = Film(0.5 * wandering(FRAMES), hidden_log_gain=np.random.default_rng(5).normal(0, 0.02, FRAMES))
 QUICK = replace(DefaultSettings(), points_per_pair=120, rounds=5, response_intervals=16)
 
@@ -59,7 +58,7 @@ def test_a_lag_is_corrected_and_reported() -> None:
     ],
 )
 def test_a_fit_that_shows_exposures_of_other_frames_leaves_a_doubt(effect: EffectEstimate, state: str) -> None:
-    assert found(LATE).judged_by([effect], NO_RATIOS).verdict.state == state
+    assert fitted(found(LATE), effect).verdict.state == state
 
 
 @pytest.mark.parametrize(
@@ -76,7 +75,7 @@ def test_a_part_of_a_frame_late_is_usual_and_early_is_noise_reduction(
     frames: float, sigma: float, state: str
 ) -> None:
     effect = EffectEstimate(LATE_EXPOSURES, frames, sigma, corrected=True)
-    verdict = found(Film(wandering(FRAMES))).judged_by([effect], NO_RATIOS).verdict
+    verdict = fitted(found(Film(wandering(FRAMES))), effect).verdict
     assert verdict.state == state
     assert ("noise reduction" in verdict.remedy) == (state == "marginal")
 
@@ -94,7 +93,7 @@ def test_a_part_of_a_frame_late_is_usual_and_early_is_noise_reduction(
 def test_a_fit_settles_a_lag_that_changes_of_brightness_leave_open(effect: EffectEstimate, state: str) -> None:
     unsettled = found(RISING)
     assert (unsettled.lag_frames, unsettled.verdict.state) == (None, "marginal")
-    judged = unsettled.judged_by([effect], NO_RATIOS)
+    judged = fitted(unsettled, effect)
     assert judged.verdict.state == state
     assert (judged.lag_frames == 0) is (not judged.notes) is (state == "identifiable")
 
@@ -103,14 +102,16 @@ def test_a_fit_settles_a_lag_that_changes_of_brightness_leave_open(effect: Effec
 def test_a_fit_settles_the_lag_if_no_consecutive_frames_overlap(frames: float, sigma: float, state: str) -> None:
     unsettled = assess_exposures([], wandering(FRAMES))
     assert (unsettled.lag.state, unsettled.verdict.state) == ("too few pairs", "marginal")
-    judged = unsettled.judged_by([EffectEstimate(LATE_EXPOSURES, frames, sigma)], NO_RATIOS)
+    judged = fitted(unsettled, EffectEstimate(LATE_EXPOSURES, frames, sigma))
     assert judged.verdict.state == state
     assert (judged.lag_frames == 0) is (not judged.notes) is (state == "identifiable")
 
 
 def test_a_fit_does_not_overrule_a_lag_contradicted_by_brightness() -> None:
-    refuted = found(LATE).without_correction()
-    assert refuted.judged_by([EffectEstimate(LATE_EXPOSURES, 0.0, 0.01)], NO_RATIOS) == refuted
+    refuted = findings_from(found(LATE).evidence.without_correction())
+    again = fitted(refuted, EffectEstimate(LATE_EXPOSURES, 0.0, 0.01))
+    assert (again.verdict, again.lag, again.notes) == (refuted.verdict, refuted.lag, refuted.notes)
+    assert (again.verdict.state, again.lag_frames, again.corrected_frames) == ("marginal", None, 0)
 
 
 @pytest.mark.parametrize(
@@ -125,19 +126,19 @@ def test_a_fit_does_not_overrule_a_lag_contradicted_by_brightness() -> None:
     ],
 )
 def test_a_fit_refutes_a_lag_if_it_shows_the_exposures_as_written(effect: EffectEstimate, refuted: bool) -> None:
-    assert found(LATE).refuted_by([effect]) is refuted
+    assert fitted(found(LATE), effect).evidence.refutes_correction is refuted
 
 
 def test_a_lag_correction_is_undone_if_the_fit_refutes_it(monkeypatch) -> None:
     film = Film(wandering(FRAMES), size=LARGE)
     as_written = calibrate(film.recording(), QUICK, correct_lag="never")
-    right = exposure_findings.estimate_lag
+    right = evidence.estimate_lag
 
     def one_late(seen: BrightnessSeries, log_exposure: np.ndarray) -> LagEstimate:
         """Report exposures one frame late, unless they were already moved and one fewer remains."""
         return replace(right(seen, log_exposure), candidates=(int(len(log_exposure) == FRAMES),))
 
-    monkeypatch.setattr(exposure_findings, "estimate_lag", one_late)
+    monkeypatch.setattr(evidence, "estimate_lag", one_late)
     moved_back = calibrate(film.recording(), QUICK)
     assert "exposure_lag_corrected_frames" not in moved_back.source
     assert moved_back.verdicts["exposures"].state == "marginal"
@@ -215,7 +216,7 @@ def ratios_with(errors: np.ndarray) -> ExposureRatios:
 def test_exposures_that_a_fit_explains_are_not_stale(error: float, exceptions: int, state: str) -> None:
     errors = np.full(40, error)
     errors[1 : 2 * exceptions : 2] = 0.3  # pairs of unchanged exposure
-    judged = found(HALF_STOPS).judged_by([], ratios_with(errors))
+    judged = fitted(found(HALF_STOPS), ratios=ratios_with(errors))
     assert judged.verdict.state == state
     assert (judged.warnings == ()) == (state == "identifiable")
 
@@ -224,7 +225,7 @@ def test_exposures_that_a_fit_explains_are_not_stale(error: float, exceptions: i
 def test_exposures_that_a_fit_explains_do_not_fit_badly(error: float, state: str) -> None:
     unjudged = found(FLICKERING)
     assert "exposures fit poorly" in unjudged.warnings[0]
-    judged = unjudged.judged_by([], ratios_with(np.full(40, error)))
+    judged = fitted(unjudged, ratios=ratios_with(np.full(40, error)))
     assert judged.verdict.state == state
     assert (judged.warnings == ()) == (state == "identifiable")
 
@@ -234,13 +235,13 @@ def test_noise_that_a_fit_explains_is_no_misfit() -> None:
     errors = np.random.default_rng(2).normal(0, 0.02, 60)
     for sigma, state in ((0.02, "identifiable"), (0.005, "marginal")):
         ratios = replace(ratios_with(errors), log_sigma=np.full(len(errors), sigma))
-        assert doubted.judged_by([], ratios).verdict.state == state
+        assert fitted(doubted, ratios=ratios).verdict.state == state
 
 
 @pytest.mark.parametrize(("factor", "state"), [(1.5, "marginal"), (1 / 1.5, "marginal"), (1.02, "identifiable")])
 def test_a_large_jump_that_the_exposures_do_not_explain_is_doubted(factor: float, state: str) -> None:
     film = Film(wandering(FRAMES), hidden_log_gain=np.where(np.arange(FRAMES) < 30, 0.0, np.log(factor)))
-    told = found(film).doubted_for_jumps(NO_RATIOS)
+    told = found(film)
     assert told.verdict.state == state
     assert ("at frame 30" in told.verdict.reason) == (state == "marginal")
     assert not told.warnings  # response and vignette are found from all other changes
@@ -251,8 +252,8 @@ def test_a_jump_is_stated_at_its_frame_in_a_later_epoch_and_with_a_lag(lag: int)
     film = Film(wandering(FRAMES), hidden_log_gain=np.where(np.arange(FRAMES) < 30, 0.0, np.log(1.5)), lag=lag)
     told = found(film)
     assert told.corrected_frames == lag
-    assert "at frame 30" in told.doubted_for_jumps(NO_RATIOS).verdict.reason
-    assert "at frame 130" in told.renumbered(100).doubted_for_jumps(NO_RATIOS).verdict.reason
+    assert "at frame 30" in told.verdict.reason
+    assert "at frame 130" in findings_from(told.evidence.renumbered(100)).verdict.reason
 
 
 def ratios_across(jump: float, samples: int, at: int = 250) -> ExposureRatios:
@@ -268,7 +269,7 @@ def ratios_across(jump: float, samples: int, at: int = 250) -> ExposureRatios:
 
 @pytest.mark.parametrize("factor", [1.5, 1 / 1.5, 1000.0, 1 / 1000])
 def test_a_jump_that_only_pairs_of_distant_frames_show_is_doubted(factor: float) -> None:
-    told = found(Film(wandering(FRAMES))).doubted_for_jumps(ratios_across(np.log(factor), samples=400))
+    told = fitted(found(Film(wandering(FRAMES))), ratios=ratios_across(np.log(factor), samples=400))
     assert told.verdict.state == "marginal"
     first, last = map(int, re.findall(r"between frames (\d+) and (\d+)", told.verdict.reason)[0])
     assert first < 250 <= last
@@ -281,14 +282,14 @@ def test_a_jump_that_only_pairs_of_distant_frames_show_is_doubted(factor: float)
 @pytest.mark.parametrize(("jump", "samples"), [(0.03, 400), (0.4, 20), (0.0, 400)])
 def test_small_jumps_and_those_of_few_points_are_not_doubted(jump: float, samples: int) -> None:
     findings = found(Film(wandering(FRAMES)))
-    assert findings.doubted_for_jumps(ratios_across(jump, samples)) == findings
+    assert fitted(findings, ratios=ratios_across(jump, samples)).verdict == findings.verdict
 
 
 def test_a_fit_to_constant_exposures_or_to_few_pairs_does_not_make_them_right() -> None:
     good = ratios_with(np.full(40, 0.001))
-    assert found(STALE).judged_by([], good).warnings
-    assert found(HALF_STOPS).judged_by([], ratios_with(np.full(8, 0.001))).warnings
-    assert found(HALF_STOPS).judged_by([], NO_RATIOS).warnings
+    assert fitted(found(STALE), ratios=good).warnings
+    assert fitted(found(HALF_STOPS), ratios=ratios_with(np.full(8, 0.001))).warnings
+    assert fitted(found(HALF_STOPS)).warnings
 
 
 def test_constant_exposures_that_are_true_are_none() -> None:

@@ -32,21 +32,21 @@ def test_a_cycle_leaves_lags_that_differ_by_whole_cycles() -> None:
     assert exposures.lag_frames is None
     assert set(exposures.lag.candidates) == {-5, -2, 1, 4}
     # All candidates lead to the same correction.
-    assert exposures.lag.correction(exposures.recorded.cycle_frames) == 1
+    assert exposures.lag.correction(exposures.evidence.recorded.cycle_frames) == 1
     assert exposures.lag.correction(None) is None
 
 
 def test_a_long_cycle_leaves_one_usual_lag() -> None:
     cycle = np.log([1, 3, 2, 5, 2.5, 4, 1.5, 6])
     exposures = found(Film(log_exposure=cycle[np.arange(FRAMES) % 8] - 1, lag=-2))
-    assert exposures.recorded.cycle_frames == 8
+    assert exposures.evidence.recorded.cycle_frames == 8
     assert exposures.lag_frames == -2
 
 
 def test_a_steady_change_shows_no_lag() -> None:
     exposures = found(Film(log_exposure=np.linspace(-0.6, 0.6, FRAMES), lag=2))
     assert exposures.lag_frames is None
-    assert exposures.lag.correction(exposures.recorded.cycle_frames) is None
+    assert exposures.lag.correction(exposures.evidence.recorded.cycle_frames) is None
 
 
 @pytest.mark.parametrize(("lag", "allowed"), [(0, {0}), (1, {1, None}), (3, {3, None})])

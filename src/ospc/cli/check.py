@@ -84,7 +84,7 @@ def command(
 
 def _figures(report: RecordingReport, unit: str) -> dict[str, str]:
     """Return the known figures as text, by label."""
-    exposure, pixels, motion, timing = report.exposures.recorded, report.pixels, report.motion, report.timing
+    exposure, pixels, motion, timing = report.exposures.evidence.recorded, report.pixels, report.motion, report.timing
     cycle = "" if exposure.cycle_frames is None else f", repeating every {exposure.cycle_frames} frames"
     course = (
         "in all frames"
@@ -116,7 +116,7 @@ def _figures(report: RecordingReport, unit: str) -> dict[str, str]:
 def _lag(report: RecordingReport) -> str:
     from ospc.exposures.verdicts import either
 
-    lag, cycle = report.exposures.lag, report.exposures.recorded.cycle_frames
+    lag, cycle = report.exposures.lag, report.exposures.evidence.recorded.cycle_frames
     certain = lag.correction(cycle)
     if certain is None:
         candidates = f" (lags of {either(lag)})" if len(lag.candidates) > 1 else ""

@@ -64,7 +64,7 @@ def check_recording(
         *_about_frames(when, calibration.counts, calibrator.first_reasons),
         *_about_lag(found),
         *_about_brightness(found.brightness, when),
-        *_about_tone(found.local_tone),
+        *_about_tone(found.evidence.local_tone),
         *_about_pixels(pixels),
     )
     return RecordingReport(
@@ -103,7 +103,7 @@ def _about_frames(timing: Timing, counts: Mapping[str, int], reasons: Sequence[s
 
 
 def _about_lag(found: ExposureFindings) -> Iterator[str]:
-    lag, cycle = found.lag, found.recorded.cycle_frames
+    lag, cycle = found.lag, found.evidence.recorded.cycle_frames
     if lag.frames is not None and cycle is not None and cycle <= 2 * MAX_LAG:
         yield (
             f"the exposures repeat every {cycle} frames, so a lag of {lag.frames} cannot be distinguished from "

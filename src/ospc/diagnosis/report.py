@@ -188,7 +188,7 @@ def _known(value: float | None) -> float | None:
 
 
 def _exposure_figures(found: ExposureFindings, interval_s: float) -> dict[str, Any]:
-    recorded, lag, tone = found.recorded, found.lag, found.local_tone
+    recorded, lag, tone = found.evidence.recorded, found.lag, found.evidence.local_tone
     return {
         "exposure": {
             "lowest_ms": recorded.lowest_ms,

@@ -18,6 +18,8 @@ from ospc.settings.brightness import (
     CONTRADICTING_PAIR_LOG,
     DRIFT_FRAMES,
     DRIFT_STEP_FRAMES,
+    EXPLAINED_POINTS,
+    EXPLAINED_SIGMAS,
     HARMONIC_TOLERANCE_TURNS,
     JUMP_FRAMES,
     JUMP_SIGMAS,
@@ -178,6 +180,29 @@ def largest_jump_of_pairs(ratios: ExposureRatios) -> Jump | None:
         if same_sign and max(first, before) < min(second, after):  # it may show the same jump
             before, after = max(first, before), min(second, after)
     return Jump(int(after), float(change[largest]), int(after - before))
+
+
+def largest_error_of_points(ratios: ExposureRatios) -> float | None:
+    """Return the error of ln brightness, as a fit explains it, that few points exceed; None if it is notable.
+
+    It is None for few pairs of frames, too, and the larger of that of all points and of those of equal exposure.
+    """
+    # Brightness changes are compared through a typical response, from which extreme ones differ too much, and in
+    # thumbnails, in which regular facades are easily registered wrongly. A fit is subject to neither.
+    if len(ratios.samples) < MIN_STALE_PAIRS:
+        return None
+    by_chance = 0.0 if ratios.log_sigma is None else EXPLAINED_SIGMAS * ratios.log_sigma
+    error = np.abs(ratios.log_residual)
+    # Points are counted rather than pairs, because a pair whose registration failed has few.
+    error, relative, metadata = (
+        np.repeat(values, ratios.samples)
+        for values in (error, error / np.maximum(NOTABLE_RMS_LOG, by_chance), ratios.metadata)
+    )
+    unchanged = np.abs(np.log(metadata)) < UNCHANGED_EXPOSURE_LOG
+    parts = [part for part in (np.ones_like(unchanged), unchanged) if part.any()]
+    if any(np.quantile(relative[part], EXPLAINED_POINTS) > 1 for part in parts):
+        return None
+    return max(float(np.quantile(error[part], EXPLAINED_POINTS)) for part in parts)
 
 
 def _lasts(frame: IntArray, unexplained: FloatArray, at: int) -> bool:

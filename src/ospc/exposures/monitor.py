@@ -10,10 +10,11 @@ import numpy as np
 from ospc.arrays import FloatArray
 from ospc.exposures.brightness import BrightnessChange
 from ospc.exposures.brightness_history import BrightnessHistory
-from ospc.exposures.findings import ExposureFindings, assess_exposures
+from ospc.exposures.findings import ExposureFindings
 from ospc.exposures.lag_change import LagChange, detect_lag_change
 from ospc.exposures.lag_choice import LagChoice, checked_lag_choice, leaves_frames
 from ospc.exposures.table import ExposureTable
+from ospc.exposures.verdicts import assess_exposures
 from ospc.library_threads import one_blas_thread
 from ospc.settings.exposures import (
     ASSESSMENT_GROWTH,
@@ -66,7 +67,7 @@ class ExposureMonitor:
         self._next_assessment = int(ASSESSMENT_GROWTH * self.history.observed)
         found = self.findings()
         self.table.lag_frames = found.corrected_frames
-        certain = found.lag.correction(found.recorded.cycle_frames)
+        certain = found.lag.correction(found.evidence.recorded.cycle_frames)
         self.table.trusted = certain is not None and not found.warnings
         if certain is not None:  # if the lag becomes uncertain, keep the last certain one to detect its change
             self._known_lag = certain
@@ -140,4 +141,4 @@ class ExposureMonitor:
 
 
 def _corrected(table: ExposureTable, found: ExposureFindings) -> ExposureTable:
-    return replace(table.without(found.wrong), lag_frames=found.corrected_frames)
+    return replace(table.without(found.evidence.wrong), lag_frames=found.corrected_frames)

@@ -27,8 +27,8 @@ def as_source(found: ExposureFindings) -> dict[str, Any]:
     source: dict[str, Any] = {"exposure_lag_frames": found.lag_frames}
     if found.corrected_frames:
         source[_LAG] = found.corrected_frames
-    if found.wrong:
-        source[_WRONG] = list(found.wrong)
+    if found.evidence.wrong:
+        source[_WRONG] = list(found.evidence.wrong)
     return source
 
 

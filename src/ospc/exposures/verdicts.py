@@ -2,18 +2,37 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Literal
+
 import numpy as np
 
+from ospc.arrays import FloatArray
 from ospc.errors import counted
-from ospc.exposures.brightness_report import BrightnessReport
-from ospc.exposures.lag_choice import lag_in_words
+from ospc.exposures.brightness import BrightnessChange
+from ospc.exposures.brightness_report import BrightnessReport, largest_error_of_points, largest_jump_of_pairs
+from ospc.exposures.evidence import ExposureEvidence, evidence_of_images
+from ospc.exposures.findings import ExposureFindings
+from ospc.exposures.lag_choice import LagChoice, lag_in_words
 from ospc.exposures.lag_selection import LagEstimate
-from ospc.exposures.table import ExposureReport
+from ospc.exposures.tone_mapping import NO_LOCAL_TONE
 from ospc.photometry.verdict import Verdict
-from ospc.settings.brightness import DRIFT_FRAMES
-from ospc.settings.exposures import MAX_UNEXPLAINED_SHARE, MIN_CHECKED_FRAMES
+from ospc.settings.brightness import (
+    CONTRADICTING_JUMP_LOG,
+    DRIFT_FRAMES,
+    EXPLAINED_POINTS,
+)
+from ospc.settings.exposures import (
+    BLENDED_LAG_FRAMES,
+    DOUBTED_LAG_FRAMES,
+    DOUBTED_LAG_SIGMAS,
+    MAX_UNEXPLAINED_SHARE,
+    MIN_CHECKED_FRAMES,
+    REFUTED_LAG_FRAMES,
+)
 
-CHANGE_IRREGULARLY = (
+_CHANGE_IRREGULARLY = (
     "record for a minute with abrupt, irregular exposure changes: briefly cover the lens, point at a window, or "
     "switch a lamp on or off"
 )
@@ -29,51 +48,79 @@ _SLOWER = "record a well-exposed scene with uniform surfaces and some texture, a
 _MORE_FRAMES = (
     "record at least sixty consecutive frames; if the exposures surely belong to these images, set --correct-lag to 0"
 )
+_NO_BLENDING = (
+    "switch off temporal noise reduction and anything else that blends frames; if the images come from a video, "
+    "record images or MJPEG instead"
+)
+_ONE_GAIN = "lock the gain and aperture, or record them; give all exposures in one unit; do not switch lamps"
+_PROGRESSIVE = "record progressive video, or use one field of each frame as a recording of half the height"
+
+_Standing = Literal["settled", "settled by fit", "open", "contradicted"]
+"""Whether the exposures belong to the frames with which they are used."""
+
+_CONTRADICTED: _Standing = "contradicted"
 
 
-def verdict_on(
-    recorded: ExposureReport,
-    lag: LagEstimate,
-    brightness: BrightnessReport | None,
-    frames: int,
-    inverse_share: float,
-    *,
-    moved: int = 0,
-) -> Verdict:
-    """Return the verdict on the exposures of a recording.
-
-    Parameters
-    ----------
-    recorded, lag, brightness
-        The parts of :class:`~ospc.exposures.findings.ExposureFindings`.
-    frames
-        Number of frames of the recording.
-    inverse_share
-        Share of the brightness changes that the inverse of the exposures explains.
-    moved
-        Number of frames by which the exposures were moved before, positive if they were recorded late.
-    """
-    if brightness is None and frames < MIN_CHECKED_FRAMES:
-        few = f"the recording has only {counted(frames, 'frame')}, too few to check whether exposures belong to them"
-        return Verdict("marginal", few, _MORE_FRAMES)
-    if brightness is None:
-        few = f"only {counted(lag.pairs, 'pair')} of consecutive frames could be compared"
-        return Verdict("marginal", f"{few}, too few to check the exposures", _SLOWER)
-    contradiction = _contradiction(recorded, lag, brightness, inverse_share)
-    if contradiction is not None:
-        return contradiction
-    if lag.state == "constant exposure":
-        return Verdict("identifiable", f"the exposure is constant at {recorded.in_words()}, and the images agree")
-    return verdict_on_lag(recorded, lag, _explained(brightness), moved)
+def assess_exposures(
+    changes: Sequence[BrightnessChange], log_exposure: FloatArray, choice: LagChoice = "auto", *, first_frame: int = 0
+) -> ExposureFindings:
+    """Return the findings from the images alone; see :func:`~ospc.exposures.evidence.evidence_of_images`."""
+    return findings_from(evidence_of_images(changes, log_exposure, choice, first_frame=first_frame))
 
 
-def _contradiction(
-    recorded: ExposureReport,
-    lag: LagEstimate,
-    brightness: BrightnessReport,
-    inverse_share: float,
-) -> Verdict | None:
+def findings_from(evidence: ExposureEvidence) -> ExposureFindings:
+    """Return the findings that follow from all evidence; of the rules below, the first that applies decides."""
+    by_fit, agreement, standing = _agreement(evidence)
+    spoiled = _spoiled(evidence)
+    lag, brightness = evidence.lag, evidence.brightness
+    if standing == "settled by fit":
+        lag = replace(lag, state="determined", candidates=(0,))
+    if brightness is not None and by_fit:
+        brightness = replace(brightness, stale=False, fits_badly=False)
+    uncertain = standing == "open" and not evidence.corrected_frames
+    return ExposureFindings(
+        evidence,
+        lag,
+        brightness,
+        verdict=_doubted(evidence, agreement, spoiled),
+        question=f"it is uncertain whether exposures belong to their frames: {agreement.reason}" if uncertain else "",
+        warnings=tuple(v.reason for v in (agreement, *spoiled)[standing != _CONTRADICTED :]),
+    )
+
+
+# Whether exposures and brightness agree, and if they do, whether the exposures belong to their frames.
+
+
+def _agreement(evidence: ExposureEvidence) -> tuple[str, Verdict, _Standing]:
+    """Return what a fit explains in spite of doubts, in words, and the verdict that follows."""
+    if evidence.choice == "estimated":
+        return "", Verdict("marginal", "the exposures were estimated from the images"), "settled"
+    by_fit = _explained_by_fit(evidence)
+    against = None if by_fit else _contradiction(evidence)
+    return by_fit, *(_on_lag(evidence, by_fit) if against is None else (against, _CONTRADICTED))
+
+
+def _explained_by_fit(evidence: ExposureEvidence) -> str:
+    """Return what a fit to stale or badly fitting exposures explains, in words; empty if it leaves a doubt."""
+    brightness = evidence.brightness
+    if brightness is None or evidence.has_local_tone or evidence.recorded.values == 1:
+        return ""
+    in_place = evidence.corrected_frames or not evidence.remaining_lag.frames
+    doubted = brightness.stale or (brightness.fits_badly and in_place)
+    error = largest_error_of_points(evidence.ratios) if doubted else None
+    if error is None:
+        return ""
+    return (
+        f"the brightness of {EXPLAINED_POINTS:.0%} of the scene points to within {np.expm1(error):.1%}, with the "
+        "fitted curves"
+    )
+
+
+def _contradiction(evidence: ExposureEvidence) -> Verdict | None:
     """Return the verdict on exposures that contradict the images; None if they do not."""
+    recorded, lag, brightness = evidence.recorded, evidence.remaining_lag, evidence.brightness
+    if brightness is None:
+        return None
     if brightness.stale:
         stay = "stay constant" if recorded.values == 1 else "often stay constant"
         changes = (
@@ -82,13 +129,12 @@ def _contradiction(
         )
         causes = "the metadata are stale, rounded or lack a gain"
         return Verdict("not identifiable", f"{changes}: {causes}", _FIX_METADATA)
-    if inverse_share > 1 - MAX_UNEXPLAINED_SHARE:
-        return Verdict(
-            "not identifiable",
+    if evidence.inverse_share > 1 - MAX_UNEXPLAINED_SHARE:
+        text = (
             "the images get darker when the recorded exposures get longer: the inverse of the exposures explains "
-            f"{inverse_share:.0%} of the brightness changes",
-            _GIVE_TIMES,
+            f"{evidence.inverse_share:.0%} of the brightness changes"
         )
+        return Verdict("not identifiable", text, _GIVE_TIMES)
     if lag.state == "no response to exposure":
         text = f"exposures range from {recorded.in_words()}, but the brightness of the scene does not follow them"
         return Verdict("not identifiable", text, _FIX_METADATA)
@@ -100,6 +146,136 @@ def _contradiction(
     return None
 
 
+def _on_lag(evidence: ExposureEvidence, by_fit: str) -> tuple[Verdict, _Standing]:
+    """Return the verdict on exposures that explain the brightness, and on their lag."""
+    lag, recorded, moved = evidence.remaining_lag, evidence.recorded, evidence.corrected_frames
+    if evidence.brightness is None:
+        return _on_unknown_lag(evidence)
+    if lag.state == "constant exposure":
+        text = f"the exposure is constant at {recorded.in_words()}, and the images agree"
+        return Verdict("identifiable", text), "settled"
+    if by_fit and moved:  # the fit is to the moved exposures
+        lag = replace(lag, state="determined", candidates=(0,))
+    explained = by_fit or _explained(evidence.brightness)
+    certain = lag.correction(recorded.cycle_frames)
+    if certain is None:
+        return _on_unknown_lag(evidence)
+    if certain:
+        late = certain + moved
+        text = f"exposures are recorded {lag_in_words(late)}" if late else "exposures are recorded with their frames"
+        text += f"; once moved {'' if late else 'back '}to their frames, they explain {explained}"
+        return Verdict("marginal", text, f"set --correct-lag to {late}"), _CONTRADICTED
+    text = "exposures belong to their frames"
+    if lag.frames is None:
+        text += f", or to others with the same exposure, because they repeat every {recorded.cycle_frames} frames"
+    return Verdict("identifiable", f"{text}: they explain {explained}"), "settled"
+
+
+def _on_unknown_lag(evidence: ExposureEvidence) -> tuple[Verdict, _Standing]:
+    """Return the verdict on exposures whose lag the images leave open; it may be stated, or a fit may show it."""
+    candidates, moved, compared = evidence.remaining_lag.candidates, evidence.corrected_frames, evidence.brightness
+    if candidates and 0 not in candidates:
+        return _open(evidence), _CONTRADICTED
+    if isinstance(evidence.choice, int):
+        whose = f"are recorded {lag_in_words(moved)}" if moved else "belong to their frames"
+        checked = "are too few or too different to check it" if compared is None else "do not contradict this"
+        return Verdict("identifiable", f"exposures {whose}, as stated; the images {checked}"), "settled"
+    if compared is None and evidence.frames < MIN_CHECKED_FRAMES:
+        few = f"the recording has only {counted(evidence.frames, 'frame')}"
+        text = f"{few}, too few to check whether exposures belong to them"
+        return Verdict("marginal", text, _MORE_FRAMES), "settled"
+    if _fit_shows_no_lag(evidence):
+        few = "consecutive frames overlap too little to check them otherwise"
+        allowed = f"brightness changes alone allow lags of {either(evidence.lag)} frames"
+        text = f"exposures belong to their frames, as the fit shows; {few if compared is None else allowed}"
+        return Verdict("identifiable", text), "settled by fit"
+    return _open(evidence), "open"
+
+
+def _fit_shows_no_lag(evidence: ExposureEvidence) -> bool:
+    """Return whether a fit to exposures as recorded settles a lag that the images leave open."""
+    lag, late = evidence.remaining_lag, evidence.late
+    if late is None or evidence.corrected_frames or evidence.has_local_tone:
+        return False
+    can_be_zero = lag.state == "too few pairs" or (lag.state == "ambiguous" and 0 in lag.candidates)
+    return can_be_zero and abs(late.value) + DOUBTED_LAG_SIGMAS * late.sigma <= REFUTED_LAG_FRAMES
+
+
+def _open(evidence: ExposureEvidence) -> Verdict:
+    """Return the verdict on exposures whose lag is unknown."""
+    lag, cycle = evidence.remaining_lag.plus(evidence.corrected_frames), evidence.recorded.cycle_frames
+    lags = either(lag)
+    if evidence.brightness is None:
+        few = f"only {counted(lag.pairs, 'pair')} of consecutive frames could be compared"
+        return Verdict("marginal", f"{few}, too few to check the exposures", _SLOWER)
+    small = "the exposures change too little between the compared frames to check them"
+    reasons = {
+        "changes too small": small,
+        "no response to exposure": small,
+        "follows flicker": "the exposures follow a flickering light, which hides their lag",
+        "between frames": f"the exposures fit best between two frames (offset {lag.fraction_frames:+.1f} frames)",
+        "out of range": f"the exposures fit best with a lag of {lags} frames, the largest tried, but implausible",
+        "changing": "the lag of the exposures differs between the two halves of the recording",
+    }
+    reason = reasons.get(lag.state, f"lags of {lags} frames fit the images equally well")
+    if lag.state == "ambiguous" and cycle is not None:
+        reason = f"the exposures repeat every {cycle} frames: lags of {lags} cannot be distinguished"
+    if lag.state == "refuted":
+        suggested = f"brightness changes alone suggest that exposures are recorded {lag_in_words(lag.candidates[1])}"
+        reason = f"{suggested}, but the fit shows that they belong to their frames"
+    return Verdict("marginal", reason, _CHANGE_IRREGULARLY)
+
+
+# What else makes exposures, or all that is found from them, doubtful.
+
+
+def _spoiled(evidence: ExposureEvidence) -> list[Verdict]:
+    """Return a verdict for everything that also spoils response and vignette, the gravest last."""
+    found = []
+    if evidence.local_tone is not None and evidence.local_tone.is_clear:
+        found.append(Verdict("marginal", evidence.local_tone.text, NO_LOCAL_TONE))
+    lag = _fitted_lag(evidence)
+    if lag and evidence.late is not None and evidence.late.corrected:
+        mixed = f"each image seems to contain part of the previous one: exposures are {lag}"
+        found.append(Verdict("marginal", mixed, _NO_BLENDING))
+    if evidence.interlaced:
+        text = "alternate rows of the images show different moments, as in interlaced video"
+        found.append(Verdict("marginal", text, _PROGRESSIVE))
+    return found
+
+
+def _doubted(evidence: ExposureEvidence, agreement: Verdict, spoiled: Sequence[Verdict]) -> Verdict:
+    """Return the verdict on exposures, given whether they agree with the images and what else is doubtful."""
+    if not agreement.known:
+        return agreement
+    verdict = spoiled[-1] if spoiled else agreement
+    if evidence.interlaced:
+        return verdict
+    lag = _fitted_lag(evidence)
+    if lag and verdict.state == "identifiable":
+        reason = f"{verdict.reason}, but the fit shows that they are {lag}"
+        verdict = Verdict("marginal", reason, _CHANGE_IRREGULARLY)
+    # Consecutive frames show a jump, or the fitted exposure ratios of pairs of frames.
+    jump = None if evidence.brightness is None else evidence.brightness.largest_jump
+    if jump is None or abs(jump.log_change) < CONTRADICTING_JUMP_LOG:
+        jump = largest_jump_of_pairs(evidence.ratios)
+    return verdict if jump is None else Verdict("marginal", f"{verdict.reason}, but {jump.in_words}", _ONE_GAIN)
+
+
+def _fitted_lag(evidence: ExposureEvidence) -> str:
+    """Return the lag that a fit shows, in words; empty if there is none, or a usual one."""
+    late = evidence.late
+    if late is None:
+        return ""
+    # Time-stamped or interpolated exposures lag by a fraction of a frame, which the fit corrects.
+    usual = late.corrected and evidence.corrected_frames + late.value > 0
+    least_frames = BLENDED_LAG_FRAMES if late.corrected else DOUBTED_LAG_FRAMES
+    frames = abs(late.value)
+    if usual or frames < max(least_frames, DOUBTED_LAG_SIGMAS * late.sigma):
+        return ""
+    return f"{frames:.2g} ± {late.sigma:.1g} frames {'late' if late.value > 0 else 'early'}"
+
+
 def _explained(brightness: BrightnessReport) -> str:
     """Return the share of the brightness changes that exposures explain; they may also add changes instead."""
     share = 1 - brightness.unexplained_share
@@ -107,46 +283,11 @@ def _explained(brightness: BrightnessReport) -> str:
     return f"{f'{share:.0%}' if round(share, 2) > 0 else few} of the brightness changes"
 
 
-def verdict_on_lag(recorded: ExposureReport, lag: LagEstimate, explained: str, moved: int = 0) -> Verdict:
-    """Return the verdict on exposures that agree with the images, given in words what they explain.
-
-    The lag is that of exposures that were ``moved`` by a number of frames before.
-    """
-    certain = lag.correction(recorded.cycle_frames)
-    if certain is None:
-        return _unknown_lag(recorded, lag.plus(moved))
-    if certain:
-        late = certain + moved
-        text = f"exposures are recorded {lag_in_words(late)}" if late else "exposures are recorded with their frames"
-        text += f"; once moved {'' if late else 'back '}to their frames, they explain {explained}"
-        return Verdict("marginal", text, f"set --correct-lag to {late}")
-    text = "exposures belong to their frames"
-    if lag.frames is None:
-        text += f", or to others with the same exposure, because they repeat every {recorded.cycle_frames} frames"
-    return Verdict("identifiable", f"{text}: they explain {explained}")
-
-
 def either(lag: LagEstimate) -> str:
     """Return the candidate lags as text, such as "0 or 1" or "-1 to 2"."""
     lags = sorted(lag.candidates)
     is_range = len(lags) > 2 and lags[-1] - lags[0] == len(lags) - 1
     return f"{lags[0]} to {lags[-1]}" if is_range else " or ".join(map(str, lags))
-
-
-def _unknown_lag(recorded: ExposureReport, lag: LagEstimate) -> Verdict:
-    lags = either(lag)
-    reasons = {
-        "changes too small": "the exposures change too little between the compared frames to check them",
-        "too few pairs": f"only {counted(lag.pairs, 'pair')} of consecutive frames could be compared",
-        "follows flicker": "the exposures follow a flickering light, which hides their lag",
-        "between frames": f"the exposures fit best between two frames (offset {lag.fraction_frames:+.1f} frames)",
-        "out of range": f"the exposures fit best with a lag of {lags} frames, the largest tried, but implausible",
-        "changing": "the lag of the exposures differs between the two halves of the recording",
-    }
-    reason = reasons.get(lag.state, f"lags of {lags} frames fit the images equally well")
-    if lag.state == "ambiguous" and recorded.cycle_frames is not None:
-        reason = f"the exposures repeat every {recorded.cycle_frames} frames: lags of {lags} cannot be distinguished"
-    return Verdict("marginal", reason, CHANGE_IRREGULARLY)
 
 
 def _percent(log_change: float) -> str:

@@ -82,7 +82,7 @@ MIN_FLICKER_SCATTER_LOG = 1e-6
 MAX_PHASE_GAP_FRAMES = 8
 """A run is continued across fewer missing frames than this: over longer gaps the phase of a wave is lost."""
 
-# The verdict on the exposures (ospc.exposures.findings)
+# The verdict on the exposures (ospc.exposures.evidence, ospc.exposures.verdicts)
 
 MAX_UNEXPLAINED_SHARE = 0.25
 """Share of the energy of brightness changes not explained by the exposures above which these are doubted: the

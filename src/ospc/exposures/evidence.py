@@ -1,0 +1,197 @@
+"""What shows whether the exposures of a recording belong to its frames, before it is judged."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from ospc.arrays import FloatArray, IntArray
+from ospc.errors import counted
+from ospc.exposures.brightness import BrightnessChange
+from ospc.exposures.brightness_report import BrightnessReport, Jump, brightness_report
+from ospc.exposures.brightness_series import BrightnessSeries
+from ospc.exposures.lag import estimate_lag, explained_by_inverse
+from ospc.exposures.lag_choice import LagChoice, lag_in_words, leaves_frames
+from ospc.exposures.lag_selection import LagEstimate
+from ospc.exposures.table import ExposureReport, filled, without
+from ospc.exposures.tone_mapping import LocalTone, local_tone
+from ospc.exposures.wrong_exposures import away_from, unshown_steps, wrong_exposures
+from ospc.photometry.coverage import ExposureRatios
+from ospc.photometry.verdict import LATE_EXPOSURES, EffectEstimate
+from ospc.settings.exposures import DOUBTED_LAG_SIGMAS, REFUTED_LAG_FRAMES
+
+
+@dataclass(frozen=True)
+class ExposureEvidence:
+    """What the images, and later a fit of response and vignette, show about the exposures.
+
+    Attributes
+    ----------
+    choice
+        What to do about a lag.
+    frames
+        Number of frames with an exposure of their own.
+    recorded
+        Summary of the exposures of these frames.
+    lag
+        Estimated lag of the recorded exposures, before any correction.
+    remaining_lag
+        Estimated lag of the exposures as used, after any correction.
+    brightness
+        How well the exposures explain the brightness changes; None if too few frames could be compared.
+    inverse_share
+        Share of the brightness changes that the inverse of the exposures explains.
+    corrected_frames
+        Lag that was corrected, in frames; 0 for none.
+    local_tone
+        Signs of local tone mapping; None if unknown.
+    wrong
+        Frames whose recorded exposures are wrong and were ignored, in order.
+    late
+        Fitted lag of the exposures as used; None if no fit estimated it.
+    ratios
+        Exposure ratios of pairs of frames according to the fit; none without a fit.
+    interlaced
+        Whether the images are interlaced.
+    """
+
+    choice: LagChoice
+    frames: int
+    recorded: ExposureReport
+    lag: LagEstimate
+    remaining_lag: LagEstimate
+    brightness: BrightnessReport | None
+    inverse_share: float
+    corrected_frames: int = 0
+    local_tone: LocalTone | None = None
+    wrong: tuple[int, ...] = ()
+    late: EffectEstimate | None = None
+    ratios: ExposureRatios = field(default_factory=ExposureRatios.none)
+    interlaced: bool = False
+
+    def renumbered(self, offset: int) -> ExposureEvidence:
+        """Return the evidence with an offset added to the frame numbers of the lag and of the brightness."""
+        brightness = self.brightness
+        if brightness is not None:
+            jumps = tuple(replace(jump, frame=jump.frame + offset) for jump in brightness.jumps)
+            brightness = replace(brightness, jumps=jumps)
+        return replace(self, lag=replace(self.lag, frame=self.lag.frame + offset), brightness=brightness)
+
+    def with_fit(self, effects: Iterable[EffectEstimate], ratios: ExposureRatios) -> ExposureEvidence:
+        """Return the evidence with that of a fit to the exposures as used."""
+        late = next((effect for effect in effects if effect.name == LATE_EXPOSURES), None)
+        return replace(self, late=late, ratios=ratios)
+
+    @property
+    def correction_note(self) -> str:
+        """How the exposures were moved to their frames, as a note; empty if they were not, or as stated."""
+        if self.choice != "auto" or not self.corrected_frames:
+            return ""
+        return (
+            f"exposures are recorded {lag_in_words(self.corrected_frames)}, as {counted(self.lag.pairs, 'pair')} of "
+            "frames show, and were moved to their frames; use --correct-lag never to keep them as recorded"
+        )
+
+    @property
+    def has_local_tone(self) -> bool:
+        """Whether there are clear signs of local tone mapping."""
+        return self.local_tone is not None and self.local_tone.is_clear
+
+    @property
+    def refutes_correction(self) -> bool:
+        """Whether the fit to exposures that were moved as the images suggest shows that they were right before."""
+        if self.choice != "auto" or self.late is None:
+            return False
+        if abs(self.late.value) < DOUBTED_LAG_SIGMAS * self.late.sigma:
+            return False
+        return abs(self.corrected_frames + self.late.value) < REFUTED_LAG_FRAMES < abs(self.late.value)
+
+    def without_correction(self) -> ExposureEvidence:
+        """Return the evidence, without that of a fit, about exposures as recorded whose correction was refuted."""
+        suggested = self.corrected_frames
+        others = (lag for lag in self.lag.candidates if lag != suggested)
+        lag = replace(self.lag, state="refuted", candidates=(0, suggested, *others))
+        return replace(self, lag=lag, remaining_lag=lag, corrected_frames=0).with_fit((), ExposureRatios.none())
+
+
+def evidence_of_images(
+    changes: Sequence[BrightnessChange], log_exposure: FloatArray, choice: LagChoice = "auto", *, first_frame: int = 0
+) -> ExposureEvidence:
+    """Compare the brightness changes with the recorded exposures.
+
+    Parameters
+    ----------
+    changes
+        Brightness changes between consecutive frames, in frame order.
+    log_exposure
+        ln of the exposure recorded for each frame, NaN if missing, shape (frames,).
+    choice
+        What to do about a lag.
+    first_frame
+        Number of the first frame to use.
+    """
+    series = BrightnessSeries.from_changes(changes).renumbered(-first_frame)
+    if choice == "estimated":
+        return _as_used(series, filled(log_exposure[first_frame:]), choice).renumbered(first_frame)
+    wrong = tuple((wrong_exposures(series, filled(log_exposure[first_frame:])) + first_frame).tolist())
+    known = filled(without(log_exposure, wrong))
+    steps = unshown_steps(series, known[first_frame:])
+    found = _with_choice(away_from(steps, series), known[first_frame:], choice)
+    found = _with_jumps(found, steps, known[first_frame:]).renumbered(first_frame)
+    return replace(found, wrong=wrong, local_tone=_local_tone(found, changes, known))
+
+
+def _with_choice(series: BrightnessSeries, written: FloatArray, choice: LagChoice) -> ExposureEvidence:
+    """Compare exposures that are moved by the chosen lag or, if it is to be found, by a certain one."""
+    if isinstance(choice, int):
+        if leaves_frames(choice, len(written)):
+            return _moved(series, written, choice, choice)
+        found = _as_used(BrightnessSeries.from_changes(()), written, choice)
+        return replace(found, corrected_frames=choice)
+    found = _as_used(series, written, choice)
+    certain = found.lag.correction(found.recorded.cycle_frames)
+    if not certain or choice == "never":
+        return found
+    return replace(_moved(series, written, choice, certain), lag=found.lag)
+
+
+def _moved(series: BrightnessSeries, written: FloatArray, choice: LagChoice, lag: int) -> ExposureEvidence:
+    """Compare exposures that are moved by a lag; the estimated lag refers to the exposures as recorded."""
+    first, last = max(0, -lag), len(written) - max(0, lag)
+    inside = series.with_exposures(len(written), 0, lag).renumbered(-first)
+    found = _as_used(inside, written[first + lag : last + lag], choice).renumbered(first)
+    return replace(found, lag=found.lag.plus(lag), corrected_frames=lag)
+
+
+def _as_used(series: BrightnessSeries, written: FloatArray, choice: LagChoice) -> ExposureEvidence:
+    lag = estimate_lag(series, written)
+    return ExposureEvidence(
+        choice=choice,
+        frames=len(written),
+        recorded=ExposureReport.of(written),
+        lag=lag,
+        remaining_lag=lag,
+        brightness=brightness_report(lag, written),
+        inverse_share=explained_by_inverse(lag, series, written),
+    )
+
+
+def _with_jumps(found: ExposureEvidence, steps: IntArray, log_exposure: FloatArray) -> ExposureEvidence:
+    """Return the evidence with steps of the exposures, after these frames, that the images do not show."""
+    if found.brightness is None or not len(steps):
+        return found
+    unshown = (Jump(at + 1, float(log_exposure[at] - log_exposure[at + 1])) for at in steps.tolist())
+    jumps = tuple(sorted((*found.brightness.jumps, *unshown), key=lambda jump: jump.frame))
+    return replace(found, brightness=replace(found.brightness, jumps=jumps))
+
+
+def _local_tone(
+    found: ExposureEvidence, changes: Sequence[BrightnessChange], log_exposure: FloatArray
+) -> LocalTone | None:
+    """Look for local tone mapping, with the exposures shifted by the most likely lag."""
+    lag = found.lag.candidates[0] if found.lag.candidates else found.corrected_frames
+    inside = [c for c in changes if c.frame0 + lag >= 0 and c.frame1 + lag < len(log_exposure)]
+    exposure_change = np.array([log_exposure[c.frame1 + lag] - log_exposure[c.frame0 + lag] for c in inside])
+    return local_tone(inside, exposure_change)
