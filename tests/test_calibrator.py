@@ -189,7 +189,7 @@ class Changing(Noting):
         change = Change(frame.index, frame.index, "vignette", f"another lens at frame {frame.index}")
         return change if frame.index and frame.index % 3 == 0 else None
 
-    def split(self, number):
+    def since(self, number):
         return self
 
 

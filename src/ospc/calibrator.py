@@ -159,7 +159,7 @@ class OnlineCalibrator(Engine):
                 name = frame.name
                 raise FrameError(f"{name}: is not one of frames_to_replay; set its index to its number in the run")
             shown = replace(frame, load=partial(image_of_size, frame, self._size))
-            prepared = self._preprocess(shown, self.pixels.range_before(frame.index))
+            prepared = self._preprocess(shown, self.pixels.grey_range_before(frame.index))
             self._method.replay(prepared)
             self._exposures.history.replay(prepared.thumbnail)
 

@@ -11,11 +11,10 @@ from ospc.arrays import ImageSize, size_of
 from ospc.correspondence.pixel_statistics import PixelStatistics
 from ospc.correspondence.thumbnail import Thumbnail
 from ospc.engine_state import Epoch, keeping_latest_calibrations, response_before_change
-from ospc.engine_verdicts import checked_by_fit, judged_calibration
+from ospc.engine_verdicts import checked_by_fit, judged
 from ospc.errors import ExposureError, FrameError, OspcError, RecordingError, SettingError
 from ospc.exposures.brightness import BrightnessChange
 from ospc.exposures.brightness_history import BrightnessHistory
-from ospc.exposures.estimated import labelled
 from ospc.exposures.findings import ExposureFindings
 from ospc.exposures.lag_choice import LagChoice, lag_in_words
 from ospc.exposures.monitor import ExposureMonitor
@@ -132,7 +131,7 @@ class Engine:
                 self._skip(str(error))
                 return False
             except RecordingError:
-                self._exposures.table = self._exposures.table.until(number)
+                self._exposures.table = self._exposures.table.before(number)
                 raise
             except BaseException:
                 self._partly_processed = frame.name
@@ -237,9 +236,9 @@ class Engine:
     def _begin_epoch_if_confirmed(self, method: Method, suspected: Change) -> Method:
         """Return the method for the frames after a change of the camera, or the same one if its fit shows none."""
         first, begin = self.epochs[-1].first_frame, suspected.frame
-        exposures, found = self._exposures.before(begin)
-        grey_range = self.pixels.range_before(begin)
-        exposures, found = checked_by_fit(method, exposures, found, grey_range, interlaced=self.pixels.interlaced)
+        recorded, found = self._exposures.table.before(begin), self._exposures.findings_before(begin)
+        grey_range = self.pixels.grey_range_before(begin)
+        exposures, found = checked_by_fit(method, recorded, found, grey_range, interlaced=self.pixels.interlaced)
         inputs = method.inputs(exposures, grey_range)
         change = suspected if inputs is None else method.judge_again(suspected, inputs, self._exposures.table)
         if change is None:
@@ -249,8 +248,8 @@ class Engine:
         self._epochs = keeping_latest_calibrations([*self._epochs, epoch])
         self._exposures.begin_epoch(begin)
         self.pixels = self.pixels.of_next_epoch()
-        self._method = method.split(begin)
-        self._sampler.restart()
+        self._method = method.since(begin)
+        self._sampler.begin_epoch()
         return self._method
 
     def _skip(self, reason: str) -> None:
@@ -272,50 +271,40 @@ class Engine:
             if self._method is None:
                 why = f": {self._skipped.latest[-1]}" if self._skipped.latest else ""
                 raise OspcError(f"no frame could be used{why}")
-            exposures, found = self._used_exposures()
+            exposures, found = self._used_exposures(self._method)
             known = self._method.calibration(exposures, self.pixels.grey_range)
             earlier = self.prior or response_before_change(self._epochs, self._exposures.table.written)
             if earlier is not None:
                 known = earlier.continued(known, self.summary())
-            judged = self._judged(known, found, {"frames": self.frames, "skipped": self._skipped.count})
+            result = self._judged(known, found, {"frames": self.frames, "skipped": self._skipped.count})
             ended = ((e.last_frame + 1, e.corrected_lag_frames, e.wrong_exposures) for e in self._epochs)
-            return replace(judged, source=with_earlier_exposures(self.source | judged.source, ended))
+            return replace(result, source=with_earlier_exposures(self.source | result.source, ended))
 
-    def _used_exposures(self) -> tuple[ExposureTable, ExposureFindings]:
+    def _used_exposures(self, method: Method) -> tuple[ExposureTable, ExposureFindings]:
         """Return the exposures that the result uses, and the findings about them."""
-        exposures, found = self._exposures.corrected_table, self._exposures.findings()
-        if self._method is None:
-            return exposures, found
-        pixels = self.pixels
-        return checked_by_fit(self._method, exposures, found, pixels.grey_range, interlaced=pixels.interlaced)
+        recorded, found, pixels = self._exposures.table, self._exposures.findings(), self.pixels
+        return checked_by_fit(method, recorded, found, pixels.grey_range, interlaced=pixels.interlaced)
 
     def _judged(self, known: Calibration, found: ExposureFindings, counts: dict[str, int]) -> Calibration:
         """Return a calibration with the counts of its frames and the verdicts that exposures and images allow."""
         cause = self._skipped.why_most_of(self.frames) or why_greys_are_useless(self.pixels.report())
         changes = [epoch.change.text for epoch in self._epochs if epoch.change]
-        judged = judged_calibration(known, found, cause, changes)
-        if self._exposures.choice == "estimated":
-            judged = labelled(judged)
-        return replace(
-            judged,
-            counts=counts | known.counts,
-            settings=as_dict(self.settings),
-            versions=versions(),
-        )
+        result = judged(known, found, cause, changes)
+        return replace(result, counts=counts | known.counts, settings=as_dict(self.settings), versions=versions())
 
     def exposure_findings(self) -> ExposureFindings:
         """Return the findings about the exposures so far; OspcError if no frame was usable."""
         with self._lock:
             if self._method is None:
                 raise OspcError("no frame could be used, so the exposures could not be checked")
-            return self._used_exposures()[1]
+            return self._used_exposures(self._method)[1]
 
     def inputs(self) -> FitInputs | None:
         """Return the inputs of the fit of response and vignette; None if nothing can be merged."""
         with self._lock:
             if self._method is None:
                 return None
-            return self._method.inputs(self._used_exposures()[0], self.pixels.grey_range)
+            return self._method.inputs(self._used_exposures(self._method)[0], self.pixels.grey_range)
 
     def summary(self) -> Summary | None:
         """Return a summary that can be merged with others; None if there is nothing to merge."""

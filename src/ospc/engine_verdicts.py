@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+from ospc.exposures.estimated import labelled
+from ospc.exposures.evidence import ExposureEvidence
 from ospc.exposures.findings import ExposureFindings
 from ospc.exposures.table import ExposureTable
 from ospc.exposures.used import as_source
@@ -15,23 +17,26 @@ from ospc.photometry.grey_range import GreyRange
 
 
 def checked_by_fit(
-    method: Method, exposures: ExposureTable, found: ExposureFindings, grey_range: GreyRange, *, interlaced: bool
+    method: Method, recorded: ExposureTable, found: ExposureFindings, grey_range: GreyRange, *, interlaced: bool
 ) -> tuple[ExposureTable, ExposureFindings]:
-    """Return exposures and findings, checked against the method's fit, which may undo a correction of the lag."""
-    evidence = replace(found.evidence, interlaced=interlaced)
-    inputs = method.inputs(exposures, grey_range)
-    if inputs is not None:
-        evidence = evidence.with_fit(inputs.effects, inputs.ratios)
-        if evidence.refutes_correction:
-            exposures, evidence = replace(exposures, lag_frames=0), evidence.without_correction()
-            again = method.inputs(exposures, grey_range)
-            evidence = evidence if again is None else evidence.with_fit(again.effects, again.ratios)
-    return exposures, findings_from(evidence)
+    """Return the exposures to use and the findings, checked against the method's fit.
+
+    The fit may undo a correction of the lag.
+    """
+    evidence = _with_fit(method, recorded, replace(found.evidence, interlaced=interlaced), grey_range)
+    if evidence.refutes_correction:
+        evidence = _with_fit(method, recorded, evidence.without_correction(), grey_range)
+    return evidence.used(recorded), findings_from(evidence)
 
 
-def judged_calibration(
-    known: Calibration, found: ExposureFindings, cause: str, changes: Sequence[str]
-) -> Calibration:
+def _with_fit(
+    method: Method, recorded: ExposureTable, evidence: ExposureEvidence, grey_range: GreyRange
+) -> ExposureEvidence:
+    inputs = method.inputs(evidence.used(recorded), grey_range)
+    return evidence if inputs is None else evidence.with_fit(inputs.effects, inputs.ratios)
+
+
+def judged(known: Calibration, found: ExposureFindings, cause: str, changes: Sequence[str]) -> Calibration:
     """Return a calibration with the verdicts and warnings that its exposures and images allow.
 
     Parameters
@@ -45,14 +50,14 @@ def judged_calibration(
     changes
         Earlier changes of the camera, as sentences.
     """
-    verdicts = {name: found.limited(verdict) for name, verdict in known.verdicts.items()}
+    verdicts = {name: found.judged(verdict) for name, verdict in known.verdicts.items()}
     verdicts["exposures"] = found.verdict
     advice = (found.verdict.remedy, *known.advice) if found.warnings else known.advice
     if cause:
         verdicts = {n: v if v.state == "identifiable" else replace(v, remedy=cause) for n, v in verdicts.items()}
         advice = (cause, *advice)
     changed = (f"{change}; the calibration is for later frames" for change in changes)
-    return replace(
+    result = replace(
         known,
         verdicts=verdicts,
         converged=known.converged and not found.warnings,
@@ -61,3 +66,4 @@ def judged_calibration(
         notes=(*found.notes, *known.notes),
         warnings=(*found.warnings, *known.warnings, *changed),
     )
+    return labelled(result) if found.evidence.choice == "estimated" else result

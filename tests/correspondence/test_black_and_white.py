@@ -30,7 +30,7 @@ def test_what_was_known_at_each_frame_is_remembered() -> None:
     statistics = PixelStatistics()
     for number, ends in enumerate([LIMITED, LIMITED, FULL, FULL]):
         observed(statistics, number, *ends)
-    assert [statistics.range_before(n) for n in range(5)] == [FULL_RANGE, *[VIDEO_RANGE] * 2, *[FULL_RANGE] * 2]
+    assert [statistics.grey_range_before(n) for n in range(5)] == [FULL_RANGE, *[VIDEO_RANGE] * 2, *[FULL_RANGE] * 2]
     assert statistics.grey_range == FULL_RANGE
 
 
@@ -84,7 +84,7 @@ def test_a_new_epoch_finds_its_own(before: tuple[int, int], after: tuple[int, in
     later = statistics.of_next_epoch()
     observed(later, 1, *after)
     assert {known, later.grey_range} == {VIDEO_RANGE, FULL_RANGE}
-    assert later.range_before(1) == known
+    assert later.grey_range_before(1) == known
 
 
 @pytest.mark.parametrize(("low", "high", "expected"), [(20, 230, VIDEO_RANGE), (5, 230, FULL_RANGE)])

@@ -52,5 +52,5 @@ def test_frames_without_end_take_eight_bytes_each() -> None:
 
 
 def test_later_frames_have_no_exposure_even_if_theirs_was_recorded_early() -> None:
-    early = replace(table(np.arange(1.0, 9.0)).until(5), lag_frames=-2)
+    early = replace(table(np.arange(1.0, 9.0)).before(5), lag_frames=-2)
     assert np.flatnonzero(np.isfinite(early.log_exposure_of(np.arange(8)))).tolist() == [2, 3, 4]

@@ -35,13 +35,13 @@ QUICK = replace(DefaultSettings(), points_per_pair=120, rounds=5, response_inter
 
 def test_a_good_recording_gives_no_messages() -> None:
     told = found(Film(wandering(FRAMES)))
-    assert (told.lag_frames, told.corrected_frames, told.notes, told.warnings) == (0, 0, (), ())
+    assert (told.lag.frames, told.corrected_frames, told.notes, told.warnings) == (0, 0, (), ())
     assert told.verdict.state == "identifiable"
 
 
 def test_a_lag_is_corrected_and_reported() -> None:
     told = found(LATE)
-    assert (told.lag_frames, told.corrected_frames, told.warnings) == (2, 2, ())
+    assert (told.lag.frames, told.corrected_frames, told.warnings) == (2, 2, ())
     assert "2 frames late" in told.notes[0]
 
 
@@ -92,10 +92,10 @@ def test_a_part_of_a_frame_late_is_usual_and_early_is_noise_reduction(
 )
 def test_a_fit_settles_a_lag_that_changes_of_brightness_leave_open(effect: EffectEstimate, state: str) -> None:
     unsettled = found(RISING)
-    assert (unsettled.lag_frames, unsettled.verdict.state) == (None, "marginal")
+    assert (unsettled.lag.frames, unsettled.verdict.state) == (None, "marginal")
     judged = fitted(unsettled, effect)
     assert judged.verdict.state == state
-    assert (judged.lag_frames == 0) is (not judged.notes) is (state == "identifiable")
+    assert (judged.lag.frames == 0) is (not judged.notes) is (state == "identifiable")
 
 
 @pytest.mark.parametrize(("frames", "sigma", "state"), [(0.02, 0.01, "identifiable"), (0.02, 0.2, "marginal")])
@@ -104,14 +104,14 @@ def test_a_fit_settles_the_lag_if_no_consecutive_frames_overlap(frames: float, s
     assert (unsettled.lag.state, unsettled.verdict.state) == ("too few pairs", "marginal")
     judged = fitted(unsettled, EffectEstimate(LATE_EXPOSURES, frames, sigma))
     assert judged.verdict.state == state
-    assert (judged.lag_frames == 0) is (not judged.notes) is (state == "identifiable")
+    assert (judged.lag.frames == 0) is (not judged.notes) is (state == "identifiable")
 
 
 def test_a_fit_does_not_overrule_a_lag_contradicted_by_brightness() -> None:
     refuted = findings_from(found(LATE).evidence.without_correction())
     again = fitted(refuted, EffectEstimate(LATE_EXPOSURES, 0.0, 0.01))
     assert (again.verdict, again.lag, again.notes) == (refuted.verdict, refuted.lag, refuted.notes)
-    assert (again.verdict.state, again.lag_frames, again.corrected_frames) == ("marginal", None, 0)
+    assert (again.verdict.state, again.lag.frames, again.corrected_frames) == ("marginal", None, 0)
 
 
 @pytest.mark.parametrize(
@@ -149,8 +149,8 @@ def test_a_lag_correction_is_undone_if_the_fit_refutes_it(monkeypatch) -> None:
 
 def test_a_number_is_obeyed_and_checked() -> None:
     right, wrong = found(LATE, 2), found(LATE, -1)
-    assert (right.lag_frames, right.corrected_frames, right.warnings) == (2, 2, ())
-    assert (wrong.lag_frames, wrong.corrected_frames) == (2, -1)
+    assert (right.lag.frames, right.corrected_frames, right.warnings) == (2, 2, ())
+    assert (wrong.lag.frames, wrong.corrected_frames) == (2, -1)
     assert "2 frames late" in wrong.warnings[0]
 
 
@@ -160,7 +160,7 @@ def test_a_wrong_number_is_met_with_the_right_one(given: LagChoice) -> None:
     assert "exposures are recorded 2 frames late" in told.verdict.reason
     assert told.verdict.remedy == "set --correct-lag to 2"
     # Curves fitted to exposures of other frames deserve no advice of their own.
-    unknown = told.limited(Verdict("not identifiable", "the vignette moves", "switch off stabilisation"))
+    unknown = told.judged(Verdict("not identifiable", "the vignette moves", "switch off stabilisation"))
     assert (unknown.state, unknown.remedy) == ("not identifiable", told.verdict.remedy)
 
 
@@ -181,7 +181,7 @@ def test_alternating_exposures_without_an_effect_are_wrong_though_slow_changes_a
 def test_a_short_cycle_is_corrected_whichever_lag_it_is() -> None:
     exposures = np.log([1.0, 2.0, 4.0])[np.arange(FRAMES) % 3] - 1
     findings = found(Film(exposures, lag=1))
-    assert (findings.lag_frames, findings.corrected_frames) == (None, 1)
+    assert (findings.lag.frames, findings.corrected_frames) == (None, 1)
     assert (findings.verdict.state, findings.warnings) == ("identifiable", ())
 
 
@@ -294,12 +294,12 @@ def test_a_fit_to_constant_exposures_or_to_few_pairs_does_not_make_them_right() 
 
 def test_constant_exposures_that_are_true_are_none() -> None:
     findings = found(Film(np.zeros(60)))
-    assert (findings.lag_frames, findings.notes, findings.warnings) == (None, (), ())
+    assert (findings.lag.frames, findings.notes, findings.warnings) == (None, (), ())
 
 
 def test_an_uncertain_lag_is_a_note_not_a_warning() -> None:
     findings = found(RISING)
-    assert findings.lag_frames is None
+    assert findings.lag.frames is None
     assert findings.warnings == ()
     assert "uncertain" in findings.notes[0]
 
@@ -362,7 +362,7 @@ def test_a_frame_without_an_exposure_hides_nothing_of_the_others(monkeypatch: py
     broken = [Frame.of_array(f.image, float("nan") if f.index in (20, 21, 40) else f.exposure_ms) for f in recording]
     calibrator = OnlineCalibrator()
     assert [calibrator.push(frame) for frame in broken].count(False) == 3
-    assert calibrator.exposure_findings().lag_frames == 1
+    assert calibrator.exposure_findings().lag.frames == 1
 
 
 @pytest.mark.parametrize("share", [0.15, 0.25])

@@ -24,29 +24,29 @@ FRAMES = 80
     ],
 )
 def test_it_is_found_in_spite_of_noise_motion_and_inexact_metadata(lag: int, film: dict) -> None:
-    assert found(Film(lag=lag, **film)).lag_frames == lag
+    assert found(Film(lag=lag, **film)).lag.frames == lag
 
 
 def test_a_cycle_leaves_lags_that_differ_by_whole_cycles() -> None:
     exposures = found(Film(log_exposure=np.log([1.0, 2.0, 4.0])[np.arange(FRAMES) % 3] - 1, lag=1))
-    assert exposures.lag_frames is None
+    assert exposures.lag.frames is None
     assert set(exposures.lag.candidates) == {-5, -2, 1, 4}
     # All candidates lead to the same correction.
-    assert exposures.lag.correction(exposures.evidence.recorded.cycle_frames) == 1
-    assert exposures.lag.correction(None) is None
+    assert exposures.lag.certain_frames(exposures.evidence.recorded.cycle_frames) == 1
+    assert exposures.lag.certain_frames(None) is None
 
 
 def test_a_long_cycle_leaves_one_usual_lag() -> None:
     cycle = np.log([1, 3, 2, 5, 2.5, 4, 1.5, 6])
     exposures = found(Film(log_exposure=cycle[np.arange(FRAMES) % 8] - 1, lag=-2))
     assert exposures.evidence.recorded.cycle_frames == 8
-    assert exposures.lag_frames == -2
+    assert exposures.lag.frames == -2
 
 
 def test_a_steady_change_shows_no_lag() -> None:
     exposures = found(Film(log_exposure=np.linspace(-0.6, 0.6, FRAMES), lag=2))
-    assert exposures.lag_frames is None
-    assert exposures.lag.correction(exposures.evidence.recorded.cycle_frames) is None
+    assert exposures.lag.frames is None
+    assert exposures.lag.certain_frames(exposures.evidence.recorded.cycle_frames) is None
 
 
 @pytest.mark.parametrize(("lag", "allowed"), [(0, {0}), (1, {1, None}), (3, {3, None})])
@@ -57,7 +57,7 @@ def test_brackets_around_a_wandering_exposure_do_not_follow_a_weak_flicker_of_th
     bracket = np.array([-0.5, 0.0, 0.5])[number % 3]
     light = 0.04 * np.cos(2 * np.pi * number / 3 + 0.4)
     exposures = found(Film(log_exposure=wandering(FRAMES, 5) + bracket, hidden_log_gain=light, lag=lag))
-    assert exposures.lag_frames in allowed
+    assert exposures.lag.frames in allowed
 
 
 @pytest.mark.parametrize(("gain", "lag"), [(0.2, 2), (0.5, -1)])
@@ -68,7 +68,7 @@ def test_exposures_that_chase_a_swinging_light_are_never_given_a_wrong_lag(gain:
     for i in range(1, frames):
         exposure[i] = exposure[i - 1] - gain * (exposure[i - 1] + light[i - 1])
     exposures = found(Film(log_exposure=exposure, hidden_log_gain=light, lag=lag))
-    assert exposures.lag_frames in (None, lag)
+    assert exposures.lag.frames in (None, lag)
 
 
 def simulated_observations(change: np.ndarray, scatter: float, rng: np.random.Generator) -> BrightnessSeries:

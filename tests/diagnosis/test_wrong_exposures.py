@@ -49,7 +49,7 @@ def test_another_unit_from_some_frame_on_is_a_jump_and_no_lag(factor: float, lag
     history, log_exposure = observed(film)
     other_unit = log_exposure + np.where(np.arange(FRAMES) < 40, 0.0, np.log(factor))
     told = assess_exposures([c for c in history.changes if c.frame0 not in missing], other_unit)
-    assert (told.lag_frames, told.corrected_frames) == (lag, lag)
+    assert (told.lag.frames, told.corrected_frames) == (lag, lag)
     assert told.verdict.state == "marginal"
     assert re.search(r"jumps by a factor of [\d.]+ at frame (39|40|41|42)", told.verdict.reason)
 

@@ -175,7 +175,7 @@ def test_with_another_lens_the_response_stays_known(changed):
     begins = f"starting from frames 0 to {first.last_frame}"
     assert begins in found.verdicts["response"].reason
     assert begins not in found.verdicts["vignette"].reason
-    alone = changed._method.calibration(changed._exposures.corrected_table)
+    alone = changed._method.calibration(changed._exposures.findings().evidence.used(changed._exposures.table))
     assert np.median(found.response.log_sigma) < np.median(alone.response.log_sigma)
     # Even if no frame after the change allows a fit.
     unknown = Verdict("not identifiable", "no exposure changes")

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from calibrations import calibration as made_up
+from ospc import engine
 from ospc.calibrator import OnlineCalibrator
 from ospc.engine_state import Epoch, response_before_change
 from ospc.errors import FormatError, NotObservableError, SettingError
 from ospc.estimation.response_basis import FUNCTIONS, ResponseBasis
 from ospc.evaluation.metrics import vignette_rmse
-from ospc.exposures.monitor import ExposureMonitor
 from ospc.methods.change_detection import Change
 from ospc.methods.identifiability import judged
 from ospc.methods.result import calibration_of
@@ -206,7 +206,7 @@ def test_a_warning_about_the_exposures_counts_however_much_was_known(yesterday, 
     calibrator.prior = PriorCalibration.open(yesterday)
     calibrator.push(Frame.of_array(np.full(SIZE[::-1], 90, np.uint8), 5.0))
     stale = replace(calibrator.exposure_findings(), warnings=("the metadata are stale",))
-    monkeypatch.setattr(ExposureMonitor, "findings", lambda _: stale)
+    monkeypatch.setattr(engine, "checked_by_fit", lambda _method, table, *_, **__: (table, stale))
     found = calibrator.calibration()
     assert not found.converged
     assert {verdict.state for verdict in found.verdicts.values()} == {"marginal"}

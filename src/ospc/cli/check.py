@@ -117,7 +117,7 @@ def _lag(report: RecordingReport) -> str:
     from ospc.exposures.verdicts import either
 
     lag, cycle = report.exposures.lag, report.exposures.evidence.recorded.cycle_frames
-    certain = lag.correction(cycle)
+    certain = lag.certain_frames(cycle)
     if certain is None:
         candidates = f" (lags of {either(lag)})" if len(lag.candidates) > 1 else ""
         return f"not determined: {lag.state}{candidates}"

@@ -71,7 +71,7 @@ class FrameSampler:
             self._pause -= 1
         self._pause = min(self._pause, longest_pause)
 
-    def restart(self) -> None:
+    def begin_epoch(self) -> None:
         """Process all frames again at first, because the camera changed."""
         self._restarted_after, self._pause = self.processed, 0
 

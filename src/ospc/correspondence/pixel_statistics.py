@@ -146,9 +146,9 @@ class PixelStatistics:
     @property
     def grey_range(self) -> GreyRange:
         """The currently known grey range."""
-        return self.range_before(sys.maxsize)
+        return self.grey_range_before(sys.maxsize)
 
-    def range_before(self, number: int) -> GreyRange:
+    def grey_range_before(self, number: int) -> GreyRange:
         """Return the grey range that was known from the frames before a given one."""
         known = [(black, white) for frame, black, white in self._ranges if frame < number]
         return GreyRange(*known[-1]) if known else FULL_RANGE

@@ -147,7 +147,7 @@ class RecordingReport:
     @property
     def exposure_lag_frames(self) -> int | None:
         """Number of frames by which the exposures lag; None if it cannot be determined."""
-        return self.exposures.lag_frames
+        return self.exposures.lag.frames
 
     def as_dict(self) -> dict[str, Any]:
         """Return the report as JSON-compatible values; unknown values are None."""

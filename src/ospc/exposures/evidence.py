@@ -15,7 +15,7 @@ from ospc.exposures.brightness_series import BrightnessSeries
 from ospc.exposures.lag import estimate_lag, explained_by_inverse
 from ospc.exposures.lag_choice import LagChoice, lag_in_words, leaves_frames
 from ospc.exposures.lag_selection import LagEstimate
-from ospc.exposures.table import ExposureReport, filled, without
+from ospc.exposures.table import ExposureReport, ExposureTable, filled, without
 from ospc.exposures.tone_mapping import LocalTone, local_tone
 from ospc.exposures.wrong_exposures import away_from, unshown_steps, wrong_exposures
 from ospc.photometry.coverage import ExposureRatios
@@ -94,6 +94,10 @@ class ExposureEvidence:
             "frames show, and were moved to their frames; use --correct-lag never to keep them as recorded"
         )
 
+    def used(self, table: ExposureTable) -> ExposureTable:
+        """Return the recorded exposures as they are used: without wrong ones, and each moved to its frame."""
+        return replace(table.without(self.wrong), lag_frames=self.corrected_frames)
+
     @property
     def has_local_tone(self) -> bool:
         """Whether there are clear signs of local tone mapping."""
@@ -151,7 +155,7 @@ def _with_choice(series: BrightnessSeries, written: FloatArray, choice: LagChoic
         found = _as_used(BrightnessSeries.from_changes(()), written, choice)
         return replace(found, corrected_frames=choice)
     found = _as_used(series, written, choice)
-    certain = found.lag.correction(found.recorded.cycle_frames)
+    certain = found.lag.certain_frames(found.recorded.cycle_frames)
     if not certain or choice == "never":
         return found
     return replace(_moved(series, written, choice, certain), lag=found.lag)

@@ -98,7 +98,7 @@ class LagEstimate(ByValue):
         """Return the estimate with the candidates relative to exposures that were moved by a number of frames."""
         return replace(self, candidates=tuple(lag + frames for lag in self.candidates))
 
-    def correction(self, cycle_frames: int | None) -> int | None:
+    def certain_frames(self, cycle_frames: int | None) -> int | None:
         """Return the lag to correct exposures by; None if it is not certain.
 
         If exposures repeat after ``cycle_frames``, lags that differ by whole cycles give the same correction.

@@ -67,7 +67,7 @@ class ExposureMonitor:
         self._next_assessment = int(ASSESSMENT_GROWTH * self.history.observed)
         found = self.findings()
         self.table.lag_frames = found.corrected_frames
-        certain = found.lag.correction(found.evidence.recorded.cycle_frames)
+        certain = found.lag.certain_frames(found.evidence.recorded.cycle_frames)
         self.table.trusted = certain is not None and not found.warnings
         if certain is not None:  # if the lag becomes uncertain, keep the last certain one to detect its change
             self._known_lag = certain
@@ -78,11 +78,6 @@ class ExposureMonitor:
         if self._findings is None or self._findings[0] != key:
             self._findings = (key, self._assess(self.history.changes, self.table.written))
         return self._findings[1]
-
-    @property
-    def corrected_table(self) -> ExposureTable:
-        """The exposures without wrong ones, corrected by the lag as currently estimated."""
-        return _corrected(self.table, self.findings())
 
     def detect_lag_change(self, *, camera_changed: bool) -> LagChange | None:
         """Return a change of the lag if it is proven and the previous check already suspected it.
@@ -116,10 +111,9 @@ class ExposureMonitor:
         recent = self.table.written[max(0, number - EXPOSURE_CHANGE_FRAMES) : number + 1]
         return self.lag_is_uncertain and float(np.nanmax(recent) - np.nanmin(recent)) > MIN_EXPOSURE_CHANGE_LOG
 
-    def before(self, frame: int) -> tuple[ExposureTable, ExposureFindings]:
-        """Return the exposures until a frame, and the findings about the frames of this epoch before it."""
-        found = self._assess(self.history.before(frame), self.table.written[:frame])
-        return _corrected(self.table.until(frame), found), found
+    def findings_before(self, frame: int) -> ExposureFindings:
+        """Return what the images show about the exposures of this epoch before a frame."""
+        return self._assess(self.history.before(frame), self.table.written[:frame])
 
     def begin_epoch(self, frame: int) -> None:
         """Start an epoch at a frame."""
@@ -138,7 +132,3 @@ class ExposureMonitor:
         """Return the monitor without spare room in its table; save it before the next frame."""
         table = ExposureTable.of(self.table.written, self.table.lag_frames, trusted=self.table.trusted)
         return replace(self, table=table)
-
-
-def _corrected(table: ExposureTable, found: ExposureFindings) -> ExposureTable:
-    return replace(table.without(found.evidence.wrong), lag_frames=found.corrected_frames)

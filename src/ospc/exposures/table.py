@@ -75,7 +75,7 @@ class ExposureTable:
         """Return a table in which the exposures recorded with some frames are missing."""
         return replace(self, _log_exposure=without(self._log_exposure, frames))
 
-    def until(self, frame: int) -> ExposureTable:
+    def before(self, frame: int) -> ExposureTable:
         """Return the table of the frames before the given one."""
         return replace(self, _count=min(frame, self._count))
 

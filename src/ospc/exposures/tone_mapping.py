@@ -13,7 +13,7 @@ import numpy as np
 
 from ospc.arrays import FloatArray, IntArray
 from ospc.exposures.brightness import BrightnessChange
-from ospc.robust import medians, robust_scale
+from ospc.robust import huber_weights, medians, robust_scale
 from ospc.settings.brightness import (
     CLEAR_TONE_SPREAD_LOG,
     GREY_BIN_EDGES,
@@ -108,8 +108,8 @@ def _fit(columns: FloatArray, target: FloatArray) -> FloatArray:
         normal = np.asarray((columns * weight[:, None]).T @ columns)
         normal[np.diag_indices_from(normal)] += TONE_RIDGE * np.trace(normal) / len(normal) + 1e-12
         coefficients = np.asarray(np.linalg.solve(normal, columns.T @ (weight * target)))
-        residual = np.abs(target - columns @ coefficients)
-        weight = 1 / np.maximum(residual / (TONE_HUBER_SIGMAS * robust_scale(residual) + 1e-6), 1)
+        residual = target - columns @ coefficients
+        weight = huber_weights(residual, TONE_HUBER_SIGMAS * robust_scale(residual) + 1e-6)
     return coefficients
 
 

@@ -24,7 +24,7 @@ _EARLIER_LAGS = "exposure_lags_corrected_until"
 
 def as_source(found: ExposureFindings) -> dict[str, Any]:
     """Return what the ``source`` of a calibration states about its exposures."""
-    source: dict[str, Any] = {"exposure_lag_frames": found.lag_frames}
+    source: dict[str, Any] = {"exposure_lag_frames": found.lag.frames}
     if found.corrected_frames:
         source[_LAG] = found.corrected_frames
     if found.evidence.wrong:

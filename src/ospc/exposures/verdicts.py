@@ -157,7 +157,7 @@ def _on_lag(evidence: ExposureEvidence, by_fit: str) -> tuple[Verdict, _Standing
     if by_fit and moved:  # the fit is to the moved exposures
         lag = replace(lag, state="determined", candidates=(0,))
     explained = by_fit or _explained(evidence.brightness)
-    certain = lag.correction(recorded.cycle_frames)
+    certain = lag.certain_frames(recorded.cycle_frames)
     if certain is None:
         return _on_unknown_lag(evidence)
     if certain:

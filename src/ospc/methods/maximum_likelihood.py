@@ -168,7 +168,7 @@ class MaximumLikelihoodMethod(Method):
         """End the second thread; the next frame starts it again."""
         self._second.end()
 
-    def split(self, number: int) -> MaximumLikelihoodMethod:
+    def since(self, number: int) -> MaximumLikelihoodMethod:
         """Return a method that continues with the observations from a frame on; this one is not used any more."""
         later = MaximumLikelihoodMethod(self._settings, self._size, self._max_grey)
         later._noise = self._noise

@@ -104,7 +104,7 @@ class Method(ABC):
         """End the method's own threads; the next frame starts them again."""
         return
 
-    def split(self, number: int) -> Method:
+    def since(self, number: int) -> Method:
         """Return a method that continues with the observations from a frame on; this one is not used any more."""
         return self
 

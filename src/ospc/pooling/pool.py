@@ -21,7 +21,7 @@ from ospc.photometry.calibration import Calibration
 from ospc.pooling.agreement import Agreement, Difference, Part, agreement
 from ospc.pooling.solution import Information, solve, solve_with_chosen_vignette
 from ospc.pooling.summary import PARAMETERS, VIGNETTE_PART, Summary, joint_range, triangle_of
-from ospc.pooling.verdicts import judged_by_agreement, response_verdict_of, used_of, vignette_verdict_of
+from ospc.pooling.verdicts import judged, response_verdict_of, used_of, vignette_verdict_of
 from ospc.settings.methods import IDENTIFIABLE_CORNER_SIGMA
 from ospc.settings.pooling import FREE_PRECISION, ROUGH_VIGNETTE_WALK
 from ospc.state import container
@@ -171,10 +171,10 @@ def merge(pool: Pool, *, counts_recordings: bool = True) -> Merged:
     agreed = agreement(pool.summaries)
     used = agreeing(pool, agreed)
     fit = solve_with_chosen_vignette(Information.of(used, usable_radius(used)).weakened(agreed.scatter))
-    judged = partial(judged_by_agreement, agreed, recordings=len(pool), counts=counts_recordings)
+    judged_part = partial(judged, agreed, recordings=len(pool), counts=counts_recordings)
     verdicts = {
-        "response": judged("response", response_verdict_of(fit, used)),
-        "vignette": judged("vignette", vignette_verdict_of(fit, used, pool.size)),
+        "response": judged_part("response", response_verdict_of(fit, used)),
+        "vignette": judged_part("vignette", vignette_verdict_of(fit, used, pool.size)),
     }
     response, vignette = verdicts["response"].known, verdicts["vignette"].known
     support = joint_range(s.support for s in used) if used else (0.0, 1.0)

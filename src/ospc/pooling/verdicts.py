@@ -39,7 +39,7 @@ def vignette_verdict_of(fit: Fit, used: Sequence[Summary], size: ImageSize) -> V
     return vignette_verdict(DefaultSettings(), fit, reach, standing_still, unexplained, size=size)
 
 
-def judged_by_agreement(agreed: Agreement, part: Part, verdict: Verdict, *, recordings: int, counts: bool) -> Verdict:
+def judged(agreed: Agreement, part: Part, verdict: Verdict, *, recordings: int, counts: bool) -> Verdict:
     """Return the verdict, taking into account how many recordings agree; with ``counts``, it says how many."""
     for needed in _NEEDED[part]:
         if not agreed.majority[needed]:
