@@ -292,6 +292,24 @@ def test_a_fit_to_constant_exposures_or_to_few_pairs_does_not_make_them_right() 
     assert fitted(found(HALF_STOPS)).warnings
 
 
+def test_a_verdict_that_warns_is_the_warning_whatever_a_fit_settles_besides() -> None:
+    """Stale exposures, recorded late: the fit may explain the brightness, or refute the lag, but not both."""
+    late = replace(HALF_STOPS, lag=2)
+    explained = fitted(found(late, "never"), ratios=ratios_with(np.full(40, 0.003)))
+    refuted = findings_from(found(late).evidence.without_correction())
+    for told, said in ((explained, "recorded 2 frames late"), (refuted, "stale")):
+        assert said in told.verdict.reason
+        assert told.warnings == (told.verdict.reason,)
+        assert not told.notes
+
+
+@pytest.mark.parametrize(("choice", "said"), [("auto", "fit shows"), (0, "as stated"), ("estimated", "estimated")])
+def test_what_is_stated_needs_no_fit_to_settle_it(choice: LagChoice, said: str) -> None:
+    told = fitted(found(RISING, choice), EffectEstimate(LATE_EXPOSURES, 0.02, 0.01))
+    assert said in told.verdict.reason
+    assert (told.lag.frames == 0) is (choice == "auto")
+
+
 def test_constant_exposures_that_are_true_are_none() -> None:
     findings = found(Film(np.zeros(60)))
     assert (findings.lag.frames, findings.notes, findings.warnings) == (None, (), ())

@@ -58,8 +58,6 @@ _PROGRESSIVE = "record progressive video, or use one field of each frame as a re
 _Standing = Literal["settled", "settled by fit", "open", "contradicted"]
 """Whether the exposures belong to the frames with which they are used."""
 
-_CONTRADICTED: _Standing = "contradicted"
-
 
 def assess_exposures(
     changes: Sequence[BrightnessChange], log_exposure: FloatArray, choice: LagChoice = "auto", *, first_frame: int = 0
@@ -78,13 +76,14 @@ def findings_from(evidence: ExposureEvidence) -> ExposureFindings:
     if brightness is not None and by_fit:
         brightness = replace(brightness, stale=False, fits_badly=False)
     uncertain = standing == "open" and not evidence.corrected_frames
+    warned = [agreement, *spoiled] if standing == "contradicted" else spoiled
     return ExposureFindings(
         evidence,
         lag,
         brightness,
         verdict=_doubted(evidence, agreement, spoiled),
         question=f"it is uncertain whether exposures belong to their frames: {agreement.reason}" if uncertain else "",
-        warnings=tuple(v.reason for v in (agreement, *spoiled)[standing != _CONTRADICTED :]),
+        warnings=tuple(verdict.reason for verdict in warned),
     )
 
 
@@ -97,7 +96,9 @@ def _agreement(evidence: ExposureEvidence) -> tuple[str, Verdict, _Standing]:
         return "", Verdict("marginal", "the exposures were estimated from the images"), "settled"
     by_fit = _explained_by_fit(evidence)
     against = None if by_fit else _contradiction(evidence)
-    return by_fit, *(_on_lag(evidence, by_fit) if against is None else (against, _CONTRADICTED))
+    if against is not None:
+        return by_fit, against, "contradicted"
+    return by_fit, *_on_lag(evidence, by_fit)
 
 
 def _explained_by_fit(evidence: ExposureEvidence) -> str:
@@ -164,7 +165,7 @@ def _on_lag(evidence: ExposureEvidence, by_fit: str) -> tuple[Verdict, _Standing
         late = certain + moved
         text = f"exposures are recorded {lag_in_words(late)}" if late else "exposures are recorded with their frames"
         text += f"; once moved {'' if late else 'back '}to their frames, they explain {explained}"
-        return Verdict("marginal", text, f"set --correct-lag to {late}"), _CONTRADICTED
+        return Verdict("marginal", text, f"set --correct-lag to {late}"), "contradicted"
     text = "exposures belong to their frames"
     if lag.frames is None:
         text += f", or to others with the same exposure, because they repeat every {recorded.cycle_frames} frames"
@@ -175,7 +176,7 @@ def _on_unknown_lag(evidence: ExposureEvidence) -> tuple[Verdict, _Standing]:
     """Return the verdict on exposures whose lag the images leave open; it may be stated, or a fit may show it."""
     candidates, moved, compared = evidence.remaining_lag.candidates, evidence.corrected_frames, evidence.brightness
     if candidates and 0 not in candidates:
-        return _open(evidence), _CONTRADICTED
+        return _open(evidence), "contradicted"
     if isinstance(evidence.choice, int):
         whose = f"are recorded {lag_in_words(moved)}" if moved else "belong to their frames"
         checked = "are too few or too different to check it" if compared is None else "do not contradict this"
