@@ -240,7 +240,7 @@ class Engine:
         grey_range = self.pixels.grey_range_before(begin)
         exposures, found = checked_by_fit(method, recorded, found, grey_range, interlaced=self.pixels.interlaced)
         inputs = method.inputs(exposures, grey_range)
-        change = suspected if inputs is None else method.judge_again(suspected, inputs, self._exposures.table)
+        change = suspected if inputs is None else method.prove_again(suspected, inputs, self._exposures.table)
         if change is None:
             return method
         ended = self._judged(method.calibration(exposures, grey_range), found, {"frames": begin - first})

@@ -118,7 +118,7 @@ def test_a_change_that_the_complete_fit_explains_is_none_and_that_fit_stays_the_
     detector = watched.detector
     change = watched.see(DARKER_CORNERS, DISTANT, LONG_ENOUGH)
     assert change.part == "vignette"
-    assert detector.judge_again(change, later_fit, FULL_RANGE, ExposureTable()) is None
+    assert detector.prove_again(change, later_fit, FULL_RANGE, ExposureTable()) is None
     detector.set_reference(fit)
     assert detector.reference is later_fit
     for age in (NEIGHBOURS, DISTANT):
@@ -129,7 +129,7 @@ def test_a_change_that_the_complete_fit_explains_is_none_and_that_fit_stays_the_
 
 def test_a_change_that_the_complete_fit_does_not_explain_is_confirmed_by_the_same_pairs(watched, fit):
     change = watched.see(DARKER_CORNERS, DISTANT, LONG_ENOUGH)
-    found = watched.detector.judge_again(change, fit, FULL_RANGE, ExposureTable())
+    found = watched.detector.prove_again(change, fit, FULL_RANGE, ExposureTable())
     assert (found.part, found.frame, found.found) == (change.part, change.frame, change.found)
 
 

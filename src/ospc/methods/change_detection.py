@@ -12,7 +12,7 @@ for a while, and only pairs that begin after the suspicion count, because a pair
 inconclusive.
 
 A quick fit leaves out glare, stray light and the like, whose errors also depend on grey level and radius. A change
-that it proves is therefore judged again with the complete fit to the frames before it. If that proves nothing, it
+that it proves is therefore tried again with the complete fit to the frames before it. If that proves nothing, it
 remains the reference.
 """
 
@@ -179,7 +179,7 @@ class ChangeDetector:
         """Process the observations of the latest pair, and return the camera change that they prove, if any.
 
         When a suspicion begins (:attr:`is_suspicious`), the reference should be replaced by a fit to all pairs so
-        far. A change that is returned is only proven once :meth:`judge_again` returns it, too.
+        far. A change that is returned is only proven once :meth:`prove_again` returns it, too.
         """
         if self.reference is None or len(latest.starts) < MIN_PAIR_POINTS:
             return None
@@ -198,8 +198,8 @@ class ChangeDetector:
         self.seen = [old for old in (*self.seen, some) if old.frame[0] >= first]
         return self._explained_change(first, pair.frame1, self.reference, exposures)
 
-    def judge_again(self, change: Change, fit: Fit, grey_range: GreyRange, exposures: ExposureTable) -> Change | None:
-        """Judge the pairs again with the complete fit to the frames before a change, which becomes the reference.
+    def prove_again(self, change: Change, fit: Fit, grey_range: GreyRange, exposures: ExposureTable) -> Change | None:
+        """Compare the pairs again with the complete fit to the frames before a change, which becomes the reference.
 
         Return the change if they still prove one. If not, the suspicion continues, and its further changes need no
         other fit.
@@ -207,8 +207,8 @@ class ChangeDetector:
         if self.since is None or self.complete_before >= self.since:
             return change
         self.reference, self.grey_range, self.complete_before = fit, grey_range, change.frame
-        judged = (self._errors(seen, fit, exposures) for seen in self.seen)
-        self.pairs = [pair for pair in judged if pair is not None]
+        errors = (self._errors(seen, fit, exposures) for seen in self.seen)
+        self.pairs = [pair for pair in errors if pair is not None]
         return self._explained_change(change.frame, change.found, fit, exposures)
 
     def _errors(self, seen: Observations, fit: Fit, exposures: ExposureTable) -> PairErrors | None:

@@ -155,14 +155,14 @@ class MaximumLikelihoodMethod(Method):
 
     # Epochs and pauses.
 
-    def judge_again(self, change: Change, before: FitInputs, exposures: ExposureTable) -> Change | None:
-        """Judge a change of response or vignette again with the complete fit to the frames before it, if any.
+    def prove_again(self, change: Change, before: FitInputs, exposures: ExposureTable) -> Change | None:
+        """Prove a change of response or vignette again with the complete fit to the frames before it, if any.
 
         Later pairs are compared with that fit.
         """
         if change.part == "exposures" or before.fit is None:
             return change
-        return self._changes.judge_again(change, before.fit, before.grey_range, exposures)
+        return self._changes.prove_again(change, before.fit, before.grey_range, exposures)
 
     def end_threads(self) -> None:
         """End the second thread; the next frame starts it again."""

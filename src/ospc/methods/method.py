@@ -88,8 +88,8 @@ class Method(ABC):
         """Process a brightness change between consecutive frames, and return the camera change that it proves."""
         return None
 
-    def judge_again(self, change: Change, before: FitInputs, exposures: ExposureTable) -> Change | None:
-        """Judge a change again with the complete fit to the frames before it; None if the camera has not changed.
+    def prove_again(self, change: Change, before: FitInputs, exposures: ExposureTable) -> Change | None:
+        """Prove a change again with the complete fit to the frames before it; None if the camera has not changed.
 
         The method then continues with that fit.
         """
