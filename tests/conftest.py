@@ -7,6 +7,7 @@ import os
 import sys
 from collections.abc import Iterator
 from functools import lru_cache
+from html import escape
 from pathlib import Path
 from weakref import ref
 
@@ -98,6 +99,16 @@ def one_room() -> Iterator[None]:
     room = scene._room
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(scene, "_room", lambda _seed: room(0))
+        yield
+
+
+@pytest.fixture(scope="module", autouse=True)
+def pictures() -> Iterator[None]:
+    """Draw figures but do not render them, which takes far longer; tests of pictures replace this fixture."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("ospc.report.charts.as_svg", lambda _figure, title: f'<svg aria-label="{escape(title)}"></svg>')
+        for module in ("style", "pictures"):
+            patch.setattr(f"ospc.report.{module}.as_bytes", lambda _figure, _kind: b"")
         yield
 
 

@@ -25,6 +25,11 @@ SIZE = (192, 144)  # large enough to determine the vignette
 STATES = ("identifiable", "marginal", "not identifiable")
 
 
+@pytest.fixture(scope="module", autouse=True)
+def pictures() -> None:
+    """Render pictures in full."""
+
+
 @pytest.fixture(scope="module")
 def late(tmp_path_factory: pytest.TempPathFactory) -> Path:
     place = tmp_path_factory.mktemp("checked") / "late"

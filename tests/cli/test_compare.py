@@ -13,6 +13,11 @@ from ospc.photometry.response import Response
 from ospc.photometry.vignette import PolynomialVignette
 
 
+@pytest.fixture(scope="module", autouse=True)
+def pictures() -> None:
+    """Render pictures in full."""
+
+
 @pytest.fixture
 def folders(tmp_path):
     for name, exponent, fall in (("a", 1.8, -0.27), ("b", 2.0, -0.3)):

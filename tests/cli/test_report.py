@@ -91,7 +91,7 @@ def test_exposures_come_from_times_txt_in_the_folder(folder):
     lines = [f"{n} {n} {e}" for n, e in enumerate(np.geomspace(1, 3, 41))]
     (folder / "times.txt").write_text("\n".join(lines))
     ospc("report", folder)
-    assert "exposure in ms" in (folder / "report.html").read_text(encoding="utf-8")
+    assert "Exposures over time" in (folder / "report.html").read_text(encoding="utf-8")
 
 
 def test_the_error_names_a_folder_without_calibration(tmp_path, recording):
