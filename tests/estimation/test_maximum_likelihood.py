@@ -186,7 +186,7 @@ class Elliptic:
 def test_a_strongly_elliptic_vignette_is_followed():
     widest = VignetteBasis(RADIAL_TERMS, free_centre=True, non_radial=True)
     vignette = Elliptic(fall=0.8, stretch=1.4)
-    seen = Camera(GAMMA, vignette).pairs(5, points=150)
+    seen = Camera(GAMMA, vignette).pairs(5, points=100)
     fit = with_chosen_vignette(seen, widest)
     truth = RasterVignette(vignette.at_normalised(normalised(pixel_grid(SIZE), SIZE)))
     assert vignette_pixel_rmse(fit.vignette(SIZE), truth) < 0.0025
@@ -198,7 +198,7 @@ def test_the_centre_of_an_elliptic_vignette_stays_near_the_middle(seed, centre):
     """Non-radial terms describe it only partly, and a shift of the centre is nearly a combination of them."""
     widest = VignetteBasis(RADIAL_TERMS, free_centre=True, non_radial=True)
     vignette = Elliptic(centre)
-    everywhere = Camera(GAMMA, vignette).pairs(seed, points=150)
+    everywhere = Camera(GAMMA, vignette).pairs(seed, points=100)
     seen = everywhere.seen_twice(np.linalg.norm(everywhere.position, axis=1) < 0.8)
     fit = with_chosen_vignette(seen, widest)
     assert fit.vignette_basis.non_radial
@@ -222,7 +222,7 @@ class Mechanical:
 def test_the_kink_of_a_mechanical_vignette_is_found(begins):
     widest = VignetteBasis(RADIAL_TERMS, free_centre=True, non_radial=True)
     vignette = Mechanical(begins)
-    seen = Camera(GAMMA, vignette).pairs(2, points=150)
+    seen = Camera(GAMMA, vignette).pairs(2, points=100)
     fit = with_chosen_vignette(seen, widest)
     truth = RasterVignette(vignette.at_normalised(normalised(pixel_grid(SIZE), SIZE)))
     assert vignette_pixel_rmse(fit.vignette(SIZE), truth) < 0.004
@@ -231,7 +231,7 @@ def test_the_kink_of_a_mechanical_vignette_is_found(begins):
     found = fit.vignette_basis.log_value(fit.vignette_parameters, along)
     deviation = (found - np.log(vignette.at_normalised(along))) / log_sigma(fit, radii)
     assert np.sqrt(np.mean(deviation**2)) < 2
-    plain = fitted(Camera(GAMMA).pairs(2, points=150))
+    plain = fitted(Camera(GAMMA).pairs(2, points=100))
     assert log_sigma(fit, [1.0]) > log_sigma(plain, [1.0])
 
 
@@ -345,7 +345,7 @@ def test_the_sigma_covers_a_vignette_that_gets_ever_steeper_beyond_the_last_obse
     corner = np.array([[-0.8, -0.6]])
     deviations = []
     for seed in range(4):
-        everywhere = Camera(GAMMA, Case()).pairs(seed, groups=160)
+        everywhere = Camera(GAMMA, Case()).pairs(seed, groups=100)
         seen = everywhere.seen_twice(np.linalg.norm(everywhere.position, axis=1) < 0.93)
         fit = fitted(seen)
         error = fit.vignette_basis.log_value(fit.vignette_parameters, corner) - np.log(Case().at_normalised(corner))
@@ -373,7 +373,7 @@ CORNERS = np.array([[0.8, 0.6], [-0.8, 0.6], [0.8, -0.6], [-0.8, -0.6]])
 
 def corner_errors(truth, seed, seen=0.97):
     """Return a fit to points within a share of each side, the errors of ln V at the corners, and their sigma."""
-    everywhere = Camera(GAMMA, truth).pairs(seed, groups=120)
+    everywhere = Camera(GAMMA, truth).pairs(seed, groups=70)
     observations = everywhere.seen_twice(np.all(np.abs(everywhere.position) < seen * CORNERS[0], axis=1))
     fit = with_chosen_vignette(observations, VignetteBasis(RADIAL_TERMS, free_centre=True, reach=MAX_VIGNETTE_REACH))
     error = fit.vignette_basis.log_value(fit.vignette_parameters, CORNERS) - np.log(truth.at_normalised(CORNERS))

@@ -15,7 +15,7 @@ SMALL = SimulationSettings(size=(160, 120), frames=24, exposure="cycle", motion=
 
 @pytest.fixture(scope="module")
 def default_truth():
-    return truth(SimulationSettings())
+    return truth(SimulationSettings(size=(160, 120)))
 
 
 def test_default_exposures_change_more_than_twofold_and_gently(default_truth):

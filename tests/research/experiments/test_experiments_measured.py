@@ -106,7 +106,7 @@ def test_every_experiment_makes_new_methods_and_describes_what_it_varies(source)
 
 
 def test_joint_estimation_is_compared_with_and_without_truth(tmp_path):
-    source = stand_ins(1, 40, (80, 60))[0]
+    source = stand_ins(1, 24, (80, 60))[0]
     rows = measured(measuring_task(source, EXPERIMENTS["joint"]).compute(lambda _share: None))
     rows += judge(source, {"mine": Estimate(vignette=source.truth().vignette)})
     assert [row.method for row in rows] == [
