@@ -20,7 +20,7 @@ from ospc.calibrator import OnlineCalibrator, calibrate
 from ospc.correspondence.frame_sampling import FrameSampler
 from ospc.correspondence.preprocessing import Preprocessor
 from ospc.engine_state import Epoch
-from ospc.errors import ExposureError, FrameError, OspcError, RecordingError, SettingError
+from ospc.errors import FrameError, OspcError, SettingError
 from ospc.exposures.brightness import BrightnessComparer
 from ospc.frame_checks import LATEST_REASONS
 from ospc.live import LiveCalibrator
@@ -444,22 +444,6 @@ def test_interrupted_it_returns_what_is_known_marked_as_partial(last):
     assert result.partial
     assert result.counts == {"frames": last, "skipped": 0, "pairs": last}
     assert result.source.items() >= identity(recording()).items()
-
-
-def test_frames_of_another_size_are_skipped_within_a_recording():
-    images = [IMAGE, np.zeros((5, 5), np.uint8), IMAGE]
-    result = calibrate(recording(images=images), NotingSettings())
-    assert result.counts == {"frames": 3, "skipped": 1, "pairs": 2}
-
-
-def test_a_path_without_a_recording_is_named(tmp_path):
-    with pytest.raises(RecordingError, match="nothing-here"):
-        calibrate(tmp_path / "nothing-here")
-
-
-def test_exposures_no_camera_has_are_refused_before_any_work():
-    with pytest.raises(ExposureError):
-        calibrate(ArrayRecording([IMAGE] * 2, [1.0, 0.0]))
 
 
 @pytest.mark.parametrize("name", ["default", "paper"])

@@ -34,7 +34,7 @@ def result(walk, calibrated):
 
 @pytest.fixture(scope="module")
 def pan():
-    return recorded(frames=48, seed=31, scene_seed=0)
+    return recorded(frames=48, size=(240, 180), seed=31, scene_seed=0)
 
 
 @pytest.fixture(scope="module")
@@ -106,10 +106,6 @@ def test_the_counts_add_up(result):
     assert not result.partial
     assert result.settings["preset"] == "default"
     assert set(result.versions) >= {"ospc", "numpy", "opencv"}
-
-
-def test_the_result_can_be_saved_and_loaded(result, tmp_path):
-    assert as_text(Calibration.load(result.save(tmp_path / "calibration.json"))) == as_text(result)
 
 
 def test_covariances_name_their_parameters(result):
@@ -191,7 +187,7 @@ def test_frames_coded_as_changes_of_others_double_the_standard_deviations(walk, 
 def test_sharp_bends_of_the_response_are_not_taken_for_a_response_that_differs_between_frames(calibrated):
     """At a bend, the error of ln g grows with the exposure ratio of a pair."""
     camera = {"response": "tum_narrow", "vignette": "cos4", "noise": "high", "exposure": "cycle"}
-    found = calibrated(simulated_frames(SimulationSettings(size=(240, 180), frames=60, seed=43, **camera)))
+    found = calibrated(simulated_frames(SimulationSettings(size=(200, 150), frames=60, seed=43, **camera)))
     assert not found.warnings
 
 
@@ -311,12 +307,6 @@ def test_a_few_frames_are_too_few(walk, calibrated, count):
     assert result.vignette is None
     unknown = (result.verdicts["response"], result.verdicts["vignette"])
     assert all(v.state == "not identifiable" and v.reason and v.remedy for v in unknown)
-
-
-def test_images_without_structure_give_no_calibration(calibrated):
-    grey = [Frame.of_array(np.full((120, 160), 60 + 8 * i, np.uint8), 1.0 + i / 5, index=i) for i in range(12)]
-    result = calibrated(grey)
-    assert result.vignette is None
 
 
 # Choice of processed frames

@@ -14,7 +14,7 @@ from ospc.calibrator import OnlineCalibrator
 from ospc.correspondence.features import Features
 from ospc.evaluation.metrics import response_shape_rmse, vignette_rmse
 from ospc.methods.paper import Correspondences, PaperMethod
-from ospc.photometry.calibration import PROFILE_RADII, Calibration
+from ospc.photometry.calibration import PROFILE_RADII
 from ospc.photometry.vignette import PolynomialVignette
 from ospc.recording import Frame
 from ospc.settings import PaperSettings
@@ -107,9 +107,8 @@ def test_exposures_are_predicted(run):
     np.testing.assert_array_equal(np.diff(ratios.frames, axis=1), SMALL.vignette_offset)
 
 
-def test_the_result_can_be_saved_and_loaded(run, tmp_path):
+def test_the_result_names_its_settings(run):
     result, _ = run
-    assert as_text(Calibration.load(result.save(tmp_path / "calibration.json"))) == as_text(result)
     assert result.settings["preset"] == "paper"
     assert result.settings["response_window"] == 35
 
@@ -155,7 +154,9 @@ def test_a_constant_exposure_gives_no_calibration(calibrated):
 
 
 def test_a_static_camera_gives_no_vignette(calibrated):
-    made = recorded(frames=40, motion="static", exposure="sweep", exposure_min_ms=5.0, exposure_max_ms=20.0)
+    made = recorded(
+        frames=40, size=(240, 180), motion="static", exposure="sweep", exposure_min_ms=5.0, exposure_max_ms=20.0
+    )
     result = calibrated(made.frames, QUICK)
     assert result.response is not None
     assert result.vignette is None

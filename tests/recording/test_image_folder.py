@@ -124,23 +124,6 @@ def test_time_stamps_find_images_named_by_them(opened: Open) -> None:
 
 
 @pytest.mark.parametrize(
-    ("column", "value", "factor"),
-    [
-        ("gain_db", "20", 10),
-        ("Gain [dB]", "6.0206", 2),
-        ("gain", "3", 3),
-        ("iso", "400", 4),
-        ("analogue_gain", "1.5", 1.5),
-    ],
-)
-def test_exposures_are_multiplied_by_gain(opened: Open, column: str, value: str, factor: float) -> None:
-    text = f"file,exposure_ms,{column}\na.png,1,{value}\nb.png,2,{value}\nc.png,3,{value}\n"
-    recording = opened({"exposures.csv": text})
-    assert recording.exposures_ms == pytest.approx([factor, 2 * factor, 3 * factor], rel=1e-5)
-    assert any("multiplied by the gain" in note for note in recording.notes)
-
-
-@pytest.mark.parametrize(
     ("unit", "factor", "said"), [(GainUnit.DB, 10, ["'Gain' (dB)"]), (GainUnit.LINEAR, 20, ["'Gain' (linear)"])]
 )
 def test_a_stated_unit_of_gains_is_in_the_note(unit: GainUnit, factor: float, said: list[str]) -> None:
@@ -180,11 +163,6 @@ def test_numbers_of_frames_find_their_images(opened: Open, column: str) -> None:
     text = f"{column},exposure_ms\n2,4\n0,1\n1,2\n"
     recording = opened({"exposures.csv": text}, ("000.png", "001.png", "002.png"))
     assert [frame.name for frame in recording] == ["002.png", "000.png", "001.png"]
-
-
-def test_two_gains_multiply(opened: Open) -> None:
-    text = "file,exposure_us,analogue_gain,digital_gain\na,1000,2,1.5\nb,1000,1,1\nc,1000,4,1\n"
-    assert opened({"exposures.csv": text}).exposures_ms == pytest.approx([3, 1, 4])
 
 
 def test_lists_without_exposures_are_no_lists_of_exposures(opened: Open) -> None:

@@ -31,12 +31,6 @@ def test_comments_blank_lines_tabs_and_line_ends_are_no_content(end: str) -> Non
     assert table.exposures_ms.tolist() == [2, 4]
 
 
-def test_a_byte_order_mark_is_no_content(tmp_path: Path) -> None:
-    path = tmp_path / "times.txt"
-    path.write_bytes(b"\xef\xbb\xbf1 0.5 2\n")
-    assert read_times(path).ids == ("1",)
-
-
 def test_the_table_cannot_be_changed() -> None:
     table = parse_times("1 0.5 2\n", "times.txt")
     with pytest.raises(ValueError, match="read-only"):
