@@ -75,7 +75,7 @@ def test_even_and_tiny_images_are_not_interlaced(level, shape):
 
 @pytest.fixture(scope="module")
 def recording():
-    return list(frames(SimulationSettings(size=(240, 180), frames=36, seed=3, scene_seed=0)))
+    return list(frames(SimulationSettings(size=(200, 150), frames=36, seed=3, scene_seed=0)))
 
 
 @pytest.mark.parametrize("interlaced", [False, True])
