@@ -115,7 +115,7 @@ def test_single_unknown_exposures_are_interpolated_in_times_txt(tmp_path):
 
     written = OutputFolder.at(tmp_path).write(calibration(), WithGaps())
     np.testing.assert_allclose(read_times(tmp_path / "times.txt").exposures_ms, [4.0, 4.0, 8.0, 16.0], rtol=1e-5)
-    assert "unknown ones are interpolated" in written.notes[0]
+    assert "without gaps" in written.notes[0]
 
 
 class TestRefusals:

@@ -33,7 +33,7 @@ def _with_fit(
     method: Method, recorded: ExposureTable, evidence: ExposureEvidence, grey_range: GreyRange
 ) -> ExposureEvidence:
     inputs = method.inputs(evidence.used(recorded), grey_range)
-    return evidence if inputs is None else evidence.with_fit(inputs.effects, inputs.ratios)
+    return evidence if inputs is None else evidence.with_fit(inputs.effects, inputs.corrected_ratios)
 
 
 def judged(known: Calibration, found: ExposureFindings, cause: str, changes: Sequence[str]) -> Calibration:

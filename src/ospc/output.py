@@ -52,7 +52,7 @@ class Written:
 
 
 _USED_EXPOSURES = (
-    "times.txt has the exposures that the calibration used, at their frames; unknown ones are interpolated"
+    "times.txt has the exposures that the calibration used: corrected, at their frames, and without gaps"
 )
 
 
@@ -118,7 +118,7 @@ class OutputFolder:
     def write(self, calibration: Calibration, times: Times | None = None) -> Written:
         """Write the files for programs, and times.txt if ``times`` are given, and remove all files of an earlier run.
 
-        times.txt has the exposures that the calibration used: each at the frame that it belongs to.
+        times.txt has the exposures that the calibration used: corrected, and each at the frame that it belongs to.
 
         Every file is written atomically. If a file after calibration.json cannot be written, the others still are.
 

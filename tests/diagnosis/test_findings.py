@@ -15,7 +15,7 @@ from ospc.exposures import evidence
 from ospc.exposures.brightness_series import BrightnessSeries
 from ospc.exposures.lag_choice import LagChoice
 from ospc.exposures.lag_selection import LagEstimate
-from ospc.exposures.used import used_exposures, with_earlier_exposures
+from ospc.exposures.used import corrected_as_source, used_exposures, with_earlier_exposures
 from ospc.exposures.verdicts import assess_exposures, findings_from
 from ospc.methods.maximum_likelihood import MaximumLikelihoodMethod
 from ospc.photometry.calibration import Calibration
@@ -371,6 +371,22 @@ def test_exposures_before_a_change_of_their_lag_keep_the_earlier_one() -> None:
 def test_a_calibration_with_impossible_lags_moves_nothing(stated: object) -> None:
     recorded = np.arange(1.0, 11)
     damaged = Calibration((8, 6), source={"exposure_lags_corrected_until": stated})
+    np.testing.assert_array_equal(used_exposures(damaged, recorded), recorded)
+
+
+def test_exposures_are_corrected_as_the_calibration_states() -> None:
+    """Beyond the stated exposures, the error stays the same in milliseconds."""
+    corrected = Calibration((8, 6), source=corrected_as_source(np.array([1.0, 2, 4]), np.array([1.5, 2.5, 5])))
+    recorded = np.array([0.5, 1, 3, 4, 8, np.nan, 0])
+    np.testing.assert_allclose(used_exposures(corrected, recorded), [1, 1.5, 3.75, 5, 9, np.nan, 0])
+    moved = replace(corrected, source=corrected.source | {"exposure_lag_corrected_frames": 1})
+    np.testing.assert_allclose(used_exposures(moved, recorded[:5]), [1.5, 3.75, 5, 9, np.nan])
+
+
+@pytest.mark.parametrize("stated", [5, [], [[], []], [[1.0], [1.0, 2.0]], [["a"], [1.0]], [[1.0], [None]], {"a": 1}])
+def test_a_calibration_with_impossible_corrections_corrects_nothing(stated: object) -> None:
+    recorded = np.arange(1.0, 11)
+    damaged = Calibration((8, 6), source={"exposures_corrected_ms": stated})
     np.testing.assert_array_equal(used_exposures(damaged, recorded), recorded)
 
 

@@ -224,8 +224,11 @@ def test_a_step_of_the_gain_is_measured_and_corrected(step: float) -> None:
 )
 def test_nominal_shutter_speeds_are_replaced_by_exact_ones(speeds: tuple[int, ...], per_stop: int) -> None:
     """Most steps between them are right, and the others look like outliers."""
-    found = Disturbed(speeds=speeds, per_stop=per_stop).fit()
+    camera = Disturbed(speeds=speeds, per_stop=per_stop)
+    found, observations = camera.fit(), camera.pairs()
     assert stated(found) == {"nominal exposures": pytest.approx(1, abs=0.05)}
+    steps = per_stop * (observations.log_exposure + found.log_exposure_error(observations)) / np.log(2)
+    assert np.ptp(steps - np.rint(steps - steps[0])) < 0.1  # whole steps apart
     assert is_right(found)
     assert abs(step_in_sigmas(found)) < 3
 

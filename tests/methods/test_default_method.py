@@ -15,6 +15,7 @@ from recorded_in_memory import recorded
 from ospc.calibrator import OnlineCalibrator
 from ospc.correspondence.frame_sampling import FrameSampler
 from ospc.evaluation.metrics import log_ratio_error, response_shape_rmse, vignette_pixel_rmse, vignette_rmse
+from ospc.exposures.used import used_exposures
 from ospc.photometry.calibration import PROFILE_RADII, Calibration
 from ospc.photometry.vignette import radial_profile
 from ospc.recording import Frame
@@ -258,7 +259,10 @@ def test_an_exposure_offset_is_found_and_corrected_with_a_static_camera(calibrat
     made = recorded(
         frames=30, size=(160, 120), motion="static", exposure="cycle", exposures_ms=tuple(np.geomspace(1, 30, 15))
     )
-    result = calibrated([replace(f, exposure_ms=f.exposure_ms - missing_ms) for f in made.frames])
+    frames = [replace(f, exposure_ms=f.exposure_ms - missing_ms) for f in made.frames]
+    result = calibrated(frames)
+    stated_ms, true_ms = (np.array([f.exposure_ms for f in some]) for some in (frames, made.frames))
+    np.testing.assert_allclose(used_exposures(result, stated_ms), true_ms, atol=0.01)
     assert log_ratio_error(result.response, made.truth.response) < 0.002
     assert result.verdicts["response"].state == "identifiable"
     assert any("too short" in note for note in result.notes) == (missing_ms > 0)

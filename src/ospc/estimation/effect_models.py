@@ -259,6 +259,9 @@ CORRECTED = (
 )
 """Effects of real cameras. Those that the observations show are corrected in the result."""
 
+CORRECTED_EXPOSURES = ("exposure offset", NOMINAL_EXPOSURES, *GAIN_STEPS)
+"""Corrected errors of the exposures that depend on the exposure alone, so that exposures can be corrected by them."""
+
 CURVES_OF_EXPOSURES = ("exposure offset", "curved exposures", *GAIN_STEPS)
 """Errors that depend on the exposure alone. With few different exposures, some of them fit any errors."""
 

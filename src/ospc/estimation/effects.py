@@ -13,6 +13,7 @@ import numpy as np
 
 from ospc.arrays import Float32Array, FloatArray, IntArray
 from ospc.estimation.effect_models import (
+    CORRECTED_EXPOSURES,
     EFFECTS,
     LIGHT_FIXED_TO_CAMERA,
     SCATTERED_LIGHT,
@@ -179,6 +180,11 @@ class Effects:
     def log_added(self, values: FloatArray, terms: EffectTerms) -> FloatArray:
         """Return the part of :meth:`log_gain` due to additional light, shape (n,)."""
         return np.asarray(-np.log(1 - self._parts(values, terms)[0]))
+
+    def log_exposure_error(self, values: FloatArray, terms: EffectTerms) -> FloatArray:
+        """Return ln of the true over the stated exposure due to effects of the exposure alone, shape (n,)."""
+        _, factor, log_gain = self._parts(values * np.isin(self.chosen, CORRECTED_EXPOSURES), terms)
+        return np.asarray(np.log(factor) + log_gain)
 
     def jacobian(self, values: FloatArray, terms: EffectTerms) -> FloatArray:
         """Return the derivative of :meth:`log_gain` with respect to the parameters, shape (n, len)."""

@@ -137,6 +137,12 @@ class Fit(Model):
             return found
         return found - self.effects.log_gain(self.effect_parameters, self._effect_terms(observations))
 
+    def log_exposure_error(self, observations: ExposedObservations) -> FloatArray:
+        """Return ln of the true over the stated exposures, as far as it depends on them alone, shape (n,)."""
+        if not len(self.effects):
+            return np.zeros(len(observations))
+        return self.effects.log_exposure_error(self.effect_parameters, self._effect_terms(observations))
+
     def residuals(self, observations: ExposedObservations) -> FloatArray:
         """Return the deviation of each observation's ln L from the mean of its point, shape (n,).
 

@@ -1,4 +1,4 @@
-"""A recording as its calibration used it: each exposure at its own frame, and without wrong ones."""
+"""A recording as its calibration used it: each exposure at its own frame, corrected, and without wrong ones."""
 
 from __future__ import annotations
 
@@ -20,6 +20,8 @@ from ospc.recording.recording import frames_sha256
 _LAG, _WRONG = "exposure_lag_corrected_frames", "exposures_ignored_of_frames"
 _EARLIER_LAGS = "exposure_lags_corrected_until"
 """The frames before which other lags were corrected, in order, each with its lag."""
+_CORRECTED = "exposures_corrected_ms"
+"""Some of the recorded exposures, in ascending order, and what they were corrected to."""
 
 
 def as_source(found: ExposureFindings) -> dict[str, Any]:
@@ -30,6 +32,14 @@ def as_source(found: ExposureFindings) -> dict[str, Any]:
     if found.evidence.wrong:
         source[_WRONG] = list(found.evidence.wrong)
     return source
+
+
+def corrected_as_source(recorded_ms: FloatArray, corrected_ms: FloatArray) -> dict[str, Any]:
+    """Return what the ``source`` of a calibration states about exposures that a fit corrected.
+
+    The recorded exposures, in ascending order, and the corrected ones have shape (n,).
+    """
+    return {_CORRECTED: [recorded_ms.tolist(), corrected_ms.tolist()]}
 
 
 def with_earlier_exposures(
@@ -68,20 +78,33 @@ def _wrong(calibration: Calibration, count: int) -> list[int]:
 def used_exposures(calibration: Calibration, exposures_ms: FloatArray) -> FloatArray:
     """Return the exposure of every frame of a recording as its calibration used it, shape (frames,), NaN if unknown.
 
-    Each is moved to the frame that it belongs to. Those that are wrong or not recorded, such as the last ones if
-    exposures are recorded late, are unknown.
+    Each is moved to the frame that it belongs to, and errors that depend on the exposure alone, such as a constant
+    offset, are corrected. Those that are wrong or not recorded, such as the last ones if exposures are recorded late,
+    are unknown.
     """
     count = len(exposures_ms)
     lags, wrong = _lags_until(calibration, count), _wrong(calibration, count)
     if not (wrong or any(lag for _, lag in lags)) or any(abs(lag) >= count for _, lag in lags):
-        return exposures_ms
+        return _corrected(calibration, exposures_ms)
     known = np.where(np.isfinite(exposures_ms) & (exposures_ms > 0), exposures_ms, np.nan)
     first, found = 0, list[FloatArray]()
     for until, lag in lags:
         table = ExposureTable.of(np.log(known), lag).without(wrong)
         found.append(table.log_exposure_of(np.arange(first, until)))
         first = until
-    return np.exp(np.concatenate(found))
+    return _corrected(calibration, np.exp(np.concatenate(found)))
+
+
+def _corrected(calibration: Calibration, exposures_ms: FloatArray) -> FloatArray:
+    """Return exposures without the errors that the calibration corrected; the input itself if there are none."""
+    try:
+        recorded_ms, corrected_ms = np.array(calibration.source.get(_CORRECTED, ((), ())), np.float64)
+    except (TypeError, ValueError):
+        return exposures_ms
+    if not (len(recorded_ms) and np.all(np.isfinite(corrected_ms)) and np.all(np.diff(recorded_ms) > 0)):
+        return exposures_ms
+    missing_ms = np.interp(exposures_ms, recorded_ms, corrected_ms - recorded_ms)
+    return np.asarray(np.where(exposures_ms > 0, exposures_ms + missing_ms, exposures_ms))
 
 
 def _lags_until(calibration: Calibration, count: int) -> list[tuple[int, int]]:
@@ -128,7 +151,8 @@ def use_of_exposures(recording: Recording, calibration: Calibration) -> str:
     if _is_from(calibration, recording):
         moved = f"{late} and are moved to their frames" if late else ""
         ignored = f"{counted(len(wrong), 'wrong exposure')} interpolated" if wrong else ""
-        return "; ".join(filter(None, (moved, ignored)))
+        corrected = "exposures are corrected as the calibration states" if _CORRECTED in calibration.source else ""
+        return "; ".join(filter(None, (moved, ignored, corrected)))
     if not late:
         return ""
     return f"in the recording of the calibration, {late}; those of {recording.path.name} are used as recorded"

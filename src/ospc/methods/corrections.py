@@ -1,6 +1,8 @@
-"""Notes on the effects that a fit found and corrected."""
+"""The effects that a fit found and corrected: notes on them, and the corrected exposures."""
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 
@@ -9,7 +11,10 @@ from ospc.estimation.effect_models import GAIN_STEPS, LIGHT_FIXED_TO_CAMERA
 from ospc.estimation.effects import Effects
 from ospc.estimation.fit import Fit
 from ospc.estimation.residual_effects import UNSTEADY_LIGHT
+from ospc.exposures.used import corrected_as_source
+from ospc.observations import ExposedObservations
 from ospc.photometry.verdict import INEXACT_EXPOSURES, LATE_EXPOSURES, NOMINAL_EXPOSURES, EffectEstimate
+from ospc.settings.methods import MAX_CORRECTED_EXPOSURES
 
 _STRAY = "light that is fixed to the camera (dark signal, a leak, a reflection) adds {share} of white at {typical}"
 
@@ -38,6 +43,18 @@ _RANDOM = {
 def notes_of(fit: Fit) -> tuple[str, ...]:
     """Return a sentence for each effect that was found and corrected or accounted for."""
     return tuple(_corrected(found, fit.effects) for found in fit.effect_estimates if found.corrected)
+
+
+def corrected_exposures_of(fit: Fit, observations: ExposedObservations) -> dict[str, Any]:
+    """Return the corrected exposures for the ``source`` of a calibration; empty if none were corrected."""
+    error = fit.log_exposure_error(observations)
+    if not error.any():
+        return {}
+    _, first = np.unique(observations.log_exposure, return_index=True)
+    if len(first) > MAX_CORRECTED_EXPOSURES:
+        first = first[np.linspace(0, len(first) - 1, MAX_CORRECTED_EXPOSURES).round().astype(np.int64)]
+    log_stated = observations.log_exposure[first]
+    return corrected_as_source(np.exp(log_stated), np.exp(log_stated + error[first]))
 
 
 def _corrected(found: EffectEstimate, effects: Effects) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 from ospc.arrays import ImageSize
@@ -89,3 +89,11 @@ class FitInputs:
         if self.fit is None or self.observations is None:
             return ExposureRatios.none()
         return exposure_ratios(self.fit, self.observations)
+
+    @cached_property
+    def corrected_ratios(self) -> ExposureRatios:
+        """The same ratios, compared with those of the exposures as the fit corrected them."""
+        if self.fit is None or self.observations is None or not len(self.fit.effects):
+            return self.ratios
+        log_exposure = self.observations.log_exposure + self.fit.log_exposure_error(self.observations)
+        return exposure_ratios(self.fit, replace(self.observations, log_exposure=log_exposure))

@@ -7,7 +7,7 @@ import numpy as np
 from ospc.arrays import FloatArray, ImageSize
 from ospc.estimation.fit import Fit, measured_greys
 from ospc.methods.contradictions import contradictions_of
-from ospc.methods.corrections import notes_of
+from ospc.methods.corrections import corrected_exposures_of, notes_of
 from ospc.methods.coverage import coverage_of
 from ospc.methods.fit_inputs import FitInputs
 from ospc.methods.identifiability import response_verdict, unexplained_share, vignette_verdict
@@ -52,6 +52,7 @@ def calibration_of(inputs: FitInputs, settings: DefaultSettings) -> Calibration:
         max_grey=inputs.max_grey,
         converged=all(verdict.state == "identifiable" for verdict in verdicts.values()),
         counts={"pairs": inputs.pairs, "samples": points},
+        source={} if trusted is None or observations is None else corrected_exposures_of(trusted, observations),
         advice=(
             *(remedy for _, remedy in contradictions),
             *(verdict.remedy for verdict in verdicts.values() if verdict.remedy),
