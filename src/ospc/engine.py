@@ -13,7 +13,7 @@ from ospc.correspondence.thumbnail import Thumbnail
 from ospc.engine_state import Epoch, keeping_latest_calibrations, response_before_change
 from ospc.engine_verdicts import checked_by_fit, judged
 from ospc.errors import ExposureError, FrameError, OspcError, RecordingError, SettingError
-from ospc.exposures.brightness import BrightnessChange
+from ospc.exposures.brightness import ComparedFrames
 from ospc.exposures.brightness_history import BrightnessHistory
 from ospc.exposures.findings import ExposureFindings
 from ospc.exposures.lag_choice import LagChoice, lag_in_words
@@ -170,13 +170,13 @@ class Engine:
         method = self._started(frame)
         self._hash(frame)  # first: if the image cannot be read, the state must not change
         change: Change | None = None
-        brightness: BrightnessChange | None = None
+        compared: ComparedFrames | None = None
         if self._sampler.processes_next:
-            change, brightness = self._observe(method, frame)
+            change, compared = self._observe(method, frame)
         elif self._sampler.compares_next or self._exposures.needs_comparison(frame.index):
-            brightness = self._exposures.history.observe(*self.prefetcher.thumbnail(frame))
-        if brightness is not None:
-            change = change or method.compare(brightness, self._exposures.table)
+            compared = self._exposures.history.observe(*self.prefetcher.thumbnail(frame))
+        if compared is not None:
+            change = change or method.compare(compared.points, self._exposures.table)
             change = self._detect_lag_change(change) or change
         if change is not None:
             method = self._begin_epoch_if_confirmed(method, change)
@@ -198,8 +198,8 @@ class Engine:
             content = f"{digest} {frame.stamp_s!r} {frame.exposure_ms!r} ".encode() + frame.image.tobytes()
             self._first_frames = (sha256(content).hexdigest(), count + 1)
 
-    def _observe(self, method: Method, frame: Frame) -> tuple[Change | None, BrightnessChange | None]:
-        """Preprocess a frame and accumulate its samples; return a change of the camera, and of brightness."""
+    def _observe(self, method: Method, frame: Frame) -> tuple[Change | None, ComparedFrames | None]:
+        """Preprocess a frame and accumulate its samples; return a change of the camera, and the compared frames."""
         prepared, precomputed = self.prefetcher.preprocessed(frame)
         first = self._exposures.history.first_with_image_of(prepared.thumbnail)
         if first != frame.index:  # it adds no information
@@ -213,8 +213,8 @@ class Engine:
             change = method.push(frame, prepared, self._exposures.table)
         finally:
             counting.result()
-            brightness = comparing.result()
-        return change, brightness
+            compared = comparing.result()
+        return change, compared
 
     def _count_repeated(self, frame: Frame, thumbnail: Thumbnail, first: int) -> None:
         """Count a frame with the image of the ``first`` one; FrameError if it has another exposure."""

@@ -10,7 +10,7 @@ from ospc.correspondence.frame_sampling import FrameSampler
 from ospc.correspondence.preprocessing import PreprocessedFrame, Preprocessor
 from ospc.correspondence.thumbnail import Thumbnail
 from ospc.exposures.brightness import BrightnessComparer
-from ospc.exposures.brightness_history import PrecomputedChange
+from ospc.exposures.brightness_history import Precomputed
 from ospc.photometry.grey_range import GreyRange
 from ospc.recording.frame import Frame
 
@@ -23,7 +23,7 @@ class _Prepared:
     grey_range: GreyRange
     frame: PreprocessedFrame | None
     thumbnail: Thumbnail
-    compared: PrecomputedChange | None
+    compared: Precomputed | None
 
 
 class Prefetcher:
@@ -67,18 +67,18 @@ class Prefetcher:
         thumbnail = self._preprocess.thumbnail(numbered, grey_range) if prepared is None else prepared.thumbnail
         previous, compared = self._latest, None
         if previous is not None and previous.frame == number - 1:
-            compared = PrecomputedChange(previous, thumbnail, self._compare(previous, thumbnail))
+            compared = Precomputed(previous, thumbnail, self._compare(previous, thumbnail))
         self._prepared[number] = _Prepared(frame.image, grey_range, prepared, thumbnail, compared)
         self._latest = thumbnail
 
-    def preprocessed(self, frame: Frame) -> tuple[PreprocessedFrame, PrecomputedChange | None]:
+    def preprocessed(self, frame: Frame) -> tuple[PreprocessedFrame, Precomputed | None]:
         """Return a preprocessed frame, and the change of brightness from the previous frame if it was prefetched."""
         made = self._of(frame)
         if made is not None and made.frame:
             return made.frame, made.compared
         return self._preprocess(frame, self._grey_range()), None
 
-    def thumbnail(self, frame: Frame) -> tuple[Thumbnail, PrecomputedChange | None]:
+    def thumbnail(self, frame: Frame) -> tuple[Thumbnail, Precomputed | None]:
         """Return the thumbnail of a frame, and the change of brightness if it was prefetched."""
         made = self._of(frame)
         if made is not None:

@@ -465,7 +465,7 @@ def test_views_of_different_scenes_make_no_samples(seed):
     )
     registration = DenseRegistration(SecondThread())(frame0, frame1, ExposureNormalizer(), 0.0)
     assert len(sampled(flat_sampler(), frame0, frame1, registration, 0).observations) == 0
-    change = BrightnessComparer()(frame0.thumbnail, frame1.thumbnail)
+    change = BrightnessComparer()(frame0.thumbnail, frame1.thumbnail).change
     assert not change.weight.any()
     assert np.isnan(change.motion_px)
 

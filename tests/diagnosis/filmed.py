@@ -45,8 +45,6 @@ class Film:
         ln of a gain missing from the metadata, for every frame.
     metadata_error
         Standard deviation of the error of the recorded exposures, in ln.
-    local_tone
-        Contrast limit of an adaptive equalisation in twelve tiles per image; 0 for none.
     black
         True where the image is always black, shape (h, w).
     movers
@@ -64,7 +62,6 @@ class Film:
     speed_px: float = 2.0
     hidden_log_gain: np.ndarray | float = 0.0
     metadata_error: float = 0.0
-    local_tone: float = 0.0
     black: np.ndarray | None = field(default=None, repr=False)
     movers: int = 0
     max_grey: int = 255
@@ -104,9 +101,6 @@ class Film:
                 x, y = ((start + i * step) % self.size).astype(int).tolist()
                 cv2.circle(light, (x, y), 8, value, -1)
             grey = np.clip(light * np.exp(signal[i]), 0, 1) ** (1 / self.gamma)
-            if self.local_tone:
-                spread = cv2.createCLAHE(self.local_tone, (4, 3)).apply(np.uint8(255 * grey))
-                grey = spread.astype(np.float64) / 255
             if self.black is not None:
                 grey = np.where(self.black, 0.0, grey)
             value = grey * self.max_grey + rng.normal(0, self.noise * self.max_grey / 255, (height, width))

@@ -142,12 +142,6 @@ def test_flicker_is_found_with_its_frequency() -> None:
 
 
 @pytest.mark.usefixtures("no_pairs")
-def test_local_tone_mapping_is_suspected() -> None:
-    report = check(local_tone=3.0, log_exposure=wandering(FRAMES, step=0.1))
-    assert said(report, "local tone mapping")
-
-
-@pytest.mark.usefixtures("no_pairs")
 def test_saturation_and_darkness_are_reported() -> None:
     bright = check(log_exposure=wandering(FRAMES) + 1.4)
     assert said(bright, "saturated")

@@ -24,7 +24,6 @@ from ospc.batch.store import Result, Store
 from ospc.calibrator import OnlineCalibrator
 from ospc.errors import FormatError, OspcError
 from ospc.evaluation.trajectory import read_trajectory
-from ospc.exposures.brightness import PixelSamples
 from ospc.formats.dso import write_pcalib, write_vignette
 from ospc.formats.hugin import write_pto
 from ospc.formats.lens_profiles import write_lcp, write_lensfun
@@ -186,11 +185,7 @@ def _batch_result(data: bytes, folder: Path) -> None:
 
 def _thinned(calibrator: OnlineCalibrator) -> OnlineCalibrator:
     """Return the calibrator with fewer samples: a small state is faster to load and to damage."""
-    history, series = calibrator.brightness, calibrator._method._stationary.series
-    history.changes = [
-        replace(change, samples=PixelSamples(*(values[::20] for values in vars(change.samples).values())))
-        for change in history.changes
-    ]
+    series = calibrator._method._stationary.series
     series._places, series._grey = series._places[::40], [grey[::40] for grey in series._grey]
     return calibrator
 

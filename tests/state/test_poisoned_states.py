@@ -175,7 +175,6 @@ def test_values_out_of_range_are_refused(saved, tmp_path, path, value):
         ("method.reservoir.kept.gradient", 1e300),
         ("method.reservoir.kept.grey", 2.0),
         ("run.exposures.history.changes.log_ratio", 1e300),
-        ("run.exposures.history.changes.samples.position0", 3.0),
     ],
 )
 def test_arrays_out_of_range_are_refused(saved, tmp_path, name, value):

@@ -14,7 +14,6 @@ from ospc.errors import RecordingError, counted
 from ospc.exposures.brightness_report import BrightnessReport
 from ospc.exposures.findings import ExposureFindings
 from ospc.exposures.lag_choice import LagChoice
-from ospc.exposures.tone_mapping import NO_LOCAL_TONE, LocalTone
 from ospc.frame_checks import clipped_in_words, skipped_in_words
 from ospc.recording.frame import Frame
 from ospc.recording.recording import Recording
@@ -64,7 +63,6 @@ def check_recording(
         *_about_frames(when, calibration.counts, calibrator.first_reasons),
         *_about_lag(found),
         *_about_brightness(found.brightness, when),
-        *_about_tone(found.evidence.local_tone),
         *_about_pixels(pixels),
     )
     return RecordingReport(
@@ -134,12 +132,6 @@ def _about_brightness(brightness: BrightnessReport | None, timing: Timing) -> It
             f"brightness flickers by ±{flicker.brightness_amplitude:.1%} {often}, which the exposures do not "
             "explain; use daylight, or exposures that are multiples of the lamp's period (10 ms at 50 Hz)"
         )
-
-
-def _about_tone(tone: LocalTone | None) -> Iterator[str]:
-    # Clear signs are already a warning.
-    if tone is not None and tone.text and not tone.is_clear:
-        yield f"{tone.text}; {NO_LOCAL_TONE}"
 
 
 def _about_pixels(pixels: PixelReport) -> Iterator[str]:

@@ -188,7 +188,7 @@ def _known(value: float | None) -> float | None:
 
 
 def _exposure_figures(found: ExposureFindings, interval_s: float) -> dict[str, Any]:
-    recorded, lag, tone = found.evidence.recorded, found.lag, found.evidence.local_tone
+    recorded, lag = found.evidence.recorded, found.lag
     return {
         "exposure": {
             "lowest_ms": recorded.lowest_ms,
@@ -212,9 +212,6 @@ def _exposure_figures(found: ExposureFindings, interval_s: float) -> dict[str, A
             "full_scale_share_edges_of_these": GREY_BIN_EDGES.tolist(),
         },
         "brightness": None if found.brightness is None else _brightness(found.brightness, interval_s),
-        "local_tone_mapping": None
-        if tone is None
-        else {"place_spread_log": tone.place_spread_log, "compared_pairs": tone.pairs},
     }
 
 

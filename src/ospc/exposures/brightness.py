@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
+import numpy.typing as npt
 
 from ospc.arrays import BoolArray, Float32Array, FloatArray, ImageSize, IntArray, read_only
 from ospc.correspondence.thumbnail import Thumbnail
@@ -29,36 +30,6 @@ from ospc.settings.registration import MIN_OVERLAP
 
 
 @dataclass(frozen=True)
-class PixelSamples:
-    """A sample of n points that two frames share.
-
-    ``log_ratio`` is ln M₁/M₀ and ``log_grey`` the mean of ln M₀ and ln M₁, shape (n,). Positions are relative to the
-    image centre in half diagonals, shape (n, 2).
-    """
-
-    log_ratio: FloatArray
-    log_grey: FloatArray
-    position0: FloatArray
-    position1: FloatArray
-
-    @classmethod
-    def none(cls) -> PixelSamples:
-        """Return an empty sample."""
-        empty = np.empty(0)
-        return cls(empty, empty, np.empty((0, 2)), np.empty((0, 2)))
-
-    def observations(self, frame0: int, frame1: int) -> Observations:
-        """Return the points as scene points observed in the two frames."""
-        grey0, grey1 = (np.exp(self.log_grey + side * self.log_ratio / 2) for side in (-1, 1))
-        unknown = {"gradient": 0.0, "grey_variance": 0.0, "frame_moments": 0.0, "surround_moments": 0.0}
-        return Observations.alternating(
-            {"grey": grey0, "position": self.position0, "frame": frame0, **unknown},
-            {"grey": grey1, "position": self.position1, "frame": frame1, **unknown},
-            np.zeros(len(grey0)),
-        )
-
-
-@dataclass(frozen=True)
 class BrightnessChange:
     """The brightness change between two frames.
 
@@ -77,8 +48,6 @@ class BrightnessChange:
         Share of the first frame that is well exposed and visible in the second.
     motion_px
         Median displacement of textured points in pixels of the frame; NaN if there are too few.
-    samples
-        A sample of the flat points.
     """
 
     frame0: int
@@ -88,7 +57,14 @@ class BrightnessChange:
     vignette_terms: FloatArray
     overlap: float
     motion_px: float
-    samples: PixelSamples
+
+
+@dataclass(frozen=True)
+class ComparedFrames:
+    """Two frames whose brightness was compared: the change, and an even sample of the points behind it."""
+
+    change: BrightnessChange
+    points: Observations
 
 
 class BrightnessComparer:
@@ -97,7 +73,7 @@ class BrightnessComparer:
     def __init__(self) -> None:
         self._register = ThumbnailRegistration()
 
-    def __call__(self, first: Thumbnail, second: Thumbnail) -> BrightnessChange:
+    def __call__(self, first: Thumbnail, second: Thumbnail) -> ComparedFrames:
         """Register two frames and compare the grey levels of points that are flat in both."""
         places1, found = self._register(first, second)
         # Black borders and saturated windows would appear static.
@@ -114,7 +90,7 @@ class BrightnessComparer:
         shift = places1 - pixel_places(places1.shape[1::-1])
         terms = _vignette_terms(places1, shift, flat)
         mean_log_ratio, weight, mean_terms = _binned(log_ratio, mean.ravel()[flat], terms)
-        return BrightnessChange(
+        change = BrightnessChange(
             frame0=first.frame,
             frame1=second.frame,
             log_ratio=mean_log_ratio,
@@ -122,8 +98,8 @@ class BrightnessComparer:
             vignette_terms=mean_terms,
             overlap=float(visible.mean()),
             motion_px=_median_motion_px(first, shift, visible),
-            samples=_samples(first, second, places1, flat),
         )
+        return ComparedFrames(change, _sampled(first, second, grey1, places1, flat))
 
 
 def _flat_places(first: Thumbnail, second: Thumbnail, places1: Float32Array, mean: Float32Array) -> BoolArray:
@@ -179,18 +155,22 @@ def _binned(
     return mean, weight, mean_terms
 
 
-def _samples(first: Thumbnail, second: Thumbnail, places1: Float32Array, flat: IntArray) -> PixelSamples:
-    """Return an evenly spaced sample of the flat points."""
+def _sampled(
+    first: Thumbnail, second: Thumbnail, grey1: Float32Array, places1: Float32Array, flat: IntArray
+) -> Observations:
+    """Return an even sample of the flat points; ``grey1`` are the grey levels at their places in the second frame."""
     size = (places1.shape[1], places1.shape[0])
     step = max(1, len(flat) // PIXEL_SAMPLES_PER_PAIR)
-    at0, at1 = (places.reshape(-1, 2)[flat[step // 2 :: step]] for places in (pixel_places(size), places1))
-    if not len(at0):
-        return PixelSamples.none()
+    chosen = flat[step // 2 :: step]
 
-    def read(image: Float32Array, where: Float32Array) -> FloatArray:
-        values = values_at(image, where.reshape(-1, 1, 2)).reshape(-1)
-        return np.log(np.maximum(values.astype(np.float64), DARKEST_GREY))
+    def seen_in(frame: int, grey: Float32Array, places: Float32Array) -> dict[str, npt.ArrayLike]:
+        return {
+            "grey": np.maximum(grey.ravel()[chosen].astype(np.float64), DARKEST_GREY),
+            "position": normalised(places.reshape(-1, 2)[chosen].astype(np.float64), size),
+            "frame": frame,
+            # A thumbnail does not show the rest.
+            **dict.fromkeys(("gradient", "grey_variance", "frame_moments", "surround_moments"), 0.0),
+        }
 
-    grey0, grey1 = read(first.grey, at0), read(second.grey, at1)
-    position0, position1 = (normalised(at.astype(np.float64), size) for at in (at0, at1))
-    return PixelSamples(grey1 - grey0, (grey0 + grey1) / 2, position0, position1)
+    seen = seen_in(first.frame, first.grey, pixel_places(size)), seen_in(second.frame, grey1, places1)
+    return Observations.alternating(*seen, np.zeros(len(chosen)))

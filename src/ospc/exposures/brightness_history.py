@@ -7,21 +7,20 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ospc.correspondence.thumbnail import Thumbnail
-from ospc.exposures.brightness import BrightnessChange, BrightnessComparer, PixelSamples
+from ospc.exposures.brightness import BrightnessChange, BrightnessComparer, ComparedFrames
 from ospc.settings.brightness import (
     MAX_BRIGHTNESS_CHANGES,
-    MAX_CHANGES_WITH_SAMPLES,
     MAX_REPEATED_FRAMES,
 )
 
 
 @dataclass(frozen=True)
-class PrecomputedChange:
-    """The brightness change between two frames, computed before the second one was observed."""
+class Precomputed:
+    """A comparison of two frames, made before the second one was observed."""
 
     first: Thumbnail
     second: Thumbnail
-    change: BrightnessChange
+    compared: ComparedFrames
 
 
 @dataclass
@@ -60,10 +59,10 @@ class BrightnessHistory:
         """Return the number of stored changes."""
         return len(self.changes)
 
-    def observe(self, frame: Thumbnail, precomputed: PrecomputedChange | None = None) -> BrightnessChange | None:
+    def observe(self, frame: Thumbnail, precomputed: Precomputed | None = None) -> ComparedFrames | None:
         """Compare a frame with the previous one; None if that one is missing or has the same image.
 
-        A precomputed change is used if it is for exactly these two frames.
+        A precomputed comparison is used if it is for exactly these two frames.
         """
         if not self._repeats(frame):
             self.image_since = frame.frame
@@ -77,15 +76,14 @@ class BrightnessHistory:
             self.repeated = [*self.repeated, frame.frame][:MAX_REPEATED_FRAMES]
             return None
         if precomputed is not None and precomputed.first is previous and precomputed.second is frame:
-            change = precomputed.change
+            compared = precomputed.compared
         else:
-            change = self._compare(previous, frame)
-        with_samples = len(self.changes) < MAX_CHANGES_WITH_SAMPLES
-        self.changes.append(change if with_samples else replace(change, samples=PixelSamples.none()))
+            compared = self._compare(previous, frame)
+        self.changes.append(compared.change)
         self.observed += 1
         if len(self.changes) > MAX_BRIGHTNESS_CHANGES:
             self._thin_out()
-        return change
+        return compared
 
     def first_with_image_of(self, frame: Thumbnail) -> int:
         """Return the number of the next frame, or of the first of the latest frames with the same image."""

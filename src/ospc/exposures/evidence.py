@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
-import numpy as np
-
 from ospc.arrays import FloatArray, IntArray
 from ospc.errors import counted
 from ospc.exposures.brightness import BrightnessChange
@@ -16,7 +14,6 @@ from ospc.exposures.lag import estimate_lag, explained_by_inverse
 from ospc.exposures.lag_choice import LagChoice, lag_in_words, leaves_frames
 from ospc.exposures.lag_selection import LagEstimate
 from ospc.exposures.table import ExposureReport, ExposureTable, filled, without
-from ospc.exposures.tone_mapping import LocalTone, local_tone
 from ospc.exposures.wrong_exposures import away_from, unshown_steps, wrong_exposures
 from ospc.photometry.coverage import ExposureRatios
 from ospc.photometry.verdict import LATE_EXPOSURES, EffectEstimate
@@ -45,8 +42,6 @@ class ExposureEvidence:
         Share of the brightness changes that the inverse of the exposures explains.
     corrected_frames
         Lag that was corrected, in frames; 0 for none.
-    local_tone
-        Signs of local tone mapping; None if unknown.
     wrong
         Frames whose recorded exposures are wrong and were ignored, in order.
     late
@@ -65,7 +60,6 @@ class ExposureEvidence:
     brightness: BrightnessReport | None
     inverse_share: float
     corrected_frames: int = 0
-    local_tone: LocalTone | None = None
     wrong: tuple[int, ...] = ()
     late: EffectEstimate | None = None
     ratios: ExposureRatios = field(default_factory=ExposureRatios.none)
@@ -97,11 +91,6 @@ class ExposureEvidence:
     def used(self, table: ExposureTable) -> ExposureTable:
         """Return the recorded exposures as they are used: without wrong ones, and each moved to its frame."""
         return replace(table.without(self.wrong), lag_frames=self.corrected_frames)
-
-    @property
-    def has_local_tone(self) -> bool:
-        """Whether there are clear signs of local tone mapping."""
-        return self.local_tone is not None and self.local_tone.is_clear
 
     @property
     def refutes_correction(self) -> bool:
@@ -144,7 +133,7 @@ def evidence_of_images(
     steps = unshown_steps(series, known[first_frame:])
     found = _with_choice(away_from(steps, series), known[first_frame:], choice)
     found = _with_jumps(found, steps, known[first_frame:]).renumbered(first_frame)
-    return replace(found, wrong=wrong, local_tone=_local_tone(found, changes, known))
+    return replace(found, wrong=wrong)
 
 
 def _with_choice(series: BrightnessSeries, written: FloatArray, choice: LagChoice) -> ExposureEvidence:
@@ -189,13 +178,3 @@ def _with_jumps(found: ExposureEvidence, steps: IntArray, log_exposure: FloatArr
     unshown = (Jump(at + 1, float(log_exposure[at] - log_exposure[at + 1])) for at in steps.tolist())
     jumps = tuple(sorted((*found.brightness.jumps, *unshown), key=lambda jump: jump.frame))
     return replace(found, brightness=replace(found.brightness, jumps=jumps))
-
-
-def _local_tone(
-    found: ExposureEvidence, changes: Sequence[BrightnessChange], log_exposure: FloatArray
-) -> LocalTone | None:
-    """Look for local tone mapping, with the exposures shifted by the most likely lag."""
-    lag = found.lag.candidates[0] if found.lag.candidates else found.corrected_frames
-    inside = [c for c in changes if c.frame0 + lag >= 0 and c.frame1 + lag < len(log_exposure)]
-    exposure_change = np.array([log_exposure[c.frame1 + lag] - log_exposure[c.frame0 + lag] for c in inside])
-    return local_tone(inside, exposure_change)

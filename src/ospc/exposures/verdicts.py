@@ -16,7 +16,6 @@ from ospc.exposures.evidence import ExposureEvidence, evidence_of_images
 from ospc.exposures.findings import ExposureFindings
 from ospc.exposures.lag_choice import LagChoice, lag_in_words
 from ospc.exposures.lag_selection import LagEstimate
-from ospc.exposures.tone_mapping import NO_LOCAL_TONE
 from ospc.photometry.verdict import Verdict
 from ospc.settings.brightness import (
     CONTRADICTING_JUMP_LOG,
@@ -104,7 +103,7 @@ def _agreement(evidence: ExposureEvidence) -> tuple[str, Verdict, _Standing]:
 def _explained_by_fit(evidence: ExposureEvidence) -> str:
     """Return what a fit to stale or badly fitting exposures explains, in words; empty if it leaves a doubt."""
     brightness = evidence.brightness
-    if brightness is None or evidence.has_local_tone or evidence.recorded.values == 1:
+    if brightness is None or evidence.recorded.values == 1:
         return ""
     in_place = evidence.corrected_frames or not evidence.remaining_lag.frames
     doubted = brightness.stale or (brightness.fits_badly and in_place)
@@ -196,7 +195,7 @@ def _on_unknown_lag(evidence: ExposureEvidence) -> tuple[Verdict, _Standing]:
 def _fit_shows_no_lag(evidence: ExposureEvidence) -> bool:
     """Return whether a fit to exposures as recorded settles a lag that the images leave open."""
     lag, late = evidence.remaining_lag, evidence.late
-    if late is None or evidence.corrected_frames or evidence.has_local_tone:
+    if late is None or evidence.corrected_frames:
         return False
     can_be_zero = lag.state == "too few pairs" or (lag.state == "ambiguous" and 0 in lag.candidates)
     return can_be_zero and abs(late.value) + DOUBTED_LAG_SIGMAS * late.sigma <= REFUTED_LAG_FRAMES
@@ -233,8 +232,6 @@ def _open(evidence: ExposureEvidence) -> Verdict:
 def _spoiled(evidence: ExposureEvidence) -> list[Verdict]:
     """Return a verdict for everything that also spoils response and vignette, the gravest last."""
     found = []
-    if evidence.local_tone is not None and evidence.local_tone.is_clear:
-        found.append(Verdict("marginal", evidence.local_tone.text, NO_LOCAL_TONE))
     lag = _fitted_lag(evidence)
     if lag and evidence.late is not None and evidence.late.corrected:
         mixed = f"each image seems to contain part of the previous one: exposures are {lag}"

@@ -20,7 +20,6 @@ from ospc.errors import named
 from ospc.estimation.black_level import black_level
 from ospc.estimation.effect_choice import fit_with_chosen_effects
 from ospc.estimation.fitted import Fitted
-from ospc.exposures.brightness import BrightnessChange
 from ospc.exposures.table import ExposureTable
 from ospc.methods.change_detection import Change, ChangeDetector
 from ospc.methods.fit_inputs import FitInputs
@@ -114,9 +113,9 @@ class MaximumLikelihoodMethod(Method):
             self._refine(exposures)
         return self._detect_change(samples.observations, exposures)
 
-    def compare(self, brightness: BrightnessChange, exposures: ExposureTable) -> Change | None:
-        """Process a brightness change between consecutive frames, and return the camera change that it proves."""
-        return self._detect_change(brightness.samples.observations(brightness.frame0, brightness.frame1), exposures)
+    def compare(self, points: Observations, exposures: ExposureTable) -> Change | None:
+        """Process points that two consecutive frames share, and return the camera change that they prove."""
+        return self._detect_change(points, exposures)
 
     # Steps of push.
 

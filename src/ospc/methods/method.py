@@ -10,11 +10,11 @@ from typing import Any
 from ospc.arrays import ImageSize
 from ospc.correspondence.preprocessing import PreprocessedFrame
 from ospc.errors import FrameError
-from ospc.exposures.brightness import BrightnessChange
 from ospc.exposures.table import ExposureTable
 from ospc.methods.change_detection import Change
 from ospc.methods.fit_inputs import FitInputs
 from ospc.methods.preview import Preview
+from ospc.observations import Observations
 from ospc.photometry.calibration import Calibration
 from ospc.photometry.grey_range import FULL_RANGE, GreyRange
 from ospc.recording.frame import Frame
@@ -84,8 +84,8 @@ class Method(ABC):
     def calibration(self, exposures: ExposureTable, grey_range: GreyRange = FULL_RANGE) -> Calibration:
         """Return the current calibration for the given grey range; more frames may be pushed afterwards."""
 
-    def compare(self, brightness: BrightnessChange, exposures: ExposureTable) -> Change | None:
-        """Process a brightness change between consecutive frames, and return the camera change that it proves."""
+    def compare(self, points: Observations, exposures: ExposureTable) -> Change | None:
+        """Process points that two consecutive frames share, and return the camera change that they prove."""
         return None
 
     def prove_again(self, change: Change, before: FitInputs, exposures: ExposureTable) -> Change | None:

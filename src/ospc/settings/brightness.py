@@ -60,10 +60,6 @@ between bins."""
 MAX_BRIGHTNESS_CHANGES = 1200
 """Maximum number of brightness changes kept: computing the likelihood of a lag then takes a tenth of a second."""
 
-MAX_CHANGES_WITH_SAMPLES = 160
-"""Maximum number of brightness changes whose individual points, which take most memory, are kept: enough to detect
-local tone mapping."""
-
 MAX_REPEATED_FRAMES = 1000
 """Maximum number of repeated frames whose numbers are kept: enough to inspect, however long the run."""
 
@@ -143,40 +139,3 @@ LASTING_JUMP_SHARE = 0.6
 
 MAX_JUMPS_SHARE = 0.1
 """Share of pairs with jumps above which none is reported: jumps are then the rule, and the exposures do not fit."""
-
-# Local tone mapping (ospc.exposures.tone_mapping)
-
-MIN_TONE_PAIRS = 10
-"""Fewest pairs of frames for a result: samples of one pair share errors, so the number of pairs matters."""
-
-MAX_TONE_PAIRS = 120
-"""Most pairs used, spread over the recording: more take longer, and properties of the camera show in fewer."""
-
-MIN_TONE_SAMPLES = 2000
-"""Fewest points over all pairs: about 26 unknowns are fitted to them before image regions are compared."""
-
-MAX_TONE_LOG_CHANGE = 1.5
-"""Largest change of ln exposure used: beyond it, most points are clipped in one of the frames."""
-
-TONE_CELLS = (4, 3)
-"""Number of compared image cells, across and down: roughly square, and large enough for several samples each."""
-
-MIN_TONE_CELL_SAMPLES = 8
-"""Minimum number of samples for a cell's median: one or two outliers do not move it far."""
-
-MIN_TONE_CELLS = 3
-"""Minimum number of compared cells of a pair: two are equally far from their median."""
-
-TONE_REWEIGHTINGS = 4
-"""Number of reweighting rounds; a linear fit with this many samples converges quickly."""
-
-TONE_RIDGE = 1e-6
-"""Ridge on the coefficients, relative to the mean diagonal of the normal matrix: some grey levels may not occur."""
-
-TONE_HUBER_SIGMAS = 2.0
-"""Residual, in robust standard deviations, above which weights decrease (Huber): moving objects, wrong matches."""
-
-CLEAR_TONE_SPREAD_LOG = 0.015
-POSSIBLE_TONE_SPREAD_LOG = 0.006
-"""Differences between regions within one frame, in ln of the grey level, that are clear and possible signs of local
-tone mapping. Without it they were at most 0.011 in 48 simulated recordings, and at most 0.0044 in all but one."""

@@ -23,7 +23,7 @@ from ospc.estimation.fit import Fit
 from ospc.estimation.prior import PriorHyperparameters
 from ospc.estimation.response_basis import ResponseBasis
 from ospc.estimation.vignette_basis import VignetteBasis
-from ospc.exposures.brightness import BrightnessChange, PixelSamples
+from ospc.exposures.brightness import BrightnessChange
 from ospc.exposures.brightness_history import BrightnessHistory
 from ospc.exposures.monitor import ExposureMonitor
 from ospc.exposures.table import ExposureTable
@@ -92,10 +92,6 @@ RULES: Mapping[type, Mapping[str, Numbers | str]] = {
         "vignette_terms": Numbers(-3, 3, (BINS, 4)),
         "overlap": UNIT,
         "motion_px": Numbers(0, MOST_PIXELS, unknown=True),
-    },
-    PixelSamples: {
-        "log_ratio log_grey": logs("places"),
-        "position0 position1": Numbers(-2, 2, ("places", 2)),
     },
     MaximumLikelihoodState: {"motions": Numbers(0, MOST_PIXELS, ("motions",))},
     KeyframeSelector: {"_kept": ELSEWHERE, "_statistics": Numbers(0, 2 * MAX_COMPARISONS, (4, AGE_CLASSES))},
