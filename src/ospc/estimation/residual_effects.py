@@ -19,6 +19,7 @@ from ospc.settings.error_model import DARKEST_GREY
 from ospc.settings.fit import WEIGHT_CUT_SIGMAS
 from ospc.settings.residuals import (
     MOST_RADIANCE_SIGMA,
+    REJECTED_FEWEST,
     REJECTED_SCALES,
     UNEVEN_CELLS,
     UNEVEN_FEWEST,
@@ -84,7 +85,7 @@ def _rejected_cell(
     cell, blocks, block = _cells_and_blocks(observations, known)
     cells, inverse, count = np.unique(cell, return_inverse=True, return_counts=True)
     seen_in = np.unique(inverse * blocks + block) // blocks
-    judged = (count >= UNEVEN_FEWEST) & (np.bincount(seen_in, minlength=len(cells)) >= UNEVEN_FEWEST_BLOCKS)
+    judged = (count >= REJECTED_FEWEST) & (np.bincount(seen_in, minlength=len(cells)) >= UNEVEN_FEWEST_BLOCKS)
     middle = np.where(judged, medians(residual[known], inverse), 0.0)
     worst = int(np.argmax(np.abs(middle)))
     if abs(middle[worst]) <= REJECTED_SCALES * scale:

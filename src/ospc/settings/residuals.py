@@ -30,8 +30,12 @@ had 5.4, but 4.4 in single cells, because few points on its slopes are flat enou
 
 REJECTED_SCALES = 3.0
 """Median residual of a cell, in units of the scatter of all residuals, above which the fit rejects a part of the
-image instead of explaining it. In 97 clean recordings, the largest of all cells was 1.9. It was 4 to 10 with a corner
-of 2 % of the image that a hood or a finger darkens by up to 30 %."""
+image instead of explaining it. In 97 clean recordings, the largest of all cells was 1.9. It was 4 to 76 with a hood,
+a finger or dirt that darkens a corner, or 4 % in the middle, by a tenth to two thirds."""
+
+REJECTED_FEWEST = 30
+"""Minimum number of observations in such a cell, whose median is then known to a quarter of that scatter. Few remain
+where something dark covers the scene, because its edges are not registered."""
 
 # Constancy of response and vignette (ospc.estimation.residual_effects)
 
