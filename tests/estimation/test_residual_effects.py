@@ -31,3 +31,13 @@ def test_a_corner_that_the_fit_rejects_is_not_offset_by_its_surroundings(of_corn
     (found,) = uneven_vignette(residuals(of_corner, -limited / 3), SEEN)
     assert found.contradicts
     assert found.value == pytest.approx(2 * of_corner, rel=0.1)
+
+
+def test_a_part_is_rejected_although_its_residuals_have_both_signs():
+    random = np.random.default_rng(1)
+    right, below = SEEN.position.T
+    part = (np.abs(right - 0.2) < 0.1) & (np.abs(below - 0.2) < 0.1)
+    residual = residuals(0.0, 0.0) + part * random.choice([-0.08, 0.0, 0.08], len(right))
+    (found,) = uneven_vignette(residual, SEEN)
+    assert found.contradicts
+    assert abs(found.value) == pytest.approx(0.16, rel=0.1)

@@ -21,6 +21,7 @@ from ospc.settings.residuals import (
     MOST_RADIANCE_SIGMA,
     REJECTED_FEWEST,
     REJECTED_SCALES,
+    REJECTED_TYPICAL_SCALES,
     UNEVEN_CELLS,
     UNEVEN_FEWEST,
     UNEVEN_FEWEST_BLOCKS,
@@ -86,12 +87,16 @@ def _rejected_cell(
     cells, inverse, count = np.unique(cell, return_inverse=True, return_counts=True)
     seen_in = np.unique(inverse * blocks + block) // blocks
     judged = (count >= REJECTED_FEWEST) & (np.bincount(seen_in, minlength=len(cells)) >= UNEVEN_FEWEST_BLOCKS)
-    middle = np.where(judged, medians(residual[known], inverse), 0.0)
-    worst = int(np.argmax(np.abs(middle)))
-    if abs(middle[worst]) <= REJECTED_SCALES * scale:
+    middle, typical = (
+        np.where(judged, medians(of, inverse), 0.0) for of in (residual[known], np.abs(residual[known]))
+    )
+    excess = np.maximum(np.abs(middle) / REJECTED_SCALES, typical / REJECTED_TYPICAL_SCALES)
+    worst = int(np.argmax(excess))
+    if excess[worst] <= scale:
         return None
-    sigma = robust_scale(residual[known][inverse == worst] - middle[worst]) / math.sqrt(count[worst])
-    return EffectEstimate(UNEVEN, 2 * float(middle[worst]), 2 * sigma, contradicts=True)
+    size, sign = float(typical[worst]), math.copysign(1, middle[worst])
+    sigma = robust_scale(np.abs(residual[known][inverse == worst]) - size) / math.sqrt(count[worst])
+    return EffectEstimate(UNEVEN, 2 * sign * size, 2 * sigma, contradicts=True)
 
 
 def _cells_and_blocks(observations: ExposedObservations, known: BoolArray) -> tuple[IntArray, int, IntArray]:
