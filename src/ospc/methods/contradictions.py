@@ -61,11 +61,11 @@ _CONTRADICTIONS = {
         _SAME_FOR_ALL_PLACES,
     ),
     UNEVEN: (
-        "a region of the image is darker or brighter than a smooth vignette predicts (dirt, wipers, reflections in a "
-        "window, parts of the sensor with another gain)",
+        "a region of the image is darker or brighter than a smooth vignette predicts (dirt, a finger or hood, "
+        "wipers, reflections in a window, parts of the sensor with another gain)",
         "deviation of ln vignette",
-        "clean lens and sensor, avoid wipers and reflections from the dashboard or a window, and switch off shading "
-        "correction",
+        "clean lens and sensor, remove what covers the lens, avoid wipers and reflections from the dashboard "
+        "or a window, and switch off shading correction",
     ),
     "drifting vignette": (
         "the vignette changes during the recording",
