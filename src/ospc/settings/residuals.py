@@ -33,9 +33,10 @@ REJECTED_SCALES = 3.0
 image instead of explaining it. In 97 clean recordings, the largest of all cells was 1.9. It was 4 to 76 with a hood,
 a finger or dirt that darkens a corner, or 4 % in the middle, by a tenth to two thirds."""
 
-REJECTED_TYPICAL_SCALES = 10.0
+REJECTED_TYPICAL_SCALES = 8.0
 """The same for the median absolute residual: points that move into a dark part and out of it have residuals of both
-signs. It was at most 7.2 in these recordings, 12 with a drop on the lens, and 24 with a hood along one side."""
+signs. It was at most 7.2 in these recordings, 12 with a drop on the lens, and 9 and 24 with a hood along one side
+that takes a third or two thirds of the light."""
 
 REJECTED_FEWEST = 30
 """Minimum number of observations in such a cell, whose median is then known to a quarter of that scatter. Few remain
