@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import cv2
@@ -14,6 +15,7 @@ from ospc.recording.frame import Frame
 from ospc.settings.registration import (
     BRIGHTEST_EXPOSED_MEAN,
     DARKEST_EXPOSED_MEAN,
+    LEAST_THUMBNAIL_PIXELS,
     THUMBNAIL_CLIP_MARGIN_PX,
     THUMBNAIL_GRADIENT_SMOOTHING_PX,
     THUMBNAIL_SIDE_PX,
@@ -72,7 +74,8 @@ def magnitude(x: Float32Array, y: Float32Array) -> Float32Array:
 
 def thumbnail_size(size: ImageSize) -> ImageSize:
     """Return width and height of the thumbnail of a frame."""
-    scale = min(1.0, THUMBNAIL_SIDE_PX / max(size))
+    by_pixels = math.sqrt(LEAST_THUMBNAIL_PIXELS / (size[0] * size[1]))
+    scale = min(1.0, max(THUMBNAIL_SIDE_PX / max(size), by_pixels))
     return max(1, round(size[0] * scale)), max(1, round(size[1] * scale))
 
 

@@ -58,6 +58,10 @@ THUMBNAIL_SIDE_PX = 160
 """Longest side of a thumbnail in pixels: 19 000 points, by which neighbouring frames are compared in a
 millisecond."""
 
+LEAST_THUMBNAIL_PIXELS = 160 * 90
+"""Minimum number of pixels of a thumbnail, unless the image has fewer, even if a side is then longer: with 24 rows of
+a panorama, exact exposures seemed to be stale."""
+
 THUMBNAIL_SMOOTHING_PX = 1.0
 """Standard deviation of the smoothing of grey levels, in thumbnail pixels: about the registration error."""
 
