@@ -11,8 +11,9 @@ import math
 
 import numpy as np
 
-from ospc.arrays import BoolArray, FloatArray, IntArray, members_of
+from ospc.arrays import FloatArray, IntArray, members_of
 from ospc.observations import ExposedObservations
+from ospc.photometry.geometry import cells_of
 from ospc.photometry.verdict import EffectEstimate
 from ospc.robust import median, medians, robust_scale
 from ospc.settings.error_model import DARKEST_GREY
@@ -44,30 +45,64 @@ UNSTEADY_LIGHT = "unsteady light"
 def uneven_vignette(residual: FloatArray, observations: ExposedObservations) -> tuple[EffectEstimate, ...]:
     """Return the image region that a smooth vignette explains worst; empty if all regions are explained.
 
-    Its value is ln of its brightness over that of the vignette: twice the mean residual, because a residual is
-    relative to the mean of two observations. ``residual`` contains the :meth:`~ospc.estimation.fit.Fit.residuals` of
-    a fit to the observations, shape (n,).
+    Its value is ln of its brightness over that of the vignette: twice the residual, because a residual is relative to
+    the mean of two observations. ``residual`` contains the :meth:`~ospc.estimation.fit.Fit.residuals` of a fit to the
+    observations, shape (n,).
     """
     known = np.isfinite(residual)
     if not known.any():
         return ()
-    scale = robust_scale(residual[known])
-    rejected = _rejected_cell(residual, observations, known, scale)
-    if rejected is not None:
-        return (rejected,)
-    limit = WEIGHT_CUT_SIGMAS * scale
-    count, total = _sums_of_parts(np.clip(residual, -limit, limit), observations, known)
+    residual, scale = residual[known], robust_scale(residual[known])
+    cell = cells_of(observations.position, UNEVEN_CELLS)[known]
+    _, block = np.unique(observations.group[known] // UNEVEN_GROUPS_PER_BLOCK, return_inverse=True)
+    shape = (*UNEVEN_CELLS, block.max() + 1)
+    number, limit = cell * shape[2] + block, WEIGHT_CUT_SIGMAS * scale
+    count, total = (
+        np.bincount(number, weights, math.prod(shape)).reshape(shape)
+        for weights in (None, np.clip(residual, -limit, limit))
+    )
+    rejected = _rejected_cell(residual, cell, count.reshape(-1, shape[2]), scale)
+    found = rejected or _uneven_region(_in_regions(count), _in_regions(total))
+    return () if found is None else (found,)
+
+
+def _rejected_cell(residual: FloatArray, cell: IntArray, count: IntArray, scale: float) -> EffectEstimate | None:
+    """Return the image cell whose points disagree most with the fit, if it rejects most of them as outliers.
+
+    ``count`` is the number of residuals in each cell and block, shape (cells, blocks).
+    """
+    cells, member = np.unique(cell, return_inverse=True)
+    points, blocks = count[cells].sum(axis=1), np.count_nonzero(count[cells], axis=1)
+    judged = (points >= REJECTED_FEWEST) & (blocks >= UNEVEN_FEWEST_BLOCKS)
+    middle, typical = (np.where(judged, medians(of, member), 0.0) for of in (residual, np.abs(residual)))
+    excess = np.maximum(np.abs(middle) / REJECTED_SCALES, typical / REJECTED_TYPICAL_SCALES)
+    worst = int(np.argmax(excess))
+    if excess[worst] <= scale:
+        return None
+    size, sign = float(typical[worst]), math.copysign(1, middle[worst])
+    sigma = robust_scale(np.abs(residual[member == worst]) - size) / math.sqrt(points[worst])
+    return EffectEstimate(UNEVEN, 2 * sign * size, 2 * sigma, contradicts=True)
+
+
+def _in_regions(cells: FloatArray | IntArray) -> FloatArray:
+    """Return sums over all squares of four cells, which overlap, shape (across, down, b) -> (regions, b)."""
+    squares = cells[:-1, :-1] + cells[1:, :-1] + cells[:-1, 1:] + cells[1:, 1:]
+    return squares.reshape(-1, cells.shape[2]).astype(np.float64)
+
+
+def _uneven_region(count: FloatArray, total: FloatArray) -> EffectEstimate | None:
+    """Return the region with the most significant mean; number and sum of residuals have shape (regions, blocks)."""
     points, blocks = count.sum(axis=1), np.count_nonzero(count, axis=1)
     judged = (points >= UNEVEN_FEWEST) & (blocks >= UNEVEN_FEWEST_BLOCKS)
     if not judged.any():
-        return ()
+        return None
     count, total, points, blocks = count[judged], total[judged], points[judged], blocks[judged]
     mean = total.sum(axis=1) / points
     deviation = total - mean[:, None] * count
     sigma = np.sqrt(np.sum(deviation**2, axis=1) * blocks / (blocks - 1)) / points
     sigmas = np.abs(mean) / np.hypot(sigma, UNEVEN_SYSTEMATIC)
     if sigmas.max() < UNEVEN_SIGMAS:
-        return ()
+        return None
     from scipy.special import ndtri, stdtr  # slow to import and rarely needed
 
     # The scatter between few blocks is itself uncertain: the normal deviate of equal probability is smaller.
@@ -75,51 +110,8 @@ def uneven_vignette(residual: FloatArray, observations: ExposedObservations) -> 
     sigmas = -ndtri(stdtr(freedom, -sigmas))
     worst = int(np.argmax(sigmas))
     if sigmas[worst] < UNEVEN_SIGMAS:
-        return ()
-    return (EffectEstimate(UNEVEN, 2 * float(mean[worst]), 2 * float(sigma[worst]), contradicts=True),)
-
-
-def _rejected_cell(
-    residual: FloatArray, observations: ExposedObservations, known: BoolArray, scale: float
-) -> EffectEstimate | None:
-    """Return the image cell whose points disagree most with the fit, if it rejects most of them as outliers."""
-    cell, blocks, block = _cells_and_blocks(observations, known)
-    cells, inverse, count = np.unique(cell, return_inverse=True, return_counts=True)
-    seen_in = np.unique(inverse * blocks + block) // blocks
-    judged = (count >= REJECTED_FEWEST) & (np.bincount(seen_in, minlength=len(cells)) >= UNEVEN_FEWEST_BLOCKS)
-    middle, typical = (
-        np.where(judged, medians(of, inverse), 0.0) for of in (residual[known], np.abs(residual[known]))
-    )
-    excess = np.maximum(np.abs(middle) / REJECTED_SCALES, typical / REJECTED_TYPICAL_SCALES)
-    worst = int(np.argmax(excess))
-    if excess[worst] <= scale:
         return None
-    size, sign = float(typical[worst]), math.copysign(1, middle[worst])
-    sigma = robust_scale(np.abs(residual[known][inverse == worst]) - size) / math.sqrt(count[worst])
-    return EffectEstimate(UNEVEN, 2 * sign * size, 2 * sigma, contradicts=True)
-
-
-def _cells_and_blocks(observations: ExposedObservations, known: BoolArray) -> tuple[IntArray, int, IntArray]:
-    """Return the image cell of each known residual, the number of blocks of pairs, and the block of each residual."""
-    extent = np.maximum(np.abs(observations.position).max(axis=0), np.finfo(np.float64).tiny)
-    place = np.clip((observations.position[known] / extent + 1) / 2 * UNEVEN_CELLS, 0, np.array(UNEVEN_CELLS) - 1)
-    blocks, block = np.unique(observations.group[known] // UNEVEN_GROUPS_PER_BLOCK, return_inverse=True)
-    return np.ravel_multi_index(tuple(place.astype(np.int64).T), UNEVEN_CELLS), len(blocks), block
-
-
-def _sums_of_parts(
-    residual: FloatArray, observations: ExposedObservations, known: BoolArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return the number and sum of known residuals in each image region and block, shape (regions, blocks)."""
-    # The regions are all squares of four neighbouring cells, so they overlap.
-    cell, blocks, block = _cells_and_blocks(observations, known)
-    shape = (*UNEVEN_CELLS, blocks)
-    number = cell * blocks + block
-    of_cells = (np.bincount(number, weights, np.prod(shape)).reshape(shape) for weights in (None, residual[known]))
-    count, total = (
-        (cells[:-1, :-1] + cells[1:, :-1] + cells[:-1, 1:] + cells[1:, 1:]).reshape(-1, blocks) for cells in of_cells
-    )
-    return count.astype(np.float64), np.asarray(total, dtype=np.float64)
+    return EffectEstimate(UNEVEN, 2 * float(mean[worst]), 2 * float(sigma[worst]), contradicts=True)
 
 
 def unsteadiness(residual: FloatArray, observations: ExposedObservations) -> tuple[EffectEstimate, ...]:

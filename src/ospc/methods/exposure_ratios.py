@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from ospc.arrays import FloatArray, IntArray
 from ospc.estimation.fit import Fit
 from ospc.observations import ExposedObservations
 from ospc.photometry.coverage import ExposureRatios
+from ospc.photometry.geometry import cells_of
 from ospc.photometry.noise import BRIGHTEST_EXPOSED, DARKEST_EXPOSED
 from ospc.robust import SIGMA_OF_MEDIAN, medians
 from ospc.settings.residuals import MISREGISTERED_SIGMAS, MISREGISTERED_SPREAD, RATIO_CELLS
@@ -40,12 +43,9 @@ def _dependence(deviation: FloatArray, position: FloatArray, pair: IntArray, cou
     The errors of misregistered or glossy surfaces are common to an image cell: the variance of a median is then given
     by the scatter of the cells' sums of signs (cluster-robust variance; Parente and Santos Silva 2016).
     """
-    cells = np.array(RATIO_CELLS)
-    extent = np.maximum(np.abs(position).max(axis=0), np.finfo(np.float64).tiny)
-    column, row = np.clip((position / extent + 1) / 2 * cells, 0, cells - 1).astype(np.int64).T
-    shape = (len(count), *RATIO_CELLS)
-    cell = np.ravel_multi_index((pair, column, row), shape)
-    excess = np.bincount(cell, np.sign(deviation), np.prod(shape)).reshape(len(count), -1)
+    cells = math.prod(RATIO_CELLS)
+    cell = pair * cells + cells_of(position, RATIO_CELLS)
+    excess = np.bincount(cell, np.sign(deviation), len(count) * cells).reshape(-1, cells)
     return np.asarray(np.sqrt(np.maximum(np.sum(excess**2, axis=1) / count, 1.0)))
 
 

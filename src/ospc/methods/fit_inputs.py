@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from functools import cached_property
 
+import numpy as np
+
 from ospc.arrays import ImageSize
 from ospc.errors import counted
 from ospc.estimation.fit import Fit
@@ -93,7 +95,9 @@ class FitInputs:
     @cached_property
     def corrected_ratios(self) -> ExposureRatios:
         """The same ratios, compared with those of the exposures as the fit corrected them."""
+        ratios = self.ratios
         if self.fit is None or self.observations is None or not len(self.fit.effects):
-            return self.ratios
-        log_exposure = self.observations.log_exposure + self.fit.log_exposure_error(self.observations)
-        return exposure_ratios(self.fit, replace(self.observations, log_exposure=log_exposure))
+            return ratios
+        frames, first = np.unique(self.observations.frame, return_index=True)
+        error = self.fit.log_exposure_error(self.observations)[first][np.searchsorted(frames, ratios.frames)]
+        return replace(ratios, metadata=ratios.metadata * np.exp(error[:, 0] - error[:, 1]))

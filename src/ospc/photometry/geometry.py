@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
-from ospc.arrays import Float32Array, FloatArray, ImageSize
+from ospc.arrays import Float32Array, FloatArray, ImageSize, IntArray
 from ospc.errors import FormatError
 
 _BAND_PIXELS = 2**15
@@ -66,6 +66,17 @@ def along_diagonals(radius: npt.ArrayLike, size: ImageSize) -> FloatArray:
     """
     corners = np.array([(1, 1), (1, -1), (-1, 1), (-1, -1)]) * (np.array(size) - 1) / 2 / half_diagonal(size)
     return np.asarray(np.asarray(radius, dtype=np.float64)[..., None, None] * corners)
+
+
+def cells_of(position: FloatArray, cells: tuple[int, int]) -> IntArray:
+    """Return the number of the image cell of each position, shape (n, 2) -> (n,).
+
+    ``cells`` is the number of cells across and down. They divide the rectangle about the image centre that just
+    contains all positions.
+    """
+    extent = np.maximum(np.abs(position).max(axis=0), np.finfo(np.float64).tiny)
+    place = np.clip((position / extent + 1) / 2 * cells, 0, np.array(cells) - 1)
+    return np.asarray(np.ravel_multi_index(tuple(place.astype(np.int64).T), cells))
 
 
 def image_of(function: Callable[[FloatArray, FloatArray], FloatArray], size: ImageSize) -> Float32Array:
