@@ -90,8 +90,8 @@ def test_names_under_an_unknown_header_decide_in_a_folder(tmp_path: Path) -> Non
         (tmp_path / f"{i}.png").write_bytes(encoded(grey(i)))
     (tmp_path / "exif.csv").write_text("SourceFile,ExposureTime\n./2.png,1/77\n./0.png,1/250\n./1.png,0.5\n")
     recording = open_recording(tmp_path)
-    assert [frame.name for frame in recording] == ["2.png", "0.png", "1.png"]
-    assert recording.exposures_ms == pytest.approx([1000 / 77, 4, 500])
+    assert [frame.name for frame in recording] == ["0.png", "1.png", "2.png"]
+    assert recording.exposures_ms == pytest.approx([4, 500, 1000 / 77])
     assert any("exposures are in s, because some are fractions" in note for note in recording.notes)
 
 
@@ -183,3 +183,37 @@ def test_a_gain_without_a_unit_is_linear_and_a_note_says_what_else_it_may_be(nam
     (note, *_) = parse_columns(f"file,exposure_ms,{name}\na,1,10\nb,2,20\n", "list.csv").notes
     assert "multiplied by the gain" in note
     assert ("add --gain-unit db if it is in decibels" in note) == doubtful
+
+
+@pytest.mark.parametrize(
+    ("pattern", "counted"),
+    [("img_{i}.png", True), ("{i:05d}.png", True), ("a{i}b{i}.png", True), ("{i}_{letter}.png", False)],
+)
+@pytest.mark.parametrize("stamped", [False, True])
+def test_without_time_stamps_frames_are_in_the_order_of_the_images_numbers(
+    tmp_path: Path, pattern: str, counted: bool, stamped: bool
+) -> None:
+    numbers = [9, 10, 11, 100]
+    names = {i: pattern.format(i=i, letter="wxyz"[k]) for k, i in enumerate(numbers)}
+    for name in names.values():
+        (tmp_path / name).write_bytes(encoded(grey(8)))
+    listed = [10, 100, 11, 9]
+    rows = [f"{names[i]},{row},{i}" if stamped else f"{names[i]},{i}" for row, i in enumerate(listed)]
+    header = "file,timestamp_s,exposure_ms" if stamped else "file,exposure_ms"
+    (tmp_path / "exposures.csv").write_text("\n".join([header, *rows, ""]), encoding="utf-8")
+    recording = open_recording(tmp_path)
+    expected = numbers if counted and not stamped else listed
+    assert recording.exposures_ms.tolist() == expected
+    assert [frame.name for frame in recording] == [names[i] for i in expected]
+    assert any("in the order of the numbers" in note for note in recording.notes) == (expected == numbers)
+
+
+@pytest.mark.parametrize("separator", [";", "\t"])
+def test_numbers_may_have_a_decimal_comma_where_commas_do_not_separate(separator: str) -> None:
+    rows = [
+        separator.join(row) for row in (("0.png", "0,05", "8,25"), ("1.png", "0,1", "9"), ("a,b.png", "1", "+1,5"))
+    ]
+    read = table(*(row.replace(";", separator) for row in ("file;time_s;exposure_ms", *rows)))
+    assert read.exposures_ms.tolist() == [8.25, 9, 1.5]
+    assert read.stamps_s.tolist() == [0.05, 0.1, 1]
+    assert read.ids == ("0.png", "1.png", "a,b.png")

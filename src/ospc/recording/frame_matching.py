@@ -5,11 +5,12 @@ from __future__ import annotations
 import re
 import unicodedata
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import PurePosixPath
 
 import numpy as np
 
-from ospc.arrays import nearest
+from ospc.arrays import nearest, read_only
 from ospc.errors import RecordingError, counted, listed, quoted
 from ospc.formats.files import by_name
 from ospc.recording.exposure_units import in_seconds
@@ -106,6 +107,23 @@ def match_images(table: FrameTable, names: Sequence[str], place: str) -> tuple[t
         f"{table.source}: lists {same} {counted(len(names), 'image')} in {place}{detail}; there must be one line "
         f"per image, with nan for an unknown exposure"
     )
+
+
+def in_order_of_numbers(
+    table: FrameTable, names: tuple[str, ...]
+) -> tuple[FrameTable, tuple[str, ...], tuple[str, ...]]:
+    """Return rows and their images in the order of the images' numbers, and notes.
+
+    The order of the rows is kept if they have time stamps, or if names differ in more than their numbers.
+    """
+    order = sorted(range(len(names)), key=lambda i: by_name(names[i]))
+    numbered = len({re.sub(r"\d+", "0", name) for name in names}) == 1
+    if table.stamped or not numbered or order == list(range(len(names))):
+        return table, names, ()
+    note = f"{table.source}: is in another order than the images' numbers; frames are in the order of the numbers"
+    ids = tuple(table.ids[i] for i in order) if table.ids else ()
+    ordered = replace(table, ids=ids, exposures_ms=read_only(table.exposures_ms[order]))
+    return ordered, tuple(names[i] for i in order), (note,)
 
 
 def frame_numbers(texts: Sequence[str]) -> list[int]:

@@ -11,7 +11,7 @@ from ospc.arrays import Image
 from ospc.errors import OspcError, RecordingError, escaped, listed
 from ospc.formats.image_header import read_header
 from ospc.recording.frame import Frame, check_size
-from ospc.recording.frame_matching import match_images
+from ospc.recording.frame_matching import in_order_of_numbers, match_images
 from ospc.recording.frame_table import NO_STAMPS, FrameTable, table_or_unlisted
 from ospc.recording.image_formats import format_of
 from ospc.recording.image_source import ImageSource, why_unread
@@ -84,6 +84,7 @@ def open_sequence(
             raise RecordingError(f"{place}: {why}")
         table = table_or_unlisted(read_table, place, lambda: len(source.names), allowed=options.unknown_exposures)
         names, matching = match_images(table, source.names, place)
+        table, names, ordering = in_order_of_numbers(table, names)
         layout, pixels = find_layout(
             lambda index: source.decoded(names[index], options.channel),
             table.exposures_ms,
@@ -107,7 +108,7 @@ def open_sequence(
         max_grey=layout.depth.max_grey,
         exposures_ms=table.exposures_ms,
         stamps_s=table.stamps_s,
-        notes=(*notes, *table.notes, *numbered, *matching, *pixels),
+        notes=(*notes, *table.notes, *numbered, *matching, *ordering, *pixels),
         channel=options.channel,
         source=source,
         names=names,
