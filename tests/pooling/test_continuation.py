@@ -15,6 +15,7 @@ from ospc.engine_state import Epoch, response_before_change
 from ospc.errors import FormatError, NotObservableError, SettingError
 from ospc.estimation.response_basis import FUNCTIONS, ResponseBasis
 from ospc.evaluation.metrics import vignette_rmse
+from ospc.live import LiveCalibrator
 from ospc.methods.change_detection import Change
 from ospc.methods.identifiability import judged
 from ospc.methods.result import calibration_of
@@ -187,6 +188,14 @@ def test_a_calibrator_starts_from_what_was_known(yesterday):
     assert states == {"response": "identifiable", "vignette": "identifiable", "exposures": "marginal"}
     assert json.dumps(found.as_dict())
     assert found.counts["frames"] == 1
+
+
+def test_a_live_calibrator_starts_from_what_was_known_before_a_restart(yesterday):
+    with LiveCalibrator(prior=PriorCalibration.open(yesterday)) as live:
+        live.push(Frame.of_array(np.full(SIZE[::-1], 90, np.uint8), 5.0))
+        found = live.calibration()
+    assert found.verdicts["vignette"].state == found.verdicts["response"].state == "identifiable"
+    assert found.source["started_from"]["changed"] == []
 
 
 def test_a_contradiction_by_new_frames_counts_despite_earlier_ones(yesterday):

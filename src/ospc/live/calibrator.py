@@ -22,6 +22,7 @@ from ospc.frame_checks import check_is_frame
 from ospc.live.status import LiveFindings, LiveStatus
 from ospc.methods.preview import Preview
 from ospc.photometry.calibration import Calibration
+from ospc.pooling.prior_calibration import PriorCalibration
 from ospc.recording import Frame
 from ospc.settings import Settings
 from ospc.settings.live import GOAL
@@ -48,6 +49,9 @@ class LiveCalibrator(AbstractContextManager["LiveCalibrator"]):
         Settings of the default method, or the name of a preset of it.
     correct_lag
         What to do about a lag of the exposures, as for :func:`~ospc.calibrator.calibrate`.
+    prior
+        An earlier calibration of the camera, such as that of a robot before its restart. It is used as long as the
+        frames agree with it.
     goal
         Standard deviation of the inverse response and of the vignette, as a root mean square over grey levels and
         radii, at which the advice says that the capture is done.
@@ -75,11 +79,12 @@ class LiveCalibrator(AbstractContextManager["LiveCalibrator"]):
         settings: Settings | str = "default",
         *,
         correct_lag: LagChoice = "auto",
+        prior: PriorCalibration | None = None,
         goal: float = GOAL,
         source: dict[str, Any] | None = None,
     ) -> None:
         self._engine = OnlineCalibrator(settings, correct_lag=correct_lag)
-        self._engine.source = source or {}
+        self._engine.prior, self._engine.source = prior, source or {}
         if not self._engine.settings.real_time:
             raise SettingError(f"preset {self._engine.settings.name} cannot keep up with a camera; use the default")
         if not goal > 0:
