@@ -162,7 +162,11 @@ def test_slow_and_stated_seconds_are_kept(column: str, step: float) -> None:
 def test_numbers_of_frames_find_their_images(opened: Open, column: str) -> None:
     text = f"{column},exposure_ms\n2,4\n0,1\n1,2\n"
     recording = opened({"exposures.csv": text}, ("000.png", "001.png", "002.png"))
-    assert [frame.name for frame in recording] == ["002.png", "000.png", "001.png"]
+    assert [(frame.name, frame.exposure_ms) for frame in recording] == [
+        ("000.png", 1),
+        ("001.png", 2),
+        ("002.png", 4),
+    ]
 
 
 def test_lists_without_exposures_are_no_lists_of_exposures(opened: Open) -> None:

@@ -36,7 +36,6 @@ from ospc.observations import ExposedObservations
 from ospc.photometry.verdict import INEXACT_EXPOSURES, LATE_EXPOSURES, EffectEstimate
 from ospc.robust import ERROR_OF_SCALE
 from ospc.settings.effects import (
-    CONTRADICTING_SIGMAS,
     EXPOSURES_PER_CURVE,
     MIN_GROUPS,
     MOST_CURVES,
@@ -210,10 +209,11 @@ def _suspected(trials: Sequence[Trial], untried: Sequence[str]) -> Trial | None:
 def _significant(fit: Fit, number: int) -> bool:
     """Return whether an effect is significant and all effects are plausible."""
     by_chance, in_all = (_sigmas_of(fit, number, covariance) for covariance in (fit.chance, fit.covariance))
-    significant = by_chance > SIGNIFICANT_SIGMAS and in_all > SIGNIFICANT_SIGMAS_IN_ALL
+    sigmas = by_chance
     if fit.effects.chosen[number] in CONTRADICTIONS:
-        # A contradiction also makes the halves disagree, and that scatter would hide it.
-        significant |= by_chance > CONTRADICTING_SIGMAS
+        # It takes more to warn than to correct. A contradiction also makes the halves disagree: that counts half.
+        sigmas = math.sqrt(by_chance * in_all)
+    significant = sigmas > SIGNIFICANT_SIGMAS and in_all > SIGNIFICANT_SIGMAS_IN_ALL
     values = zip(fit.effects.chosen, fit.effect_parameters, strict=True)
     return significant and all(EFFECTS[name].allows(value) for name, value in values)
 

@@ -28,8 +28,8 @@ and 3 px, ln g at grey 225 to 240 was off by up to 0.02."""
 COMPARED_QUANTILES = np.linspace(0.05, 0.95, 19)
 """Quantiles of grey level at which the brightness of two images is compared; noise and clipping affect the ends."""
 
-SURROUND_SIGMA = 0.1
-"""Standard deviation of the reach of light scattered nearby, in image widths: between that of bloom, a few pixels,
+SURROUND_SIGMA = 0.16
+"""Standard deviation of the reach of light scattered nearby, in half diagonals: between that of bloom, a few pixels,
 and veiling glare, the whole image. Local tone mapping has a similar reach."""
 
 SURROUND_WIDTH_PX = 64
