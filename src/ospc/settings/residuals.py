@@ -38,9 +38,9 @@ REJECTED_TYPICAL_SCALES = 8.0
 signs. It was at most 7.2 in these recordings, 12 with a drop on the lens, and 9 and 24 with a hood along one side
 that takes a third or two thirds of the light."""
 
-REJECTED_FEWEST = 30
-"""Minimum number of observations in such a cell, whose median is then known to a quarter of that scatter. Few remain
-where something dark covers the scene, because its edges are not registered."""
+REJECTED_FEWEST = 20
+"""Minimum number of observations in such a cell, whose median is then known to a third of that scatter. Few remain
+where something dark covers the scene, because its edges are not registered: 25 where there was a drop on the lens."""
 
 # Constancy of response and vignette (ospc.estimation.residual_effects)
 
