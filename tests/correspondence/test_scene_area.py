@@ -91,6 +91,17 @@ def test_the_usable_radius_includes_the_margin_beside_bars_but_not_the_bars(used
     assert surround[lit].any()
 
 
+def test_specks_of_noise_beside_the_image_circle_do_not_belong_to_it() -> None:
+    distance = np.linalg.norm(np.indices(SIZE[::-1]) - np.reshape([59.5, 79.5], (2, 1, 1)), axis=0)
+    specks = cv2.dilate((np.random.default_rng(4).random(SIZE[::-1]) < 0.004).astype(np.uint8), np.ones((1, 3))) > 0
+    images = [np.where(distance < 55, image, np.where(specks, 90, 3)).astype(np.uint8) for image in views(WALK)]
+    area = area_of(images)
+    assert area.usable_radius() == pytest.approx(0.55, abs=0.02)
+    surround = area.surround()
+    assert surround is not None
+    assert surround[distance > 57].all()
+
+
 @pytest.mark.parametrize("shape", [letters, box])
 @pytest.mark.parametrize("opacity", [0.4, 1.0])
 def test_an_overlay_is_covered_with_its_inside_and_little_else(

@@ -23,6 +23,7 @@ from ospc.settings.grey_values import (
     MIN_EDGE_RATIO,
     MIN_FINE_STRUCTURE_8_BIT,
     MIN_LIT_8_BIT,
+    MIN_LIT_PX,
     MIN_OVERLAY_AGREEMENT,
     MIN_OVERLAY_PX,
     MIN_SURROUND_AREA,
@@ -85,8 +86,8 @@ class SceneArea:
         lit = float(np.quantile(self.brightest, LIT_QUANTILE))
         if lit < MIN_LIT_8_BIT:
             return None
-        dark = (self.brightest <= MAX_SURROUND_SHARE * lit).astype(np.uint8)
-        _, label = cv2.connectedComponents(dark)
+        dark = ~_large_parts(self.brightest > MAX_SURROUND_SHARE * lit, MIN_LIT_PX, connectivity=4)
+        _, label = cv2.connectedComponents(dark.view(np.uint8))
         corners = label[[0, 0, -1, -1], [0, -1, 0, -1]]
         outside = np.isin(label, corners[corners > 0])
         if np.count_nonzero(corners) < MIN_SURROUND_CORNERS or outside.mean() < MIN_SURROUND_AREA:
