@@ -19,13 +19,13 @@ from ospc.correspondence.static_series import StaticSeries
 from ospc.errors import named
 from ospc.estimation.black_level import black_level
 from ospc.estimation.effect_choice import fit_with_chosen_effects
+from ospc.estimation.fit_plan import FitPlan
 from ospc.estimation.fitted import Fitted
 from ospc.exposures.table import ExposureTable
 from ospc.methods.change_detection import Change, ChangeDetector
 from ospc.methods.fit_inputs import FitInputs
 from ospc.methods.maximum_likelihood_state import MaximumLikelihoodState
 from ospc.methods.method import Method, Progress, check_can_be_matched
-from ospc.methods.planned_fit import plan_of_moving_camera, plan_of_stationary_camera
 from ospc.methods.preview import Preview, preview_of
 from ospc.methods.quick_fit import QuickFit
 from ospc.methods.result import calibration_of
@@ -328,10 +328,10 @@ class MaximumLikelihoodMethod(Method):
         if observations.log_exposure_change(settings.min_points) < settings.min_log_exposure_change:
             return None
         if self._stationary.stands_still:
-            plan = plan_of_stationary_camera(settings, noise=None)
+            plan = FitPlan.of_stationary_camera(settings, noise=None)
         else:
             stretched = grey_range.stretched_noise(noise)
-            plan = plan_of_moving_camera(settings, stretched, self._scene_area.usable_radius())
+            plan = FitPlan.of_moving_camera(settings, stretched, self._scene_area.usable_radius())
         found = fit_with_chosen_effects(observations, plan)
         if self._inter_coded:
             return replace(found, fit=replace(found.fit, covariance=INTER_CODED_SIGMAS**2 * found.fit.covariance))
