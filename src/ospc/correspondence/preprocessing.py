@@ -71,14 +71,10 @@ class ReducedFrame:
 
         Shapes (h, w) or (h, w, c) and (..., 2) -> (...) or (..., c).
         """
-        shape = (*places.shape[:-1], *image.shape[2:])
-        if places.size == 0:
-            return np.empty(shape)
         # The small image covers slightly less, because a remainder at the edge is cut off.
         size, small_size = np.array(image.shape[1::-1]), np.array(self.small.shape[::-1])
         covered = size if image.shape[1::-1] == self.reduced_size else small_size * self.further_reduction
-        there = rescaled(places, size / covered)
-        return values_at(image, there.reshape(len(places), -1, 2)).astype(np.float64).reshape(shape)
+        return values_at(image, rescaled(places, size / covered)).astype(np.float64)
 
     def to_frame(self, points: FloatArray) -> FloatArray:
         """Convert points (x, y) in the reduced size to pixel coordinates in the frame, shape (..., 2)."""

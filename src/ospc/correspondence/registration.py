@@ -168,13 +168,11 @@ def displacement_at(registration: Registration, points: FloatArray, scale: float
     Both are in reduced pixels; ``scale`` is the number of these, along each side, per pixel of the small image that
     was registered.
     """
-    if len(points) == 0:
-        return np.empty((0, 2)), np.empty(0)
-    small = rescaled(points, 1 / scale).reshape(-1, 1, 2)
+    small = rescaled(points, 1 / scale)
     forward, error = (
         values_at(image, small) for image in (registration.forward, registration.forward_backward_error)
     )
-    return forward.reshape(-1, 2).astype(np.float64) * scale, error.reshape(-1).astype(np.float64) * scale
+    return forward.astype(np.float64) * scale, error.astype(np.float64) * scale
 
 
 def jacobian_at(registration: Registration, points: FloatArray, scale: float) -> FloatArray:
@@ -182,12 +180,10 @@ def jacobian_at(registration: Registration, points: FloatArray, scale: float) ->
 
     The points of the first view, shape (n, 2), and the scale are as in :func:`displacement_at`.
     """
-    if len(points) == 0:
-        return np.empty((0, 2, 2))
     height, width = registration.forward.shape[:2]
     cells = max(3, width // JACOBIAN_CELL_PX), max(3, height // JACOBIAN_CELL_PX)
     coarse = cv2.resize(registration.forward, cells, interpolation=cv2.INTER_AREA)
     by_y, by_x = np.gradient(coarse, height / cells[1], width / cells[0], axis=(0, 1), edge_order=2)
-    there = rescaled(points, np.divide(cells, (width * scale, height * scale))).reshape(-1, 1, 2)
+    there = rescaled(points, np.divide(cells, (width * scale, height * scale)))
     slopes = values_at(np.concatenate([by_x, by_y], axis=-1), there).astype(np.float64)
     return np.eye(2) + np.swapaxes(slopes.reshape(-1, 2, 2), 1, 2)

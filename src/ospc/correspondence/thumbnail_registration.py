@@ -51,10 +51,16 @@ class ThumbnailRegistration:
 def values_at(
     image: Float32Array | npt.NDArray[np.uint8], places: Float32Array, border: int = cv2.BORDER_REPLICATE
 ) -> Float32Array:
-    """Interpolate an image, (h, w) or (h, w, n), at points (x, y), (..., 2); ``border`` is OpenCV's border mode."""
-    parts = np.array_split(places, len(places) // MAX_REMAPPED_ROWS + 1)
+    """Interpolate an image at points (x, y); ``border`` is OpenCV's border mode.
+
+    Shapes (h, w) or (h, w, n) and (..., 2) -> (...) or (..., n).
+    """
+    shape = (*places.shape[:-1], *image.shape[2:])
+    if not places.size:
+        return np.empty(shape, np.float32)
+    parts = np.array_split(places.reshape(len(places), -1, 2), len(places) // MAX_REMAPPED_ROWS + 1)
     values = [cv2.remap(image, part, None, cv2.INTER_LINEAR, borderMode=border) for part in parts]
-    return np.asarray(values[0] if len(values) == 1 else np.concatenate(values), dtype=np.float32)
+    return np.asarray(np.concatenate(values), dtype=np.float32).reshape(shape)
 
 
 def rescaled(places: FloatArray, scale: npt.ArrayLike) -> Float32Array:

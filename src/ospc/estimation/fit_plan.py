@@ -11,6 +11,8 @@ from ospc.estimation.response_basis import ResponseBasis
 from ospc.estimation.vignette_basis import VignetteBasis
 from ospc.observations import ExposedObservations
 from ospc.photometry.noise import NoiseModel
+from ospc.settings import DefaultSettings
+from ospc.settings.vignette import MAX_VIGNETTE_REACH
 
 
 @dataclass(frozen=True)
@@ -33,6 +35,21 @@ class FitPlan:
     widest: VignetteBasis
     noise: NoiseModel | None
     rounds: int
+
+    @classmethod
+    def of_moving_camera(cls, settings: DefaultSettings, noise: NoiseModel | None, usable_radius: float) -> FitPlan:
+        """Return the plan of the final fit for a camera that moves; the usable radius is in half diagonals."""
+        terms, reach = settings.radial_terms, MAX_VIGNETTE_REACH
+        widest = VignetteBasis(terms, free_centre=True, non_radial=True, usable_radius=usable_radius, reach=reach)
+        return cls(
+            ResponseBasis(settings.response_intervals, settings.response_functions), widest, noise, settings.rounds
+        )
+
+    @classmethod
+    def of_stationary_camera(cls, settings: DefaultSettings, noise: NoiseModel | None) -> FitPlan:
+        """Return the same for a stationary camera, whose observations do not depend on the vignette."""
+        response = ResponseBasis(settings.series_intervals, settings.response_functions)
+        return cls(response, VignetteBasis(0), noise, settings.rounds)
 
     def fit(
         self, observations: ExposedObservations, vignette: VignetteBasis, effects: Effects, start: Fit | None = None

@@ -50,6 +50,4 @@ class Fitted:
     @cached_property
     def _predict(self) -> LatentModel:
         fit = self.fit
-        return LatentModel(
-            fit.response_basis, fit.response_parameters, fit.errors, self.noise, fit.texture_share, trusted=True
-        )
+        return LatentModel(fit.response_basis, fit.response_parameters, fit.errors, self.noise, trusted=True)

@@ -20,7 +20,7 @@ from ospc.estimation.fitted import Fitted
 from ospc.estimation.latent import LatentModel
 from ospc.estimation.model import LinearSystem, Model
 from ospc.estimation.normal_equations import NormalEquations, at_least
-from ospc.estimation.prior import START, Prior, PriorHyperparameters
+from ospc.estimation.prior import START, PriorHyperparameters
 from ospc.estimation.response_basis import ResponseBasis
 from ospc.estimation.robust_weights import redescending_weights
 from ospc.estimation.vignette_basis import VignetteBasis, measured_radius
@@ -28,42 +28,33 @@ from ospc.library_threads import one_blas_thread
 from ospc.observations import ExposedObservations
 from ospc.photometry.noise import NoiseModel
 from ospc.settings.error_model import CONVEX_ROUNDS
-from ospc.settings.fit import (
-    MIN_BLOCKS,
-    SETTLED_SIGMAS,
-    TEXTURE_SHARE_INFORMATION,
-)
+from ospc.settings.fit import MIN_BLOCKS, SETTLED_SIGMAS
 
 
 @dataclass(frozen=True)
 class _Estimate:
     """What each round of a fit improves.
 
-    These are the parameters of the model, the error model, the corrected share of the texture, the hyperparameters of
-    the prior, the robust weights, the index of each predicted grey level, and the sandwich factor of the weights.
+    These are the parameters of the model, the error model, the hyperparameters of the prior, the robust weights, and
+    the index of each predicted grey level.
     """
 
     parameters: FloatArray
     errors: ErrorModel
-    texture_share: float
     hyperparameters: PriorHyperparameters
     weight: FloatArray
     index: IntArray
-    sandwich_factor: float = 1.0
 
 
 @dataclass(frozen=True)
 class _Solution:
-    """Solution of a round's linear system: the new estimate, and what its covariance is computed from.
+    """Solution of a round's linear system: the new estimate, the equations that it solves, and its precision.
 
-    ``before`` and ``precision`` are the precisions of the prior before the round and of the solution;
     ``squared_sigmas`` is the squared distance that the parameters moved, in standard deviations.
     """
 
     estimate: _Estimate
     equations: NormalEquations
-    prior: Prior
-    before: FloatArray
     precision: FloatArray
     squared_sigmas: float
 
@@ -105,30 +96,24 @@ class MaximumLikelihoodEstimator:
         present = self._beginning(observations, start)
         for number in range(rounds + 1):
             trusted, convex = number > 0 or start is not None, start is None and number < CONVEX_ROUNDS
-            predict = LatentModel(
-                self.response_basis,
-                self.model.split(present.parameters)[0],
-                present.errors,
-                self.noise,
-                present.texture_share,
-                trusted,
-            )
+            response = self.model.split(present.parameters)[0]
+            predict = LatentModel(self.response_basis, response, present.errors, self.noise, trusted)
             system, present = self._linearised(observations, present, predict, convex=convex)
-            solution = self._solved(system, present, trusted=trusted)
+            solution = self._solved(system, present)
             present = solution.estimate
             settled = number > 1 and solution.squared_sigmas < SETTLED_SIGMAS**2 * len(present.parameters)
             if settled or number == rounds:
-                disagreement = system.disagreement(present.parameters, solution.before, present.sandwich_factor)
+                disagreement = system.disagreement(present.parameters)
+                covariance = solution.equations.covariance(system.prior, present.hyperparameters, disagreement)
                 break
             del system  # it takes as much memory as the observations
-        return self._as_fit(observations, present, predict, solution, disagreement)
+        return self._as_fit(observations, predict, solution, covariance)
 
     def _beginning(self, observations: ExposedObservations, start: Fit | None) -> _Estimate:
         index, weight = self.response_basis.index_of(observations.grey), np.ones(len(observations))
         if start is None:
-            return _Estimate(self.model.typical, ErrorModel(), 0.0, START, weight, index)
-        about = self.parameters_of(start)
-        return _Estimate(about, start.errors, start.texture_share, start.hyperparameters, weight, index)
+            return _Estimate(self.model.typical, ErrorModel(), START, weight, index)
+        return _Estimate(self.parameters_of(start), start.errors, start.hyperparameters, weight, index)
 
     def _linearised(
         self, observations: ExposedObservations, present: _Estimate, predict: LatentModel, *, convex: bool
@@ -137,7 +122,7 @@ class MaximumLikelihoodEstimator:
         model, parameters = self.model, present.parameters
         log_gain = model.log_gain(parameters, observations, present.index)
         latent = predict(observations, log_gain, present.weight)
-        errors, weight, sandwich_factor = present.errors, present.weight, present.sandwich_factor
+        errors, weight, sandwich_factor = present.errors, present.weight, 1.0
         if predict.trusted:
             unclipped = predict.unclipped(observations, latent)
             weight = unclipped.astype(np.float64)
@@ -150,46 +135,29 @@ class MaximumLikelihoodEstimator:
                 latent.irradiance,
                 observations.gradient,
             )
-        system = LinearSystem(model, parameters, observations, latent, weight, errors.gain_variances)
-        weighted = replace(present, errors=errors, weight=weight, sandwich_factor=sandwich_factor, index=latent.index)
-        return system, weighted
+        hyperparameters, variances = present.hyperparameters, errors.gain_variances
+        system = LinearSystem(
+            model, parameters, observations, latent, weight, sandwich_factor, hyperparameters, variances
+        )
+        return system, replace(present, errors=errors, weight=weight, index=latent.index)
 
-    def _solved(self, system: LinearSystem, present: _Estimate, *, trusted: bool) -> _Solution:
-        """Solve the system with the prior that the data choose; unless ``trusted``, keep the share of texture."""
-        model, texture_share = self.model, present.texture_share
-        prior = model.prior(system.about)
-        before = prior.precision(present.hyperparameters)
-        with_share = system.equations(before, present.sandwich_factor)
-        equations = with_share.part(np.arange(len(system.about))).scaled(before, present.sandwich_factor)
-        if trusted:
-            in_units = before / equations.information_scale
-            change = with_share.last_fitted(in_units, prior.mean, TEXTURE_SHARE_INFORMATION, 1 - texture_share)
-            texture_share = float(np.clip(texture_share + change, 0.0, 1.0))
+    def _solved(self, system: LinearSystem, present: _Estimate) -> _Solution:
+        """Solve the system with the prior that the data choose."""
+        model, prior, equations = self.model, system.prior, system.equations()
         hyperparameters = equations.maximize_evidence(prior, present.hyperparameters)
         parameters = model.limited(equations.solve(prior, hyperparameters, model.floor), system.about)
         moved, errors = parameters - system.about, present.errors
         if system.has_gains:
             errors = replace(errors, gain_variances=system.gains(parameters).refitted_variances)
-        found = replace(
-            present,
-            parameters=parameters,
-            errors=errors,
-            texture_share=texture_share,
-            hyperparameters=hyperparameters,
-        )
+        found = replace(present, parameters=parameters, errors=errors, hyperparameters=hyperparameters)
         precision = equations.posterior_precision(prior, hyperparameters)
-        return _Solution(found, equations, prior, before, precision, float(moved @ precision @ moved))
+        return _Solution(found, equations, precision, float(moved @ precision @ moved))
 
     def _as_fit(
-        self,
-        observations: ExposedObservations,
-        found: _Estimate,
-        predict: LatentModel,
-        solution: _Solution,
-        disagreement: FloatArray,
+        self, observations: ExposedObservations, predict: LatentModel, solution: _Solution, covariance: FloatArray
     ) -> Fit:
-        """Return the fit with its covariance, given the disagreement between halves of the observations."""
-        covariance = solution.equations.covariance(solution.prior, found.hyperparameters, disagreement)
+        """Return the fit, given the covariance of its parameters, which may be widened."""
+        found = solution.estimate
         groups = len(np.unique(observations.group))
         # Fitted gain variances follow the means of pairs, whose scatter then underestimates that of the gains; the
         # scatter of few groups is hardly known.
@@ -210,7 +178,6 @@ class MaximumLikelihoodEstimator:
             points=int(np.count_nonzero(observations.combined(np.add, found.weight))),
             groups=groups,
             pixel_noise=predict.pixel_noise,
-            texture_share=found.texture_share,
             measured_radius=measured_radius(observations, centre),
         )
 
@@ -221,27 +188,23 @@ class MaximumLikelihoodEstimator:
         parameters of this model, at which it is linearised, shape (p,).
         """
         with one_blas_thread():
-            system, sandwich_factor = self._system(fitted, about)
-            precision = self.model.prior(about).precision(fitted.fit.hyperparameters)
-            equations = system.equations(precision, sandwich_factor)
-            return equations.part(np.arange(len(about))).scaled(precision, sandwich_factor)
+            return self._system(fitted, about).equations()
 
     def significant_gain_variances(self, fitted: Fitted) -> tuple[float, ...]:
         """Return the variances of latent gains that pairs of frames show beyond chance, given a fit of this model."""
         fit = fitted.fit
         with one_blas_thread():
-            system, sandwich_factor = self._system(fitted, fit.parameters)
-            precision = self.model.prior(fit.parameters).precision(fit.hyperparameters)
-            return system.significant_gain_variances(precision, sandwich_factor, fit.resolves(fitted.observations))
+            return self._system(fitted, fit.parameters).significant_gain_variances(fit.resolves(fitted.observations))
 
-    def _system(self, fitted: Fitted, about: FloatArray) -> tuple[LinearSystem, float]:
-        """Return the linear system about a fit, and the sandwich factor of its weights."""
+    def _system(self, fitted: Fitted, about: FloatArray) -> LinearSystem:
+        """Return the linear system about a fit."""
         latent, weight, sandwich_factor = fitted.weighted
         # This basis may not contain the fitted response exactly: refer the linearised values to the closest one.
         here = self.response_basis.log_of(self.model.split(about)[0])
         latent = replace(latent, linear_log=latent.linear_log + (here - fitted.log_response)[latent.index])
-        gain_variances = fitted.fit.errors.gain_variances
-        return LinearSystem(self.model, about, fitted.observations, latent, weight, gain_variances), sandwich_factor
+        seen, fit = fitted.observations, fitted.fit
+        variances = fit.errors.gain_variances
+        return LinearSystem(self.model, about, seen, latent, weight, sandwich_factor, fit.hyperparameters, variances)
 
     def newton_steps(
         self, fitted: Fitted, about: FloatArray, choices: Iterable[IntArray]

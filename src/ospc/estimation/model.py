@@ -15,7 +15,7 @@ from ospc.estimation.frame_gains import FrameGains, PairEnds, PairMeans
 from ospc.estimation.group_sums import GroupSums
 from ospc.estimation.latent import Latent, weighted_means
 from ospc.estimation.normal_equations import NormalEquations
-from ospc.estimation.prior import Prior
+from ospc.estimation.prior import Prior, PriorHyperparameters
 from ospc.estimation.response_basis import ResponseBasis, typical_gamma
 from ospc.estimation.vignette_basis import VignetteBasis
 from ospc.observations import ExposedObservations
@@ -110,8 +110,10 @@ class LinearSystem:
         The model, and the parameters at which it is linearised, shape (p,).
     observations, latent
         n observations, and their linearisation.
-    weight
-        Robust weights, shape (n,).
+    weight, sandwich_factor
+        Robust weights, shape (n,), and their sandwich factor.
+    hyperparameters
+        Hyperparameters of the prior, whose precision gives little weight to what the observations do not determine.
     gain_variances
         Variances of the latent frame gains, in ln²; empty for none.
     """
@@ -121,29 +123,29 @@ class LinearSystem:
     observations: ExposedObservations
     latent: Latent
     weight: FloatArray
-    gain_variances: tuple[float, ...] = ()
+    sandwich_factor: float
+    hyperparameters: PriorHyperparameters
+    gain_variances: tuple[float, ...]
 
-    def equations(self, prior_precision: FloatArray, sandwich_factor: float) -> NormalEquations:
-        """Return the normal equations of the parameters and, last, of a change of the texture share.
+    @cached_property
+    def prior(self) -> Prior:
+        """The prior, linearised at the same parameters."""
+        return self.model.prior(self.about)
 
-        The precision of the prior, shape (p, p), and the sandwich factor are only used with latent gains, to scale
-        the weights.
-        """
+    def equations(self) -> NormalEquations:
+        """Return the normal equations with their information scale."""
         if not self.has_gains:
-            return self._sums.equations()
-        means = self._means(self.about, prior_precision, sandwich_factor)
-        return self._sums.within.plus(means).equations()
+            return self._scaled(self._sums)
+        return self._scaled(self._sums.within.plus(self._means(self.about)))
 
-    def _means(self, parameters: FloatArray, prior_precision: FloatArray, sandwich_factor: float) -> GroupSums:
+    def _means(self, parameters: FloatArray) -> GroupSums:
         """Return the sums of the pairs' means about parameters of shape (p,), with gains in their precision."""
-        scale = self._scale_within(self._sums, prior_precision, sandwich_factor)
+        scale = self._scaled(self._sums.within).information_scale
         whiten = partial(self.gains(parameters).whitened, scale=scale)
-        return self._sums.means(whiten, np.append(parameters, 0.0))
+        return self._sums.means(whiten, parameters)
 
-    def _scale_within(self, sums: GroupSums, prior_precision: FloatArray, sandwich_factor: float) -> float:
-        """Return the information scale within pairs."""
-        within = sums.within.equations().part(np.arange(len(self.about)))
-        return within.scaled(prior_precision, sandwich_factor).information_scale
+    def _scaled(self, sums: GroupSums) -> NormalEquations:
+        return sums.equations().scaled(self.prior.precision(self.hyperparameters), self.sandwich_factor)
 
     @property
     def has_gains(self) -> bool:
@@ -152,19 +154,17 @@ class LinearSystem:
 
     def gains(self, parameters: FloatArray) -> FrameGains:
         """Return the frame gains for parameters of shape (p,)."""
-        means = PairMeans(self._sums.mean_misfit(np.append(parameters, 0.0)), self._sums.by_chance)
+        means = PairMeans(self._sums.mean_misfit(parameters), self._sums.by_chance)
         return FrameGains(PairEnds.of(self.observations), means, self.gain_variances)
 
-    def significant_gain_variances(
-        self, prior_precision: FloatArray, sandwich_factor: float, resolved: BoolArray
-    ) -> tuple[float, ...]:
+    def significant_gain_variances(self, resolved: BoolArray) -> tuple[float, ...]:
         """Return the variances of the gains, empty if chance explains the pairs.
 
         Chance includes errors that the points of a pair share. ``resolved`` states where the basis can follow the
-        bends of the response, shape (n,); the other arguments are as in :meth:`equations`.
+        bends of the response, shape (n,).
         """
         sums = self._summed(with_rows=True)
-        scale = min(self._scale_within(sums, prior_precision, sandwich_factor), 1.0)
+        scale = min(self._scaled(sums.within).information_scale, 1.0)
         weighted = PairMeans(sums.mean_misfit(sums.about), sums.by_chance).with_chance(1 / scale)
         # A response that fits most pairs leaves the others without weight.
         unweighted = self.latent.means_of_pairs(self.observations, resolved).with_chance(1 / scale)
@@ -185,7 +185,7 @@ class LinearSystem:
 
     def _summed(self, *, with_rows: bool) -> GroupSums:
         """Return the sums; those of rows are slow and only needed for gains."""
-        about, number = np.append(self.about, 0.0), self.observations.group_number
+        about, number = self.about, self.observations.group_number
         p, groups = len(about), int(number.max()) + 1
         matrix, vector = np.zeros((p, p)), np.zeros(p)
         precision, misfit, scores = np.zeros(groups), np.zeros(groups), np.zeros((groups, p))
@@ -212,24 +212,22 @@ class LinearSystem:
                     of_rows[group] += root[own] @ rows[own]
         return GroupSums(about, matrix, vector, scores, of_rows, precision, misfit)
 
-    def disagreement(self, parameters: FloatArray, prior_precision: FloatArray, sandwich_factor: float) -> FloatArray:
+    def disagreement(self, parameters: FloatArray) -> FloatArray:
         """Return the difference of the scores between halves of the observations, shape (ways, p).
 
         The observations are split in several ways. Errors that all groups share, for example registration biased
         towards equal brightness, do not show in the scatter between groups. Most of them depend on time, on the
         exposure ratio or on the position in the image, so that the two halves pull the parameters in opposite
-        directions. ``parameters`` has shape (p,); the other arguments are as in :meth:`equations`.
+        directions. ``parameters`` has shape (p,).
         """
         shown = replace(self.observations, log_exposure=self.latent.log_exposure)
         sides = np.repeat(_halves(shown), self.observations.counts, axis=1)
         scores = np.zeros((len(sides), len(parameters)))
         if self.has_gains:  # the mean of a pair has its own weight and belongs entirely to one half
-            row_of_pair, misfit_of_pair = self._sums.mean_rows[:, :-1], self.gains(parameters).means.mean
-            means = self._means(parameters, prior_precision, sandwich_factor)
-            scores += self._sides_of_pairs(sides) @ means.scores[:, :-1]
+            row_of_pair, misfit_of_pair = self._sums.mean_rows, self.gains(parameters).means.mean
+            scores += self._sides_of_pairs(sides) @ self._means(parameters).scores
         for part in _chunks(self.observations):
             rows, target, factor, member = self._free_of_radiance(part)
-            rows = rows[:, :-1]
             misfit = target - rows @ parameters
             if self.has_gains:
                 number = self.observations.group_number[part][member]
@@ -251,7 +249,7 @@ class LinearSystem:
             # After subtracting the weighted mean, both observations give the same equation: keep the difference.
             both = factor[0::2] + factor[1::2]
             factor = factor[0::2] * factor[1::2] / np.maximum(both, 1e-300)
-            rows, ends = np.empty((len(factor), len(self.about) + 1)), np.cumsum([each.shape[1] for each in columns])
+            rows, ends = np.empty((len(factor), len(self.about))), np.cumsum([each.shape[1] for each in columns])
             for each, own in zip(columns, np.split(rows, ends[:-1], axis=1), strict=True):
                 np.subtract(each[0::2], each[1::2], out=own)
             return rows, target[0::2] - target[1::2], factor, slice(0, None, 2)
@@ -260,7 +258,7 @@ class LinearSystem:
         return rows - mean[:, :-1], target - mean[:, -1], factor, slice(None)
 
     def _columns(self, observed: ExposedObservations, part: slice) -> tuple[list[FloatArray], FloatArray]:
-        """Return the blocks of columns, for all parameters and the texture share, and the right-hand sides."""
+        """Return the blocks of columns of the parameters, and the right-hand sides."""
         model, index = self.model, self.latent.index[part]
         _, vignette, values = model.split(self.about)
         jacobian = model.vignette_basis.jacobian(vignette, observed.position)
@@ -276,7 +274,7 @@ class LinearSystem:
             slopes = model.effects.jacobian(values, terms)
             columns.append(-slopes)
             target = target + model.effects.log_gain(values, terms) - slopes @ values
-        return [*columns, self.latent.texture[part, None]], target
+        return columns, target
 
 
 def _halves(observations: ExposedObservations) -> FloatArray:

@@ -12,12 +12,12 @@ from ospc.arrays import FloatArray, ImageSize, numbers_of
 from ospc.errors import ExposureError, FormatError, NotObservableError, SettingError, counted
 from ospc.estimation.effect_choice import fit_with_chosen_effects
 from ospc.estimation.fit import Fit
+from ospc.estimation.fit_plan import FitPlan
 from ospc.estimation.fitted import Fitted
 from ospc.exposures.table import ExposureTable
 from ospc.methods.exposure_ratios import exposure_ratios
 from ospc.methods.fit_inputs import FitInputs
 from ospc.methods.identifiability import unexplained_share
-from ospc.methods.planned_fit import plan_of_moving_camera, plan_of_stationary_camera
 from ospc.methods.result import calibration_of
 from ospc.observations import ExposedObservations, Observations
 from ospc.photometry.calibration import Calibration
@@ -177,9 +177,9 @@ def _fitted(
     _check_observable(observations, settings, vignette)
     if vignette:
         reach = float(np.clip(np.linalg.norm(observations.position, axis=1).max(), MIN_USABLE_RADIUS, 1.0))
-        plan = plan_of_moving_camera(settings, noise, reach)
+        plan = FitPlan.of_moving_camera(settings, noise, reach)
     else:
-        plan = plan_of_stationary_camera(settings, noise)
+        plan = FitPlan.of_stationary_camera(settings, noise)
     return fit_with_chosen_effects(observations, plan)
 
 

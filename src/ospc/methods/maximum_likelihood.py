@@ -19,13 +19,13 @@ from ospc.correspondence.static_series import StaticSeries
 from ospc.errors import named
 from ospc.estimation.black_level import black_level
 from ospc.estimation.effect_choice import fit_with_chosen_effects
+from ospc.estimation.fit_plan import FitPlan
 from ospc.estimation.fitted import Fitted
 from ospc.exposures.table import ExposureTable
 from ospc.methods.change_detection import Change, ChangeDetector
 from ospc.methods.fit_inputs import FitInputs
 from ospc.methods.maximum_likelihood_state import MaximumLikelihoodState
 from ospc.methods.method import Method, Progress, check_can_be_matched
-from ospc.methods.planned_fit import plan_of_moving_camera, plan_of_stationary_camera
 from ospc.methods.preview import Preview, preview_of
 from ospc.methods.quick_fit import QuickFit
 from ospc.methods.result import calibration_of
@@ -38,12 +38,10 @@ from ospc.recording.frame import Frame
 from ospc.second_thread import SecondThread
 from ospc.settings import DefaultSettings
 from ospc.settings.methods import (
-    DROPPED_PAIRS,
     FAR_MOTION,
     FIRST_QUICK_FIT_PAIRS,
     INTER_CODED_SIGMAS,
     NEAR_WHITE,
-    PAIRS_PER_DROPPED,
     QUICK_FIT_POINTS,
     REFERENCE_FIT_PAIRS,
 )
@@ -131,18 +129,15 @@ class MaximumLikelihoodMethod(Method):
         self._latest = samples.observations
 
     def _refine(self, exposures: ExposureTable) -> None:
-        """Update the quick fit, by which registration normalises frames, and forget the first pairs, made without."""
-        if self._reservoir.points >= self._settings.min_points:
-            some = self._reservoir.some(QUICK_FIT_POINTS).with_exposures(exposures)
-            if some.log_exposure_change() >= self._settings.min_log_exposure_change:
-                radius = self._scene_area.usable_radius()
-                self._quick_fit.refine(some, self._noise.model(exposures), radius, trusts_stated=exposures.trusted)
-                if self._quick_fit.fit is not None and self._pairs >= REFERENCE_FIT_PAIRS:
-                    self._changes.set_reference(self._quick_fit.fit)
-        # Early pairs were registered with an unknown vignette, which biases registration towards equal brightness:
-        # once there are enough others, they do more harm than good.
-        if self._pairs >= PAIRS_PER_DROPPED * FIRST_QUICK_FIT_PAIRS:
-            self._reservoir.forget_before(min(self._pairs // PAIRS_PER_DROPPED, DROPPED_PAIRS))
+        """Update the quick fit, by which registration normalises frames."""
+        if self._reservoir.points < self._settings.min_points:
+            return
+        some = self._reservoir.some(QUICK_FIT_POINTS).with_exposures(exposures)
+        if some.log_exposure_change() >= self._settings.min_log_exposure_change:
+            radius = self._scene_area.usable_radius()
+            self._quick_fit.refine(some, self._noise.model(exposures), radius, trusts_stated=exposures.trusted)
+            if self._quick_fit.fit is not None and self._pairs >= REFERENCE_FIT_PAIRS:
+                self._changes.set_reference(self._quick_fit.fit)
 
     def _detect_change(self, observations: Observations, exposures: ExposureTable) -> Change | None:
         """Return the camera change that a pair proves; a new suspicion triggers a fit to all pairs so far."""
@@ -328,10 +323,10 @@ class MaximumLikelihoodMethod(Method):
         if observations.log_exposure_change(settings.min_points) < settings.min_log_exposure_change:
             return None
         if self._stationary.stands_still:
-            plan = plan_of_stationary_camera(settings, noise=None)
+            plan = FitPlan.of_stationary_camera(settings, noise=None)
         else:
             stretched = grey_range.stretched_noise(noise)
-            plan = plan_of_moving_camera(settings, stretched, self._scene_area.usable_radius())
+            plan = FitPlan.of_moving_camera(settings, stretched, self._scene_area.usable_radius())
         found = fit_with_chosen_effects(observations, plan)
         if self._inter_coded:
             return replace(found, fit=replace(found.fit, covariance=INTER_CODED_SIGMAS**2 * found.fit.covariance))

@@ -49,17 +49,14 @@ MIN_SQUARED_LENGTH = 1e-12
 PRIOR_LEVELS = 256
 """Grey levels at which curves are tabulated."""
 
-PRIOR_COMPONENTS, PRIOR_NORMALS = 5, 5
-"""Number of components of g, and of normal distributions in the mixture, as published."""
+PRIOR_COMPONENTS = 5
+"""Number of components of g, as published."""
 
-ADDED_PRIOR_VARIANCE = 0.05
-"""Added to the variance of each coefficient, which is 1 overall, to allow for curves between the learned ones."""
+PRIOR_VARIANCE = 1.05
+"""Variance of each coefficient: 1 for the learned curves, and a little more for curves between them."""
 
 MIN_PRIOR_SLOPE = 1e-3
 """Smallest slope of g, so that it has an inverse."""
-
-PRIOR_ROUNDS = 60
-"""Iterations of expectation maximisation, enough for convergence."""
 
 EDGE_TOLERANCE = 1e-6
 """Gradient of the cost at which the minimisation ends: smaller ones do not change any grey level."""

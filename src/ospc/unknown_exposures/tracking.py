@@ -204,11 +204,7 @@ class GainRobustTracker:
 
 def sampled(image: Float32Array, places: npt.ArrayLike) -> FloatArray:
     """Interpolate an image at pixels (x, y), shape (n, 2) -> (n,) or (n, channels); outside, it is zero."""
-    column = np.ascontiguousarray(places, dtype=np.float32).reshape(-1, 1, 2)
-    shape = (len(column), *image.shape[2:])
-    if not len(column):
-        return np.empty(shape)
-    return values_at(image, column, cv2.BORDER_CONSTANT).astype(np.float64).reshape(shape)
+    return values_at(image, np.ascontiguousarray(places, dtype=np.float32), cv2.BORDER_CONSTANT).astype(np.float64)
 
 
 def log_brightness(image: Image) -> float:

@@ -37,7 +37,7 @@ PRIOR = response_prior()
 
 
 def test_edge_colours_by_their_own_model_give_the_response():
-    response = PRIOR.response(PRIOR.means[1], "of the model")
+    response = PRIOR.response(np.array([-0.5, 0.3, 0.1, -0.2, 0.1]), "of the model")
     own = patches(response, 3)
     assert edge_colour_distance(own, response.inverse_table) < 1e-3
     found = PRIOR.most_likely(partial(edge_colour_distance, own), 1e-6, "edge-colours")
@@ -52,7 +52,7 @@ def test_edges_are_found_in_a_photograph_and_give_its_response():
 
 def test_the_prior_prefers_usual_curves():
     assert PRIOR.curve(np.zeros(5)).shape == (PRIOR_LEVELS,)
-    assert PRIOR.cost(PRIOR.means[2]) < PRIOR.cost(np.full(5, 6.0))
+    assert PRIOR.cost(np.full(5, 0.3)) < PRIOR.cost(np.full(5, 6.0))
 
 
 def test_what_has_no_edges_or_colours_is_refused():
