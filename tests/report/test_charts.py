@@ -15,8 +15,8 @@ from ospc.photometry.response import Response
 from ospc.report.charts import ReportFindings
 from ospc.report.curves import draw_response, draw_vignette, logarithmic
 from ospc.report.evidence import draw_ratios, exposures_from_images
-from ospc.report.sections import facts
 from ospc.report.style import as_svg, rules
+from ospc.report.words import facts
 
 
 def panels(draw, *arguments):

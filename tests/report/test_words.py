@@ -13,7 +13,7 @@ from ospc.photometry.coverage import ExposureRatios
 from ospc.photometry.response import Response
 from ospc.photometry.verdict import Verdict
 from ospc.photometry.vignette import PolynomialVignette, RasterVignette
-from ospc.report.sections import (
+from ospc.report.words import (
     facts,
     headline,
     overall_state,

@@ -135,7 +135,7 @@ def tracking(
 
 
 def _print_tracking(result: TrackingComparison, *, exposures_known: bool) -> None:
-    from ospc.report.sections import tracking_rows
+    from ospc.report.words import tracking_rows
 
     for label, before, after, unit in [("", "raw", "corrected", ""), *tracking_rows(result)]:
         say(f"{label:26} {before:>10} {after:>10}   {unit}".rstrip())

@@ -3,20 +3,26 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
+from ospc.errors import counted
+from ospc.evaluation.tracking import TrackingComparison
 from ospc.formats.files import write_bytes
 from ospc.formats.image_files import encoded
 from ospc.photometry.verdict import Verdict
 from ospc.report.charts import Chart, ReportFindings, charts_as_svg
 from ospc.report.examples import NOTHING_TRIED, Examples, Pictures
 from ospc.report.html import Html, document, join, tag
-from ospc.report.sections import SUMMARY, Section, basis_of, name_of, overall_state, sections_of, shown
+from ospc.report.words import basis_of, facts, headline, name_of, overall_state, sentence, shown, tracking_rows
 
 _JPEG_QUALITY = 85
+_ABOUT_PICTURES = (
+    "Frames of this recording as recorded, and as the camera would have recorded them without vignette and at the "
+    "longer exposure of the two. With a good calibration, the corrected frames look the same."
+)
 _STATE_CLASSES = {"identifiable": "good", "marginal": "fair", "not identifiable": "bad"}
 
 
@@ -33,35 +39,66 @@ def page(
 ) -> str:
     """Return the report as HTML; the arguments are those of :func:`write_page`."""
     drawn = charts_as_svg(findings) if charts is None else charts
-    calibration = findings.calibration
-    title = f"Photometric calibration of {name_of(calibration)}"
-    summary_class = f"verdict {_STATE_CLASSES.get(overall_state(calibration), '')}"
+    title = f"Photometric calibration of {name_of(findings.calibration)}"
     return document(
         title,
         files("ospc.report").joinpath("report.css").read_text(encoding="utf-8"),
-        tag("header", tag("h1", title), tag("p", basis_of(calibration))),
-        *(
-            join(_section(section, drawn, summary_class if section.heading == SUMMARY else ""), "\n")
-            for section in sections_of(findings, examples)
-        ),
+        tag("header", tag("h1", title), tag("p", basis_of(findings.calibration))),
+        *(join(section, "\n") for section in _sections(findings, examples, drawn)),
     )
 
 
-def _section(section: Section, drawn: Mapping[str, str], class_: str) -> Html:
-    first = "first" if section.heading == SUMMARY else ""
-    return tag(
-        "section",
-        tag("h2", section.heading),
-        *(tag("p", text, class_=first) for text in section.text),
-        tag("ul", *(tag("li", item) for item in section.items)) if section.items else "",
-        _parts(*(_verdict(name, verdict) for name, verdict in section.verdicts.items())),
-        _parts(*(_chart(chart, drawn) for chart in section.charts)),
-        *(_pictures(scene) for scene in section.pictures),
-        _figures(section.figures),
-        tag("p", section.remark, class_="soft") if section.remark else "",
-        _parts(*(join(tag("h3", heading), _table(content)) for heading, content in section.tables.items())),
-        class_=class_,
+def _sections(findings: ReportFindings, examples: Examples, drawn: Mapping[str, str]) -> Iterator[Html]:
+    """Yield the sections in the order of a report, without empty ones."""
+    calibration, charts = findings.calibration, findings.charts
+
+    def drawings(*names: str) -> Html:
+        return _parts(*(_chart(charts[name], drawn) for name in names if name in charts))
+
+    yield _section(
+        "Summary",
+        tag("p", headline(calibration), class_="first"),
+        _list(facts(calibration, examples.tracking)),
+        _parts(*(_verdict(name, verdict) for name, verdict in calibration.verdicts.items())),
+        class_=f"verdict {_STATE_CLASSES.get(overall_state(calibration), '')}",
     )
+    reference: str = Html()
+    if findings.truth is not None:
+        name = findings.truth.name
+        reference = tag("p", f"The reference is {name}; only the scale of its response is adapted.")
+    yield _section("Response and vignette", reference, drawings("response", "vignette", "vignette map"))
+    compared = drawings("exposures", "ratios")
+    yield _section("Exposures", compared or tag("p", "No pairs of frames could be compared."))
+    if examples.pictures or examples.notes:
+        about = tag("p", _ABOUT_PICTURES) if examples.pictures else ""
+        yield _section(
+            "Before and after", about, _list(map(sentence, examples.notes)), *map(_scene, examples.pictures)
+        )
+    if examples.tracking is not None:
+        yield _tracking(examples.tracking, *examples.tracked)
+    if coverage := drawings("grey coverage", "radius coverage"):
+        yield _section("Coverage", coverage)
+    if residuals := drawings("grey residual", "radius residual", "place residual"):
+        yield _section("Residuals", residuals)
+    improvements = _list(sentence(advice) for advice in calibration.advice if advice)
+    yield _section("How to improve it", improvements or tag("p", "There is nothing to improve."))
+    tables: dict[str, Mapping[str, Any]] = {
+        "Settings": calibration.settings,
+        "Recording": calibration.source,
+        "Noise of a grey level": {} if calibration.noise is None else vars(calibration.noise),
+        "Versions": calibration.versions,
+    }
+    parts = (join(tag("h3", heading), _table(table)) for heading, table in tables.items() if table)
+    yield _section("Settings and versions", _parts(*parts))
+
+
+def _section(heading: str, *content: str, class_: str = "") -> Html:
+    return tag("section", tag("h2", heading), *content, class_=class_)
+
+
+def _list(items: Iterable[str]) -> Html:
+    listed = [tag("li", item) for item in items]
+    return tag("ul", *listed) if listed else Html()
 
 
 def _parts(*parts: Html) -> Html:
@@ -80,7 +117,7 @@ def _chart(chart: Chart, drawn: Mapping[str, str]) -> Html:
     return tag("figure", Html(drawn[chart.title]), tag("figcaption", chart.caption))
 
 
-def _pictures(scene: Pictures) -> Html:
+def _scene(scene: Pictures) -> Html:
     figures = []
     for image, caption in scene:
         data = base64.b64encode(encoded(image, ".jpg", "picture", jpeg_quality=_JPEG_QUALITY)).decode("ascii")
@@ -89,9 +126,7 @@ def _pictures(scene: Pictures) -> Html:
     return tag("div", *figures, class_="pictures")
 
 
-def _figures(rows: tuple[tuple[str, str, str, str], ...]) -> Html:
-    if not rows:
-        return Html()
+def _tracking(tracking: TrackingComparison, first: int, end: int) -> Html:
     header = tag("tr", tag("th"), *(tag("th", name, class_="number") for name in ("as recorded", "corrected")))
     body = (
         tag(
@@ -100,9 +135,15 @@ def _figures(rows: tuple[tuple[str, str, str, str], ...]) -> Html:
             tag("td", before, class_="number"),
             tag("td", after, class_="number"),
         )
-        for label, before, after, unit in rows
+        for label, before, after, unit in tracking_rows(tracking)
     )
-    return tag("table", header, *body, class_="figures")
+    remark = (
+        f"{counted(tracking.tracks, 'point')}, tracked through frames {first} to {end - 1} by the same method with "
+        f"the same settings; the exposure changes by up to {tracking.largest_step:.3g}:1 from frame to frame. "
+        "'ospc evaluate tracking' evaluates a whole recording."
+    )
+    figures = tag("table", header, *body, class_="figures")
+    return _section("Effect on tracking", tag("p", tracking.sentence), figures, tag("p", remark, class_="soft"))
 
 
 def _table(content: Mapping[str, Any]) -> Html:

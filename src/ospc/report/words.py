@@ -1,11 +1,9 @@
-"""The content of a report: sections, and the calibration in words."""
+"""The calibration in words: headline, facts, and the figures of tracking."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
-from typing import Any
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -15,92 +13,10 @@ from ospc.evaluation.tracking import TrackingComparison
 from ospc.evaluation.tracks import TrackFigures
 from ospc.photometry.calibration import PROFILE_RADII, Calibration
 from ospc.photometry.response import Response
-from ospc.photometry.verdict import Verdict
 from ospc.photometry.vignette import Vignette, diagonal_profile
-from ospc.report.charts import Chart, ReportFindings
-from ospc.report.examples import Examples, Pictures
-
-SUMMARY = "Summary"
-"""Heading of the first section."""
 
 _LONGEST_LIST = 24
 """Most entries of a list that are shown."""
-
-_ABOUT_PICTURES = (
-    "Frames of this recording as recorded, and as the camera would have recorded them without vignette and at the "
-    "longer exposure of the two. With a good calibration, the corrected frames look the same."
-)
-
-
-@dataclass(frozen=True)
-class Section:
-    """A section of the report; empty parts are left out.
-
-    It begins with paragraphs of text and a list of items. ``figures`` are rows of a table (label, as recorded,
-    corrected, unit), followed by ``remark`` in small print; ``tables`` are names and values by heading.
-    """
-
-    heading: str
-    text: tuple[str, ...] = ()
-    items: tuple[str, ...] = ()
-    verdicts: Mapping[str, Verdict] = field(default_factory=dict)
-    charts: tuple[Chart, ...] = ()
-    pictures: tuple[Pictures, ...] = ()
-    figures: tuple[tuple[str, str, str, str], ...] = ()
-    remark: str = ""
-    tables: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
-
-
-def sections_of(findings: ReportFindings, examples: Examples) -> Iterator[Section]:
-    """Yield the sections in the order of a report, without empty ones."""
-    calibration, charts = findings.calibration, findings.charts
-
-    def existing(*names: str) -> tuple[Chart, ...]:
-        return tuple(charts[name] for name in names if name in charts)
-
-    yield Section(
-        SUMMARY, (headline(calibration),), tuple(facts(calibration, examples.tracking)), calibration.verdicts
-    )
-    reference = (
-        ()
-        if findings.truth is None
-        else (f"The reference is {findings.truth.name}; only the scale of its response is adapted.",)
-    )
-    yield Section("Response and vignette", reference, charts=existing("response", "vignette", "vignette map"))
-    compared = existing("exposures", "ratios")
-    yield Section("Exposures", () if compared else ("No pairs of frames could be compared.",), charts=compared)
-    notes = tuple(sentence(note) for note in examples.notes)
-    if examples.pictures or notes:
-        about = (_ABOUT_PICTURES,) if examples.pictures else ()
-        yield Section("Before and after", about, notes, pictures=examples.pictures)
-    if examples.tracking is not None:
-        yield _tracking(examples.tracking, *examples.tracked)
-    for heading, names in (
-        ("Coverage", ("grey coverage", "radius coverage")),
-        ("Residuals", ("grey residual", "radius residual", "place residual")),
-    ):
-        if existing(*names):
-            yield Section(heading, charts=existing(*names))
-    improvements = [sentence(advice) for advice in calibration.advice if advice]
-    nothing = () if improvements else ("There is nothing to improve.",)
-    yield Section("How to improve it", nothing, tuple(improvements))
-    tables = {
-        "Settings": calibration.settings,
-        "Recording": calibration.source,
-        "Noise of a grey level": {} if calibration.noise is None else vars(calibration.noise),
-        "Versions": calibration.versions,
-    }
-    yield Section("Settings and versions", tables={heading: table for heading, table in tables.items() if table})
-
-
-def _tracking(tracking: TrackingComparison, first: int, end: int) -> Section:
-    remark = (
-        f"{counted(tracking.tracks, 'point')}, tracked through frames {first} to {end - 1} by the same method with "
-        f"the same settings; the exposure changes by up to {tracking.largest_step:.3g}:1 from frame to frame. "
-        "'ospc evaluate tracking' evaluates a whole recording."
-    )
-    rows = tuple(tracking_rows(tracking))
-    return Section("Effect on tracking", (tracking.sentence,), figures=rows, remark=remark)
 
 
 def tracking_rows(tracking: TrackingComparison) -> Iterator[tuple[str, str, str, str]]:
