@@ -81,7 +81,7 @@ class _Run:
             return experiment_report(experiment, done, rows)
 
         tasks = [measuring_task(source, experiment) for source in sources]
-        run_study(tasks, self.out, self.jobs, report, partly=True)
+        run_study(tasks, self.out, self.jobs, report)
 
     def _show_ambiguity(self) -> None:
         from ospc.research.experiments.ambiguity import ambiguity_report, ambiguity_task

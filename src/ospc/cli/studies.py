@@ -100,32 +100,23 @@ def run_study(
     report: Callable[[Sequence[Finished]], StudyReport],
     *,
     as_json: bool = False,
-    partly: bool = False,
 ) -> None:
-    """Run tasks with a progress bar, then write and print the report on the finished ones, in their order.
-
-    With ``partly``, it is also written whenever a task is finished.
-    """
+    """Run tasks with a progress bar, then write and print the report on the finished ones, in their order."""
     from ospc.research.runner import ResultStore, run
 
     store = ResultStore(study_cache(out))
     found: dict[str, Finished] = {}
-
-    def finished() -> list[Finished]:
-        return [found[task.name] for task in tasks if task.name in found]
-
     interrupted = False
     with progress_line() as show:
         results = run(tasks, store, jobs, lambda task, share: show(task.name, len(found) + share, len(tasks)))
         try:
             for one in results:
                 found[one.task.name] = one
-                if partly and len(found) < len(tasks):
-                    report(finished()).write(out)
         except KeyboardInterrupt:
             interrupted = True
     if found or not tasks:
-        _present(report(finished()), out, as_json=as_json)
+        finished = [found[task.name] for task in tasks if task.name in found]
+        _present(report(finished), out, as_json=as_json)
     if interrupted:
         raise KeyboardInterrupt("the same command continues where it stopped")
 
