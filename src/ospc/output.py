@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -168,14 +168,13 @@ class OutputFolder:
     ) -> Written:
         """Write the picture unless ``stop`` returns true. ``drawn`` draws it in another process."""
 
-        def pictures() -> Iterator[Written]:
-            picture = picture_as_png(findings) if drawn is None else drawn().result().picture
+        def picture() -> Written:
+            content = picture_as_png(findings) if drawn is None else drawn().result().picture
             if stop():
-                yield Written(notes=("interrupted before the picture was written",))
-            else:
-                yield Written((write_bytes(self.path / PICTURE, picture),))
+                return Written(notes=("interrupted before the picture was written",))
+            return Written((write_bytes(self.path / PICTURE, content),))
 
-        return _collected(pictures(), f"{self.path}: the picture cannot be drawn")
+        return _attempted(picture, f"{self.path}: the picture cannot be drawn")
 
     def report(
         self,
@@ -191,13 +190,13 @@ class OutputFolder:
         ``drawn`` draws the charts in another process.
         """
 
-        def reports() -> Iterator[Written]:
+        def page() -> Written:
             drawing = None if drawn is None else drawn()
             examples = NOTHING_TRIED if recording is None else examples_of(findings.calibration, recording, about)
             charts = None if drawing is None else drawing.result().charts
-            yield Written((write_page(findings, self.path / REPORT, examples, charts),))
+            return Written((write_page(findings, self.path / REPORT, examples, charts),))
 
-        return _collected(reports(), f"{self.path}: the report cannot be written")
+        return _attempted(page, f"{self.path}: the report cannot be written")
 
     def _remove_earlier(self, keep: Sequence[Path] = ()) -> Written:
         problems = []
@@ -210,17 +209,14 @@ class OutputFolder:
         return Written(problems=tuple(problems))
 
 
-def _collected(parts: Iterator[Written], failure: str) -> Written:
-    """Combine the parts until one fails, and turn its error into a problem, so that later files are still written."""
-    written = Written()
+def _attempted(write: Callable[[], Written], failure: str) -> Written:
+    """Return the file written, or the error as a problem, so that later files are still written."""
     try:
-        for part in parts:
-            written += part
+        return write()
     except OspcError as error:
-        written += Written(problems=(str(error),))
+        return Written(problems=(str(error),))
     except Exception as error:
-        written += Written(problems=(f"{failure}: {one_line(error)}",))
-    return written
+        return Written(problems=(f"{failure}: {one_line(error)}",))
 
 
 def _content(place: Path) -> Content:

@@ -40,9 +40,9 @@ def test_values_are_those_of_their_definitions():
 
 
 def test_decentred_is_brightest_where_its_centre_is():
-    made = make_vignette(settings(vignette="decentred", vignette_centre=(0.2, -0.1))).image()
+    made = make_vignette(settings(vignette="decentred")).image()
     row, column = np.unravel_index(np.argmax(made), made.shape)
-    expected = (np.array(SIZE) - 1) / 2 + np.array([0.2, -0.1]) * half_diagonal(SIZE)
+    expected = (np.array(SIZE) - 1) / 2 + np.array([0.1, -0.06]) * half_diagonal(SIZE)
     np.testing.assert_allclose([column, row], expected, atol=1)
 
 

@@ -97,14 +97,15 @@ def cos4(size: ImageSize, focal_px: float) -> RasterVignette:
     return RasterVignette((1 / (1 + tangent**2) ** 2).astype(np.float32), {"name": "cos4", "focal_px": focal_px})
 
 
-def decentred(size: ImageSize, coefficients: tuple[float, ...], centre: tuple[float, float]) -> RasterVignette:
-    """Return V = 1 + v₁R² + v₂R⁴ + v₃R⁶ with R measured from ``centre``, divided by its maximum.
+DECENTRED = (0.10, -0.06)
+"""Centre of the decentred vignette relative to the image centre, in half diagonals."""
 
-    R and the centre, which is relative to the image centre, are in half diagonals.
-    """
-    squared = np.sum((normalised(pixel_grid(size), size) - np.array(centre)) ** 2, axis=-1)
+
+def decentred(size: ImageSize, coefficients: tuple[float, ...]) -> RasterVignette:
+    """Return V = 1 + v₁R² + v₂R⁴ + v₃R⁶ with R measured from :data:`DECENTRED`, divided by its maximum."""
+    squared = np.sum((normalised(pixel_grid(size), size) - np.array(DECENTRED)) ** 2, axis=-1)
     values = np.polynomial.polynomial.polyval(squared, [1.0, *coefficients])
-    source = {"name": "decentred", "coefficients": list(coefficients), "centre": list(centre)}
+    source = {"name": "decentred", "coefficients": list(coefficients), "centre": list(DECENTRED)}
     return RasterVignette(values.astype(np.float32), source)
 
 
@@ -123,7 +124,7 @@ def make_vignette(settings: SimulationSettings) -> Vignette:
     elif choice == "cos4":
         made = cos4(settings.size, settings.focal_px)
     elif choice == "decentred":
-        made = decentred(settings.size, settings.vignette_coefficients, settings.vignette_centre)
+        made = decentred(settings.size, settings.vignette_coefficients)
     elif Path(choice).is_file():
         made = read_vignette(choice)
     else:

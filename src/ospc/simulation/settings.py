@@ -77,8 +77,6 @@ class SimulationSettings:
         Name from :data:`ospc.simulation.responses.VIGNETTES`, a vignette.png, or a vignette.
     vignette_coefficients
         (v₁, v₂, v₃) of the vignettes ``"polynomial"`` and ``"decentred"``, with radius 1 at the corner.
-    vignette_centre
-        Centre of ``"decentred"`` relative to the image centre, in half diagonals.
     noise
         Preset for the following two sensor settings.
     full_well_electrons
@@ -115,8 +113,6 @@ class SimulationSettings:
         Linear gain of every frame.
     gain_max
         Largest linear gain that auto exposure may use once the exposure time is at its maximum.
-    gain_in_metadata
-        Whether the metadata contain time times gain; false for a camera that does not report its gain.
     lag
         The metadata of frame i contain the exposure of frame i − lag; positive if they are late.
     metadata_error
@@ -145,7 +141,6 @@ class SimulationSettings:
     response: str | Path | Response = "gamma2.2"
     vignette: str | Path | Vignette = "polynomial"
     vignette_coefficients: tuple[float, ...] = (-0.35, 0.05, -0.15)
-    vignette_centre: tuple[float, float] = (0.10, -0.06)
     noise: NoisePreset = "low"
     full_well_electrons: float | None = None
     read_noise_electrons: float | None = None
@@ -166,7 +161,6 @@ class SimulationSettings:
     auto_rate: float = 0.12
     gain: float = 1.0
     gain_max: float = 1.0
-    gain_in_metadata: bool = True
 
     lag: int = 0
     metadata_error: float = 0.0

@@ -79,7 +79,6 @@ def truth(settings: SimulationSettings = SimulationSettings()) -> Truth:  # noqa
         times, gains = _auto_exposure(settings, response, vignette, stamps)
     else:
         times, gains = _programmed(settings), np.full(settings.frames, settings.gain)
-    written = times * gains if settings.gain_in_metadata else times
     return Truth(
         settings,
         response,
@@ -88,7 +87,7 @@ def truth(settings: SimulationSettings = SimulationSettings()) -> Truth:  # noqa
         times,
         gains,
         times * gains,
-        _metadata(settings, written),
+        _metadata(settings, times * gains),
         flicker(settings, stamps, times),
         Motion.of(settings).at(stamps).as_trajectory(),
     )
