@@ -263,6 +263,7 @@ def _guess(request: _Request, truth: Photometry | None) -> dict[str, Any]:
 def _calibrate_rig(request: _Request) -> int:
     """Calibrate one camera after the other; the failure of one does not stop the others."""
     contents: dict[str, dict[str, Any]] = {}
+    written: dict[str, Callable[[], Recording]] = {}
     cameras = request.reading.cameras(request.path)
     for name, opened in cameras.items():
         if request.prints_text:
@@ -270,11 +271,12 @@ def _calibrate_rig(request: _Request) -> int:
         try:
             with leaving(f"no result was written for {name}"):
                 contents[name] = _calibrate_one(request.of_camera(name), opened)
-            if _is_in_its_folder(contents[name], request, name):
-                with suppress(OSError):  # that of an earlier run belongs to other calibrations
-                    (request.out / RIG_NAME).unlink()
         except OspcError as error:
             contents[name] = {"exit_code": FAILED, "error": str(error)}
+        if contents[name].get("out") == str(request.out / name):  # otherwise, an earlier result may still be there
+            written[name] = opened
+            with suppress(OSError):  # that of an earlier run belongs to other calibrations
+                (request.out / RIG_NAME).unlink()
         if contents[name]["error"]:
             say(f"ospc: error: {name}: {contents[name]['error']}", err=True)
         if request.interruption.requested:
@@ -284,9 +286,6 @@ def _calibrate_rig(request: _Request) -> int:
     scale = None
     if len(cameras) > 1 and not request.interruption.requested:
         try:
-            written = {
-                name: opened for name, opened in cameras.items() if _is_in_its_folder(contents[name], request, name)
-            }
             with leaving("the calibrations were written, but no relative irradiance scale"):
                 scale = add_rig_scale(request.out, written, prints_text=request.prints_text)
         except OspcError as error:  # the calibrations are valid without the scale
@@ -295,8 +294,3 @@ def _calibrate_rig(request: _Request) -> int:
     if request.as_json:
         print_json({"exit_code": code, "cameras": contents, "relative_scale": scale})
     return code
-
-
-def _is_in_its_folder(content: dict[str, Any], request: _Request, name: str) -> bool:
-    """Return whether the folder of a camera has this result: after a failure, it may have an earlier one."""
-    return content.get("out") == str(request.out / name)
