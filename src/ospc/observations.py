@@ -248,7 +248,8 @@ class Observations(ByValue):
 
     def where(self: AnyObservations, mask: Any) -> AnyObservations:
         """Return the observations where a mask, shape (n,), is true."""
-        return type(self)(**{f.name: getattr(self, f.name)[mask] for f in fields(self)})
+        arrays = {f.name: value for f in fields(self) if isinstance(value := getattr(self, f.name), np.ndarray)}
+        return replace(self, **{name: value[mask] for name, value in arrays.items()})
 
     def with_exposures(self, exposures: ExposureLookup) -> ExposedObservations:
         """Return the observations with the exposures of their frames, without those of unknown exposure."""
@@ -272,10 +273,14 @@ class ExposedObservations(Observations):
     log_exposure_rate
         Its increase per frame, from the previous to the next frame, shape (n,); 0 if one of these is unknown. It
         reveals exposures that lag by a fraction of a frame.
+    error_factor
+        Factor on the standard deviations that follow from the scatter of the observations; larger than 1 if many of
+        them have errors in common, as in video with inter-frame compression.
     """
 
     log_exposure: FloatArray
     log_exposure_rate: FloatArray
+    error_factor: float = 1.0
 
     @property
     def exposure_range_ms(self) -> tuple[float, float]:

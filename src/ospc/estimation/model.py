@@ -145,7 +145,8 @@ class LinearSystem:
         return self._sums.means(whiten, parameters)
 
     def _scaled(self, sums: GroupSums) -> NormalEquations:
-        return sums.equations().scaled(self.prior.precision(self.hyperparameters), self.sandwich_factor)
+        precision = self.prior.precision(self.hyperparameters)
+        return sums.equations().scaled(precision, self.sandwich_factor / self.observations.error_factor)
 
     @property
     def has_gains(self) -> bool:

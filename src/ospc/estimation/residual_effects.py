@@ -62,7 +62,7 @@ def uneven_vignette(residual: FloatArray, observations: ExposedObservations) -> 
         for weights in (None, np.clip(residual, -limit, limit))
     )
     rejected = _rejected_cell(residual, cell, count.reshape(-1, shape[2]), scale)
-    found = rejected or _uneven_region(_in_regions(count), _in_regions(total))
+    found = rejected or _uneven_region(_in_regions(count), _in_regions(total), observations.error_factor)
     return () if found is None else (found,)
 
 
@@ -90,7 +90,7 @@ def _in_regions(cells: FloatArray | IntArray) -> FloatArray:
     return squares.reshape(-1, cells.shape[2]).astype(np.float64)
 
 
-def _uneven_region(count: FloatArray, total: FloatArray) -> EffectEstimate | None:
+def _uneven_region(count: FloatArray, total: FloatArray, error_factor: float) -> EffectEstimate | None:
     """Return the region with the most significant mean; number and sum of residuals have shape (regions, blocks)."""
     points, blocks = count.sum(axis=1), np.count_nonzero(count, axis=1)
     judged = (points >= UNEVEN_FEWEST) & (blocks >= UNEVEN_FEWEST_BLOCKS)
@@ -99,7 +99,7 @@ def _uneven_region(count: FloatArray, total: FloatArray) -> EffectEstimate | Non
     count, total, points, blocks = count[judged], total[judged], points[judged], blocks[judged]
     mean = total.sum(axis=1) / points
     deviation = total - mean[:, None] * count
-    sigma = np.sqrt(np.sum(deviation**2, axis=1) * blocks / (blocks - 1)) / points
+    sigma = error_factor * np.sqrt(np.sum(deviation**2, axis=1) * blocks / (blocks - 1)) / points
     sigmas = np.abs(mean) / np.hypot(sigma, UNEVEN_SYSTEMATIC)
     if sigmas.max() < UNEVEN_SIGMAS:
         return None
@@ -134,7 +134,7 @@ def unsteadiness(residual: FloatArray, observations: ExposedObservations) -> tup
         (UNSTEADY_RESPONSE, [(log_grey[first] + log_grey[last]) / 2]),
         (UNSTEADY_VIGNETTE, [x, y]),
     ):
-        excess, slopes = max(_excess(covariate, change, pairs) for covariate in covariates)
+        excess, slopes = max(_excess(covariate, change, pairs, observations.error_factor) for covariate in covariates)
         if excess > UNSTEADY_SLOPE:
             found.append(EffectEstimate(name, excess, excess / math.sqrt(2 * slopes), contradicts=True))
     return tuple(found)
@@ -153,12 +153,14 @@ def unsteady_radiance(radiance_sigma: float, groups: int) -> tuple[EffectEstimat
     )
 
 
-def _excess(covariate: FloatArray, change: FloatArray, pairs: list[IntArray]) -> tuple[float, int]:
+def _excess(
+    covariate: FloatArray, change: FloatArray, pairs: list[IntArray], error_factor: float
+) -> tuple[float, int]:
     """Return the standard deviation of the slope between pairs, 0 if chance explains it, and the number of slopes."""
     slopes = [one for one in (_slope(covariate[pair], change[pair]) for pair in pairs) if one is not None]
     if len(slopes) < UNSTEADY_FEWEST_PAIRS:
         return 0.0, len(slopes)
-    slope, sigma = np.array(slopes).T
+    slope, sigma = np.array(slopes).T * [[1.0], [error_factor]]
     if robust_scale(slope / sigma) < UNSTEADY_SIGMAS:
         return 0.0, len(slopes)
     return float(np.sqrt(max(robust_scale(slope) ** 2 - float(np.median(sigma)) ** 2, 0.0))), len(slopes)

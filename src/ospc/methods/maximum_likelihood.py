@@ -314,6 +314,8 @@ class MaximumLikelihoodMethod(Method):
         else:
             return None
         exposed = found.with_exposures(exposures).stretched(grey_range)
+        if self._inter_coded:
+            exposed = replace(exposed, error_factor=INTER_CODED_SIGMAS)
         return exposed if len(exposed) else None
 
     def _fitted(self, observations: ExposedObservations, noise: NoiseModel, grey_range: GreyRange) -> Fitted | None:
@@ -327,10 +329,7 @@ class MaximumLikelihoodMethod(Method):
         else:
             stretched = grey_range.stretched_noise(noise)
             plan = FitPlan.of_moving_camera(settings, stretched, self._scene_area.usable_radius())
-        found = fit_with_chosen_effects(observations, plan)
-        if self._inter_coded:
-            return replace(found, fit=replace(found.fit, covariance=INTER_CODED_SIGMAS**2 * found.fit.covariance))
-        return found
+        return fit_with_chosen_effects(observations, plan)
 
 
 def _log_exposure(exposures: ExposureTable, number: int) -> float:

@@ -23,7 +23,8 @@ INTER_CODED_SIGMAS = 2.0
 """Factor on all standard deviations of videos with inter-frame compression. Where brightness changes little, their
 frames keep that of the previous one, so neighbouring places and consecutive frames have errors in common. In eleven
 codings of simulated recordings as H.264 (crf 16 to 23) and MPEG-4, the exponent of the response was off by 1.3
-standard deviations (root mean square; up to 2.5) without this factor, and by 1.0 in nine lossless ones."""
+standard deviations (root mean square; up to 2.5) without this factor, and by 1.0 in nine lossless ones. Unless it
+also counts in the significance of effects, clean H.264 seems to be tone mapped or to change its black level."""
 
 NEAR_WHITE = 32 / 255
 """Distance from white within which grey levels of frames are forgotten if white was not known then: the mean over a
