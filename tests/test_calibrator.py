@@ -186,7 +186,7 @@ class Changing(Noting):
 
     def push(self, frame, prepared, exposures):
         super().push(frame, prepared, exposures)
-        change = Change(frame.index, frame.index, "vignette", f"another lens at frame {frame.index}")
+        change = Change(frame.index, frame.index, "vignette", "it has another lens")
         return change if frame.index and frame.index % 3 == 0 else None
 
     def since(self, number):
@@ -200,7 +200,8 @@ def test_only_the_latest_epochs_keep_their_calibrations_and_all_keep_their_expos
         calibrator.push(frame(number))
     *ended, _ = calibrator.epochs
     assert [epoch.first_frame for epoch in ended] == list(range(0, 3 * len(ended), 3))
-    assert [epoch.change.text for epoch in ended] == [f"another lens at frame {e.last_frame + 1}" for e in ended]
+    changes = [f"since about frame {epoch.last_frame + 1}, it has another lens" for epoch in ended]
+    assert [epoch.change.text for epoch in ended] == changes
     assert [epoch.calibration is not None for epoch in ended] == [False] * 5 + [True] * MAX_EPOCH_CALIBRATIONS
     assert {epoch.corrected_lag_frames for epoch in ended} == {1}
     calibrator._epochs[0] = replace(ended[0], corrected_lag_frames=2, wrong_exposures=(1,))

@@ -26,6 +26,7 @@ from ospc.methods.fit_inputs import FitInputs
 from ospc.methods.method import Method, Progress
 from ospc.methods.preview import Preview
 from ospc.photometry.calibration import Calibration
+from ospc.photometry.grey_range import GreyRange
 from ospc.pooling.prior_calibration import PriorCalibration
 from ospc.pooling.summary import Summary, summary_of
 from ospc.prefetching import Prefetcher
@@ -230,19 +231,19 @@ class Engine:
         if found is None:
             return None
         late = lag_in_words(found.later_frames)
-        text = f"since about frame {found.frame}, exposures are recorded {late} compared with earlier frames"
-        return Change(found.frame, self.frames - 1, "exposures", text)
+        description = f"exposures are recorded {late} compared with earlier frames"
+        return Change(found.frame, self.frames - 1, "exposures", description)
 
     def _begin_epoch_if_confirmed(self, method: Method, suspected: Change) -> Method:
         """Return the method for the frames after a change of the camera, or the same one if its fit shows none."""
-        first, begin = self.epochs[-1].first_frame, suspected.frame
-        recorded, found = self._exposures.table.before(begin), self._exposures.findings_before(begin)
-        grey_range = self.pixels.grey_range_before(begin)
-        exposures, found = checked_by_fit(method, recorded, found, grey_range, interlaced=self.pixels.interlaced)
+        exposures, found, grey_range = self._used_before(method, suspected.frame)
         inputs = method.inputs(exposures, grey_range)
         change = suspected if inputs is None else method.prove_again(suspected, inputs, self._exposures.table)
         if change is None:
             return method
+        first, begin = self.epochs[-1].first_frame, change.frame
+        if begin != suspected.frame:
+            exposures, found, grey_range = self._used_before(method, begin)
         ended = self._judged(method.calibration(exposures, grey_range), found, {"frames": begin - first})
         epoch = Epoch(first, begin - 1, ended, change, found.corrected_frames, found.evidence.wrong)
         self._epochs = keeping_latest_calibrations([*self._epochs, epoch])
@@ -251,6 +252,13 @@ class Engine:
         self._method = method.since(begin)
         self._sampler.begin_epoch()
         return self._method
+
+    def _used_before(self, method: Method, frame: int) -> tuple[ExposureTable, ExposureFindings, GreyRange]:
+        """Return the exposures that a result from the frames before another uses, their findings, and grey range."""
+        recorded, found = self._exposures.table.before(frame), self._exposures.findings_before(frame)
+        grey_range = self.pixels.grey_range_before(frame)
+        used = checked_by_fit(method, recorded, found, grey_range, interlaced=self.pixels.interlaced)
+        return *used, grey_range
 
     def _skip(self, reason: str) -> None:
         """Skip a frame; ``reason`` is empty if it could have been used."""

@@ -6,7 +6,9 @@ import pytest
 
 from calibrations import calibration
 from ospc.calibrator import OnlineCalibrator
+from ospc.engine_state import Epoch
 from ospc.live.status import LiveFindings
+from ospc.methods.change_detection import Change
 from ospc.settings.live import ESTIMATE_GROWTH, FIRST_ESTIMATE_FRAMES, UNKNOWN_GROWTH
 
 
@@ -31,3 +33,15 @@ def test_an_estimate_puts_off_the_next_one(asked_at, converged, next_at, monkeyp
             found.estimate(processed)
         found.follow(processed)
     assert estimated_at == [*asked_at, next_at]
+
+
+def test_the_latest_calibration_names_a_change_until_the_next_one(monkeypatch):
+    engine, known = OnlineCalibrator(), replace(calibration(), converged=True)
+    found = LiveFindings(engine, 0.005)
+    monkeypatch.setattr(OnlineCalibrator, "calibration", lambda _: known)
+    found.estimate(1)
+    engine._epochs = [Epoch(0, 9, None, Change(10, 20, "vignette", "the vignette changed by -20%"))]
+    found.follow(21)
+    assert "the vignette changed by -20%; the calibration is for earlier frames" in found.latest.warnings[-1]
+    assert not found.latest.converged
+    assert not found.latest.complete

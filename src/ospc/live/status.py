@@ -10,6 +10,7 @@ from ospc.calibrator import OnlineCalibrator
 from ospc.engine_state import Epoch
 from ospc.errors import counted
 from ospc.live.advice import Adviser, Instruction
+from ospc.methods.change_detection import Change
 from ospc.methods.method import Progress
 from ospc.methods.preview import Preview
 from ospc.photometry.calibration import Calibration
@@ -124,13 +125,17 @@ class LiveFindings:
         epochs, processed = self._engine.epochs, self._engine.processed
         if len(epochs) > self._known_epochs:
             change, self._known_epochs = epochs[-2].change, len(epochs)
+            self._next_estimate, self._confirmed = processed + FIRST_ESTIMATE_FRAMES, None
             if change is not None:
                 self._note(change.text)
-            self._next_estimate, self._confirmed = processed + FIRST_ESTIMATE_FRAMES, None
-            if self.latest is not None:
-                self.latest = replace(self.latest, converged=False)
+                self._mark_latest_as_outdated(change)
         if processed >= self._next_estimate:
             self.estimate(pushed)
+
+    def _mark_latest_as_outdated(self, change: Change) -> None:
+        if self.latest is not None:
+            warning = f"{change.text}; the calibration is for earlier frames"
+            self.latest = replace(self.latest, converged=False, warnings=(*self.latest.warnings, warning))
 
     def advise(self, pushed: int) -> None:
         """Choose what to film next from quick estimates."""

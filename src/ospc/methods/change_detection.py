@@ -19,13 +19,14 @@ remains the reference.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from ospc.estimation.fit import Fit
 from ospc.exposures.table import ExposureTable
 from ospc.methods.change_hypotheses import best_explanations, explain
+from ospc.methods.change_location import errors_of_pairs, first_changed_frame
 from ospc.methods.prediction_errors import PairErrors
 from ospc.observations import Observations
 from ospc.photometry.grey_range import FULL_RANGE, GreyRange
@@ -33,6 +34,7 @@ from ospc.settings.methods import (
     CALM_S,
     JUDGED_AGAIN_POINTS,
     JUDGED_S,
+    LOCATED_S,
     MAX_BASELINE_PAIRS,
     MAX_FRAME_RATE,
     MAX_SUSPICION_S,
@@ -60,14 +62,19 @@ class Change:
         Numbers of the first frame after the change (approximate) and of the frame at which it was detected.
     part
         The part that changed: ``"response"``, ``"vignette"``, ``"response or vignette"`` or ``"exposures"``.
-    text
-        What changed, by how much and since which frame, as a sentence.
+    description
+        What changed, and by how much, as part of a sentence.
     """
 
     frame: int
     found: int
     part: str
-    text: str
+    description: str
+
+    @property
+    def text(self) -> str:
+        """What changed, by how much and since which frame, as a sentence."""
+        return f"since about frame {self.frame}, {self.description}"
 
 
 @dataclass
@@ -211,6 +218,16 @@ class ChangeDetector:
         self.pairs = [pair for pair in errors if pair is not None]
         return self._explained_change(change.frame, change.found, fit, exposures)
 
+    def located(self, change: Change, observed: Observations, exposures: ExposureTable) -> Change:
+        """Return a proven change with its first frame, given the observations of all pairs that may show it.
+
+        A suspicion may begin with outliers by chance, or when scene points first move enough to show the change.
+        """
+        assert self.reference is not None
+        exposed = observed.with_exposures(exposures).stretched(self.grey_range)
+        pairs = [*errors_of_pairs(exposed, self.reference), *self.pairs]
+        return replace(change, frame=first_changed_frame(pairs, self.reference, exposures, change.frame))
+
     def _errors(self, seen: Observations, fit: Fit, exposures: ExposureTable) -> PairErrors | None:
         """Return the errors of a pair; None if nothing of it is exposed."""
         exposed = seen.with_exposures(exposures).stretched(self.grey_range)
@@ -223,7 +240,7 @@ class ChangeDetector:
             self._end_suspicion(frame, reference)
             return None
         part, text = found
-        return Change(first, frame, part, f"since about frame {first}, {text}")
+        return Change(first, frame, part, text)
 
     def _look_for_outliers(self, pair: PairErrors) -> None:
         baseline = self.neighbours if pair.consecutive else self.distant
@@ -251,6 +268,10 @@ class ChangeDetector:
         self.since = None
         self.pairs, self.seen = [], []
         self.neighbours.outliers, self.distant.outliers = [], []
+
+    def first_searched(self, change: Change) -> int:
+        """Return the number of the first frame that may be the first one after a change."""
+        return max(0, change.frame - self._frames(LOCATED_S))
 
     def _frames(self, duration_s: float) -> int:
         return round(duration_s * self.frames_per_s)

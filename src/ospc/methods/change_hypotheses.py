@@ -138,8 +138,8 @@ def _halves_by_effect(pairs: list[PairErrors], found: ExplainedChange) -> Halves
 def _steeper_response(pairs: list[PairErrors], exposures: ExposureTable, baseline_error: float) -> Finding | None:
     """Return a change of the response: brightness follows the exposure more or less than before."""
     halves = (pairs[: len(pairs) // 2], pairs[len(pairs) // 2 :])
-    steps = [_log_ratios(half, exposures) for half in halves]
-    slopes = [_median_slope(half, step) for half, step in zip(halves, steps, strict=True)]
+    steps = [log_ratios(half, exposures) for half in halves]
+    slopes = [median_slope(half, step) for half, step in zip(halves, steps, strict=True)]
     if any(not (slope > MIN_SLOPE or LIGHT_SLOPE < slope < -MIN_SLOPE) for slope in slopes):
         return None
     errors = [abs(pair.error) for half in halves for pair in half if pair.consecutive]
@@ -172,13 +172,13 @@ def _without_drift(values: FloatArray, frames: IntArray) -> FloatArray:
     return values - frames * np.median(values / frames) if len(values) else values
 
 
-def _log_ratios(pairs: list[PairErrors], exposures: ExposureTable) -> FloatArray:
+def log_ratios(pairs: list[PairErrors], exposures: ExposureTable) -> FloatArray:
     """Return ln of the exposure of each pair's second frame over that of its first, NaN if one is unknown."""
     frames = np.array([(pair.frame0, pair.frame1) for pair in pairs])
     return np.asarray(np.diff(exposures.log_exposure_of(frames), axis=1)[:, 0])
 
 
-def _median_slope(pairs: list[PairErrors], step: FloatArray) -> float:
+def median_slope(pairs: list[PairErrors], step: FloatArray) -> float:
     """Return the median of error over change of exposure, weighted by the change; 0 if nothing changes."""
     weight = np.where(np.isfinite(step), np.abs(step), 0.0)
     moving = weight > 0

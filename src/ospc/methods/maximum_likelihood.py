@@ -107,7 +107,7 @@ class MaximumLikelihoodMethod(Method):
         if not len(samples.observations):
             return None
         self._accumulate(samples)
-        if self._pairs >= FIRST_QUICK_FIT_PAIRS and self._pairs.bit_count() == 1:  # at powers of two
+        if self._pairs >= FIRST_QUICK_FIT_PAIRS and self._quick_fit_is_due:
             self._refine(exposures)
         return self._detect_change(samples.observations, exposures)
 
@@ -127,6 +127,13 @@ class MaximumLikelihoodMethod(Method):
         self._stationary.add_motion(samples.motion_px)
         self._reservoir.add(samples.observations)
         self._latest = samples.observations
+
+    @property
+    def _quick_fit_is_due(self) -> bool:
+        """Whether the number of pairs has doubled; without a fit, as after a change of the camera, more often."""
+        return self._pairs.bit_count() == 1 or (
+            self._quick_fit.fit is None and self._pairs % FIRST_QUICK_FIT_PAIRS == 0
+        )
 
     def _refine(self, exposures: ExposureTable) -> None:
         """Update the quick fit, by which registration normalises frames."""
@@ -152,11 +159,13 @@ class MaximumLikelihoodMethod(Method):
     def prove_again(self, change: Change, before: FitInputs, exposures: ExposureTable) -> Change | None:
         """Prove a change of response or vignette again with the complete fit to the frames before it, if any.
 
-        Later pairs are compared with that fit.
+        Later pairs are compared with that fit, and the first frame of the change is determined with it.
         """
         if change.part == "exposures" or before.fit is None:
             return change
-        return self._changes.prove_again(change, before.fit, before.grey_range, exposures)
+        proven = self._changes.prove_again(change, before.fit, before.grey_range, exposures)
+        observed = self._reservoir.since(self._changes.first_searched(change))[0].kept
+        return proven if proven is None or observed is None else self._changes.located(proven, observed, exposures)
 
     def end_threads(self) -> None:
         """End the second thread; the next frame starts it again."""

@@ -14,7 +14,8 @@ MIN_SIDE_PX = 32
 # Quick fits during a run (ospc.methods.maximum_likelihood)
 
 FIRST_QUICK_FIT_PAIRS = 16
-"""Number of pairs before the first quick fit; further ones follow whenever it has doubled."""
+"""Number of pairs before the first quick fit; further ones follow whenever it has doubled. While there is none, it is
+tried again after as many pairs: an epoch may begin with 80 or 150 pairs, and no change can be detected without it."""
 
 REFERENCE_FIT_PAIRS = 64
 """Number of pairs after which a quick fit predicts new pairs well enough to detect a change of the camera."""
@@ -121,6 +122,12 @@ frames/s, and above 100 frames/s there would be too many pairs to judge."""
 WATCHED_PAIRS, MIN_OUTLIER_SHARE = 32, 0.25
 """A suspicion ends early if, of this many latest pairs of neighbours, less than this share are outliers: the light
 changed."""
+
+# The first frame of a change (ospc.methods.change_detection)
+
+LOCATED_S = 30.0
+"""Seconds before a suspicion that are searched for the first frame of the change: as long as two suspicions of the
+longest duration and the calm between them."""
 
 # Confirmed changes of the camera (ospc.methods.change_hypotheses)
 
