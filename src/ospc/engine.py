@@ -11,7 +11,7 @@ from ospc.arrays import ImageSize, size_of
 from ospc.correspondence.pixel_statistics import PixelStatistics
 from ospc.correspondence.thumbnail import Thumbnail
 from ospc.engine_state import Epoch, keeping_latest_calibrations, response_before_change
-from ospc.engine_verdicts import checked_by_fit, judged
+from ospc.engine_verdicts import checked_by_fit, compared_with_epoch_before, judged
 from ospc.errors import ExposureError, FrameError, OspcError, RecordingError, SettingError
 from ospc.exposures.brightness import ComparedFrames
 from ospc.exposures.brightness_history import BrightnessHistory
@@ -297,6 +297,7 @@ class Engine:
         """Return a calibration with the counts of its frames and the verdicts that exposures and images allow."""
         cause = self._skipped.why_most_of(self.frames) or why_greys_are_useless(self.pixels.report())
         changes = [epoch.change.text for epoch in self._epochs if epoch.change]
+        found = compared_with_epoch_before(found, known, self._epochs[-1].calibration if self._epochs else None)
         result = judged(known, found, cause, changes)
         return replace(result, counts=counts | known.counts, settings=as_dict(self.settings), versions=versions())
 

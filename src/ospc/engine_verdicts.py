@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+from ospc.common_power import common_power
 from ospc.exposures.estimated import labelled
 from ospc.exposures.evidence import ExposureEvidence
 from ospc.exposures.findings import ExposureFindings
@@ -14,6 +15,7 @@ from ospc.exposures.verdicts import findings_from
 from ospc.methods.method import Method
 from ospc.photometry.calibration import Calibration
 from ospc.photometry.grey_range import GreyRange
+from ospc.photometry.verdict import Verdict
 
 
 def checked_by_fit(
@@ -34,6 +36,21 @@ def _with_fit(
 ) -> ExposureEvidence:
     inputs = method.inputs(evidence.used(recorded), grey_range)
     return evidence if inputs is None else evidence.with_fit(inputs.effects, inputs.corrected_ratios)
+
+
+def compared_with_epoch_before(
+    found: ExposureFindings, known: Calibration, before: Calibration | None
+) -> ExposureFindings:
+    """Return the findings about the exposures of a calibration, given that before the latest change of the camera."""
+    power = None if before is None else common_power(before, known)
+    if power is None:
+        return found
+    what = (
+        f"since the camera changed, response and vignette are those before to the power of {power:.2f}, so the "
+        "exposures are on another scale, as without a gain that follows them"
+    )
+    remedy = "record exposure × gain for every frame, and give the unit of the gain"
+    return replace(found, verdict=Verdict("not identifiable", what, remedy), warnings=(*found.warnings, what))
 
 
 def judged(known: Calibration, found: ExposureFindings, cause: str, changes: Sequence[str]) -> Calibration:

@@ -194,6 +194,12 @@ MAX_EPOCH_CALIBRATIONS = 8
 """Number of ended epochs whose calibrations are kept. Each takes about 65 kB of memory and of every saved state: with
 a zoom lens, keeping all would add megabytes every hour. Only the latest one is used again."""
 
+COMMON_POWER_GREYS, COMMON_POWER_TOLERANCE, COMMON_POWER_SIGMAS, MIN_COMMON_POWER_LOG = 32, 0.05, 3.0, 0.1
+"""Number of grey levels at which the responses before and after a change are compared; difference of the powers of
+response and vignette, and misfit of the response's, up to which both are one power; factor on the standard deviation
+of the vignette's, which is added; and least ln of such a power. Exposures without a gain that follows them had powers
+of 0.667 and 0.668; another response had 0.60 and 1.00."""
+
 # Identifiability of response and vignette (ospc.methods.identifiability)
 
 IDENTIFIABLE_ERROR, IDENTIFIABLE_CORNER_SIGMA = 0.005, 0.025
