@@ -22,9 +22,10 @@ from ospc.settings.methods import (
 RESPONSE_PARAMETERS = len(CHANGE_GREY_KNOTS) + 1
 PARTS = {
     "response": slice(0, RESPONSE_PARAMETERS),
-    "vignette": slice(RESPONSE_PARAMETERS, RESPONSE_PARAMETERS + 2),
+    "vignette": slice(RESPONSE_PARAMETERS, RESPONSE_PARAMETERS + 4),
 }
-"""Parameters of a change: a relative change of ln g and one at each knot; the coefficients of R² and R⁴ in ln V."""
+"""Parameters of a change: a relative change of ln g and one at each knot; the coefficients of R², R⁴, x and y in
+ln V, because a lens may also move sideways."""
 
 _STEPS = np.linspace(0, 1, 21)
 """Points at which the effect of a change is evaluated, relative to the observed range of grey levels or radii."""
@@ -43,9 +44,9 @@ class PairErrors:
     frame0, frame1, points
         Numbers of the frames, and number of scene points n.
     matrix, vector, fit_products
-        ΦᵀΦ, shape (9, 9), Φᵀρ, shape (9,), and ΦᵀX, shape (9, p).
+        ΦᵀΦ, shape (11, 11), Φᵀρ, shape (11,), and ΦᵀX, shape (11, p).
     error, common
-        Median of ρ over the whole pair, and the mean of Φ, shape (9,), by which a change shifts it.
+        Median of ρ over the whole pair, and the mean of Φ, shape (11,), by which a change shifts it.
     max_radius, grey_limits
         Radius in half diagonals, and lowest and highest grey level, that include nearly all observations.
     """
@@ -74,7 +75,7 @@ class PairErrors:
         rows = fit.log_irradiance_rows(grey, seen.position)
         squared = np.sum(seen.position**2, axis=1)
         hats = np.stack([np.interp(grey, CHANGE_GREY_KNOTS, row) for row in np.eye(len(CHANGE_GREY_KNOTS))], axis=1)
-        columns = np.column_stack([-np.interp(grey, basis.grid, log_g), -hats, squared, squared**2])
+        columns = np.column_stack([-np.interp(grey, basis.grid, log_g), -hats, squared, squared**2, seen.position])
         # The second observation of each point minus the first.
         error, change, parameter = (values[1::2] - values[0::2] for values in (log_radiance, columns, -rows))
         middle = float(median(error))
@@ -129,7 +130,7 @@ class ExplainedChange:
     Attributes
     ----------
     change, covariance
-        The change, shape (9,), and the covariance of the part's parameters, from the scatter between pairs and the
+        The change, shape (11,), and the covariance of the part's parameters, from the scatter between pairs and the
         uncertainty of the fit.
     gain
         Reduction of the sum of squared errors.
@@ -172,11 +173,14 @@ class ExplainedChange:
 
     @property
     def curve(self) -> FloatArray:
-        """The change of ln V over the observed radii, or of ln g over the observed grey levels minus its median."""
+        """The change of ln V over the observed radii, or of ln g over the observed grey levels minus its median.
+
+        That of ln V is evaluated to the right, downwards, to the left and upwards.
+        """
         found = self.change[PARTS[self.part]]
         if self.part == "vignette":
-            squared = (self.max_radius * _STEPS) ** 2
-            return np.asarray(found[0] * squared + found[1] * squared**2)
+            radius, sideways = self.max_radius * _STEPS[:, None], np.concatenate([found[2:], -found[2:]])
+            return np.ravel(found[0] * radius**2 + found[1] * radius**4 + radius * sideways)
         grey = np.maximum(np.interp(_STEPS, (0, 1), self.grey_limits), DARKEST_GREY)
         values = found[0] * np.log(grey) + np.interp(grey, CHANGE_GREY_KNOTS, found[1:])
         return np.asarray(values - np.median(values))

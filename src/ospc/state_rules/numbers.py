@@ -24,7 +24,7 @@ LOG = 50.0
 MOST_INTERVALS, MOST_RADIAL = 256, 32
 """Most terms of response and of vignette: eight and three times those of any preset."""
 
-CHANGES, BINS = len(CHANGE_GREY_KNOTS) + 3, len(GREY_BIN_EDGES) - 1
+CHANGES, BINS = len(CHANGE_GREY_KNOTS) + 5, len(GREY_BIN_EDGES) - 1
 """Number of parameters of a camera change, and of grey bins of a brightness change."""
 
 
