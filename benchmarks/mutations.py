@@ -83,6 +83,8 @@ MUTATIONS = (
     Mutation("any-place", "FlatSampler.__call__",
         replaced("np.flatnonzero(usable)", "np.flatnonzero(found)"),
         "samples edges and clipped pixels too"),
+    Mutation("nothing-forgotten", "Reservoir.forget_before", body("return None"),
+        "keeps the early pairs, which were registered before the vignette was known"),
     Mutation("exposures-late", "read_times", exposures_late, "gives every frame the exposure of the one before it"),
     Mutation("vignette-sign", "VignetteBasis.log_value", replaced("return self.vignette(", "return -self.vignette("),
         "predicts brighter corners where the fit says darker ones"),

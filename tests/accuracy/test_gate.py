@@ -32,3 +32,11 @@ def test_response_and_vignette_are_known(run, name):
 @pytest.mark.parametrize("name", RECORDINGS)
 def test_there_are_no_warnings(run, name):
     assert run(name).calibration.warnings == ()
+
+
+def test_pairs_compared_before_the_vignette_was_known_are_given_up(run):
+    """The errors of a whole run cannot show this: these pairs change them by less than chance."""
+    found = run("dark").calibration
+    ratios, pairs = found.exposure_ratios, found.counts["pairs"]
+    assert pairs >= 64
+    assert len(ratios.metadata) <= pairs - 16
