@@ -179,9 +179,22 @@ def test_returned_observations_never_change():
     reservoir, given = Reservoir(300), []
     for group in range(40):
         reservoir.add(observations([2] * 20, group))
+        if group % 7 == 3:
+            reservoir.forget_before(group // 2)
         given.append((reservoir.kept, replace(reservoir.kept, grey=reservoir.kept.grey.copy())))
     for shown, copied in given:
         assert_same(shown, copied)
+
+
+def test_what_is_forgotten_is_gone_and_all_else_is_kept():
+    reservoir = filled(2000, 30)
+    before = reservoir.kept
+    reservoir.forget_before(11)
+    assert_same(reservoir.kept, before.where(before.group >= 11))
+    reservoir.add(observations([2] * 20, 30))
+    assert_same(reservoir.kept.where(slice(-40)), before.where(before.group >= 11))
+    reservoir.forget_before(99)
+    assert (reservoir.kept, reservoir.points, reservoir.groups_before(0, 31)) == (None, 0, 31)
 
 
 def test_nothing_follows_in_an_empty_reservoir():

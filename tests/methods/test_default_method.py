@@ -90,7 +90,7 @@ def test_bands_widen_above_the_highest_measured_grey_level(result):
 
 def test_exposures_are_predicted(result):
     ratios = result.exposure_ratios
-    # Some pairs had nothing to compare.
+    # The ratios of the first pairs are discarded; some other pairs had nothing to compare.
     assert 0.7 * result.counts["pairs"] < len(ratios.metadata) <= result.counts["pairs"]
     assert abs(ratios.bias) < 0.01
     assert np.median(np.abs(ratios.log_residual)) < 0.02

@@ -46,6 +46,13 @@ class Reservoir:
             self._keep(_halved(self.kept, self._halvings))
             self._halvings += 1
 
+    def forget_before(self, group: int) -> None:
+        """Drop the observations of groups with lower numbers; their memory is freed when the arrays grow."""
+        if self.kept is not None:
+            first = int(np.searchsorted(self.kept.group, group))
+            self._columns = {name: column[first:] for name, column in self._columns.items()}
+            self._show(len(self.kept) - first)
+
     def forget_above(self, grey: float) -> None:
         """Drop the scene points that were observed above a grey level in any frame."""
         if self.kept is not None:
@@ -87,13 +94,16 @@ class Reservoir:
         numbered = replace(added, point=added.point - added.point[0] + next_point)
         for name in _FIELDS:
             self._columns[name] = _with_rows(self._columns.get(name), rows, getattr(numbered, name))
-        rows += len(added)
-        self.kept = Observations(**{name: column[:rows] for name, column in self._columns.items()})
+        self._show(rows + len(added))
 
     def _keep(self, observations: Observations | None) -> None:
         """Keep only these observations."""
         self.kept = observations if observations else None
         self._columns = {name: getattr(observations, name) for name in _FIELDS} if observations else {}
+
+    def _show(self, rows: int) -> None:
+        """Make the first rows of the columns the kept observations."""
+        self.kept = Observations(**{name: column[:rows] for name, column in self._columns.items()}) if rows else None
 
 
 def _with_rows(column: npt.NDArray[Any] | None, rows: int, added: npt.NDArray[Any]) -> npt.NDArray[Any]:

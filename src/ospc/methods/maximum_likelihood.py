@@ -38,10 +38,12 @@ from ospc.recording.frame import Frame
 from ospc.second_thread import SecondThread
 from ospc.settings import DefaultSettings
 from ospc.settings.methods import (
+    DROPPED_PAIRS,
     FAR_MOTION,
     FIRST_QUICK_FIT_PAIRS,
     INTER_CODED_SIGMAS,
     NEAR_WHITE,
+    PAIRS_PER_DROPPED,
     QUICK_FIT_POINTS,
     REFERENCE_FIT_PAIRS,
 )
@@ -136,15 +138,18 @@ class MaximumLikelihoodMethod(Method):
         )
 
     def _refine(self, exposures: ExposureTable) -> None:
-        """Update the quick fit, by which registration normalises frames."""
-        if self._reservoir.points < self._settings.min_points:
-            return
-        some = self._reservoir.some(QUICK_FIT_POINTS).with_exposures(exposures)
-        if some.log_exposure_change() >= self._settings.min_log_exposure_change:
-            radius = self._scene_area.usable_radius()
-            self._quick_fit.refine(some, self._noise.model(exposures), radius, trusts_stated=exposures.trusted)
-            if self._quick_fit.fit is not None and self._pairs >= REFERENCE_FIT_PAIRS:
-                self._changes.set_reference(self._quick_fit.fit)
+        """Update the quick fit, by which registration normalises frames, and forget the first pairs, made without."""
+        if self._reservoir.points >= self._settings.min_points:
+            some = self._reservoir.some(QUICK_FIT_POINTS).with_exposures(exposures)
+            if some.log_exposure_change() >= self._settings.min_log_exposure_change:
+                radius = self._scene_area.usable_radius()
+                self._quick_fit.refine(some, self._noise.model(exposures), radius, trusts_stated=exposures.trusted)
+                if self._quick_fit.fit is not None and self._pairs >= REFERENCE_FIT_PAIRS:
+                    self._changes.set_reference(self._quick_fit.fit)
+        # Early pairs were registered with an unknown vignette, which biases registration towards equal brightness:
+        # once there are enough others, they do more harm than good.
+        if self._pairs >= PAIRS_PER_DROPPED * FIRST_QUICK_FIT_PAIRS:
+            self._reservoir.forget_before(min(self._pairs // PAIRS_PER_DROPPED, DROPPED_PAIRS))
 
     def _detect_change(self, observations: Observations, exposures: ExposureTable) -> Change | None:
         """Return the camera change that a pair proves; a new suspicion triggers a fit to all pairs so far."""

@@ -20,6 +20,10 @@ tried again after as many pairs: an epoch may begin with 80 or 150 pairs, and no
 REFERENCE_FIT_PAIRS = 64
 """Number of pairs after which a quick fit predicts new pairs well enough to detect a change of the camera."""
 
+DROPPED_PAIRS, PAIRS_PER_DROPPED = 32, 4
+"""Number of first pairs that the final fit omits, and fewest pairs for each of them: they were registered before the
+vignette was known, but a short recording needs them."""
+
 INTER_CODED_SIGMAS = 2.0
 """Factor on all standard deviations of videos with inter-frame compression. Where brightness changes little, their
 frames keep that of the previous one, so neighbouring places and consecutive frames have errors in common. In eleven
