@@ -185,6 +185,8 @@ class LiveCalibrator(AbstractContextManager["LiveCalibrator"]):
     def save_state(self, path: str | Path) -> Path:
         """Write the state, including the summary that ``ospc merge`` needs, to a file, and return its path.
 
+        It has the frames processed so far; call :meth:`wait` first to include those that are queued.
+
         Raises
         ------
         FormatError

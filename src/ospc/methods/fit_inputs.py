@@ -28,8 +28,8 @@ _MISREGISTERED = (
 )
 
 _OVERLAY = (
-    "{share:.2g} % of the image shows something fixed to the camera, such as an overlay or part of the vehicle, and "
-    "is not used"
+    "{share:.2g} % of the image shows something fixed to the camera, such as an overlay, part of the vehicle or "
+    "dirt, and is not used; the vignette does not include it"
 )
 
 
