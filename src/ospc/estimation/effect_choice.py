@@ -36,6 +36,7 @@ from ospc.observations import ExposedObservations
 from ospc.photometry.verdict import INEXACT_EXPOSURES, LATE_EXPOSURES, EffectEstimate
 from ospc.robust import ERROR_OF_SCALE
 from ospc.settings.effects import (
+    CONTRADICTING_SIGMAS,
     EXPOSURES_PER_CURVE,
     MIN_GROUPS,
     MOST_CURVES,
@@ -209,11 +210,12 @@ def _suspected(trials: Sequence[Trial], untried: Sequence[str]) -> Trial | None:
 def _significant(fit: Fit, number: int) -> bool:
     """Return whether an effect is significant and all effects are plausible."""
     by_chance, in_all = (_sigmas_of(fit, number, covariance) for covariance in (fit.chance, fit.covariance))
-    sigmas = by_chance
     if fit.effects.chosen[number] in CONTRADICTIONS:
-        # It takes more to warn than to correct. A contradiction also makes the halves disagree: that counts half.
-        sigmas = math.sqrt(by_chance * in_all)
-    significant = sigmas > SIGNIFICANT_SIGMAS and in_all > SIGNIFICANT_SIGMAS_IN_ALL
+        # A contradiction also makes the halves disagree: that counts half.
+        significant = math.sqrt(by_chance * in_all) > CONTRADICTING_SIGMAS
+    else:
+        significant = by_chance > SIGNIFICANT_SIGMAS
+    significant &= in_all > SIGNIFICANT_SIGMAS_IN_ALL
     values = zip(fit.effects.chosen, fit.effect_parameters, strict=True)
     return significant and all(EFFECTS[name].allows(value) for name, value in values)
 

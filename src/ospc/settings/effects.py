@@ -143,10 +143,13 @@ MOST_ADDED_LIGHT, MOST_OFFSET = 0.1, 0.3
 
 SIGNIFICANT_SIGMAS, SIGNIFICANT_SIGMAS_IN_ALL = 5.0, 3.0
 """Significance above which a fitted effect counts, in standard deviations due to chance and to the errors of clean
-recordings; and in standard deviations that include the disagreement between halves of the observations.
-Contradictions must exceed the first in the geometric mean of both. Weak ones had 5.5 to 9 (tone mapping, a digital
-zoom of 1.2 with a weak vignette, a square vignette) and 100 recordings without contradiction at most 5.2 by chance
-alone. In three more, with small images or a fisheye lens, chance alone had 6.3 to 13, and the mean at most 4.4."""
+recordings; and in standard deviations that include the disagreement between halves of the observations."""
+
+CONTRADICTING_SIGMAS = 5.5
+"""The same for the geometric mean of both, for a contradiction: it causes a warning, and if it is left out, its
+possible size widens the uncertainty all the same. Tone mapping, a digital zoom of 1.2 with a weak vignette and a
+square vignette had 5.5 to 9. A hundred recordings without contradiction had at most 5.2 by chance alone; four more,
+with a fisheye lens or with small images of 160×120 to 320×256 pixels, had 5.2 to 13, and a mean of at most 5.2."""
 
 EFFECT_PROBABILITY, CONTRADICTION_PROBABILITY = 0.3, 0.02
 """Prior probability that a camera has an effect that matters, and that a recording contradicts the model: few
