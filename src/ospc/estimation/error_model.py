@@ -28,57 +28,69 @@ from ospc.settings.error_model import (
 
 @dataclass(frozen=True)
 class ErrorModel:
-    """Variance of a sampled grey level M, where s = dM/d ln e.
+    """Variance of a sampled grey level M, where s = dM/d ln e and g = g(M) is the irradiance.
 
-    It is ``constant + registration² · gradient² + radiance² · s²``, times a factor that depends on the grey level, as
-    shot and read noise do.
+    It is ``constant + shot · s²/g + read · s²/g² + registration² · gradient² + radiance² · s²``. Shot and read noise
+    occur in irradiance; the slope of the response converts them to noise of the grey level.
 
     Attributes
     ----------
     constant
         Variance of quantisation and other errors of the grey level itself, in full scale squared.
+    shot, read
+        Variance of the irradiance at white: the part proportional to irradiance, and the constant part.
     registration_sigma_px
         Standard deviation of the registration, in pixels of the sampled image.
     radiance_sigma
         Relative standard deviation of the radiance: surfaces are not exactly Lambertian, light flickers.
     factors
-        Factors on the sum at :data:`~ospc.settings.error_model.FACTOR_GREYS`, interpolated in between; empty for a
-        factor of 1 everywhere.
+        Factors on the sum at :data:`~ospc.settings.error_model.FACTOR_GREYS`, interpolated in between, which correct
+        for its simplifications; empty for a factor of 1 everywhere.
     gain_variances
         Variances of the latent gains of frames by :class:`~ospc.estimation.frame_gains.FrameGains`, in ln², which are
         not part of this variance; empty for none.
     """
 
     constant: float = START_GREY_SIGMA**2
+    shot: float = 0.0
+    read: float = 0.0
     registration_sigma_px: float = START_REGISTRATION_SIGMA_PX
     radiance_sigma: float = START_RADIANCE_SIGMA
     factors: tuple[float, ...] = ()
     gain_variances: tuple[float, ...] = ()
 
-    def variance(self, grey: FloatArray, slope: FloatArray, gradient: FloatArray) -> FloatArray:
+    def variance(
+        self, grey: FloatArray, slope: FloatArray, irradiance: FloatArray, gradient: FloatArray
+    ) -> FloatArray:
         """Return the variance of each observation's grey level, shape (n,).
 
-        Grey level and slope dM/d ln e are the expected ones; the gradient is that of the grey level around the
-        sample, per pixel, shape (n,) each.
+        Grey level, slope dM/d ln e and irradiance g are the expected ones; the gradient is that of the grey level
+        around the sample, per pixel, shape (n,) each.
         """
-        return self.with_gradient(*self.flat_variance(grey, slope), gradient)
+        return self.with_gradient(*self.flat_variance(grey, slope, irradiance), gradient)
 
-    def flat_variance(self, grey: FloatArray, slope: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def flat_variance(
+        self, grey: FloatArray, slope: FloatArray, irradiance: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
         """Return the part that depends only on the grey level: the sum without the gradient, and its factor, (n,)."""
+        carried = slope**2 * ((self.read / irradiance + self.shot) / irradiance + self.radiance_sigma**2)
         factor = np.exp(np.interp(grey, FACTOR_GREYS, np.log(self.factors))) if self.factors else np.ones_like(grey)
-        return self.constant + slope**2 * self.radiance_sigma**2, factor
+        return self.constant + carried, factor
 
     def with_gradient(self, flat: FloatArray, factor: FloatArray, gradient: FloatArray) -> FloatArray:
         """Return the variance, given the result of :meth:`flat_variance`, shape (n,) each."""
         return np.asarray((flat + (self.registration_sigma_px * gradient) ** 2) * factor)
 
-    def refitted(self, squared: FloatArray, grey: FloatArray, slope: FloatArray, gradient: FloatArray) -> ErrorModel:
+    def refitted(
+        self, squared: FloatArray, grey: FloatArray, slope: FloatArray, irradiance: FloatArray, gradient: FloatArray
+    ) -> ErrorModel:
         """Return the model fitted to squared residuals in grey levels, shape (n,), corrected for their leverage.
 
         The fit uses medians over cells of similar grey level and gradient, so that outliers have no influence. The
         model is returned unchanged if too few cells contain enough observations.
         """
-        regressors = np.stack([gradient**2, slope**2])
+        over = slope**2 / irradiance
+        regressors = np.stack([over, over / irradiance, gradient**2, slope**2])
         cell = _quantile_index(grey, GREY_CELLS) * GRADIENT_CELLS + _quantile_index(gradient, GRADIENT_CELLS)
         order, cells = _by_cell(cell, GREY_CELLS * GRADIENT_CELLS)
         by_cell, squared_by_cell = regressors[:, order], squared[order]
@@ -94,10 +106,12 @@ class ErrorModel:
         found = non_negative_least_squares(relative / scale, np.ones(len(rows))) / scale
         law = ErrorModel(
             max(float(found[0]), MIN_GREY_SIGMA**2),
-            float(np.sqrt(found[1])),
-            max(float(np.sqrt(found[2])), MIN_RADIANCE_SIGMA),
+            float(found[1]),
+            float(found[2]),
+            float(np.sqrt(found[3])),
+            max(float(np.sqrt(found[4])), MIN_RADIANCE_SIGMA),
         )
-        factors = _factors(squared / law.variance(grey, slope, gradient), grey)
+        factors = _factors(squared / law.variance(grey, slope, irradiance, gradient), grey)
         return replace(law, factors=factors, gain_variances=self.gain_variances)
 
 

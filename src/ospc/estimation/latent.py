@@ -42,8 +42,8 @@ class Latent:
     ----------
     index, grey
         Predicted grey level, with its index in the basis's grid.
-    log_response_slope
-        dh/dM at that grey level.
+    log_response_slope, irradiance
+        dh/dM and g at that grey level.
     linear_log
         h at the measured grey level, linearised at the predicted one.
     precision, weight
@@ -59,6 +59,7 @@ class Latent:
     index: IntArray
     grey: FloatArray
     log_response_slope: FloatArray
+    irradiance: FloatArray
     linear_log: FloatArray
     precision: FloatArray
     weight: FloatArray
@@ -175,8 +176,12 @@ class LatentModel:
         return self.basis.gamma_of(self.coefficients) / np.maximum(self.basis.grid, DARKEST_GREY)
 
     @cached_property
+    def _irradiance(self) -> FloatArray:
+        return np.maximum(np.exp(self.log_response), 1e-12)
+
+    @cached_property
     def _flat_variance(self) -> tuple[FloatArray, FloatArray]:
-        return self.errors.flat_variance(self.basis.grid, 1 / self._log_response_slope)
+        return self.errors.flat_variance(self.basis.grid, 1 / self._log_response_slope, self._irradiance)
 
     @cached_property
     def _pixel_means(self) -> PixelMeans:
@@ -200,7 +205,7 @@ class LatentModel:
             return self.noise
         grid = slice(None, None, PIXEL_NOISE_STRIDE)
         slope = 1 / np.maximum(self._log_response_slope[grid], 1e-12)
-        variance = self.errors.variance(self.basis.grid[grid], slope, np.zeros(1))
+        variance = self.errors.variance(self.basis.grid[grid], slope, self._irradiance[grid], np.zeros(1))
         return NoiseModel(0.0, 0.0, tuple(variance))
 
     def _linearised(
@@ -213,7 +218,7 @@ class LatentModel:
     ) -> Latent:
         # The grid is much finer than the noise, so the nearest grid point serves as the point of linearisation.
         index = self.basis.index_of(grey)
-        level, slope = self.basis.grid[index], self._log_response_slope[index]
+        level, slope, irradiance = self.basis.grid[index], self._log_response_slope[index], self._irradiance[index]
         excess = np.clip(observations.grey, DARKEST_GREY, 1.0) - level
         flat, factor = (table[index] for table in self._flat_variance)
         variance = self.errors.with_gradient(flat, factor, observations.gradient)
@@ -225,7 +230,9 @@ class LatentModel:
         linear_log = self.log_response[index] + slope * excess
         precision, offset = 1 / (variance * slope**2), log_exposure + log_gain
         total, mean = weighted_means(linear_log - offset, weight * precision, observations)
-        return Latent(index, level, slope, linear_log, precision, weight, log_exposure, offset, total, mean)
+        return Latent(
+            index, level, slope, irradiance, linear_log, precision, weight, log_exposure, offset, total, mean
+        )
 
 
 def weighted_means(

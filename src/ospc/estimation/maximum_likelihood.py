@@ -132,6 +132,7 @@ class MaximumLikelihoodEstimator:
                 latent.residual**2 / latent.one_minus_leverage / latent.log_response_slope**2,
                 latent.grey,
                 1 / latent.log_response_slope,
+                latent.irradiance,
                 observations.gradient,
             )
         hyperparameters, variances = present.hyperparameters, errors.gain_variances

@@ -96,7 +96,8 @@ class Knowledge:
         basis, parameters = self.fit.response_basis, self.fit.response_parameters
         grey = np.clip(grey, basis.grid[1], 1.0)
         slope = grey / np.interp(grey, basis.grid, basis.gamma_of(parameters))
-        return self.fit.errors.variance(grey, slope, np.full(len(grey), EXPECTED_GRADIENT)) / slope**2
+        irradiance = np.maximum(np.exp(np.interp(grey, basis.grid, basis.log_of(parameters))), 1e-12)
+        return self.fit.errors.variance(grey, slope, irradiance, np.full(len(grey), EXPECTED_GRADIENT)) / slope**2
 
 
 def knowledge_of(preview: Preview | None) -> Knowledge | None:

@@ -70,7 +70,7 @@ The second round of a fit already replaces them."""
 GREY_CELLS = 8
 GRADIENT_CELLS = 4
 """Numbers of quantiles of grey level and of gradient. They form 32 cells over which squared residuals are summarised
-to fit three coefficients. Chosen by hand; 6 to 12 cells of grey and 6 of gradient have no effect, 2 of gradient raise
+to fit five coefficients. Chosen by hand; 6 to 12 cells of grey and 6 of gradient have no effect, 2 of gradient raise
 the vignette error by half."""
 
 MIN_PER_CELL = 40
@@ -92,8 +92,7 @@ MIN_RADIANCE_SIGMA = 1e-4
 """Lower limit of the fitted relative error of the radiance. No effect from 3e-5 to 1e-3."""
 
 FACTOR_GREYS = (0.0, 0.03, 0.08, 0.15, 0.25, 0.35, 0.45, 0.55, 0.65, 0.75, 0.85, 0.91, 0.95, 0.975, 1.0)
-"""Grey levels at which the fitted variance is multiplied by a factor, as shot and read noise need: denser near the
-ends, where noise is clipped."""
+"""Grey levels at which the fitted variance is corrected by a factor: denser near the ends, where noise is clipped."""
 
 FACTOR_RANGE = (0.25, 25.0)
 """Limits of these factors on the variance. Chosen by hand; 0.5 to 5 has no harmful effect, 0.1 to 100 raises the

@@ -126,7 +126,7 @@ RULES: Mapping[type, Mapping[str, Numbers | str]] = {
         "reach": Numbers(VIGNETTE_REACH, MAX_VIGNETTE_REACH),
     },
     ErrorModel: {
-        "constant": UNIT,
+        "constant shot read": UNIT,
         "registration_sigma_px radiance_sigma": Numbers(0, 100),
         "factors": Numbers(1e-6, 1e6, ("factors",)),
         "gain_variances": Numbers(0, 100, ("gain variances",)),
