@@ -12,8 +12,8 @@ from ospc.observations import ExposedObservations
 from ospc.photometry.coverage import ExposureRatios
 from ospc.photometry.geometry import cells_of
 from ospc.photometry.noise import BRIGHTEST_EXPOSED, DARKEST_EXPOSED
-from ospc.robust import SIGMA_OF_MEDIAN, VARIANCE_OF_MEDIAN, medians
-from ospc.settings.residuals import RATIO_CELLS
+from ospc.robust import SIGMA_OF_MEDIAN, medians
+from ospc.settings.residuals import MISREGISTERED_SIGMAS, MISREGISTERED_SPREAD, RATIO_CELLS
 
 
 def exposure_ratios(fit: Fit, observations: ExposedObservations) -> ExposureRatios:
@@ -32,8 +32,7 @@ def exposure_ratios(fit: Fit, observations: ExposedObservations) -> ExposureRati
     estimated = medians(observed, pair)
     deviation = observed - estimated[pair]
     spread = SIGMA_OF_MEDIAN * medians(np.abs(deviation), pair)
-    dependence = _dependence(deviation, observations.position[later], pair, count)
-    by_scatter = np.sqrt(VARIANCE_OF_MEDIAN / count) * spread * dependence
+    by_scatter = _sigma_of_medians(spread, count, _dependence(deviation, observations.position[later], pair, count))
     by_curves = _sigma_by_curves(fit, observations, later[np.argsort(pair, kind="stable")], count)
     return ExposureRatios(pairs, np.exp(metadata[first]), np.exp(estimated), count, np.hypot(by_scatter, by_curves))
 
@@ -48,6 +47,13 @@ def _dependence(deviation: FloatArray, position: FloatArray, pair: IntArray, cou
     cell = pair * cells + cells_of(position, RATIO_CELLS)
     excess = np.bincount(cell, np.sign(deviation), len(count) * cells).reshape(-1, cells)
     return np.asarray(np.sqrt(np.maximum(np.sum(excess**2, axis=1) / count, 1.0)))
+
+
+def _sigma_of_medians(spread: FloatArray, count: IntArray, dependence: FloatArray) -> FloatArray:
+    """Return the standard deviation of the median of each group of points, from their scatter, shape (groups,)."""
+    typical = float(np.median(np.repeat(spread, count)))
+    wrong = spread > MISREGISTERED_SPREAD * typical
+    return np.where(wrong, MISREGISTERED_SIGMAS * spread, np.sqrt(np.pi / 2 / count) * spread * dependence)
 
 
 def _sigma_by_curves(fit: Fit, observations: ExposedObservations, later: IntArray, count: IntArray) -> FloatArray:

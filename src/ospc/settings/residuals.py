@@ -107,8 +107,7 @@ MOST_RADIANCE_SIGMA = 0.04
 vignette do not explain the images. It was at most 0.01 in 39 clean simulated recordings, 0.005 in a real video, with
 crowds and with glossy surfaces, and 0.07 to 0.09 if contrast was equalised in tiles."""
 
-# Pairs that were registered wrongly, and errors of exposure ratios (ospc.estimation.misregistration,
-# ospc.methods.exposure_ratios)
+# Pairs that were registered wrongly (ospc.estimation.misregistration, ospc.methods.exposure_ratios)
 
 MISREGISTERED_SPREAD = 3.0
 """Scatter of a pair's points, relative to typical pairs, above which the frames count as misregistered: two thirds of
@@ -128,6 +127,10 @@ MISREGISTERED_ITERATIONS = 3
 
 USUAL_PAIRS = 0.25
 """Quantile of the pairs' scatter that counts as usual: on a facade, more than half of the pairs may be wrong."""
+
+MISREGISTERED_SIGMAS = 2.0
+"""Standard deviation of such a pair's exposure ratio, as a multiple of that scatter: the points share one error, so
+their number does not reduce it."""
 
 RATIO_CELLS = (4, 3)
 """Number of image cells, across and down, within which the points of a pair may have errors in common. In twenty
