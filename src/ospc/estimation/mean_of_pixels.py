@@ -37,6 +37,8 @@ from ospc.settings.fit import (
     KNEE_BEND,
     KNEE_LEVELS,
     KNEE_SMOOTHING,
+    MAX_NOISE,
+    MAX_TEXTURE,
     TEXTURE_ERROR,
     TEXTURE_SPREADS,
     TEXTURE_WIDTHS,
@@ -115,6 +117,11 @@ class PixelMeans:
         """The squared grey level, limited from below."""
         return np.maximum(self.grid, DARKEST_GREY) ** 2
 
+    @cached_property
+    def distrust(self) -> FloatArray:
+        """Divisor of the corrected share of the texture due to noise."""
+        return 1 + (self.noise_variance / (MAX_NOISE**2 * self.squared_grey)) ** 2
+
 
 @dataclass(frozen=True)
 class ObservedShifts:
@@ -140,15 +147,24 @@ class ObservedShifts:
         return np.asarray(self.means.noise_variance[self.index] * self._growth)
 
     @property
+    def texture(self) -> FloatArray:
+        """Variance of the texture over the squared grey level, as far as it can be corrected; 0 if unknown."""
+        texture = self._whole_texture
+        limited = np.minimum(1, MAX_TEXTURE**2 / np.maximum(np.abs(texture), MAX_TEXTURE**2))
+        # Equal for all observations of a point: a correction of only one would look like another exposure.
+        share = self.observations.combined(np.minimum, limited / self.means.distrust[self.index])
+        return np.asarray(texture * np.repeat(share, self.observations.counts))
+
+    @property
     def error_variance(self) -> FloatArray:
-        """Variance of the mean that the correction of texture leaves."""
+        """Variance of the mean that a full correction of texture leaves."""
         counts = self.observations.counts
-        mean = self.observations.combined(np.add, np.maximum(self.texture, 0.0)) / counts
+        mean = self.observations.combined(np.add, np.maximum(self._whole_texture, 0.0)) / counts
         return np.asarray(self.means.squared_grey[self.index] * (TEXTURE_ERROR * np.repeat(mean, counts)) ** 2)
 
     @cached_property
-    def texture(self) -> FloatArray:
-        """Variance of the texture over the squared grey level; 0 if unknown."""
+    def _whole_texture(self) -> FloatArray:
+        """Variance of the texture over the squared grey level, however large and doubtful."""
         variance = self.observations.grey_variance
         texture = np.where(variance > 0, variance - self.variance_of_noise, 0.0)
         return np.asarray(texture / self.means.squared_grey[self.index])
