@@ -20,7 +20,7 @@ from ospc.estimation.fitted import Fitted
 from ospc.estimation.latent import LatentModel
 from ospc.estimation.model import LinearSystem, Model
 from ospc.estimation.normal_equations import NormalEquations, at_least
-from ospc.estimation.prior import START, PriorHyperparameters
+from ospc.estimation.prior import START, Prior, PriorHyperparameters
 from ospc.estimation.response_basis import ResponseBasis
 from ospc.estimation.robust_weights import redescending_weights
 from ospc.estimation.vignette_basis import VignetteBasis, measured_radius
@@ -35,8 +35,8 @@ from ospc.settings.fit import MIN_BLOCKS, SETTLED_SIGMAS
 class _Estimate:
     """What each round of a fit improves.
 
-    These are the parameters of the model, the error model, the hyperparameters of the prior, the robust weights, and
-    the index of each predicted grey level.
+    These are the parameters of the model, the error model, the hyperparameters of the prior, the robust weights, the
+    index of each predicted grey level, and the sandwich factor of the weights.
     """
 
     parameters: FloatArray
@@ -44,17 +44,21 @@ class _Estimate:
     hyperparameters: PriorHyperparameters
     weight: FloatArray
     index: IntArray
+    sandwich_factor: float = 1.0
 
 
 @dataclass(frozen=True)
 class _Solution:
-    """Solution of a round's linear system: the new estimate, the equations that it solves, and its precision.
+    """Solution of a round's linear system: the new estimate, and what its covariance is computed from.
 
+    ``before`` and ``precision`` are the precisions of the prior before the round and of the solution;
     ``squared_sigmas`` is the squared distance that the parameters moved, in standard deviations.
     """
 
     estimate: _Estimate
     equations: NormalEquations
+    prior: Prior
+    before: FloatArray
     precision: FloatArray
     squared_sigmas: float
 
@@ -96,18 +100,22 @@ class MaximumLikelihoodEstimator:
         present = self._beginning(observations, start)
         for number in range(rounds + 1):
             trusted, convex = number > 0 or start is not None, start is None and number < CONVEX_ROUNDS
-            response = self.model.split(present.parameters)[0]
-            predict = LatentModel(self.response_basis, response, present.errors, self.noise, trusted)
+            predict = LatentModel(
+                self.response_basis,
+                self.model.split(present.parameters)[0],
+                present.errors,
+                self.noise,
+                trusted,
+            )
             system, present = self._linearised(observations, present, predict, convex=convex)
             solution = self._solved(system, present)
             present = solution.estimate
             settled = number > 1 and solution.squared_sigmas < SETTLED_SIGMAS**2 * len(present.parameters)
             if settled or number == rounds:
-                disagreement = system.disagreement(present.parameters)
-                covariance = solution.equations.covariance(system.prior, present.hyperparameters, disagreement)
+                disagreement = system.disagreement(present.parameters, solution.before, present.sandwich_factor)
                 break
             del system  # it takes as much memory as the observations
-        return self._as_fit(observations, predict, solution, covariance)
+        return self._as_fit(observations, present, predict, solution, disagreement)
 
     def _beginning(self, observations: ExposedObservations, start: Fit | None) -> _Estimate:
         index, weight = self.response_basis.index_of(observations.grey), np.ones(len(observations))
@@ -122,7 +130,7 @@ class MaximumLikelihoodEstimator:
         model, parameters = self.model, present.parameters
         log_gain = model.log_gain(parameters, observations, present.index)
         latent = predict(observations, log_gain, present.weight)
-        errors, weight, sandwich_factor = present.errors, present.weight, 1.0
+        errors, weight, sandwich_factor = present.errors, present.weight, present.sandwich_factor
         if predict.trusted:
             unclipped = predict.unclipped(observations, latent)
             weight = unclipped.astype(np.float64)
@@ -135,15 +143,16 @@ class MaximumLikelihoodEstimator:
                 latent.irradiance,
                 observations.gradient,
             )
-        hyperparameters, variances = present.hyperparameters, errors.gain_variances
-        system = LinearSystem(
-            model, parameters, observations, latent, weight, sandwich_factor, hyperparameters, variances
-        )
-        return system, replace(present, errors=errors, weight=weight, index=latent.index)
+        system = LinearSystem(model, parameters, observations, latent, weight, errors.gain_variances)
+        weighted = replace(present, errors=errors, weight=weight, sandwich_factor=sandwich_factor, index=latent.index)
+        return system, weighted
 
     def _solved(self, system: LinearSystem, present: _Estimate) -> _Solution:
         """Solve the system with the prior that the data choose."""
-        model, prior, equations = self.model, system.prior, system.equations()
+        model = self.model
+        prior = model.prior(system.about)
+        before = prior.precision(present.hyperparameters)
+        equations = system.equations(before, present.sandwich_factor)
         hyperparameters = equations.maximize_evidence(prior, present.hyperparameters)
         parameters = model.limited(equations.solve(prior, hyperparameters, model.floor), system.about)
         moved, errors = parameters - system.about, present.errors
@@ -151,13 +160,18 @@ class MaximumLikelihoodEstimator:
             errors = replace(errors, gain_variances=system.gains(parameters).refitted_variances)
         found = replace(present, parameters=parameters, errors=errors, hyperparameters=hyperparameters)
         precision = equations.posterior_precision(prior, hyperparameters)
-        return _Solution(found, equations, precision, float(moved @ precision @ moved))
+        return _Solution(found, equations, prior, before, precision, float(moved @ precision @ moved))
 
     def _as_fit(
-        self, observations: ExposedObservations, predict: LatentModel, solution: _Solution, covariance: FloatArray
+        self,
+        observations: ExposedObservations,
+        found: _Estimate,
+        predict: LatentModel,
+        solution: _Solution,
+        disagreement: FloatArray,
     ) -> Fit:
-        """Return the fit, given the covariance of its parameters, which may be widened."""
-        found = solution.estimate
+        """Return the fit with its covariance, given the disagreement between halves of the observations."""
+        covariance = solution.equations.covariance(solution.prior, found.hyperparameters, disagreement)
         groups = len(np.unique(observations.group))
         # Fitted gain variances follow the means of pairs, whose scatter then underestimates that of the gains; the
         # scatter of few groups is hardly known.
@@ -188,23 +202,26 @@ class MaximumLikelihoodEstimator:
         parameters of this model, at which it is linearised, shape (p,).
         """
         with one_blas_thread():
-            return self._system(fitted, about).equations()
+            system, sandwich_factor = self._system(fitted, about)
+            precision = self.model.prior(about).precision(fitted.fit.hyperparameters)
+            return system.equations(precision, sandwich_factor)
 
     def significant_gain_variances(self, fitted: Fitted) -> tuple[float, ...]:
         """Return the variances of latent gains that pairs of frames show beyond chance, given a fit of this model."""
         fit = fitted.fit
         with one_blas_thread():
-            return self._system(fitted, fit.parameters).significant_gain_variances(fit.resolves(fitted.observations))
+            system, sandwich_factor = self._system(fitted, fit.parameters)
+            precision = self.model.prior(fit.parameters).precision(fit.hyperparameters)
+            return system.significant_gain_variances(precision, sandwich_factor, fit.resolves(fitted.observations))
 
-    def _system(self, fitted: Fitted, about: FloatArray) -> LinearSystem:
-        """Return the linear system about a fit."""
+    def _system(self, fitted: Fitted, about: FloatArray) -> tuple[LinearSystem, float]:
+        """Return the linear system about a fit, and the sandwich factor of its weights."""
         latent, weight, sandwich_factor = fitted.weighted
         # This basis may not contain the fitted response exactly: refer the linearised values to the closest one.
         here = self.response_basis.log_of(self.model.split(about)[0])
         latent = replace(latent, linear_log=latent.linear_log + (here - fitted.log_response)[latent.index])
-        seen, fit = fitted.observations, fitted.fit
-        variances = fit.errors.gain_variances
-        return LinearSystem(self.model, about, seen, latent, weight, sandwich_factor, fit.hyperparameters, variances)
+        gain_variances = fitted.fit.errors.gain_variances
+        return LinearSystem(self.model, about, fitted.observations, latent, weight, gain_variances), sandwich_factor
 
     def newton_steps(
         self, fitted: Fitted, about: FloatArray, choices: Iterable[IntArray]

@@ -15,7 +15,7 @@ from ospc.estimation.frame_gains import FrameGains, PairEnds, PairMeans
 from ospc.estimation.group_sums import GroupSums
 from ospc.estimation.latent import Latent, weighted_means
 from ospc.estimation.normal_equations import NormalEquations
-from ospc.estimation.prior import Prior, PriorHyperparameters
+from ospc.estimation.prior import Prior
 from ospc.estimation.response_basis import ResponseBasis, typical_gamma
 from ospc.estimation.vignette_basis import VignetteBasis
 from ospc.observations import ExposedObservations
@@ -110,10 +110,8 @@ class LinearSystem:
         The model, and the parameters at which it is linearised, shape (p,).
     observations, latent
         n observations, and their linearisation.
-    weight, sandwich_factor
-        Robust weights, shape (n,), and their sandwich factor.
-    hyperparameters
-        Hyperparameters of the prior, whose precision gives little weight to what the observations do not determine.
+    weight
+        Robust weights, shape (n,).
     gain_variances
         Variances of the latent frame gains, in ln²; empty for none.
     """
@@ -123,30 +121,24 @@ class LinearSystem:
     observations: ExposedObservations
     latent: Latent
     weight: FloatArray
-    sandwich_factor: float
-    hyperparameters: PriorHyperparameters
-    gain_variances: tuple[float, ...]
+    gain_variances: tuple[float, ...] = ()
 
-    @cached_property
-    def prior(self) -> Prior:
-        """The prior, linearised at the same parameters."""
-        return self.model.prior(self.about)
+    def equations(self, prior_precision: FloatArray, sandwich_factor: float) -> NormalEquations:
+        """Return the scaled normal equations, given the precision of the prior, shape (p, p)."""
+        sums = self._sums
+        if self.has_gains:
+            sums = sums.within.plus(self._means(self.about, prior_precision, sandwich_factor))
+        return sums.equations().scaled(prior_precision, sandwich_factor)
 
-    def equations(self) -> NormalEquations:
-        """Return the normal equations with their information scale."""
-        if not self.has_gains:
-            return self._scaled(self._sums)
-        return self._scaled(self._sums.within.plus(self._means(self.about)))
-
-    def _means(self, parameters: FloatArray) -> GroupSums:
+    def _means(self, parameters: FloatArray, prior_precision: FloatArray, sandwich_factor: float) -> GroupSums:
         """Return the sums of the pairs' means about parameters of shape (p,), with gains in their precision."""
-        scale = self._scaled(self._sums.within).information_scale
+        scale = self._scale_within(self._sums, prior_precision, sandwich_factor)
         whiten = partial(self.gains(parameters).whitened, scale=scale)
         return self._sums.means(whiten, parameters)
 
-    def _scaled(self, sums: GroupSums) -> NormalEquations:
-        precision = self.prior.precision(self.hyperparameters)
-        return sums.equations().scaled(precision, self.sandwich_factor / self.observations.error_factor)
+    def _scale_within(self, sums: GroupSums, prior_precision: FloatArray, sandwich_factor: float) -> float:
+        """Return the information scale within pairs."""
+        return sums.within.equations().scaled(prior_precision, sandwich_factor).information_scale
 
     @property
     def has_gains(self) -> bool:
@@ -158,14 +150,16 @@ class LinearSystem:
         means = PairMeans(self._sums.mean_misfit(parameters), self._sums.by_chance)
         return FrameGains(PairEnds.of(self.observations), means, self.gain_variances)
 
-    def significant_gain_variances(self, resolved: BoolArray) -> tuple[float, ...]:
+    def significant_gain_variances(
+        self, prior_precision: FloatArray, sandwich_factor: float, resolved: BoolArray
+    ) -> tuple[float, ...]:
         """Return the variances of the gains, empty if chance explains the pairs.
 
         Chance includes errors that the points of a pair share. ``resolved`` states where the basis can follow the
-        bends of the response, shape (n,).
+        bends of the response, shape (n,); the other arguments are as in :meth:`equations`.
         """
         sums = self._summed(with_rows=True)
-        scale = min(self._scaled(sums.within).information_scale, 1.0)
+        scale = min(self._scale_within(sums, prior_precision, sandwich_factor), 1.0)
         weighted = PairMeans(sums.mean_misfit(sums.about), sums.by_chance).with_chance(1 / scale)
         # A response that fits most pairs leaves the others without weight.
         unweighted = self.latent.means_of_pairs(self.observations, resolved).with_chance(1 / scale)
@@ -213,20 +207,21 @@ class LinearSystem:
                     of_rows[group] += root[own] @ rows[own]
         return GroupSums(about, matrix, vector, scores, of_rows, precision, misfit)
 
-    def disagreement(self, parameters: FloatArray) -> FloatArray:
+    def disagreement(self, parameters: FloatArray, prior_precision: FloatArray, sandwich_factor: float) -> FloatArray:
         """Return the difference of the scores between halves of the observations, shape (ways, p).
 
         The observations are split in several ways. Errors that all groups share, for example registration biased
         towards equal brightness, do not show in the scatter between groups. Most of them depend on time, on the
         exposure ratio or on the position in the image, so that the two halves pull the parameters in opposite
-        directions. ``parameters`` has shape (p,).
+        directions. ``parameters`` has shape (p,); the other arguments are as in :meth:`equations`.
         """
         shown = replace(self.observations, log_exposure=self.latent.log_exposure)
         sides = np.repeat(_halves(shown), self.observations.counts, axis=1)
         scores = np.zeros((len(sides), len(parameters)))
         if self.has_gains:  # the mean of a pair has its own weight and belongs entirely to one half
             row_of_pair, misfit_of_pair = self._sums.mean_rows, self.gains(parameters).means.mean
-            scores += self._sides_of_pairs(sides) @ self._means(parameters).scores
+            means = self._means(parameters, prior_precision, sandwich_factor)
+            scores += self._sides_of_pairs(sides) @ means.scores
         for part in _chunks(self.observations):
             rows, target, factor, member = self._free_of_radiance(part)
             misfit = target - rows @ parameters
