@@ -58,7 +58,8 @@ def test_grey_levels_are_predicted_by_the_exposures_however_strong_the_texture()
     """Both predicted grey levels of a point come from the same radiance, so no measurement noise enters the rows."""
     seen = textured(0.2, TOE_AND_SHOULDER)
     found = MaximumLikelihoodEstimator(ResponseBasis(32), VignetteBasis(0), NOISE).fit(seen, ROUNDS)
-    predict = LatentModel(found.response_basis, found.parameters, found.errors, NOISE, trusted=True)
+    share = found.texture_share
+    predict = LatentModel(found.response_basis, found.parameters, found.errors, NOISE, share, trusted=True)
     latent = predict(seen, np.zeros(len(seen)), np.ones(len(seen)))
     near = np.repeat(np.maximum.reduceat(np.abs(latent.studentised), seen.starts) < 3, 2)
     error = found.log_response[latent.index] - latent.mean - latent.offset
@@ -70,7 +71,8 @@ def test_points_without_weight_are_judged_like_the_others():
     """Without a radiance, they would be predicted anywhere and could never get a weight again."""
     seen = textured(0.1, TOE_AND_SHOULDER)
     found = MaximumLikelihoodEstimator(ResponseBasis(32), VignetteBasis(0), NOISE).fit(seen, ROUNDS)
-    predict = LatentModel(found.response_basis, found.parameters, found.errors, NOISE, trusted=True)
+    share = found.texture_share
+    predict = LatentModel(found.response_basis, found.parameters, found.errors, NOISE, share, trusted=True)
     weight = np.where(seen.group % 2, 0.0, 1.0)
     without, all_weighted = (predict(seen, np.zeros(len(seen)), each) for each in (weight, np.ones(len(seen))))
     np.testing.assert_array_equal(without.studentised, all_weighted.studentised)
@@ -88,3 +90,13 @@ def test_without_texture_nothing_changes():
     seen = textured(0.0, TOE_AND_SHOULDER)
     unknown = error(replace(seen, grey_variance=np.zeros(len(seen))), TOE_AND_SHOULDER)
     assert error(seen, TOE_AND_SHOULDER) == pytest.approx(unknown, abs=2e-4)
+
+
+def test_variance_that_is_no_texture_is_left_alone():
+    """Variance proportional to the light at untextured points, as after sharpening, triggers no correction."""
+    seen = textured(0.0, TOE_AND_SHOULDER)
+    share = np.repeat(0.1 * np.random.default_rng(4).random(len(seen.starts)) ** 2, 2)
+    false = replace(seen, grey_variance=seen.grey_variance + share * seen.grey**2)
+    estimator = MaximumLikelihoodEstimator(ResponseBasis(32), VignetteBasis(0), NOISE)
+    assert estimator.fit(false, ROUNDS).texture_share < 0.1
+    assert error(false, TOE_AND_SHOULDER) == pytest.approx(error(seen, TOE_AND_SHOULDER), abs=2e-4)

@@ -55,6 +55,8 @@ class Fit(Model):
         Number of scene points with at least one observation of non-zero weight, and number of groups of observations.
     pixel_noise
         Noise of the single pixels averaged in an observation; None if unknown.
+    texture_share
+        Share of the texture shift indicated by the observations.
     measured_radius
         Distance of the last observations from the centre of the vignette, in half diagonals.
     effect_estimates
@@ -69,6 +71,7 @@ class Fit(Model):
     points: int
     groups: int
     pixel_noise: NoiseModel | None = None
+    texture_share: float = 0.0
     measured_radius: float = 1.0
     effect_estimates: tuple[EffectEstimate, ...] = ()
 
@@ -109,7 +112,7 @@ class Fit(Model):
             return observations.grey
         index = self.response_basis.index_of(observations.grey)
         shifts = self._pixel_means.at(observations, index)
-        by_texture = self._pixel_means.by_texture(shifts.texture, index)
+        by_texture = self._pixel_means.by_texture(self.texture_share * shifts.texture, index)
         return np.asarray(observations.grey - shifts.increase_by_noise + by_texture)
 
     @cached_property

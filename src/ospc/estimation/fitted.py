@@ -50,4 +50,6 @@ class Fitted:
     @cached_property
     def _predict(self) -> LatentModel:
         fit = self.fit
-        return LatentModel(fit.response_basis, fit.response_parameters, fit.errors, self.noise, trusted=True)
+        return LatentModel(
+            fit.response_basis, fit.response_parameters, fit.errors, self.noise, fit.texture_share, trusted=True
+        )

@@ -9,7 +9,7 @@ maximum likelihood with latent irradiance.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -48,6 +48,9 @@ class Latent:
         h at the measured grey level, linearised at the predicted one.
     precision, weight
         Inverse variance of h, and robust weight; 1 if all observations of a point have none.
+    texture
+        Reduction of h by texture if all of the measured variance is texture, with the same variance over squared grey
+        level for all observations of a point.
     log_exposure
         ln of the effective exposure: the stated one plus the latent gain of the frame.
     offset
@@ -63,6 +66,7 @@ class Latent:
     linear_log: FloatArray
     precision: FloatArray
     weight: FloatArray
+    texture: FloatArray
     log_exposure: FloatArray
     offset: FloatArray
     total: FloatArray
@@ -118,6 +122,8 @@ class LatentModel:
     noise
         Noise of the single pixels averaged in an observation; because it is clipped, it shifts the mean near black
         and white. None if an observation is a single pixel, whose noise the error model describes.
+    texture_share
+        Share of the texture shift that is corrected.
     trusted
         Whether the model is good enough to predict grey levels; otherwise it is linearised at the measured ones.
     """
@@ -126,6 +132,7 @@ class LatentModel:
     coefficients: FloatArray
     errors: ErrorModel
     noise: NoiseModel | None
+    texture_share: float
     trusted: bool
 
     def __call__(self, observations: ExposedObservations, log_gain: FloatArray, weight: FloatArray) -> Latent:
@@ -148,7 +155,7 @@ class LatentModel:
             # One Newton step: looking up all values in the table takes five times as long.
             grey = latent.grey + (expected_log - self.log_response[latent.index]) / latent.log_response_slope
             latent = self._linearised(observations, grey, latent.log_exposure, log_gain, weight)
-        return latent
+        return self._with_texture(observations, latent) if self.trusted else latent
 
     def unclipped(self, observations: ExposedObservations, latent: Latent) -> BoolArray:
         """Return where the noise of single pixels hardly reaches black or white, given the predicted grey level.
@@ -158,6 +165,13 @@ class LatentModel:
         shifts = self._pixel_means.at(observations, latent.index)
         reach = CLEAR_OF_ENDS_SIGMAS * np.sqrt(shifts.variance_of_noise)
         return np.asarray((latent.grey + reach < 1.0) & (latent.grey > np.minimum(reach, MAX_DARK_CLEARANCE)))
+
+    def _with_texture(self, observations: ExposedObservations, latent: Latent) -> Latent:
+        """Return the observations with their reduction by texture, which only the linear system needs."""
+        means = self._pixel_means
+        texture = means.at(observations, latent.index).texture
+        equal_texture = weighted_means(texture, np.ones(len(texture)), observations)[1]
+        return replace(latent, texture=latent.log_response_slope * means.by_texture(equal_texture, latent.index))
 
     def _log_gain_of_frames(self, observations: ExposedObservations, latent: Latent) -> FloatArray:
         """Return the latent gain of each observation's frame, shape (n,)."""
@@ -225,13 +239,14 @@ class LatentModel:
         if self.trusted:
             # Noise and texture shift the mean of pixels away from the grey level of their mean irradiance.
             shifts = self._pixel_means.at(observations, index)
-            excess = excess - shifts.increase_by_noise + self._pixel_means.by_texture(shifts.texture, index)
-            variance = variance + shifts.error_variance
+            by_texture = self.texture_share * self._pixel_means.by_texture(shifts.texture, index)
+            excess = excess - shifts.increase_by_noise + by_texture
+            variance = variance + self.texture_share**2 * shifts.error_variance
         linear_log = self.log_response[index] + slope * excess
-        precision, offset = 1 / (variance * slope**2), log_exposure + log_gain
+        precision, offset, zero = 1 / (variance * slope**2), log_exposure + log_gain, np.zeros(len(level))
         total, mean = weighted_means(linear_log - offset, weight * precision, observations)
         return Latent(
-            index, level, slope, irradiance, linear_log, precision, weight, log_exposure, offset, total, mean
+            index, level, slope, irradiance, linear_log, precision, weight, zero, log_exposure, offset, total, mean
         )
 
 

@@ -28,19 +28,24 @@ from ospc.library_threads import one_blas_thread
 from ospc.observations import ExposedObservations
 from ospc.photometry.noise import NoiseModel
 from ospc.settings.error_model import CONVEX_ROUNDS
-from ospc.settings.fit import MIN_BLOCKS, SETTLED_SIGMAS
+from ospc.settings.fit import (
+    MIN_BLOCKS,
+    SETTLED_SIGMAS,
+    TEXTURE_SHARE_INFORMATION,
+)
 
 
 @dataclass(frozen=True)
 class _Estimate:
     """What each round of a fit improves.
 
-    These are the parameters of the model, the error model, the hyperparameters of the prior, the robust weights, the
-    index of each predicted grey level, and the sandwich factor of the weights.
+    These are the parameters of the model, the error model, the corrected share of the texture, the hyperparameters of
+    the prior, the robust weights, the index of each predicted grey level, and the sandwich factor of the weights.
     """
 
     parameters: FloatArray
     errors: ErrorModel
+    texture_share: float
     hyperparameters: PriorHyperparameters
     weight: FloatArray
     index: IntArray
@@ -105,10 +110,11 @@ class MaximumLikelihoodEstimator:
                 self.model.split(present.parameters)[0],
                 present.errors,
                 self.noise,
+                present.texture_share,
                 trusted,
             )
             system, present = self._linearised(observations, present, predict, convex=convex)
-            solution = self._solved(system, present)
+            solution = self._solved(system, present, trusted=trusted)
             present = solution.estimate
             settled = number > 1 and solution.squared_sigmas < SETTLED_SIGMAS**2 * len(present.parameters)
             if settled or number == rounds:
@@ -120,8 +126,9 @@ class MaximumLikelihoodEstimator:
     def _beginning(self, observations: ExposedObservations, start: Fit | None) -> _Estimate:
         index, weight = self.response_basis.index_of(observations.grey), np.ones(len(observations))
         if start is None:
-            return _Estimate(self.model.typical, ErrorModel(), START, weight, index)
-        return _Estimate(self.parameters_of(start), start.errors, start.hyperparameters, weight, index)
+            return _Estimate(self.model.typical, ErrorModel(), 0.0, START, weight, index)
+        about = self.parameters_of(start)
+        return _Estimate(about, start.errors, start.texture_share, start.hyperparameters, weight, index)
 
     def _linearised(
         self, observations: ExposedObservations, present: _Estimate, predict: LatentModel, *, convex: bool
@@ -147,18 +154,29 @@ class MaximumLikelihoodEstimator:
         weighted = replace(present, errors=errors, weight=weight, sandwich_factor=sandwich_factor, index=latent.index)
         return system, weighted
 
-    def _solved(self, system: LinearSystem, present: _Estimate) -> _Solution:
-        """Solve the system with the prior that the data choose."""
-        model = self.model
+    def _solved(self, system: LinearSystem, present: _Estimate, *, trusted: bool) -> _Solution:
+        """Solve the system with the prior that the data choose; unless ``trusted``, keep the share of texture."""
+        model, texture_share = self.model, present.texture_share
         prior = model.prior(system.about)
         before = prior.precision(present.hyperparameters)
-        equations = system.equations(before, present.sandwich_factor)
+        with_share = system.equations(before, present.sandwich_factor)
+        equations = with_share.part(np.arange(len(system.about))).scaled(before, present.sandwich_factor)
+        if trusted:
+            in_units = before / equations.information_scale
+            change = with_share.last_fitted(in_units, prior.mean, TEXTURE_SHARE_INFORMATION, 1 - texture_share)
+            texture_share = float(np.clip(texture_share + change, 0.0, 1.0))
         hyperparameters = equations.maximize_evidence(prior, present.hyperparameters)
         parameters = model.limited(equations.solve(prior, hyperparameters, model.floor), system.about)
         moved, errors = parameters - system.about, present.errors
         if system.has_gains:
             errors = replace(errors, gain_variances=system.gains(parameters).refitted_variances)
-        found = replace(present, parameters=parameters, errors=errors, hyperparameters=hyperparameters)
+        found = replace(
+            present,
+            parameters=parameters,
+            errors=errors,
+            texture_share=texture_share,
+            hyperparameters=hyperparameters,
+        )
         precision = equations.posterior_precision(prior, hyperparameters)
         return _Solution(found, equations, prior, before, precision, float(moved @ precision @ moved))
 
@@ -192,6 +210,7 @@ class MaximumLikelihoodEstimator:
             points=int(np.count_nonzero(observations.combined(np.add, found.weight))),
             groups=groups,
             pixel_noise=predict.pixel_noise,
+            texture_share=found.texture_share,
             measured_radius=measured_radius(observations, centre),
         )
 
@@ -204,7 +223,8 @@ class MaximumLikelihoodEstimator:
         with one_blas_thread():
             system, sandwich_factor = self._system(fitted, about)
             precision = self.model.prior(about).precision(fitted.fit.hyperparameters)
-            return system.equations(precision, sandwich_factor)
+            equations = system.equations(precision, sandwich_factor)
+            return equations.part(np.arange(len(about))).scaled(precision, sandwich_factor)
 
     def significant_gain_variances(self, fitted: Fitted) -> tuple[float, ...]:
         """Return the variances of latent gains that pairs of frames show beyond chance, given a fit of this model."""

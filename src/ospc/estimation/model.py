@@ -124,21 +124,26 @@ class LinearSystem:
     gain_variances: tuple[float, ...] = ()
 
     def equations(self, prior_precision: FloatArray, sandwich_factor: float) -> NormalEquations:
-        """Return the scaled normal equations, given the precision of the prior, shape (p, p)."""
-        sums = self._sums
-        if self.has_gains:
-            sums = sums.within.plus(self._means(self.about, prior_precision, sandwich_factor))
-        return sums.equations().scaled(prior_precision, sandwich_factor)
+        """Return the normal equations of the parameters and, last, of a change of the texture share.
+
+        The precision of the prior, shape (p, p), and the sandwich factor are only used with latent gains, to scale
+        the weights.
+        """
+        if not self.has_gains:
+            return self._sums.equations()
+        means = self._means(self.about, prior_precision, sandwich_factor)
+        return self._sums.within.plus(means).equations()
 
     def _means(self, parameters: FloatArray, prior_precision: FloatArray, sandwich_factor: float) -> GroupSums:
         """Return the sums of the pairs' means about parameters of shape (p,), with gains in their precision."""
         scale = self._scale_within(self._sums, prior_precision, sandwich_factor)
         whiten = partial(self.gains(parameters).whitened, scale=scale)
-        return self._sums.means(whiten, parameters)
+        return self._sums.means(whiten, np.append(parameters, 0.0))
 
     def _scale_within(self, sums: GroupSums, prior_precision: FloatArray, sandwich_factor: float) -> float:
         """Return the information scale within pairs."""
-        return sums.within.equations().scaled(prior_precision, sandwich_factor).information_scale
+        within = sums.within.equations().part(np.arange(len(self.about)))
+        return within.scaled(prior_precision, sandwich_factor).information_scale
 
     @property
     def has_gains(self) -> bool:
@@ -147,7 +152,7 @@ class LinearSystem:
 
     def gains(self, parameters: FloatArray) -> FrameGains:
         """Return the frame gains for parameters of shape (p,)."""
-        means = PairMeans(self._sums.mean_misfit(parameters), self._sums.by_chance)
+        means = PairMeans(self._sums.mean_misfit(np.append(parameters, 0.0)), self._sums.by_chance)
         return FrameGains(PairEnds.of(self.observations), means, self.gain_variances)
 
     def significant_gain_variances(
@@ -180,7 +185,7 @@ class LinearSystem:
 
     def _summed(self, *, with_rows: bool) -> GroupSums:
         """Return the sums; those of rows are slow and only needed for gains."""
-        about, number = self.about, self.observations.group_number
+        about, number = np.append(self.about, 0.0), self.observations.group_number
         p, groups = len(about), int(number.max()) + 1
         matrix, vector = np.zeros((p, p)), np.zeros(p)
         precision, misfit, scores = np.zeros(groups), np.zeros(groups), np.zeros((groups, p))
@@ -219,11 +224,12 @@ class LinearSystem:
         sides = np.repeat(_halves(shown), self.observations.counts, axis=1)
         scores = np.zeros((len(sides), len(parameters)))
         if self.has_gains:  # the mean of a pair has its own weight and belongs entirely to one half
-            row_of_pair, misfit_of_pair = self._sums.mean_rows, self.gains(parameters).means.mean
+            row_of_pair, misfit_of_pair = self._sums.mean_rows[:, :-1], self.gains(parameters).means.mean
             means = self._means(parameters, prior_precision, sandwich_factor)
-            scores += self._sides_of_pairs(sides) @ means.scores
+            scores += self._sides_of_pairs(sides) @ means.scores[:, :-1]
         for part in _chunks(self.observations):
             rows, target, factor, member = self._free_of_radiance(part)
+            rows = rows[:, :-1]
             misfit = target - rows @ parameters
             if self.has_gains:
                 number = self.observations.group_number[part][member]
@@ -245,7 +251,7 @@ class LinearSystem:
             # After subtracting the weighted mean, both observations give the same equation: keep the difference.
             both = factor[0::2] + factor[1::2]
             factor = factor[0::2] * factor[1::2] / np.maximum(both, 1e-300)
-            rows, ends = np.empty((len(factor), len(self.about))), np.cumsum([each.shape[1] for each in columns])
+            rows, ends = np.empty((len(factor), len(self.about) + 1)), np.cumsum([each.shape[1] for each in columns])
             for each, own in zip(columns, np.split(rows, ends[:-1], axis=1), strict=True):
                 np.subtract(each[0::2], each[1::2], out=own)
             return rows, target[0::2] - target[1::2], factor, slice(0, None, 2)
@@ -254,7 +260,7 @@ class LinearSystem:
         return rows - mean[:, :-1], target - mean[:, -1], factor, slice(None)
 
     def _columns(self, observed: ExposedObservations, part: slice) -> tuple[list[FloatArray], FloatArray]:
-        """Return the blocks of columns of the parameters, and the right-hand sides."""
+        """Return the blocks of columns, for all parameters and the texture share, and the right-hand sides."""
         model, index = self.model, self.latent.index[part]
         _, vignette, values = model.split(self.about)
         jacobian = model.vignette_basis.jacobian(vignette, observed.position)
@@ -270,7 +276,7 @@ class LinearSystem:
             slopes = model.effects.jacobian(values, terms)
             columns.append(-slopes)
             target = target + model.effects.log_gain(values, terms) - slopes @ values
-        return columns, target
+        return [*columns, self.latent.texture[part, None]], target
 
 
 def _halves(observations: ExposedObservations) -> FloatArray:

@@ -63,6 +63,18 @@ class NormalEquations:
         vector = self.vector[:n] - carried.T @ self.vector[n:]
         return replace(self, matrix=matrix, vector=vector, scatter=self.scatter[:n, :n])
 
+    def last_fitted(self, precision: FloatArray, mean: FloatArray, own_precision: float, own_mean: float) -> float:
+        """Return the last parameter, fitted jointly with all others.
+
+        The others have a prior with the given precision, shape (p − 1, p − 1), and mean, (p − 1,); the last one has
+        its own. Precisions are in units of :attr:`matrix`.
+        """
+        column = self.matrix[:-1, -1]
+        carried = np.linalg.solve(self.matrix[:-1, :-1] + precision, column)
+        seen = self.matrix[-1, -1] - column @ carried
+        value = self.vector[-1] - carried @ (self.vector[:-1] + precision @ mean)
+        return float((value + own_precision * own_mean) / (seen + own_precision))
+
     def scaled(self, prior_precision: FloatArray, sandwich_factor: float) -> NormalEquations:
         """Return the equations with the information scale that follows from the scatter between groups.
 

@@ -101,6 +101,7 @@ RULES: Mapping[type, Mapping[str, Numbers | str]] = {
     noise_estimation.NoiseEstimator: {"_found _frames _waiting": ELSEWHERE},
     Fit: {
         "effect_estimates parameters covariance chance": ELSEWHERE,
+        "texture_share": UNIT,
         "measured_radius": Numbers(0, 3),
     },
     GreyRange: {"black white": UNIT},
