@@ -35,7 +35,9 @@ class Fitted:
         del first  # it takes as much memory as the observations
         # Repeat with radiances no longer biased by outliers.
         latent = self._predict(self.observations, log_gain, weight)
-        return latent, *redescending_weights(latent.studentised, self._predict.unclipped(self.observations, latent))
+        unclipped = self._predict.unclipped(self.observations, latent)
+        weight, sandwich_factor = redescending_weights(latent.studentised, unclipped)
+        return latent, weight, sandwich_factor / self.observations.error_factor
 
     @cached_property
     def unclipped(self) -> BoolArray:

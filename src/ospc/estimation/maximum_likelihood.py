@@ -143,6 +143,7 @@ class MaximumLikelihoodEstimator:
             weight = unclipped.astype(np.float64)
             if not convex:
                 weight, sandwich_factor = redescending_weights(latent.studentised, unclipped)
+                sandwich_factor /= observations.error_factor
             errors = errors.refitted(
                 latent.residual**2 / latent.one_minus_leverage / latent.log_response_slope**2,
                 latent.grey,
