@@ -63,8 +63,8 @@ class Observations(ByValue):
         irradiance of the frame. Zero if unknown; veiling glare is then not detected.
     surround_moments
         Sums of 1, M … M⁵ and of saturated pixels around the position, shape (n, 7), with Gaussian weights whose
-        standard deviation is 0.16 half diagonals; pixels outside the frame count as zero. Zero if unknown; locally
-        scattered light and local tone mapping are then not detected.
+        standard deviation is a tenth of the longer side; pixels outside the frame count as zero. Zero if unknown;
+        locally scattered light and local tone mapping are then not detected.
     frame
         Number of the frame, shape (n,).
     point

@@ -266,6 +266,6 @@ def _surround_moments(small: npt.NDArray[np.uint8], brightest: float) -> Float32
     white = (small > 255 * brightest).astype(np.float32)
     white = cv2.resize(white, size, interpolation=cv2.INTER_AREA)
     powers = np.stack([*(coarse**power for power in range(1 + GREY_POWERS)), white], axis=-1)
-    sigma = SURROUND_SIGMA * float(np.hypot(*size)) / 2
+    sigma = SURROUND_SIGMA * max(size)
     # Light from beyond the frame is unknown and is not counted.
     return np.asarray(cv2.GaussianBlur(powers, (0, 0), sigma, borderType=cv2.BORDER_CONSTANT))
