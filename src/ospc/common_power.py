@@ -24,12 +24,13 @@ def common_power(before: Calibration, after: Calibration) -> float | None:
     """
     if before.response is None or after.response is None or before.vignette is None or after.vignette is None:
         return None
+    if before.vignette_sigma is None or after.vignette_sigma is None:
+        return None
     of_response, misfit = _power(*_log_responses(before.response, after.response))
-    earlier, later = (np.log(diagonal_profile(one, PROFILE_RADII)) for one in (before.vignette, after.vignette))
-    of_vignette, _ = _power(earlier, later)
-    sigma = (_log_sigma_at_edge(before) + _log_sigma_at_edge(after)) / max(
-        abs(float(earlier[-1])), np.finfo(float).tiny
-    )
+    earlier, later = (diagonal_profile(one, PROFILE_RADII) for one in (before.vignette, after.vignette))
+    of_vignette, _ = _power(np.log(earlier), np.log(later))
+    log_sigma = before.vignette_sigma[-1] / earlier[-1] + after.vignette_sigma[-1] / later[-1]
+    sigma = log_sigma / max(abs(np.log(earlier[-1])), np.finfo(np.float64).tiny)
     alike = abs(of_response - of_vignette) < COMMON_POWER_TOLERANCE + COMMON_POWER_SIGMAS * sigma
     clear = of_vignette > 0 and abs(np.log(of_vignette)) > MIN_COMMON_POWER_LOG + COMMON_POWER_SIGMAS * sigma
     return of_response if alike and clear and misfit < COMMON_POWER_TOLERANCE else None
@@ -50,10 +51,3 @@ def _power(before: FloatArray, after: FloatArray) -> tuple[float, float]:
     power = float(before @ after) / squared if squared > 0 else 0.0
     left = after - power * before
     return power, float(np.sqrt(left @ left / max(float(after @ after), np.finfo(np.float64).tiny)))
-
-
-def _log_sigma_at_edge(calibration: Calibration) -> float:
-    """Return the standard deviation of ln V at the outermost radius."""
-    if calibration.vignette is None or calibration.vignette_sigma is None:
-        return np.inf
-    return float(calibration.vignette_sigma[-1] / diagonal_profile(calibration.vignette, PROFILE_RADII)[-1])

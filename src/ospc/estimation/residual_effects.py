@@ -160,7 +160,8 @@ def _excess(
     slopes = [one for one in (_slope(covariate[pair], change[pair]) for pair in pairs) if one is not None]
     if len(slopes) < UNSTEADY_FEWEST_PAIRS:
         return 0.0, len(slopes)
-    slope, sigma = np.array(slopes).T * [[1.0], [error_factor]]
+    slope, by_scatter = np.array(slopes).T
+    sigma = error_factor * by_scatter
     if robust_scale(slope / sigma) < UNSTEADY_SIGMAS:
         return 0.0, len(slopes)
     return float(np.sqrt(max(robust_scale(slope) ** 2 - float(np.median(sigma)) ** 2, 0.0))), len(slopes)

@@ -224,7 +224,8 @@ class ChangeDetector:
         A suspicion may begin with outliers by chance, or when scene points first move enough to show the change.
         """
         assert self.reference is not None
-        exposed = observed.with_exposures(exposures).stretched(self.grey_range)
+        earlier = observed.of_points(observed.frame[observed.starts] < change.frame)  # later pairs were judged
+        exposed = earlier.with_exposures(exposures).stretched(self.grey_range)
         pairs = [*errors_of_pairs(exposed, self.reference), *self.pairs]
         return replace(change, frame=first_changed_frame(pairs, self.reference, exposures, change.frame))
 

@@ -169,8 +169,10 @@ class MaximumLikelihoodMethod(Method):
         if change.part == "exposures" or before.fit is None:
             return change
         proven = self._changes.prove_again(change, before.fit, before.grey_range, exposures)
+        if proven is None:
+            return None
         observed = self._reservoir.since(self._changes.first_searched(change))[0].kept
-        return proven if proven is None or observed is None else self._changes.located(proven, observed, exposures)
+        return proven if observed is None else self._changes.located(proven, observed, exposures)
 
     def end_threads(self) -> None:
         """End the second thread; the next frame starts it again."""

@@ -116,9 +116,10 @@ def in_order_of_numbers(
 
     The order of the rows is kept if they have time stamps, or if names differ in more than their numbers.
     """
+    if table.stamped or len({re.sub(r"\d+", "0", name) for name in names}) > 1:
+        return table, names, ()
     order = sorted(range(len(names)), key=lambda i: by_name(names[i]))
-    numbered = len({re.sub(r"\d+", "0", name) for name in names}) == 1
-    if table.stamped or not numbered or order == list(range(len(names))):
+    if order == list(range(len(names))):
         return table, names, ()
     note = f"{table.source}: is in another order than the images' numbers; frames are in the order of the numbers"
     ids = tuple(table.ids[i] for i in order) if table.ids else ()
