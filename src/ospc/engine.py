@@ -65,6 +65,8 @@ class Engine:
     correct_lag
         What to do if exposures are recorded with the wrong frames: correct the lag if it is certain (``"auto"``),
         never correct it (``"never"``), or correct it by this many frames, positive if exposures are late.
+    prior
+        An earlier calibration of the camera. It is used as a prior as long as it agrees with the frames.
 
     Attributes
     ----------
@@ -73,8 +75,7 @@ class Engine:
     saved_by
         Versions of the software that saved the loaded state; empty for a new calibrator.
     prior
-        An earlier calibration of the camera, or None. It is used as a prior as long as it agrees with the frames.
-        It is not saved in states.
+        As in the parameters, or None. It is not saved in states.
     pixels
         Grey value statistics of the frames processed in this epoch. Each frame changes them; do not read them while
         another thread pushes.
@@ -82,7 +83,13 @@ class Engine:
         Predicts which frames will be needed, and keeps those that another thread preprocessed ahead of time.
     """
 
-    def __init__(self, settings: Settings | str = "default", *, correct_lag: LagChoice = "auto") -> None:
+    def __init__(
+        self,
+        settings: Settings | str = "default",
+        *,
+        correct_lag: LagChoice = "auto",
+        prior: PriorCalibration | None = None,
+    ) -> None:
         self.settings = preset(settings) if isinstance(settings, str) else settings
         if not hasattr(self.settings, "sampler"):
             raise SettingError(
@@ -91,7 +98,7 @@ class Engine:
             )
         self.source: dict[str, Any] = {}
         self.saved_by: dict[str, Any] = {}
-        self.prior: PriorCalibration | None = None
+        self.prior = prior
         self.pixels = PixelStatistics()
         self._lock = RLock()
         self._exposures = ExposureMonitor(correct_lag)

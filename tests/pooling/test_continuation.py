@@ -179,8 +179,7 @@ def test_contradicting_recordings_are_refused_as_a_start(tmp_path):
 
 
 def test_a_calibrator_starts_from_what_was_known(yesterday):
-    calibrator = OnlineCalibrator()
-    calibrator.prior = PriorCalibration.open(yesterday)
+    calibrator = OnlineCalibrator(prior=PriorCalibration.open(yesterday))
     calibrator.push(Frame.of_array(np.full(SIZE[::-1], 90, np.uint8), 5.0))
     found = calibrator.calibration()
     # A single frame cannot show whether its exposure belongs to it.
@@ -211,8 +210,7 @@ def test_a_contradiction_by_new_frames_counts_despite_earlier_ones(yesterday):
 
 
 def test_a_warning_about_the_exposures_counts_however_much_was_known(yesterday, monkeypatch):
-    calibrator = OnlineCalibrator()
-    calibrator.prior = PriorCalibration.open(yesterday)
+    calibrator = OnlineCalibrator(prior=PriorCalibration.open(yesterday))
     calibrator.push(Frame.of_array(np.full(SIZE[::-1], 90, np.uint8), 5.0))
     stale = replace(calibrator.exposure_findings(), warnings=("the metadata are stale",))
     monkeypatch.setattr(engine, "checked_by_fit", lambda _method, table, *_, **__: (table, stale))
@@ -232,8 +230,7 @@ def test_an_earlier_calibration_of_another_range_of_grey_values_is_not_used_and_
 
 
 def test_frames_of_another_size_are_refused(yesterday):
-    calibrator = OnlineCalibrator()
-    calibrator.prior = PriorCalibration.open(yesterday)
+    calibrator = OnlineCalibrator(prior=PriorCalibration.open(yesterday))
     calibrator.push(Frame.of_array(np.zeros((48, 64), np.uint8), 5.0))
     with pytest.raises(SettingError, match="is for 640×480 pixels, but the frames have 64×48"):
         calibrator.calibration()

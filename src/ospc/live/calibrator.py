@@ -83,8 +83,8 @@ class LiveCalibrator(AbstractContextManager["LiveCalibrator"]):
         goal: float = GOAL,
         source: dict[str, Any] | None = None,
     ) -> None:
-        self._engine = OnlineCalibrator(settings, correct_lag=correct_lag)
-        self._engine.prior, self._engine.source = prior, source or {}
+        self._engine = OnlineCalibrator(settings, correct_lag=correct_lag, prior=prior)
+        self._engine.source = source or {}
         if not self._engine.settings.real_time:
             raise SettingError(f"preset {self._engine.settings.name} cannot keep up with a camera; use the default")
         if not goal > 0:
