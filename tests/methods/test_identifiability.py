@@ -92,6 +92,18 @@ def test_more_motion_is_only_asked_for_if_there_was_less(reach, asks):
     assert verdict.remedy
 
 
+@pytest.mark.parametrize(("usable", "needed"), [(1.0, 0.06), (0.7, 0.042)])
+def test_motion_counts_relative_to_the_usable_image(usable, needed):
+    fit = replace(FIT, vignette_basis=replace(FIT.vignette_basis, usable_radius=usable))
+    few, enough = (
+        vignette_verdict(DefaultSettings(), fit, times * needed, False, 0.0, size=INPUTS.size)
+        for times in (0.95, 1.05)
+    )
+    assert few.state == "not identifiable"
+    assert few.reason.endswith(f"({needed:g} is needed)")
+    assert enough.state == "identifiable"
+
+
 def test_missing_changes_of_exposure_are_the_reason_however_uncertain_the_response():
     verdict = response(times=3.0, unexplained=0.2)
     assert verdict.state == "not identifiable"

@@ -218,7 +218,8 @@ class DefaultSettings:
     min_log_exposure_change
         Minimum ln ratio between the longest and the shortest exposure for estimating a response.
     min_radial_reach
-        Minimum radial displacement, in half diagonals, of the scene points for estimating a vignette.
+        Minimum radial displacement of the scene points for estimating a vignette, in radii of the usable image: half
+        diagonals, or less inside the image circle of a fisheye.
     """
 
     frames_per_slowdown: int = 60
