@@ -105,7 +105,7 @@ class SceneArea:
         if self.allowed is not None:
             visible &= self.allowed
         if (surround := self.surround()) is not None:
-            visible &= ~surround  # its edge is fixed as well
+            visible &= ~_widened(surround, OVERLAY_LINE_PX)  # close to its edge, every pixel deviates from it
         agreement = np.abs(self.fine[visible]) / self.contrast[visible]
         if not agreement.size or np.median(agreement) > MAX_SCENE_AGREEMENT:
             return None
