@@ -28,9 +28,7 @@ def response(*, times, unexplained=0.0, contradictions=()):
 
 
 def vignette(*, reach, standing_still=False, contradictions=()):
-    return vignette_verdict(
-        DefaultSettings(), UNCERTAIN, reach, standing_still, 0.0, size=INPUTS.size, contradictions=contradictions
-    )
+    return vignette_verdict(UNCERTAIN, reach, standing_still, 0.0, size=INPUTS.size, contradictions=contradictions)
 
 
 @pytest.mark.parametrize("covariance", [1.0, 1e4])
@@ -53,7 +51,7 @@ def test_an_uncertain_corner_alone_leaves_a_vignette_marginal_if_the_corner_is_d
     last[fit.vignette_part.start + 13 : fit.vignette_part.start + 16] = 1.0  # the knots from a radius of 0.99
     sigma = fit.vignette_basis.jacobian(fit.vignette_parameters, np.array([[0.8, 0.6]]))[0, 13:16].sum()
     fit = replace(fit, covariance=fit.covariance + np.outer(last, last) * (0.3 / sigma) ** 2)
-    verdict = vignette_verdict(DefaultSettings(), fit, 0.3, False, 0.0, size=INPUTS.size)
+    verdict = vignette_verdict(fit, 0.3, False, 0.0, size=INPUTS.size)
     assert "±30% (1σ)," in verdict.reason
     assert verdict.state == state
 
@@ -90,18 +88,6 @@ def test_more_motion_is_only_asked_for_if_there_was_less(reach, asks):
     assert verdict.state == "not identifiable"
     assert ("by a fifth of the half diagonal or more" in verdict.remedy) is asks
     assert verdict.remedy
-
-
-@pytest.mark.parametrize(("usable", "needed"), [(1.0, 0.06), (0.7, 0.042)])
-def test_motion_counts_relative_to_the_usable_image(usable, needed):
-    fit = replace(FIT, vignette_basis=replace(FIT.vignette_basis, usable_radius=usable))
-    few, enough = (
-        vignette_verdict(DefaultSettings(), fit, times * needed, False, 0.0, size=INPUTS.size)
-        for times in (0.95, 1.05)
-    )
-    assert few.state == "not identifiable"
-    assert few.reason.endswith(f"({needed:g} is needed)")
-    assert enough.state == "identifiable"
 
 
 def test_missing_changes_of_exposure_are_the_reason_however_uncertain_the_response():

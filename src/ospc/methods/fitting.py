@@ -17,7 +17,7 @@ from ospc.estimation.fitted import Fitted
 from ospc.exposures.table import ExposureTable
 from ospc.methods.exposure_ratios import exposure_ratios
 from ospc.methods.fit_inputs import FitInputs
-from ospc.methods.identifiability import unexplained_share
+from ospc.methods.identifiability import unexplained_share, vignette_verdict
 from ospc.methods.result import calibration_of
 from ospc.observations import ExposedObservations, Observations
 from ospc.photometry.calibration import Calibration
@@ -72,7 +72,8 @@ def fit(
         If shapes do not match, values are out of range, a frame has no exposure, or the settings are not of the
         default method.
     NotObservableError
-        If there are too few scene points, their exposures hardly change, or they hardly move radially.
+        If there are too few scene points, their exposures hardly change, or (by :func:`fit` only) they move too
+        little to determine the vignette.
     ExposureError
         If the grey levels do not follow the exposures, with the probable reason: clipped points, inverse exposures,
         frame numbers off by one, or inexact exposures.
@@ -87,6 +88,8 @@ def fit(
     known, exposures = _known(settings), _exposures(observations, exposures_ms, noise)
     found = _fitted(observations.with_exposures(exposures), noise, vignette, known)
     _check_explained(exposure_ratios(found.fit, found.observations), observations, exposures)
+    if vignette:
+        _check_vignette_known(found)
     return found.fit
 
 
@@ -174,13 +177,24 @@ def _fitted(
     observations: ExposedObservations, noise: NoiseModel | None, vignette: bool, settings: DefaultSettings
 ) -> Fitted:
     """Fit the observations; NotObservableError as for :func:`fit`."""
-    _check_observable(observations, settings, vignette)
+    _check_observable(observations, settings)
     if vignette:
         reach = float(np.clip(np.linalg.norm(observations.position, axis=1).max(), MIN_USABLE_RADIUS, 1.0))
         plan = FitPlan.of_moving_camera(settings, noise, reach)
     else:
         plan = FitPlan.of_stationary_camera(settings, noise)
     return fit_with_chosen_effects(observations, plan)
+
+
+def _check_vignette_known(found: Fitted) -> None:
+    """Raise a NotObservableError if a calibration would call the vignette not identifiable."""
+    fit, reach = found.fit, found.observations.radial_reach
+    # The shape of the images is unknown, so the uncertainty is that along the diagonals of a square.
+    verdict = vignette_verdict(fit, reach, standing_still=False, unexplained=0.0, size=(2, 2))
+    if not verdict.known:
+        raise NotObservableError(
+            f"{verdict.reason}; add pairs of frames between which the camera rotates, or pass vignette=False"
+        )
 
 
 def _check_explained(ratios: ExposureRatios, observations: Observations, exposures: ExposureTable) -> None:
@@ -235,7 +249,7 @@ def _log_exposure(exposures_ms: npt.ArrayLike, observations: Observations) -> Fl
     return np.log(values)
 
 
-def _check_observable(observations: ExposedObservations, settings: DefaultSettings, vignette: bool) -> None:
+def _check_observable(observations: ExposedObservations, settings: DefaultSettings) -> None:
     points = len(observations.starts)
     if points < settings.min_points:
         raise NotObservableError(
@@ -245,10 +259,4 @@ def _check_observable(observations: ExposedObservations, settings: DefaultSettin
         raise NotObservableError(
             f"fewer than {settings.min_points} of {counted(points, 'scene point')} were seen at different exposures, "
             "so the response cannot be determined; add pairs of frames with different exposures"
-        )
-    if vignette and observations.radial_reach < settings.min_radial_reach:
-        raise NotObservableError(
-            f"scene points move radially by {observations.radial_reach:.3f} of the half diagonal "
-            f"({settings.min_radial_reach:g} is needed for the vignette); add pairs of frames between which the "
-            "camera rotates, or pass vignette=False"
         )

@@ -121,7 +121,6 @@ def response_verdict_of_fit(
 
 
 def vignette_verdict(
-    settings: DefaultSettings,
     fit: Fit | None,
     reach: float,
     standing_still: bool,
@@ -146,17 +145,9 @@ def vignette_verdict(
         return Verdict(
             "not identifiable", "the camera is stationary: the vignette of each point never changes", _MOVE_RADIALLY
         )
-    radius = 1.0 if fit is None else fit.vignette_basis.usable_radius
-    if reach < settings.min_radial_reach * radius:
-        return Verdict(
-            "not identifiable",
-            f"scene points move radially by {reach:.3f} of the half diagonal "
-            f"({settings.min_radial_reach * radius:.2g} is needed)",
-            _MOVE_RADIALLY,
-        )
     if fit is None or unexplained > CONTRADICTING_UNEXPLAINED_SHARE:
         return Verdict("not identifiable", "without a response there is no irradiance to compare", "")
-    errors = fit.vignette_errors(size)
+    errors, radius = fit.vignette_errors(size), fit.vignette_basis.usable_radius
     error, sigma = errors.bound(radius), errors.worst_log_sigma(radius)
     where = "at the corner" if radius >= 1 else f"at the edge of the usable image ({radius:.2f} half diagonals)"
     figure = (

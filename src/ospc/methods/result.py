@@ -29,7 +29,6 @@ def calibration_of(inputs: FitInputs, settings: DefaultSettings) -> Calibration:
     verdicts = {
         "response": response_verdict(settings, fit, observations, unexplained, contradictions),
         "vignette": vignette_verdict(
-            settings,
             fit,
             reach,
             inputs.standing_still,

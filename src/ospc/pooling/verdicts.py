@@ -14,7 +14,6 @@ from ospc.methods.identifiability import response_verdict_of_fit, vignette_verdi
 from ospc.photometry.verdict import Verdict
 from ospc.pooling.agreement import Agreement, Part
 from ospc.pooling.summary import Summary, joint_range
-from ospc.settings import DefaultSettings
 
 _NEEDED: dict[Part, tuple[Part, ...]] = {"response": ("response",), "vignette": ("response", "vignette")}
 """Parts on which recordings must agree to determine each part: a recording of another response is left out."""
@@ -36,7 +35,7 @@ def vignette_verdict_of(fit: Fit, used: Sequence[Summary], size: ImageSize) -> V
     standing_still = bool(used) and all(s.standing_still for s in used)
     unexplained = float(np.median([s.unexplained for s in used])) if used else 0.0
     reach = max((s.reach for s in used), default=0.0)
-    return vignette_verdict(DefaultSettings(), fit, reach, standing_still, unexplained, size=size)
+    return vignette_verdict(fit, reach, standing_still, unexplained, size=size)
 
 
 def judged(agreed: Agreement, part: Part, verdict: Verdict, *, recordings: int, counts: bool) -> Verdict:

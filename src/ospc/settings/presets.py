@@ -217,9 +217,6 @@ class DefaultSettings:
         Minimum number of scene points for an estimate.
     min_log_exposure_change
         Minimum ln ratio between the longest and the shortest exposure for estimating a response.
-    min_radial_reach
-        Minimum radial displacement of the scene points for estimating a vignette, in radii of the usable image: half
-        diagonals, or less inside the image circle of a fisheye.
     """
 
     frames_per_slowdown: int = 60
@@ -246,7 +243,6 @@ class DefaultSettings:
     series_points: int = 1_500
     min_points: int = 200
     min_log_exposure_change: float = 0.05
-    min_radial_reach: float = 0.06
 
     name = "default"
     real_time = True
