@@ -55,9 +55,11 @@ def test_another_unit_from_some_frame_on_is_a_jump_and_no_lag(factor: float, lag
 
 
 @pytest.mark.parametrize("lag", [0, 3])
-def test_a_real_step_of_the_exposure_is_none(lag: int) -> None:
+@pytest.mark.parametrize("missing", [range(0), range(35, 42)])
+def test_a_real_step_of_the_exposure_is_none(lag: int, missing: range) -> None:
     film = Film(0.3 * wandering(FRAMES) + np.where(np.arange(FRAMES) < 40, -0.9, 0.9), lag=lag)
-    told = found(film)
+    history, log_exposure = observed(film)
+    told = assess_exposures([c for c in history.changes if c.frame0 not in missing], log_exposure)
     assert told.corrected_frames == lag
     assert told.verdict.state == "identifiable"
 

@@ -13,6 +13,7 @@ from ospc.exposures.brightness import BrightnessChange
 from ospc.robust import weighted_median
 from ospc.settings.brightness import (
     AR_ORDER,
+    GREY_BIN_EDGES,
     MAX_BIN_DEVIATION_LOG,
     MAX_BIN_DEVIATION_SHARE,
     MIN_PAIR_WEIGHT,
@@ -118,6 +119,11 @@ class BrightnessSeries:
     def bin_shares(self) -> FloatArray:
         """Weights normalised to sum to one in each pair, shape (n, bins)."""
         return np.asarray(self.weight / self.weight.sum(axis=1, keepdims=True))
+
+    @cached_property
+    def log_grey(self) -> FloatArray:
+        """Mean ln grey level of the compared points of each pair, shape (n,)."""
+        return np.asarray(self.bin_shares @ np.log(GREY_BIN_EDGES[1:] * GREY_BIN_EDGES[:-1])) / 2
 
     @cached_property
     def means(self) -> tuple[FloatArray, FloatArray]:

@@ -48,17 +48,31 @@ def wrong_exposures(series: BrightnessSeries, log_exposure: FloatArray) -> IntAr
 def unshown_steps(series: BrightnessSeries, log_exposure: FloatArray) -> IntArray:
     """Return after which frames the exposures change by a factor that no frame near them shows, in order.
 
-    The unit of the exposures probably changes there. The arguments are those of :func:`wrong_exposures`; there are
-    none if such steps are frequent, or no frame near them was compared with the next.
+    The unit of the exposures probably changes there. A change between frames that were not compared shows in the grey
+    levels before and after it. The arguments are those of :func:`wrong_exposures`; there are none if such steps are
+    frequent, or no frame near them was compared with the next.
     """
     step = np.abs(np.diff(log_exposure))
     suspects = np.flatnonzero(step > MIN_UNIT_STEP_LOG)
     if not len(suspects) or len(suspects) > MAX_WRONG_SHARE * len(series):
         return np.empty(0, np.int64)
-    change, compared = np.zeros(len(step)), np.zeros(len(step))
-    change[series.frame], compared[series.frame] = np.abs(series.means[0]), 1
-    shown = _largest_near(change, suspects)
-    return suspects[(_largest_near(compared, suspects) > 0) & (shown < MIN_SHOWN_SHARE * step[suspects])]
+    change = np.zeros(len(step))
+    change[series.frame] = np.abs(series.means[0])
+    shown = np.maximum(_largest_near(change, suspects), _change_across(series, suspects))
+    return suspects[shown < MIN_SHOWN_SHARE * step[suspects]]
+
+
+def _change_across(series: BrightnessSeries, places: IntArray) -> FloatArray:
+    """Return the change of ln grey from the last pair before each place to the first after it, whatever the lag.
+
+    It is infinite if no pair near the place was compared; zero if all were, so that none needs to be inferred.
+    """
+    before = np.searchsorted(series.frame, places - MAX_LAG) - 1
+    after = np.searchsorted(series.frame, places + MAX_LAG, side="right")
+    inside = after - before - 1
+    level = np.pad(series.log_grey, 1, mode="edge")  # a place at the end has pairs on one side only
+    change = np.abs(level[after + 1] - level[before + 1])
+    return np.where(inside == 0, np.inf, np.where(inside > 2 * MAX_LAG, 0.0, change))
 
 
 def _largest_near(values: FloatArray, places: IntArray) -> FloatArray:
