@@ -185,7 +185,7 @@ class Engine:
             compared = self._exposures.history.observe(*self.prefetcher.thumbnail(frame))
         if compared is not None:
             change = change or method.compare(compared.points, self._exposures.table)
-            change = self._detect_lag_change(change) or change
+            change = self._detect_lag_change(method, change) or change
         if change is not None:
             method = self._begin_epoch_if_confirmed(method, change)
         self._sampler.advance(method.longest_pause)
@@ -232,11 +232,12 @@ class Engine:
         if written[frame.index] != written[first]:
             raise FrameError(f"{frame.name}: repeats the previous image with another exposure, so an image was lost")
 
-    def _detect_lag_change(self, other: Change | None) -> Change | None:
+    def _detect_lag_change(self, method: Method, other: Change | None) -> Change | None:
         """Return a change of the exposure lag, which may explain another change of the camera."""
         found = self._exposures.detect_lag_change(camera_changed=other is not None)
-        if found is None:
+        if found is None or not method.agrees_with(found, self._exposures.table):
             return None
+        self._exposures.follow_lag_change(found)
         late = lag_in_words(found.later_frames)
         description = f"exposures are recorded {late} compared with earlier frames"
         return Change(found.frame, self.frames - 1, "exposures", description)

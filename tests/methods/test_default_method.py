@@ -15,6 +15,7 @@ from recorded_in_memory import recorded
 from ospc.calibrator import OnlineCalibrator
 from ospc.correspondence.frame_sampling import FrameSampler
 from ospc.evaluation.metrics import log_ratio_error, response_shape_rmse, vignette_pixel_rmse, vignette_rmse
+from ospc.exposures.lag_change import LagChange
 from ospc.exposures.used import used_exposures
 from ospc.photometry.calibration import PROFILE_RADII, Calibration
 from ospc.photometry.vignette import radial_profile
@@ -321,6 +322,17 @@ def test_the_remedy_of_a_contradiction_is_advised_first(walk, calibrated):
     result = calibrated([tone_mapped(frame) for frame in walk.frames[:QUICK_FRAMES]], QUICK)
     assert result.warnings
     assert result.advice[0].startswith("switch off local contrast")
+
+
+def test_pairs_of_frames_agree_with_a_change_of_the_lag_only_if_it_is_real(walk):
+    calibrator = OnlineCalibrator()
+    for frame in walk.frames[:80]:
+        calibrator.push(frame)
+    method, table = calibrator._method, calibrator._exposures.table
+    for later in (1, -1, 2):
+        change = LagChange(20, later, proven=True)
+        assert not method.agrees_with(change, table)
+        assert method.agrees_with(change, replace(table, lag_frames=table.lag_frames - later))
 
 
 @pytest.mark.parametrize("count", [1, 2, 5])

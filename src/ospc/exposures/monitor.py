@@ -95,9 +95,12 @@ class ExposureMonitor:
         suspected, self._suspected_lag = self._suspected_lag, 0 if found is None else found.later_frames
         if found is None or not found.proven or not (camera_changed or suspected * found.later_frames > 0):
             return None
-        if self.choice == "auto":
-            self.table.lag_frames = self._known_lag + found.later_frames
         return found
+
+    def follow_lag_change(self, change: LagChange) -> None:
+        """Move the exposures by a changed lag from now on, unless the user has chosen a lag."""
+        if self.choice == "auto" and self._known_lag is not None:
+            self.table.lag_frames = self._known_lag + change.later_frames
 
     @property
     def lag_is_uncertain(self) -> bool:

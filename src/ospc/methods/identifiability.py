@@ -145,8 +145,10 @@ def vignette_verdict(
         return Verdict(
             "not identifiable", "the camera is stationary: the vignette of each point never changes", _MOVE_RADIALLY
         )
+    moves_far = round(reach, 2) >= FAR_RADIAL_REACH  # as the reason shows it
     if fit is None or unexplained > CONTRADICTING_UNEXPLAINED_SHARE:
-        return Verdict("not identifiable", "without a response there is no irradiance to compare", "")
+        reason = "without a response there is no irradiance to compare"
+        return Verdict("not identifiable", reason, "" if moves_far else _MOVE_RADIALLY)
     errors, radius = fit.vignette_errors(size), fit.vignette_basis.usable_radius
     error, sigma = errors.bound(radius), errors.worst_log_sigma(radius)
     where = "at the corner" if radius >= 1 else f"at the edge of the usable image ({radius:.2f} half diagonals)"
@@ -154,8 +156,7 @@ def vignette_verdict(
         f"the vignette is known to within {plain(100 * error, 2)}% ({CONFIDENCE:.0%} confidence), {where} to "
         f"±{plain(100 * sigma, 2)}% (1σ), from radial motion of {reach:.2f} half diagonals"
     )
-    # The reason shows two decimals, so the remedy must not ask for what they already show.
-    remedy = _MOVE_RADIALLY if round(reach, 2) < FAR_RADIAL_REACH else _SEE_MORE_MOVING
+    remedy = _SEE_MORE_MOVING if moves_far else _MOVE_RADIALLY
     remedy = _MOVE_ACROSS if _moves_in_one_direction(fit) else remedy
     remedy = _STEADIER if _is_unsteady(fit) else remedy
     at_corner = sigma / IDENTIFIABLE_CORNER_SIGMA

@@ -21,8 +21,10 @@ from ospc.estimation.black_level import black_level
 from ospc.estimation.effect_choice import fit_with_chosen_effects
 from ospc.estimation.fit_plan import FitPlan
 from ospc.estimation.fitted import Fitted
+from ospc.exposures.lag_change import LagChange
 from ospc.exposures.table import ExposureTable
 from ospc.methods.change_detection import Change, ChangeDetector
+from ospc.methods.exposure_ratios import exposure_ratios
 from ospc.methods.fit_inputs import FitInputs
 from ospc.methods.maximum_likelihood_state import MaximumLikelihoodState
 from ospc.methods.method import Method, Progress, check_can_be_matched
@@ -173,6 +175,19 @@ class MaximumLikelihoodMethod(Method):
             return None
         observed = self._reservoir.since(self._changes.first_searched(change))[0].kept
         return proven if observed is None else self._changes.located(proven, observed, exposures)
+
+    def agrees_with(self, change: LagChange, exposures: ExposureTable) -> bool:
+        """Return whether the quick fit predicts the pairs since a change of the lag no worse with the new lag.
+
+        It has a response, so it is not misled by grey levels that follow the exposures unequally.
+        """
+        fit, observed = self._quick_fit.fit, self._reservoir.since(change.frame)[0].kept
+        if fit is None or observed is None:
+            return True
+        new = replace(exposures, lag_frames=exposures.lag_frames + change.later_frames)
+        ratios = (exposure_ratios(fit, observed.with_exposures(table)) for table in (exposures, new))
+        misfit, new_misfit = (np.median(np.abs(each.log_residual)) if len(each.metadata) else 0.0 for each in ratios)
+        return bool(new_misfit <= misfit)
 
     def end_threads(self) -> None:
         """End the second thread; the next frame starts it again."""

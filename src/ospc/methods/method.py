@@ -10,6 +10,7 @@ from typing import Any
 from ospc.arrays import ImageSize
 from ospc.correspondence.preprocessing import PreprocessedFrame
 from ospc.errors import FrameError
+from ospc.exposures.lag_change import LagChange
 from ospc.exposures.table import ExposureTable
 from ospc.methods.change_detection import Change
 from ospc.methods.fit_inputs import FitInputs
@@ -94,6 +95,10 @@ class Method(ABC):
         The method then continues with that fit.
         """
         return change
+
+    def agrees_with(self, change: LagChange, exposures: ExposureTable) -> bool:
+        """Return whether the pairs since a change of the lag, proven by brightness alone, may have the new lag."""
+        return True
 
     @property
     def longest_pause(self) -> int:
