@@ -26,8 +26,9 @@ def checked_by_fit(
     The fit may undo a correction of the lag.
     """
     evidence = _with_fit(method, recorded, replace(found.evidence, interlaced=interlaced), grey_range)
-    if evidence.refutes_correction:
-        evidence = _with_fit(method, recorded, evidence.without_correction(), grey_range)
+    if evidence.fit_doubts_correction:
+        as_recorded = _with_fit(method, recorded, evidence.without_correction(), grey_range)
+        evidence = as_recorded if as_recorded.lag_is_smaller_than(evidence) else evidence
     return evidence.used(recorded), findings_from(evidence)
 
 

@@ -107,26 +107,33 @@ def test_a_fit_settles_the_lag_if_no_consecutive_frames_overlap(frames: float, s
     assert (judged.lag.frames == 0) is (not judged.notes) is (state == "identifiable")
 
 
-def test_a_fit_does_not_overrule_a_lag_contradicted_by_brightness() -> None:
+@pytest.mark.parametrize(("frames", "sigma", "state"), [(0.0, 0.01, "identifiable"), (0.0, 0.2, "marginal")])
+def test_a_fit_settles_a_lag_that_it_refutes_if_it_is_certain(frames: float, sigma: float, state: str) -> None:
     refuted = findings_from(found(LATE).evidence.without_correction())
-    again = fitted(refuted, EffectEstimate(LATE_EXPOSURES, 0.0, 0.01))
-    assert (again.verdict, again.lag, again.notes) == (refuted.verdict, refuted.lag, refuted.notes)
-    assert (again.verdict.state, again.lag.frames, again.corrected_frames) == ("marginal", None, 0)
+    assert (refuted.verdict.state, refuted.lag.frames, refuted.corrected_frames) == ("marginal", None, 0)
+    assert fitted(refuted, EffectEstimate(LATE_EXPOSURES, frames, sigma)).verdict.state == state
 
 
 @pytest.mark.parametrize(
-    ("effect", "refuted"),
+    ("effect", "doubts"),
     [
         (EffectEstimate(LATE_EXPOSURES, -1.9, 0.1), True),
-        (EffectEstimate(LATE_EXPOSURES, -1.9, 0.1, corrected=True), True),
+        (EffectEstimate(LATE_EXPOSURES, -0.3, 0.05, corrected=True), True),
         (EffectEstimate(LATE_EXPOSURES, -1.9, 0.5), False),
-        (EffectEstimate(LATE_EXPOSURES, -1.0, 0.1), False),
         (EffectEstimate(LATE_EXPOSURES, 1.9, 0.1), False),
         (EffectEstimate("exposure offset", -1.9, 0.1), False),
     ],
 )
-def test_a_fit_refutes_a_lag_if_it_shows_the_exposures_as_written(effect: EffectEstimate, refuted: bool) -> None:
-    assert fitted(found(LATE), effect).evidence.refutes_correction is refuted
+def test_a_fit_doubts_a_correction_that_went_too_far(effect: EffectEstimate, doubts: bool) -> None:
+    assert fitted(found(LATE), effect).evidence.fit_doubts_correction is doubts
+
+
+def test_of_exposures_as_recorded_and_as_moved_those_with_the_smaller_fitted_lag_are_right() -> None:
+    moved, recorded = found(LATE).evidence, found(LATE).evidence.without_correction()
+    late = [replace(moved, late=EffectEstimate(LATE_EXPOSURES, frames, 0.05)) for frames in (-0.3, 1.7)]
+    recorded = replace(recorded, late=EffectEstimate(LATE_EXPOSURES, 0.5, 0.05))
+    assert [recorded.lag_is_smaller_than(each) for each in late] == [False, True]
+    assert not recorded.lag_is_smaller_than(moved)
 
 
 def test_a_lag_correction_is_undone_if_the_fit_refutes_it(monkeypatch) -> None:
@@ -141,8 +148,7 @@ def test_a_lag_correction_is_undone_if_the_fit_refutes_it(monkeypatch) -> None:
     monkeypatch.setattr(evidence, "estimate_lag", one_late)
     moved_back = calibrate(film.recording(), QUICK)
     assert "exposure_lag_corrected_frames" not in moved_back.source
-    assert moved_back.verdicts["exposures"].state == "marginal"
-    assert "belong to their frames" in moved_back.notes[0]
+    assert moved_back.verdicts["exposures"].reason.startswith("exposures belong to their frames, as the fit shows")
     assert not moved_back.warnings
     assert log_ratio_error(moved_back.response, as_written.response) < 0.005
 

@@ -17,7 +17,7 @@ from ospc.exposures.table import ExposureReport, ExposureTable, filled, without
 from ospc.exposures.wrong_exposures import away_from, unshown_steps, wrong_exposures
 from ospc.photometry.coverage import ExposureRatios
 from ospc.photometry.verdict import LATE_EXPOSURES, EffectEstimate
-from ospc.settings.exposures import DOUBTED_LAG_SIGMAS, REFUTED_LAG_FRAMES
+from ospc.settings.exposures import DOUBTED_LAG_SIGMAS
 
 
 @dataclass(frozen=True)
@@ -93,13 +93,16 @@ class ExposureEvidence:
         return replace(table.without(self.wrong), lag_frames=self.corrected_frames)
 
     @property
-    def refutes_correction(self) -> bool:
-        """Whether the fit to exposures that were moved as the images suggest shows that they were right before."""
-        if self.choice != "auto" or self.late is None:
+    def fit_doubts_correction(self) -> bool:
+        """Whether the fit to exposures that were moved as the images suggest shows that they were moved too far."""
+        if self.choice != "auto" or self.late is None or self.late.value * self.corrected_frames >= 0:
             return False
-        if abs(self.late.value) < DOUBTED_LAG_SIGMAS * self.late.sigma:
-            return False
-        return abs(self.corrected_frames + self.late.value) < REFUTED_LAG_FRAMES < abs(self.late.value)
+        return abs(self.late.value) >= DOUBTED_LAG_SIGMAS * self.late.sigma
+
+    def lag_is_smaller_than(self, other: ExposureEvidence) -> bool:
+        """Return whether a fit to these exposures shows less of a lag than a fit to others."""
+        own, others = self.late, other.late
+        return own is not None and others is not None and abs(own.value) < abs(others.value)
 
     def without_correction(self) -> ExposureEvidence:
         """Return the evidence, without that of a fit, about exposures as recorded whose correction was refuted."""

@@ -26,9 +26,9 @@ from ospc.settings.exposures import (
     BLENDED_LAG_FRAMES,
     DOUBTED_LAG_FRAMES,
     DOUBTED_LAG_SIGMAS,
+    MAX_SETTLED_LAG_FRAMES,
     MAX_UNEXPLAINED_SHARE,
     MIN_CHECKED_FRAMES,
-    REFUTED_LAG_FRAMES,
 )
 
 _CHANGE_IRREGULARLY = (
@@ -197,8 +197,8 @@ def _fit_shows_no_lag(evidence: ExposureEvidence) -> bool:
     lag, late = evidence.remaining_lag, evidence.late
     if late is None or evidence.corrected_frames:
         return False
-    can_be_zero = lag.state == "too few pairs" or (lag.state == "ambiguous" and 0 in lag.candidates)
-    return can_be_zero and abs(late.value) + DOUBTED_LAG_SIGMAS * late.sigma <= REFUTED_LAG_FRAMES
+    can_be_zero = lag.state in ("too few pairs", "refuted") or (lag.state == "ambiguous" and 0 in lag.candidates)
+    return can_be_zero and abs(late.value) + DOUBTED_LAG_SIGMAS * late.sigma <= MAX_SETTLED_LAG_FRAMES
 
 
 def _open(evidence: ExposureEvidence) -> Verdict:

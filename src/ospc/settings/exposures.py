@@ -101,10 +101,9 @@ BLENDED_LAG_FRAMES = 0.03
 coded as H.264 or MPEG-4, they were 0.02 to 0.15 frames early, and the response was off by up to 4.4 standard
 deviations; those of the same images without coding were at most 0.005 frames early."""
 
-REFUTED_LAG_FRAMES = 0.5
-"""A correction by whole frames is refuted if the fitted lag, in frames, exceeds this for the corrected exposures but
-not for the recorded ones. Three of 100 clean recordings, with slow exposures and a camera moving forward, were
-corrected by a frame in error; their fits showed 0.65, 0.7 and 0.98."""
+MAX_SETTLED_LAG_FRAMES = 0.5
+"""Largest lag, in frames, that a fit may leave possible if it is to show that exposures belong to their frames: half
+of the smallest lag by whole frames."""
 
 # Wrong exposures (ospc.exposures.wrong_exposures)
 
