@@ -41,6 +41,15 @@ def test_a_pedestal_is_found(pedestal: float, gamma: float) -> None:
     assert found_black_level(lifted(pedestal, gamma), 0) == pytest.approx(pedestal, abs=0.004 * gamma)
 
 
-@pytest.mark.parametrize("response", [Response.gamma(1.0), Response.gamma(2.2), srgb(), logarithmic(), filmic()])
+def s_shaped(strength: float) -> Response:
+    """Return a response whose slope vanishes at black and at white."""
+    grey = np.linspace(0, 1, 4097)
+    return Response.from_values(grey + strength * np.sin(2 * np.pi * grey) / (2 * np.pi) * -1)
+
+
+USUAL = [Response.gamma(1.0), Response.gamma(2.2), srgb(), logarithmic(), filmic()]
+
+
+@pytest.mark.parametrize("response", [*USUAL, s_shaped(0.9), s_shaped(0.97)])
 def test_usual_responses_are_black_at_zero(response: Response) -> None:
     assert found_black_level(response, 1) == 0

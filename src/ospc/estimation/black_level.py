@@ -14,6 +14,7 @@ from ospc.settings.response import (
     BLACK_LEVEL_SIGMAS,
     BRIGHTEST_OF_BLACK_LEVEL,
     MAX_BLACK_LEVEL,
+    MAX_BLACK_LEVEL_MISFIT,
     MIN_BLACK_LEVEL_KNOTS,
     MIN_RECIPROCAL_GAMMA_SIGMA,
 )
@@ -22,7 +23,7 @@ from ospc.settings.response import (
 def black_level(fit: Fit, observations: Observations, least: float) -> float:
     """Return the grey level in [0, 1] at which the fitted response vanishes; 0 unless it is clearly above ``least``.
 
-    The reciprocal of the local gamma is (1 − p/M)/γ: a line in 1/M.
+    The reciprocal of the local gamma is (1 − p/M)/γ: a line in 1/M. A response with a flat toe has no such line.
     """
     basis = fit.response_basis
     lowest = measured_greys(observations)[0]
@@ -39,5 +40,5 @@ def black_level(fit: Fit, observations: Observations, least: float) -> float:
     found = slope / level
     by_line = np.array([-found, 1.0]) / level
     error = float(np.sqrt(max(1.0, misfit) * by_line @ covariance @ by_line))
-    clear = level > 0 and found > max(least, BLACK_LEVEL_SIGMAS * error)
+    clear = level > 0 and found > max(least, BLACK_LEVEL_SIGMAS * error) and misfit < MAX_BLACK_LEVEL_MISFIT
     return min(float(found), lowest, MAX_BLACK_LEVEL) if clear else 0.0

@@ -93,5 +93,9 @@ BLACK_LEVEL_SIGMAS, MIN_BLACK_LEVEL, BLACK_LEVEL_ACCURACY = 3.0, 1 / 64, 0.0005
 accuracy of one that counts. With pedestals of 0.04 to 0.0625, the first estimate is 0.038 to 0.0625; that of
 gamma curves is 0.0000 ± 0.0005."""
 
+MAX_BLACK_LEVEL_MISFIT = 20.0
+"""Largest reduced chi-square of that line. It was 0.2 to 12 with pedestals of 8 and 16 grey levels of 255, and 32 to
+290 with S-shaped responses, whose toe is not a pedestal."""
+
 MAX_BLACK_LEVEL = 0.25
 """Highest black level: pedestals are at most a tenth of the scale, and lifted blacks of photographs hardly more."""
