@@ -41,6 +41,22 @@ def test_they_are_ignored_and_named(factors: dict[int, float], lag: int) -> None
     assert told.brightness.unexplained_share < 0.1
 
 
+@pytest.mark.parametrize("sign", [1, -1])
+def test_those_that_differ_by_little_are_found_if_their_neighbours_hardly_differ(sign: int) -> None:
+    wrong = {20: np.exp(0.15 * sign), 40: np.exp(-0.3 * sign), 60: np.exp(0.5 * sign)}
+    film = Film(0.3 * wandering(FRAMES))
+    assert found(film).evidence.wrong == ()
+    assert found(film, stated_log_exposure=stated(film, wrong)).evidence.wrong == tuple(wrong)
+
+
+def test_some_more_make_the_others_doubtful() -> None:
+    some = dict.fromkeys(range(8, FRAMES, 15), 2.0)
+    told = found(GOOD, stated_log_exposure=stated(GOOD, some))
+    assert told.evidence.wrong == tuple(some)
+    assert told.verdict.state == "marginal"
+    assert f"{len(some)} of {FRAMES} exposures are wrong" in told.verdict.reason
+
+
 @pytest.mark.parametrize("factor", [1000.0, 1e-3, 10.0])
 @pytest.mark.parametrize("lag", [0, 2])
 @pytest.mark.parametrize("missing", [range(0), range(39, 42), range(42, 60)])

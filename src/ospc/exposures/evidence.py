@@ -42,8 +42,9 @@ class ExposureEvidence:
         Share of the brightness changes that the inverse of the exposures explains.
     corrected_frames
         Lag that was corrected, in frames; 0 for none.
-    wrong
-        Frames whose recorded exposures are wrong and were ignored, in order.
+    wrong, compared
+        Frames whose recorded exposures are wrong and were ignored, in order, and the number of pairs of consecutive
+        frames in which they were searched for.
     late
         Fitted lag of the exposures as used; None if no fit estimated it.
     ratios
@@ -61,6 +62,7 @@ class ExposureEvidence:
     inverse_share: float
     corrected_frames: int = 0
     wrong: tuple[int, ...] = ()
+    compared: int = 0
     late: EffectEstimate | None = None
     ratios: ExposureRatios = field(default_factory=ExposureRatios.none)
     interlaced: bool = False
@@ -136,7 +138,7 @@ def evidence_of_images(
     steps = unshown_steps(series, known[first_frame:])
     found = _with_choice(away_from(steps, series), known[first_frame:], choice)
     found = _with_jumps(found, steps, known[first_frame:]).renumbered(first_frame)
-    return replace(found, wrong=wrong)
+    return replace(found, wrong=wrong, compared=len(series))
 
 
 def _with_choice(series: BrightnessSeries, written: FloatArray, choice: LagChoice) -> ExposureEvidence:

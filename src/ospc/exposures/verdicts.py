@@ -26,6 +26,7 @@ from ospc.settings.exposures import (
     BLENDED_LAG_FRAMES,
     DOUBTED_LAG_FRAMES,
     DOUBTED_LAG_SIGMAS,
+    DOUBTED_WRONG_SHARE,
     MAX_SETTLED_LAG_FRAMES,
     MAX_UNEXPLAINED_SHARE,
     MIN_CHECKED_FRAMES,
@@ -253,6 +254,10 @@ def _doubted(evidence: ExposureEvidence, agreement: Verdict, spoiled: Sequence[V
     if lag and verdict.state == "identifiable":
         reason = f"{verdict.reason}, but the fit shows that they are {lag}"
         verdict = Verdict("marginal", reason, _CHANGE_IRREGULARLY)
+    wrong = len(evidence.wrong)
+    if wrong > DOUBTED_WRONG_SHARE * evidence.compared and verdict.state == "identifiable":
+        reason = f"{verdict.reason}, but {wrong} of {counted(evidence.frames, 'exposure')} are wrong"
+        verdict = Verdict("marginal", reason, _FIX_METADATA)
     # Consecutive frames show a jump, or the fitted exposure ratios of pairs of frames.
     jump = None if evidence.brightness is None else evidence.brightness.largest_jump
     if jump is None or abs(jump.log_change) < CONTRADICTING_JUMP_LOG:

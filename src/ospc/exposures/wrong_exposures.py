@@ -21,7 +21,7 @@ from ospc.settings.lag import MAX_LAG
 def wrong_exposures(series: BrightnessSeries, log_exposure: FloatArray) -> IntArray:
     """Return the frames recorded with a wrong exposure, in order; none if they are too many to be exceptions.
 
-    The exposure of such a frame is much longer or much shorter than those before and after it, but neither this frame
+    The exposure of such a frame is longer or shorter than those before and after it, but neither this frame
     nor those near it, whose exposure it may be, are brighter or darker than their neighbours. Frames that were not
     compared with both neighbours are not judged.
 
@@ -35,14 +35,15 @@ def wrong_exposures(series: BrightnessSeries, log_exposure: FloatArray) -> IntAr
     step = np.diff(log_exposure)
     recorded = _peak(step)
     suspects = np.flatnonzero(recorded > MIN_WRONG_LOG)
-    if not len(suspects) or len(suspects) > MAX_WRONG_SHARE * len(series):
-        return np.empty(0, np.int64)
+    if not len(suspects):
+        return suspects
     change = np.full(len(step), np.nan)
     change[series.frame] = series.means[0]
     seen = _peak(change)
     shown = _largest_near(np.nan_to_num(seen), suspects)
     wrong = np.isfinite(seen[suspects]) & (shown < MIN_SHOWN_SHARE * recorded[suspects])
-    return suspects[wrong] + 1
+    found = suspects[wrong] + 1
+    return found if len(found) <= MAX_WRONG_SHARE * len(series) else np.empty(0, np.int64)
 
 
 def unshown_steps(series: BrightnessSeries, log_exposure: FloatArray) -> IntArray:
