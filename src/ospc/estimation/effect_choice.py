@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from ospc.arrays import FloatArray
+from ospc.estimation.contradicting_pairs import rightly_exposed_points
 from ospc.estimation.effect_models import (
     CONTRADICTIONS,
     CORRECTED,
@@ -51,7 +52,8 @@ from ospc.settings.effects import (
 def fit_with_chosen_effects(observations: ExposedObservations, plan: FitPlan) -> Fitted:
     """Fit response and vignette, and the effects that the observations clearly show.
 
-    Pairs of frames that were registered wrongly are left out: the result has the observations that were used.
+    Pairs of frames that were registered wrongly or whose exposures are wrong are left out: the result has the
+    observations that were used.
 
     Effects are tried one by one, the clearest first, and kept if they are significant given the scatter of the
     observations. If anything contradicts the model, nothing is corrected, because effects imitate each other. Too few
@@ -62,10 +64,20 @@ def fit_with_chosen_effects(observations: ExposedObservations, plan: FitPlan) ->
     plain = fit_with_chosen_vignette(observations, plan, Effects.none_of(observations))
     if not len(plan.widest):
         return replace(plain, fit=_of_stationary_camera(plain, plan))
-    if not (registered := registered_points(plain)).all():
-        used = observations.of_points(registered)
+    if not (in_place := registered_points(plain)).all():
+        used = observations.of_points(in_place)
         plain = fit_with_chosen_vignette(used, plan, Effects.none_of(used))
-    return replace(plain, fit=_of_moving_camera(plain, plan))
+    plain_trials = estimate_effects(plain, tuple(EFFECTS))
+    fitted, trials = _with_effects(plain, plain_trials, plan)
+    # Before latent gains: those would take up some of what is wrong with the exposures.
+    registered = None
+    if not (right := rightly_exposed_points(fitted)).all():
+        registered, used = plain.observations, plain.observations.of_points(right)
+        plain = fit_with_chosen_vignette(used, plan, Effects.none_of(used))
+        plain_trials = estimate_effects(plain, tuple(EFFECTS))
+        fitted, trials = _with_effects(plain, plain_trials, plan)
+    fit = _of_moving_camera(plain, plain_trials, fitted, trials, plan)
+    return replace(plain, fit=fit, registered=registered)
 
 
 def _of_stationary_camera(plain: Fitted, plan: FitPlan) -> Fit:
@@ -77,11 +89,14 @@ def _of_stationary_camera(plain: Fitted, plan: FitPlan) -> Fit:
     return _with_estimates(fitted, trials, _estimates(fitted.fit, plain.observations))
 
 
-def _of_moving_camera(plain: Fitted, plan: FitPlan) -> Fit:
-    """Return the fit with the effects and gains that the observations show, or with what contradicts the model."""
+def _of_moving_camera(
+    plain: Fitted, plain_trials: Sequence[Trial], fitted: Fitted, trials: Sequence[Trial], plan: FitPlan
+) -> Fit:
+    """Return the fit with the effects and gains that the observations show, or with what contradicts the model.
+
+    ``plain`` and ``fitted`` are the fits without effects and with those found, each with trials of the others.
+    """
     observations = plain.observations
-    plain_trials = estimate_effects(plain, tuple(EFFECTS))
-    fitted, trials = _with_effects(plain, plain_trials, plan)
     variances = _gain_variances(fitted)
     if not variances and _is_contradicted(fitted.fit):  # inexact exposures resemble it
         variances = _gain_variances(plain)

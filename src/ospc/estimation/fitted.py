@@ -17,11 +17,16 @@ from ospc.photometry.noise import NoiseModel
 
 @dataclass(frozen=True)
 class Fitted:
-    """A fit with its observations and pixel noise, from which several other models are tried."""
+    """A fit with its observations and pixel noise, from which several other models are tried.
+
+    ``registered`` has, beside the observations, those of pairs that were left out because their exposures are wrong;
+    None if there are none.
+    """
 
     fit: Fit
     observations: ExposedObservations
     noise: NoiseModel | None
+    registered: ExposedObservations | None = None
 
     @cached_property
     def weighted(self) -> tuple[Latent, FloatArray, float]:

@@ -16,6 +16,7 @@ from ospc.photometry.coverage import ExposureRatios
 from ospc.photometry.grey_range import FULL_RANGE, GreyRange
 from ospc.photometry.noise import NoiseModel
 from ospc.photometry.verdict import EffectEstimate
+from ospc.settings.brightness import CONTRADICTING_PAIR_LOG
 
 _INTER_CODED = (
     "inter-frame compression of the video loses small changes of brightness, so all standard deviations are doubled; "
@@ -25,6 +26,11 @@ _INTER_CODED = (
 _MISREGISTERED = (
     "not used: {pairs} of frames whose points disagree with each other, usually because of repetitive texture, which "
     "is registered wrongly, or reflections"
+)
+
+_WRONG = (
+    "not used: {wrong} of {pairs} of frames, because they are brighter or darker than their exposures predict, by "
+    "{least:.0%} or more"
 )
 
 _OVERLAY = (
@@ -58,6 +64,9 @@ class FitInputs:
         Share of the image that shows something fixed to the camera, which is not used.
     misregistered
         Number of pairs of frames that were registered wrongly, whose observations are left out.
+    registered
+        The observations, and those of pairs that are left out because their exposures are wrong; None if there are
+        none.
     """
 
     size: ImageSize
@@ -71,6 +80,7 @@ class FitInputs:
     inter_coded: bool = False
     overlay_share: float = 0.0
     misregistered: int = 0
+    registered: ExposedObservations | None = None
 
     @property
     def effects(self) -> tuple[EffectEstimate, ...]:
@@ -83,21 +93,35 @@ class FitInputs:
         overlay = _OVERLAY.format(share=100 * self.overlay_share) if self.overlay_share else ""
         wrong = _MISREGISTERED.format(pairs=counted(self.misregistered, "pair")) if self.misregistered else ""
         inter_coded = _INTER_CODED if self.inter_coded else ""
-        return tuple(filter(None, [self.grey_range.note(self.max_grey), overlay, wrong, inter_coded]))
+        notes = [self.grey_range.note(self.max_grey), overlay, wrong, self._wrongly_exposed, inter_coded]
+        return tuple(filter(None, notes))
+
+    @property
+    def _wrongly_exposed(self) -> str:
+        """Note on pairs that are left out because their exposures are wrong; empty if there are none."""
+        if self.registered is None or self.fit is None:
+            return ""
+        pairs, least = len(np.unique(self.registered.group)), float(np.expm1(CONTRADICTING_PAIR_LOG))
+        return _WRONG.format(wrong=pairs - self.fit.groups, pairs=counted(pairs, "pair"), least=least)
+
+    @property
+    def _compared(self) -> ExposedObservations | None:
+        """The observations of all pairs whose exposure ratios are estimated."""
+        return self.observations if self.registered is None else self.registered
 
     @cached_property
     def ratios(self) -> ExposureRatios:
         """The exposure ratios of all pairs of frames; empty without a fit."""
-        if self.fit is None or self.observations is None:
+        if self.fit is None or self._compared is None:
             return ExposureRatios.none()
-        return exposure_ratios(self.fit, self.observations)
+        return exposure_ratios(self.fit, self._compared)
 
     @cached_property
     def corrected_ratios(self) -> ExposureRatios:
         """The same ratios, compared with those of the exposures as the fit corrected them."""
         ratios = self.ratios
-        if self.fit is None or self.observations is None or not len(self.fit.effects):
+        if self.fit is None or self._compared is None or not len(self.fit.effects):
             return ratios
-        frames, first = np.unique(self.observations.frame, return_index=True)
-        error = self.fit.log_exposure_error(self.observations)[first][np.searchsorted(frames, ratios.frames)]
+        frames, first = np.unique(self._compared.frame, return_index=True)
+        error = self.fit.log_exposure_error(self._compared)[first][np.searchsorted(frames, ratios.frames)]
         return replace(ratios, metadata=ratios.metadata * np.exp(error[:, 0] - error[:, 1]))

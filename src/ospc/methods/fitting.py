@@ -137,6 +137,7 @@ def calibrate_observations(
         fit=found.fit,
         standing_still=not vignette,
         pairs=len(np.unique(found.observations.group)),
+        registered=found.registered,
     )
     _check_explained(inputs.ratios, observations, exposures)
     calibration = calibration_of(inputs, known)

@@ -263,9 +263,11 @@ class MaximumLikelihoodMethod(Method):
             black = black_level(fitted.fit, fitted.observations, least_black)
             if black > 0:
                 return self._new_inputs(exposures, grey_range.with_black_at(black), BLACK_LEVEL_ACCURACY)
-        misregistered = 0
+        misregistered, registered = 0, None
         if fitted is not None and observations is not None:
-            misregistered = len(np.unique(observations.group)) - fitted.fit.groups
+            registered = fitted.registered
+            used = fitted.observations if registered is None else registered
+            misregistered = len(np.unique(observations.group)) - len(np.unique(used.group))
             observations = fitted.observations
         return FitInputs(
             size=self._size,
@@ -279,6 +281,7 @@ class MaximumLikelihoodMethod(Method):
             inter_coded=self._inter_coded,
             overlay_share=self._scene_area.overlay_share,
             misregistered=misregistered,
+            registered=registered,
         )
 
     def calibration(self, exposures: ExposureTable, grey_range: GreyRange = FULL_RANGE) -> Calibration:

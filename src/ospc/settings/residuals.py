@@ -132,6 +132,12 @@ MISREGISTERED_SIGMAS = 2.0
 """Standard deviation of such a pair's exposure ratio, as a multiple of that scatter: the points share one error, so
 their number does not reduce it."""
 
+# Pairs whose exposures are wrong (ospc.estimation.contradicting_pairs)
+
+MAX_WRONG_PAIRS_SHARE = 0.25
+"""Largest share of the pairs that contradict the exposures of the others. If there are more, the others are doubtful,
+too. With one exposure in seventeen wrong, it was up to a sixth."""
+
 RATIO_CELLS = (4, 3)
 """Number of image cells, across and down, within which the points of a pair may have errors in common. In twenty
 simulated recordings, eleven of them of scenes with occlusions and gloss, 72, 95 and 99.3 per cent of the errors of
