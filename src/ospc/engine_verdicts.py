@@ -23,12 +23,16 @@ def checked_by_fit(
 ) -> tuple[ExposureTable, ExposureFindings]:
     """Return the exposures to use and the findings, checked against the method's fit.
 
-    The fit may undo a correction of the lag.
+    The fit may undo a correction of the lag, or show the lag if the images leave it open. It then has to agree with
+    the moved exposures, too.
     """
     evidence = _with_fit(method, recorded, replace(found.evidence, interlaced=interlaced), grey_range)
     if evidence.fit_doubts_correction:
         as_recorded = _with_fit(method, recorded, evidence.without_correction(), grey_range)
         evidence = as_recorded if as_recorded.lag_is_smaller_than(evidence) else evidence
+    if lag := evidence.lag_of_fit:
+        moved = _with_fit(method, recorded, evidence.moved(lag), grey_range)
+        evidence = moved if moved.fit_shows_no_lag else evidence
     return evidence.used(recorded), findings_from(evidence)
 
 

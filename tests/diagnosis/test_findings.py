@@ -98,6 +98,55 @@ def test_a_fit_settles_a_lag_that_changes_of_brightness_leave_open(effect: Effec
     assert (judged.lag.frames == 0) is (not judged.notes) is (state == "identifiable")
 
 
+@pytest.mark.parametrize("choice", ["auto", "never"])
+@pytest.mark.parametrize(
+    ("effect", "lag"),
+    [
+        (EffectEstimate(LATE_EXPOSURES, 0.97, 0.1), 1),
+        (EffectEstimate(LATE_EXPOSURES, -0.8, 0.1, corrected=True), -1),
+        (EffectEstimate(LATE_EXPOSURES, 0.97, 0.3), 0),
+        (EffectEstimate(LATE_EXPOSURES, 0.4, 0.01), 0),
+        (EffectEstimate(LATE_EXPOSURES, 20.0, 0.1), 0),
+        (EffectEstimate("exposure offset", 0.97, 0.1), 0),
+    ],
+)
+def test_a_fit_shows_a_lag_that_changes_of_brightness_leave_open(
+    effect: EffectEstimate, lag: int, choice: LagChoice
+) -> None:
+    assert fitted(found(RISING, choice), effect).evidence.lag_of_fit == (lag if choice == "auto" else 0)
+
+
+def test_a_fit_does_not_show_another_lag_than_changes_of_brightness() -> None:
+    for film in (LATE, Film(wandering(FRAMES))):
+        assert fitted(found(film), EffectEstimate(LATE_EXPOSURES, 0.97, 0.1)).evidence.lag_of_fit == 0
+
+
+@pytest.mark.parametrize(("frames", "state"), [(0.01, "identifiable"), (0.7, "marginal")])
+def test_exposures_moved_by_the_lag_of_the_fit_have_to_agree_with_it(frames: float, state: str) -> None:
+    moved = findings_from(found(RISING).evidence.moved(1))
+    again = fitted(moved, EffectEstimate(LATE_EXPOSURES, frames, 0.01))
+    assert (again.verdict.state, again.corrected_frames) == (state, 1)
+    assert "1 frame late, as the fit shows" in again.notes[0]
+    if state == "identifiable":
+        assert (again.lag.frames, again.warnings) == (1, ())
+        assert "belong to their frames, as the fit shows" in again.verdict.reason
+
+
+def test_a_lag_that_only_the_fit_shows_is_corrected(monkeypatch) -> None:
+    slow, certain = Film(0.8 * np.cos(np.arange(FRAMES) / 9), size=LARGE), evidence.estimate_lag
+
+    def either(seen: BrightnessSeries, log_exposure: np.ndarray) -> LagEstimate:
+        return replace(certain(seen, log_exposure), state="ambiguous", candidates=(0, 1))
+
+    monkeypatch.setattr(evidence, "estimate_lag", either)
+    right, late = (calibrate(replace(slow, lag=lag).recording(), QUICK) for lag in (0, 1))
+    assert "exposure_lag_corrected_frames" not in right.source
+    assert late.source["exposure_lag_corrected_frames"] == 1
+    assert "1 frame late, as the fit shows" in late.notes[0]
+    assert {n: v.state for n, v in late.verdicts.items()} == {n: v.state for n, v in right.verdicts.items()}
+    assert log_ratio_error(late.response, right.response) < 0.002
+
+
 @pytest.mark.parametrize(("frames", "sigma", "state"), [(0.02, 0.01, "identifiable"), (0.02, 0.2, "marginal")])
 def test_a_fit_settles_the_lag_if_no_consecutive_frames_overlap(frames: float, sigma: float, state: str) -> None:
     unsettled = assess_exposures([], wandering(FRAMES))

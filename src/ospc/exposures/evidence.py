@@ -17,7 +17,7 @@ from ospc.exposures.table import ExposureReport, ExposureTable, filled, without
 from ospc.exposures.wrong_exposures import away_from, unshown_steps, wrong_exposures
 from ospc.photometry.coverage import ExposureRatios
 from ospc.photometry.verdict import LATE_EXPOSURES, EffectEstimate
-from ospc.settings.exposures import DOUBTED_LAG_SIGMAS
+from ospc.settings.exposures import DOUBTED_LAG_SIGMAS, MAX_SETTLED_LAG_FRAMES
 
 
 @dataclass(frozen=True)
@@ -85,9 +85,12 @@ class ExposureEvidence:
         """How the exposures were moved to their frames, as a note; empty if they were not, or as stated."""
         if self.choice != "auto" or not self.corrected_frames:
             return ""
+        shown = (
+            "the fit shows" if self.lag.state == "ambiguous" else f"{counted(self.lag.pairs, 'pair')} of frames show"
+        )
         return (
-            f"exposures are recorded {lag_in_words(self.corrected_frames)}, as {counted(self.lag.pairs, 'pair')} of "
-            "frames show, and were moved to their frames; use --correct-lag never to keep them as recorded"
+            f"exposures are recorded {lag_in_words(self.corrected_frames)}, as {shown}, and were moved to their "
+            "frames; use --correct-lag never to keep them as recorded"
         )
 
     def used(self, table: ExposureTable) -> ExposureTable:
@@ -105,6 +108,26 @@ class ExposureEvidence:
         """Return whether a fit to these exposures shows less of a lag than a fit to others."""
         own, others = self.late, other.late
         return own is not None and others is not None and abs(own.value) < abs(others.value)
+
+    @property
+    def lag_of_fit(self) -> int:
+        """The lag that the fit shows, of several that the images leave open; 0 if it shows none."""
+        if self.choice != "auto" or self.corrected_frames or self.lag.state != "ambiguous" or self.late is None:
+            return 0
+        frames = round(self.late.value)
+        clear = abs(self.late.value) > DOUBTED_LAG_SIGMAS * self.late.sigma
+        return frames if clear and frames in self.lag.candidates else 0
+
+    @property
+    def fit_shows_no_lag(self) -> bool:
+        """Whether the fit shows that the exposures, as used, belong to their frames."""
+        late = self.late
+        return late is not None and abs(late.value) + DOUBTED_LAG_SIGMAS * late.sigma <= MAX_SETTLED_LAG_FRAMES
+
+    def moved(self, frames: int) -> ExposureEvidence:
+        """Return the evidence, without that of a fit, about exposures moved by a lag that the images leave open."""
+        moved = replace(self, remaining_lag=self.lag.plus(-frames), corrected_frames=frames)
+        return moved.with_fit((), ExposureRatios.none())
 
     def without_correction(self) -> ExposureEvidence:
         """Return the evidence, without that of a fit, about exposures as recorded whose correction was refuted."""

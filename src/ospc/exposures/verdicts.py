@@ -27,7 +27,6 @@ from ospc.settings.exposures import (
     DOUBTED_LAG_FRAMES,
     DOUBTED_LAG_SIGMAS,
     DOUBTED_WRONG_SHARE,
-    MAX_SETTLED_LAG_FRAMES,
     MAX_UNEXPLAINED_SHARE,
     MIN_CHECKED_FRAMES,
 )
@@ -72,7 +71,7 @@ def findings_from(evidence: ExposureEvidence) -> ExposureFindings:
     spoiled = _spoiled(evidence)
     lag, brightness = evidence.lag, evidence.brightness
     if standing == "settled by fit":
-        lag = replace(lag, state="determined", candidates=(0,))
+        lag = replace(lag, state="determined", candidates=(evidence.corrected_frames,))
     if brightness is not None and by_fit:
         brightness = replace(brightness, stale=False, fits_badly=False)
     uncertain = standing == "open" and not evidence.corrected_frames
@@ -194,12 +193,10 @@ def _on_unknown_lag(evidence: ExposureEvidence) -> tuple[Verdict, _Standing]:
 
 
 def _fit_shows_no_lag(evidence: ExposureEvidence) -> bool:
-    """Return whether a fit to exposures as recorded settles a lag that the images leave open."""
-    lag, late = evidence.remaining_lag, evidence.late
-    if late is None or evidence.corrected_frames:
-        return False
+    """Return whether a fit to exposures as used settles a lag that the images leave open."""
+    lag = evidence.remaining_lag
     can_be_zero = lag.state in ("too few pairs", "refuted") or (lag.state == "ambiguous" and 0 in lag.candidates)
-    return can_be_zero and abs(late.value) + DOUBTED_LAG_SIGMAS * late.sigma <= MAX_SETTLED_LAG_FRAMES
+    return can_be_zero and evidence.fit_shows_no_lag
 
 
 def _open(evidence: ExposureEvidence) -> Verdict:
