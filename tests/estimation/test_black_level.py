@@ -42,9 +42,9 @@ def test_a_pedestal_is_found(pedestal: float, gamma: float) -> None:
 
 
 def s_shaped(strength: float) -> Response:
-    """Return a response whose slope vanishes at black and at white."""
+    """Return a response whose slope is one minus the strength at black and at white."""
     grey = np.linspace(0, 1, 4097)
-    return Response.from_values(grey + strength * np.sin(2 * np.pi * grey) / (2 * np.pi) * -1)
+    return Response.from_values(grey - strength * np.sin(2 * np.pi * grey) / (2 * np.pi))
 
 
 USUAL = [Response.gamma(1.0), Response.gamma(2.2), srgb(), logarithmic(), filmic()]

@@ -67,17 +67,21 @@ def fit_with_chosen_effects(observations: ExposedObservations, plan: FitPlan) ->
     if not (in_place := registered_points(plain)).all():
         used = observations.of_points(in_place)
         plain = fit_with_chosen_vignette(used, plan, Effects.none_of(used))
-    plain_trials = estimate_effects(plain, tuple(EFFECTS))
-    fitted, trials = _with_effects(plain, plain_trials, plan)
+    plain_trials, fitted, trials = _all_tried(plain, plan)
     # Before latent gains: those would take up some of what is wrong with the exposures.
     registered = None
     if not (right := rightly_exposed_points(fitted)).all():
         registered, used = plain.observations, plain.observations.of_points(right)
         plain = fit_with_chosen_vignette(used, plan, Effects.none_of(used))
-        plain_trials = estimate_effects(plain, tuple(EFFECTS))
-        fitted, trials = _with_effects(plain, plain_trials, plan)
+        plain_trials, fitted, trials = _all_tried(plain, plan)
     fit = _of_moving_camera(plain, plain_trials, fitted, trials, plan)
     return replace(plain, fit=fit, registered=registered)
+
+
+def _all_tried(plain: Fitted, plan: FitPlan) -> tuple[Sequence[Trial], Fitted, Sequence[Trial]]:
+    """Return trials of all effects, the fit with the significant ones, and trials of the others."""
+    plain_trials = estimate_effects(plain, tuple(EFFECTS))
+    return plain_trials, *_with_effects(plain, plain_trials, plan)
 
 
 def _of_stationary_camera(plain: Fitted, plan: FitPlan) -> Fit:

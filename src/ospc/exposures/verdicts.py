@@ -184,7 +184,7 @@ def _on_unknown_lag(evidence: ExposureEvidence) -> tuple[Verdict, _Standing]:
         few = f"the recording has only {counted(evidence.frames, 'frame')}"
         text = f"{few}, too few to check whether exposures belong to them"
         return Verdict("marginal", text, _MORE_FRAMES), "settled"
-    if _fit_shows_no_lag(evidence):
+    if _fit_settles_lag(evidence):
         few = "consecutive frames overlap too little to check them otherwise"
         allowed = f"brightness changes alone allow lags of {either(evidence.lag)} frames"
         text = f"exposures belong to their frames, as the fit shows; {few if compared is None else allowed}"
@@ -192,7 +192,7 @@ def _on_unknown_lag(evidence: ExposureEvidence) -> tuple[Verdict, _Standing]:
     return _open(evidence), "open"
 
 
-def _fit_shows_no_lag(evidence: ExposureEvidence) -> bool:
+def _fit_settles_lag(evidence: ExposureEvidence) -> bool:
     """Return whether a fit to exposures as used settles a lag that the images leave open."""
     lag = evidence.remaining_lag
     can_be_zero = lag.state in ("too few pairs", "refuted") or (lag.state == "ambiguous" and 0 in lag.candidates)

@@ -21,9 +21,9 @@ from ospc.settings.lag import MAX_LAG
 def wrong_exposures(series: BrightnessSeries, log_exposure: FloatArray) -> IntArray:
     """Return the frames recorded with a wrong exposure, in order; none if they are too many to be exceptions.
 
-    The exposure of such a frame is longer or shorter than those before and after it, but neither this frame
-    nor those near it, whose exposure it may be, are brighter or darker than their neighbours. Frames that were not
-    compared with both neighbours are not judged.
+    The exposure of such a frame is longer or shorter than those before and after it, but neither this frame nor those
+    near it, whose exposure it may be, are brighter or darker than their neighbours. Frames that were not compared
+    with both neighbours are not judged.
 
     Parameters
     ----------

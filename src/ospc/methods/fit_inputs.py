@@ -28,7 +28,7 @@ _MISREGISTERED = (
     "is registered wrongly, or reflections"
 )
 
-_WRONG = (
+_WRONGLY_EXPOSED = (
     "not used: {wrong} of {pairs} of frames, because they are brighter or darker than their exposures predict, by "
     "{least:.0%} or more"
 )
@@ -91,9 +91,9 @@ class FitInputs:
     def notes(self) -> tuple[str, ...]:
         """Notes about the frames."""
         overlay = _OVERLAY.format(share=100 * self.overlay_share) if self.overlay_share else ""
-        wrong = _MISREGISTERED.format(pairs=counted(self.misregistered, "pair")) if self.misregistered else ""
+        misregistered = _MISREGISTERED.format(pairs=counted(self.misregistered, "pair")) if self.misregistered else ""
         inter_coded = _INTER_CODED if self.inter_coded else ""
-        notes = [self.grey_range.note(self.max_grey), overlay, wrong, self._wrongly_exposed, inter_coded]
+        notes = [self.grey_range.note(self.max_grey), overlay, misregistered, self._wrongly_exposed, inter_coded]
         return tuple(filter(None, notes))
 
     @property
@@ -102,7 +102,7 @@ class FitInputs:
         if self.registered is None or self.fit is None:
             return ""
         pairs, least = len(np.unique(self.registered.group)), float(np.expm1(CONTRADICTING_PAIR_LOG))
-        return _WRONG.format(wrong=pairs - self.fit.groups, pairs=counted(pairs, "pair"), least=least)
+        return _WRONGLY_EXPOSED.format(wrong=pairs - self.fit.groups, pairs=counted(pairs, "pair"), least=least)
 
     @property
     def _compared(self) -> ExposedObservations | None:
