@@ -89,12 +89,12 @@ def detect_lag_change(
 
 def _proven_change(series: BrightnessSeries, changes: FloatArray) -> int:
     """Return by how many frames exposures are provably later, given slowly varying or flickering light; 0 if none."""
-    # Flicker that auto exposure follows looks like exposures of another lag. If even the best lag leaves a flicker
+    # Flicker that auto exposure follows looks like exposures of another lag. If the known lag leaves a flicker
     # unexplained, the proof must hold with and without fitting it.
     light = _slow_light(series.frame)
     fits = fit_exposures(series, changes, light)
     found = _clearly_later(fits)
-    flicker = find_flicker(series.frame, max(fits, key=lambda fit: fit.total).unexplained) if found else None
+    flicker = find_flicker(series.frame, fits[_UNCHANGED].unexplained) if found else None
     if flicker is not None:
         flickering = np.hstack([light, waves(series.frame, [flicker.cycles_per_frame])])
         beside_flicker = _clearly_later(fit_exposures(series, changes, flickering))
