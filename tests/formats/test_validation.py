@@ -290,6 +290,9 @@ def test_images_in_an_archive_are_counted(folder):
         for i in range(4):
             archive.writestr(f"{i}.png", b"")
     assert "3 lines for 4 files" in errors(folder / "times.txt")
+    content = (folder / "images.zip").read_bytes()
+    (folder / "images.zip").write_bytes(content.replace(b"PK\x01\x02\x14\x03\x14", b"PK\x01\x02\x14\x03\x63"))
+    assert "was not compared" in validate([folder], "dso").findings[0].effect
 
 
 @pytest.mark.parametrize(

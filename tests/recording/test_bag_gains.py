@@ -161,3 +161,10 @@ def test_a_gain_without_a_unit_is_linear_as_in_lists_and_a_note_says_what_else_i
         assert any(doubt in note for note in recording.notes), recording.notes
     stated = open_recording(topic, options=ReadingOptions(gain_unit=GainUnit.LINEAR))
     assert any(note.endswith("(linear)") for note in stated.notes)
+
+
+def test_no_image_may_have_both_an_exposure_and_a_gain(tmp_path: Path) -> None:
+    gains = [replace(sent, log_ns=sent.log_ns + 2 * STEP_NS) for sent in floats([1.0, 2.0], "/cam/gain")]
+    path = write_bag1(tmp_path / "made", images(FRAMES) + floats(MS[:2]) + gains)
+    with pytest.raises(ExposureError, match="no exposure is known"):
+        open_recording(path)

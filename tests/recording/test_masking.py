@@ -51,6 +51,15 @@ def test_frames_carry_mask_and_region_and_images_stay_as_they_are() -> None:
     assert masked(inner) is inner
 
 
+def test_a_mask_is_added_to_those_that_frames_have() -> None:
+    recording = masked(masked(recorded(), half()), None, Region(70, 10, 50, 30))
+    expected = np.zeros(SIZE[::-1], bool)
+    expected[10:40, 80:120] = True
+    for frame in recording:
+        np.testing.assert_array_equal(frame.mask, expected)
+    assert identity(recording)["images_sha256"] != identity(masked(recorded(), half()))["images_sha256"]
+
+
 @pytest.mark.parametrize("longest", [160, 80])
 def test_no_sample_of_two_views_rests_on_a_masked_pixel(longest: int) -> None:
     views = [preprocessor(longest_side=longest)(frame) for frame in masked(recorded(), half())]

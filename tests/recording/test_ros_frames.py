@@ -125,8 +125,15 @@ def test_the_stamp_may_be_that_of_the_camera_info_in_a_message() -> None:
 
 def test_a_message_without_any_stamp_is_an_error() -> None:
     pairs = RosFrames("std_msgs/msg/Float64", ReadingOptions.of({"exposure_unit": "ms"}))
-    with pytest.raises(ExposureError, match="has no header"):
+    with pytest.raises(ExposureError, match="has no time stamp"):
         pairs.exposure(Message(data=2.0))
+    unset = Message(stamp=Message(sec=0, nanosec=0))  # by a driver that does not set it
+    message, pairs = image(0), RosFrames(FLIR)
+    message.header = unset
+    with pytest.raises(FrameError, match="has no time stamp"):
+        pairs.image(message)
+    with pytest.raises(ExposureError, match="has no time stamp"):
+        pairs.exposure(Message(header=unset, exposure_time=2000, gain=0.0))
 
 
 @pytest.mark.parametrize(

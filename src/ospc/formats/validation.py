@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from ospc.arrays import ImageSize
-from ospc.errors import FormatError
+from ospc.errors import UNREADABLE, FormatError
 from ospc.formats.files import read_bytes, read_text
 from ospc.formats.image_header import PNG_SIGNATURE
 from ospc.formats.rules import UNCORRECTED, Context, Finding, Format, Kind, Program
@@ -151,7 +151,7 @@ def _image_names(folder: Path) -> tuple[str, ...] | None:
     try:
         with zipfile.ZipFile(folder / "images.zip") as archive:
             return tuple(sorted(archive.namelist()))
-    except (OSError, zipfile.BadZipFile):
+    except (OSError, *UNREADABLE):
         return None
 
 

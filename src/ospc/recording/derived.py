@@ -26,7 +26,7 @@ class DerivedRecording(StoredRecording):
     """Frames of another recording with other exposures, a mask, or another largest grey value; images are unchanged.
 
     ``frames`` are the increasing indices of the frames that are kept, shape (frames,). ``mask`` is True where pixels
-    may be used, shape (height, width); None to keep the masks of the inner recording.
+    may be used, shape (height, width), in addition to the masks of the inner recording; None for all pixels.
     """
 
     inner: Recording
@@ -66,7 +66,9 @@ class DerivedRecording(StoredRecording):
         for frame in self.inner if kept else ():
             index = kept.pop(frame.index, None)
             if index is not None:
-                mask = frame.mask if self.mask is None else self.mask
+                mask = self.mask if frame.mask is None else frame.mask
+                if self.mask is not None and frame.mask is not None:
+                    mask = frame.mask & self.mask
                 exposure_ms = float(self.exposures_ms[index])
                 yield replace(frame, index=index, exposure_ms=exposure_ms, mask=mask, max_grey=self.max_grey)
             if not kept:

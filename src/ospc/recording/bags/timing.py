@@ -125,7 +125,7 @@ def increasing(times: Times, messages: IntArray, path: str) -> tuple[IntArray, I
         notes.append(f"{path}: some images have no time stamp; using the times at which they were recorded")
     # An image is kept if it is later than all images before it.
     latest = np.maximum.accumulate(stamps_ns)
-    later = np.concatenate([[True], stamps_ns[1:] > latest[:-1]])
+    later = np.append(True, stamps_ns[1:] > latest[:-1])[: len(messages)]
     if not later.all():
         count = int(np.count_nonzero(~later))
         notes.append(f"{path}: {counted(count, 'image')} left out, because time stamps do not increase")

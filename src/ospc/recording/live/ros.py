@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import Any
 
 from ospc.arrays import Image
-from ospc.errors import ExposureError
+from ospc.errors import ExposureError, FrameError, RecordingError
 from ospc.photometry.correction import EXPOSURE_RANGE_MS
 from ospc.recording.bags.carriers import carrier_of
 from ospc.recording.bags.container import Topic
@@ -61,12 +61,12 @@ class RosFrames:
         Raises
         ------
         FrameError
-            If the image cannot be read.
+            If the image cannot be read, or the message has no time stamp.
         """
         stored = image_of(message, "image", self._channel)
         mosaic = stored.mosaic
         grey = stored.pixels if mosaic is None else mosaic.of(stored.pixels, self._channel or DEFAULT_CHANNEL)
-        return self._paired(message, self._images, grey)
+        return self._paired(message, self._images, grey, FrameError)
 
     def exposure(self, message: Any) -> Frame | None:
         """Add a message with an exposure, and return the frame if its image has already arrived.
@@ -74,21 +74,23 @@ class RosFrames:
         Raises
         ------
         ExposureError
-            If the message has no exposure, an impossible one, or no header with a time stamp.
+            If the message has no exposure, an impossible one, or no time stamp.
         """
-        if not (hasattr(message, "header") or hasattr(message, "camera_info")):
-            raise ExposureError("a message with an exposure has no header with a time stamp to match it to an image")
         exposure, gain = self._extract(message) or (0.0, 1.0)
         exposure_ms = float(self._unit.to_ms(exposure) * self._gain_unit.linear(gain))
         if not EXPOSURE_RANGE_MS[0] <= exposure_ms <= EXPOSURE_RANGE_MS[1]:
             raise ExposureError(
                 f"a message has an exposure of {exposure_ms:g} ms; enable the metadata of each frame in the driver"
             )
-        return self._paired(message, self._exposures_ms, exposure_ms)
+        return self._paired(message, self._exposures_ms, exposure_ms, ExposureError)
 
-    def _paired(self, message: Any, waiting: dict[int, Any], value: Image | float) -> Frame | None:
+    def _paired(
+        self, message: Any, waiting: dict[int, Any], value: Image | float, error: type[RecordingError]
+    ) -> Frame | None:
         """Store a value, and return the frame if its counterpart has already arrived."""
         stamp_ns = stamp_ns_of(message)
+        if stamp_ns <= 0:
+            raise error("a message has no time stamp in its header, by which images and exposures are matched")
         waiting[stamp_ns] = value
         while len(waiting) > _WAITING:
             del waiting[next(iter(waiting))]
