@@ -42,13 +42,13 @@ def test_bands_cover_the_truth(photographs, calibrations):
     assert np.mean(shares) > 0.9
 
 
-def test_nothing_is_identifiable_and_grey_images_get_the_typical_response(photographs):
+def test_nothing_is_identifiable_and_grey_images_will_do(photographs, calibrations):
     _, image = photographs["srgb"]
     found = calibrate_single_images([np.ascontiguousarray(image[..., 1])])
+    assert found.as_dict() == calibrations["srgb"].as_dict()
     assert found.verdicts["response"].state == found.verdicts["vignette"].state == "marginal"
     assert found.verdicts["exposures"].state == "not identifiable"
     assert not found.complete
-    assert "for lack of edges" in found.rests_on
     assert np.all(found.response.log_sigma > 0.05)
     with pytest.raises(FrameError, match="equal size"):
         calibrate_single_images([image, image[:100]])
@@ -64,7 +64,7 @@ def test_the_fallback_needs_its_option_and_states_its_basis(photographs, tmp_pat
     result = ospc("calibrate", photo, "-o", out, "--fallback", "single-image", "--json")
     assert result.exit_code == 3, result.output
     said = json.loads(result.stdout)["rests_on"]
-    assert "edges" in said
+    assert "typical curve" in said
     assert said in (out / "EXPOSURES_UNKNOWN.txt").read_text()
     assert said.encode("latin-1", "ignore") in (out / "vignette.png").read_bytes()
     assert Calibration.load(out).rests_on == said
@@ -84,7 +84,6 @@ def part(photographs):
 @pytest.mark.parametrize(("factor", "max_grey"), [(257, 65535), (16, 4095)])
 def test_words_of_16_and_of_12_bits_are_8_bits_scaled(part, factor, max_grey):
     image, found = part
-    assert "edges" in found.rests_on
     words = calibrate_single_images([image.astype(np.uint16) * factor])
     np.testing.assert_allclose(words.response.inverse_table, found.response.inverse_table, atol=0.02)
     assert (found.max_grey, words.max_grey) == (255, max_grey)
