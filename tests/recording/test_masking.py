@@ -124,7 +124,9 @@ def test_masking_every_pixel_is_refused() -> None:
         masked(recorded(), np.ones((3, 3), bool))
 
 
-@pytest.mark.parametrize("region", [Region(5, 5, 5000, 20), Region(0, 1, 160, 120), Region(500, 500, 10, 10)])
+@pytest.mark.parametrize(
+    "region", [Region(5, 5, 5000, 20), Region(0, 1, 160, 120), Region(500, 500, 10, 10), Region(-50, 0, 40, 120)]
+)
 def test_a_region_beyond_the_image_is_refused(region: Region) -> None:
     with pytest.raises(SettingError, match="are not inside the 160x120 of array; give a region of interest inside"):
         masked(recorded(), None, region)

@@ -244,6 +244,18 @@ def test_a_folder_with_many_files_does_not_stand_for_a_video(video: Callable[...
         open_recording(path.parent)
 
 
+def test_a_folder_that_cannot_be_listed_is_an_error(
+    video: Callable[..., Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(_folder: Path) -> None:
+        raise PermissionError(13, "Permission denied")
+
+    path = video({})
+    monkeypatch.setattr(Path, "iterdir", refuse)
+    with pytest.raises(RecordingError, match=r"walk\.mkv: cannot be read \(Permission denied\); check the path"):
+        open_recording(path)
+
+
 def test_a_file_that_only_begins_like_a_video_is_an_error(tmp_path: Path) -> None:
     (tmp_path / "walk.avi").write_bytes(b"RIFF\0\0\0\0AVI " + bytes(100))
     (tmp_path / "walk.csv").write_text(LIST)

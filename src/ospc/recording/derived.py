@@ -221,13 +221,14 @@ def masked(recording: Recording, mask: BoolArray | None = None, region: Region |
             f"(height, width); use a mask of the same size"
         )
     if region is not None:
-        if region.x + region.width > width or region.y + region.height > height:
+        ends = region.x + region.width, region.y + region.height
+        if min(region.x, region.y) < 0 or ends[0] > width or ends[1] > height:
             raise SettingError(
                 f"{region.width}x{region.height} pixels from ({region.x}, {region.y}) are not inside the "
                 f"{width}x{height} of {recording.path}; give a region of interest inside the images"
             )
         inside = np.zeros_like(usable)
-        inside[region.y : region.y + region.height, region.x : region.x + region.width] = True
+        inside[region.y : ends[1], region.x : ends[0]] = True
         usable &= inside
     if np.count_nonzero(usable) < _LEAST_PIXELS:
         raise SettingError(

@@ -97,7 +97,8 @@ def open_recording(path: str | Path, kind: str | None = None, options: ReadingOp
         if chosen.name != "rosbag" and (options.image_topic or options.exposure_topic):
             raise SettingError(f"{place}: is not a ROS bag and has no topics; leave out --topic and --exposure-topic")
         try:
-            return chosen.open(place, options)
+            with _readable(place):
+                return chosen.open(place, options)
         except RecordingError:
             if not (place / "calibration.json").is_file():
                 raise

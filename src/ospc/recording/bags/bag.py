@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 
 from ospc.errors import ExposureError, RecordingError, escaped, listed, quoted
@@ -60,7 +61,7 @@ class Bag:
         place = self.path.resolve() if self.path.name in ("", "..") else self.path  # such as '.'
         return place.with_name(f"{place.name if place.is_dir() else place.stem}.csv")
 
-    @property
+    @cached_property
     def topics(self) -> tuple[Topic, ...]:
         """The topics of all files, sorted by name."""
         found: dict[str, Topic] = {}
