@@ -151,13 +151,10 @@ def _zip(data: bytes, folder: Path) -> None:
     path = folder / "images.zip"
     path.write_bytes(data)
     source = ZipImages.of(path)
-    try:
-        for name in source.names:
-            assert not Path(name).is_absolute()
-            assert ".." not in Path(name).parts
-            source.read(name)
-    finally:
-        source.close()
+    for name in source.names:
+        assert not Path(name).is_absolute()
+        assert ".." not in Path(name).parts
+        source.read(name)
 
 
 def _exif(data: bytes, folder: Path) -> None:

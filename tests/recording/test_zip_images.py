@@ -137,16 +137,6 @@ def test_nothing_is_written_next_to_the_archive(tum_archive: Make) -> None:
     assert sorted(place.rglob("*")) == before
 
 
-def test_a_closed_recording_says_so(tum_archive: Make) -> None:
-    from ospc.recording.tum_mono import KIND
-
-    with KIND.open(tum_archive()) as recording:
-        frames = list(recording)
-        _ = frames[0].image
-    with pytest.raises(FrameError, match="the recording was closed"):
-        _ = frames[1].image
-
-
 def test_threads_read_the_same_bytes(tum_archive: Make) -> None:
     members = {f"{i:03d}.png": encoded(grey(i, (100, 80))) for i in range(20)}
     images = ZipImages.of(tum_archive(members) / "images.zip")
@@ -160,5 +150,4 @@ def test_threads_read_the_same_bytes(tum_archive: Make) -> None:
         thread.start()
     for thread in threads:
         thread.join()
-    images.close()
     assert wrong == []

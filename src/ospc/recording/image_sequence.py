@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 
 from ospc.arrays import Image
-from ospc.errors import OspcError, RecordingError, escaped, listed
+from ospc.errors import RecordingError, escaped, listed
 from ospc.formats.image_header import read_header
 from ospc.recording.frame import Frame, check_size
 from ospc.recording.frame_matching import in_order_of_numbers, match_images
@@ -38,10 +38,6 @@ class ImageSequence(StoredRecording):
             load = partial(self._load, name)
             yield self._frame(index, escaped(name), load, verify, threads=True)
 
-    def close(self) -> None:
-        """Close the archive."""
-        self.source.close()
-
     def stored_bytes(self, index: int) -> bytes:
         """Return the image file of a frame."""
         return self.source.read(self.names[index])
@@ -65,7 +61,7 @@ def open_sequence(
     options: ReadingOptions = DEFAULT,
     take_green: bool = False,
 ) -> ImageSequence:
-    """Combine image files with the list of their exposures; the source is closed if that fails.
+    """Combine image files with the list of their exposures.
 
     ``read_table`` reads the frames with their exposures, and raises ExposureError if there are none. With
     ``take_green``, the green pixels are used if the images are a Bayer mosaic. ``notes`` are earlier notes.
@@ -78,23 +74,19 @@ def open_sequence(
         If there are no images, none is readable, or frames and images do not correspond.
     """
     place = str(source.place)
-    try:
-        if not source.names:
-            why = why_unread(source.place) or "has no images; put PNG, JPEG, TIFF, BMP, PGM or PPM files there"
-            raise RecordingError(f"{place}: {why}")
-        table = table_or_unlisted(read_table, place, lambda: len(source.names), allowed=options.unknown_exposures)
-        names, matching = match_images(table, source.names, place)
-        table, names, ordering = in_order_of_numbers(table, names)
-        layout, pixels = find_layout(
-            lambda index: source.decoded(names[index], options.channel),
-            table.exposures_ms,
-            place,
-            options,
-            take_green=take_green,
-        )
-    except OspcError:
-        source.close()
-        raise
+    if not source.names:
+        why = why_unread(source.place) or "has no images; put PNG, JPEG, TIFF, BMP, PGM or PPM files there"
+        raise RecordingError(f"{place}: {why}")
+    table = table_or_unlisted(read_table, place, lambda: len(source.names), allowed=options.unknown_exposures)
+    names, matching = match_images(table, source.names, place)
+    table, names, ordering = in_order_of_numbers(table, names)
+    layout, pixels = find_layout(
+        lambda index: source.decoded(names[index], options.channel),
+        table.exposures_ms,
+        place,
+        options,
+        take_green=take_green,
+    )
     if table.source == place:
         matching = ()  # without a list, there is nothing to match
     if source.left_out:

@@ -136,9 +136,6 @@ class ImageSource(ABC):
         """Read and decode an image file, with the errors of both."""
         return decode_stored(self.read(name), self.label(name), channel)
 
-    def close(self) -> None:  # noqa: B027 (files of a folder are only open while they are read)
-        """Close open files; nothing can be read afterwards."""
-
 
 @dataclass(frozen=True)
 class FolderImages(ImageSource):
@@ -186,15 +183,11 @@ class ZipImages(ImageSource):
         except Exception:
             # zipfile raises undocumented errors for damaged archives.
             raise RecordingError(f"{path}: not a zip archive, or damaged; copy or download it again") from None
-        try:
-            names = _checked_members(archive.infolist(), path)
-        except RecordingError:
-            archive.close()
-            raise
+        names = _checked_members(archive.infolist(), path)
         return cls(path, tuple(sorted(names, key=by_name)), _archive=archive)
 
     def read(self, name: str) -> bytes:
-        """Return the bytes of a member; FrameError if it is damaged, or the archive has been closed."""
+        """Return the bytes of a member; FrameError if it is damaged."""
         size = self._archive.getinfo(name).file_size
         try:
             # The length limits decompression.
@@ -202,16 +195,11 @@ class ZipImages(ImageSource):
                 data = member.read(size + 1)
         except Exception:
             raise FrameError(
-                f"{self.label(name)}: cannot be read from the archive; it is damaged, or the recording was closed"
+                f"{self.label(name)}: cannot be read from the archive; copy or download it again"
             ) from None
         if len(data) != size:
             raise FrameError(f"{self.label(name)}: ends early; copy or download the archive again")
         return data
-
-    def close(self) -> None:
-        """Close the archive."""
-        with self._lock:
-            self._archive.close()
 
 
 def _checked_members(members: list[zipfile.ZipInfo], path: Path) -> list[str]:

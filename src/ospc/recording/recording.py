@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from abc import abstractmethod
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import AbstractContextManager, suppress
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import partial
 from hashlib import sha256
@@ -84,7 +84,7 @@ def stored_bytes(recording: Recording, index: int) -> bytes:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class StoredRecording(AbstractContextManager["StoredRecording"]):
+class StoredRecording(ABC):
     """Base class of the readers in this package: a recording whose images are decoded on demand.
 
     ``channel`` is the channel of colour images to use, None for the default; ``ALL`` keeps them in colour.
@@ -113,12 +113,6 @@ class StoredRecording(AbstractContextManager["StoredRecording"]):
 
     def __len__(self) -> int:
         return len(self.exposures_ms)
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
-    def close(self) -> None:
-        """Close open files; images cannot be read afterwards."""
 
     def _frame(
         self,
