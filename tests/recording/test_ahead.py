@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ospc.errors import FrameError
+from ospc.recording import stream
 from ospc.recording.frame import Frame
 from ospc.recording.stream import decoded_ahead
 
@@ -80,16 +81,18 @@ def test_wanted_images_are_decoded_once_and_by_another_thread():
     assert len(frames.by) == 2
 
 
-def test_only_so_many_images_are_decoded_ahead():
+def test_only_so_many_images_are_decoded_ahead(monkeypatch):
+    monkeypatch.setattr(stream, "_DECODED", 2)
     frames = Counted(100)
-    for frame in decoded_ahead(frames, lambda _places: True, decoded=2):
+    for frame in decoded_ahead(frames, lambda _places: True):
         _ = frame.image
         assert len(frames.decoded) <= frame.index + 1 + 2
 
 
-def test_images_nobody_foresees_are_not_decoded_but_looked_for():
+def test_images_nobody_foresees_are_not_decoded_but_looked_for(monkeypatch):
+    monkeypatch.setattr(stream, "_VERIFIED", 8)
     frames = Counted(100)
-    for frame in decoded_ahead(frames, lambda _places: False, verified=8):
+    for frame in decoded_ahead(frames, lambda _places: False):
         frame.verify()
         assert len(frames.verified) <= frame.index + 1 + 8
     assert frames.decoded == []

@@ -40,8 +40,6 @@ def test_frames_and_tuples_are_taken_as_they_come() -> None:
     assert [frame.exposure_ms for frame in found] == [1, 2, 4]
     assert [frame.stamp_s for frame in found] == [0, 1, 7.5]
     np.testing.assert_array_equal([frame.image for frame in found], images)
-    deep = next(frames_of([(images[0].astype(np.uint16), 1.0)], max_grey=4095))
-    assert deep.max_grey == 4095
 
 
 def test_the_remedies_fit_the_mistakes() -> None:

@@ -22,23 +22,21 @@ T = TypeVar("T")
 Result = TypeVar("Result")
 
 
-def frames_of(items: Iterable[Item], *, max_grey: int | None = None) -> Iterator[Frame]:
+def frames_of(items: Iterable[Item]) -> Iterator[Frame]:
     """Yield frames from any iterable, without keeping them.
 
     Parameters
     ----------
     items
         Frames, or tuples ``(image, exposure_ms)`` or ``(image, exposure_ms, stamp_s)`` with grey images of shape
-        (height, width), uint8 or uint16. An unknown exposure is None or NaN.
-    max_grey
-        Largest grey value of the images; required if they have more than 8 bits.
+        (height, width), uint8; images of more bits must be frames. An unknown exposure is None or NaN.
 
     Raises
     ------
     RecordingError
         If ``items`` are not iterable.
     FrameError
-        If an item has another type, or an image is not grey.
+        If an item has another type, or an image is not grey or has more than 8 bits.
     ExposureError
         If a known exposure is not finite and positive.
 
@@ -53,19 +51,19 @@ def frames_of(items: Iterable[Item], *, max_grey: int | None = None) -> Iterator
             f"{type(items).__name__} is not a recording; give a recording, its path, or frames one by one"
         )
     for index, item in enumerate(items):
-        yield replace(item, index=index) if isinstance(item, Frame) else _frame(item, index, max_grey)
+        yield replace(item, index=index) if isinstance(item, Frame) else _frame(item, index)
 
 
-def _frame(item: Any, index: int, max_grey: int | None) -> Frame:
+def _frame(item: Any, index: int) -> Frame:
     if not isinstance(item, tuple | list) or len(item) not in (2, 3):
         raise FrameError(f"item {index}: must be a frame, (image, exposure_ms) or (image, exposure_ms, stamp_s)")
     image, exposure_ms, stamp_s = check_image(item[0], f"item {index}"), *(*item[1:], index)[:2]
-    if image.dtype != np.uint8 and max_grey is None:
+    if image.dtype != np.uint8:
         raise FrameError(
             f"item {index}: has more than 8 bits; give the largest grey value of the sensor, as in "
             "Frame.of_array(image, exposure_ms, max_grey=4095)"
         )
-    frame = Frame.of_array(image, exposure_ms, index=index, stamp_s=stamp_s, max_grey=max_grey)
+    frame = Frame.of_array(image, exposure_ms, index=index, stamp_s=stamp_s)
     if not np.isnan(frame.exposure_ms):
         check_exposure(frame.exposure_ms, f"item {index}")
     return frame
@@ -92,9 +90,6 @@ def decoded_ahead(
     frames: Iterable[Frame],
     wanted: Callable[[int], bool],
     prepare: Callable[[int], Callable[[Frame], object]] = lambda _places: lambda _frame: None,
-    *,
-    decoded: int = _DECODED,
-    verified: int = _VERIFIED,
 ) -> Iterator[Frame]:
     """Yield the same frames in the same order, with images decoded ahead of time in a thread.
 
@@ -103,8 +98,8 @@ def decoded_ahead(
 
     ``wanted`` is called with the distance of a frame from the last one yielded, 1 for the next, and returns whether
     its image will probably be read; a wrong answer only costs time. ``prepare`` is called with the same argument and
-    returns a function that the thread calls with the frame after decoding. At most ``decoded`` images are decoded
-    ahead, and at most ``verified`` frames taken. Only the calling thread iterates over the frames.
+    returns a function that the thread calls with the frame after decoding. Only a few images are decoded ahead, and
+    only the calling thread iterates over the frames.
     """
     source = iter(frames)
     first = next(source, None)
@@ -121,7 +116,7 @@ def decoded_ahead(
         try:
             while queue:
                 in_progress = sum(decoding for _, decoding in queue)
-                while in_progress < decoded and len(queue) < verified and (frame := next(source, None)) is not None:
+                while in_progress < _DECODED and len(queue) < _VERIFIED and (frame := next(source, None)) is not None:
                     places = len(queue) + 1
                     decode = frame.threads and wanted(places)
                     ahead = _decoding(frame, worker, prepare(places)) if decode else _verifying(frame, worker)
@@ -166,26 +161,23 @@ def _verifying(frame: Frame, worker: ThreadPoolExecutor) -> Frame:
     return replace(frame, verify=worker.submit(frame.verify).result)
 
 
-_MOST_WORKERS = 8
-"""Maximum number of threads: more only need memory, because writing to disk is the bottleneck."""
+_WORKERS, _WAITING = min(os.cpu_count() or 1, 8), 2
+"""Number of threads, one per processor, and of items that wait for one: more than eight threads only need memory,
+because writing to disk is the bottleneck."""
 
 
-def mapped(
-    work: Callable[[T], Result], items: Iterable[T], workers: int | None = None, ahead: int = 2
-) -> Iterator[Result]:
+def mapped(work: Callable[[T], Result], items: Iterable[T]) -> Iterator[Result]:
     """Yield the results of ``work``, called in other threads, in the order of the items.
 
-    By default there is one thread per processor, up to a limit; ``workers`` sets their number. Only the calling
-    thread takes items, at most ``workers + ahead`` before their results are yielded, which limits memory. An error in
-    the work or the items is raised after the work in progress has finished; the rest is dropped.
+    Only the calling thread takes items, and only a few before their results are yielded, which limits memory. An
+    error in the work or the items is raised after the work in progress has finished; the rest is dropped.
     """
-    count = workers or min(os.cpu_count() or 1, _MOST_WORKERS)
     pending: deque[Future[Result]] = deque()
-    pool = ThreadPoolExecutor(count)
+    pool = ThreadPoolExecutor(_WORKERS)
     try:
         for item in items:
             pending.append(pool.submit(work, item))
-            if len(pending) >= count + ahead:
+            if len(pending) >= _WORKERS + _WAITING:
                 yield pending.popleft().result()
         while pending:
             yield pending.popleft().result()
