@@ -127,13 +127,18 @@ def test_a_message_without_any_stamp_is_an_error() -> None:
     pairs = RosFrames("std_msgs/msg/Float64", ReadingOptions.of({"exposure_unit": "ms"}))
     with pytest.raises(ExposureError, match="has no time stamp"):
         pairs.exposure(Message(data=2.0))
-    unset = Message(stamp=Message(sec=0, nanosec=0))  # by a driver that does not set it
+
+
+def test_only_the_first_frame_may_have_the_stamp_0_which_drivers_send_that_set_none() -> None:
     message, pairs = image(0), RosFrames(FLIR)
-    message.header = unset
+    message.header = Message(stamp=Message(sec=0, nanosec=0))
+    said = Message(header=message.header, exposure_time=2000, gain=0.0)
+    assert pairs.image(message) is None
+    assert pairs.exposure(said).stamp_s == 0
     with pytest.raises(FrameError, match="has no time stamp"):
         pairs.image(message)
     with pytest.raises(ExposureError, match="has no time stamp"):
-        pairs.exposure(Message(header=unset, exposure_time=2000, gain=0.0))
+        pairs.exposure(said)
 
 
 @pytest.mark.parametrize(

@@ -89,7 +89,9 @@ class RosFrames:
     ) -> Frame | None:
         """Store a value, and return the frame if its counterpart has already arrived."""
         stamp_ns = stamp_ns_of(message)
-        if stamp_ns <= 0:
+        stamped = hasattr(message, "header") or hasattr(message, "camera_info")
+        # A simulated clock begins at 0, which is also the stamp of drivers that set none.
+        if not stamped or stamp_ns <= 0 <= self._last_ns:
             raise error("a message has no time stamp in its header, by which images and exposures are matched")
         waiting[stamp_ns] = value
         while len(waiting) > _WAITING:
