@@ -93,7 +93,6 @@ PASSING_ON = {
     *(f"cli/{name}.py" for name in ("calibrate", "check", "convert", "live", "main", "report", "simulate")),
     *("formats/opening.py", "pooling/prior_calibration.py", "recording/kinds.py"),
     "research/faults/greys.py",
-    "unknown_exposures/single_image/fallback.py",
 }
 """Modules that only call other readers, read files they wrote themselves, or write to the null device."""
 

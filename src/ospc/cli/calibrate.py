@@ -251,11 +251,12 @@ def _calibrate_one(request: _Request, opened: Callable[[], Recording]) -> dict[s
 def _guess(request: _Request, truth: Photometry | None) -> dict[str, Any]:
     """Guess a calibration from single images; it is never complete."""
     from ospc.cli.calibration_result import CalibrationOutcome
+    from ospc.correction.source import open_source
     from ospc.output import Written
-    from ospc.unknown_exposures.single_image.fallback import calibrate_single_images, single_images
+    from ospc.unknown_exposures.single_image.fallback import calibrate_single_images
 
-    images, max_grey = single_images(request.path, request.reading.kind, request.reading.options)
-    calibration = replace(calibrate_single_images(images, max_grey), source={"name": request.path.name})
+    recording = open_source([request.path], request.reading.kind, request.reading.options).recording
+    calibration = replace(calibrate_single_images(recording), source={"name": request.path.name})
     content = request.result(truth).take(CalibrationOutcome(calibration), lambda _: (Written(), [calibration.caveat]))
     return content | {"rests_on": calibration.rests_on}
 
