@@ -10,7 +10,8 @@ import pytest
 from image_samples import encoded, grey
 
 from ospc.errors import ExposureError, RecordingError
-from ospc.recording import cameras_of, open_recording
+from ospc.recording import cameras_of, list_columns, open_recording
+from ospc.recording.list_search import lists_in
 from ospc.recording.options import ReadingOptions
 
 LISTS = {
@@ -140,3 +141,16 @@ def test_a_folder_above_that_cannot_be_listed_has_no_list(folder: Make, monkeypa
     monkeypatch.setattr(Path, "iterdir", denied)
     with pytest.raises(ExposureError, match="has no list of exposures"):
         open_recording(place / "rgb")
+
+
+def test_of_other_tables_in_the_folder_only_the_beginning_is_looked_at(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    split, real = [], list_columns._fields
+    monkeypatch.setattr(list_columns, "_fields", lambda *line: split.append(line) or real(*line))
+    (tmp_path / "imu.csv").write_text("timestamp,ax,ay,az\n" + "1695668703000000000,0.1,0.2,9.81\n" * 20_000)
+    (tmp_path / "list.csv").write_text(
+        "# of a run\nfile,exposure_ms\n" + "a_long_name_of_an_image.png,1.5\n" * 20_000
+    )
+    assert lists_in(tmp_path) == [tmp_path / "list.csv"]
+    assert len(split) < 5000

@@ -34,6 +34,9 @@ _ADVICE = (
 _MAX_CSV_FILES = 32
 """Maximum number of CSV files in a folder that are searched for exposures."""
 
+_HEAD_CHARACTERS = 65536
+"""Number of characters at the beginning of a table that are searched for a header."""
+
 _MAX_FOLDERS = 100
 """Maximum number of folders in a folder that are searched for the only one with images."""
 
@@ -48,7 +51,10 @@ def lists_in(folder: Path) -> list[Path]:
 def names_exposures(path: Path) -> bool:
     """Return whether a file exists whose header, which may be a comment, names a column of exposures."""
     try:
-        columns, _ = columns_of(read_table_text(path), str(path))
+        text = read_table_text(path)
+        if len(text) > _HEAD_CHARACTERS:
+            text = "\n".join(text[:_HEAD_CHARACTERS].splitlines()[:-1])
+        columns, _ = columns_of(text, str(path))
     except ExposureError:
         return True
     except RecordingError:
