@@ -53,7 +53,7 @@ def names_exposures(path: Path) -> bool:
     try:
         text = read_table_text(path)
         if len(text) > _HEAD_CHARACTERS:
-            text = "\n".join(text[:_HEAD_CHARACTERS].splitlines()[:-1])
+            text = text[:_HEAD_CHARACTERS].rpartition("\n")[0] or text
         columns, _ = columns_of(text, str(path))
     except ExposureError:
         return True
