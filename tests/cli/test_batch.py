@@ -48,7 +48,7 @@ def test_a_folder_becomes_a_page_a_table_and_calibrations(folder, tmp_path):
     assert result.stderr.startswith(
         "incomplete: A: response is marginal: typical irradiance ratios are known to within "
     )
-    assert "; vignette is not identifiable: the vignette is known to within " in result.stderr
+    assert "; vignette is not identifiable: the vignette is known only to within " in result.stderr
     names = {place.name for place in (tmp_path / "out").iterdir()}
     assert names == {"batch.json", "batch.csv", "index.html", "cameras", "recordings"}
     for name in ("calibration.json", "report.html"):

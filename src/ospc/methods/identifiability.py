@@ -12,7 +12,7 @@ from ospc.exposures.table import range_in_words
 from ospc.methods.contradictions import Contradictions
 from ospc.observations import ExposedObservations
 from ospc.photometry.coverage import ExposureRatios
-from ospc.photometry.verdict import State, Verdict
+from ospc.photometry.verdict import Verdict
 from ospc.settings import DefaultSettings
 from ospc.settings.fit import CONFIDENCE
 from ospc.settings.methods import (
@@ -191,9 +191,10 @@ def _clearer_view(fit: Fit) -> str:
 
 def _graded(fit: Fit, relative_error: float, figure: str, remedy: str) -> Verdict:
     """Return the verdict on a curve, given its error relative to the limit for an identifiable curve."""
+    if relative_error > UNIDENTIFIABLE_FACTOR:
+        return Verdict("not identifiable", figure.replace(" to within ", " only to within ", 1), remedy)
     if relative_error > 1:
-        state: State = "not identifiable" if relative_error > UNIDENTIFIABLE_FACTOR else "marginal"
-        return Verdict(state, figure, remedy)
+        return Verdict("marginal", figure, remedy)
     if fit.groups >= MIN_SCATTER_GROUPS:
         return Verdict("identifiable", figure)
     few = f"{figure}, but based on only {counted(fit.groups, 'comparison')} of frames"
