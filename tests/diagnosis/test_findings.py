@@ -438,7 +438,10 @@ def test_exposures_are_corrected_as_the_calibration_states() -> None:
     np.testing.assert_allclose(used_exposures(moved, recorded[:5]), [1.5, 3.75, 5, 9, np.nan])
 
 
-@pytest.mark.parametrize("stated", [5, [], [[], []], [[1.0], [1.0, 2.0]], [["a"], [1.0]], [[1.0], [None]], {"a": 1}])
+@pytest.mark.parametrize(
+    "stated",
+    [5, [], [[], []], [1.0, 2.0], [[[1.0]], [[2.0]]], [[1.0], [1.0, 2.0]], [["a"], [1.0]], [[1.0], [None]], {"a": 1}],
+)
 def test_a_calibration_with_impossible_corrections_corrects_nothing(stated: object) -> None:
     recorded = np.arange(1.0, 11)
     damaged = Calibration((8, 6), source={"exposures_corrected_ms": stated})

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ospc.arrays import FloatArray
+from ospc.arrays import FloatArray, numbers_of
 from ospc.errors import counted
 from ospc.exposures.findings import ExposureFindings
 from ospc.exposures.lag_choice import lag_in_words
@@ -97,11 +97,11 @@ def used_exposures(calibration: Calibration, exposures_ms: FloatArray) -> FloatA
 
 def _corrected(calibration: Calibration, exposures_ms: FloatArray) -> FloatArray:
     """Return exposures without the errors that the calibration corrected; the input itself if there are none."""
-    try:
-        recorded_ms, corrected_ms = np.array(calibration.source.get(_CORRECTED, ((), ())), np.float64)
-    except (TypeError, ValueError):
+    table = numbers_of(calibration.source.get(_CORRECTED, ()))
+    if table is None or table.ndim != 2 or len(table) != 2 or not table.size or not np.all(np.isfinite(table)):
         return exposures_ms
-    if not (len(recorded_ms) and np.all(np.isfinite(corrected_ms)) and np.all(np.diff(recorded_ms) > 0)):
+    recorded_ms, corrected_ms = table
+    if not np.all(np.diff(recorded_ms) > 0):
         return exposures_ms
     missing_ms = np.interp(exposures_ms, recorded_ms, corrected_ms - recorded_ms)
     return np.asarray(np.where(exposures_ms > 0, exposures_ms + missing_ms, exposures_ms))
