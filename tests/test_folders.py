@@ -101,7 +101,7 @@ def test_a_lock_leaves_no_file(tmp_path):
     [
         ("always", False, None),
         ("with force", True, None),
-        ("with force", False, "contains letters; choose another folder, or add --force"),
+        ("with force", False, "contains letters; choose another folder, or force writing to it"),
         ("never", False, "contains letters; choose another folder$"),
         ("never", True, "contains letters; choose another folder$"),
     ],

@@ -121,7 +121,7 @@ def test_single_unknown_exposures_are_interpolated_in_times_txt(tmp_path):
 class TestRefusals:
     def test_a_folder_with_something_else_needs_force(self, tmp_path):
         (tmp_path / "thesis.txt").write_text("mine")
-        with pytest.raises(SettingError, match="--force"):
+        with pytest.raises(SettingError, match="force writing to it"):
             OutputFolder.at(tmp_path)
         OutputFolder.at(tmp_path, force=True).write(calibration())
         assert (tmp_path / "thesis.txt").read_text() == "mine"

@@ -79,16 +79,14 @@ def _check_content(place: Path, content: Content, *, force: bool) -> None:
     if content.allowed == "never":
         raise SettingError(f"{place}: {content.description}; choose another folder")
     if content.allowed == "with force" and not force:
-        raise SettingError(
-            f"{place}: {content.description}; choose another folder, or add --force to write to it anyway"
-        )
+        raise SettingError(f"{place}: {content.description}; choose another folder, or force writing to it")
 
 
 def check_new(files: Iterable[Path], *, force: bool) -> None:
     """Refuse to replace files that exist, unless forced; SettingError."""
     for place in files:
         if not force and place.exists():
-            raise SettingError(f"{place}: exists already; choose another name, or replace it with --force")
+            raise SettingError(f"{place}: exists already; choose another name, or force its replacement")
 
 
 def _holds(recording: Path, place: Path) -> bool:

@@ -103,8 +103,8 @@ def test_an_uncorrected_lag_gives_a_warning(late: Path, tmp_path: Path) -> None:
     assert response.state == "not identifiable" or "2 frames late" in response.reason
     assert not calibration.converged
     assert "WARNING: exposures are recorded 2 frames late" in result.stderr
-    assert any("--correct-lag" in advice for advice in said["advice"])
-    assert "--correct-lag" in calibration.verdicts["exposures"].remedy
+    assert any("correct_lag" in advice for advice in said["advice"])
+    assert "correct_lag" in calibration.verdicts["exposures"].remedy
 
 
 @pytest.mark.parametrize(("choice", "code"), [("sometimes", 2), ("1.5", 2), ("100000", 2), ("500", 1)])

@@ -213,7 +213,7 @@ def test_a_number_is_obeyed_and_checked() -> None:
 def test_a_wrong_number_is_met_with_the_right_one(given: LagChoice) -> None:
     told = found(LATE, given)
     assert "exposures are recorded 2 frames late" in told.verdict.reason
-    assert told.verdict.remedy == "set --correct-lag to 2"
+    assert told.verdict.remedy == "set correct_lag to 2"
     # Curves fitted to exposures of other frames deserve no advice of their own.
     unknown = told.judged(Verdict("not identifiable", "the vignette moves", "switch off stabilisation"))
     assert (unknown.state, unknown.remedy) == ("not identifiable", told.verdict.remedy)
@@ -222,7 +222,7 @@ def test_a_wrong_number_is_met_with_the_right_one(given: LagChoice) -> None:
 def test_a_number_for_exposures_that_do_not_lag_is_to_be_zero() -> None:
     told = found(Film(wandering(FRAMES)), 1)
     assert "exposures are recorded with their frames" in told.verdict.reason
-    assert told.verdict.remedy == "set --correct-lag to 0"
+    assert told.verdict.remedy == "set correct_lag to 0"
 
 
 @pytest.mark.parametrize("choice", ["auto", 0, 1])

@@ -90,7 +90,7 @@ class ExposureEvidence:
         )
         return (
             f"exposures are recorded {lag_in_words(self.corrected_frames)}, as {shown}, and were moved to their "
-            "frames; use --correct-lag never to keep them as recorded"
+            "frames; set correct_lag to never to keep them as recorded"
         )
 
     def used(self, table: ExposureTable) -> ExposureTable:

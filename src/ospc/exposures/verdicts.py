@@ -45,7 +45,7 @@ _GIVE_TIMES = (
 )
 _SLOWER = "record a well-exposed scene with uniform surfaces and some texture, and move slowly"
 _MORE_FRAMES = (
-    "record at least sixty consecutive frames; if the exposures surely belong to these images, set --correct-lag to 0"
+    "record at least sixty consecutive frames; if the exposures surely belong to these images, set correct_lag to 0"
 )
 _NO_BLENDING = (
     "switch off temporal noise reduction and anything else that blends frames; if the images come from a video, "
@@ -164,7 +164,7 @@ def _on_lag(evidence: ExposureEvidence, by_fit: str) -> tuple[Verdict, _Standing
         late = certain + moved
         text = f"exposures are recorded {lag_in_words(late)}" if late else "exposures are recorded with their frames"
         text += f"; once moved {'' if late else 'back '}to their frames, they explain {explained}"
-        return Verdict("marginal", text, f"set --correct-lag to {late}"), "contradicted"
+        return Verdict("marginal", text, f"set correct_lag to {late}"), "contradicted"
     text = "exposures belong to their frames"
     if lag.frames is None:
         text += f", or to others with the same exposure, because they repeat every {recorded.cycle_frames} frames"
