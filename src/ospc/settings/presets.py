@@ -299,7 +299,6 @@ S = TypeVar("S", bound=Settings)
 
 _ANY_SIZE, _ANY_GREY = (640, 480), 255
 """Images for which a method is built only to check its settings."""
-
 PRESETS: dict[str, Settings] = {"default": DefaultSettings(), "fast": FastSettings(), "paper": PaperSettings()}
 """The settings of every preset, by its name."""
 

@@ -9,10 +9,8 @@ import numpy as np
 EXPONENT_SIGMA = 0.34
 """Standard deviation of ln γ between the mean response used here and the 201 measured ones of the database of
 response functions (Grossberg and Nayar 2004); the mean of ln γ is 0.05."""
-
 MAX_RECOVERED_FRAMES = 1500
 """Most frames, from the first, whose exposures are estimated: memory and time grow with their number."""
-
 EXPONENT_LEVELS = np.linspace(0.1, 0.9, 81)
 """Grey levels at which a response is compared with the mean response, without the ends, which suffer from noise and
 saturation."""
@@ -22,38 +20,28 @@ saturation."""
 JOINT_HUBER = 0.015
 """Residual, relative to full scale, above which the Huber loss is linear: four 8-bit levels, a few times the
 noise."""
-
 MIN_JOINT_OBSERVATIONS = 200
 """Fewest observations: a few for each of about ten parameters and for the radiances."""
-
 MIN_JOINT_VIGNETTE, MAX_JOINT_LOG = 0.05, 12.0
 """Smallest V and largest |ln| of the irradiance, far beyond any camera, to keep the optimisation finite."""
-
 JOINT_TOLERANCE, JOINT_ALTERNATIONS = 1e-5, 60
 """Relative decrease of the cost at which the alternation ends, because the data do not determine smaller changes, and
 most alternations."""
-
 RESPONSE_COMPONENTS = 4
 """Number of components of the model of responses, of at most five that the published one has."""
-
 RESPONSE_SAMPLES = 1024
 """Number of irradiances at which a model of responses is tabulated, as in the published tables."""
-
 MIN_START_IRRADIANCE = 1e-4
 """Smallest irradiance whose logarithm is used for the initial exposures: darker samples are noise."""
-
 MAX_DAMPED_ATTEMPTS, MAX_JOINT_STEP = 6, 0.5
 """Most attempts with increased damping, and largest change of ln e or ln L in a step, to keep the linearisation
 valid."""
-
 START_DAMPING, MIN_DAMPING = 1e-3, 1e-7
 DAMPING_UP, DAMPING_DOWN = 8, 4
 """Levenberg-Marquardt damping relative to the diagonal: initial value, lower bound, factor after a failed step, and
 divisor after a successful one."""
-
 SOLVER_TOLERANCE = 1e-8
 """Relative accuracy of the linear system for the initial exposures, far below their errors."""
-
 MAX_SOLVER_STEPS = 400
 """Most steps of its solver, which propagates exposures along chains of tracks by about one frame per step."""
 
@@ -62,51 +50,37 @@ MAX_SOLVER_STEPS = 400
 OBSERVED_OFFSETS_PX = np.array([(0, 0), (3, 0), (-3, 0), (0, 3), (0, -3)], dtype=np.float32)
 """Offsets in pixels of the scene points that are observed around each feature: they have other grey levels than the
 feature, but are still within the tracked window."""
-
 MAX_GAIN_ROUNDS, MIN_GAIN_CHANGE = 2, 0.02
 """Most alternations of tracking and gain, and change of ln gain at which they end: tracking tolerates a smaller
 error."""
-
 TRACKED_FEATURES = 250
 """Number of features tracked at a time; the published program tracks more, and takes longer."""
-
 TRACKING_WINDOW_PX, PYRAMID_LEVELS = 21, 4
 """Side of the tracking window, and levels of the pyramid above the image, for motion up to about 100 pixels."""
-
 MAX_TRACK_RETURN_PX = 0.7
 """Largest forward-backward error of a track in pixels: tracks that do not return are on another feature."""
-
 TRACKING_MARGIN_PX = 6
 """Smallest distance of a feature from the border and from masked pixels, in pixels, so that the points around it and
 their gradients lie inside."""
-
 REFILL_SHARE = 0.7
 """Share of the features below which new ones are detected: detection takes time, and long tracks are most
 informative."""
-
 FEATURE_QUALITY, FEATURE_SPACING_PX = 0.005, 14
 """Corner detection: smallest strength relative to the strongest corner, low to include weak texture, and smallest
 distance between corners in pixels, so that they cover the image."""
-
 OCCUPIED_PX = 12
 """Radius in pixels around a feature within which no new one is detected: it would be the same feature."""
-
 TRACKED_SMOOTHING_PX = 0.8
 """Standard deviation of the smoothing of sampled grey levels: less noise, and hardly any blur."""
-
 DARKEST_TRACKED_8_BIT, BRIGHTEST_TRACKED_8_BIT = 1.5, 254.0
 """Grey levels, of 255, between which a sample is well exposed; the upper limit applies to its brightest neighbour."""
-
 GAIN_SIDE_PX = 7
 """Side of the squares around features whose mean brightness determines the gain: averaging reduces the effects of
 noise and motion blur."""
-
 DARKEST_GAIN_8_BIT, BRIGHTEST_GAIN_8_BIT = 3, 245
 """Grey levels, of 255, between which these means are used; otherwise some of their pixels are clipped."""
-
 MEDIAN_STEP_PX = 4
 """Row and column step at which the median of an image is computed."""
-
 TRACKED_GRADIENT_SCALE = 12.0
 """Gradient, in grey levels per pixel, at which a sample has half its weight: there, displacement errors dominate."""
 
@@ -120,24 +94,17 @@ MIN_RESPONSE_SLOPE = 1e-4
 
 FAMILY_GAMMAS = (0.6, 4.5, 14)
 """Exponents g of the powers x^(1/g)."""
-
 FAMILY_TOE_GAMMAS = (1.2, 3.5, 6)
 """Exponents of powers with a linear toe, like video curves."""
-
 FAMILY_TOES = (0.002, 0.01, 0.03)
 """Irradiances at which the linear toe ends."""
-
 FAMILY_LOGARITHMS = (1.5, 400.0, 12)
 """Factors a of the logarithms ln(1 + a x)."""
-
 FAMILY_SIGMOID_POWERS = (1.0, 1.2, 1.5, 1.9)
 """Powers p of the sigmoids x^p / (x^p + c)."""
-
 FAMILY_SIGMOID_MIDDLES = (0.05, 2.0, 5)
 """Values of c of the sigmoids: x^p at half of the limit."""
-
 FAMILY_KNEES = ((0.05, 0.3), (0.1, 0.45), (0.3, 0.6), (0.5, 0.8), (0.6, 0.75))
 """Irradiance and grey level of the knee of curves made of two straight lines."""
-
 EVERY_WITH_KNEE = 5
 """Every n-th curve without a knee is averaged with each of these; using every curve would outweigh the others."""
