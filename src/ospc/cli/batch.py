@@ -21,7 +21,6 @@ if TYPE_CHECKING:
 
 _SOME_FAILED = 4
 """Exit code if some recordings failed."""
-
 _MOST_LISTED = 10
 """Most failures, ignored folders, and contradictions of one camera that are listed; the table has all recordings."""
 

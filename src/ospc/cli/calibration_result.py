@@ -36,7 +36,6 @@ from ospc.second_thread import SecondThread
 _STYLES = {"identifiable": "green", "marginal": "yellow", "not identifiable": "red"}
 _WIDTH_WHEN_PIPED = 110
 """Characters per line of a table outside a terminal."""
-
 _ERRORS = {
     "response_rmse": "response, RMSE of g",
     "response_shape_rmse": "response shape, RMSE after the best scale",
@@ -45,7 +44,6 @@ _ERRORS = {
     "vignette_pixel_rmse": "vignette, RMSE over all pixels",
 }
 """Labels of the metrics of a comparison with a truth."""
-
 Saved: TypeAlias = tuple[Written, list[str]]
 """The files written for a state, and notes on it."""
 

@@ -16,7 +16,6 @@ if TYPE_CHECKING:
 
 _PERIOD_FRAMES = 50
 """Period of the exposure in frames: slow enough that neighbouring frames overlap in exposure."""
-
 _MEAN_EXPOSURE_MS, _EXPOSURE_FACTOR = 9.0, 2.8
 """The exposure varies between mean / factor and mean × factor, a range of about eight to one."""
 

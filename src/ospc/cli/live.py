@@ -34,7 +34,6 @@ if TYPE_CHECKING:
 
 _GOAL = 0.005
 """Copy of :data:`ospc.settings.live.GOAL`, whose import would take too long for a help text."""
-
 _LINE_S = 5.0
 """Time between two lines in the terminal, if the instruction stays the same, in seconds."""
 

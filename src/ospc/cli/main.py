@@ -44,7 +44,6 @@ _COMMANDS = {
 
 _LEAST_MEMORY_MIB = 1024
 """Address space below which OpenBLAS may end the process or hang, instead of raising an error."""
-
 _MALLOC = {
     "MALLOC_ARENA_MAX": (-8, 1),
     "MALLOC_TRIM_THRESHOLD_": (-1, 32 * 2**20),
@@ -52,7 +51,6 @@ _MALLOC = {
 }
 """Environment variables that control how glibc reuses freed memory, each with its ``mallopt`` parameter number and
 value: one pool for all threads, which keeps blocks of up to 32 MiB. An image takes one or two MiB."""
-
 _ALLOCATIONS_PER_COLLECTION = 20_000
 """New objects between two garbage collections; Python's default collects ten to thirty times as often."""
 

@@ -21,7 +21,6 @@ if TYPE_CHECKING:
 
 _HELP_COLUMNS = 76
 """Width of help texts in a terminal of 80 columns, without their indentation."""
-
 _OF_ANNOTATION: Mapping[str, Mapping[str, Any]] = {
     "bool": {"is_flag": True},
     "int": {"type": int},

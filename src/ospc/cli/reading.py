@@ -21,7 +21,6 @@ from ospc.recording.options import ReadingOptions, declared_options
 
 _EACH = "each"
 """Value of ``--channel`` that calibrates each channel separately."""
-
 _EACH_HELP = (
     " With each ('ospc calibrate' only), red, green and blue are calibrated into OUT/red, OUT/green and OUT/blue."
 )
@@ -134,20 +133,16 @@ _UNKNOWN_EXPOSURES = option(
 
 READING: Any = OptionGroup(_reading, _READING)
 """Declares a :class:`Reading`."""
-
 READING_OR_ESTIMATING: Any = OptionGroup(_reading, _READING | {"unknown_exposures": _UNKNOWN_EXPOSURES})
 """The same with ``--unknown-exposures``, for commands that can estimate exposures."""
-
 STATED: Any = OptionGroup(lambda **stated: ReadingOptions.of(stated), {name: _stated(name) for name in _FIELDS})
 """Declares :class:`ReadingOptions` alone."""
-
 _ONE_CHANNEL = "Write only this channel of colour or Bayer images, which otherwise remain in colour."
 STATED_IN_COLOUR: Any = OptionGroup(
     lambda **stated: ReadingOptions.of(stated),
     {name: _stated(name, text=_ONE_CHANNEL if name == "channel" else "") for name in _FIELDS},
 )
 """The same for a command that keeps colours."""
-
 STATED_OF_CAMERA: Any = OptionGroup(
     lambda **stated: ReadingOptions.of(stated),
     {name: _stated(name) for name in ("channel", "exposure_unit", "gain_unit")},

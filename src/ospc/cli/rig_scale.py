@@ -12,7 +12,6 @@ from ospc.recording import Recording
 
 RIG_NAME = "rig.json"
 """Name of the file with the relative scales of a rig's cameras."""
-
 _LARGE_MISFIT = 4.0
 """Contradiction between overlaps, in standard deviations, above which the user is warned."""
 

@@ -20,10 +20,8 @@ if TYPE_CHECKING:
 
 _EXAMPLE = "theirs=pcalib.txt,vignette.png"
 """Example of a calibration of another program."""
-
 _CACHE = "cache"
 """Folder of finished results in the folder of a study."""
-
 _WIDTH = 400
 """Width of tables in characters: the terminal wraps longer lines, whereas cut cells would be lost."""
 

@@ -53,10 +53,8 @@ def align_similarity(points: FloatArray, target: FloatArray) -> Similarity:
 
 _LARGEST_FILE = 2**29
 """Largest file that is read, in bytes: a day of poses at 50 Hz."""
-
 _COLUMNS = 8
 """Columns of a row: stamp, position, quaternion."""
-
 _QUATERNION_LENGTHS = (0.5, 2.0)
 """Range of accepted lengths of unit quaternions, which files round to a few digits."""
 

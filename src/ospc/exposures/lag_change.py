@@ -28,7 +28,6 @@ from ospc.settings.lag import (
 
 _LATER = np.arange(-MAX_COMMON_LAG, MAX_COMMON_LAG + 1)
 """Changes of the lag that are tried, in frames; positive if exposures are recorded later than before."""
-
 _UNCHANGED = MAX_COMMON_LAG
 """Index of no change in it."""
 

@@ -12,7 +12,6 @@ from ospc.recording import Recording
 LagChoice = int | Literal["auto", "never", "estimated"]
 """What to do about a lag of the exposures: correct it if it is certain (``"auto"``), never, or by a fixed number of
 frames. ``"estimated"`` is for exposures that were estimated from the images, which cannot disagree with them."""
-
 _WITH_OWN_EXPOSURES = "exif_photos"
 """Kind of recording that stores exposures in the image files themselves."""
 

@@ -20,7 +20,6 @@ from ospc.settings.exposures import (
 
 _FIRST_CAPACITY = 1024
 """Initial capacity of the table; it doubles whenever it is full."""
-
 _BLOCK = 2**14
 """Exposures processed at a time: few enough for the processor's cache, and memory stays bounded in endless runs."""
 

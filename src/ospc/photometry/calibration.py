@@ -31,7 +31,6 @@ if TYPE_CHECKING:
 SCHEMA = "ospc-calibration/1"
 PROFILE_RADII = read_only(np.linspace(0.0, 1.0, 51))
 """Radii in half diagonals at which the uncertainty of the vignette is given: 0, 0.02, … 1, finer than it varies."""
-
 _MAX_BYTES = 100_000_000
 """Largest calibration file that is read; one with a covariance of 100 parameters is smaller than a megabyte."""
 

@@ -30,16 +30,12 @@ from ospc.photometry.vignette import (
 
 _LARGEST = 1e12
 """Largest number that is read: no calibration comes close, and larger ones would overflow in use."""
-
 _SMALLEST_RATIO = 1e-12
 """Smallest exposure ratio that is read; smaller ones and zero indicate a damaged file."""
-
 _MOST_COEFFICIENTS = 32
 """Maximum number of vignette coefficients that are read, far more than any model has."""
-
 _LEAST_REACH = 1e-3
 """Smallest radius of the last knot of a vignette that is read, in half diagonals: less than a pixel."""
-
 _PROBES_PER_SIDE = 33
 """Grid points per side of the image at which a vignette model is checked; a polynomial has no peaks between them."""
 

@@ -29,14 +29,11 @@ from ospc.photometry.vignette import Vignette
 LEAST_ATTENUATION = 1e-3
 """Attenuation below which there is no image, as outside the image circle of a fisheye: dividing by it would only
 amplify noise."""
-
 EXPOSURE_RANGE_MS = (1e-9, 1e9)
 """Accepted exposures, from a picosecond to eleven days: no camera comes close to a limit, and results stay finite in
 float32."""
-
 _WHITE_RANGE = (1e-12, 1e12)
 """Irradiances or radiances accepted as white, for the same reason."""
-
 _BEYOND = float(2**20)
 """Stands for saturation in integer output: far above 65535, also after division by V ≤ 1, and far below the overflow
 of a conversion to integers."""

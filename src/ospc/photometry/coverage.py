@@ -57,10 +57,8 @@ class ExposureRatios(ByValue):
 
 QUANTILES = (0.16, 0.5, 0.84)
 """Quantiles of the residuals: the median and the limits of the central 68 per cent, ±1σ of a normal distribution."""
-
 _FEW_OBSERVATIONS = 30
 """A class of grey levels or radii with fewer observations counts as not covered: 1 % of a typical class."""
-
 _RESIDUALS = ("residual_by_grey", "residual_by_radius", "residual_by_place")
 
 _MAX_CLASSES = 128

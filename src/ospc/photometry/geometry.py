@@ -13,7 +13,6 @@ from ospc.errors import FormatError
 
 _BAND_PIXELS = 2**15
 """Pixels evaluated at a time: few enough to stay in the cache and need little memory."""
-
 MOST_PIXELS = 2**27
 """Images with more pixels are rejected: twice the largest common sensor."""
 

@@ -13,10 +13,8 @@ from ospc.photometry.noise import NoiseModel
 
 LARGEST_GREY = 65535
 """Largest grey value of any image: 16 bits."""
-
 _NOISE_LEVELS = 256
 """Grey levels at which the noise of stretched images is tabulated: those of 8 bits."""
-
 _UNCERTAINTY = 2.5 / 255
 """Accuracy of black and white whose values scatter: two 8-bit grey values."""
 
@@ -85,6 +83,5 @@ class GreyRange:
 
 FULL_RANGE = GreyRange()
 """Black and white at the ends of the scale."""
-
 VIDEO_RANGE = GreyRange(16 / 255, 235 / 255)
 """Limited range of video (ITU-R BT.601)."""

@@ -37,10 +37,8 @@ _TERMS = {
     ),
 }
 """The terms by name, with R² = x² + y²."""
-
 NON_RADIAL = tuple(_TERMS)
 """Names of the terms."""
-
 DEGREES = tuple(term.degree for term in _TERMS.values())
 """Degrees of the terms in x and y."""
 

@@ -8,7 +8,6 @@ from ospc.arrays import FloatArray
 
 _WIDTH, _HEIGHT, _MARGIN = 220, 150, 24
 """Size of a plot and the margin around its axes, in pixels."""
-
 _SIGMAS = 2.0
 """Half width of a confidence band in standard deviations, as in the report."""
 

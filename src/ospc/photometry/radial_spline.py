@@ -13,7 +13,6 @@ _KNOT_EXPONENT = 1.5
 """The knots are at equal steps of R² to the power of 1 / 1.5: closer in the middle than equal steps of R², where
 vignettes of large apertures already bend, and closer at the edge than equal steps of R. Calibration files state only
 the slopes at the knots, so it also defines their meaning."""
-
 _KEPT_SPLINES = 64
 """Number of splines kept with their tables: several numbers of knots for each of several usable radii."""
 

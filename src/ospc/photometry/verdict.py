@@ -27,10 +27,8 @@ class Verdict:
 
 LATE_EXPOSURES = "late exposures"
 """Name of the effect of exposures that lag by a fraction of a frame."""
-
 NOMINAL_EXPOSURES = "nominal exposures"
 """Name of the effect of nominal shutter speeds."""
-
 INEXACT_EXPOSURES = "inexact exposures"
 """Name of the effect of exposures that are wrong by a random factor, which is the same whenever they recur."""
 

@@ -22,10 +22,8 @@ from ospc.photometry.radial_spline import radial_spline
 
 LARGEST_ATTENUATION = 1e3
 """Models that exceed this anywhere in the image are rejected: V is normalised to 1."""
-
 _CENTRE_BINS = 3
 """Number of bins around the centre that normalise a profile: the first one alone has few pixels."""
-
 _MAP_NAME = "vignette.npy"
 _MAP_HEADER_BYTES = 4096
 """Largest ``.npy`` header; this and the size of the map limit how much is read."""

@@ -15,10 +15,8 @@ from ospc.settings.grey_values import COVERAGE_GREY_CELLS, COVERAGE_RADIUS_CELLS
 
 _EXPOSURE_ROWS = 12
 """Number of exposure classes."""
-
 _SAME_EXPOSURE = 1e-3
 """Range of ln exposure below which there is only one class."""
-
 _DECIDING = 10
 """Difference in log likelihood up to which the axis is linear; all larger ones are decisive."""
 

@@ -22,31 +22,22 @@ RADIUS_LABEL = "distance from the image centre (1 = corner)"
 
 _BANDS = ((2, 0.2), (1, 0.35))
 """Multiples of the standard deviation that are shown as bands, with their opacities."""
-
 _PANEL_HEIGHTS = (3.0, 1.1, 0.9)
 """Relative heights of the panels of the curve, its error, and the number of observations."""
-
 _MOST_LEVELS = 257
 """Points of a drawn response: as smooth as a screen can show."""
-
 _LEAST_EXTENT = 1e-4
 """Smallest half height of an error panel; smaller errors are negligible."""
-
 _MOST_TICKS = 6
 """Most intervals between the ticks of an axis."""
-
 _LABEL_IN = 0.66
 """Distance of the label of a y axis from the axis, in inches, with room for the tick labels."""
-
 _BAR_WIDTHS = (20, 1, 4.5)
 """Relative widths of an image, its colour bar, and the labels of the colour bar."""
-
 _MAP_COLUMNS = 240
 """Cells in a row of the vignette map."""
-
 _MAP_STEPS = 9
 """Most steps of attenuation in the vignette map; more colours could not be distinguished."""
-
 _WRAP_COLUMNS = 38
 """Characters per line of a text in place of a curve."""
 

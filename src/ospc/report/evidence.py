@@ -18,10 +18,8 @@ from ospc.robust import weighted_median
 
 FEW_SAMPLES = 50
 """A pair of frames with fewer samples may be wrongly matched, and is drawn as an open grey circle."""
-
 _MOST_POINTS = 2000
 """Most points in a scatter plot; more would hide one another."""
-
 _LEAST_RESIDUAL = 0.5
 """Smallest half range of a residual axis in per cent; smaller residuals are noise."""
 

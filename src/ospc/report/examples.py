@@ -22,13 +22,10 @@ from ospc.report.evidence import FEW_SAMPLES
 
 _TRACKED_FRAMES = 12
 """Frames of the excerpt in which points are tracked: enough to show the effect, and quick to compute."""
-
 _PICTURES = 2
 """Scenes to show."""
-
 _WIDTH_PX = 480
 """Width of the pictures, in pixels."""
-
 _STREAMS = ("video", "rosbag")
 _STREAM_REACH = 300
 """Frames considered in a recording that can only be read from its beginning."""

@@ -8,7 +8,6 @@ from ospc.errors import escaped
 
 _POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'"
 """Content security policy of a page: no external resources and no scripts."""
-
 _VOID = ("img", "meta", "br")
 """Elements without content and end tag."""
 

@@ -20,20 +20,15 @@ if TYPE_CHECKING:
 
 PICTURE = "figure.png"
 """File name of the picture of a calibration: an overview like figure 3 of the paper."""
-
 _HEIGHT_IN, _CHART_IN = 4.2, 3.05
 _MARGINS_IN = {"left": 0.86, "right": 0.14, "top": 0.62, "bottom": 0.72}
 """Margins around the charts for titles and labels."""
-
 _LINE_IN = 0.14
 """Height of a line below the charts."""
-
 _LETTERS = 58
 """Letters per line that fit into the width of a chart."""
-
 _STYLES = ((BLUE, "-"), (ORANGE, "--"), (GREEN, "-."), (BLACK, ":"))
 """Colours and line styles of successive calibrations, distinguishable even if curves coincide."""
-
 _NAME_LETTERS = 40
 """Most letters of a name in a legend, so that the curves keep enough room. Longer names are cut at the beginning,
 because their end is more informative."""

@@ -16,7 +16,6 @@ from ospc.formats.files import write_bytes
 
 BLUE, ORANGE, GREEN, GREY, BLACK = "#0072B2", "#D55E00", "#009E73", "#999999", "#000000"
 """Colours that colour-blind readers can distinguish: Okabe and Ito, 2008, "Color universal design"."""
-
 DPI = 140
 """Pixels per inch of PNG pictures: sharp when a picture fills the width of a page."""
 

@@ -76,10 +76,8 @@ def sentence(text: str) -> str:
 
 _LINEAR_WITHIN = 0.05
 """Largest distance of the gamma exponent from 1 at which a response is called linear."""
-
 _UNEVEN = 0.01
 """Smallest difference that is mentioned between the corners, or between the centre and the brightest point."""
-
 _HARDLY_VIGNETTED = 0.98
 """Attenuation at the corners above which there is hardly any vignetting: less than 3 hundredths of a stop."""
 

@@ -14,7 +14,6 @@ _COLOURS = (BLUE, ORANGE, GREEN, "#CC79A7", "#56B4E9", "#E69F00", "#8B4513", "#4
 _LINES = ("-", "--", "-.", ":")
 _FEWEST_SAMPLES = 10
 """Exposure ratios from fewer scene points are not drawn."""
-
 _PANEL_IN = (7.5, 4.6)
 """Width and height of one panel of errors, in inches."""
 

@@ -21,7 +21,6 @@ from ospc.versions import versions
 _SCHEMA = "ospc-research-result/1"
 _KEY_DIGITS = 24
 """Hexadecimal digits of a key: 96 bits make collisions negligible."""
-
 _WITHOUT_EFFECT = ("cli", "report", "batch", "live", "diagnosis")
 """Parts of the package whose source cannot change the results of methods."""
 

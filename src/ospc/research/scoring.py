@@ -107,22 +107,16 @@ def curves_of(found: Estimate | Truth) -> dict[str, list[float]]:
 
 PAIRS, _VIEWS = 400, 12
 """Pairs of a simulated recording, enough for a median error accurate to a few percent, and views they come from."""
-
 _POINTS, _FEWEST_POINTS = 400, 50
 """Points of a pair, and how many of them must be well exposed in both frames."""
-
 _DARKEST, _BRIGHTEST = 5 / 255, 250 / 255
 """Grey levels beyond which a point counts as clipped."""
-
 _METERED_GREY, _METER_SPREAD = 0.42, 0.35
 """Grey level the simulated light meter aims at, and the standard deviation of its error in ln exposure."""
-
 _LOG_RATIOS = (0.1, 1.0)
 """Smallest and largest |ln k| of a pair."""
-
 _PART, _LONGEST_SHIFT = 0.15, 0.5
 """Half the edge of the scene part that a pair shows, and its largest displacement, in half diagonals."""
-
 _OTHER_SCENE = 10_007
 """Added to the seed to get a room that the recording does not show."""
 

@@ -16,13 +16,10 @@ from ospc.simulation.settings import SimulationSettings
 
 EYE_HEIGHT_M = 1.35
 """Mean height of the camera above the floor, in metres: held in front of the chest."""
-
 REACH_M = 1.1
 """Largest horizontal distance of the camera from the middle of the room, in metres; all objects are further away."""
-
 _SPREAD = (0.85, 1.15)
 """Range of the random factor on each amplitude and period, so that each seed gives a different motion."""
-
 _Waves = tuple[tuple[float, float], ...]
 
 _HANDHELD: dict[str, _Waves] = {

@@ -22,11 +22,9 @@ from ospc.simulation.surface import Face, Rectangle, Solid
 
 _NEAR_M = 0.02
 """Distance of the near clipping plane, in metres; nothing comes nearer than 0.2 m."""
-
 _MARGIN_PX = 2.0
 """Margin around the image within which surfaces are kept, in pixels, because their antialiased edges extend half a
 pixel."""
-
 _CELL_PX = 32
 """Edge of the cells, in pixels, on which the level of detail is computed before it is interpolated."""
 

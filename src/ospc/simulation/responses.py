@@ -19,7 +19,6 @@ from ospc.simulation.texture import srgb_decoded
 
 LEVELS = 255 * 8 + 1
 """Length of the tables: every 8-bit grey value coincides with an entry."""
-
 _GREY = np.linspace(0.0, 1.0, LEVELS)
 """Grey levels of the entries."""
 

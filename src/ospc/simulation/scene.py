@@ -15,29 +15,21 @@ from ospc.simulation.texture import painted, photograph, single, strewn, tiled
 
 ROOM_M = (4.2, 3.4, 2.8)
 """Half length, half width and height of the room, in metres."""
-
 REFERENCE_IRRADIANCE = 0.12
 """Irradiance of the median wall at the reference exposure, relative to saturation: mid grey at a gamma of 2.2."""
-
 _RING_M = 2.35
 """Distance of the boxes from the middle of the room, in metres; the camera stays within 1.1 m of it."""
-
 _BOX_AZIMUTHS_DEG = (40, 90, 140, 220, 270, 320)
 """Azimuths of the boxes, which leave the long axis of the room free."""
-
 _PATCH_M = (0.42, 0.34)
 """Width and height of a moving patch, in metres."""
-
 _NEAREST_PATCH_M, _PATCH_SPACING_M = 1.4, 0.027
 """Distance of the nearest patch from the middle of the room, and distance between patches, in metres. The corners of
 a flat patch are 0.026 m further out than its middle, so patches never intersect."""
-
 _WINDOW_M = (1.5, 1.1)
 """Width and height of the window, in metres."""
-
 _DOOR_M = (0.95, 2.05)
 """Width and height of the doorway, in metres."""
-
 _COATS = (
     (tiled, "brick", 2.0, 1.2, 0.28),
     (strewn, "gravel", 2.6, 0.35, 0.45),

@@ -24,7 +24,6 @@ NOISE_PRESETS: dict[str, tuple[float, float]] = {
 }
 """Full well and read noise in electrons. Low: a machine-vision sensor in good light; high: a small sensor in poor
 light."""
-
 _CHOICES = {
     "exposure": get_args(ExposureMode),
     "motion": get_args(MotionKind),
@@ -44,11 +43,9 @@ _WHOLE = {
     "moving_objects": (0, 16),
 }
 """Limits of integer settings; 16 patches fit between the camera and the boxes."""
-
 _SIDE_PX = (16, 8192)
 """Limits of width and height in pixels: large enough for the pyramid of the exposure meter, and at most 256 MB for a
 float image."""
-
 _MAX_FOV_DEG = 140
 """Upper limit of the field of view in degrees; a wider pinhole camera wastes most pixels on the corners."""
 

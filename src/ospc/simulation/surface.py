@@ -16,19 +16,14 @@ from ospc.arrays import Float32Array, FloatArray, read_only
 
 UP = read_only(np.array([0.0, 0.0, 1.0]))
 """Unit vector pointing up in the world."""
-
 _AMBIENT = 0.008
 """Ambient irradiance at every point, relative to 1/d² from a lamp of strength 1, so that no surface is black."""
-
 _DIFFUSE_SHARE = 0.06
 """Share of a lamp's light without the cosine factor, which represents light reflected by other surfaces."""
-
 _LAMP_RADIUS_SQUARED_M2 = 0.15
 """Added to the squared distance from a lamp, in square metres, so that surfaces near it are not too bright."""
-
 _LIGHT_GRID = (32, 24)
 """Columns and rows at which the light on a surface is computed; it is smooth enough to be interpolated in between."""
-
 _SMALLEST_LEVEL = 12
 """Edge length, in texels, at which a pyramid ends."""
 

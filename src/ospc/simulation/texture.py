@@ -12,19 +12,14 @@ from ospc.arrays import Float32Array, FloatArray, read_only
 
 TEXEL_M = 0.004
 """Edge of a texel in metres: the footprint of a pixel of a 640-pixel-wide camera at about 1.7 m."""
-
 _DARKEST, _BRIGHTEST = 0.015, 0.93
 """Reflectance of black paint and white plaster."""
-
 _FRAME = 0.75
 """Reflectance of picture frames."""
-
 _STAINED, _PAINT_STAINED = 0.15, 0.08
 """Standard deviation of ln reflectance due to the largest stains, on rough surfaces and on paint."""
-
 _STAINS = ((0.6, 1.0), (0.2, 0.5), (0.07, 0.25))
 """Size in metres and relative strength of the stains, from an arm's length to a hand's width."""
-
 _GRAIN_CONTRAST, _GRAIN_TEXELS = 0.3, 256
 """Contrast and size of the gravel texture that adds a non-repeating grain to tiled surfaces."""
 

@@ -18,10 +18,8 @@ from ospc.simulation.settings import SimulationSettings
 
 _METER_SIZE = 64
 """Width in pixels of the small image that auto exposure meters."""
-
 _SETTLING_STEPS = 40
 """Steps of auto exposure before the first frame: at the default rate, enough for a change by a factor of 100."""
-
 _DARKEST_METERED = 1e-3
 """Lower bound of the metered mean grey level, which limits the step on a black image."""
 

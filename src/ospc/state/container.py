@@ -28,21 +28,16 @@ Array = npt.NDArray[Any]
 
 STATE_NAME = "state.ospc"
 """Name of the state in an output folder."""
-
 _MAX_FILE_BYTES = 256 * 2**20
 _MAX_UNPACKED_BYTES = 2**30
 """Far more than any state needs, and small enough to unpack in memory."""
-
 _DTYPES = ("<f8", "<f4", "<i8", "<i4", "<i2", "|i1", "|u1", "<u2", "|b1")
 """Types of arrays allowed in files."""
-
 _COMPRESSION = 1
 """The fastest level of zlib: higher ones hardly compress noisy numbers better, and checkpoints must be fast."""
-
 _CHECKSUM_BYTES = 64
 _BEGINNING = re.compile(rb"PK\x03\x04.{26}(?P<kind>[a-z-]{1,40})\.json", re.DOTALL)
 """First local header of a zip archive, 30 bytes, and the name of the entry, which follows it."""
-
 _BEGINNING_BYTES = 30 + 40 + len(".json")
 """Its largest length in bytes: the header, the longest kind, and the suffix."""
 

@@ -159,7 +159,6 @@ RULES: Mapping[type, Mapping[str, Numbers | str]] = {
     },
 }
 """Rules for fields of the dataclasses in a state whose types do not say enough, by space-separated names."""
-
 _BY_TYPE = {int: COUNT, float: Numbers()}
 """Rules for single numbers that have none above."""
 

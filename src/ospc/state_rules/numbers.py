@@ -14,16 +14,12 @@ from ospc.settings.methods import CHANGE_GREY_KNOTS
 
 MOST = 2**40
 """Largest count: a thousand frames per second for thirty years."""
-
 LARGEST = 1e12
 """Largest magnitude of any other number: no measurement comes close, and its square is finite."""
-
 LOG = 50.0
 """Largest magnitude of the logarithm of an exposure in milliseconds or of a ratio."""
-
 MOST_INTERVALS, MOST_RADIAL = 256, 32
 """Most terms of response and of vignette: eight and three times those of any preset."""
-
 CHANGES, BINS = len(CHANGE_GREY_KNOTS) + 5, len(GREY_BIN_EDGES) - 1
 """Number of parameters of a camera change, and of grey bins of a brightness change."""
 
@@ -65,10 +61,8 @@ class Numbers:
 
 LAG = Numbers(-MOST_LAG_FRAMES, MOST_LAG_FRAMES)
 """A lag of the exposures, or a change of the lag, in frames."""
-
 COUNT = Numbers(0, MOST)
 """A count or a frame number."""
-
 UNIT = Numbers(0, 1)
 """A share, or a grey level relative to white."""
 

@@ -36,19 +36,14 @@ EXPOSURES = 4
 ILLUMINANTS = (1, 2)
 CHANNELS = ("blue", "green", "red")
 """The channels in the order of decoded images."""
-
 _MAX_BYTES, _MAX_TAGS_BYTES = 64 * 2**20, 2**20
 """Size limits of a photograph and of the list of patches."""
-
 _NEUTRAL, _HALF_WINDOW_PX = 6, 12
 """Number of neutral patches, and half the side of the window read in the middle of a patch."""
-
 _CLIPPED, _DARKEST_RAW = 245, 4.0
 """RAW values from which a pixel may be clipped, and below which quantisation matters."""
-
 _ROUNDS = 30
 """Alternations of fitting the exposures and the radiances."""
-
 _DARKEST, _BRIGHTEST = 5, 250
 """Grey values between which responses are compared (the shape metric), and beyond which a pixel is clipped."""
 
@@ -157,7 +152,6 @@ def _patches(path: Path, width: int, height: int) -> IntArray:
 
 FOLDER = "chart_cameras"
 """Name of the folder of all cameras in the folder of real data."""
-
 _STATED_MS = tuple(2.0**step for step in range(EXPOSURES))
 """The nominal exposures of the series: each twice the one before."""
 

@@ -33,7 +33,6 @@ from ospc.simulation.settings import NoisePreset
 
 FRAMES, STATIC_FRAMES = 500, 150
 """Frames of a simulated recording with a moving and with a static camera."""
-
 _SEED = 2024
 _NAMED = ("linear", "srgb", "log", "filmic", "tum_narrow")
 VIGNETTES: dict[str, dict[str, Any]] = {
@@ -43,12 +42,10 @@ VIGNETTES: dict[str, dict[str, Any]] = {
     "decentred": {"vignette": "decentred", "vignette_coefficients": (-0.35, 0.05, -0.15)},
 }
 """Vignette settings by name."""
-
 _NOISE: tuple[NoisePreset, NoisePreset] = ("low", "high")
 _MOVING_OBJECTS = 6
 _MEASURED = 8
 """Measured responses: two for each vignette."""
-
 _NOISE_SWAPPED, _SCENES_SWAPPED = (0, 1, 0, 1, 0, 1, 1), (0, 0, 1, 1, 0, 1, 0)
 """For each response, whether the two levels of noise and of moving objects are swapped."""
 
@@ -152,7 +149,6 @@ def _measured(database: Path | None) -> list[tuple[str, Response]]:
 
 FILE = "responses/dorf_201.mat"
 """Path of the database in the folder of real data."""
-
 _MAX_FILE_BYTES = 64 * 2**20
 _MAX_VALUES = 5_000_000
 _FLATTEST = 1e-6

@@ -24,25 +24,18 @@ from ospc.unknown_exposures.tracking import sampled
 
 FOLDER = "borealhdr_left"
 """Name of the recording in the folder of real data."""
-
 _FITTED_FRAMES = 40
 """Frames that the methods get; the rest is for evaluation."""
-
 _FARTHEST, _FEWEST_PLACES = 3, 50
 """Largest distance of the frames of a pair, and the flat points that it needs."""
-
 _LABORATORY_GREYS, _MAX_RADIAL_DISPLACEMENT = (5, 215), 0.01
 """Range in which the authors' response is valid, and largest |R₀ − R₁| of a pair: the true vignette is unknown."""
-
 _FEATURES, _RATIO, _FEWEST_MATCHES = 3000, 0.8, 20
 """SIFT features per frame, largest ratio of best to second-best match distance (Lowe 2004), and matches needed."""
-
 _OUTLIER_PX = 4.0
 """Distance from the homography beyond which a match is wrong; generous, because a scene with depth is not a plane."""
-
 _NEAREST_PX, _SPACING_PX = 24.0, 4
 """Largest distance of a point from the feature whose displacement it shares, and spacing of the points."""
-
 _SMOOTHING_PX, _FLAT = 2.0, 0.004
 """Standard deviation of the smoothing, and largest gradient of a flat point in full scale per pixel."""
 

@@ -26,7 +26,6 @@ STARTS = (0.6, 0.8, 1.0, 1.25, 1.6)
 _ITERATIONS = 60
 _EXPOSED = (0.04, 0.96)
 """Range of grey levels used, without dark noise and saturation."""
-
 _FEWEST_VIEWS = 3
 """Fewest observations of a point whose residuals count: with fewer, its radiance fits too well."""
 

@@ -24,10 +24,8 @@ FEATURES = ("sift", "surf", "orb")
 OFFSETS = (10, 15, 20, 25, 30, 32, 35, 40, 50)
 THRESHOLDS = {high: 0.92 if high == 1.08 else 1 / high for high in (1.02, 1.04, 1.08, 1.15, 1.3, 1.5)}
 """Least exposure ratios above 1 with the matching ones below 1; the paper pairs 1.08 with 0.92."""
-
 _UNCHECKED = PaperSettings(acceptance_tolerance=1e3)
 """The paper's method without its acceptance check, because the paper compares all results of the solvers."""
-
 _SLOW = 0.5
 """Speed of stand-ins for experiments that match features over 30 frames, as in the paper's recordings."""
 

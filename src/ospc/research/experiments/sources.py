@@ -26,7 +26,6 @@ EXPOSURES = "params/tum_vi_times.txt"
 
 STATIC_RESPONSES = ("linear", "srgb", "gamma2.2", "log", "filmic", "tum_narrow")
 """Responses of the static cameras, in turn."""
-
 _SEED, _STATIC_SEED = 3000, 4000
 _FEWEST_RADII = 8
 """Fewest radii in a vignette table: twice the number of coefficients."""

@@ -164,7 +164,6 @@ class Fault:
 
 SIZE = (320, 240)
 """Size of the simulated images: large enough for errors far below the limits, small enough for thousands of runs."""
-
 _FIRST, _STEP = 7, 5
 """First and step of the accuracy benchmark's recordings used here: the first few differ in response, vignette, noise
 and scene."""
@@ -190,11 +189,9 @@ _SATURATED, _SATURATED_FROM = 1.16, 246
 """Irradiance of saturated pixels of the real video, relative to white, and the lowest grey value that counts as
 saturated: its white is not 255 but accumulates at 249, with noise of two levels. Only frames of 32 ms have them. With
 this irradiance, their mean is twice that of the frames of 16 ms before them, as for all shorter exposures."""
-
 _GREY_NOISE = 0.5
 """Noise of images made from the real video, in grey values. They contain the noise of its frames, but a frame that is
 shown again at the same exposure would have the same rounding errors."""
-
 _last: dict[str, Footage] = {}
 """Cache of the latest recording, by its key: the study takes one recording after the other."""
 

@@ -16,7 +16,6 @@ from ospc.research.faults.footage import Fault, Footage
 _GREYS = np.arange(256.0)
 _LEAST_STEP = 1e-9
 """Step of g where a curve is flat, because a response must increase strictly."""
-
 _WHITE, _RANGE = 255.0, 219.0
 """Largest grey value, and that of limited range (16 to 235) above its black."""
 

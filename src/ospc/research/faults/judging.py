@@ -38,17 +38,13 @@ KINDS: dict[str, tuple[Fault, ...]] = {
 }
 FAULTS = {fault.name: fault for faults in KINDS.values() for fault in faults}
 """All faults by kind, and by name."""
-
 CLEAN = "none"
 """Name that stands for no fault."""
-
 MOST_SIGMAS, _CENTRE = 3.0, 0.1
 """Largest error in stated standard deviations; V is judged beyond this radius, because V is 1 at the centre."""
-
 MOST_KAPPA, MOST_VIGNETTE = 0.005, 0.005
 """Largest log-ratio error of the response and RMSE of the vignette's profile: half a per cent is the accuracy that
 corrected images are used to."""
-
 _LOW, _HIGH = 0.25, 0.75
 """Grey levels between which the step of ln g is judged, as in the verdicts."""
 

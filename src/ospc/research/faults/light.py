@@ -15,7 +15,6 @@ from ospc.research.faults.footage import Fault, Footage
 
 _LAMP_HZ = 100.0
 """Flicker frequency of lamps on 50 Hz mains."""
-
 _MS_PER_S = 1000.0
 
 _SHUTTER_SPEEDS = np.array([
@@ -23,7 +22,6 @@ _SHUTTER_SPEEDS = np.array([
     250, 320, 350, 400, 500, 640, 750, 800, 1000, 1250, 1500, 1600, 2000, 2500, 3000, 3200, 4000, 5000, 6400, 8000,
 ])  # fmt: skip
 """Nominal shutter speeds in steps of thirds and halves of a stop, such as 60 for 1/60 s."""
-
 _READOUT_CYCLES = 1.5
 """Flicker cycles while a rolling shutter reads all rows."""
 

@@ -13,16 +13,12 @@ from ospc.robust import huber_weights, robust_scale
 
 LEVELS = 4
 """Levels of the image pyramid, each half as large as the one below."""
-
 _ITERATIONS, _SETTLED = 12, 1e-6
 """Most steps per level, and the change that counts as converged on the finest level."""
-
 _HUBER, _AGREEING_SIGMAS = 1.345, 3
 """Huber's tuning constant, 95 % efficient for normal residuals, and largest residual of an inlier in σ."""
-
 _NEAR_M, _FEWEST = 0.05, 20
 """Depth below which points count as behind the camera, and visible points that a step needs."""
-
 _GRADIENT = 0.1
 """Gradient, in brightness per pixel, at which a residual has half weight, because position errors dominate there."""
 

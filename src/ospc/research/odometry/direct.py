@@ -83,13 +83,10 @@ class SceneDepth:
 
 _CELLS_ACROSS = 40
 """Cells across the image; the pixel with the largest gradient of each cell is tracked."""
-
 _FARTHEST_MOVE, _MOST_FRAMES = 0.08, 25
 """Median displacement of the points, in image widths, and number of frames, at which a new keyframe is set."""
-
 _LEAST_AGREEING, _LOST = 0.6, 0.15
 """Share of inliers below which a new keyframe is set, and below which tracking is lost."""
-
 _SATURATED = 0.985
 """Grey level, relative to full scale, that counts as saturated."""
 

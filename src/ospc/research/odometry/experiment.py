@@ -19,10 +19,8 @@ from ospc.research.runner import Finished, OnProgress, Task
 Ending = Literal["finished", "lost", "diverged", "failed", "timeout"]
 """``lost``: tracking stopped before the end. ``diverged``: poses are not finite or far outside of all others.
 ``failed``: the program ended with an error or without a trajectory."""
-
 LEAST_COVERED, _LARGEST_STRETCH = 0.9, 1e6
 """Share of a recording's duration that a finished run covers, and largest ratio of maximum to median distance."""
-
 _FIGURES = ("e_align", "e_s", "e_r_deg", "rmse")
 """The reported fields of :class:`~ospc.evaluation.trajectory.AlignmentError`."""
 

@@ -71,7 +71,6 @@ STANDARD: tuple[Condition, ...] = (
     Condition("none", "None (III)", 2),
 )
 """The columns of the paper's table, including its modified experiment II, and this project's method."""
-
 AFFINE = Condition("affine", "None, affine transfer free", 1)
 """Not in the paper: the mode recommended for DSO without a calibration."""
 

@@ -21,7 +21,6 @@ from ospc.research.tables import StudyReport, Table
 
 _PANEL_IN = (4.4, 4.4)
 """Width and height of one trajectory plot, in inches."""
-
 Columns = dict[str, list[tuple[Condition, list[RunResult]]]]
 """The runs of every recording under each condition, ordered by run number."""
 

@@ -17,7 +17,6 @@ from ospc.unknown_exposures.tracking import GainRobustTracker
 
 WINDOW, EVERY = 200, 50
 """Frames that an online estimate uses, and frames between estimates."""
-
 _ITERATIONS_ONLINE, _ITERATIONS = 20, 60
 """Most alternations; online estimates start at the previous one and need fewer."""
 

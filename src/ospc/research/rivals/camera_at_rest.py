@@ -22,16 +22,12 @@ from ospc.research.method import Estimate, Outcome
 
 _LEAST_CHANGE, _LEAST_SLOPE = 1.05, 1e-9
 """Least ratio of the largest to the smallest exposure, and step of g per level where it would be flat."""
-
 _DARKEST, _BRIGHTEST = 3, 250
 """Range of grey levels in which g is used; saturation and noise distort it elsewhere."""
-
 _FEWEST_LEVELS, _END_LEVELS = 20, 10
 """Grey levels that must have a value, and number of those from which g is extrapolated."""
-
 _MOST_IMAGES, _FEWEST_UNSATURATED = 24, 100
 """Images of a series, enough for every method and few enough for memory, and never-saturated pixels that suffice."""
-
 _SMOOTHNESS, _TURNS = 10.0, 60
 """λ of Debevec and Malik, OpenCV's default, and iterations of Robertson's method."""
 

@@ -32,28 +32,20 @@ from ospc.unknown_exposures.tracking import equalised, log_brightness, sampled
 _LEVELS = 256
 _COMPONENTS, _DARKEST = 5, 1e-4
 """Number of components of the model, as published, and g at which ln g is cut off."""
-
 _SAME_RADIUS, _MOVING = 0.03, 0.1
 """Largest |r₁ − r₂| of points for the response, and smallest for the vignette."""
-
 _FEWEST, _FEWEST_LEVELS = 400, 60
 """Fewest points of a pair, and fewest grey levels of its transfer function."""
-
 _RINGS, _FEWEST_IN_CELL = 25, 10
 """Number of radius bins, and fewest points in a cell of two bins that counts."""
-
 _PULL = 3.0
 """Weight of the mean curve, needed because the errors of the grey levels of one pair are correlated."""
-
 _ASSUMED_LOG_RATIO, _LEAST_LOG_CHANGE = float(np.log(1.5)), 0.03
 """ln of the exposure ratio that the publication assumes, and least change of ln brightness to fix the exponent."""
-
 _FLOOR, _CEILING = 3, 250
 """Grey levels beyond which ratios are too noisy or saturated."""
-
 _HUBER = 1.345
 """Huber's tuning constant: 95 % efficient for normal residuals."""
-
 _STEP_PX, _BACK_PX, _SMOOTHING_PX = 3, 1.0, 1.2
 """Spacing of the points, largest forward-backward error of the flow, and smoothing of the grey levels."""
 

@@ -28,10 +28,8 @@ SIZES: tuple[ImageSize, ...] = (VGA, LARGE)
 
 _CORRECTED_FRAMES = 60
 """Frames that ``ospc correct`` gets: enough that starting the program does not dominate."""
-
 _LIVE_CORE_SHARE, _LIVE_MB = 0.25, 150.0
 """Share of a core and memory that live calibration of 640×480 at 30 frames/s may use on a small computer."""
-
 _Measure: TypeAlias = Callable[[ImageSize, Reel], SpeedRow]
 
 _CALIBRATED: dict[ImageSize, tuple[int, ...]] = {VGA: (100, 500), LARGE: (600, 1500)}

@@ -28,13 +28,10 @@ from ospc.research.speed.reel import Reel
 
 SLOW_FRAMES = 30
 """Frames that preset "paper" is measured with: it needs the same time for each."""
-
 _CORRECTIONS = 40
 """Times that one image is corrected and copied, alternately."""
-
 _SHORTEST_S = 1e-6
 """Shortest time reported: times are divided by it, and a coarse clock may not advance during one copy."""
-
 _POLL_S = 0.02
 """Time between two readings of a command's memory."""
 
