@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
 from typing import Protocol, TypeAlias, TypeVar
 
 import numpy as np
@@ -69,8 +69,8 @@ def run_methods(
     """
     broken: dict[str, Outcome] = {}
     for done, frame in enumerate(frames, start=1):
-        for name in methods.keys() - broken.keys():
-            if (failure := _attempted(partial(methods[name].push, frame))) is not None:
+        for name, method in methods.items():
+            if name not in broken and (failure := _attempted(partial(method.push, frame))) is not None:
                 broken[name] = failure
         progress(min(done / count, 1.0))
     outcomes: dict[str, Outcome] = {}
@@ -113,56 +113,51 @@ class OwnMethod:
         return {self._variant: Estimate.of(self._calibrator.calibration())}
 
 
-class PaperVariants:
-    """The paper's method with several settings, by name. All match the same features, so they are matched once."""
+class PaperVariant:
+    """The paper's method with some settings and the name of its outcome; make them with :func:`paper_variants`."""
 
-    def __init__(self, variants: dict[str, PaperSettings]) -> None:
-        self._variants = variants
-        self._methods: dict[str, PaperMethod | str] = {}  # or the reason for its failure
+    def __init__(self, name: str, settings: PaperSettings, matcher: Matcher) -> None:
+        self._name, self._settings, self._matcher = name, settings, matcher
+        self._method: PaperMethod | None = None
         self._exposures = ExposureTable()
 
     def push(self, frame: Frame) -> None:
-        """Take the next frame; the failure of a variant does not affect the others."""
-        if not self._methods:
-            matcher = SharedMatcher(FeatureMatcher(next(iter(self._variants.values()))))
-            for name, settings in self._variants.items():
-                self._methods[name] = PaperMethod(settings, size_of(frame.image), frame.max_grey, matcher)
+        """Take the next frame."""
+        if self._method is None:
+            self._method = PaperMethod(self._settings, size_of(frame.image), frame.max_grey, self._matcher)
         self._exposures.append(frame.exposure_ms)
-        for name, method in self._methods.items():
-            if not isinstance(method, str):
-                done = _attempted(partial(method.push, frame, None, self._exposures))
-                self._methods[name] = done if isinstance(done, str) else method
+        self._method.push(frame, None, self._exposures)
 
     def found(self) -> dict[str, Outcome]:
-        """Return the calibrations."""
-        return {
-            name: method if isinstance(method, str) else _attempted(partial(self._estimate, method))
-            for name, method in self._methods.items()
-        }
+        """Return the calibration."""
+        return {} if self._method is None else {self._name: Estimate.of(self._method.calibration(self._exposures))}
 
-    def _estimate(self, method: PaperMethod) -> Estimate:
-        return Estimate.of(method.calibration(self._exposures))
+
+def paper_variants(variants: Mapping[str, PaperSettings]) -> dict[str, Method]:
+    """Return the paper's method with several settings, by name; those with the same features match them only once."""
+    matchers = {settings.features: SharedMatcher(settings) for settings in variants.values()}
+    return {name: PaperVariant(name, settings, matchers[settings.features]) for name, settings in variants.items()}
 
 
 class SharedMatcher:
-    """Caches a matcher's results until the next frame, for methods that process the same frames together."""
+    """Caches features and matches until the next frame, for methods that process the same frames together."""
 
-    def __init__(self, matcher: Matcher) -> None:
-        self._matcher = matcher
+    def __init__(self, settings: PaperSettings) -> None:
+        self._matcher = cache(partial(FeatureMatcher, settings))  # made by the methods: its failure is their outcome
         self._features: dict[int, Features] = {}
         self._pairs: dict[tuple[int, int], Correspondences] = {}
 
     def features(self, frame: Frame) -> Features:
         """Return the features of a frame."""
         if frame.index not in self._features:
-            self._features, self._pairs = {frame.index: self._matcher.features(frame)}, {}
+            self._features, self._pairs = {frame.index: self._matcher().features(frame)}, {}
         return self._features[frame.index]
 
     def correspondences(self, left: Features, right: Features, size: ImageSize) -> Correspondences:
         """Return the matches between two frames."""
         key = (left.frame, right.frame)
         if key not in self._pairs:
-            self._pairs[key] = self._matcher.correspondences(left, right, size)
+            self._pairs[key] = self._matcher().correspondences(left, right, size)
         return self._pairs[key]
 
 

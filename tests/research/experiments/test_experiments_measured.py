@@ -9,7 +9,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from ospc.errors import FormatError, NotObservableError, RecordingError
+from ospc.correspondence.features import SurfExtractor
+from ospc.errors import FormatError, NotObservableError, RecordingError, SettingError
 from ospc.exposures.table import ExposureTable
 from ospc.methods.paper import PaperMethod
 from ospc.photometry.response import Response
@@ -18,7 +19,7 @@ from ospc.research.experiments.ambiguity import ambiguity_report, measure_ambigu
 from ospc.research.experiments.design import EXPERIMENTS, OFFSETS, experiment_report, median_table
 from ospc.research.experiments.sources import stand_ins, sweeps
 from ospc.research.measurement import Measurement
-from ospc.research.method import Estimate, PaperVariants, SolversKnowingResponse, run_methods
+from ospc.research.method import Estimate, SolversKnowingResponse, paper_variants, run_methods
 from ospc.research.scoring import Truth
 from ospc.research.source import SimulatedSource, judge, measured, measuring_task
 from ospc.settings import PaperSettings
@@ -80,7 +81,7 @@ def test_variants_that_share_their_matching_find_what_they_find_alone():
         response_window=12, vignette_window=20, min_samples=10, acceptance_tolerance=10.0, max_features=400
     )
     variants = {str(n): replace(base, vignette_offset=n) for n in (5, 10)}
-    together = run(source, paper=PaperVariants(variants))
+    together = run(source, **paper_variants(variants))
     for name, settings in variants.items():
         alone, exposures = PaperMethod(settings, (120, 90), 255), ExposureTable()
         for frame in source.frames():
@@ -89,6 +90,17 @@ def test_variants_that_share_their_matching_find_what_they_find_alone():
         expected = alone.calibration(exposures)
         np.testing.assert_array_equal(together[name].response.inverse_table, expected.response.inverse_table)
         assert together[name].calibration.verdicts == expected.verdicts
+
+
+def test_features_that_cannot_be_extracted_are_the_outcome_of_their_variant_alone(source, monkeypatch):
+    def broken(_self):
+        raise SettingError("SURF needs the extra 'surf'")
+
+    monkeypatch.setattr(SurfExtractor, "__init__", broken)
+    methods = EXPERIMENTS["features"].make(source)
+    found = run(source, **{name: method for name, method in methods.items() if name != "ours"})
+    assert list(found) == ["paper/sift", "paper/surf", "paper/orb"]
+    assert [name for name, outcome in found.items() if "extra" in str(outcome)] == ["paper/surf"]
 
 
 def test_every_experiment_makes_new_methods_and_describes_what_it_varies(source):
@@ -102,7 +114,7 @@ def test_every_experiment_makes_new_methods_and_describes_what_it_varies(source)
         descriptions.append(measuring_task(source, experiment).depends_on)
     assert all(descriptions.count(one) == 1 for one in descriptions)
     assert list(EXPERIMENTS["offsets"].varied.values()) == list(OFFSETS)
-    assert set(EXPERIMENTS["offsets"].varied) == set(EXPERIMENTS["offsets"].variants["offsets"])
+    assert set(EXPERIMENTS["offsets"].varied) == set(EXPERIMENTS["offsets"].variants)
 
 
 def test_joint_estimation_is_compared_with_and_without_truth(tmp_path):

@@ -24,7 +24,7 @@ from ospc.research.accuracy.charts import FOLDER as CHARTS
 from ospc.research.accuracy.charts import chart_sources
 from ospc.research.accuracy.real_video import FOLDER as VIDEO
 from ospc.research.accuracy.real_video import VideoSource
-from ospc.research.method import VIGNETTE_SOLVERS, Method, OwnMethod, PaperVariants
+from ospc.research.method import VIGNETTE_SOLVERS, Method, OwnMethod, paper_variants
 from ospc.research.source import SWEEP, Methods, SimulatedSource, Source
 from ospc.settings import PaperSettings, preset
 from ospc.simulation import SimulationSettings
@@ -62,9 +62,9 @@ class PresetMethods(Methods):
         if not isinstance(settings, PaperSettings):
             return {settings.name: OwnMethod(settings.name)}
         if source.group != "simulated":
-            return {"paper": PaperVariants({"paper": settings})}
+            return paper_variants({"paper": settings})
         solvers = {f"paper/{solver}": replace(settings, vignette_solver=solver) for solver in VIGNETTE_SOLVERS}
-        return {"paper": PaperVariants(solvers)}
+        return paper_variants(solvers)
 
 
 def accuracy_sources(data: Path | None, frames: int = FRAMES) -> tuple[list[Source], list[str]]:

@@ -10,7 +10,7 @@ from typing import Any
 
 from ospc.formats.files import csv_text
 from ospc.research.measurement import Measurement, medians, methods_of, metrics, recordings_of
-from ospc.research.method import VIGNETTE_SOLVERS, Method, OwnMethod, PaperVariants, SolversKnowingResponse
+from ospc.research.method import VIGNETTE_SOLVERS, Method, OwnMethod, SolversKnowingResponse, paper_variants
 from ospc.research.pictures import draw_curves, draw_errors
 from ospc.research.rivals.bergmann import Bergmann
 from ospc.research.rivals.camera_at_rest import AT_REST, CameraAtRest
@@ -42,7 +42,7 @@ class Experiment(Methods):
     stand_ins
         Default number of simulated recordings, and of frames of each.
     variants
-        Settings of the paper's method by name; each group shares its feature matching.
+        Settings of the paper's method by name, alike in what affects the matching of the same features.
     rivals
         Creates the methods of other papers for a recording. If nothing is varied, ours is measured as well.
     speed, at_rest
@@ -54,7 +54,7 @@ class Experiment(Methods):
     title: str
     figure: str
     stand_ins: tuple[int, int]
-    variants: dict[str, dict[str, PaperSettings]] = field(default_factory=dict)
+    variants: dict[str, PaperSettings] = field(default_factory=dict)
     rivals: Callable[[Source], dict[str, Method]] | None = None
     speed: float = 1.0
     at_rest: bool = False
@@ -67,7 +67,7 @@ class Experiment(Methods):
         methods: dict[str, Method] = {} if self.varied else {"ours": OwnMethod(variant="ours")}
         if self.rivals is not None:
             methods |= self.rivals(source)
-        return methods | {name: PaperVariants(group) for name, group in self.variants.items()}
+        return methods | paper_variants(self.variants)
 
 
 def _joint_rivals(source: Source) -> dict[str, Method]:
@@ -90,21 +90,21 @@ def _static_rivals(source: Source) -> dict[str, Method]:
 
 _ALL = (
     Experiment("parameters", "Photometric parameters against the truth", "response_rmse", (1, 600),
-        {"paper": {"paper": PaperSettings()}}, with_ratios=True),
+        {"paper": PaperSettings()}, with_ratios=True),
     Experiment("joint", "Joint estimation and known exposures", "vignette_rmse", (8, 400), rivals=_joint_rivals),
     Experiment("solvers", "Solvers of the vignette", "vignette_rmse", (4, 500),
-        {"paper": {f"paper/{name}": replace(_UNCHECKED, vignette_solver=name) for name in VIGNETTE_SOLVERS}},
+        {f"paper/{name}": replace(_UNCHECKED, vignette_solver=name) for name in VIGNETTE_SOLVERS},
         _solver_rivals, _SLOW),
     Experiment("features", "Features behind the response", "response_rmse", (4, 300),
-        {name: {f"paper/{name}": replace(_UNCHECKED, features=name)} for name in FEATURES}, speed=_SLOW),
+        {f"paper/{name}": replace(_UNCHECKED, features=name) for name in FEATURES}, speed=_SLOW),
     Experiment("offsets", "Offset between the frames of a pair", "vignette_rmse", (4, 500),
-        {"offsets": {f"offset {n}": replace(_UNCHECKED, vignette_offset=n) for n in OFFSETS}}, speed=_SLOW,
+        {f"offset {n}": replace(_UNCHECKED, vignette_offset=n) for n in OFFSETS}, speed=_SLOW,
         varied={f"offset {n}": float(n) for n in OFFSETS}, axis="offset in frames"),
     Experiment("thresholds", "Minimum exposure ratio of a pair", "response_rmse", (4, 300),
-        {"thresholds": {
+        {
             f"k ≥ {high}": replace(_UNCHECKED, exposure_ratio_high=high, exposure_ratio_low=low)
             for high, low in THRESHOLDS.items()
-        }}, speed=_SLOW, varied={f"k ≥ {high}": high for high in THRESHOLDS}, axis="minimum exposure ratio k"),
+        }, speed=_SLOW, varied={f"k ≥ {high}": high for high in THRESHOLDS}, axis="minimum exposure ratio k"),
     Experiment("static", "Responses from a static camera", "response_rmse", (6, 60), rivals=_static_rivals,
         at_rest=True),
 )  # fmt: skip
