@@ -245,15 +245,7 @@ def _archive_cut_off(place):
 
 @pytest.mark.parametrize(
     "make",
-    [
-        lambda _place: None,
-        _empty,
-        _text_file,
-        _text_folder,
-        _one_line_too_few,
-        _no_image_readable,
-        _archive_cut_off,
-    ],
+    [lambda _place: None, _empty, _text_file, _text_folder, _one_line_too_few, _no_image_readable, _archive_cut_off],
 )
 def test_wrong_input_is_a_one_line_error_that_names_it(tmp_path, make):
     make(tmp_path / "input")

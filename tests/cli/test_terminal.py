@@ -106,10 +106,7 @@ def test_every_command_accepts_a_recording_with_any_name(short_recording, tmp_pa
     name = b"\x1b[31m=1+1 $\\bad$ <b> walk\xff"
     recording, out = tmp_path / os.fsdecode(name), tmp_path / os.fsdecode(b"out " + name)
     shutil.copytree(short_recording, recording)
-    results = [
-        run("check", recording),
-        run("calibrate", recording, "-o", out, "--preset", "fast"),
-    ]
+    results = [run("check", recording), run("calibrate", recording, "-o", out, "--preset", "fast")]
     leave_out(monkeypatch, "draw")
     results += [
         run("calibrate", recording, "-o", out, "--preset", "fast", "--resume", "--json"),

@@ -13,11 +13,7 @@ from ospc.photometry.coverage import ExposureRatios
 from ospc.photometry.response import Response
 from ospc.photometry.verdict import Verdict
 from ospc.photometry.vignette import PolynomialVignette, RasterVignette
-from ospc.report.words import (
-    facts,
-    headline,
-    overall_state,
-)
+from ospc.report.words import facts, headline, overall_state
 
 WELL, ROUGH, LOST = (Verdict(state, "why") for state in ("identifiable", "marginal", "not identifiable"))
 

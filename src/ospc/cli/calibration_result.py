@@ -119,10 +119,7 @@ class ResultFolder:
     def _taken(self, outcome: CalibrationOutcome, save: Callable[[Path], Saved]) -> dict[str, Any]:
         with self.interruption.held():
             self.folder.create()
-            with (
-                progress_line(quiet=self.quiet) as show_writing,
-                ThreadPoolExecutor(1, "ospc-state") as second,
-            ):
+            with progress_line(quiet=self.quiet) as show_writing, ThreadPoolExecutor(1, "ospc-state") as second:
                 show_writing("writing", 0, 0)
                 # In parallel: most of it is compression, which releases the interpreter.
                 saving = second.submit(save, self.folder.path)

@@ -14,16 +14,7 @@ import click
 from ospc.cli.interruption import Interruption, leaving
 from ospc.cli.options import AS_JSON, CORRECT_LAG, FORCE, QUIET, argument, declared, option, out_option
 from ospc.cli.reading import READING, Reading
-from ospc.cli.terminal import (
-    COMPLETE,
-    FAILED,
-    INTERRUPTED,
-    UNDETERMINED,
-    concluded,
-    say,
-    say_notes,
-    spreads_in_words,
-)
+from ospc.cli.terminal import COMPLETE, FAILED, INTERRUPTED, UNDETERMINED, concluded, say, say_notes, spreads_in_words
 from ospc.errors import FormatError, OspcError, counted, one_line
 from ospc.recording import Frame, Recording
 

@@ -8,10 +8,7 @@ import numpy as np
 
 from ospc.correspondence.thumbnail import Thumbnail
 from ospc.exposures.brightness import BrightnessChange, BrightnessComparer, ComparedFrames
-from ospc.settings.brightness import (
-    MAX_BRIGHTNESS_CHANGES,
-    MAX_REPEATED_FRAMES,
-)
+from ospc.settings.brightness import MAX_BRIGHTNESS_CHANGES, MAX_REPEATED_FRAMES
 
 
 @dataclass(frozen=True)

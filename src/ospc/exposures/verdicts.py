@@ -17,11 +17,7 @@ from ospc.exposures.findings import ExposureFindings
 from ospc.exposures.lag_choice import LagChoice, lag_in_words
 from ospc.exposures.lag_selection import LagEstimate
 from ospc.photometry.verdict import Verdict
-from ospc.settings.brightness import (
-    CONTRADICTING_JUMP_LOG,
-    DRIFT_FRAMES,
-    EXPLAINED_POINTS,
-)
+from ospc.settings.brightness import CONTRADICTING_JUMP_LOG, DRIFT_FRAMES, EXPLAINED_POINTS
 from ospc.settings.exposures import (
     BLENDED_LAG_FRAMES,
     DOUBTED_LAG_FRAMES,

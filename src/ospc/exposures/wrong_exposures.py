@@ -9,12 +9,7 @@ import numpy as np
 from ospc.arrays import FloatArray, IntArray
 from ospc.errors import counted, listed
 from ospc.exposures.brightness_series import BrightnessSeries
-from ospc.settings.exposures import (
-    MAX_WRONG_SHARE,
-    MIN_SHOWN_SHARE,
-    MIN_UNIT_STEP_LOG,
-    MIN_WRONG_LOG,
-)
+from ospc.settings.exposures import MAX_WRONG_SHARE, MIN_SHOWN_SHARE, MIN_UNIT_STEP_LOG, MIN_WRONG_LOG
 from ospc.settings.lag import MAX_LAG
 
 
