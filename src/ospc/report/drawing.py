@@ -6,6 +6,7 @@ Matplotlib holds the interpreter lock while it is loaded and while it draws, and
 from __future__ import annotations
 
 import gc
+import operator
 import os
 import sys
 from collections.abc import Callable
@@ -51,7 +52,7 @@ class DrawingProcess(SecondThread):
         self._worker: Worker[Callable[[], Any]] | None = None
         if not getattr(sys, "frozen", False):  # otherwise the executable is this program, not an interpreter
             with suppress(OSError, ValueError, AssertionError):  # the last within a worker process
-                self._worker = Worker(_call)
+                self._worker = Worker(operator.call)
         self.submit(_prepare, gc.get_threshold(), os.getpid())
 
     def submit(
@@ -74,10 +75,6 @@ class DrawingProcess(SecondThread):
 def drawing_process() -> DrawingProcess:
     """Return the shared drawing process, started on the first call."""
     return DrawingProcess()
-
-
-def _call(function: Callable[[], _Result]) -> _Result:
-    return function()
 
 
 def _prepare(threshold: tuple[int, int, int], parent: int) -> None:
