@@ -34,6 +34,20 @@ def test_the_picture_shows_both_curves_and_the_known_ratios():
     assert any("partial" in text.get_text() for text in figure.texts)
 
 
+@pytest.mark.parametrize("caveat", ["a formula $\\unknown$", "half a \ud800 character"])
+def test_any_caveat_is_drawn_as_it_is(caveat):
+    assert picture_as_png(ReportFindings(calibration(rests_on=caveat)))
+
+
+def test_a_long_title_is_wrapped_and_stays_within_the_picture():
+    figure = figure_of(
+        ReportFindings(calibration(source={"name": "hall " * 30}, exposure_ratios=ExposureRatios.none()))
+    )
+    (title,) = [text for text in figure.texts if "hall" in text.get_text()]
+    assert title.get_text().count("\n") == 1
+    assert title.get_window_extent().x1 < figure.bbox.x1
+
+
 def test_the_picture_depends_only_on_the_calibration():
     first, again = (picture_as_png(ReportFindings(calibration(), EXPOSURES_MS)) for _ in range(2))
     assert first == again

@@ -43,7 +43,7 @@ def picture_as_png(findings: ReportFindings) -> bytes:
 def figure_of(findings: ReportFindings) -> Any:
     """Return a figure of response, vignette and known exposure ratios, with a title above and the caveat below."""
     charts = [findings.charts[name] for name in ("response", "vignette", "ratios") if name in findings.charts]
-    caveat = textwrap.wrap(findings.calibration.caveat, _LETTERS)
+    caveat = textwrap.wrap(printable(findings.calibration.caveat), _LETTERS)
     between_in, below_in = _MARGINS_IN["left"] + _MARGINS_IN["right"], _LINE_IN * len(caveat)
     width_in, height_in = (between_in + _CHART_IN) * len(charts), _HEIGHT_IN + below_in
     margins_in = _MARGINS_IN | {"bottom": _MARGINS_IN["bottom"] + below_in}
@@ -51,9 +51,10 @@ def figure_of(findings: ReportFindings) -> Any:
     for cell, chart in zip(figure.add_gridspec(1, len(charts), wspace=between_in / _CHART_IN), charts, strict=True):
         chart.draw_into(cell)
     at, edge = 0.12 / width_in, 0.06 / height_in
-    title = textwrap.fill(_title(findings.calibration), _LETTERS, max_lines=2)
-    figure.text(at, 1 - edge, printable(title), fontsize=8.5, va="top", parse_math=False, linespacing=1.1)
-    figure.text(at, edge, "\n".join(caveat), fontsize=8, va="bottom", color=ORANGE, linespacing=1.1)
+    title = textwrap.fill(printable(_title(findings.calibration)), _LETTERS, max_lines=2)
+    below = "\n".join(caveat)
+    figure.text(at, 1 - edge, title, fontsize=8.5, va="top", parse_math=False, linespacing=1.1)
+    figure.text(at, edge, below, fontsize=8, va="bottom", color=ORANGE, parse_math=False, linespacing=1.1)
     return figure
 
 
