@@ -338,6 +338,8 @@ def check_usable(loaded):
         (["response", "log_sigma"], [0.1] * 255, "log_sigma"),
         (["response", "inverse_table"], np.linspace(0, 1, 65537).tolist(), "grey levels"),
         (["response", "support"], [0.8, 0.2], "support"),
+        (["response", "reference_grey"], 0.0, "reference"),
+        (["response", "reference_grey"], 1.5, "reference"),
         (["noise", "read_variance"], -1.0, "read_variance"),
         (["noise", "table"], [1e-4, 1e300], "noise table"),
         (["noise", "measured"], [0.0, 1.5], "measured grey levels"),

@@ -135,7 +135,7 @@ def _response_from_dict(content: dict[str, Any]) -> Response:
     low, high = _array(content["support"], "support", (2,), high=1.0).tolist()
     if low > high:
         raise FormatError(f"support ends at {high}, which is below its start at {low}")
-    reference = _number(content, "reference_grey", 0.0, 1.0) if "reference_grey" in content else math.nan
+    reference = _number(content, "reference_grey") if "reference_grey" in content else math.nan
     return Response(table, log_sigma, scale_sigma, (low, high), dict(content["model"].items()), reference)
 
 

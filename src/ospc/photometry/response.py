@@ -73,6 +73,8 @@ class Response(ByValue):
         object.__setattr__(self, "inverse_table", table)
         if math.isnan(self.reference_grey):
             object.__setattr__(self, "reference_grey", sum(self.support) / 2)
+        if not 0 < self.reference_grey <= 1:
+            raise FormatError(f"the reference grey level is {self.reference_grey}; it must be above 0, at most 1")
         if self.log_sigma is not None:
             sigma = read_only(np.array(self.log_sigma, dtype=np.float64))
             if sigma.shape != table.shape:
