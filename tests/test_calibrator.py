@@ -132,6 +132,12 @@ def test_a_lag_from_numpy_may_not_be_longer_than_the_recording_either():
         calibrate(ArrayRecording([IMAGE] * 3, [1.0] * 3), correct_lag=np.int64(2))
 
 
+def test_a_lag_of_zero_is_possible_for_a_single_frame():
+    image = np.random.default_rng(0).integers(0, 256, (48, 64)).astype(np.uint8)
+    single = ArrayRecording([image], [1.0])
+    assert calibrate(single, correct_lag=0).verdicts["response"] == calibrate(single).verdicts["response"]
+
+
 # Frame by frame.
 
 

@@ -51,7 +51,7 @@ def checked_lag_choice(choice: LagChoice) -> LagChoice:
 
 def check_lag(choice: LagChoice, frames: int) -> None:
     """Raise a SettingError if a lag leaves fewer than two frames with an exposure of their own."""
-    if isinstance(choice, int) and not leaves_frames(choice, frames):
+    if isinstance(choice, int) and choice and not leaves_frames(choice, frames):
         raise SettingError(
             f"a lag of {counted(choice, 'frame')} is too large for {counted(frames, 'frame')}; give a smaller one"
         )
