@@ -34,6 +34,13 @@ def test_a_given_recording_is_measured_with_another_programs_calibration(tiny_ro
     assert (tmp_path / "out" / "measurements.csv").read_text() == table
 
 
+@pytest.mark.parametrize("more", [["--count", 2], ["--calibration", "a=b"], ["--exposures", "a=b"], ["other"]])
+def test_the_ambiguity_refuses_what_it_would_ignore(more, tiny_room, tmp_path):
+    result = run("ambiguity", tiny_room, "-o", tmp_path / "out", *more)
+    assert result.exit_code == 2
+    assert "a single recording" in result.output
+
+
 def test_recordings_of_one_name_are_refused(tiny_room, tmp_path):
     result = run("parameters", tiny_room, tiny_room, "-o", tmp_path)
     assert isinstance(result.exception, SettingError)

@@ -86,7 +86,9 @@ class _Run:
     def _show_ambiguity(self) -> None:
         from ospc.research.experiments.ambiguity import ambiguity_report, ambiguity_task
 
-        source, *_ = self._sources(1, _AMBIGUITY_FRAMES)
+        if self.given or self.estimated or max(len(self.recordings), self.count or 1) > 1:
+            raise click.UsageError("ambiguity needs a single recording, and compares no --calibration or --exposures")
+        (source,) = self._sources(1, _AMBIGUITY_FRAMES)
         run_study(
             [ambiguity_task(source)], self.out, 1, lambda finished: ambiguity_report(finished[0].result, source.name)
         )
