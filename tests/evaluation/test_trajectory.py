@@ -139,6 +139,13 @@ def test_points_on_a_line_do_not_determine_an_alignment():
         align_similarity(line[:2], line[:2])
 
 
+@pytest.mark.parametrize("factor", [1e160, 1e307])
+def test_diverged_poses_are_refused_instead_of_being_decomposed_without_end(factor):
+    points = np.random.default_rng(3).normal(size=(6, 3))
+    with pytest.raises(NotObservableError, match="too far apart"):
+        align_similarity(factor * points, points)
+
+
 @given(seeds)
 def test_a_similar_copy_has_no_error(seed):
     truth = wandering(seed)

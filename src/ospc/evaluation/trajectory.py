@@ -36,14 +36,20 @@ class Similarity:
 def align_similarity(points: FloatArray, target: FloatArray) -> Similarity:
     """Return the least squares similarity from points to their targets, shape (n, 3) (Umeyama 1991).
 
-    NotObservableError if there are fewer than three points, or they are collinear and do not determine the rotation.
+    NotObservableError if there are fewer than three points, their products overflow, or they are collinear and do not
+    determine the rotation.
     """
     if points.shape[0] < MIN_POSES:
         raise NotObservableError(f"an alignment needs {MIN_POSES} poses with truth; there are {points.shape[0]}")
-    centre, target_centre = points.mean(axis=0), target.mean(axis=0)
-    centred = points - centre
-    left, singular, right = np.linalg.svd((target - target_centre).T @ centred)
-    if singular[1] <= COLLINEAR_RATIO * singular[0] or not np.isfinite(singular).all():
+    with np.errstate(over="ignore", invalid="ignore"):
+        centre, target_centre = points.mean(axis=0), target.mean(axis=0)
+        centred = points - centre
+        crossed = (target - target_centre).T @ centred
+        finite = np.isfinite(np.linalg.norm(crossed))
+    if not finite:  # the decomposition would not end
+        raise NotObservableError("the poses are too far apart to be aligned")
+    left, singular, right = np.linalg.svd(crossed)
+    if singular[1] <= COLLINEAR_RATIO * singular[0]:
         raise NotObservableError("the poses are collinear or equal, so the alignment is not determined")
     mirror = np.array([1.0, 1.0, np.sign(np.linalg.det(left @ right))])
     rotation = np.asarray((left * mirror) @ right)
