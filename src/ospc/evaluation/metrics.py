@@ -55,16 +55,18 @@ def response_shape_rmse(estimate: Response, truth: Response, low: int = 5, high:
     return _rms(scale * g - truth_g)
 
 
-def log_ratio_error(estimate: Response, truth: Response, seed: int = 0) -> float:
+def log_ratio_error(estimate: Response, truth: Response, seed: int = 0, brightest: float = 1.0) -> float:
     """Return κ, the median over random pairs of grey values a and b of |ln g(a)/g(b) − ln G(a)/G(b)|.
 
     g is the inverse response of the estimate and G that of the truth. There are 20 000 pairs: a is uniform from 15 to
-    245, and b = a·exp(N(0, 0.3)) is clipped to the same range. Direct methods compare such pairs.
+    245, or to the ``brightest`` grey value that occurs, of 1; b = a·exp(N(0, 0.3)) is clipped to the same range.
+    Direct methods compare such pairs.
     """
     random = np.random.default_rng(seed)
-    a = random.uniform(RATIO_DARKEST_GREY, RATIO_BRIGHTEST_GREY, RANDOM_PAIRS)
+    darkest, brightest = RATIO_DARKEST_GREY, min(brightest, RATIO_BRIGHTEST_GREY)
+    a = random.uniform(darkest, brightest, RANDOM_PAIRS)
     factor = np.exp(random.normal(0.0, RATIO_LOG_GREY_SPREAD, RANDOM_PAIRS))
-    b = np.clip(a * factor, RATIO_DARKEST_GREY, RATIO_BRIGHTEST_GREY)
+    b = np.clip(a * factor, darkest, brightest)
     grey = np.linspace(0, 1, METRIC_GREYS)
     log_ratios = [
         np.log(np.interp(a, grey, table) / np.interp(b, grey, table))

@@ -77,6 +77,25 @@ def test_another_exponent_is_wrong(footage):
     assert run.step == pytest.approx(1.2 * np.log(3) - np.log(truth[1] / truth[0]), abs=1e-3)
 
 
+def test_grey_levels_that_cannot_occur_are_not_judged(footage):
+    (fault,) = select(FAULTS, "white-clipped", "fault")
+    clipped = fault.put_on(footage, 100)
+    assert max(int(image.max()) for image in clipped.images) <= 100
+    table = footage.responses[0].inverse_table.copy()
+    above = np.linspace(0, 255, len(table)) > 100
+    table[above] = table[~above][-1] * np.linspace(1.0001, 1.001, np.count_nonzero(above))
+    found = calibration(footage, response=Response.from_values(table))
+    assert judged(found, clipped, RUN).kappa < 1e-4
+    assert judged(found, footage, RUN).kappa > 1e-2
+
+
+def test_an_estimated_truth_is_judged_with_its_own_uncertainty(footage):
+    found = calibration(footage, response=footage.responses[0])
+    filmed = type(footage)(**vars(footage) | {"reference": found})
+    exact, estimated = (judged(found, truth, RUN).step_sigma for truth in (footage, filmed))
+    assert estimated == pytest.approx(np.sqrt(2) * exact)
+
+
 @pytest.mark.parametrize("name", ["power", "power-up", "dimming"])
 def test_a_power_of_the_exposures_is_indistinguishable(footage, name):
     (fault,) = (one for one in select(FAULTS, name, "fault") if one.name == name)

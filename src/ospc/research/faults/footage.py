@@ -12,6 +12,7 @@ import numpy as np
 from ospc.arrays import BoolArray, Float32Array, FloatArray, Image
 from ospc.calibrator import calibrate
 from ospc.errors import NotObservableError
+from ospc.photometry.calibration import Calibration
 from ospc.photometry.geometry import pixel_grid
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import RasterVignette, Vignette
@@ -59,8 +60,12 @@ class Footage:
         the estimate undoes the curve, and the camera's with the curve, if it does not.
     vignette
         The true vignette; None if unknown.
-    reach
-        Largest radius, in half diagonals, at which the images show the scene; the vignette is judged up to there.
+    reach, brightest
+        Largest radius, in half diagonals, at which the images show the scene, and largest grey level, of 1, that they
+        can have; vignette and response are judged up to there.
+    reference
+        The calibration that found the true response of the real video, which has an uncertainty, too; None if the
+        truth is exact.
     times
         Lines of ``times.txt``, for faults that only a file can have. The recording is then read from files.
     power
@@ -77,6 +82,8 @@ class Footage:
     responses: tuple[Response, ...] = field(repr=False)
     vignette: Vignette | None = None
     reach: float = 1.0
+    brightest: float = 1.0
+    reference: Calibration | None = field(default=None, repr=False)
     times: tuple[str, ...] = ()
     power: float = 1.0
     random: np.random.Generator = field(default_factory=np.random.default_rng, repr=False, compare=False)
@@ -223,7 +230,8 @@ def _filmed(source: VideoSource) -> Footage:
     """Return the real video. Its truth is the calibration without faults; its vignette is unknown."""
     recording = open_recording(source.path)
     frames = list(recording)
-    response = calibrate(recording).response
+    reference = calibrate(recording)
+    response = reference.response
     if response is None:
         raise NotObservableError(f"{source.path}: yields no response even without faults, so faults cannot be judged")
 
@@ -241,7 +249,7 @@ def _filmed(source: VideoSource) -> Footage:
     )
     exposures, stamps = np.array([(frame.exposure_ms, frame.stamp_s) for frame in frames]).T
     camera = Camera(light, exposures, np.ones(light.shape[1:], np.float32), expose)
-    return Footage(images, exposures, stamps, _names(len(frames)), camera, (response,))
+    return Footage(images, exposures, stamps, _names(len(frames)), camera, (response,), reference=reference)
 
 
 def _names(count: int) -> tuple[str, ...]:

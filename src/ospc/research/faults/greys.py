@@ -182,7 +182,7 @@ FAULTS = (
     Fault("pedestal-by-exposure", "a pedestal of {} grey levels at the longest exposure, none at the shortest",
         (5, 10, 20), _pedestal_by_exposure),
     Fault("white-clipped", "grey values end at {}", (250, 235, 200),
-        lambda f, x: _looked_up(f, lambda _i: np.minimum(_GREYS, x))),
+        lambda f, x: replace(_looked_up(f, lambda _i: np.minimum(_GREYS, x)), brightest=x / _WHITE)),
     Fault("white-scattered", "white at 245 that scatters by {} of 255", (0.5, 1, 2), _white_scattered),
     Fault("gamma-midway", "an exponent of {} in the second half", (1.1, 1.2, 1.5),
         lambda f, x: _gammas(f, np.where(np.arange(len(f)) >= f.half, x, 1.0))),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import tempfile
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
@@ -173,8 +174,12 @@ def _errors(found: Calibration, footage: Footage) -> dict[str, Any]:
     figures: dict[str, Any] = {}
     if (response := found.response) is not None:
         # If a curve was applied to all grey values, the estimate may include it or not.
-        kappa, truth = min(((log_ratio_error(response, one), one) for one in footage.responses), key=itemgetter(0))
-        figures |= {"kappa": kappa, "step": log_step(response) - log_step(truth), "step_sigma": step_sigma(found)}
+        errors = ((log_ratio_error(response, one, brightest=footage.brightest), one) for one in footage.responses)
+        kappa, truth = min(errors, key=itemgetter(0))
+        sigma = step_sigma(found)
+        if sigma is not None and footage.reference is not None:
+            sigma = math.hypot(sigma, step_sigma(footage.reference) or 0.0)
+        figures |= {"kappa": kappa, "step": log_step(response) - log_step(truth), "step_sigma": sigma}
     if found.vignette is not None and footage.vignette is not None:
         # The images show nothing of the vignette beyond the reach.
         figures["vignette"] = vignette_rmse(found.vignette, footage.vignette, footage.reach)
