@@ -20,10 +20,9 @@ from ospc.photometry.vignette import RasterVignette
 from ospc.recording import Recording
 from ospc.recording.exposure_lists import read_times
 from ospc.report.charts import ReportFindings
-from ospc.report.drawing import Drawn
 from ospc.report.examples import NOTHING_TRIED, examples_of
 from ospc.report.page import write_page
-from ospc.report.pictures import PICTURE, picture_as_png
+from ospc.report.pictures import PICTURE, Drawn, picture_as_png
 from ospc.state.container import STATE_NAME
 
 _SCHEMA_BEGINNING = "ospc-calibration/"

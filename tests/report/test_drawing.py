@@ -10,7 +10,8 @@ import pytest
 from calibrations import calibration
 from ospc.report import drawing
 from ospc.report.charts import ReportFindings
-from ospc.report.drawing import DrawingProcess, drawings_of
+from ospc.report.drawing import DrawingProcess
+from ospc.report.pictures import drawings_of
 
 
 @pytest.fixture(scope="module")

@@ -31,6 +31,7 @@ from ospc.cli.terminal import COMPLETE, FAILED, INTERRUPTED, UNDETERMINED, concl
 from ospc.errors import OspcError, RecordingError, SettingError
 from ospc.recording import Recording
 from ospc.recording.image_source import is_image_name
+from ospc.report.drawing import drawing_process
 from ospc.settings import Settings, check_names, preset, with_overrides
 
 if TYPE_CHECKING:
@@ -207,6 +208,7 @@ command = declared(
 
 def _calibrate_one(request: _Request, opened: Callable[[], Recording]) -> dict[str, Any]:
     settings = request.settings
+    drawing_process()  # loads what it needs while this one does
     prior, truth = request.prior, request.known
     try:
         recording = opened()

@@ -30,7 +30,7 @@ from ospc.output import OutputFolder, Times, Written
 from ospc.photometry.calibration import Calibration
 from ospc.photometry.verdict import Verdict
 from ospc.recording import Recording
-from ospc.report.drawing import drawings_of
+from ospc.report.pictures import drawings_of
 from ospc.second_thread import SecondThread
 
 _STYLES = {"identifiable": "green", "marginal": "yellow", "not identifiable": "red"}

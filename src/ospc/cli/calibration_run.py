@@ -155,7 +155,7 @@ class CalibrationRun:
         """
         if self.result.prints_text:
             say_notes(self.recording.notes)
-        result = replace(self.result, second=drawing_process())  # loads while frames are compared
+        result = replace(self.result, second=drawing_process())
         with self.result.interruption.deferred():
             calibrator, outcome = self._estimated()
             return result.take(outcome, partial(self.checkpoints.at_the_end, calibrator))

@@ -1,6 +1,7 @@
-"""All drawings of a calibration, and a separate process that draws them.
+"""A separate process that draws.
 
-Matplotlib holds the interpreter lock while it is loaded and while it draws, and would delay all other threads.
+Matplotlib holds the interpreter lock while it is loaded and while it draws, and would delay all other threads. This
+module itself loads quickly, so that the process can be started before anything else.
 """
 
 from __future__ import annotations
@@ -13,32 +14,13 @@ from collections.abc import Callable
 from concurrent.futures import Future
 from contextlib import suppress
 from functools import cache, partial
-from typing import Any, NamedTuple, ParamSpec, TypeAlias, TypeVar
+from typing import Any, ParamSpec, TypeVar
 
 from ospc.processes import Worker
-from ospc.report.charts import ReportFindings, charts_as_svg
-from ospc.report.pictures import picture_as_png
-from ospc.report.style import load
 from ospc.second_thread import SecondThread
 
 _Arguments = ParamSpec("_Arguments")
 _Result = TypeVar("_Result")
-
-
-class Drawings(NamedTuple):
-    """The charts of a report as :func:`charts_as_svg` returns them, and the picture as PNG data."""
-
-    charts: dict[str, str]
-    picture: bytes
-
-
-Drawn: TypeAlias = Callable[[], Future[Drawings]]
-"""Starts drawing on its first call, and returns the future."""
-
-
-def drawings_of(findings: ReportFindings) -> Drawings:
-    """Draw all charts and the picture."""
-    return Drawings(charts_as_svg(findings), picture_as_png(findings))
 
 
 class DrawingProcess(SecondThread):
@@ -85,5 +67,8 @@ def _prepare(threshold: tuple[int, int, int], parent: int) -> None:
     os.dup2(nothing, 1)
     os.dup2(nothing, 2)
     gc.set_threshold(*threshold)
+    import ospc.report.pictures  # noqa: F401
+    from ospc.report.style import load
+
     load()
     gc.freeze()  # imported objects are never collected

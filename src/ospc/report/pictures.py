@@ -1,17 +1,18 @@
-"""The picture of a calibration, and a picture that compares several calibrations."""
+"""The drawings of a calibration, and a picture that compares several calibrations."""
 
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future
 from itertools import cycle
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 from ospc.errors import counted
 from ospc.photometry.calibration import PROFILE_RADII, Calibration
 from ospc.photometry.vignette import diagonal_profile
-from ospc.report.charts import ReportFindings
+from ospc.report.charts import ReportFindings, charts_as_svg
 from ospc.report.curves import RADIUS_LABEL
 from ospc.report.style import BLACK, BLUE, GREEN, ORANGE, as_bytes, new_figure, printable, rules, save
 
@@ -32,6 +33,22 @@ _STYLES = ((BLUE, "-"), (ORANGE, "--"), (GREEN, "-."), (BLACK, ":"))
 _NAME_LETTERS = 40
 """Most letters of a name in a legend, so that the curves keep enough room. Longer names are cut at the beginning,
 because their end is more informative."""
+
+
+class Drawings(NamedTuple):
+    """The charts of a report as :func:`charts_as_svg` returns them, and the picture as PNG data."""
+
+    charts: dict[str, str]
+    picture: bytes
+
+
+Drawn: TypeAlias = Callable[[], Future[Drawings]]
+"""Starts drawing on its first call, and returns the future."""
+
+
+def drawings_of(findings: ReportFindings) -> Drawings:
+    """Draw all charts and the picture."""
+    return Drawings(charts_as_svg(findings), picture_as_png(findings))
 
 
 def picture_as_png(findings: ReportFindings) -> bytes:
