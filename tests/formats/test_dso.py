@@ -156,6 +156,12 @@ def test_vignette_file_is_grey_16_bit_and_never_zero(tmp_path):
     assert stored.max() == 65535
 
 
+def test_a_description_that_is_not_unicode_is_written_as_far_as_it_is(tmp_path):
+    path = write_vignette(PolynomialVignette((40, 30), (-0.2,)), tmp_path / "vignette.png", "half a \ud800 character")
+    assert b"half a ? character" in path.read_bytes()
+    assert read_vignette(path).size == (40, 30)
+
+
 def test_negative_vignette_is_not_written(tmp_path):
     with pytest.raises(FormatError, match="negative"):
         write_vignette(PolynomialVignette((64, 48), (-1.5,)), tmp_path / "vignette.png")

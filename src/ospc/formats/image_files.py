@@ -54,7 +54,7 @@ def write_png(path: str | Path, image: Image, description: str = "") -> Path:
     data = encoded(image, ".png", str(path))
     if description:
         # An iTXt chunk: keyword, no compression, no language, no translated keyword.
-        content = b"Description\0\0\0\0\0" + description.encode("utf-8")
+        content = b"Description\0\0\0\0\0" + description.encode("utf-8", "replace")
         data = data[:PNG_HEADER_END] + png_chunk(b"iTXt", content) + data[PNG_HEADER_END:]
     return write_bytes(path, data)
 
