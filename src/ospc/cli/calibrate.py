@@ -31,7 +31,6 @@ from ospc.cli.terminal import COMPLETE, FAILED, INTERRUPTED, UNDETERMINED, concl
 from ospc.errors import OspcError, RecordingError, SettingError
 from ospc.recording import Recording
 from ospc.recording.image_source import is_image_name
-from ospc.report.drawing import drawing_process
 from ospc.settings import Settings, check_names, preset, with_overrides
 
 if TYPE_CHECKING:
@@ -208,7 +207,6 @@ command = declared(
 
 def _calibrate_one(request: _Request, opened: Callable[[], Recording]) -> dict[str, Any]:
     settings = request.settings
-    drawing_process()  # loads what it needs while this one does
     prior, truth = request.prior, request.known
     try:
         recording = opened()
@@ -218,6 +216,9 @@ def _calibrate_one(request: _Request, opened: Callable[[], Recording]) -> dict[s
         if request.path.is_file() and is_image_name(request.path.name):
             raise RecordingError(f"{error}, or guess from it alone with --fallback single-image") from None
         raise
+    from ospc.report.drawing import drawing_process
+
+    drawing_process()  # loads its modules while this one does
     # Imported late, because it is slow: problems with the recording are reported first.
     from ospc.cli.calibration_run import CalibrationRun, Checkpoints
     from ospc.folders import check_new
