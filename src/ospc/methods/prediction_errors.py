@@ -68,17 +68,20 @@ class PairErrors:
         basis, log_g = fit.response_basis, fit.log_response
         log_radiance = fit.log_radiance(seen)
         log_gain = np.interp(fit.grey_of_mean(seen), basis.grid, log_g) - log_radiance
+        error = log_radiance[1::2] - log_radiance[0::2]
+        middle = float(median(error))
         # The basis is evaluated at the grey levels predicted from both observations: at the measured ones, its noise
         # would be correlated with the errors, and every pair of nearly equal exposures would seem to have changed.
-        predicted = np.repeat((log_radiance[0::2] + log_radiance[1::2]) / 2, 2) + log_gain
+        # Light that changed for all points is known: without it, the levels of a shaded frame would be far off.
+        mean_radiance = np.repeat((log_radiance[0::2] + log_radiance[1::2]) / 2, 2)
+        predicted = mean_radiance + np.tile([-middle / 2, middle / 2], len(error)) + log_gain
         grey = np.interp(predicted, log_g, basis.grid)
         rows = fit.log_irradiance_rows(grey, seen.position)
         squared = np.sum(seen.position**2, axis=1)
         hats = np.stack([np.interp(grey, CHANGE_GREY_KNOTS, row) for row in np.eye(len(CHANGE_GREY_KNOTS))], axis=1)
         columns = np.column_stack([-np.interp(grey, basis.grid, log_g), -hats, squared, squared**2, seen.position])
         # The second observation of each point minus the first.
-        error, change, parameter = (values[1::2] - values[0::2] for values in (log_radiance, columns, -rows))
-        middle = float(median(error))
+        change, parameter = (values[1::2] - values[0::2] for values in (columns, -rows))
         # Relative to the median, so that an error common to the pair keeps full weight however large it is.
         weight = (1 / (1 + ((error - middle) / OUTLIER_ERROR_LOG) ** 2))[:, None]
         root = np.sqrt(weight)
