@@ -105,7 +105,7 @@ def response_verdict_of_fit(
     low, high = exposure_range_ms
     # If all exposures were raised to a power, so would g and V be, and no image would differ.
     figure = (
-        f"typical irradiance ratios are known to within {plain(100 * error, 2)}% ({CONFIDENCE:.0%} confidence), "
+        f"typical irradiance ratios are {{known}} to within {plain(100 * error, 2)}% ({CONFIDENCE:.0%} confidence), "
         f"if the ratios of the exposures ({range_in_words(low, high)}) are right"
     )
     missing = f"{min(unexplained, 1):.0%} of a typical change of exposure does not show in the images"
@@ -153,7 +153,7 @@ def vignette_verdict(
     error, sigma = errors.bound(radius), errors.worst_log_sigma(radius)
     where = "at the corner" if radius >= 1 else f"at the edge of the usable image ({radius:.2f} half diagonals)"
     figure = (
-        f"the vignette is known to within {plain(100 * error, 2)}% ({CONFIDENCE:.0%} confidence), {where} to "
+        f"the vignette is {{known}} to within {plain(100 * error, 2)}% ({CONFIDENCE:.0%} confidence), {where} to "
         f"±{plain(100 * sigma, 2)}% (1σ), from radial motion of {reach:.2f} half diagonals"
     )
     remedy = _SEE_MORE_MOVING if moves_far else _MOVE_RADIALLY
@@ -190,9 +190,10 @@ def _clearer_view(fit: Fit) -> str:
 
 
 def _graded(fit: Fit, relative_error: float, figure: str, remedy: str) -> Verdict:
-    """Return the verdict on a curve, given its error relative to the limit for an identifiable curve."""
+    """Return the verdict on a curve, given its error relative to the limit; the text ``figure`` has a field known."""
     if relative_error > UNIDENTIFIABLE_FACTOR:
-        return Verdict("not identifiable", figure.replace(" to within ", " only to within ", 1), remedy)
+        return Verdict("not identifiable", figure.format(known="known only"), remedy)
+    figure = figure.format(known="known")
     if relative_error > 1:
         return Verdict("marginal", figure, remedy)
     if fit.groups >= MIN_SCATTER_GROUPS:
