@@ -1,5 +1,6 @@
 """Effects other than response and vignette are detected and corrected when present, and only then."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache
 
@@ -351,6 +352,36 @@ def step_in_sigmas(fit: Fit) -> float:
 @pytest.mark.parametrize("seed", range(3))
 def test_a_contradiction_widens_the_bands_by_its_effect(seed: int) -> None:
     assert abs(step_in_sigmas(Disturbed(tone=-0.1).fit(seed))) < 1.2
+
+
+def test_the_bands_of_a_vignette_that_changes_hold_that_of_the_last_frame() -> None:
+    rise = 0.08
+    found = Disturbed(vignette_drift=rise).fit()
+    at_corner = found.log_irradiance_rows(np.zeros(1), np.array([[0.8, 0.6]]))[0, found.vignette_part]
+    sigma = np.sqrt(at_corner @ found.covariance[found.vignette_part, found.vignette_part] @ at_corner)
+    assert 0.8 * rise < sigma < 1.5 * rise
+
+
+@pytest.mark.parametrize(
+    ("camera", "shift"),
+    [
+        (Disturbed(gamma_drift=0.08), lambda grey: 0.08 * np.log(grey)),
+        (Disturbed(black_drift=0.02), lambda grey: 0.02 / grey),
+    ],
+)
+def test_the_bands_of_a_response_that_changes_hold_that_of_the_last_frame(
+    camera: Disturbed, shift: Callable[[float], float]
+) -> None:
+    """``shift`` is that of the logarithm of each grey level in the last frame."""
+    rises = [shift(grey) * log_slope_of_response(grey) for grey in (0.25, 0.75)]
+    sigma = camera.fit().log_response_step_sigma(0.25, 0.75)
+    assert 0.8 * abs(rises[1] - rises[0]) < sigma < 2.5 * abs(rises[1] - rises[0])
+
+
+def log_slope_of_response(grey: float) -> float:
+    """Return the derivative of ln g with respect to ln M."""
+    low, high = (float(np.log(GAMMA.inverse(grey * factor))) for factor in (0.99, 1.01))
+    return (high - low) / np.log(1.01 / 0.99)
 
 
 @pytest.mark.parametrize(("light", "seed"), [(0.01, 0), (0.03, 0), (0.03, 1), (0.03, 2)])

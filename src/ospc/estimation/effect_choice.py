@@ -18,7 +18,14 @@ from ospc.estimation.effect_models import (
     EXPOSURE_ERRORS,
     ONLY_IF_FOUND,
 )
-from ospc.estimation.effect_trials import Trial, after_newton_step, estimate_effects, slope_of_left_out, trial_of
+from ospc.estimation.effect_trials import (
+    Trial,
+    after_newton_step,
+    change_until_end,
+    estimate_effects,
+    slope_of_left_out,
+    trial_of,
+)
 from ospc.estimation.effects import Effects, different_log_exposures
 from ospc.estimation.fit import Fit
 from ospc.estimation.fit_plan import FitPlan
@@ -274,7 +281,11 @@ def _with_model_errors(fitted: Fitted) -> Fitted:
 
 def _with_estimates(fitted: Fitted, trials: Sequence[Trial], found: tuple[EffectEstimate, ...]) -> Fit:
     """Return a fit with the estimates of effects, and with a covariance that includes what was left out."""
-    missing = [trial.size_if_left_out * slope_of_left_out(fitted.fit, trial) for trial in trials]
+    missing = [
+        trial.size_if_left_out * change
+        for trial in trials
+        for change in (slope_of_left_out(fitted.fit, trial), change_until_end(fitted.fit, trial))
+    ]
     fit = _without_absorbed_light(fitted.fit)
     covariance = fit.covariance + sum(np.outer(one, one) for one in missing)
     estimates = (

@@ -119,3 +119,20 @@ def slope_of_left_out(fit: Fit, trial: Trial) -> FloatArray:
 
     # A secant, because ln g near black is far from linear in additional light.
     return (changed(trial.sigma) - changed(0.0)) / trial.sigma
+
+
+def change_until_end(fit: Fit, trial: Trial) -> FloatArray:
+    """Return how the last frame's curves differ from the mean ones, per unit of an effect, shape (p,).
+
+    It is zero unless the effect changes with time.
+    """
+    change = np.zeros_like(fit.parameters)
+    gamma, knots = fit.response_parameters, fit.response_basis.knots
+    slopes = slice(fit.vignette_part.start, fit.vignette_part.start + fit.vignette_basis.radial)
+    if trial.name == "drifting response":
+        change[: len(gamma)] = gamma
+    elif trial.name == "drifting black level":
+        change[: len(gamma)] = -gamma / np.maximum(knots, knots[1])
+    elif trial.name == "drifting vignette":
+        change[slopes] = 1
+    return change
