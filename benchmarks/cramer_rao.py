@@ -22,7 +22,6 @@ from ospc import OnlineCalibrator
 from ospc.estimation.error_model import ErrorModel
 from ospc.estimation.fit import Fit
 from ospc.estimation.fitted import Fitted
-from ospc.estimation.maximum_likelihood import MaximumLikelihoodEstimator
 from ospc.evaluation.metrics import log_ratio_error, response_shape_rmse, vignette_rmse
 from ospc.methods.fit_inputs import FitInputs
 from ospc.research.accuracy.design import moving_sources
@@ -51,10 +50,9 @@ def bound(inputs: FitInputs, fit: Fit, settings: SimulationSettings) -> dict[str
     full_well, read_noise = settings.sensor
     variances = np.array([1 / 12 / 255**2, 1 / full_well, (read_noise / full_well) ** 2]) / _PIXELS_AVERAGED
     sensor = ErrorModel(*variances.tolist(), registration_sigma_px=0.0, radiance_sigma=0.0)
-    estimator = MaximumLikelihoodEstimator(fit.response_basis, fit.vignette_basis, inputs.noise, effects=fit.effects)
-    assert inputs.observations is not None
-    fitted = Fitted(replace(fit, errors=sensor), inputs.observations, inputs.noise)
-    equations = estimator.information(fitted, fit.parameters)
+    assert inputs.used is not None
+    fitted = Fitted(replace(fit, errors=sensor), inputs.used, inputs.noise)
+    equations = fitted.information(fit, fit.parameters)
     precision = equations.matrix + fit.prior(fit.parameters).precision(fit.hyperparameters)
     root = np.linalg.cholesky(np.linalg.inv(precision))
     response, vignette = fit.response(inputs.max_grey), fit.vignette(inputs.size)

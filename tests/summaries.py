@@ -31,8 +31,8 @@ def inputs_of(
     """Return the fit inputs of a short recording of a camera."""
     observations = camera.pairs(seed, groups, points)
     widest = replace(VIGNETTE, reach=MAX_VIGNETTE_REACH)
-    fit = fit_with_chosen_vignette(observations, FitPlan(basis, widest, NOISE, rounds=5)).fit
-    return FitInputs(SIZE, 255, NOISE, observations, fit, standing_still=False, pairs=groups)
+    fitted = fit_with_chosen_vignette(observations, FitPlan(basis, widest, NOISE, rounds=5))
+    return FitInputs(SIZE, 255, NOISE, observations, fitted, standing_still=False, pairs=groups)
 
 
 @cache
@@ -42,8 +42,8 @@ def fisheye_inputs_of(camera: Camera, seed: int, radius: float) -> FitInputs:
     inside = np.logical_and.reduceat(np.linalg.norm(whole.position, axis=1) < radius, whole.starts)
     observations = whole.of_points(inside)
     vignette = replace(VIGNETTE, usable_radius=radius)
-    fit = fit_with_chosen_vignette(observations, FitPlan(RESPONSE, vignette, NOISE, rounds=5)).fit
-    return replace(inputs_of(camera, seed, groups=6), observations=observations, fit=fit, pairs=60)
+    fitted = fit_with_chosen_vignette(observations, FitPlan(RESPONSE, vignette, NOISE, rounds=5))
+    return replace(inputs_of(camera, seed, groups=6), observations=observations, fitted=fitted, pairs=60)
 
 
 @cache

@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from ospc.estimation.fitted import Fitted
 from ospc.estimation.maximum_likelihood import MaximumLikelihoodEstimator
 from ospc.estimation.response_basis import ResponseBasis
 from ospc.estimation.vignette_basis import VignetteBasis
@@ -178,7 +179,7 @@ def calibrated(pairs, *, seed=3):
     observations = CAMERA.pairs(seed, groups=pairs, points=400)
     fit = fitted(observations)
     noise = NoiseModel(1e-6, 1e-6)
-    inputs = FitInputs(SIZE, 255, noise, observations, fit, False, pairs)
+    inputs = FitInputs(SIZE, 255, noise, observations, Fitted(fit, observations, None), False, pairs)
     return calibration_of(inputs, DefaultSettings())
 
 

@@ -23,6 +23,10 @@ TONE = EffectEstimate("local tone mapping", -0.1, 0.01, contradicts=True)
 GLARE = EffectEstimate("veiling glare", 0.02, 0.001, corrected=True)
 
 
+def with_fit(fit, observations=INPUTS.observations):
+    return replace(INPUTS, fitted=replace(INPUTS.fitted, fit=fit, observations=observations))
+
+
 def response(*, times, unexplained=0.0, contradictions=()):
     return response_verdict_of_fit(UNCERTAIN, (1.0, times), unexplained, contradictions)
 
@@ -34,7 +38,7 @@ def vignette(*, reach, standing_still=False, contradictions=()):
 @pytest.mark.parametrize("covariance", [1.0, 1e4])
 def test_a_contradiction_is_the_reason_and_has_the_remedy_of_every_curve(covariance):
     fit = replace(FIT, covariance=covariance * FIT.covariance, effect_estimates=(TONE,))
-    found = calibration_of(replace(INPUTS, fit=fit), DefaultSettings())
+    found = calibration_of(with_fit(fit), DefaultSettings())
     (warning,) = found.warnings
     for verdict in (found.verdicts["response"], found.verdicts["vignette"]):
         assert verdict.state == ("marginal" if covariance == 1 else "not identifiable")
@@ -143,9 +147,7 @@ def test_a_fit_to_exposures_that_the_images_contradict_states_no_effects():
     fit = replace(FIT, effect_estimates=(TONE, GLARE))
     observations = INPUTS.observations
     inverse = replace(observations, log_exposure=-observations.log_exposure)
-    wrong, right = (
-        calibration_of(replace(INPUTS, fit=fit, observations=o), DefaultSettings()) for o in (inverse, observations)
-    )
+    wrong, right = (calibration_of(with_fit(fit, o), DefaultSettings()) for o in (inverse, observations))
     assert "does not show in the images" in wrong.verdicts["response"].reason
     assert (wrong.effects, wrong.warnings, wrong.notes) == ((), (), ())
     assert right.effects == (TONE, GLARE)
@@ -163,6 +165,6 @@ def test_a_fit_to_exposures_that_the_images_contradict_states_no_effects():
 )
 def test_a_contradiction_names_its_causes_and_size(name, causes, quantity):
     fit = replace(FIT, effect_estimates=(EffectEstimate(name, 0.1, 0.01, contradicts=True),))
-    (warning,) = calibration_of(replace(INPUTS, fit=fit), DefaultSettings()).warnings
+    (warning,) = calibration_of(with_fit(fit), DefaultSettings()).warnings
     assert all(cause in warning for cause in causes)
     assert warning.endswith(f"({quantity}: 0.1 ± 0.01)")

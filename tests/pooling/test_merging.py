@@ -99,7 +99,7 @@ def test_one_recording_alone_stays_as_uncertain_as_it_was(error):
     inputs = inputs_of(CAMERA, 0)
     suspected = error * inputs.fit.parameters
     fit = replace(inputs.fit, covariance=inputs.fit.covariance + np.outer(suspected, suspected))
-    inputs = replace(inputs, fit=fit)
+    inputs = replace(inputs, fitted=replace(inputs.fitted, fit=fit))
     pooled = merge(Pool.of([summary_of(inputs, "frames", {}, 100)])).calibration
     alone = calibration_of(inputs, DefaultSettings())
     assert step_sigma(pooled) == pytest.approx(step_sigma(alone), rel=0.35)
@@ -109,11 +109,11 @@ def test_one_recording_alone_stays_as_uncertain_as_it_was(error):
 def test_corners_that_no_recording_shows_are_as_uncertain_as_in_one_alone():
     everywhere = OTHER_LENS.pairs(0, groups=160)
     seen = everywhere.seen_twice(np.linalg.norm(everywhere.position, axis=1) < 0.85)
-    fit = fit_with_chosen_vignette(seen, FitPlan(ResponseBasis(32), VIGNETTE, NOISE, rounds=5)).fit
-    own = summary_of(replace(inputs_of(OTHER_LENS, 0), observations=seen, fit=fit), "frames", {}, 100)
+    fitted = fit_with_chosen_vignette(seen, FitPlan(ResponseBasis(32), VIGNETTE, NOISE, rounds=5))
+    own = summary_of(replace(inputs_of(OTHER_LENS, 0), observations=seen, fitted=fitted), "frames", {}, 100)
     pooled = solve_with_chosen_vignette(Information.of([own]))
     radii = np.array([0.5, 0.9, 1.0])
-    sigma, own_sigma = (found.vignette_errors(SIZE).sigma(radii) for found in (pooled, fit))
+    sigma, own_sigma = (found.vignette_errors(SIZE).sigma(radii) for found in (pooled, fitted.fit))
     np.testing.assert_allclose(sigma, own_sigma, rtol=0.35)
     complete = solve_with_chosen_vignette(Information.of([own, summary(OTHER_LENS, 1)]))
     assert complete.vignette_errors(SIZE).sigma(radii)[2] < 0.5 * sigma[2]

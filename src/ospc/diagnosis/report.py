@@ -84,7 +84,7 @@ def motion(changes: Sequence[BrightnessChange], inputs: FitInputs | None) -> Mot
     """Summarise the motion between consecutive frames and of the scene points over the run."""
     displacement = [c.motion_px for c in changes if np.isfinite(c.motion_px)]
     still = inputs is not None and inputs.standing_still
-    observations = None if inputs is None or still else inputs.observations
+    observations = None if inputs is None or still else inputs.used
     return MotionReport(
         float(np.median(displacement)) if displacement else float("nan"),
         0.0 if observations is None else observations.radial_reach,

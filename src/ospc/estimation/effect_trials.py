@@ -11,7 +11,7 @@ from ospc.arrays import FloatArray
 from ospc.estimation.effect_models import CONTRADICTIONS, EFFECTS, GAIN_STEPS
 from ospc.estimation.fit import Fit
 from ospc.estimation.fitted import Fitted
-from ospc.estimation.maximum_likelihood import MaximumLikelihoodEstimator
+from ospc.estimation.model import Model
 from ospc.settings.effects import CONTRADICTION_PROBABILITY, EFFECT_PROBABILITY
 
 
@@ -77,12 +77,11 @@ class Trial:
 def estimate_effects(fitted: Fitted, names: Sequence[str]) -> list[Trial]:
     """Return the one-step estimate of each of several effects that a fit leaves out, as if it were the only one."""
     fit = fitted.fit
-    effects = fit.effects.including(*names)
-    estimator = MaximumLikelihoodEstimator(fit.response_basis, fit.vignette_basis, fitted.noise, effects=effects)
+    model = Model(fit.response_basis, fit.vignette_basis, fit.effects.including(*names))
     p = len(fit.parameters)
     about = np.concatenate([fit.parameters, np.zeros(len(names))])
     choices = [np.append(np.arange(p), p + i) for i in range(len(names))]
-    steps = estimator.newton_steps(fitted, about, choices)
+    steps = fitted.newton_steps(model, about, choices)
     return [_trial(name, *step, fit.groups) for name, step in zip(names, steps, strict=True)]
 
 

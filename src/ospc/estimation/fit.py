@@ -90,6 +90,13 @@ class Fit(Model):
         """Parameters of the effects, shape (len(effects),)."""
         return self.split(self.parameters)[2]
 
+    def parameters_in(self, model: Model) -> FloatArray:
+        """Convert the parameters to another model with the same response basis, shape (p,)."""
+        vignette = model.vignette_basis.conversion(self.vignette_basis) @ self.vignette_parameters
+        known = dict(zip(self.effects.chosen, self.effect_parameters, strict=True))
+        effects = [known.get(effect, 0.0) for effect in model.effects.chosen]
+        return np.concatenate([self.response_parameters, vignette, effects])
+
     @cached_property
     def log_response(self) -> FloatArray:
         """The logarithm of g on the response basis's grid."""

@@ -1,16 +1,20 @@
-"""A fit together with what it was fitted to, from which other models are tried."""
+"""A fit together with what it was fitted to: linearised about it, the observations show what other models give."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
-from ospc.arrays import BoolArray, FloatArray
+from ospc.arrays import BoolArray, FloatArray, IntArray
 from ospc.estimation.fit import Fit
 from ospc.estimation.latent import Latent, LatentModel
+from ospc.estimation.model import LinearSystem, Model
+from ospc.estimation.normal_equations import NormalEquations
 from ospc.estimation.robust_weights import redescending_weights
+from ospc.library_threads import one_blas_thread
 from ospc.observations import ExposedObservations
 from ospc.photometry.noise import NoiseModel
 
@@ -27,6 +31,50 @@ class Fitted:
     observations: ExposedObservations
     noise: NoiseModel | None
     registered: ExposedObservations | None = None
+
+    @property
+    def compared(self) -> ExposedObservations:
+        """The observations of all pairs whose exposure ratios are estimated, even of wrong exposures."""
+        return self.observations if self.registered is None else self.registered
+
+    def information(self, model: Model, about: FloatArray) -> NormalEquations:
+        """Return the information of the observations about the parameters of a model, without a prior.
+
+        Response and error model are taken from the fit, possibly of another model. ``about`` is the same fit in
+        parameters of the model, at which it is linearised, shape (p,).
+        """
+        with one_blas_thread():
+            system, sandwich_factor = self.linearised(model, about)
+            precision = model.prior(about).precision(self.fit.hyperparameters)
+            equations = system.equations(precision, sandwich_factor)
+            return equations.part(np.arange(len(about))).scaled(precision, sandwich_factor)
+
+    def newton_steps(
+        self, model: Model, about: FloatArray, choices: Iterable[IntArray]
+    ) -> Iterator[tuple[FloatArray, FloatArray]]:
+        """Take one Newton step from the fit for each of several subsets of a model's parameters.
+
+        It is linearised as in :meth:`information`. A subset is given by the indices of m parameters; the others stay
+        zero.
+
+        Yields
+        ------
+        The parameters of a subset after the step, shape (m,), and their covariance due to chance, (m, m).
+        """
+        equations = self.information(model, about).centred(about)
+        prior = model.prior(about)
+        precision = prior.precision(self.fit.hyperparameters)
+        for chosen in choices:
+            yield equations.part(chosen).newton_step(precision[np.ix_(chosen, chosen)], prior.mean[chosen])
+
+    def linearised(self, model: Model, about: FloatArray) -> tuple[LinearSystem, float]:
+        """Return the linear system of a model about the fit, and the sandwich factor of its weights."""
+        latent, weight, sandwich_factor = self.weighted
+        # This basis may not contain the fitted response exactly: refer the linearised values to the closest one.
+        here = model.response_basis.log_of(model.split(about)[0])
+        latent = replace(latent, linear_log=latent.linear_log + (here - self.log_response)[latent.index])
+        gain_variances = self.fit.errors.gain_variances
+        return LinearSystem(model, about, self.observations, latent, weight, gain_variances), sandwich_factor
 
     @cached_property
     def weighted(self) -> tuple[Latent, FloatArray, float]:

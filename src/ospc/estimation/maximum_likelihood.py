@@ -7,7 +7,6 @@ residuals, and a new choice of the strength of the prior.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -127,7 +126,7 @@ class MaximumLikelihoodEstimator:
         index, weight = self.response_basis.index_of(observations.grey), np.ones(len(observations))
         if start is None:
             return _Estimate(self.model.typical, ErrorModel(), 0.0, START, weight, index)
-        about = self.parameters_of(start)
+        about = start.parameters_in(self.model)
         return _Estimate(about, start.errors, start.texture_share, start.hyperparameters, weight, index)
 
     def _linearised(
@@ -215,56 +214,10 @@ class MaximumLikelihoodEstimator:
             measured_radius=measured_radius(observations, centre),
         )
 
-    def information(self, fitted: Fitted, about: FloatArray) -> NormalEquations:
-        """Return the information of the observations about the parameters of this model, without a prior.
-
-        Response and error model are taken from the fit, possibly of another model. ``about`` is the same fit in
-        parameters of this model, at which it is linearised, shape (p,).
-        """
-        with one_blas_thread():
-            system, sandwich_factor = self._system(fitted, about)
-            precision = self.model.prior(about).precision(fitted.fit.hyperparameters)
-            equations = system.equations(precision, sandwich_factor)
-            return equations.part(np.arange(len(about))).scaled(precision, sandwich_factor)
-
     def significant_gain_variances(self, fitted: Fitted) -> tuple[float, ...]:
         """Return the variances of latent gains that pairs of frames show beyond chance, given a fit of this model."""
         fit = fitted.fit
         with one_blas_thread():
-            system, sandwich_factor = self._system(fitted, fit.parameters)
+            system, sandwich_factor = fitted.linearised(self.model, fit.parameters)
             precision = self.model.prior(fit.parameters).precision(fit.hyperparameters)
             return system.significant_gain_variances(precision, sandwich_factor, fit.resolves(fitted.observations))
-
-    def _system(self, fitted: Fitted, about: FloatArray) -> tuple[LinearSystem, float]:
-        """Return the linear system about a fit, and the sandwich factor of its weights."""
-        latent, weight, sandwich_factor = fitted.weighted
-        # This basis may not contain the fitted response exactly: refer the linearised values to the closest one.
-        here = self.response_basis.log_of(self.model.split(about)[0])
-        latent = replace(latent, linear_log=latent.linear_log + (here - fitted.log_response)[latent.index])
-        gain_variances = fitted.fit.errors.gain_variances
-        return LinearSystem(self.model, about, fitted.observations, latent, weight, gain_variances), sandwich_factor
-
-    def newton_steps(
-        self, fitted: Fitted, about: FloatArray, choices: Iterable[IntArray]
-    ) -> Iterator[tuple[FloatArray, FloatArray]]:
-        """Take one Newton step from a fit for each of several subsets of this model's parameters.
-
-        The fit is linearised as in :meth:`information`. A subset is given by the indices of m parameters; the others
-        stay zero.
-
-        Yields
-        ------
-        The parameters of a subset after the step, shape (m,), and their covariance due to chance, (m, m).
-        """
-        equations = self.information(fitted, about).centred(about)
-        prior = self.model.prior(about)
-        precision = prior.precision(fitted.fit.hyperparameters)
-        for chosen in choices:
-            yield equations.part(chosen).newton_step(precision[np.ix_(chosen, chosen)], prior.mean[chosen])
-
-    def parameters_of(self, start: Fit) -> FloatArray:
-        """Convert the parameters of a fit with the same response basis to this model, shape (p,)."""
-        vignette = self.vignette_basis.conversion(start.vignette_basis) @ start.vignette_parameters
-        known = dict(zip(start.effects.chosen, start.effect_parameters, strict=True))
-        effects = [known.get(effect, 0.0) for effect in self.effects.chosen]
-        return np.concatenate([start.response_parameters, vignette, effects])

@@ -12,7 +12,7 @@ from ospc.estimation.effects import Effects
 from ospc.estimation.fit import Fit
 from ospc.estimation.fit_plan import FitPlan
 from ospc.estimation.fitted import Fitted
-from ospc.estimation.maximum_likelihood import MaximumLikelihoodEstimator
+from ospc.estimation.model import Model
 from ospc.estimation.vignette_basis import VignetteBasis
 from ospc.observations import ExposedObservations
 from ospc.settings.vignette import (
@@ -64,12 +64,12 @@ def fit_with_chosen_vignette(
 def _first_promising(fitted: Fitted, richer: Sequence[VignetteBasis]) -> VignetteBasis | None:
     """Return the first of several vignette models, the largest last, that one Newton step nearly supports."""
     fit, widest = fitted.fit, richer[-1]
-    estimator = MaximumLikelihoodEstimator(fit.response_basis, widest, fitted.noise, fit.effects)
-    about = estimator.parameters_of(fit)
+    model = Model(fit.response_basis, widest, fit.effects)
+    about = fit.parameters_in(model)
     # The parameters of a model come first among those of a larger one.
     first = fit.vignette_part.start
     choices = [np.delete(np.arange(len(about)), np.s_[first + len(basis) : first + len(widest)]) for basis in richer]
-    steps = estimator.newton_steps(fitted, about, choices)
+    steps = fitted.newton_steps(model, about, choices)
     for basis, (found, chance) in zip(richer, steps, strict=True):
         after = replace(fit, vignette_basis=basis, parameters=found, chance=chance)
         if supported(after, len(basis) - len(fit.vignette_basis), PROMISING_SHARE):
@@ -152,10 +152,9 @@ def _shows_centre(basis: VignetteBasis, parameters: FloatArray, chance: FloatArr
 def step_to_free_centre(fitted: Fitted) -> tuple[FloatArray, FloatArray]:
     """Return the parameters of a fit after one Newton step with a free centre, and their covariance due to chance."""
     fit = fitted.fit
-    basis = replace(fit.vignette_basis, free_centre=True)
-    estimator = MaximumLikelihoodEstimator(fit.response_basis, basis, fitted.noise, fit.effects)
-    about = estimator.parameters_of(fit)
-    return next(estimator.newton_steps(fitted, about, [np.arange(len(about))]))
+    model = Model(fit.response_basis, replace(fit.vignette_basis, free_centre=True), fit.effects)
+    about = fit.parameters_in(model)
+    return next(fitted.newton_steps(model, about, [np.arange(len(about))]))
 
 
 def _registration_sigma(fit: Fit) -> FloatArray:

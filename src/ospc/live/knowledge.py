@@ -9,7 +9,6 @@ import numpy as np
 from ospc.arrays import FloatArray
 from ospc.estimation.fit import Fit, measured_greys
 from ospc.estimation.fitted import Fitted
-from ospc.estimation.maximum_likelihood import MaximumLikelihoodEstimator
 from ospc.estimation.vignette_basis import usable_radius_of
 from ospc.methods.preview import Preview
 from ospc.observations import ExposedObservations
@@ -75,9 +74,8 @@ class Knowledge:
 
     def grey_after(self, grey: float, factor: float) -> float:
         """Return the grey level of a point after multiplying the exposure by a factor; 1 if it saturates."""
-        log_g = self.fit.response_basis.log_of(self.fit.response_parameters)
-        now = np.interp(grey, self.fit.response_basis.grid, log_g)
-        return float(np.interp(now + np.log(factor), log_g, self.fit.response_basis.grid))
+        grid, log_g = self.fit.response_basis.grid, self.fit.log_response
+        return float(np.interp(np.interp(grey, grid, log_g) + np.log(factor), log_g, grid))
 
     def _gain(self, row: FloatArray, greys: tuple[float, float], goal: float) -> float:
         """Return the gain from one more row of the normal equations (Sherman and Morrison)."""
@@ -96,7 +94,7 @@ class Knowledge:
         basis, parameters = self.fit.response_basis, self.fit.response_parameters
         grey = np.clip(grey, basis.grid[1], 1.0)
         slope = grey / np.interp(grey, basis.grid, basis.gamma_of(parameters))
-        irradiance = np.maximum(np.exp(np.interp(grey, basis.grid, basis.log_of(parameters))), 1e-12)
+        irradiance = np.maximum(np.exp(np.interp(grey, basis.grid, self.fit.log_response)), 1e-12)
         return self.fit.errors.variance(grey, slope, irradiance, np.full(len(grey), EXPECTED_GRADIENT)) / slope**2
 
 
@@ -129,8 +127,7 @@ def certainty(calibration: Calibration) -> tuple[float | None, float | None]:
 
 
 def _covariance(fit: Fit, some: ExposedObservations, step: int) -> tuple[FloatArray, float]:
-    estimator = MaximumLikelihoodEstimator(fit.response_basis, fit.vignette_basis, fit.pixel_noise)
-    equations = estimator.information(Fitted(fit, some, fit.pixel_noise), fit.parameters)
+    equations = Fitted(fit, some, fit.pixel_noise).information(fit, fit.parameters)
     prior = fit.prior(fit.parameters).precision(fit.hyperparameters)
     information = step * equations.information_scale * equations.matrix + prior
     return np.asarray(np.linalg.inv(information), dtype=np.float64), equations.information_scale
@@ -142,7 +139,7 @@ def _radii(usable_radius: float) -> FloatArray:
 
 def _wanted(fit: Fit, reference: float, radii: FloatArray) -> FloatArray:
     basis, vignette = fit.response_basis, fit.vignette_basis
-    g = np.exp(np.interp(ASSESSED_GREYS, basis.grid, basis.log_of(fit.response_parameters))) * (ASSESSED_GREYS > 0)
+    g = np.exp(np.interp(ASSESSED_GREYS, basis.grid, fit.log_response)) * (ASSESSED_GREYS > 0)
     response = g[:, None] * (basis.log_rows(ASSESSED_GREYS) - basis.log_rows([reference]))
     places = radii[:, None] * _DIAGONAL
     value = np.exp(vignette.log_value(fit.vignette_parameters, places))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -10,6 +11,7 @@ import numpy as np
 from ospc.arrays import ImageSize
 from ospc.errors import counted
 from ospc.estimation.fit import Fit
+from ospc.estimation.fitted import Fitted
 from ospc.methods.exposure_ratios import exposure_ratios
 from ospc.observations import ExposedObservations
 from ospc.photometry.coverage import ExposureRatios
@@ -49,9 +51,10 @@ class FitInputs:
         Size in pixels and largest grey value of the frames.
     noise
         Noise of single pixels.
-    observations, fit
-        The observations with their exposures, stretched to the grey range, and the fit to them; None if there are
-        none or they do not allow a fit.
+    observations
+        All observations with their exposures, stretched to the grey range; None if there are none.
+    fitted
+        The fit to those of pairs that are registered and exposed rightly; None if they do not allow one.
     standing_still
         Whether the camera was stationary: each observation is then a single pixel instead of a mean of several.
     pairs
@@ -62,25 +65,28 @@ class FitInputs:
         Whether the frames come from a video with inter-frame compression, see :data:`INTER_CODED_SIGMAS`.
     overlay_share
         Share of the image that shows something fixed to the camera, which is not used.
-    misregistered
-        Number of pairs of frames that were registered wrongly, whose observations are left out.
-    registered
-        The observations, and those of pairs that are left out because their exposures are wrong; None if there are
-        none.
     """
 
     size: ImageSize
     max_grey: int
     noise: NoiseModel
     observations: ExposedObservations | None
-    fit: Fit | None
+    fitted: Fitted | None
     standing_still: bool
     pairs: int
     grey_range: GreyRange = FULL_RANGE
     inter_coded: bool = False
     overlay_share: float = 0.0
-    misregistered: int = 0
-    registered: ExposedObservations | None = None
+
+    @property
+    def fit(self) -> Fit | None:
+        """The fit; None if the observations do not allow one."""
+        return None if self.fitted is None else self.fitted.fit
+
+    @property
+    def used(self) -> ExposedObservations | None:
+        """The observations that the fit is to; without a fit, all."""
+        return self.observations if self.fitted is None else self.fitted.observations
 
     @property
     def effects(self) -> tuple[EffectEstimate, ...]:
@@ -91,37 +97,35 @@ class FitInputs:
     def notes(self) -> tuple[str, ...]:
         """Notes about the frames."""
         overlay = _OVERLAY.format(share=100 * self.overlay_share) if self.overlay_share else ""
-        misregistered = _MISREGISTERED.format(pairs=counted(self.misregistered, "pair")) if self.misregistered else ""
         inter_coded = _INTER_CODED if self.inter_coded else ""
-        notes = [self.grey_range.note(self.max_grey), overlay, misregistered, self._wrongly_exposed, inter_coded]
+        notes = [self.grey_range.note(self.max_grey), overlay, *self._left_out(), inter_coded]
         return tuple(filter(None, notes))
 
-    @property
-    def _wrongly_exposed(self) -> str:
-        """Note on pairs that are left out because their exposures are wrong; empty if there are none."""
-        if self.registered is None or self.fit is None:
-            return ""
-        pairs, least = len(np.unique(self.registered.group)), float(np.expm1(CONTRADICTING_PAIR_LOG))
-        return _WRONGLY_EXPOSED.format(wrong=pairs - self.fit.groups, pairs=counted(pairs, "pair"), least=least)
-
-    @property
-    def _compared(self) -> ExposedObservations | None:
-        """The observations of all pairs whose exposure ratios are estimated."""
-        return self.observations if self.registered is None else self.registered
+    def _left_out(self) -> Iterator[str]:
+        """Yield notes on the pairs of frames that the fit does not use."""
+        if self.fitted is None or self.observations is None:
+            return
+        pairs, registered = (len(np.unique(each.group)) for each in (self.observations, self.fitted.compared))
+        if misregistered := pairs - registered:
+            yield _MISREGISTERED.format(pairs=counted(misregistered, "pair"))
+        if wrong := registered - self.fitted.fit.groups:
+            least = float(np.expm1(CONTRADICTING_PAIR_LOG))
+            yield _WRONGLY_EXPOSED.format(wrong=wrong, pairs=counted(registered, "pair"), least=least)
 
     @cached_property
     def ratios(self) -> ExposureRatios:
         """The exposure ratios of all pairs of frames; empty without a fit."""
-        if self.fit is None or self._compared is None:
+        if self.fitted is None:
             return ExposureRatios.none()
-        return exposure_ratios(self.fit, self._compared)
+        return exposure_ratios(self.fitted.fit, self.fitted.compared)
 
     @cached_property
     def corrected_ratios(self) -> ExposureRatios:
         """The same ratios, compared with those of the exposures as the fit corrected them."""
         ratios = self.ratios
-        if self.fit is None or self._compared is None or not len(self.fit.effects):
+        if self.fitted is None or not len(self.fitted.fit.effects):
             return ratios
-        frames, first = np.unique(self._compared.frame, return_index=True)
-        error = self.fit.log_exposure_error(self._compared)[first][np.searchsorted(frames, ratios.frames)]
+        fit, compared = self.fitted.fit, self.fitted.compared
+        frames, first = np.unique(compared.frame, return_index=True)
+        error = fit.log_exposure_error(compared)[first][np.searchsorted(frames, ratios.frames)]
         return replace(ratios, metadata=ratios.metadata * np.exp(error[:, 0] - error[:, 1]))

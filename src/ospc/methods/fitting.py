@@ -128,16 +128,16 @@ def calibrate_observations(
     known, shape = _known(settings), _checked_size(size)
     largest = checked_max_grey(max_grey, "the images", SettingError)
     exposures = _exposures(observations, exposures_ms, noise)
-    found = _fitted(observations.with_exposures(exposures), noise, vignette, known)
+    exposed = observations.with_exposures(exposures)
+    found = _fitted(exposed, noise, vignette, known)
     inputs = FitInputs(
         size=shape,
         max_grey=largest,
         noise=NoiseModel(0.0, 0.0) if noise is None else noise,
-        observations=found.observations,
-        fit=found.fit,
+        observations=exposed,
+        fitted=found,
         standing_still=not vignette,
         pairs=len(np.unique(found.observations.group)),
-        registered=found.registered,
     )
     _check_explained(inputs.ratios, observations, exposures)
     calibration = calibration_of(inputs, known)

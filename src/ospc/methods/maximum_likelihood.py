@@ -263,25 +263,17 @@ class MaximumLikelihoodMethod(Method):
             black = black_level(fitted.fit, fitted.observations, least_black)
             if black > 0:
                 return self._new_inputs(exposures, grey_range.with_black_at(black), BLACK_LEVEL_ACCURACY)
-        misregistered, registered = 0, None
-        if fitted is not None and observations is not None:
-            registered = fitted.registered
-            used = fitted.observations if registered is None else registered
-            misregistered = len(np.unique(observations.group)) - len(np.unique(used.group))
-            observations = fitted.observations
         return FitInputs(
             size=self._size,
             max_grey=self._max_grey,
             noise=noise,
             observations=observations,
-            fit=None if fitted is None else fitted.fit,
+            fitted=fitted,
             standing_still=self._stationary.stands_still,
             pairs=self._reservoir.groups_before(len(exposures), self._pairs),
             grey_range=grey_range,
             inter_coded=self._inter_coded,
             overlay_share=self._scene_area.overlay_share,
-            misregistered=misregistered,
-            registered=registered,
         )
 
     def calibration(self, exposures: ExposureTable, grey_range: GreyRange = FULL_RANGE) -> Calibration:

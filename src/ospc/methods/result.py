@@ -18,7 +18,7 @@ from ospc.settings.methods import CONTRADICTING_UNEXPLAINED_SHARE
 
 def calibration_of(inputs: FitInputs, settings: DefaultSettings) -> Calibration:
     """Return the calibration that follows from the inputs; curves that they do not determine are None."""
-    fit, observations, ratios = inputs.fit, inputs.observations, inputs.ratios
+    fit, observations, ratios = inputs.fit, inputs.used, inputs.ratios
     reach = 0.0 if observations is None or inputs.standing_still else observations.radial_reach
     points = 0 if observations is None else len(observations.starts)
     low, high = inputs.grey_range.grey((0.0, 1.0) if observations is None else measured_greys(observations)).tolist()

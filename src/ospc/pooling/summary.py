@@ -18,12 +18,11 @@ from ospc.arrays import FloatArray, ImageSize
 from ospc.errors import FormatError
 from ospc.estimation.fit import Fit, measured_greys
 from ospc.estimation.fitted import Fitted
-from ospc.estimation.maximum_likelihood import MaximumLikelihoodEstimator
+from ospc.estimation.model import Model
 from ospc.estimation.response_basis import ResponseBasis
 from ospc.estimation.vignette_basis import VignetteBasis
 from ospc.methods.fit_inputs import FitInputs
 from ospc.methods.identifiability import unexplained_share
-from ospc.observations import ExposedObservations
 from ospc.photometry.geometry import image_size
 from ospc.photometry.grey_range import FULL_RANGE, LARGEST_GREY, GreyRange
 from ospc.photometry.noise import NoiseModel
@@ -204,10 +203,10 @@ def summary_of(inputs: FitInputs, first_frames: str, source: dict[str, Any], fra
     ``source`` identifies the recording. It is empty for a live stream, which is identified by the hash of its first
     frames.
     """
-    fit, observations = inputs.fit, inputs.observations
-    if fit is None or observations is None:
+    if inputs.fitted is None:
         return None
-    matrix, vector, systematic, estimate = _information(inputs, fit, observations)
+    fit, observations = inputs.fitted.fit, inputs.fitted.observations
+    matrix, vector, systematic, estimate = _information(inputs.fitted)
     low, high = inputs.grey_range.grey(measured_greys(observations)).tolist()
     return Summary(
         key=recording_key(first_frames, source),
@@ -258,16 +257,14 @@ def recording_key(first_frames: str, source: dict[str, Any]) -> str:
     return sha256(json.dumps(content or first_frames, sort_keys=True).encode()).hexdigest()[:32]
 
 
-def _information(
-    inputs: FitInputs, fit: Fit, observations: ExposedObservations
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+def _information(fitted: Fitted) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return A, b, A S A and the estimate, all in the common parameters."""
-    noise = None if inputs.standing_still else inputs.grey_range.stretched_noise(inputs.noise)
+    fit = fitted.fit
     vignette = replace(VIGNETTE, usable_radius=fit.vignette_basis.usable_radius, reach=fit.vignette_basis.reach)
-    estimator = MaximumLikelihoodEstimator(RESPONSE, vignette, noise, fit.effects)
-    fitted, in_common = Fitted(fit, observations, noise), _in_common(fit, vignette)
+    in_common = _in_common(fit, vignette)
     estimate = in_common @ fit.parameters[: fit.vignette_part.stop]
-    equations = estimator.information(fitted, np.concatenate([estimate, fit.effect_parameters]))
+    model = Model(RESPONSE, vignette, fit.effects)
+    equations = fitted.information(model, np.concatenate([estimate, fit.effect_parameters]))
     equations = equations.without_last(np.diag(1 / fit.effects.sigma**2))
     matrix = equations.information_scale * equations.matrix
     systematic = matrix @ in_common @ _systematic_errors(fit)
