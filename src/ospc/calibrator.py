@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from ospc.engine import Engine, Status
-from ospc.engine_state import EngineState, epoch_content, epoch_of
+from ospc.engine_state import EngineState
 from ospc.errors import FormatError, FrameError, SettingError
 from ospc.exposures.lag_choice import LagChoice, check_lag, checked_lag_choice, lag_choice_for
 from ospc.frame_checks import image_of_size
@@ -89,7 +89,7 @@ class OnlineCalibrator(Engine):
                 exposures=self._exposures.trimmed(),
                 sampler=self._sampler,
                 pixels=self.pixels,
-                epochs=[epoch_content(epoch) for epoch in self._epochs],
+                epochs=self._epochs,
                 skipped=self._skipped,
                 first_frames=self._first_frames,
                 source=self.source,
@@ -125,7 +125,7 @@ class OnlineCalibrator(Engine):
         self._size, self._max_grey = run.size, run.max_grey
         self._sampler, self.pixels = run.sampler, run.pixels
         self._skipped, self._first_frames = run.skipped, run.first_frames
-        self._epochs = [epoch_of(content) for content in run.epochs]
+        self._epochs = run.epochs
         self._exposures = run.exposures
         if (run.max_grey == 0) != (method is None):
             raise FormatError("a run must have both a first frame and a method, or neither")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -77,9 +77,8 @@ class EngineState:
     """State of an engine, except for its method.
 
     ``settings`` includes the name of the preset. ``size`` and ``max_grey`` are (0, 0) and 0 before the first frame.
-    ``epochs`` has the past epochs as JSON-compatible values, the latest with their calibrations. ``first_frames`` is
-    a hash of the first usable frames, which identifies the stream, and the number of frames in it. ``source``
-    identifies the recording, if it is not a live camera.
+    ``epochs`` has the epochs that have ended. ``first_frames`` is a hash of the first usable frames, which identifies
+    the stream, and the number of frames in it. ``source`` identifies the recording, if it is not a live camera.
     """
 
     settings: dict[str, Any]
@@ -88,28 +87,8 @@ class EngineState:
     exposures: ExposureMonitor
     sampler: FrameSampler
     pixels: PixelStatistics
-    epochs: list[dict[str, Any]]
+    epochs: list[Epoch]
     skipped: SkippedFrames
     first_frames: tuple[str, int]
     source: dict[str, Any]
     versions: dict[str, Any]
-
-
-def epoch_content(epoch: Epoch) -> dict[str, Any]:
-    """Return an epoch as JSON-compatible values."""
-    content = asdict(replace(epoch, calibration=None))
-    return content | {"calibration": None if epoch.calibration is None else epoch.calibration.as_dict()}
-
-
-def epoch_of(content: dict[str, Any]) -> Epoch:
-    """Return the epoch from the values of :func:`epoch_content`."""
-    change = None if content["change"] is None else Change(**content["change"])
-    calibration = None if content["calibration"] is None else Calibration.from_dict(content["calibration"])
-    return Epoch(
-        int(content["first_frame"]),
-        int(content["last_frame"]),
-        calibration,
-        change,
-        int(content["corrected_lag_frames"]),
-        tuple(int(frame) for frame in content["wrong_exposures"]),
-    )

@@ -81,7 +81,7 @@ def test_sigma_of_a_response_is_that_at_measured_grey_levels(done):
     outcome, out = done
     store = Store(out / "recordings")
     for row in outcome.rows[:4]:
-        response = Calibration.from_dict(store.get(row.key).calibration).response
+        response = store.get(row.key).calibration.response
         measured = np.interp(np.linspace(*response.support, 1000), response.levels, response.inverse_sigma)
         assert row.response_sigma == pytest.approx(measured.max(), rel=0.05)
         assert row.response_sigma < response.inverse_sigma.max()

@@ -22,6 +22,7 @@ from ospc.settings import DefaultSettings
 from ospc.simulation import SimulationSettings, frames
 from ospc.state import container
 from ospc.state.run import KIND, VERSION
+from ospc.state.values import has_json_form
 from ospc.state_rules.fields import RULES
 
 SMALL = {"points_per_pair": 80, "max_points": 1500, "keyframes": 6, "response_intervals": 8, "radial_terms": 4}
@@ -205,7 +206,8 @@ def dataclasses_in(kind):
     for hint in typing.get_type_hints(kind).values():
         parts = [hint, *typing.get_args(hint), *(p for part in typing.get_args(hint) for p in typing.get_args(part))]
         for part in filter(is_dataclass, parts):
-            yield from dataclasses_in(part)
+            if not has_json_form(part):
+                yield from dataclasses_in(part)
 
 
 def says_enough(hint):

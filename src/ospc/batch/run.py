@@ -15,7 +15,6 @@ from ospc.batch.work import Answer, Runner, Task, Work
 from ospc.errors import OspcError
 from ospc.folders import Content, check_usable
 from ospc.formats.files import json_object, write_bytes, write_text
-from ospc.photometry.calibration import Calibration
 from ospc.versions import versions
 
 SCHEMA = "ospc-batch/1"
@@ -163,7 +162,7 @@ class _Batch:
 def _with_result(row: Row, store: Store) -> Row:
     """Return the row of a finished recording, completed with the figures of its result."""
     result = store.get(row.key)
-    found = Calibration.from_dict(result.calibration)
+    found = result.calibration
     counts, states = found.counts, {name: verdict.state for name, verdict in found.verdicts.items()}
     response = found.response
     spread = None if response is None else response.inverse_sigma

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import astuple, dataclass, fields
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 from ospc.errors import FormatError, os_error_as
 from ospc.formats.files import csv_text, write_bytes, write_text
@@ -21,13 +21,13 @@ KIND, VERSION = "batch-result", 7
 
 @dataclass(frozen=True)
 class Result:
-    """The calibration of one recording, with the content of ``calibration.json``.
+    """The calibration of one recording.
 
     The key identifies content and settings. ``summary`` is needed for merging; None if nothing was learned.
     """
 
     key: str
-    calibration: dict[str, Any]
+    calibration: Calibration
     summary: Summary | None
     notes: tuple[str, ...] = ()
 
@@ -59,11 +59,9 @@ class Store:
         place = self._place(key)
         found = container.load(place, KIND, VERSION)
         try:
-            result = unpack(Result, found.content, found.arrays)
-            Calibration.from_dict(result.calibration)
-        except (FormatError, LookupError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
-            raise FormatError(f"{place}: cannot be read as the result of a batch ({error})") from None
-        return result
+            return unpack(Result, found.content, found.arrays)
+        except FormatError as error:
+            raise FormatError(f"{place}: cannot be read as the result of a batch, {error}") from None
 
     def has(self, key: str) -> bool:
         """Return whether an intact result of this version is stored."""

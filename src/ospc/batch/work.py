@@ -82,7 +82,7 @@ def _calibrated(recording: Recording, source: dict[str, object], key: str, entry
     drive(calibrator, recording)
     calibration = calibrator.calibration()
     notes = (*calibration.notes, *calibration.warnings, *calibrator.first_reasons)
-    return Result(key, calibration.as_dict(), calibrator.summary(), notes)
+    return Result(key, calibration, calibrator.summary(), notes)
 
 
 def _key(place: Path, source: dict[str, object], entry: Entry) -> str:

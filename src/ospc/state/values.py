@@ -1,7 +1,8 @@
 """Conversion of dataclasses to JSON and arrays, and back, by the declared types of their fields.
 
 Only the type annotations determine what is read: booleans, numbers, strings, literals, arrays, tuples, lists, None,
-and dataclasses of these. Names of classes or functions are never read from a file.
+dataclasses of these, and classes with a JSON form of their own (``as_dict`` and ``from_dict``), such as calibrations.
+Names of classes or functions are never read from a file.
 """
 
 from __future__ import annotations
@@ -55,6 +56,11 @@ def _is_dataclass(hint: Any) -> bool:
     return is_dataclass(hint)
 
 
+def has_json_form(kind: Any) -> bool:
+    """Return whether a class has a JSON form of its own, whose ``from_dict`` checks all values."""
+    return hasattr(kind, "from_dict")
+
+
 @cache
 def _hints(kind: Any) -> dict[str, Any]:
     hints = typing.get_type_hints(kind)
@@ -79,7 +85,7 @@ def _dtype(hint: Any) -> np.dtype[Any] | None:
 def _described(hint: Any) -> str:
     if _is_array(hint):
         return f"array of {_dtype(hint) or 'numbers'}"
-    if _is_dataclass(hint):
+    if _is_dataclass(hint) and not has_json_form(hint):
         parts = (f"{name}:{_described(part)}" for name, part in _hints(hint).items())
         return "{" + ",".join(parts) + "}"
     if get_args(hint):
@@ -109,10 +115,7 @@ def _packed(value: Any, hint: Any, place: str, arrays: dict[str, Array]) -> Any:
     if value is None:
         return None
     if _is_dataclass(hint):
-        return {
-            name: _packed(getattr(value, name), part, f"{place}.{name}" if place else name, arrays)
-            for name, part in _hints(hint).items()
-        }
+        return _packed_fields(value, hint, place, arrays)
     if _is_array(hint):
         arrays[place] = value
         return place
@@ -125,6 +128,15 @@ def _packed(value: Any, hint: Any, place: str, arrays: dict[str, Array]) -> Any:
     if isinstance(value, bool | int | float | str | dict):
         return value
     raise TypeError(f"{place} of type {type(value).__name__} cannot be stored")
+
+
+def _packed_fields(value: Any, kind: Any, place: str, arrays: dict[str, Array]) -> Any:
+    if has_json_form(kind):
+        return value.as_dict()
+    return {
+        name: _packed(getattr(value, name), part, f"{place}.{name}" if place else name, arrays)
+        for name, part in _hints(kind).items()
+    }
 
 
 def _packed_sequence(values: list[Any], item: Any, place: str, arrays: dict[str, Array]) -> Any:
@@ -151,9 +163,7 @@ def _unpacked(content: Any, hint: Any, arrays: typing.Mapping[str, Array]) -> An
         return None
     hint = optional
     if _is_dataclass(hint):
-        hints = _hints(hint)
-        _check_names(content, hints)
-        return _made(hint, {name: _unpacked(content[name], part, arrays) for name, part in hints.items()})
+        return _unpacked_fields(content, hint, arrays)
     if _is_array(hint):
         return _array(arrays[content], hint)
     origin, items = get_origin(hint), get_args(hint)
@@ -162,6 +172,14 @@ def _unpacked(content: Any, hint: Any, arrays: typing.Mapping[str, Array]) -> An
     if origin in (list, tuple):
         return origin(_unpacked_list(content, items[0], arrays))
     return _checked(content, _alternative(content, items) if origin in (UnionType, typing.Union) else origin or hint)
+
+
+def _unpacked_fields(content: Any, kind: Any, arrays: typing.Mapping[str, Array]) -> Any:
+    if has_json_form(kind):
+        return kind.from_dict(content)
+    hints = _hints(kind)
+    _check_names(content, hints)
+    return _made(kind, {name: _unpacked(content[name], part, arrays) for name, part in hints.items()})
 
 
 def _alternative(content: Any, kinds: tuple[Any, ...]) -> Any:

@@ -15,7 +15,7 @@ from ospc.correspondence.keyframe_selection import Kept, KeyframeSelector
 from ospc.correspondence.reservoir import Reservoir
 from ospc.correspondence.scene_area import SceneArea
 from ospc.correspondence.static_series import StaticSeries
-from ospc.engine_state import EngineState
+from ospc.engine_state import EngineState, Epoch
 from ospc.estimation.effect_models import AbsorbedLight
 from ospc.estimation.effects import Effects
 from ospc.estimation.error_model import ErrorModel
@@ -41,6 +41,7 @@ from ospc.settings.grey_values import COVERAGE_GREY_CELLS, COVERAGE_RADIUS_CELLS
 from ospc.settings.methods import MAX_BASELINE_PAIRS, MAX_FRAME_RATE, MIN_FRAME_RATE
 from ospc.settings.sampling import AGE_CLASSES, MAX_COMPARISONS, MAX_GAIN_POWER
 from ospc.settings.vignette import MAX_VIGNETTE_REACH, MIN_USABLE_RADIUS, VIGNETTE_REACH
+from ospc.state.values import has_json_form
 from ospc.state_rules.numbers import (
     BINS,
     CHANGES,
@@ -64,6 +65,7 @@ RULES: Mapping[type, Mapping[str, Numbers | str]] = {
         "size epochs first_frames": ELSEWHERE,
         "max_grey": Numbers(0, LARGEST_GREY),
     },
+    Epoch: {"calibration wrong_exposures": ELSEWHERE, "corrected_lag_frames": LAG},
     SkippedFrames: {"first latest": ELSEWHERE},
     FrameSampler: {
         "frames_per_slowdown dense_frames longest_pause_frames comparison_period_frames comparison_run_frames": (
@@ -173,4 +175,5 @@ def check_fields(value: Any, name: str = "") -> None:
         if isinstance(rule, Numbers) and held is not None:
             rule.check(place, held, lengths)
         for part in filter(is_dataclass, held if isinstance(held, list) else (held,)):
-            check_fields(part, place)
+            if not has_json_form(part):
+                check_fields(part, place)

@@ -9,7 +9,7 @@ import numpy as np
 from ospc.correspondence import pixel_statistics
 from ospc.correspondence.frame_sampling import FrameSampler
 from ospc.correspondence.thumbnail import thumbnail_size
-from ospc.engine_state import EngineState, epoch_of
+from ospc.engine_state import EngineState
 from ospc.exposures.brightness_history import BrightnessHistory
 from ospc.photometry.geometry import MOST_PIXELS
 from ospc.settings import Settings
@@ -17,7 +17,7 @@ from ospc.settings.brightness import MAX_BRIGHTNESS_CHANGES
 from ospc.settings.grey_values import MAX_GREY_RANGES
 from ospc.settings.methods import MAX_EPOCH_CALIBRATIONS
 from ospc.state_rules.fields import check_fields
-from ospc.state_rules.numbers import LAG, check_settings, count, require, share
+from ospc.state_rules.numbers import check_settings, count, require, share
 
 
 def check_run(run: EngineState, settings: Settings) -> None:
@@ -52,12 +52,11 @@ def _check_sampler(found: FrameSampler, frames: int, settings: Settings) -> None
 
 def _check_epochs(run: EngineState, frames: int) -> None:
     begin = 0
-    for later, epoch in zip(reversed(range(len(run.epochs))), map(epoch_of, run.epochs), strict=True):
+    for later, epoch in zip(reversed(range(len(run.epochs))), run.epochs, strict=True):
         require(epoch.first_frame == begin <= epoch.last_frame < frames, "epochs are out of order")
         require(epoch.change is not None, "an epoch ended without a change")
         known = epoch.calibration is not None
         require(known == (later < MAX_EPOCH_CALIBRATIONS), "other epochs than the latest have calibrations")
-        LAG.check("epochs.corrected_lag_frames", epoch.corrected_lag_frames)
         require(all(0 <= frame < frames for frame in epoch.wrong_exposures), "exposures of frames that do not exist")
         begin = epoch.last_frame + 1
     require(run.exposures._first_frame == begin, "the exposures are of another epoch")
