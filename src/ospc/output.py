@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from concurrent.futures import Future
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,7 +23,7 @@ from ospc.recording.exposure_lists import read_times
 from ospc.report.charts import ReportFindings
 from ospc.report.examples import NOTHING_TRIED, examples_of
 from ospc.report.page import write_page
-from ospc.report.pictures import PICTURE, Drawn, picture_as_png
+from ospc.report.pictures import PICTURE, Drawings, picture_as_png
 from ospc.state.container import STATE_NAME
 
 _SCHEMA_BEGINNING = "ospc-calibration/"
@@ -163,12 +164,15 @@ class OutputFolder:
         return ReportFindings(calibration, exposures_ms, truth)
 
     def draw(
-        self, findings: ReportFindings, stop: Callable[[], bool] = lambda: False, drawn: Drawn | None = None
+        self,
+        findings: ReportFindings,
+        stop: Callable[[], bool] = lambda: False,
+        drawing: Future[Drawings] | None = None,
     ) -> Written:
-        """Write the picture unless ``stop`` returns true. ``drawn`` draws it in another process."""
+        """Write the picture unless ``stop`` returns true; by default, it is drawn now."""
 
         def picture() -> Written:
-            content = picture_as_png(findings) if drawn is None else drawn().result().picture
+            content = picture_as_png(findings) if drawing is None else drawing.result().picture
             if stop():
                 return Written(notes=("interrupted before the picture was written",))
             return Written((write_bytes(self.path / PICTURE, content),))
@@ -180,17 +184,15 @@ class OutputFolder:
         findings: ReportFindings,
         recording: Recording | None = None,
         *,
-        drawn: Drawn | None = None,
+        drawing: Future[Drawings] | None = None,
         about: str = "",
     ) -> Written:
-        """Write report.html.
+        """Write report.html; by default, its charts are drawn now.
 
-        Example images and tracks come from the recording, and are left out without it. They are computed while
-        ``drawn`` draws the charts in another process.
+        Example images and tracks come from the recording, and are left out without it.
         """
 
         def page() -> Written:
-            drawing = None if drawn is None else drawn()
             examples = NOTHING_TRIED if recording is None else examples_of(findings.calibration, recording, about)
             charts = None if drawing is None else drawing.result().charts
             return Written((write_page(findings, self.path / REPORT, examples, charts),))

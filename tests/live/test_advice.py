@@ -19,7 +19,7 @@ from ospc.live.advice import Adviser
 from ospc.live.capture import Bars
 from ospc.live.knowledge import certainty, knowledge_of
 from ospc.methods.fit_inputs import FitInputs
-from ospc.methods.preview import preview_of
+from ospc.methods.preview import Preview
 from ospc.methods.result import calibration_of
 from ospc.photometry.noise import NoiseModel
 from ospc.photometry.response import Response
@@ -43,7 +43,7 @@ def state(seen, *, camera=CAMERA, pairs=40, seed=1):
     if camera.log_ratio < 0.1:  # no exposure changes from pair to pair either
         first = np.repeat(observations.log_exposure[observations.starts], observations.counts)
         observations = replace(observations, log_exposure=observations.log_exposure - first)
-    return preview_of(observations, observations, fitted(observations), size=SIZE, max_grey=255, pairs=pairs)
+    return Preview(SIZE, 255, pairs, observations, observations, fitted(observations))
 
 
 def radius(observations):

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
-from functools import cache, partial
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -141,9 +140,9 @@ class ResultFolder:
         written = folder.write(outcome.calibration, self.times if recording is None else recording)
         if not written.problems:
             findings = folder.findings(outcome.calibration, recording, self.truth)
-            drawn = cache(partial(self.second.submit, drawings_of, findings))
-            written += folder.report(findings, recording, drawn=drawn)
-            written += folder.draw(findings, stop=lambda: self.interruption.count > before, drawn=drawn)
+            drawing = self.second.submit(drawings_of, findings)  # while examples are computed
+            written += folder.report(findings, recording, drawing=drawing)
+            written += folder.draw(findings, stop=lambda: self.interruption.count > before, drawing=drawing)
         if self.interruption.requested and not outcome.interrupted:
             unfinished = replace(outcome.calibration, partial=True)
             unfinished.save(folder.path / "calibration.json")

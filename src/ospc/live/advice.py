@@ -177,7 +177,7 @@ class Adviser:
 
     def _finds_little(self, preview: Preview) -> bool:
         """Return whether the latest pairs of frames have too few scene points."""
-        points = 0 if preview.observations is None else len(preview.observations.starts)
+        points = len(preview.observations.starts)
         if self._found and points < self._found[-1][1]:
             self._found.clear()  # some were dropped to save memory
         if not self._found or preview.pairs != self._found[-1][0]:
@@ -247,8 +247,6 @@ def _motion(radius0: float, radius1: float, corner: tuple[int, int]) -> Instruct
 
 
 def _least_seen_corner(preview: Preview) -> tuple[int, int]:
-    if preview.observations is None:
-        return (1, -1)
     places = preview.observations.position
     outer = places[np.hypot(*places.T) > OUTER_RADIUS]
     return min(_CORNERS, key=lambda corner: int(np.sum((outer * corner > 0).all(axis=1))))

@@ -207,8 +207,8 @@ def _seen(preview: Preview) -> dict[str, Any]:
         "radii": _filled(preview.coverage.by_radius),
         "exposures_ms": preview.coverage.exposure_edges_ms[[0, -1]].tolist(),
     }
-    if preview.observations is not None and preview.vignette is not None:
-        found["places"] = _places(preview.observations.position, preview.vignette.size)
+    if preview.fit is not None:
+        found["places"] = _places(preview.observations.position, preview.size)
     if preview.response is not None and preview.vignette is not None and preview.vignette_sigma is not None:
         grey = np.linspace(0, 1, _CURVE_POINTS)
         sigma = preview.response.inverse_sigma

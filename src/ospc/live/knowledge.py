@@ -100,7 +100,7 @@ class Knowledge:
 
 def knowledge_of(preview: Preview | None) -> Knowledge | None:
     """Return the knowledge from all observations so far; None before the first fit."""
-    if preview is None or preview.fit is None or preview.observations is None:
+    if preview is None or preview.fit is None:
         return None
     fit, observations = preview.fit, preview.observations
     step = max(1, len(observations.starts) // INFORMATION_POINTS)

@@ -28,7 +28,7 @@ from ospc.methods.exposure_ratios import exposure_ratios
 from ospc.methods.fit_inputs import FitInputs
 from ospc.methods.maximum_likelihood_state import MaximumLikelihoodState
 from ospc.methods.method import Method, Progress, check_can_be_matched
-from ospc.methods.preview import Preview, preview_of
+from ospc.methods.preview import Preview
 from ospc.methods.quick_fit import QuickFit
 from ospc.methods.result import calibration_of
 from ospc.methods.stationary_camera import StationaryCamera
@@ -230,14 +230,7 @@ class MaximumLikelihoodMethod(Method):
         if observations is None:
             return None
         latest = None if self._latest is None else self._latest.with_exposures(exposures)
-        return preview_of(
-            observations,
-            latest,
-            self._quick_fit.fit,
-            size=self._size,
-            max_grey=self._max_grey,
-            pairs=self._pairs,
-        )
+        return Preview(self._size, self._max_grey, self._pairs, observations, latest, self._quick_fit.fit)
 
     def inputs(self, exposures: ExposureTable, grey_range: GreyRange = FULL_RANGE) -> FitInputs:
         """Return all observations with the currently known exposures, and the fit to them.

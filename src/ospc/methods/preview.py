@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 from ospc.arrays import FloatArray, ImageSize
 from ospc.estimation.fit import Fit, measured_greys
@@ -16,60 +17,45 @@ from ospc.photometry.vignette import Vignette
 
 @dataclass(frozen=True)
 class Preview:
-    """Quick estimates, and the data behind them.
+    """The observations so far, and estimates from the latest quick fit to some of them.
+
+    The estimates have no verdict yet; their standard deviations indicate how reliable they are.
 
     Attributes
-    ----------
-    pairs
-        Number of pairs of frames compared so far.
-    coverage
-        Coverage of the measurements, without residuals.
-    response, vignette
-        Estimates from some of the measurements; None before there are any. They have no verdict yet; their standard
-        deviations indicate how reliable they are.
-    vignette_sigma
-        Standard deviation of the vignette's profile at the 51 radii 0, 0.02, … 1, shape (51,).
-    observations, latest
-        All observations, and those of the latest pair of frames; None if it had none.
-    fit
-        The latest quick fit, from which advice is derived; None before there is one.
-    """
-
-    pairs: int
-    coverage: Coverage
-    response: Response | None = None
-    vignette: Vignette | None = None
-    vignette_sigma: FloatArray | None = None
-    observations: ExposedObservations | None = None
-    latest: ExposedObservations | None = None
-    fit: Fit | None = None
-
-
-def preview_of(
-    observations: ExposedObservations,
-    latest: ExposedObservations | None,
-    fit: Fit | None,
-    *,
-    size: ImageSize,
-    max_grey: int,
-    pairs: int,
-) -> Preview:
-    """Return the preview for all observations, those of the latest pair of frames, and the latest quick fit.
-
-    Parameters
     ----------
     size, max_grey
         Width and height of the frames in pixels, and their largest grey value.
     pairs
         Number of pairs of frames compared so far.
+    observations, latest
+        All observations, and those of the latest pair of frames; None if it had none.
+    fit
+        The latest quick fit; None before there is one.
     """
-    return Preview(
-        pairs,
-        coverage_of(observations, None, size),
-        response=fit.response(max_grey, measured_greys(observations)) if fit else None,
-        vignette=fit.usable_vignette(size) if fit else None,
-        vignette_sigma=vignette_sigma(fit, size) if fit else None,
-        observations=observations,
-        latest=latest,
-        fit=fit,
-    )
+
+    size: ImageSize
+    max_grey: int
+    pairs: int
+    observations: ExposedObservations
+    latest: ExposedObservations | None
+    fit: Fit | None
+
+    @cached_property
+    def coverage(self) -> Coverage:
+        """Coverage of the observations, without residuals."""
+        return coverage_of(self.observations, None, self.size)
+
+    @cached_property
+    def response(self) -> Response | None:
+        """The response; None without a fit."""
+        return None if self.fit is None else self.fit.response(self.max_grey, measured_greys(self.observations))
+
+    @cached_property
+    def vignette(self) -> Vignette | None:
+        """The vignette; None without a fit."""
+        return None if self.fit is None else self.fit.usable_vignette(self.size)
+
+    @cached_property
+    def vignette_sigma(self) -> FloatArray | None:
+        """Standard deviation of the vignette's profile at the 51 radii 0, 0.02, … 1, shape (51,)."""
+        return None if self.fit is None else vignette_sigma(self.fit, self.size)

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Callable, Sequence
-from concurrent.futures import Future
+from collections.abc import Sequence
 from itertools import cycle
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ospc.errors import counted
 from ospc.photometry.calibration import PROFILE_RADII, Calibration
@@ -40,10 +39,6 @@ class Drawings(NamedTuple):
 
     charts: dict[str, str]
     picture: bytes
-
-
-Drawn: TypeAlias = Callable[[], Future[Drawings]]
-"""Starts drawing on its first call, and returns the future."""
 
 
 def drawings_of(findings: ReportFindings) -> Drawings:
