@@ -18,6 +18,7 @@ from ospc.engine_state import EngineState
 from ospc.errors import FormatError, FrameError, RecordingError, SettingError
 from ospc.exposures import brightness_history
 from ospc.exposures.monitor import ExposureMonitor
+from ospc.methods.epoch_data import EpochData
 from ospc.methods.maximum_likelihood import MaximumLikelihoodMethod
 from ospc.methods.maximum_likelihood_state import MaximumLikelihoodState
 from ospc.observations import Observations
@@ -102,7 +103,7 @@ def test_a_state_within_a_frame_is_not_saved(recording, tmp_path, monkeypatch):
         raise MemoryError
 
     waiting = []
-    monkeypatch.setattr(MaximumLikelihoodMethod, "_accumulate", fail)
+    monkeypatch.setattr(EpochData, "add", fail)
     with ThreadPoolExecutor(1) as another, pytest.raises(MemoryError):
         pushed(recording[:5], calibrator)
     for save in (waiting[0].result, lambda: calibrator.save_state(tmp_path / "state.ospc")):
@@ -144,7 +145,8 @@ def test_the_state_of_a_large_and_long_recording_is_small(tmp_path):
     noise = random.integers(0, 65535, (600, 800), dtype=np.uint16)
     calibrator = OnlineCalibrator()
     calibrator.push(Frame.of_array(noise, 1.0))
-    kept, series = calibrator._method._reservoir, calibrator._method._stationary.series
+    data = calibrator._method._data
+    kept, series = data.reservoir, data.stationary.series
     points = kept.capacity // 300
     for pair in range(300):
         kept.add(seen_twice(random, points, pair))
@@ -173,16 +175,14 @@ def test_everything_a_method_learns_is_in_its_state():
     """An attribute that is neither saved nor recreated would be lost silently."""
     made_anew = {"settings", "size", "max_grey", "register", "sample", "second"}
     not_needed = {"inputs", "latest", "lost"}
-    saved = {"reservoir", "noise", "pairs", "scene_area", "changes", "inter_coded"}
-    in_parts = {"stationary": {"series", "motions"}, "quick_fit": {"fit", "trusts_stated"}}
+    saved = {"data", "changes"}
     method = MaximumLikelihoodMethod(DefaultSettings(), (64, 48), 255)
     known = {name.lstrip("_") for name in vars(method)}
-    assert known == made_anew | not_needed | saved | in_parts.keys() | {"select_keyframe"}
-    for part, held in in_parts.items():
-        made_anew = {"settings", "size", "max_grey", "still_px", "far_px", "basis", "normalize"}
-        made_anew |= {"response_sigma", "vignette_sigma"}
-        assert {name.lstrip("_") for name in vars(getattr(method, f"_{part}"))} - made_anew == held
-    assert set(MaximumLikelihoodState.__dataclass_fields__) == saved.union(*in_parts.values()) | {"keyframes"}
+    assert known == made_anew | not_needed | saved | {"quick_fit", "select_keyframe"}
+    of_quick_fit = {"fit", "trusts_stated"}
+    made_anew = {"settings", "size", "max_grey", "basis", "normalize", "response_sigma", "vignette_sigma"}
+    assert {name.lstrip("_") for name in vars(method._quick_fit)} - made_anew == of_quick_fit
+    assert set(MaximumLikelihoodState.__dataclass_fields__) == saved | of_quick_fit | {"keyframes"}
 
 
 def test_everything_an_engine_knows_is_in_its_state():

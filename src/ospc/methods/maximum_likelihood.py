@@ -8,22 +8,15 @@ from dataclasses import replace
 import numpy as np
 
 from ospc.arrays import FloatArray, ImageSize
-from ospc.correspondence.flat_sampling import NOTHING_FOUND, FlatSampler, Samples
+from ospc.correspondence.flat_sampling import NOTHING_FOUND, FlatSampler
 from ospc.correspondence.keyframe_selection import KeyframeSelector
-from ospc.correspondence.noise_estimation import NoiseEstimator
 from ospc.correspondence.preprocessing import PreprocessedFrame
 from ospc.correspondence.registration import REGISTRARS
-from ospc.correspondence.reservoir import Reservoir
-from ospc.correspondence.scene_area import SceneArea
-from ospc.correspondence.static_series import StaticSeries
 from ospc.errors import named
-from ospc.estimation.black_level import black_level
-from ospc.estimation.effect_choice import fit_with_chosen_effects
-from ospc.estimation.fit_plan import FitPlan
-from ospc.estimation.fitted import Fitted
 from ospc.exposures.lag_change import LagChange
 from ospc.exposures.table import ExposureTable
 from ospc.methods.change_detection import Change, ChangeDetector
+from ospc.methods.epoch_data import EpochData
 from ospc.methods.exposure_ratios import exposure_ratios
 from ospc.methods.fit_inputs import FitInputs
 from ospc.methods.maximum_likelihood_state import MaximumLikelihoodState
@@ -31,25 +24,20 @@ from ospc.methods.method import Method, Progress, check_can_be_matched
 from ospc.methods.preview import Preview
 from ospc.methods.quick_fit import QuickFit
 from ospc.methods.result import calibration_of
-from ospc.methods.stationary_camera import StationaryCamera
-from ospc.observations import ExposedObservations, Observations
+from ospc.observations import Observations
 from ospc.photometry.calibration import Calibration
 from ospc.photometry.grey_range import FULL_RANGE, GreyRange
-from ospc.photometry.noise import NoiseModel
 from ospc.recording.frame import Frame
 from ospc.second_thread import SecondThread
 from ospc.settings import DefaultSettings
 from ospc.settings.methods import (
     DROPPED_PAIRS,
-    FAR_MOTION,
     FIRST_QUICK_FIT_PAIRS,
-    INTER_CODED_SIGMAS,
     NEAR_WHITE,
     PAIRS_PER_DROPPED,
     QUICK_FIT_POINTS,
     REFERENCE_FIT_PAIRS,
 )
-from ospc.settings.response import BLACK_LEVEL_ACCURACY, MIN_BLACK_LEVEL
 from ospc.state_rules.maximum_likelihood import check_state
 
 
@@ -62,11 +50,8 @@ class MaximumLikelihoodMethod(Method):
         self._size = size
         self._max_grey = max_grey
         self._second = SecondThread()
-        self._noise = NoiseEstimator(max_grey)
+        self._data = EpochData.of(settings, size, max_grey)
         self._changes = ChangeDetector()
-        self._scene_area = SceneArea()
-        series = StaticSeries(points=settings.series_points)
-        self._stationary = StationaryCamera(settings.still_px, FAR_MOTION * max(size), series)
         self._select_keyframe = KeyframeSelector(settings.keyframes, settings.max_log_ratio)
         self._register = named("registration", settings.registration, REGISTRARS)(self._second)
         self._sample = FlatSampler(
@@ -75,22 +60,17 @@ class MaximumLikelihoodMethod(Method):
             max_forward_backward_error_px=settings.max_forward_backward_error_px,
             max_points=settings.points_per_pair,
         )
-        self._reservoir = Reservoir(settings.max_points)
         self._quick_fit = QuickFit(settings, size, max_grey)
         self._latest: Observations | None = None
-        self._pairs = 0
         self._lost = False
-        self._inter_coded = False
         self._inputs: dict[tuple[int, int, GreyRange], FitInputs] = {}
 
     def push(self, frame: Frame, prepared: PreprocessedFrame, exposures: ExposureTable) -> Change | None:
         """Process the next frame, and return the camera change that it proves, if any."""
         self._inputs = {}  # outdated, and as large as everything kept of the frames
         log_exposure = _log_exposure(exposures, prepared.number)
-        self._inter_coded |= frame.inter_coded
-        self._scene_area.observe(prepared, frame.mask)
         self._changes.observe_time(prepared.number, frame.stamp_s)
-        self._stationary.observe(frame)
+        self._data.observe(frame, prepared)
         new_keyframe = self._second.submit(self._sample.keyframe, prepared)
         keyframe = self._select_keyframe.select(prepared.number, log_exposure)
         if keyframe is not None and not keyframe.grey_range.resembles(prepared.grey_range):
@@ -101,17 +81,18 @@ class MaximumLikelihoodMethod(Method):
         if keyframe is not None:
             stated = _log_ratio(exposures, keyframe.number, prepared.number)
             registration = self._register(keyframe, prepared, self._quick_fit.normalize, stated)
-        measured = self._second.submit(self._noise.observe, frame)  # after registration, which uses that thread
+        measured = self._second.submit(self._data.noise.observe, frame)  # after registration, which uses that thread
         if keyframe is not None:
-            samples = self._sample(keyframe, prepared, registration, self._pairs)
+            samples = self._sample(keyframe, prepared, registration, self._data.pairs)
             self._select_keyframe.update(keyframe, prepared.number, samples)
         self._lost = keyframe is not None and samples.overlap == 0
         self._select_keyframe.add(new_keyframe.result(), log_exposure)
         measured.result()
         if not len(samples.observations):
             return None
-        self._accumulate(samples)
-        if self._pairs >= FIRST_QUICK_FIT_PAIRS and self._quick_fit_is_due:
+        self._data.add(samples)
+        self._latest = samples.observations
+        if self._data.pairs >= FIRST_QUICK_FIT_PAIRS and self._quick_fit_is_due:
             self._refine(exposures)
         return self._detect_change(samples.observations, exposures)
 
@@ -124,34 +105,28 @@ class MaximumLikelihoodMethod(Method):
     def _forget_clipped_before(self, frame: PreprocessedFrame) -> None:
         """Forget what was taken from earlier frames near white, which was not known then."""
         self._select_keyframe.forget_before(frame.number)
-        self._reservoir.forget_above(frame.grey_range.white - NEAR_WHITE)
-
-    def _accumulate(self, samples: Samples) -> None:
-        self._pairs += 1
-        self._stationary.add_motion(samples.motion_px)
-        self._reservoir.add(samples.observations)
-        self._latest = samples.observations
+        self._data.reservoir.forget_above(frame.grey_range.white - NEAR_WHITE)
 
     @property
     def _quick_fit_is_due(self) -> bool:
         """Whether the number of pairs has doubled; without a fit, as after a change of the camera, more often."""
-        return self._pairs.bit_count() == 1 or (
-            self._quick_fit.fit is None and self._pairs % FIRST_QUICK_FIT_PAIRS == 0
-        )
+        pairs = self._data.pairs
+        return pairs.bit_count() == 1 or (self._quick_fit.fit is None and pairs % FIRST_QUICK_FIT_PAIRS == 0)
 
     def _refine(self, exposures: ExposureTable) -> None:
         """Update the quick fit, by which registration normalises frames, and forget the first pairs, made without."""
-        if self._reservoir.points >= self._settings.min_points:
-            some = self._reservoir.some(QUICK_FIT_POINTS).with_exposures(exposures)
+        data = self._data
+        if data.reservoir.points >= self._settings.min_points:
+            some = data.reservoir.some(QUICK_FIT_POINTS).with_exposures(exposures)
             if some.log_exposure_change() >= self._settings.min_log_exposure_change:
-                radius = self._scene_area.usable_radius()
-                self._quick_fit.refine(some, self._noise.model(exposures), radius, trusts_stated=exposures.trusted)
-                if self._quick_fit.fit is not None and self._pairs >= REFERENCE_FIT_PAIRS:
+                radius = data.scene_area.usable_radius()
+                self._quick_fit.refine(some, data.noise.model(exposures), radius, trusts_stated=exposures.trusted)
+                if self._quick_fit.fit is not None and data.pairs >= REFERENCE_FIT_PAIRS:
                     self._changes.set_reference(self._quick_fit.fit)
         # Early pairs were registered with an unknown vignette, which biases registration towards equal brightness:
         # once there are enough others, they do more harm than good.
-        if self._pairs >= PAIRS_PER_DROPPED * FIRST_QUICK_FIT_PAIRS:
-            self._reservoir.forget_before(min(self._pairs // PAIRS_PER_DROPPED, DROPPED_PAIRS))
+        if data.pairs >= PAIRS_PER_DROPPED * FIRST_QUICK_FIT_PAIRS:
+            data.reservoir.forget_before(min(data.pairs // PAIRS_PER_DROPPED, DROPPED_PAIRS))
 
     def _detect_change(self, observations: Observations, exposures: ExposureTable) -> Change | None:
         """Return the camera change that a pair proves; a new suspicion triggers a fit to all pairs so far."""
@@ -173,7 +148,7 @@ class MaximumLikelihoodMethod(Method):
         proven = self._changes.prove_again(change, before.fit, before.grey_range, exposures)
         if proven is None:
             return None
-        observed = self._reservoir.since(self._changes.first_searched(change))[0].kept
+        observed = self._data.reservoir.since(self._changes.first_searched(change))[0].kept
         return proven if observed is None else self._changes.located(proven, observed, exposures)
 
     def agrees_with(self, change: LagChange, exposures: ExposureTable) -> bool:
@@ -181,7 +156,7 @@ class MaximumLikelihoodMethod(Method):
 
         It has a response, so it is not misled by grey levels that follow the exposures unequally.
         """
-        fit, observed = self._quick_fit.fit, self._reservoir.since(change.frame)[0].kept
+        fit, observed = self._quick_fit.fit, self._data.reservoir.since(change.frame)[0].kept
         if fit is None or observed is None:
             return True
         new = replace(exposures, lag_frames=exposures.lag_frames + change.later_frames)
@@ -196,13 +171,9 @@ class MaximumLikelihoodMethod(Method):
     def since(self, number: int) -> MaximumLikelihoodMethod:
         """Return a method that continues with the observations from a frame on; this one is not used any more."""
         later = MaximumLikelihoodMethod(self._settings, self._size, self._max_grey)
-        later._noise = self._noise
-        later._scene_area = self._scene_area
-        later._inter_coded = self._inter_coded
-        later._reservoir, later._pairs = self._reservoir.since(number)
+        later._data = self._data.since(number)
         later._select_keyframe = self._select_keyframe
         later._select_keyframe.forget_before(number)
-        later._stationary.series = None
         return later
 
     @property
@@ -211,7 +182,7 @@ class MaximumLikelihoodMethod(Method):
 
         If a frame overlaps too little with its keyframe, the next one is chosen to overlap more.
         """
-        series = self._stationary.used_series
+        series = self._data.stationary.used_series
         if (series is not None and not series.full) or self._changes.is_suspicious:
             return 0
         return self._select_keyframe.best_age - 1 if self._lost else sys.maxsize
@@ -220,17 +191,17 @@ class MaximumLikelihoodMethod(Method):
     def progress(self) -> Progress:
         """The current progress."""
         quick = self._quick_fit
-        return Progress(self._pairs, self._reservoir.points, quick.response_sigma, quick.vignette_sigma)
+        return Progress(self._data.pairs, self._data.reservoir.points, quick.response_sigma, quick.vignette_sigma)
 
     # Current results.
 
     def preview(self, exposures: ExposureTable) -> Preview | None:
         """Return the current state without a new fit; None before there are observations."""
-        observations = self._observations(exposures)
+        observations = self._data.observations(exposures)
         if observations is None:
             return None
         latest = None if self._latest is None else self._latest.with_exposures(exposures)
-        return Preview(self._size, self._max_grey, self._pairs, observations, latest, self._quick_fit.fit)
+        return Preview(self._size, self._max_grey, self._data.pairs, observations, latest, self._quick_fit.fit)
 
     def inputs(self, exposures: ExposureTable, grey_range: GreyRange = FULL_RANGE) -> FitInputs:
         """Return all observations with the currently known exposures, and the fit to them.
@@ -242,32 +213,8 @@ class MaximumLikelihoodMethod(Method):
         if key not in self._inputs:
             # For the same frames, recorded and lag-corrected exposures are requested in turn.
             of_same_frames = {other: known for other, known in self._inputs.items() if other[0] == frames}
-            self._inputs = {**of_same_frames, key: self._new_inputs(exposures, grey_range)}
+            self._inputs = {**of_same_frames, key: self._data.inputs(self._settings, exposures, grey_range)}
         return self._inputs[key]
-
-    def _new_inputs(
-        self, exposures: ExposureTable, grey_range: GreyRange, least_black: float = MIN_BLACK_LEVEL
-    ) -> FitInputs:
-        """Return the inputs; if the fit shows a higher black level, the fit with that one."""
-        observations = self._observations(exposures, grey_range)
-        noise = self._noise.model(exposures)
-        fitted = None if observations is None else self._fitted(observations, noise, grey_range)
-        if fitted is not None and not self._stationary.stands_still:
-            black = black_level(fitted.fit, fitted.observations, least_black)
-            if black > 0:
-                return self._new_inputs(exposures, grey_range.with_black_at(black), BLACK_LEVEL_ACCURACY)
-        return FitInputs(
-            size=self._size,
-            max_grey=self._max_grey,
-            noise=noise,
-            observations=observations,
-            fitted=fitted,
-            standing_still=self._stationary.stands_still,
-            pairs=self._reservoir.groups_before(len(exposures), self._pairs),
-            grey_range=grey_range,
-            inter_coded=self._inter_coded,
-            overlay_share=self._scene_area.overlay_share,
-        )
 
     def calibration(self, exposures: ExposureTable, grey_range: GreyRange = FULL_RANGE) -> Calibration:
         """Return the calibration from all observations so far."""
@@ -277,16 +224,10 @@ class MaximumLikelihoodMethod(Method):
         """Return the state; call it before the next frame is pushed."""
         return MaximumLikelihoodState(
             keyframes=self._select_keyframe,
-            reservoir=self._reservoir,
-            series=self._stationary.series,
-            noise=self._noise,
+            data=self._data,
             fit=self._quick_fit.fit,
-            motions=self._stationary.motions,
-            pairs=self._pairs,
-            scene_area=self._scene_area,
-            changes=self._changes,
             trusts_stated=self._quick_fit.trusts_stated,
-            inter_coded=self._inter_coded,
+            changes=self._changes,
         )
 
     def restore(self, state: MaximumLikelihoodState, frames: int) -> None:
@@ -298,13 +239,7 @@ class MaximumLikelihoodMethod(Method):
             If a value is out of range, or values are inconsistent.
         """
         check_state(state, self._settings, self._size, self._max_grey, frames)
-        self._select_keyframe = state.keyframes
-        self._reservoir, self._pairs = state.reservoir, state.pairs
-        self._noise = state.noise
-        self._stationary.series, self._stationary.motions = state.series, state.motions
-        self._scene_area = state.scene_area
-        self._changes = state.changes
-        self._inter_coded = state.inter_coded
+        self._select_keyframe, self._data, self._changes = state.keyframes, state.data, state.changes
         if state.fit is not None:
             self._quick_fit.rely_on(state.fit, trusts_stated=state.trusts_stated)
 
@@ -317,38 +252,6 @@ class MaximumLikelihoodMethod(Method):
         """Process a keyframe of the restored state again."""
         if prepared.number in self.frames_to_replay:
             self._select_keyframe.replay(self._sample.keyframe(prepared))
-
-    def _observations(
-        self, exposures: ExposureTable, grey_range: GreyRange = FULL_RANGE
-    ) -> ExposedObservations | None:
-        """Return all observations, with the currently known exposures; None if there are none."""
-        series = self._stationary.used_series
-        if series is not None:
-            found = series.observations()
-        elif self._reservoir.kept is not None:
-            found = self._reservoir.kept
-            # A surround and overlays are the same in all frames, whatever their exposures.
-            seen = self._scene_area.shows_scene(found.position)
-            found = found if seen is None else found.of_points(np.logical_and.reduceat(seen, found.starts))
-        else:
-            return None
-        exposed = found.with_exposures(exposures).stretched(grey_range)
-        if self._inter_coded:
-            exposed = replace(exposed, error_factor=INTER_CODED_SIGMAS)
-        return exposed if len(exposed) else None
-
-    def _fitted(self, observations: ExposedObservations, noise: NoiseModel, grey_range: GreyRange) -> Fitted | None:
-        settings = self._settings
-        if len(observations.starts) < settings.min_points:
-            return None
-        if observations.log_exposure_change(settings.min_points) < settings.min_log_exposure_change:
-            return None
-        if self._stationary.stands_still:
-            plan = FitPlan.of_stationary_camera(settings, noise=None)
-        else:
-            stretched = grey_range.stretched_noise(noise)
-            plan = FitPlan.of_moving_camera(settings, stretched, self._scene_area.usable_radius())
-        return fit_with_chosen_effects(observations, plan)
 
 
 def _log_exposure(exposures: ExposureTable, number: int) -> float:

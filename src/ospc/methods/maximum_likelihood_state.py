@@ -5,12 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ospc.correspondence.keyframe_selection import KeyframeSelector
-from ospc.correspondence.noise_estimation import NoiseEstimator
-from ospc.correspondence.reservoir import Reservoir
-from ospc.correspondence.scene_area import SceneArea
-from ospc.correspondence.static_series import StaticSeries
 from ospc.estimation.fit import Fit
 from ospc.methods.change_detection import ChangeDetector
+from ospc.methods.epoch_data import EpochData
 
 
 @dataclass(frozen=True)
@@ -21,28 +18,16 @@ class MaximumLikelihoodState:
     ----------
     keyframes
         Keyframes by their numbers; their images are read again.
-    series
-        Pixels of a camera that may be stationary; None once it moved.
-    fit
-        The fit that registration uses.
-    motions, pairs
-        Recent displacements in pixels, and number of compared pairs of frames.
-    scene_area
-        The part of the image that shows the scene.
-    trusts_stated
-        Whether frames are normalised to equal brightness with the stated exposures alone.
-    inter_coded
-        Whether the frames come from a video with inter-frame compression.
+    data
+        What is kept of the frames of the current epoch.
+    fit, trusts_stated
+        The fit with which frames are normalised to equal brightness, and whether with the stated exposures alone.
+    changes
+        The detector of changes of the camera.
     """
 
     keyframes: KeyframeSelector
-    reservoir: Reservoir
-    series: StaticSeries | None
-    noise: NoiseEstimator
+    data: EpochData
     fit: Fit | None
-    motions: list[float]
-    pairs: int
-    scene_area: SceneArea
-    changes: ChangeDetector
     trusts_stated: bool
-    inter_coded: bool
+    changes: ChangeDetector

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
+
 import numpy as np
 
+from ospc.arrays import ImageSize
 from ospc.correspondence.static_series import StaticSeries
 from ospc.recording.frame import Frame
+from ospc.settings import DefaultSettings
 from ospc.settings.methods import (
+    FAR_MOTION,
     MAX_MOTIONS,
     MIN_FAR_PAIRS,
     MIN_MOVING_PAIRS,
@@ -16,12 +21,13 @@ from ospc.settings.methods import (
 )
 
 
+@dataclass
 class StationaryCamera:
     """Decides from the displacements between frames whether the camera is stationary.
 
     Until the camera clearly moves, the grey values of some pixels are kept as observations.
 
-    Parameters
+    Attributes
     ----------
     still_px
         Median displacement in pixels up to which a camera counts as stationary.
@@ -29,13 +35,19 @@ class StationaryCamera:
         Displacement in pixels that even dark, noisy frames of a stationary camera do not show.
     series
         The kept grey values; None once the camera moved.
+    motions
+        The latest displacements in pixels.
     """
 
-    def __init__(self, still_px: float, far_px: float, series: StaticSeries | None) -> None:
-        self._still_px = still_px
-        self._far_px = far_px
-        self.series = series
-        self.motions: list[float] = []
+    still_px: float
+    far_px: float
+    series: StaticSeries | None
+    motions: list[float] = field(default_factory=list, repr=False)
+
+    @classmethod
+    def of(cls, settings: DefaultSettings, size: ImageSize) -> StationaryCamera:
+        """Return a camera that may be stationary, for frames of a size."""
+        return cls(settings.still_px, FAR_MOTION * max(size), StaticSeries(points=settings.series_points))
 
     def observe(self, frame: Frame) -> None:
         """Keep the grey values of a frame, unless the camera has moved."""
@@ -43,9 +55,9 @@ class StationaryCamera:
             return
         self.series.observe(frame)
         motion_px = float(np.median(self.motions)) if self.motions else 0.0
-        moves = len(self.motions) >= MIN_MOVING_PAIRS and motion_px > MOVING_FACTOR * self._still_px
+        moves = len(self.motions) >= MIN_MOVING_PAIRS and motion_px > MOVING_FACTOR * self.still_px
         # It may rest most of the time, like a robot arm, or have been moved only once.
-        moves |= sum(motion > self._far_px for motion in self.motions) >= MIN_FAR_PAIRS
+        moves |= sum(motion > self.far_px for motion in self.motions) >= MIN_FAR_PAIRS
         if moves or (len(self.motions) >= UNDECIDED_PAIRS and not self.stands_still):
             self.series = None
 
@@ -61,7 +73,7 @@ class StationaryCamera:
             return False
         typical_px, largest_px = np.quantile(self.motions, [0.5, 1 - MOVING_SHARE])
         # A pan-tilt unit rests most of the time.
-        return bool(typical_px <= self._still_px and largest_px <= MOVING_FACTOR * self._still_px)
+        return bool(typical_px <= self.still_px and largest_px <= MOVING_FACTOR * self.still_px)
 
     @property
     def used_series(self) -> StaticSeries | None:

@@ -29,8 +29,9 @@ from ospc.exposures.monitor import ExposureMonitor
 from ospc.exposures.table import ExposureTable
 from ospc.frame_checks import SkippedFrames
 from ospc.methods.change_detection import Baseline, ChangeDetector
-from ospc.methods.maximum_likelihood_state import MaximumLikelihoodState
+from ospc.methods.epoch_data import EpochData
 from ospc.methods.prediction_errors import PairErrors
+from ospc.methods.stationary_camera import StationaryCamera
 from ospc.observations import MOMENTS
 from ospc.photometry.geometry import MOST_PIXELS
 from ospc.photometry.grey_range import LARGEST_GREY, GreyRange
@@ -95,7 +96,8 @@ RULES: Mapping[type, Mapping[str, Numbers | str]] = {
         "overlap": UNIT,
         "motion_px": Numbers(0, MOST_PIXELS, unknown=True),
     },
-    MaximumLikelihoodState: {"motions": Numbers(0, MOST_PIXELS, ("motions",))},
+    EpochData: {"size": ELSEWHERE},
+    StationaryCamera: {"motions": Numbers(0, MOST_PIXELS, ("motions",))},
     KeyframeSelector: {"_kept": ELSEWHERE, "_statistics": Numbers(0, 2 * MAX_COMPARISONS, (4, AGE_CLASSES))},
     Kept: {"log_exposure": logs()},
     Reservoir: {"_halvings": Numbers(0, 64)},

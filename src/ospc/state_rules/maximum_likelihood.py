@@ -8,12 +8,14 @@ import numpy as np
 
 from ospc.arrays import ImageSize
 from ospc.correspondence.keyframe_selection import KeyframeSelector
+from ospc.correspondence.noise_estimation import NoiseEstimator
 from ospc.correspondence.reservoir import Reservoir
 from ospc.correspondence.static_series import StaticSeries
 from ospc.estimation.effect_models import EFFECTS, GAIN_STEPS
 from ospc.estimation.effects import Effects
 from ospc.estimation.fit import Fit
 from ospc.methods.change_detection import ChangeDetector
+from ospc.methods.epoch_data import EpochData
 from ospc.methods.maximum_likelihood_state import MaximumLikelihoodState
 from ospc.observations import Observations
 from ospc.settings import DefaultSettings
@@ -38,28 +40,40 @@ def check_state(
     kept = method.keyframes.numbers
     require(len(kept) <= settings.keyframes, "there are more keyframes than its settings allow")
     require(all(a < b for a, b in pairwise([*kept, frames])), "keyframes are out of order or do not exist")
-    _check_reservoir(method.reservoir, frames, settings)
-    if method.series is not None:
-        _check_series(method.series, settings, size, max_grey, frames)
-    require(method.noise.max_grey == max_grey, "its noise has another largest grey value")
-    found, waiting = (Numbers(0, 1, ("n",), most=NOISE_FRAMES), Numbers(0, 2, ("n",), most=MIN_NOISE_BLOCKS - 1))
-    for ranges, rule in ((method.noise._found, found), (method.noise._waiting, waiting)):
-        require(len(ranges) == NOISE_BINS, "its noise has another number of grey levels")
-        for variances in ranges:
-            rule.check("noise", variances)
-    for variances, numbers in zip(method.noise._found, method.noise._frames, strict=True):
-        require(len(numbers) == len(variances), "its noise has another number of frames than of variances")
-        require(all(0 <= number < frames for number in numbers), "its noise is of frames that do not exist")
-    width, height = settings.preprocessor().small_size(size)
-    area = method.scene_area
-    for image in (area.brightest, area.allowed, area.latest, area.fine, area.contrast):
-        require(image is None or image.shape == (height, width), "its images of the scene area have another size")
-    known = [one is not None for one in (area.latest, area.fine, area.contrast)]
-    require(all(known) or not any(known), "a part of its fine structure is missing")
+    _check_data(method.data, EpochData.of(settings, size, max_grey), settings, frames)
     if method.fit is not None:
         _check_fit(method.fit)
         require(_is_quick(method.fit), "a quick fit has effects")
     _check_changes(method.changes, frames)
+
+
+def _check_data(found: EpochData, new: EpochData, settings: DefaultSettings, frames: int) -> None:
+    check_settings("data", found, new, "size")
+    check_settings("reservoir", found.reservoir, new.reservoir, "capacity")
+    _check_reservoir(found.reservoir, frames)
+    check_settings("stationary", found.stationary, new.stationary, "still_px far_px")
+    if found.stationary.series is not None:
+        check_settings("series", found.stationary.series, new.stationary.series, "pixels points frames")
+        _check_series(found.stationary.series, new, frames)
+    check_settings("noise", found.noise, new.noise, "max_grey")
+    _check_noise(found.noise, frames)
+    width, height = settings.preprocessor().small_size(new.size)
+    area = found.scene_area
+    for image in (area.brightest, area.allowed, area.latest, area.fine, area.contrast):
+        require(image is None or image.shape == (height, width), "its images of the scene area have another size")
+    known = [one is not None for one in (area.latest, area.fine, area.contrast)]
+    require(all(known) or not any(known), "a part of its fine structure is missing")
+
+
+def _check_noise(noise: NoiseEstimator, frames: int) -> None:
+    found, waiting = (Numbers(0, 1, ("n",), most=NOISE_FRAMES), Numbers(0, 2, ("n",), most=MIN_NOISE_BLOCKS - 1))
+    for ranges, rule in ((noise._found, found), (noise._waiting, waiting)):
+        require(len(ranges) == NOISE_BINS, "its noise has another number of grey levels")
+        for variances in ranges:
+            rule.check("noise", variances)
+    for variances, numbers in zip(noise._found, noise._frames, strict=True):
+        require(len(numbers) == len(variances), "its noise has another number of frames than of variances")
+        require(all(0 <= number < frames for number in numbers), "its noise is of frames that do not exist")
 
 
 def _check_changes(found: ChangeDetector, frames: int) -> None:
@@ -80,8 +94,7 @@ def _check_changes(found: ChangeDetector, frames: int) -> None:
     require(found.since is None or found.neighbours.errors, "a suspected change has no evidence")
 
 
-def _check_reservoir(found: Reservoir, frames: int, settings: DefaultSettings) -> None:
-    require(found.capacity == settings.max_points, "its capacity differs from its settings")
+def _check_reservoir(found: Reservoir, frames: int) -> None:
     kept = found.kept
     if kept is None:
         return
@@ -96,21 +109,17 @@ def _check_observations(name: str, found: Observations, frames: int) -> None:
     Numbers(0, 10, ("n",)).check(f"{name}.gradient", found.gradient)
 
 
-def _check_series(
-    found: StaticSeries, settings: DefaultSettings, size: ImageSize, max_grey: int, frames: int
-) -> None:
-    new = StaticSeries(points=settings.series_points)
-    check_settings("series", found, new, "pixels points frames")
+def _check_series(found: StaticSeries, data: EpochData, frames: int) -> None:
+    (width, height), max_grey = data.size, data.noise.max_grey
     if found._places is None:
         require(not found._grey and not found._index, "the series has no positions")
         return
-    width, height = size
-    require(found._size == size and found._max_grey == max_grey, "the series is of different frames")
-    Numbers(0, width * height - 1, ("places",), most=new.pixels).check("series.places", found._places)
+    require(found._size == data.size and found._max_grey == max_grey, "the series is of different frames")
+    Numbers(0, width * height - 1, ("places",), most=found.pixels).check("series.places", found._places)
     one_kind = {grey.dtype for grey in found._grey} in ({np.dtype(np.uint8)}, {np.dtype(np.uint16)})
     require(one_kind, "the series mixes types of images")
     images = len(found._index)
-    Numbers(0, max_grey, (images, len(found._places)), most=new.frames).check("series.grey", found._grey)
+    Numbers(0, max_grey, (images, len(found._places)), most=found.frames).check("series.grey", found._grey)
     Numbers(0, frames - 1, (images,)).check("series.index", found._index)
     require(np.all(np.diff(found._index) > 0), "the frames of the series are out of order")
 
