@@ -83,13 +83,11 @@ class MotionReport:
 def motion(changes: Sequence[BrightnessChange], inputs: FitInputs | None) -> MotionReport:
     """Summarise the motion between consecutive frames and of the scene points over the run."""
     displacement = [c.motion_px for c in changes if np.isfinite(c.motion_px)]
-    still = inputs is not None and inputs.standing_still
-    observations = None if inputs is None or still else inputs.used
     return MotionReport(
         float(np.median(displacement)) if displacement else float("nan"),
-        0.0 if observations is None else observations.radial_reach,
+        0.0 if inputs is None else inputs.reach,
         float(np.median([c.overlap for c in changes])) if changes else float("nan"),
-        still,
+        inputs is not None and inputs.standing_still,
     )
 
 

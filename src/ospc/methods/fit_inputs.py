@@ -10,7 +10,7 @@ import numpy as np
 
 from ospc.arrays import ImageSize
 from ospc.errors import counted
-from ospc.estimation.fit import Fit
+from ospc.estimation.fit import Fit, measured_greys
 from ospc.estimation.fitted import Fitted
 from ospc.methods.exposure_ratios import exposure_ratios
 from ospc.observations import ExposedObservations
@@ -87,6 +87,17 @@ class FitInputs:
     def used(self) -> ExposedObservations | None:
         """The observations that the fit is to; without a fit, all."""
         return self.observations if self.fitted is None else self.fitted.observations
+
+    @property
+    def reach(self) -> float:
+        """Radial displacement, in half diagonals, of the scene points that determine the vignette."""
+        return 0.0 if self.used is None or self.standing_still else self.used.radial_reach
+
+    @property
+    def support(self) -> tuple[float, float]:
+        """Lowest and highest grey level at which observations measure the response; all of them without any."""
+        low, high = self.grey_range.grey((0.0, 1.0) if self.used is None else measured_greys(self.used)).tolist()
+        return low, high
 
     @property
     def effects(self) -> tuple[EffectEstimate, ...]:

@@ -17,7 +17,7 @@ from ospc.estimation.fitted import Fitted
 from ospc.exposures.table import ExposureTable
 from ospc.methods.exposure_ratios import exposure_ratios
 from ospc.methods.fit_inputs import FitInputs
-from ospc.methods.identifiability import unexplained_share, vignette_verdict
+from ospc.methods.identifiability import vignette_verdict
 from ospc.methods.result import calibration_of
 from ospc.observations import ExposedObservations, Observations
 from ospc.photometry.calibration import Calibration
@@ -200,7 +200,7 @@ def _check_vignette_known(found: Fitted) -> None:
 
 def _check_explained(ratios: ExposureRatios, observations: Observations, exposures: ExposureTable) -> None:
     """Raise an ExposureError if the grey levels do not follow the exposures, given the ratios of a fit."""
-    unexplained = unexplained_share(ratios)
+    unexplained = ratios.unexplained_share
     if unexplained > CONTRADICTING_UNEXPLAINED_SHARE:
         raise ExposureError(
             f"{min(unexplained, 1):.0%} of a typical change of exposure does not show in the grey levels",

@@ -11,7 +11,6 @@ from ospc.estimation.fit import Fit
 from ospc.exposures.table import range_in_words
 from ospc.methods.contradictions import Contradictions
 from ospc.observations import ExposedObservations
-from ospc.photometry.coverage import ExposureRatios
 from ospc.photometry.verdict import Verdict
 from ospc.settings import DefaultSettings
 from ospc.settings.fit import CONFIDENCE
@@ -22,7 +21,6 @@ from ospc.settings.methods import (
     IDENTIFIABLE_CORNER_SIGMA,
     IDENTIFIABLE_ERROR,
     MAX_CORNER_ERROR_SHARE,
-    MIN_COMPARED_LOG_K,
     MIN_SCATTER_GROUPS,
     ONE_DIRECTION_RATIO,
     POSSIBLE_LIGHT_SIGMAS,
@@ -200,16 +198,6 @@ def _graded(fit: Fit, relative_error: float, figure: str, remedy: str) -> Verdic
         return Verdict("identifiable", figure)
     few = f"{figure}, but based on only {counted(fit.groups, 'comparison')} of frames"
     return Verdict("marginal", few, "record more frames: their scatter shows how accurate the curve is")
-
-
-def unexplained_share(ratios: ExposureRatios) -> float:
-    """Return the median misfit of ln k over its median size, for changing exposures."""
-    # Count scene points, not pairs: a pair whose registration failed has few points, which are wrong.
-    log_k, residual = (np.repeat(values, ratios.samples) for values in (np.log(ratios.metadata), ratios.log_residual))
-    changing = np.abs(log_k) > MIN_COMPARED_LOG_K
-    if not changing.any():
-        return 0.0
-    return float(np.median(np.abs(residual[changing])) / np.median(np.abs(log_k[changing])))
 
 
 def judged(verdict: Verdict, contradictions: Contradictions) -> Verdict:

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from ospc.arrays import FloatArray, ImageSize
-from ospc.estimation.fit import Fit, measured_greys
+from ospc.estimation.fit import Fit
 from ospc.methods.contradictions import contradictions_of
 from ospc.methods.corrections import corrected_exposures_of, notes_of
 from ospc.methods.coverage import coverage_of
 from ospc.methods.fit_inputs import FitInputs
-from ospc.methods.identifiability import response_verdict, unexplained_share, vignette_verdict
+from ospc.methods.identifiability import response_verdict, vignette_verdict
 from ospc.photometry.calibration import PROFILE_RADII, Calibration
 from ospc.settings import DefaultSettings
 from ospc.settings.methods import CONTRADICTING_UNEXPLAINED_SHARE
@@ -19,29 +19,22 @@ from ospc.settings.methods import CONTRADICTING_UNEXPLAINED_SHARE
 def calibration_of(inputs: FitInputs, settings: DefaultSettings) -> Calibration:
     """Return the calibration that follows from the inputs; curves that they do not determine are None."""
     fit, observations, ratios = inputs.fit, inputs.used, inputs.ratios
-    reach = 0.0 if observations is None or inputs.standing_still else observations.radial_reach
     points = 0 if observations is None else len(observations.starts)
-    low, high = inputs.grey_range.grey((0.0, 1.0) if observations is None else measured_greys(observations)).tolist()
-    unexplained = unexplained_share(ratios)
+    unexplained = ratios.unexplained_share
     # With exposures that the images contradict, a fit is meaningless, and so are its effects.
     trusted = None if unexplained > CONTRADICTING_UNEXPLAINED_SHARE else fit
     contradictions = () if trusted is None else contradictions_of(trusted)
     verdicts = {
         "response": response_verdict(settings, fit, observations, unexplained, contradictions),
         "vignette": vignette_verdict(
-            fit,
-            reach,
-            inputs.standing_still,
-            unexplained,
-            contradictions=contradictions,
-            size=inputs.size,
+            fit, inputs.reach, inputs.standing_still, unexplained, size=inputs.size, contradictions=contradictions
         ),
     }
     response_known, vignette_known = verdicts["response"].known, verdicts["vignette"].known
     coverage = None if observations is None else coverage_of(observations, fit, inputs.size, inputs.grey_range)
     return Calibration(
         size=inputs.size,
-        response=fit.response(inputs.max_grey, (low, high), inputs.grey_range) if fit and response_known else None,
+        response=fit.response(inputs.max_grey, inputs.support, inputs.grey_range) if fit and response_known else None,
         vignette=fit.usable_vignette(inputs.size) if fit and vignette_known else None,
         verdicts=verdicts,
         vignette_sigma=vignette_sigma(fit, inputs.size) if fit and vignette_known else None,

@@ -16,13 +16,12 @@ import numpy as np
 
 from ospc.arrays import FloatArray, ImageSize
 from ospc.errors import FormatError
-from ospc.estimation.fit import Fit, measured_greys
+from ospc.estimation.fit import Fit
 from ospc.estimation.fitted import Fitted
 from ospc.estimation.model import Model
 from ospc.estimation.response_basis import ResponseBasis
 from ospc.estimation.vignette_basis import VignetteBasis
 from ospc.methods.fit_inputs import FitInputs
-from ospc.methods.identifiability import unexplained_share
 from ospc.photometry.geometry import image_size
 from ospc.photometry.grey_range import FULL_RANGE, LARGEST_GREY, GreyRange
 from ospc.photometry.noise import NoiseModel
@@ -207,7 +206,6 @@ def summary_of(inputs: FitInputs, first_frames: str, source: dict[str, Any], fra
         return None
     fit, observations = inputs.fitted.fit, inputs.fitted.observations
     matrix, vector, systematic, estimate = _information(inputs.fitted)
-    low, high = inputs.grey_range.grey(measured_greys(observations)).tolist()
     return Summary(
         key=recording_key(first_frames, source),
         name=str(source.get("name", "live")),
@@ -222,11 +220,11 @@ def summary_of(inputs: FitInputs, first_frames: str, source: dict[str, Any], fra
         vector=vector,
         systematic=triangle_of(systematic),
         exposure_range_ms=observations.exposure_range_ms,
-        reach=0.0 if inputs.standing_still else observations.radial_reach,
+        reach=inputs.reach,
         standing_still=inputs.standing_still,
-        support=(low, high),
+        support=inputs.support,
         grey_range=inputs.grey_range,
-        unexplained=unexplained_share(inputs.ratios),
+        unexplained=inputs.ratios.unexplained_share,
         noise=inputs.noise,
         usable_radius=fit.vignette_basis.usable_radius,
         measured_radius=fit.measured_radius,
