@@ -114,7 +114,7 @@ class Method(ABC):
         return self
 
     def inputs(self, exposures: ExposureTable, grey_range: GreyRange = FULL_RANGE) -> FitInputs | None:
-        """Return the data for merging calibrations of several recordings; None if not supported."""
+        """Return the fit with its data, for checks of the exposures and for merging; None if not supported."""
         return None
 
     def preview(self, exposures: ExposureTable) -> Preview | None:
