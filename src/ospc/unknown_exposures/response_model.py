@@ -1,9 +1,9 @@
 """A low-dimensional model of camera responses: a mean curve and its principal variations.
 
 The empirical model of response (EMoR; Grossberg and Nayar, "Modeling the space of camera response functions", 2004)
-is f = f₀ + Σ cₖ hₖ, learned from measured curves. Its published tables can be read from a file. Without them, a model
-of the same form is learned from analytic families that resemble camera responses: powers, video curves with a linear
-toe, logarithms, sigmoids, and combinations of these with a knee.
+is f = f₀ + Σ cₖ hₖ, learned from measured curves. This model has the same form, but is learned from analytic
+families that resemble camera responses: powers, video curves with a linear toe, logarithms, sigmoids, and
+combinations of these with a knee.
 """
 
 from __future__ import annotations
