@@ -6,7 +6,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 from ospc.cli.main import cli
-from ospc.output import OutputFolder, Written
+from ospc.report.output_folder import OutputFolder, Written
 
 
 def leave_out(patch: pytest.MonkeyPatch, *parts: str) -> None:

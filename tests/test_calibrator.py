@@ -19,10 +19,10 @@ from hypothesis import strategies as st
 from ospc.calibrator import OnlineCalibrator, calibrate
 from ospc.correspondence.frame_sampling import FrameSampler
 from ospc.correspondence.preprocessing import Preprocessor
-from ospc.engine_state import Epoch
+from ospc.engine.frame_checks import LATEST_REASONS
+from ospc.engine.state import Epoch
 from ospc.errors import FrameError, OspcError, SettingError
 from ospc.exposures.brightness import BrightnessComparer
-from ospc.frame_checks import LATEST_REASONS
 from ospc.live import LiveCalibrator
 from ospc.methods.change_detection import Change
 from ospc.methods.method import Progress

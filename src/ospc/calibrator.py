@@ -8,21 +8,21 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from ospc.engine import Engine, Status
-from ospc.engine_state import EngineState
+from ospc.engine.engine import Engine, Status
+from ospc.engine.frame_checks import image_of_size
+from ospc.engine.state import EngineState
+from ospc.engine.state_fields import check_fields
+from ospc.engine.state_rules import check_run
 from ospc.errors import FormatError, FrameError, SettingError
 from ospc.exposures.lag_choice import LagChoice, check_lag, checked_lag_choice, lag_choice_for
-from ospc.frame_checks import image_of_size
-from ospc.library_threads import one_library_thread
 from ospc.photometry.calibration import Calibration
 from ospc.recording import Frame, Recording, open_recording
 from ospc.recording.recording import identity
 from ospc.recording.stream import Item, decoded_ahead, frames_of
 from ospc.settings import Settings, as_dict, preset, with_overrides
 from ospc.state.run import load_run, save_run
-from ospc.state_rules.fields import check_fields
-from ospc.state_rules.run import check_run
-from ospc.versions import versions
+from ospc.system.library_threads import one_library_thread
+from ospc.system.versions import versions
 
 __all__ = ["OnlineCalibrator", "Status", "calibrate", "drive", "remaining"]
 

@@ -10,12 +10,11 @@ from typing import Any, Protocol, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from ospc.arrays import Float32Array, FloatArray, IntArray
-from ospc.by_value import ByValue
+from ospc.arrays import ByValue, Float32Array, FloatArray, IntArray
 from ospc.errors import SettingError
+from ospc.numerics.robust import weighted_median
 from ospc.observation_checks import check_values, whole_numbers
 from ospc.photometry.grey_range import GreyRange
-from ospc.robust import weighted_median
 from ospc.settings.sampling import CLIPPED_MARGIN, GREY_POWERS
 
 MOMENTS = GREY_POWERS + 1

@@ -409,7 +409,7 @@ def test_ctrl_c_on_the_real_command(good_recording, tmp_path):
         "        import time; time.sleep(60)\n"
         "    return found\n"
         "j.MaximumLikelihoodMethod.push = slow\n"
-        "from ospc.output import OutputFolder, Written\n"
+        "from ospc.report.output_folder import OutputFolder, Written\n"
         "OutputFolder.report = lambda *_, **__: Written()\n"
         "from ospc.cli import interruption\n"
         "interruption._SAME_S = 0.1\n"

@@ -19,9 +19,9 @@ from command_line import leave_out, ospc
 from ospc.calibrator import OnlineCalibrator
 from ospc.cli.calibration_run import Checkpoints
 from ospc.errors import SettingError
-from ospc.output import OutputFolder
 from ospc.photometry.calibration import Calibration
 from ospc.pooling.pool import Pool
+from ospc.report.output_folder import OutputFolder
 from ospc.simulation import SimulationSettings, simulate
 
 EXPOSURES = (3.0, 6.0, 12.0, 24.0)

@@ -21,7 +21,7 @@ def imported(program: str, *names: str, exit_code: int = 0) -> list[str]:
 def test_a_missing_recording_is_refused_before_heavy_imports(tmp_path: Path) -> None:
     words = ["ospc", "calibrate", str(tmp_path / "missing"), "-o", str(tmp_path / "out")]
     program = f"import sys; sys.argv = {words!r}; from ospc.cli.main import main; main()"
-    names = ("scipy", "matplotlib", "rich", "ospc.engine", "ospc.estimation", "ospc.report", "ospc.recording")
+    names = ("scipy", "matplotlib", "rich", "ospc.engine.engine", "ospc.estimation", "ospc.report", "ospc.recording")
     assert imported(program, *names, exit_code=1) == ["ospc.recording"]
 
 

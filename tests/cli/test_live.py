@@ -17,7 +17,7 @@ import pytest
 from rich.console import Console
 
 from command_line import leave_out, ospc
-from ospc import OnlineCalibrator, open_recording, throttle
+from ospc import OnlineCalibrator, open_recording
 from ospc.cli import live as live_command
 from ospc.cli.calibration_run import figures
 from ospc.cli.terminal import ProgressLine
@@ -26,7 +26,8 @@ from ospc.live import LiveCalibrator
 from ospc.recording import Frame
 from ospc.settings.live import GOAL
 from ospc.simulation import SimulationSettings, simulate
-from ospc.throttle import Throttle
+from ospc.system import throttle
+from ospc.system.throttle import Throttle
 
 needs_main_thread = pytest.mark.skipif(
     threading.current_thread() is not threading.main_thread(), reason="signals reach only the main thread"

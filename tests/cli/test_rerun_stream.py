@@ -13,7 +13,7 @@ from ospc.cli.rerun_stream import RerunStream
 from ospc.errors import FormatError, MissingExtraError
 from ospc.recording import open_recording
 from ospc.simulation import SimulationSettings, simulate
-from ospc.throttle import Throttle
+from ospc.system.throttle import Throttle
 
 FRAMES = 24
 

@@ -22,10 +22,10 @@ from ospc.photometry.geometry import pixel_grid
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import PolynomialVignette
 from ospc.recording.frame import Frame
-from ospc.second_thread import SecondThread
 from ospc.settings import DefaultSettings
 from ospc.settings.registration import MIN_REGISTERED_SIDE_PX
 from ospc.settings.sampling import SAMPLING_MARGIN_PX
+from ospc.system.second_thread import SecondThread
 from workers import flat_sampler, preprocessor
 
 SIZE = (320, 240)

@@ -15,8 +15,8 @@ import pytest
 from calibrations import calibration
 from ospc.calibrator import OnlineCalibrator, drive
 from ospc.correspondence.frame_sampling import FrameSampler
-from ospc.engine import Engine
-from ospc.engine_state import keeping_latest_calibrations, response_before_change
+from ospc.engine.engine import Engine
+from ospc.engine.state import keeping_latest_calibrations, response_before_change
 from ospc.errors import FrameError, OspcError, SettingError
 from ospc.live import LiveCalibrator
 from ospc.live import calibrator as live_calibrator
@@ -533,7 +533,7 @@ _PROGRAM_THAT_FORGETS_TO_CLOSE = """
 import threading, time
 import numpy as np
 from ospc import Frame, LiveCalibrator
-from ospc.engine import Engine
+from ospc.engine.engine import Engine
 
 begun = threading.Event()
 

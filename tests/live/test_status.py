@@ -6,7 +6,7 @@ import pytest
 
 from calibrations import calibration
 from ospc.calibrator import OnlineCalibrator
-from ospc.engine_state import Epoch
+from ospc.engine.state import Epoch
 from ospc.live.status import LiveFindings
 from ospc.methods.change_detection import Change
 from ospc.settings.live import ESTIMATE_GROWTH, FIRST_ESTIMATE_FRAMES, UNKNOWN_GROWTH

@@ -28,10 +28,10 @@ from ospc.methods.paper import (
     standard_error,
     vignette_rows,
 )
+from ospc.numerics.robust import robust_scale
 from ospc.photometry.coverage import ExposureRatios
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import PolynomialVignette
-from ospc.robust import robust_scale
 
 SIZE = (640, 480)
 seeds = st.integers(0, 2**32 - 1)

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from calibrations import calibration as made_up
-from ospc import engine
 from ospc.calibrator import OnlineCalibrator
-from ospc.engine_state import Epoch, response_before_change
+from ospc.engine import engine
+from ospc.engine.state import Epoch, response_before_change
 from ospc.errors import FormatError, NotObservableError, SettingError
 from ospc.estimation.response_basis import FUNCTIONS, ResponseBasis
 from ospc.evaluation.metrics import vignette_rmse

@@ -35,7 +35,7 @@ PARSERS = {
     "formats/rules_pcalib.py": ["pcalib.txt", "validate pcalib.txt"],
     "formats/rules_times.py": ["validate times.txt"],
     "formats/validation.py": ["validate times.txt", "validate vignette.png", "validate camera.txt"],
-    "output.py": "one word of its own calibration.json, by json_object",
+    "report/output_folder.py": "one word of its own calibration.json, by json_object",
     "photometry/calibration.py": ["calibration.json", "calibration.json to start from"],
     "photometry/vignette.py": ["vignette map"],
     "recording/bags/bag.py": ["ROS 1 bag", "ROS 2 bag, sqlite3"],
@@ -66,9 +66,9 @@ PARSERS = {
     "state/container.py": ["state.ospc", "values of a state", "arrays of a state", "result of a batch"],
     **dict.fromkeys(
         (
-            "atomic.py",
+            "system/atomic.py",
             "cli/rerun_stream.py",
-            "folders.py",
+            "system/folders.py",
             "live/page/server.py",
             "report/drawing.py",
             "report/page.py",

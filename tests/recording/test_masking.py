@@ -16,7 +16,7 @@ from ospc.correspondence.static_series import StaticSeries
 from ospc.errors import SettingError
 from ospc.recording import ArrayRecording, identity
 from ospc.recording.derived import Region, masked, read_mask
-from ospc.second_thread import SecondThread
+from ospc.system.second_thread import SecondThread
 from workers import flat_sampler, preprocessor
 
 SIZE = (160, 120)

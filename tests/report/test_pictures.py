@@ -8,11 +8,11 @@ import pytest
 from calibrations import SIZE, calibration
 from ospc.errors import FormatError
 from ospc.formats.opening import Photometry
-from ospc.output import OutputFolder
 from ospc.photometry.coverage import ExposureRatios
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import PolynomialVignette
 from ospc.report.charts import ReportFindings
+from ospc.report.output_folder import OutputFolder
 from ospc.report.pictures import figure_of, picture_as_png, plot_photometries
 
 EXPOSURES_MS = np.geomspace(1, 3, 41)

@@ -14,7 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ospc.calibrator import OnlineCalibrator, drive, remaining
-from ospc.engine_state import EngineState
+from ospc.engine.state import EngineState
 from ospc.errors import FormatError, FrameError, RecordingError, SettingError
 from ospc.exposures import brightness_history
 from ospc.exposures.monitor import ExposureMonitor

@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 
 from ospc.calibrator import OnlineCalibrator, remaining
-from ospc.engine_state import EngineState
+from ospc.engine.state import EngineState
+from ospc.engine.state_fields import RULES
 from ospc.errors import FormatError, OspcError
 from ospc.methods.maximum_likelihood_state import MaximumLikelihoodState
 from ospc.observations import Observations
@@ -23,7 +24,6 @@ from ospc.simulation import SimulationSettings, frames
 from ospc.state import container
 from ospc.state.run import KIND, VERSION
 from ospc.state.values import has_json_form
-from ospc.state_rules.fields import RULES
 
 SMALL = {"points_per_pair": 80, "max_points": 1500, "keyframes": 6, "response_intervals": 8, "radial_terms": 4}
 QUICK = replace(DefaultSettings(), rounds=2, **SMALL)

@@ -18,7 +18,6 @@ from ospc.cli.main import cli
 from ospc.errors import NotObservableError, RecordingError
 from ospc.exposures.estimated import labelled
 from ospc.formats.dso import CAVEAT
-from ospc.output import OutputFolder
 from ospc.photometry.calibration import PROFILE_RADII, Calibration
 from ospc.photometry.response import Response
 from ospc.photometry.verdict import Verdict
@@ -27,6 +26,7 @@ from ospc.recording.derived import Region, masked
 from ospc.recording.frame import Frame
 from ospc.recording.options import ReadingOptions
 from ospc.report.charts import ReportFindings
+from ospc.report.output_folder import OutputFolder
 from ospc.report.pictures import figure_of
 from ospc.settings.unknown_exposures import EXPONENT_SIGMA, OBSERVED_OFFSETS_PX, RESPONSE_SAMPLES
 from ospc.simulation import SimulationSettings, simulate, truth

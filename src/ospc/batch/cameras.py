@@ -9,12 +9,12 @@ from pathlib import Path
 
 from ospc.batch.store import Row, Store
 from ospc.errors import OspcError, counted
-from ospc.output import OutputFolder
 from ospc.photometry.calibration import Calibration
 from ospc.pooling.agreement import Difference
 from ospc.pooling.pool import largest_alike, merge
 from ospc.recording.kinds import safe_name
 from ospc.report.html import Html, document, join, tag
+from ospc.report.output_folder import OutputFolder
 from ospc.state.container import STATE_NAME
 
 _LONGEST = 60

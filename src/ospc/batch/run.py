@@ -13,9 +13,9 @@ from ospc.batch.manifest import Entry
 from ospc.batch.store import CSV_NAME, Row, Store, write_csv
 from ospc.batch.work import Answer, Runner, Task, Work
 from ospc.errors import OspcError
-from ospc.folders import Content, check_usable
 from ospc.formats.files import json_object, write_bytes, write_text
-from ospc.versions import versions
+from ospc.system.folders import Content, check_usable
+from ospc.system.versions import versions
 
 SCHEMA = "ospc-batch/1"
 """Version of the folder layout, stored in ``batch.json``."""

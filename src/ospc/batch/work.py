@@ -20,10 +20,10 @@ from ospc.batch.object_store import local_copy
 from ospc.batch.store import VERSION, Result
 from ospc.calibrator import OnlineCalibrator, drive
 from ospc.errors import RecordingError, one_line
-from ospc.library_threads import one_library_thread
-from ospc.processes import in_processes
 from ospc.recording import Recording, open_recording
 from ospc.recording.recording import identity
+from ospc.system.library_threads import one_library_thread
+from ospc.system.processes import in_processes
 
 _MOST_FILES = 2_000_000
 """Most files of a recording whose names and sizes enter its key; far more than any recording has."""

@@ -175,7 +175,7 @@ class _Request:
     def result(self, truth: Photometry | None) -> ResultFolder:
         """Return the folder of the result; refuse one that must not be written to."""
         from ospc.cli.calibration_result import ResultFolder
-        from ospc.output import OutputFolder
+        from ospc.report.output_folder import OutputFolder
 
         folder = OutputFolder.at(self.out, recording=self.path, force=self.force)
         return ResultFolder(folder, self.interruption, self.quiet, self.as_json, truth)
@@ -221,7 +221,7 @@ def _calibrate_one(request: _Request, opened: Callable[[], Recording]) -> dict[s
     drawing_process()  # loads its modules while this one does
     # Imported late, because it is slow: problems with the recording are reported first.
     from ospc.cli.calibration_run import CalibrationRun, Checkpoints
-    from ospc.folders import check_new
+    from ospc.system.folders import check_new
 
     if request.rerun_file is not None:
         check_new([request.rerun_file], force=request.force or request.resume)
@@ -255,7 +255,7 @@ def _guess(request: _Request, truth: Photometry | None) -> dict[str, Any]:
     """Guess a calibration from single images; it is never complete."""
     from ospc.cli.calibration_result import CalibrationOutcome
     from ospc.correction.source import open_source
-    from ospc.output import Written
+    from ospc.report.output_folder import Written
     from ospc.unknown_exposures.single_image.fallback import calibrate_single_images
 
     recording = open_source([request.path], request.reading.kind, request.reading.options).recording

@@ -20,17 +20,17 @@ from ospc.cli.terminal import (
     say_table,
     styled,
 )
+from ospc.engine.frame_checks import skipped_in_words
 from ospc.errors import counted
 from ospc.evaluation.comparison import Comparison, compare
 from ospc.evaluation.metrics import Coverage
 from ospc.formats.opening import Photometry
-from ospc.frame_checks import skipped_in_words
-from ospc.output import OutputFolder, Times, Written
 from ospc.photometry.calibration import Calibration
 from ospc.photometry.verdict import Verdict
 from ospc.recording import Recording
+from ospc.report.output_folder import OutputFolder, Times, Written
 from ospc.report.pictures import drawings_of
-from ospc.second_thread import SecondThread
+from ospc.system.second_thread import SecondThread
 
 _STYLES = {"identifiable": "green", "marginal": "yellow", "not identifiable": "red"}
 _WIDTH_WHEN_PIPED = 110

@@ -16,14 +16,14 @@ from ospc.cli.calibration_result import CalibrationOutcome, ResultFolder, Saved
 from ospc.cli.terminal import progress_line, say, say_notes, spreads_in_words
 from ospc.errors import FormatError, OspcError, SettingError, counted, one_line
 from ospc.exposures.lag_choice import LagChoice
-from ospc.output import OutputFolder, Written
 from ospc.pooling.prior_calibration import PriorCalibration
 from ospc.recording import Frame, Recording
 from ospc.report.drawing import drawing_process
+from ospc.report.output_folder import OutputFolder, Written
 from ospc.settings import Settings, as_dict
 from ospc.state.container import STATE_NAME
-from ospc.throttle import Throttle
-from ospc.versions import versions
+from ospc.system.throttle import Throttle
+from ospc.system.versions import versions
 
 _EVERY_S, _LARGEST_SHARE = 5.0, 0.02
 """Seconds between checkpoints, and largest share of the time spent on them, unless the user states an interval."""

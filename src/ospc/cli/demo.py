@@ -41,8 +41,8 @@ def command(
     from ospc.cli.calibration_result import ResultFolder
     from ospc.cli.calibration_run import CalibrationRun, Checkpoints
     from ospc.formats.opening import open_photometry
-    from ospc.output import OutputFolder
     from ospc.recording import open_recording
+    from ospc.report.output_folder import OutputFolder
     from ospc.settings import preset
     from ospc.simulation import simulate
 

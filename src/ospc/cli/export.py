@@ -10,8 +10,8 @@ import click
 
 from ospc.cli.options import SIZE, Parsed, argument, declared, option, out_option
 from ospc.cli.terminal import say, say_notes
-from ospc.folders import check_new
 from ospc.recording.derived import Region
+from ospc.system.folders import check_new
 
 if TYPE_CHECKING:
     from ospc.formats.export import Program

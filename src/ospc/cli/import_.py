@@ -8,7 +8,7 @@ import click
 
 from ospc.cli.options import IMAGE_SIZE, argument, declared, option, out_option
 from ospc.cli.terminal import say
-from ospc.folders import check_new
+from ospc.system.folders import check_new
 
 
 @declared("import")

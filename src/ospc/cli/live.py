@@ -81,7 +81,7 @@ def command(
     from ospc.exposures.lag_choice import lag_choice_for
     from ospc.live.calibrator import LiveCalibrator
     from ospc.live.capture import Capture
-    from ospc.output import OutputFolder
+    from ospc.report.output_folder import OutputFolder
 
     if no_page and (port or no_browser):
         raise click.UsageError("--port and --no-browser apply to the page; leave out --no-page")
@@ -147,8 +147,8 @@ def _captured(
 ) -> dict[str, Any]:
     """Film, estimate, write and report."""
     from ospc.cli.calibration_result import CalibrationOutcome, Saved
-    from ospc.output import Written
     from ospc.report import style
+    from ospc.report.output_folder import Written
     from ospc.state.container import STATE_NAME
 
     live, interruption, failure, replayed = capture.live, result.interruption, "", recording is not None

@@ -13,8 +13,8 @@ from ospc.cli.terminal import COMPLETE, UNDETERMINED, concluded, say_notes
 from ospc.errors import FormatError, SettingError, counted, listed
 
 if TYPE_CHECKING:
-    from ospc.output import OutputFolder
     from ospc.pooling.summary import Summary
+    from ospc.report.output_folder import OutputFolder
 
 
 @declared(
@@ -44,8 +44,8 @@ def command(
     """
     from ospc.cli.calibration_result import CalibrationOutcome, ResultFolder
     from ospc.formats.opening import open_photometry
-    from ospc.output import OutputFolder, Written
     from ospc.pooling.pool import Pool, merge
+    from ospc.report.output_folder import OutputFolder, Written
     from ospc.state.container import STATE_NAME
 
     known = None if truth is None else open_photometry(truth)

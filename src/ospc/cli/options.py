@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import click
 
 from ospc.errors import SettingError
-from ospc.folders import check_new, check_usable, reserved
+from ospc.system.folders import check_new, check_usable, reserved
 
 if TYPE_CHECKING:
     from ospc.exposures.lag_choice import LagChoice

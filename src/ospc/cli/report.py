@@ -32,8 +32,8 @@ def command(
     Without --recording, the new one has no pictures and no effect on tracking; without --truth, no comparison.
     """
     from ospc.formats.opening import open_photometry
-    from ospc.output import OutputFolder
     from ospc.photometry.calibration import Calibration
+    from ospc.report.output_folder import OutputFolder
 
     if not folder.is_dir():
         raise OspcError(f"{folder}: not a folder; give the folder that contains calibration.json")

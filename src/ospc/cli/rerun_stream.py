@@ -16,7 +16,7 @@ from ospc.photometry.correction import Corrector
 from ospc.photometry.geometry import pixels_of
 from ospc.photometry.vignette import diagonal_profile
 from ospc.report.examples import corrected_picture
-from ospc.throttle import Throttle
+from ospc.system.throttle import Throttle
 
 if TYPE_CHECKING:
     from ospc.calibrator import OnlineCalibrator

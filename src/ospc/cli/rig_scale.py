@@ -22,7 +22,7 @@ def add_rig_scale(out: Path, cameras: Mapping[str, Callable[[], Recording]], *, 
     ``out`` contains the folder of each camera.
     """
     from ospc.photometry.calibration import Calibration
-    from ospc.rig import rig_scale
+    from ospc.pooling.rig import rig_scale
 
     recordings, calibrations = {}, {}
     for name, opened in cameras.items():

@@ -11,7 +11,7 @@ import click
 from ospc.cli.options import named, option, out_option
 from ospc.cli.terminal import console, print_json, progress_line, say
 from ospc.errors import SettingError, escaped
-from ospc.folders import Content, check_usable
+from ospc.system.folders import Content, check_usable
 
 if TYPE_CHECKING:
     from ospc.formats.opening import Photometry

@@ -14,14 +14,14 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from ospc.atomic import write_atomically
 from ospc.errors import OspcError
-from ospc.folders import Content, check_usable, writing
 from ospc.formats.files import json_object, json_text, read_bytes, read_text, write_bytes, write_text
 from ospc.formats.image_files import encoded
 from ospc.formats.image_header import with_metadata
 from ospc.recording import Recording
 from ospc.recording.writing.conversion import camera_text
+from ospc.system.atomic import write_atomically
+from ospc.system.folders import Content, check_usable, writing
 
 NOTE = "correction.json"
 """Describes the correction. Every output folder has it; it is written before the first image."""

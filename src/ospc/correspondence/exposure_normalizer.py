@@ -8,9 +8,9 @@ import numpy as np
 from ospc.arrays import Float32Array, FloatArray, Image, ImageSize
 from ospc.correspondence.preprocessing import ReducedFrame
 from ospc.correspondence.thumbnail_registration import ThumbnailRegistration, exposed_in_both, values_at
+from ospc.numerics.robust import median, robust_scale
 from ospc.photometry.geometry import pixel_grid
 from ospc.photometry.vignette import Vignette
-from ospc.robust import median, robust_scale
 from ospc.settings.error_model import DARKEST_GREY
 from ospc.settings.registration import (
     BRIGHTEST_QUANTILE_8_BIT,

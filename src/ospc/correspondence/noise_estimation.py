@@ -8,11 +8,11 @@ import cv2
 import numpy as np
 
 from ospc.arrays import Float32Array, FloatArray, Image, IntArray
-from ospc.least_squares import non_negative_least_squares
+from ospc.numerics.least_squares import non_negative_least_squares
+from ospc.numerics.robust import huber_weights, robust_scale
 from ospc.observations import ExposureLookup
 from ospc.photometry.noise import BRIGHTEST_EXPOSED, DARKEST_EXPOSED, NoiseModel
 from ospc.recording.frame import Frame
-from ospc.robust import huber_weights, robust_scale
 from ospc.settings.sampling import (
     ASSUMED_NOISE_SIGMA,
     GAIN_BEGINS,

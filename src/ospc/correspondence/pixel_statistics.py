@@ -10,8 +10,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from ospc.arrays import BoolArray, Float32Array, FloatArray, Image, ImageSize, IntArray, read_only, size_of
-from ospc.by_value import ByValue
+from ospc.arrays import BoolArray, ByValue, Float32Array, FloatArray, Image, ImageSize, IntArray, read_only, size_of
 from ospc.correspondence.black_and_white import black_of, scattered_white_of, shared_white_of
 from ospc.correspondence.interlacing import row_alternation
 from ospc.correspondence.thumbnail import Thumbnail

@@ -23,7 +23,6 @@ from ospc.correspondence.thumbnail_registration import (
     there_and_back,
     values_at,
 )
-from ospc.second_thread import SecondThread
 from ospc.settings.registration import (
     DISPLACEMENT_CELL_PX,
     DISPLACEMENT_SPREAD_SIGMA_PX,
@@ -39,6 +38,7 @@ from ospc.settings.registration import (
     SECOND_SEARCH_STEPS,
     SECOND_SEARCH_STRIDE_PX,
 )
+from ospc.system.second_thread import SecondThread
 
 
 @dataclass(frozen=True)

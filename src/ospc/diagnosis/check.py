@@ -10,11 +10,11 @@ import numpy as np
 from ospc.calibrator import OnlineCalibrator, drive
 from ospc.correspondence.pixel_statistics import PixelReport
 from ospc.diagnosis.report import RecordingReport, Timing, motion, timing
+from ospc.engine.frame_checks import clipped_in_words, skipped_in_words
 from ospc.errors import RecordingError, counted
 from ospc.exposures.brightness_report import BrightnessReport
 from ospc.exposures.findings import ExposureFindings
 from ospc.exposures.lag_choice import LagChoice
-from ospc.frame_checks import clipped_in_words, skipped_in_words
 from ospc.recording.frame import Frame
 from ospc.recording.recording import Recording
 from ospc.settings.diagnosis import DARK_CORNER_SHARE, MANY_CLIPPED_SHARE, SLOWEST_VIDEO_S, WEAK_SLOPE

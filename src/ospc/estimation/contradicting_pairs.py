@@ -11,7 +11,7 @@ import numpy as np
 
 from ospc.arrays import BoolArray, members_of
 from ospc.estimation.fitted import Fitted
-from ospc.robust import median, robust_scale
+from ospc.numerics.robust import median, robust_scale
 from ospc.settings.brightness import CONTRADICTING_PAIR_LOG, JUMP_SIGMAS, MIN_JUMP_SAMPLES
 from ospc.settings.residuals import MAX_WRONG_PAIRS_SHARE
 

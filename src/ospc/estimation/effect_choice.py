@@ -40,9 +40,9 @@ from ospc.estimation.vignette_choice import (
     with_possible_centre,
     with_uncertain_centre,
 )
+from ospc.numerics.robust import ERROR_OF_SCALE
 from ospc.observations import ExposedObservations
 from ospc.photometry.verdict import INEXACT_EXPOSURES, LATE_EXPOSURES, EffectEstimate
-from ospc.robust import ERROR_OF_SCALE
 from ospc.settings.effects import (
     CONTRADICTING_SIGMAS,
     EXPOSURES_PER_CURVE,

@@ -8,8 +8,8 @@ from itertools import pairwise
 import numpy as np
 
 from ospc.arrays import FloatArray, IntArray
-from ospc.least_squares import non_negative_least_squares
-from ospc.robust import median
+from ospc.numerics.least_squares import non_negative_least_squares
+from ospc.numerics.robust import median
 from ospc.settings.error_model import (
     FACTOR_GREYS,
     FACTOR_RANGE,

@@ -14,9 +14,9 @@ from ospc.estimation.latent import Latent, LatentModel
 from ospc.estimation.model import LinearSystem, Model
 from ospc.estimation.normal_equations import NormalEquations
 from ospc.estimation.robust_weights import redescending_weights
-from ospc.library_threads import one_blas_thread
 from ospc.observations import ExposedObservations
 from ospc.photometry.noise import NoiseModel
+from ospc.system.library_threads import one_blas_thread
 
 
 @dataclass(frozen=True)

@@ -16,8 +16,8 @@ from functools import cached_property
 import numpy as np
 
 from ospc.arrays import BoolArray, FloatArray, IntArray
+from ospc.numerics.robust import ERROR_OF_SCALE, robust_scale, tail_scale
 from ospc.observations import ExposedObservations
-from ospc.robust import ERROR_OF_SCALE, robust_scale, tail_scale
 from ospc.settings.residuals import (
     EXCEPTIONAL_ITERATIONS,
     EXCEPTIONAL_SIGMAS,

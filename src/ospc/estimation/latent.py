@@ -19,9 +19,9 @@ from ospc.estimation.error_model import ErrorModel
 from ospc.estimation.frame_gains import FrameGains, PairEnds, PairMeans
 from ospc.estimation.mean_of_pixels import PixelMeans
 from ospc.estimation.response_basis import ResponseBasis
+from ospc.numerics.robust import VARIANCE_OF_MEDIAN, medians
 from ospc.observations import ExposedObservations
 from ospc.photometry.noise import NoiseModel
-from ospc.robust import VARIANCE_OF_MEDIAN, medians
 from ospc.settings.error_model import (
     DARKEST_GREY,
     LATENT_ITERATIONS,

@@ -23,7 +23,6 @@ from ospc.estimation.prior import START, Prior, PriorHyperparameters
 from ospc.estimation.response_basis import ResponseBasis
 from ospc.estimation.robust_weights import redescending_weights
 from ospc.estimation.vignette_basis import VignetteBasis, measured_radius
-from ospc.library_threads import one_blas_thread
 from ospc.observations import ExposedObservations
 from ospc.photometry.noise import NoiseModel
 from ospc.settings.error_model import CONVEX_ROUNDS
@@ -32,6 +31,7 @@ from ospc.settings.fit import (
     SETTLED_SIGMAS,
     TEXTURE_SHARE_INFORMATION,
 )
+from ospc.system.library_threads import one_blas_thread
 
 
 @dataclass(frozen=True)

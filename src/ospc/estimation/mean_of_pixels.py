@@ -21,7 +21,7 @@ import numpy as np
 
 from ospc.arrays import BoolArray, FloatArray, IntArray
 from ospc.estimation.response_basis import ResponseBasis
-from ospc.least_squares import non_negative_least_squares
+from ospc.numerics.least_squares import non_negative_least_squares
 from ospc.observations import ExposedObservations
 from ospc.photometry.noise import NoiseModel
 from ospc.settings.error_model import (

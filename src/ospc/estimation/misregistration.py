@@ -12,8 +12,8 @@ import numpy as np
 from ospc.arrays import BoolArray, FloatArray, members_of
 from ospc.estimation.fitted import Fitted
 from ospc.estimation.robust_weights import redescending_weights
+from ospc.numerics.robust import median, robust_scale
 from ospc.observations import ExposedObservations
-from ospc.robust import median, robust_scale
 from ospc.settings.error_model import DARKEST_GREY
 from ospc.settings.residuals import (
     AGREEING_SHARE,

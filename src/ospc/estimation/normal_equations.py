@@ -8,7 +8,7 @@ import numpy as np
 
 from ospc.arrays import FloatArray, IntArray
 from ospc.estimation.prior import Prior, PriorHyperparameters
-from ospc.least_squares import non_negative_least_squares
+from ospc.numerics.least_squares import non_negative_least_squares
 from ospc.settings.fit import DISAGREEMENT_SHARE, MIN_DETERMINED_PARAMETERS, MIN_SCORE_SPREAD
 
 

@@ -12,10 +12,10 @@ import math
 import numpy as np
 
 from ospc.arrays import FloatArray, IntArray, members_of
+from ospc.numerics.robust import median, medians, robust_scale
 from ospc.observations import ExposedObservations
 from ospc.photometry.geometry import cells_of
 from ospc.photometry.verdict import EffectEstimate
-from ospc.robust import median, medians, robust_scale
 from ospc.settings.error_model import DARKEST_GREY
 from ospc.settings.fit import WEIGHT_CUT_SIGMAS
 from ospc.settings.residuals import (

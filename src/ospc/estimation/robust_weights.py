@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ospc.arrays import BoolArray, FloatArray
-from ospc.robust import robust_scale
+from ospc.numerics.robust import robust_scale
 from ospc.settings.fit import (
     MIN_SANDWICH_FACTOR,
     WEIGHT_CUT_SIGMAS,

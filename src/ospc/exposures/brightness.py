@@ -11,9 +11,9 @@ import numpy.typing as npt
 from ospc.arrays import BoolArray, Float32Array, FloatArray, ImageSize, IntArray, read_only
 from ospc.correspondence.thumbnail import Thumbnail
 from ospc.correspondence.thumbnail_registration import ThumbnailRegistration, exposed_in_both, pixel_places, values_at
+from ospc.numerics.robust import median, robust_scale
 from ospc.observations import Observations
 from ospc.photometry.geometry import normalised, pixel_grid
-from ospc.robust import median, robust_scale
 from ospc.settings.brightness import (
     BIN_OUTLIER_SIGMAS,
     GREY_BIN_EDGES,

@@ -12,8 +12,8 @@ from ospc.exposures.flicker import Flicker, find_flicker, without_waves
 from ospc.exposures.lag_likelihood import LagFit
 from ospc.exposures.lag_selection import LagEstimate
 from ospc.exposures.table import exposure_cycle
+from ospc.numerics.robust import robust_scale
 from ospc.photometry.coverage import ExposureRatios
-from ospc.robust import robust_scale
 from ospc.settings.brightness import (
     CONTRADICTING_PAIR_LOG,
     DRIFT_FRAMES,

@@ -10,7 +10,7 @@ import numpy as np
 
 from ospc.arrays import BoolArray, FloatArray, IntArray
 from ospc.exposures.brightness import BrightnessChange
-from ospc.robust import weighted_median
+from ospc.numerics.robust import weighted_median
 from ospc.settings.brightness import (
     AR_ORDER,
     GREY_BIN_EDGES,

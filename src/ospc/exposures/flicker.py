@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from ospc.arrays import BoolArray, FloatArray, IntArray
-from ospc.robust import robust_scale
+from ospc.numerics.robust import robust_scale
 from ospc.settings.exposures import (
     FLICKER_CHANCE,
     FLICKER_CLIP_SIGMAS,

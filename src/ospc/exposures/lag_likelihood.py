@@ -17,7 +17,7 @@ import numpy as np
 
 from ospc.arrays import FloatArray, IntArray
 from ospc.exposures.brightness_series import BrightnessSeries
-from ospc.robust import robust_scales
+from ospc.numerics.robust import robust_scales
 from ospc.settings.brightness import AR_ORDER
 from ospc.settings.lag import (
     AR_RIDGE,

@@ -7,8 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from ospc.arrays import FloatArray, IntArray
-from ospc.by_value import ByValue
+from ospc.arrays import ByValue, FloatArray, IntArray
 from ospc.exposures.brightness_series import BrightnessSeries
 from ospc.exposures.flicker import Flicker, fast_part, waves, without_waves
 from ospc.exposures.lag_likelihood import LagFit, fit_exposures

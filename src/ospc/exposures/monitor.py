@@ -15,7 +15,6 @@ from ospc.exposures.lag_change import LagChange, detect_lag_change
 from ospc.exposures.lag_choice import LagChoice, checked_lag_choice, leaves_frames
 from ospc.exposures.table import ExposureTable
 from ospc.exposures.verdicts import assess_exposures
-from ospc.library_threads import one_blas_thread
 from ospc.settings.exposures import (
     ASSESSMENT_GROWTH,
     EXPOSURE_CHANGE_FRAMES,
@@ -25,6 +24,7 @@ from ospc.settings.exposures import (
     MIN_EXPOSURE_CHANGE_LOG,
     SUSPECTED_LAG_CHECK_INTERVAL_CHANGES,
 )
+from ospc.system.library_threads import one_blas_thread
 
 
 @dataclass

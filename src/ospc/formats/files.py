@@ -11,8 +11,8 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from ospc.atomic import write_atomically
 from ospc.errors import FormatError, OspcError, escaped, os_error_as
+from ospc.system.atomic import write_atomically
 
 LARGEST_TEXT = 64 * 2**20
 """Maximum size of a text file in bytes. A table of 65536 values has half a megabyte, a list of 10⁶ frames 50."""

@@ -16,9 +16,9 @@ from typing import Any
 
 from ospc.arrays import Image
 from ospc.calibrator import OnlineCalibrator
+from ospc.engine.frame_checks import check_is_frame
 from ospc.errors import FrameError, OspcError, SettingError, message_of
 from ospc.exposures.lag_choice import LagChoice
-from ospc.frame_checks import check_is_frame
 from ospc.live.status import LiveFindings, LiveStatus
 from ospc.methods.preview import Preview
 from ospc.photometry.calibration import Calibration
@@ -26,7 +26,7 @@ from ospc.pooling.prior_calibration import PriorCalibration
 from ospc.recording import Frame
 from ospc.settings import Settings
 from ospc.settings.live import GOAL
-from ospc.throttle import Throttle
+from ospc.system.throttle import Throttle
 
 QUEUE_BYTES = 64 * 2**20
 """Size of the queue of images in bytes, enough for the duration of a fit; frames are dropped when it is full."""

@@ -7,7 +7,7 @@ from collections import deque
 from dataclasses import dataclass, replace
 
 from ospc.calibrator import OnlineCalibrator
-from ospc.engine_state import Epoch
+from ospc.engine.state import Epoch
 from ospc.errors import counted
 from ospc.live.advice import Adviser, Instruction
 from ospc.methods.change_detection import Change

@@ -10,7 +10,7 @@ from ospc.arrays import FloatArray, IntArray
 from ospc.estimation.fit import Fit
 from ospc.exposures.table import ExposureTable
 from ospc.methods.prediction_errors import PARTS, ExplainedChange, PairErrors
-from ospc.robust import weighted_median
+from ospc.numerics.robust import weighted_median
 from ospc.settings.methods import (
     ALIKE_RATIO,
     CLEARLY_WORSE_FACTOR,

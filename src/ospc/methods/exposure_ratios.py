@@ -8,11 +8,11 @@ import numpy as np
 
 from ospc.arrays import FloatArray, IntArray
 from ospc.estimation.fit import Fit
+from ospc.numerics.robust import SIGMA_OF_MEDIAN, medians
 from ospc.observations import ExposedObservations
 from ospc.photometry.coverage import ExposureRatios
 from ospc.photometry.geometry import cells_of
 from ospc.photometry.noise import BRIGHTEST_EXPOSED, DARKEST_EXPOSED
-from ospc.robust import SIGMA_OF_MEDIAN, medians
 from ospc.settings.residuals import MISREGISTERED_SIGMAS, MISREGISTERED_SPREAD, RATIO_CELLS
 
 

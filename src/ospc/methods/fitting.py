@@ -32,7 +32,7 @@ from ospc.settings.methods import (
     CONTRADICTING_UNEXPLAINED_SHARE,
 )
 from ospc.settings.vignette import MIN_USABLE_RADIUS
-from ospc.versions import versions
+from ospc.system.versions import versions
 
 
 def fit(

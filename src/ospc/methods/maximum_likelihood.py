@@ -19,6 +19,7 @@ from ospc.methods.change_detection import Change, ChangeDetector
 from ospc.methods.epoch_data import EpochData
 from ospc.methods.exposure_ratios import exposure_ratios
 from ospc.methods.fit_inputs import FitInputs
+from ospc.methods.maximum_likelihood_rules import check_state
 from ospc.methods.maximum_likelihood_state import MaximumLikelihoodState
 from ospc.methods.method import Method, Progress, check_can_be_matched
 from ospc.methods.preview import Preview
@@ -28,7 +29,6 @@ from ospc.observations import Observations
 from ospc.photometry.calibration import Calibration
 from ospc.photometry.grey_range import FULL_RANGE, GreyRange
 from ospc.recording.frame import Frame
-from ospc.second_thread import SecondThread
 from ospc.settings import DefaultSettings
 from ospc.settings.methods import (
     DROPPED_PAIRS,
@@ -38,7 +38,7 @@ from ospc.settings.methods import (
     QUICK_FIT_POINTS,
     REFERENCE_FIT_PAIRS,
 )
-from ospc.state_rules.maximum_likelihood import check_state
+from ospc.system.second_thread import SecondThread
 
 
 class MaximumLikelihoodMethod(Method):

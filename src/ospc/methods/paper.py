@@ -22,9 +22,10 @@ from ospc.correspondence.features import EXTRACTORS, Features, extract, match
 from ospc.correspondence.preprocessing import PreprocessedFrame
 from ospc.errors import counted
 from ospc.exposures.table import range_in_words
-from ospc.least_squares import non_negative_least_squares
 from ospc.methods.change_detection import Change
 from ospc.methods.method import Method, Progress, check_can_be_matched
+from ospc.numerics.least_squares import non_negative_least_squares
+from ospc.numerics.robust import huber_weights, robust_scale
 from ospc.observations import ExposureLookup
 from ospc.photometry.calibration import PROFILE_RADII, Calibration
 from ospc.photometry.coverage import ExposureRatios
@@ -34,7 +35,6 @@ from ospc.photometry.response import Response
 from ospc.photometry.verdict import Verdict
 from ospc.photometry.vignette import PolynomialVignette, Vignette
 from ospc.recording.frame import Frame
-from ospc.robust import huber_weights, robust_scale
 from ospc.settings import PaperSettings
 from ospc.settings.methods import (
     CONSTRAINT_WEIGHT,

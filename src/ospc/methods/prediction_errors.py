@@ -8,8 +8,8 @@ import numpy as np
 
 from ospc.arrays import FloatArray
 from ospc.estimation.fit import Fit
+from ospc.numerics.robust import median
 from ospc.observations import ExposedObservations
-from ospc.robust import median
 from ospc.settings.error_model import DARKEST_GREY
 from ospc.settings.methods import (
     CHANGE_GREY_KNOTS,

@@ -13,9 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from ospc.arrays import BoolArray, FloatArray, Image, ImageSize, read_only
-from ospc.atomic import write_atomically
-from ospc.by_value import ByValue
+from ospc.arrays import BoolArray, ByValue, FloatArray, Image, ImageSize, read_only
 from ospc.errors import FormatError, SettingError, counted, os_error_as, path_of
 from ospc.photometry.coverage import Coverage, ExposureRatios
 from ospc.photometry.grey_range import checked_max_grey
@@ -24,6 +22,7 @@ from ospc.photometry.notebook import curve_as_svg
 from ospc.photometry.response import Response
 from ospc.photometry.verdict import EffectEstimate, Verdict
 from ospc.photometry.vignette import RasterVignette, Vignette, diagonal_profile
+from ospc.system.atomic import write_atomically
 
 if TYPE_CHECKING:
     from ospc.photometry.correction import Corrector

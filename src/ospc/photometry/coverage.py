@@ -8,11 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from ospc.arrays import FloatArray, IntArray
-from ospc.by_value import ByValue
+from ospc.arrays import ByValue, FloatArray, IntArray
 from ospc.errors import FormatError
+from ospc.numerics.robust import weighted_median
 from ospc.photometry.grey_range import FULL_RANGE, GreyRange
-from ospc.robust import weighted_median
 
 _MIN_COMPARED_LOG_K = 0.05
 """Minimum change of ln exposure of a pair with which its misfit is compared; below it, noise is as large."""

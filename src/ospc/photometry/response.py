@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ospc.arrays import BoolArray, FloatArray, number_of, numbers_of, read_only
-from ospc.by_value import ByValue
+from ospc.arrays import BoolArray, ByValue, FloatArray, number_of, numbers_of, read_only
 from ospc.errors import FormatError, SettingError
 
 _END_TOLERANCE = 1e-9

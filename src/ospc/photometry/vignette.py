@@ -12,13 +12,12 @@ from typing import Any, ClassVar, Protocol, Self
 import numpy as np
 import numpy.typing as npt
 
-from ospc.arrays import Float32Array, FloatArray, ImageSize, read_only
-from ospc.atomic import write_atomically
-from ospc.by_value import ByValue
+from ospc.arrays import ByValue, Float32Array, FloatArray, ImageSize, read_only
 from ospc.errors import UNREADABLE, FormatError
 from ospc.photometry.geometry import along_diagonals, image_of, normalised, pixel_grid, pixels_of
 from ospc.photometry.non_radial import DEGREES, non_radial_terms
 from ospc.photometry.radial_spline import radial_spline
+from ospc.system.atomic import write_atomically
 
 LARGEST_ATTENUATION = 1e3
 """Models that exceed this anywhere in the image are rejected: V is normalised to 1."""

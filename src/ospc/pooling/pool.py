@@ -29,7 +29,7 @@ from ospc.state.container import STATE_NAME, Container
 from ospc.state.run import KIND as RUN_KIND
 from ospc.state.run import load_summary
 from ospc.state.values import pack, unpack
-from ospc.versions import versions
+from ospc.system.versions import versions
 
 KIND, VERSION = "pool", 9
 """Kind and version that pool files declare."""

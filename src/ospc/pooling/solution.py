@@ -16,10 +16,10 @@ from ospc.estimation.normal_equations import NormalEquations
 from ospc.estimation.prior import START
 from ospc.estimation.vignette_basis import VignetteBasis
 from ospc.estimation.vignette_choice import supported, with_possible_centre, with_uncertain_centre
-from ospc.library_threads import one_blas_thread
 from ospc.pooling.summary import PARAMETERS, RESPONSE, VIGNETTE, Summary
 from ospc.settings.pooling import MAX_SOLUTION_ROUNDS, SOLUTION_TOLERANCE
 from ospc.settings.vignette import VIGNETTE_REACH
+from ospc.system.library_threads import one_blas_thread
 
 _SIMPLER = (VignetteBasis(VIGNETTE.radial, free_centre=True), VignetteBasis(VIGNETTE.radial))
 

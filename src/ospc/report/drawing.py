@@ -16,8 +16,8 @@ from contextlib import suppress
 from functools import cache, partial
 from typing import Any, ParamSpec, TypeVar
 
-from ospc.processes import Worker
-from ospc.second_thread import SecondThread
+from ospc.system.processes import Worker
+from ospc.system.second_thread import SecondThread
 
 _Arguments = ParamSpec("_Arguments")
 _Result = TypeVar("_Result")

@@ -11,10 +11,10 @@ import numpy as np
 
 from ospc.arrays import FloatArray, IntArray
 from ospc.errors import counted
+from ospc.numerics.robust import weighted_median
 from ospc.photometry.coverage import Coverage, ExposureRatios
 from ospc.report.curves import axes_in, logarithmic, map_axes_in, set_ticks
 from ospc.report.style import BLACK, GREEN, GREY
-from ospc.robust import weighted_median
 
 FEW_SAMPLES = 50
 """A pair of frames with fewer samples may be wrongly matched, and is drawn as an open grey circle."""

@@ -12,11 +12,11 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 import ospc
-from ospc.atomic import write_atomically
 from ospc.errors import OspcError
-from ospc.folders import writing
-from ospc.processes import in_processes
-from ospc.versions import versions
+from ospc.system.atomic import write_atomically
+from ospc.system.folders import writing
+from ospc.system.processes import in_processes
+from ospc.system.versions import versions
 
 _SCHEMA = "ospc-research-result/1"
 _KEY_DIGITS = 24

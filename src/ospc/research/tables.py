@@ -8,12 +8,12 @@ from pathlib import Path
 from typing import Any
 
 from ospc.errors import escaped
-from ospc.folders import writing
 from ospc.formats.files import csv_text, json_text, write_text
 from ospc.report.style import rules, save
 from ospc.research.measurement import METRICS, Measurement
 from ospc.research.runner import source_hash
-from ospc.versions import versions
+from ospc.system.folders import writing
+from ospc.system.versions import versions
 
 
 @dataclass(frozen=True)

@@ -150,7 +150,7 @@ MIN_SLOPE = 0.15
 MIN_SLOPE_ERROR_LOG = 0.008
 """Median error of neighbours, in ln, below which the slope is not judged: clouds change light by less per frame."""
 
-# Epochs between changes (ospc.engine_state)
+# Epochs between changes (ospc.engine.state)
 
 MAX_EPOCH_CALIBRATIONS = 8
 """Number of ended epochs whose calibrations are kept. Each takes about 65 kB of memory and of every saved state: with

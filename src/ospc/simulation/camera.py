@@ -13,7 +13,6 @@ import numpy as np
 
 from ospc.arrays import Float32Array, Image
 from ospc.errors import SettingError, path_of
-from ospc.folders import Content, check_usable, writing
 from ospc.formats.dso import write_pcalib, write_vignette
 from ospc.formats.image_files import encoded
 from ospc.photometry.response import Response
@@ -24,6 +23,7 @@ from ospc.simulation.rendering import radiance
 from ospc.simulation.scene import Scene
 from ospc.simulation.settings import SimulationSettings
 from ospc.simulation.truth import Truth, truth, view_at
+from ospc.system.folders import Content, check_usable, writing
 
 _IMAGE = re.compile(r"\d{5,}\.(png|jpg)")
 _FILES = (

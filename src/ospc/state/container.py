@@ -21,8 +21,8 @@ from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
 import numpy as np
 import numpy.typing as npt
 
-from ospc.atomic import write_atomically
 from ospc.errors import UNREADABLE, FormatError, os_error_as, path_of
+from ospc.system.atomic import write_atomically
 
 Array = npt.NDArray[Any]
 

@@ -17,9 +17,9 @@ import numpy as np
 
 from ospc.arrays import FloatArray, ImageSize, IntArray
 from ospc.errors import NotObservableError, counted
+from ospc.numerics.robust import huber_weights
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import PolynomialVignette, RasterVignette, Vignette
-from ospc.robust import huber_weights
 from ospc.settings.unknown_exposures import (
     DAMPING_DOWN,
     DAMPING_UP,

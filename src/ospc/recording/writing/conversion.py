@@ -12,7 +12,6 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from ospc.errors import FormatError, RecordingError, counted
-from ospc.folders import Content, check_usable, writing
 from ospc.formats.dso import write_times
 from ospc.formats.files import read_text, write_text
 from ospc.formats.rules_camera import input_size
@@ -21,6 +20,7 @@ from ospc.recording.euroc import FIRST_CAMERA
 from ospc.recording.recording import Recording
 from ospc.recording.stream import usable_frames
 from ospc.recording.writing.images import ImageFormat, NumberedImages, encode, encoding_notes, original_file
+from ospc.system.folders import Content, check_usable, writing
 
 _MOST_BYTES = 65536
 """Maximum size of a camera.txt; typical ones have a few hundred bytes."""

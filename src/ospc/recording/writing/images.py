@@ -11,9 +11,7 @@ from typing import Literal
 
 import numpy as np
 
-from ospc.atomic import write_atomically
 from ospc.errors import RecordingError
-from ospc.folders import NOT_EMPTY, check_usable, writing
 from ospc.formats.dso import write_times
 from ospc.formats.image_files import encoded
 from ospc.formats.image_header import JPEG_START, PNG_SIGNATURE, read_header
@@ -21,6 +19,8 @@ from ospc.recording.derived import innermost
 from ospc.recording.frame import Frame
 from ospc.recording.image_sequence import ImageSequence
 from ospc.recording.recording import Recording
+from ospc.system.atomic import write_atomically
+from ospc.system.folders import NOT_EMPTY, check_usable, writing
 
 ImageFormat = Literal["png", "jpg"]
 

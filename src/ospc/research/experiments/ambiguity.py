@@ -10,13 +10,13 @@ import numpy as np
 from ospc.arrays import FloatArray
 from ospc.errors import FormatError, NotObservableError
 from ospc.formats.files import csv_text
+from ospc.numerics.robust import robust_scale
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import Vignette, radial_profile
 from ospc.report.style import BLUE, GREY, ORANGE, new_figure, printable
 from ospc.research.runner import OnProgress, Task, made_with
 from ospc.research.source import Source
 from ospc.research.tables import StudyReport, rounded
-from ospc.robust import robust_scale
 from ospc.unknown_exposures.joint_estimation import JointEstimate, estimate_jointly
 from ospc.unknown_exposures.response_model import learned_model
 from ospc.unknown_exposures.tracking import GainRobustTracker, TrackObservations

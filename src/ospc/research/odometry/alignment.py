@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from ospc.arrays import Float32Array, FloatArray
-from ospc.robust import huber_weights, robust_scale
+from ospc.numerics.robust import huber_weights, robust_scale
 
 LEVELS = 4
 """Levels of the image pyramid, each half as large as the one below."""

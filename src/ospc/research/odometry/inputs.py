@@ -25,7 +25,6 @@ import numpy as np
 
 from ospc.arrays import FloatArray
 from ospc.errors import FormatError, NotObservableError, RecordingError, SettingError, counted
-from ospc.folders import writing
 from ospc.formats.dso import write_pcalib, write_times, write_vignette
 from ospc.formats.opening import Photometry, open_photometry
 from ospc.photometry.calibration import Calibration
@@ -36,6 +35,7 @@ from ospc.research.method import Method, OwnMethod, run_methods
 from ospc.research.rivals.bergmann import Bergmann
 from ospc.research.runner import key_of, made_with
 from ospc.research.source import PCALIB, VIGNETTE, fingerprints, true_curves
+from ospc.system.folders import writing
 
 Mode = Literal[0, 1, 2]
 """DSO's mode: 0 with calibration files, 1 with a free affine brightness transfer instead, 2 with neither."""

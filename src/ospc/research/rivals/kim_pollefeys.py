@@ -21,11 +21,11 @@ from scipy.optimize import isotonic_regression
 from ospc.arrays import FloatArray, IntArray, members_of
 from ospc.errors import NotObservableError
 from ospc.methods.paper import Correspondences
+from ospc.numerics.robust import huber_weights, robust_scale
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import PolynomialVignette
 from ospc.recording.frame import Frame
 from ospc.research.method import Estimate, Outcome, outcomes_of
-from ospc.robust import huber_weights, robust_scale
 from ospc.unknown_exposures.response_model import family_of_inverses
 from ospc.unknown_exposures.tracking import equalised, log_brightness, sampled
 

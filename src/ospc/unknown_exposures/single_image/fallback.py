@@ -32,9 +32,9 @@ from ospc.settings.single_image import (
     SHAPE_SIGMA,
     TYPICAL_VIGNETTE,
 )
+from ospc.system.versions import versions
 from ospc.unknown_exposures.response_model import family_of_inverses
 from ospc.unknown_exposures.single_image.zheng_2008 import radial_gradient_vignette
-from ospc.versions import versions
 
 _REMEDY = "record a video with changing, known exposures; check it with 'ospc check'"
 

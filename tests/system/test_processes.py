@@ -8,7 +8,7 @@ import sys
 
 import pytest
 
-from ospc.processes import Worker
+from ospc.system.processes import Worker
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no signals")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from ospc.common_power import common_power
+from ospc.engine.common_power import common_power
 from ospc.exposures.estimated import labelled
 from ospc.exposures.evidence import ExposureEvidence
 from ospc.exposures.findings import ExposureFindings

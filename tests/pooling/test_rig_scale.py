@@ -11,8 +11,8 @@ import pytest
 from ospc.cli.rig_scale import RIG_NAME, add_rig_scale
 from ospc.errors import NotObservableError
 from ospc.photometry.calibration import Calibration
+from ospc.pooling.rig import PairScale, _solved, rig_scale
 from ospc.recording import open_recording
-from ospc.rig import PairScale, _solved, rig_scale
 from ospc.simulation import SimulationSettings, simulate
 
 EXPOSURES = (3.0, 6.0, 12.0)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ospc.by_value import ByValue
+from ospc.arrays import ByValue
 from ospc.correspondence.pixel_statistics import PixelReport
 from ospc.exposures.lag_selection import LagEstimate
 from ospc.observations import ExposedObservations, Observations

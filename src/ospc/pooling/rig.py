@@ -23,10 +23,10 @@ from ospc.correspondence.features import Features, SiftExtractor, match
 from ospc.errors import NotObservableError
 from ospc.exposures.used import with_used_exposures
 from ospc.formats.files import json_text, write_text
+from ospc.numerics.robust import robust_scale
 from ospc.photometry.calibration import Calibration
 from ospc.recording import Frame, Recording
 from ospc.recording.stream import usable_frames
-from ospc.robust import robust_scale
 from ospc.settings.rig import (
     BRIGHTEST_RIG_GREY,
     DARKEST_RIG_GREY,

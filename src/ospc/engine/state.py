@@ -11,8 +11,8 @@ import numpy as np
 from ospc.arrays import FloatArray, ImageSize
 from ospc.correspondence.frame_sampling import FrameSampler
 from ospc.correspondence.pixel_statistics import PixelStatistics
+from ospc.engine.frame_checks import SkippedFrames
 from ospc.exposures.monitor import ExposureMonitor
-from ospc.frame_checks import SkippedFrames
 from ospc.methods.change_detection import Change
 from ospc.photometry.calibration import Calibration
 from ospc.pooling.prior_calibration import PriorCalibration

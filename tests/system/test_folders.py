@@ -11,12 +11,12 @@ import pytest
 
 from command_line import ospc
 from ospc.errors import SettingError
-from ospc.folders import Content, check_usable, reserved
-from ospc.output import OWN_NAMES, OutputFolder
+from ospc.report.output_folder import OWN_NAMES, OutputFolder
+from ospc.system.folders import Content, check_usable, reserved
 
 HOLDER = """
 import sys
-from ospc.folders import reserved
+from ospc.system.folders import reserved
 with reserved(sys.argv[1]):
     print("held", flush=True)
     sys.stdin.read()

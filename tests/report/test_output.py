@@ -8,12 +8,12 @@ import pytest
 from calibrations import SIZE, calibration
 from ospc.errors import FormatError, SettingError
 from ospc.formats.dso import CAVEAT, read_pcalib, read_vignette
-from ospc.output import OWN_NAMES, REPORT, OutputFolder
 from ospc.photometry.calibration import Calibration
 from ospc.photometry.vignette import RasterVignette
 from ospc.recording import ArrayRecording
 from ospc.recording.exposure_lists import read_times
 from ospc.report.charts import ReportFindings
+from ospc.report.output_folder import OWN_NAMES, REPORT, OutputFolder
 
 
 @pytest.fixture

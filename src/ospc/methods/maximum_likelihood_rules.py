@@ -22,7 +22,7 @@ from ospc.settings import DefaultSettings
 from ospc.settings.effects import STEP_EXPOSURES
 from ospc.settings.error_model import FACTOR_GREYS
 from ospc.settings.sampling import MIN_NOISE_BLOCKS, NOISE_BINS, NOISE_FRAMES
-from ospc.state_rules.numbers import CHANGES, Numbers, check_settings, require
+from ospc.state.numbers import CHANGES, Numbers, check_settings, require
 
 
 def check_state(

@@ -7,8 +7,8 @@ import os
 
 import pytest
 
-from ospc.atomic import write_atomically
 from ospc.errors import FormatError, os_error_as
+from ospc.system.atomic import write_atomically
 
 
 def test_content_is_what_was_given(tmp_path):

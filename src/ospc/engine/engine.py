@@ -10,8 +10,10 @@ from typing import Any, NoReturn
 from ospc.arrays import ImageSize, size_of
 from ospc.correspondence.pixel_statistics import PixelStatistics
 from ospc.correspondence.thumbnail import Thumbnail
-from ospc.engine_state import Epoch, keeping_latest_calibrations, response_before_change
-from ospc.engine_verdicts import checked_by_fit, compared_with_epoch_before, judged
+from ospc.engine.frame_checks import SkippedFrames, check_is_frame, checked_frame, why_greys_are_useless
+from ospc.engine.prefetching import Prefetcher
+from ospc.engine.state import Epoch, keeping_latest_calibrations, response_before_change
+from ospc.engine.verdicts import checked_by_fit, compared_with_epoch_before, judged
 from ospc.errors import ExposureError, FrameError, OspcError, RecordingError, SettingError
 from ospc.exposures.brightness import ComparedFrames
 from ospc.exposures.brightness_history import BrightnessHistory
@@ -20,7 +22,6 @@ from ospc.exposures.lag_choice import LagChoice, lag_in_words
 from ospc.exposures.monitor import ExposureMonitor
 from ospc.exposures.table import ExposureTable
 from ospc.exposures.used import with_earlier_exposures
-from ospc.frame_checks import SkippedFrames, check_is_frame, checked_frame, why_greys_are_useless
 from ospc.methods.change_detection import Change
 from ospc.methods.fit_inputs import FitInputs
 from ospc.methods.method import Method, Progress
@@ -29,11 +30,10 @@ from ospc.photometry.calibration import Calibration
 from ospc.photometry.grey_range import GreyRange
 from ospc.pooling.prior_calibration import PriorCalibration
 from ospc.pooling.summary import Summary, summary_of
-from ospc.prefetching import Prefetcher
 from ospc.recording.frame import UNNAMED, Frame, check_exposure
-from ospc.second_thread import SecondThread
 from ospc.settings import Settings, as_dict, preset
-from ospc.versions import versions
+from ospc.system.second_thread import SecondThread
+from ospc.system.versions import versions
 
 HASHED_FRAMES = 4
 """Number of frames in the hash that identifies a stream."""

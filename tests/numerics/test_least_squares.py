@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import nnls
 
 from ospc.arrays import FloatArray
-from ospc.least_squares import non_negative_least_squares
+from ospc.numerics.least_squares import non_negative_least_squares
 
 
 def problem(seed: int, rows: int, unknowns: int) -> tuple[FloatArray, FloatArray]:

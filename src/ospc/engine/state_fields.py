@@ -15,7 +15,8 @@ from ospc.correspondence.keyframe_selection import Kept, KeyframeSelector
 from ospc.correspondence.reservoir import Reservoir
 from ospc.correspondence.scene_area import SceneArea
 from ospc.correspondence.static_series import StaticSeries
-from ospc.engine_state import EngineState, Epoch
+from ospc.engine.frame_checks import SkippedFrames
+from ospc.engine.state import EngineState, Epoch
 from ospc.estimation.effect_models import AbsorbedLight
 from ospc.estimation.effects import Effects
 from ospc.estimation.error_model import ErrorModel
@@ -27,7 +28,6 @@ from ospc.exposures.brightness import BrightnessChange
 from ospc.exposures.brightness_history import BrightnessHistory
 from ospc.exposures.monitor import ExposureMonitor
 from ospc.exposures.table import ExposureTable
-from ospc.frame_checks import SkippedFrames
 from ospc.methods.change_detection import Baseline, ChangeDetector
 from ospc.methods.epoch_data import EpochData
 from ospc.methods.prediction_errors import PairErrors
@@ -42,8 +42,7 @@ from ospc.settings.grey_values import COVERAGE_GREY_CELLS, COVERAGE_RADIUS_CELLS
 from ospc.settings.methods import MAX_BASELINE_PAIRS, MAX_FRAME_RATE, MIN_FRAME_RATE
 from ospc.settings.sampling import AGE_CLASSES, MAX_COMPARISONS, MAX_GAIN_POWER
 from ospc.settings.vignette import MAX_VIGNETTE_REACH, MIN_USABLE_RADIUS, VIGNETTE_REACH
-from ospc.state.values import has_json_form
-from ospc.state_rules.numbers import (
+from ospc.state.numbers import (
     BINS,
     CHANGES,
     COUNT,
@@ -58,6 +57,7 @@ from ospc.state_rules.numbers import (
     logs,
     share,
 )
+from ospc.state.values import has_json_form
 
 ELSEWHERE = "checked with the other values that it has to agree with, or only by its declared type"
 

@@ -12,7 +12,6 @@ from typing import Protocol
 from ospc.arrays import FloatArray
 from ospc.errors import ExposureError, FormatError, OspcError, one_line, os_error_as
 from ospc.exposures.used import used_exposures, with_used_exposures, without_gaps
-from ospc.folders import Content, check_usable
 from ospc.formats.dso import PARAMETER_FILES, parameter_files, write_times
 from ospc.formats.files import json_object, write_bytes
 from ospc.formats.opening import Photometry
@@ -25,6 +24,7 @@ from ospc.report.examples import NOTHING_TRIED, examples_of
 from ospc.report.page import write_page
 from ospc.report.pictures import PICTURE, Drawings, picture_as_png
 from ospc.state.container import STATE_NAME
+from ospc.system.folders import Content, check_usable
 
 _SCHEMA_BEGINNING = "ospc-calibration/"
 _MAP = "calibration.vignette.npz"

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from ospc.atomic import UNFINISHED
 from ospc.errors import SettingError, os_error_as
+from ospc.system.atomic import UNFINISHED
 
 try:
     import fcntl

@@ -9,15 +9,15 @@ import numpy as np
 from ospc.correspondence import pixel_statistics
 from ospc.correspondence.frame_sampling import FrameSampler
 from ospc.correspondence.thumbnail import thumbnail_size
-from ospc.engine_state import EngineState
+from ospc.engine.state import EngineState
+from ospc.engine.state_fields import check_fields
 from ospc.exposures.brightness_history import BrightnessHistory
 from ospc.photometry.geometry import MOST_PIXELS
 from ospc.settings import Settings
 from ospc.settings.brightness import MAX_BRIGHTNESS_CHANGES
 from ospc.settings.grey_values import MAX_GREY_RANGES
 from ospc.settings.methods import MAX_EPOCH_CALIBRATIONS
-from ospc.state_rules.fields import check_fields
-from ospc.state_rules.numbers import check_settings, count, require, share
+from ospc.state.numbers import check_settings, count, require, share
 
 
 def check_run(run: EngineState, settings: Settings) -> None:

@@ -9,7 +9,7 @@ import cv2
 import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
-from ospc.library_threads import one_blas_thread, one_library_thread
+from ospc.system.library_threads import one_blas_thread, one_library_thread
 
 
 def of_blas() -> set[int]:

@@ -1,0 +1,1 @@
+"""The engine: everything that happens to a frame, from its check to the verdicts."""

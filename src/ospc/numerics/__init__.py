@@ -1,0 +1,1 @@
+"""Numerical methods that numpy and scipy lack."""

@@ -1,1 +1,0 @@
-"""Checks of the values in a run's state, made when it is loaded and before anything uses it."""
