@@ -9,6 +9,7 @@ from synthetic_observations import Camera
 
 SEEN = Camera(Response.gamma(2.2, 256)).pairs(0, groups=60, points=300)
 SCATTER = 0.005
+SIGMA = np.full(len(SEEN), SCATTER)
 
 
 def residuals(of_corner: float, of_neighbours: float) -> np.ndarray:
@@ -21,14 +22,14 @@ def residuals(of_corner: float, of_neighbours: float) -> np.ndarray:
 
 
 def test_residuals_of_chance_show_nothing():
-    assert uneven_vignette(residuals(0.0, 0.0), SEEN) == ()
+    assert uneven_vignette(residuals(0.0, 0.0), SIGMA, SEEN) == ()
 
 
 @pytest.mark.parametrize("of_corner", [-0.04, -0.1, 0.1])
 def test_a_corner_that_the_fit_rejects_is_not_offset_by_its_surroundings(of_corner: float):
     """The vignette adapts to the corner as far as it can, so the residuals next to it have the opposite sign."""
     limited = 5 * SCATTER * np.sign(of_corner)  # outliers count as little more
-    (found,) = uneven_vignette(residuals(of_corner, -limited / 3), SEEN)
+    (found,) = uneven_vignette(residuals(of_corner, -limited / 3), SIGMA, SEEN)
     assert found.contradicts
     assert found.value == pytest.approx(2 * of_corner, rel=0.1)
 
@@ -38,6 +39,15 @@ def test_a_part_is_rejected_although_its_residuals_have_both_signs():
     right, below = SEEN.position.T
     part = (np.abs(right - 0.2) < 0.1) & (np.abs(below - 0.2) < 0.1)
     residual = residuals(0.0, 0.0) + part * random.choice([-0.08, 0.0, 0.08], len(right))
-    (found,) = uneven_vignette(residual, SEEN)
+    (found,) = uneven_vignette(residual, SIGMA, SEEN)
     assert found.contradicts
     assert abs(found.value) == pytest.approx(0.16, rel=0.1)
+
+
+def test_a_dark_part_is_not_rejected_because_of_its_noise():
+    right, below = SEEN.position.T
+    dark = (np.abs(right - 0.2) < 0.1) & (np.abs(below - 0.2) < 0.1)
+    noise = np.where(dark, 20 * SCATTER, 1.0 * SCATTER)
+    residual = np.random.default_rng(2).normal(0, noise)
+    assert uneven_vignette(residual, noise, SEEN) == ()
+    assert uneven_vignette(residual, SIGMA, SEEN) != ()

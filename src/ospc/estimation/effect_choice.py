@@ -129,8 +129,9 @@ def _of_moving_camera(
         # If the plain fit is steady, the effects are spurious.
         alone = not len(fit.effects) or _unsteadiness(plain.fit, plain.fit.residuals(observations), observations)
         return _with_estimates(plain, plain_trials, unsteady if alone else ())
-    uneven = uneven_vignette(residual, observations) or unsteady_radiance(fit.errors.radiance_sigma, fit.groups)
-    return _with_estimates(fitted, trials, (*_estimates(fit, observations), *uneven))
+    found = uneven_vignette(residual, fitted.weighted[0].sigma, observations)
+    found = found or unsteady_radiance(fit.errors.radiance_sigma, fit.groups)
+    return _with_estimates(fitted, trials, (*_estimates(fit, observations), *found))
 
 
 def _is_contradicted(fit: Fit) -> bool:

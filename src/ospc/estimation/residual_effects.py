@@ -21,6 +21,7 @@ from ospc.settings.fit import WEIGHT_CUT_SIGMAS
 from ospc.settings.residuals import (
     MOST_RADIANCE_SIGMA,
     REJECTED_FEWEST,
+    REJECTED_NOISE_SIGMAS,
     REJECTED_SCALES,
     REJECTED_TYPICAL_SCALES,
     UNEVEN_CELLS,
@@ -42,17 +43,19 @@ UNSTEADY_LIGHT = "unsteady light"
 """Names of the findings."""
 
 
-def uneven_vignette(residual: FloatArray, observations: ExposedObservations) -> tuple[EffectEstimate, ...]:
+def uneven_vignette(
+    residual: FloatArray, sigma: FloatArray, observations: ExposedObservations
+) -> tuple[EffectEstimate, ...]:
     """Return the image region that a smooth vignette explains worst; empty if all regions are explained.
 
     Its value is ln of its brightness over that of the vignette: twice the residual, because a residual is relative to
     the mean of two observations. ``residual`` contains the :meth:`~ospc.estimation.fit.Fit.residuals` of a fit to the
-    observations, shape (n,).
+    observations, and ``sigma`` their standard deviations by the fit's error model, shape (n,) each.
     """
     known = np.isfinite(residual)
     if not known.any():
         return ()
-    residual, scale = residual[known], robust_scale(residual[known])
+    residual, sigma, scale = residual[known], sigma[known], robust_scale(residual[known])
     cell = cells_of(observations.position, UNEVEN_CELLS)[known]
     _, block = np.unique(observations.group[known] // UNEVEN_GROUPS_PER_BLOCK, return_inverse=True)
     shape = (*UNEVEN_CELLS, block.max() + 1)
@@ -61,27 +64,30 @@ def uneven_vignette(residual: FloatArray, observations: ExposedObservations) -> 
         np.bincount(number, weights, math.prod(shape)).reshape(shape)
         for weights in (None, np.clip(residual, -limit, limit))
     )
-    rejected = _rejected_cell(residual, cell, count.reshape(-1, shape[2]), scale)
+    rejected = _rejected_cell(residual, sigma, cell, count.reshape(-1, shape[2]))
     found = rejected or _uneven_region(_in_regions(count), _in_regions(total), observations.error_factor)
     return () if found is None else (found,)
 
 
-def _rejected_cell(residual: FloatArray, cell: IntArray, count: IntArray, scale: float) -> EffectEstimate | None:
+def _rejected_cell(residual: FloatArray, sigma: FloatArray, cell: IntArray, count: IntArray) -> EffectEstimate | None:
     """Return the image cell whose points disagree most with the fit, if it rejects most of them as outliers.
 
     ``count`` is the number of residuals in each cell and block, shape (cells, blocks).
     """
+    scale = robust_scale(residual)
     cells, member = np.unique(cell, return_inverse=True)
     points, blocks = count[cells].sum(axis=1), np.count_nonzero(count[cells], axis=1)
     judged = (points >= REJECTED_FEWEST) & (blocks >= UNEVEN_FEWEST_BLOCKS)
+    # Where a cell is dark, noise alone may make residuals larger than in the rest of the image.
+    judged &= medians(np.abs(residual) / sigma, member) > REJECTED_NOISE_SIGMAS
     middle, typical = (np.where(judged, medians(of, member), 0.0) for of in (residual, np.abs(residual)))
     excess = np.maximum(np.abs(middle) / REJECTED_SCALES, typical / REJECTED_TYPICAL_SCALES)
     worst = int(np.argmax(excess))
     if excess[worst] <= scale:
         return None
     size, sign = float(typical[worst]), math.copysign(1, middle[worst])
-    sigma = robust_scale(np.abs(residual[member == worst]) - size) / math.sqrt(points[worst])
-    return EffectEstimate(UNEVEN, 2 * sign * size, 2 * sigma, contradicts=True)
+    of_size = robust_scale(np.abs(residual[member == worst]) - size) / math.sqrt(points[worst])
+    return EffectEstimate(UNEVEN, 2 * sign * size, 2 * of_size, contradicts=True)
 
 
 def _in_regions(cells: FloatArray | IntArray) -> FloatArray:

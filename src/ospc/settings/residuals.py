@@ -30,6 +30,10 @@ REJECTED_TYPICAL_SCALES = 8.0
 """The same for the median absolute residual: points that move into a dark part and out of it have residuals of both
 signs. It was at most 7.2 in these recordings, 12 with a drop on the lens, and 9 and 24 with a hood along one side
 that takes a third or two thirds of the light."""
+REJECTED_NOISE_SIGMAS = 2.0
+"""Median absolute residual of such a cell, in standard deviations by the error model, that noise does not explain. It
+is 0.7 by chance. In clean recordings whose dark cells were rejected by the two limits above, because noise is larger
+there than elsewhere, it was at most 1.2; with hoods, fingers, straps and dirt that were, it was 3.2 to 69."""
 REJECTED_FEWEST = 15
 """Minimum number of observations in such a cell, whose median is then known to a third of that scatter. Few remain
 where something dark covers the scene, because its edges are not registered: 25 with a drop on the lens, 15 with dirt.
