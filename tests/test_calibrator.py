@@ -274,6 +274,21 @@ def test_frames_that_repeat_the_previous_image_with_another_exposure_are_skipped
     assert "frame 14: repeats the previous image with another exposure" in " ".join(calibrator.status.skipped)
 
 
+def test_a_frame_that_repeats_the_previous_image_does_not_use_up_a_turn(monkeypatch):
+    """A video of more frames per second than the camera shows each image several times, with its exposure."""
+    settings = NotingSettings()
+    every_second = FrameSampler(1, 99, 1, 1000, 0, processed=2, expects_repeats=True)
+    monkeypatch.setattr(NotingSettings, "sampler", lambda _: every_second)
+    calibrator = OnlineCalibrator(settings)
+    random = np.random.default_rng(3)
+    for number in range(6):
+        image = random.integers(60, 200, (48, 64)).astype(np.uint8)
+        for _ in range(3):
+            calibrator.push(Frame.of_array(image, 4.0 + number))
+    assert settings.made[0].frames == [0, 3, 6, 9, 12, 15]
+    assert not calibrator.status.skipped
+
+
 def test_good_frames_reach_the_method_in_their_order():
     settings = NotingSettings()
     calibrator = OnlineCalibrator(settings)

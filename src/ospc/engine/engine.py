@@ -179,8 +179,9 @@ class Engine:
         self._hash(frame)  # first: if the image cannot be read, the state must not change
         change: Change | None = None
         compared: ComparedFrames | None = None
+        repeats = False
         if self._sampler.processes_next:
-            change, compared = self._observe(method, frame)
+            change, compared, repeats = self._observe(method, frame)
         elif self._sampler.compares_next or self._exposures.needs_comparison(frame.index):
             compared = self._exposures.history.observe(*self.prefetcher.thumbnail(frame))
         if compared is not None:
@@ -188,7 +189,10 @@ class Engine:
             change = self._detect_lag_change(method, change) or change
         if change is not None:
             method = self._begin_epoch_if_confirmed(method, change)
-        self._sampler.advance(method.longest_pause)
+        if repeats:
+            self._sampler.skip()
+        else:
+            self._sampler.advance(method.longest_pause)
         self._exposures.assess_if_due()
 
     def _started(self, frame: Frame) -> Method:
@@ -206,13 +210,16 @@ class Engine:
             content = f"{digest} {frame.stamp_s!r} {frame.exposure_ms!r} ".encode() + frame.image.tobytes()
             self._first_frames = (sha256(content).hexdigest(), count + 1)
 
-    def _observe(self, method: Method, frame: Frame) -> tuple[Change | None, ComparedFrames | None]:
-        """Preprocess a frame and accumulate its samples; return a change of the camera, and the compared frames."""
+    def _observe(self, method: Method, frame: Frame) -> tuple[Change | None, ComparedFrames | None, bool]:
+        """Preprocess a frame and accumulate its samples.
+
+        Return a change of the camera, the compared frames, and whether the frame only repeats the previous image.
+        """
         prepared, precomputed = self.prefetcher.preprocessed(frame)
         first = self._exposures.history.first_with_image_of(prepared.thumbnail)
         if first != frame.index:  # it adds no information
             self._count_repeated(frame, prepared.thumbnail, first)
-            return None, None
+            return None, None, True
         # Meanwhile, the second thread counts grey values and compares the brightness with the previous frame.
         counting = self._second.submit(self.pixels.observe, frame, prepared.thumbnail)
         comparing = self._second.submit(self._exposures.history.observe, prepared.thumbnail, precomputed)
@@ -222,7 +229,7 @@ class Engine:
         finally:
             counting.result()
             compared = comparing.result()
-        return change, compared
+        return change, compared, False
 
     def _count_repeated(self, frame: Frame, thumbnail: Thumbnail, first: int) -> None:
         """Count a frame with the image of the ``first`` one; FrameError if it has another exposure."""
