@@ -79,9 +79,9 @@ _CONTRADICTIONS = {
     ),
     "square vignette": (
         "the corners of the image are darker or brighter than a round vignette predicts, as with shading correction "
-        "on a coarse grid or a rectangular hood",
+        "on a coarse grid, a rectangular hood or pixels that are not square",
         "deviation of ln vignette",
-        "switch off shading correction, and film without a lens hood or filters",
+        "switch off shading correction, film without a lens hood or filters, and record images with square pixels",
     ),
     "vignette moving sideways": (
         "the vignette moves sideways during the recording",
