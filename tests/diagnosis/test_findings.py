@@ -334,6 +334,20 @@ def test_a_jump_that_only_pairs_of_distant_frames_show_is_doubted(factor: float)
     assert not told.warnings
 
 
+@pytest.mark.parametrize("length", [1, 3])
+@pytest.mark.parametrize("offset", [0, 100])
+def test_a_flash_is_no_jump_although_pairs_of_frames_show_it(length: int, offset: int) -> None:
+    flash = np.arange(30, 30 + length)
+    gain = np.where(np.isin(np.arange(FRAMES), flash), np.log(1.5), 0.0)
+    findings = found(Film(wandering(FRAMES), hidden_log_gain=gain))
+    frames = np.stack([np.arange(FRAMES - 12), np.arange(12, FRAMES)], axis=1)
+    estimated = np.exp(gain[frames[:, 0]] - gain[frames[:, 1]])
+    of_pairs = np.full(len(frames), 400), np.full(len(frames), 0.002)
+    ratios = ExposureRatios(frames + offset, np.ones(len(frames)), estimated, *of_pairs)
+    seen = findings_from(findings.evidence.renumbered(offset).with_fit((), ratios))
+    assert "jumps" not in seen.verdict.reason
+
+
 @pytest.mark.parametrize(("jump", "samples"), [(0.03, 400), (0.4, 20), (0.0, 400)])
 def test_small_jumps_and_those_of_few_points_are_not_doubted(jump: float, samples: int) -> None:
     findings = found(Film(wandering(FRAMES)))

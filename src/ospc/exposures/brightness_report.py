@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -84,6 +86,8 @@ class BrightnessReport:
         Periodic changes that the exposures do not explain, strongest first.
     jumps
         Lasting jumps that the exposures do not explain, in frame order.
+    momentary
+        Frames that differ from those before and after them, as by the flash of another camera, in order.
     """
 
     change_rms_log: float
@@ -94,6 +98,7 @@ class BrightnessReport:
     fits_badly: bool
     flicker: tuple[Flicker, ...]
     jumps: tuple[Jump, ...] = ()
+    momentary: tuple[int, ...] = ()
 
     @property
     def largest_jump(self) -> Jump | None:
@@ -125,6 +130,7 @@ def brightness_report(lag: LagEstimate, log_exposure: FloatArray) -> BrightnessR
         fits_badly=bool(much and (lag.frames is not None or lag.state == "ambiguous")),
         flicker=flicker,
         jumps=_jumps(lag.frame, unexplained),
+        momentary=_momentary(lag.frame, unexplained),
     )
 
 
@@ -152,23 +158,41 @@ def _jumps(frame: IntArray, unexplained: FloatArray) -> tuple[Jump, ...]:
     """Return unusually large changes that last for some frames; none if such changes are frequent."""
     if len(unexplained) < 2 * JUMP_FRAMES:
         return ()
-    usual = robust_scale(unexplained - np.median(unexplained))
-    large = np.flatnonzero(np.abs(unexplained) > max(JUMP_SIGMAS * usual, MIN_JUMP_LOG))
-    lasting = [int(at) for at in large if _lasts(frame, unexplained, int(at))]
+    lasting = [at for at in _large(unexplained) if _lasts(frame, unexplained, at)]
     if len(lasting) > MAX_JUMPS_SHARE * len(unexplained):
         return ()
     return tuple(Jump(int(frame[at]) + 1, float(unexplained[at])) for at in lasting)
 
 
-def largest_jump_of_pairs(ratios: ExposureRatios) -> Jump | None:
+def _momentary(frame: IntArray, unexplained: FloatArray) -> tuple[int, ...]:
+    """Return the frames between a large change and one that reverses it within some frames."""
+    large = _large(unexplained)
+    found: set[int] = set()
+    for at, later in pairwise(large):
+        change, back = float(unexplained[at]), float(unexplained[later])
+        reverses = abs(change + back) < (1 - LASTING_JUMP_SHARE) * min(abs(change), abs(back))
+        if reverses and frame[later] - frame[at] <= JUMP_FRAMES:
+            found.update(range(int(frame[at]) + 1, int(frame[later]) + 1))
+    return tuple(sorted(found))
+
+
+def _large(unexplained: FloatArray) -> list[int]:
+    """Return the indices of unusually large changes."""
+    usual = robust_scale(unexplained - np.median(unexplained))
+    return np.flatnonzero(np.abs(unexplained) > max(JUMP_SIGMAS * usual, MIN_JUMP_LOG)).tolist()
+
+
+def largest_jump_of_pairs(ratios: ExposureRatios, momentary: Sequence[int] = ()) -> Jump | None:
     """Return the largest jump that pairs of frames certainly show, whose exposure ratios a fit has estimated.
 
     Consecutive frames do not show every jump, because most frames are not processed. None if there is no such jump.
+    Pairs with ``momentary`` frames, which differ from those before and after them, show no lasting jump.
     """
     if ratios.log_sigma is None:
         return None
     change, size = -ratios.log_residual, np.abs(ratios.log_residual)
-    certain = (ratios.samples >= MIN_JUMP_SAMPLES) & (size > JUMP_SIGMAS * ratios.log_sigma)
+    lasting = ~np.isin(ratios.frames, momentary).any(axis=1)
+    certain = lasting & (ratios.samples >= MIN_JUMP_SAMPLES) & (size > JUMP_SIGMAS * ratios.log_sigma)
     contradicting = np.flatnonzero(certain & (size > CONTRADICTING_PAIR_LOG))
     if not len(contradicting):
         return None

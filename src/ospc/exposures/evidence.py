@@ -72,7 +72,8 @@ class ExposureEvidence:
         brightness = self.brightness
         if brightness is not None:
             jumps = tuple(replace(jump, frame=jump.frame + offset) for jump in brightness.jumps)
-            brightness = replace(brightness, jumps=jumps)
+            momentary = tuple(frame + offset for frame in brightness.momentary)
+            brightness = replace(brightness, jumps=jumps, momentary=momentary)
         return replace(self, lag=replace(self.lag, frame=self.lag.frame + offset), brightness=brightness)
 
     def with_fit(self, effects: Iterable[EffectEstimate], ratios: ExposureRatios) -> ExposureEvidence:

@@ -252,9 +252,10 @@ def _doubted(evidence: ExposureEvidence, agreement: Verdict, spoiled: Sequence[V
         reason = f"{verdict.reason}, but {wrong} of {counted(evidence.frames, 'exposure')} are wrong"
         verdict = Verdict("marginal", reason, _FIX_METADATA)
     # Consecutive frames show a jump, or the fitted exposure ratios of pairs of frames.
-    jump = None if evidence.brightness is None else evidence.brightness.largest_jump
+    brightness = evidence.brightness
+    jump = None if brightness is None else brightness.largest_jump
     if jump is None or abs(jump.log_change) < CONTRADICTING_JUMP_LOG:
-        jump = largest_jump_of_pairs(evidence.ratios)
+        jump = largest_jump_of_pairs(evidence.ratios, () if brightness is None else brightness.momentary)
     return verdict if jump is None else Verdict("marginal", f"{verdict.reason}, but {jump.in_words}", _ONE_GAIN)
 
 
