@@ -343,6 +343,14 @@ def test_an_uncertain_effect_widens_the_bands() -> None:
     assert found.log_response_step_sigma(0.25, 0.75) > 1.5 * usual.log_response_step_sigma(0.25, 0.75)
 
 
+def test_the_uncertainty_of_a_found_effect_includes_those_left_out() -> None:
+    found = Disturbed(glare=0.03).fit()
+    (glare,) = (one for one in found.effect_estimates if one.corrected)
+    assert found.effects.chosen == (glare.name,)
+    assert glare.value == found.effect_parameters[0]
+    assert glare.sigma == np.sqrt(found.covariance[found.vignette_part.stop, found.vignette_part.stop])
+
+
 def step_in_sigmas(fit: Fit) -> float:
     """Return the error of the step of ln g from grey level 1/4 to 3/4, in units of its reported sigma."""
     low, high = (float(np.log(fit.response().inverse(grey) / GAMMA.inverse(grey))) for grey in (0.25, 0.75))

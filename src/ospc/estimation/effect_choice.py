@@ -97,7 +97,7 @@ def _of_stationary_camera(plain: Fitted, plan: FitPlan) -> Fit:
         return plain.fit  # in a few brackets, an error of the exposures is part of the response
     fitted, trials = _with_effects(plain, estimate_effects(plain, EXPOSURE_ERRORS), plan)
     fitted = _with_model_errors(fitted)
-    return _with_estimates(fitted, trials, _estimates(fitted.fit, plain.observations))
+    return _with_estimates(fitted, trials, _estimate_of_gains(fitted.fit, plain.observations))
 
 
 def _of_moving_camera(
@@ -121,7 +121,7 @@ def _of_moving_camera(
     fitted = _with_model_errors(fitted)
     fit = fitted.fit
     if _is_contradicted(fit):
-        return _with_estimates(plain, plain_trials, _estimates(fit, observations)[-1:])
+        return _with_estimates(plain, plain_trials, _estimates(fit)[-1:])
     if fit.groups < MIN_GROUPS:
         return _with_estimates(fitted, trials, ())
     residual = fit.residuals(observations)
@@ -131,7 +131,7 @@ def _of_moving_camera(
         return _with_estimates(plain, plain_trials, unsteady if alone else ())
     found = uneven_vignette(residual, fitted.weighted[0].sigma, observations)
     found = found or unsteady_radiance(fit.errors.radiance_sigma, fit.groups)
-    return _with_estimates(fitted, trials, (*_estimates(fit, observations), *found))
+    return _with_estimates(fitted, trials, (*_estimate_of_gains(fit, observations), *found))
 
 
 def _is_contradicted(fit: Fit) -> bool:
@@ -253,18 +253,22 @@ def _sigmas_of(fit: Fit, number: int, covariance: FloatArray) -> float:
     return float(abs(fit.effect_parameters[number]) / np.hypot(np.sqrt(variance[number]), systematic))
 
 
-def _estimates(fit: Fit, observations: ExposedObservations) -> tuple[EffectEstimate, ...]:
-    """Return the estimates of the latent gains, if any, and of the effects."""
-    sigma = np.sqrt(np.diag(fit.covariance))[fit.vignette_part.stop :]
+def _estimate_of_gains(fit: Fit, observations: ExposedObservations) -> tuple[EffectEstimate, ...]:
+    """Return the size of the fit's latent gains; empty if there are none."""
     of_light, of_exposures = gain_sigmas(fit.errors.gain_variances, PairEnds.of(observations))
     larger = max(of_light, of_exposures)
     name = UNSTEADY_LIGHT if larger == of_light else INEXACT_EXPOSURES
-    of_gains = EffectEstimate(name, larger, larger * ERROR_OF_SCALE / math.sqrt(fit.groups), corrected=True)
-    of_effects = (
+    found = EffectEstimate(name, larger, larger * ERROR_OF_SCALE / math.sqrt(fit.groups), corrected=True)
+    return (found,) if larger else ()
+
+
+def _estimates(fit: Fit) -> tuple[EffectEstimate, ...]:
+    """Return the estimates of the effects that a fit has."""
+    sigma = np.sqrt(np.diag(fit.covariance))[fit.vignette_part.stop :]
+    return tuple(
         EffectEstimate(name, float(value), float(deviation), name in CORRECTED, name in CONTRADICTIONS)
         for name, value, deviation in zip(fit.effects.chosen, fit.effect_parameters, sigma, strict=True)
     )
-    return (of_gains, *of_effects) if larger else tuple(of_effects)
 
 
 def _with_model_errors(fitted: Fitted) -> Fitted:
@@ -281,20 +285,20 @@ def _with_model_errors(fitted: Fitted) -> Fitted:
 
 
 def _with_estimates(fitted: Fitted, trials: Sequence[Trial], found: tuple[EffectEstimate, ...]) -> Fit:
-    """Return a fit with the estimates of effects, and with a covariance that includes what was left out."""
+    """Return a fit whose covariance includes what was left out, with estimates of all effects besides those found."""
     missing = [
         trial.size_if_left_out * change
         for trial in trials
         for change in (slope_of_left_out(fitted.fit, trial), change_until_end(fitted.fit, trial))
     ]
     fit = _without_absorbed_light(fitted.fit)
-    covariance = fit.covariance + sum(np.outer(one, one) for one in missing)
-    estimates = (
+    fit = replace(fit, covariance=fit.covariance + sum(np.outer(one, one) for one in missing))
+    left_out = (
         EffectEstimate(trial.name, trial.value, trial.total_sigma)
         for trial in trials
         if trial.name in CORRECTED and trial.name not in ONLY_IF_FOUND
     )
-    fit = replace(fit, covariance=covariance, effect_estimates=(*found, *estimates))
+    fit = replace(fit, effect_estimates=(*found, *_estimates(fit), *left_out))
     if not fit.vignette_basis.radial:
         return fit
     if fit.vignette_basis.free_centre:
