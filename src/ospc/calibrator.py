@@ -6,16 +6,21 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 from ospc.engine.engine import Engine, Status
-from ospc.engine.frame_checks import image_of_size
-from ospc.engine.state import EngineState
-from ospc.engine.state_fields import check_fields
+from ospc.engine.state import Run, response_before_change
 from ospc.engine.state_rules import check_run
-from ospc.errors import FormatError, FrameError, SettingError
+from ospc.errors import FormatError, OspcError, SettingError
+from ospc.exposures.findings import ExposureFindings
 from ospc.exposures.lag_choice import LagChoice, check_lag, checked_lag_choice, lag_choice_for
+from ospc.exposures.monitor import ExposureMonitor
+from ospc.exposures.used import with_earlier_exposures
+from ospc.methods.fit_inputs import FitInputs
+from ospc.methods.preview import Preview
 from ospc.photometry.calibration import Calibration
+from ospc.pooling.prior_calibration import PriorCalibration
+from ospc.pooling.summary import Summary, summary_of
 from ospc.recording import Frame, Recording, open_recording
 from ospc.recording.recording import identity
 from ospc.recording.stream import Item, decoded_ahead, frames_of
@@ -28,7 +33,25 @@ __all__ = ["OnlineCalibrator", "Status", "calibrate", "drive", "remaining"]
 
 
 class OnlineCalibrator(Engine):
-    """Calibrates a camera frame by frame. Its state can be saved to a file and loaded again.
+    """Calibrates a camera frame by frame. The calibration is available at any time, and the state can be saved.
+
+    Memory is bounded, except for the exposure of every frame and a few hundred bytes for every change of the camera.
+    Frames are numbered in the order in which they are pushed. All methods are thread-safe.
+
+    Parameters
+    ----------
+    settings
+        Settings of the method, or the name of a preset.
+    correct_lag
+        What to do if exposures are recorded with the wrong frames: correct the lag if it is certain (``"auto"``),
+        never correct it (``"never"``), or correct it by this many frames, positive if exposures are late.
+    prior
+        An earlier calibration of the camera. It is used as a prior as long as it agrees with the frames.
+
+    Attributes
+    ----------
+    prior
+        As in the parameters, or None. It is not saved in states.
 
     Examples
     --------
@@ -37,6 +60,23 @@ class OnlineCalibrator(Engine):
     ...     calibrator.push(frame)
     >>> calibrator.calibration().save("calibration.json")  # doctest: +SKIP
     """
+
+    def __init__(
+        self,
+        settings: Settings | str = "default",
+        *,
+        correct_lag: LagChoice = "auto",
+        prior: PriorCalibration | None = None,
+    ) -> None:
+        made = preset(settings) if isinstance(settings, str) else settings
+        if not hasattr(made, "sampler"):
+            raise SettingError(
+                f"settings are of type {type(settings).__name__}; give the name of a preset, or settings such as "
+                "DefaultSettings(max_points=5000); images and exposures are passed as pairs: zip(images, exposures)"
+            )
+        exposures = ExposureMonitor(correct_lag)
+        super().__init__(made, Run(settings=as_dict(made), exposures=exposures, sampler=made.sampler()))
+        self.prior = prior
 
     @classmethod
     def of(
@@ -62,6 +102,48 @@ class OnlineCalibrator(Engine):
         calibrator.source = identity(recording) if source is None else source
         return calibrator
 
+    def calibration(self) -> Calibration:
+        """Return the calibration from the frames so far; more may be pushed later. OspcError if none was usable."""
+        with self.lock:
+            run, method = self.run, self.method
+            if method is None:
+                why = f": {run.skipped.latest[-1]}" if run.skipped.latest else ""
+                raise OspcError(f"no frame could be used{why}")
+            exposures, found, grey_range = run.used_before(run.frames, method)
+            known = method.calibration(exposures, grey_range)
+            earlier = self.prior or response_before_change(run.epochs, run.exposures.table.written)
+            if earlier is not None:
+                known = earlier.continued(known, self.summary())
+            result = run.judged(known, found, {"frames": run.frames, "skipped": run.skipped.count})
+            ended = ((e.last_frame + 1, e.corrected_lag_frames, e.wrong_exposures) for e in run.epochs)
+            return replace(result, source=with_earlier_exposures(run.source | result.source, ended))
+
+    def exposure_findings(self) -> ExposureFindings:
+        """Return the findings about the exposures so far; OspcError if no frame was usable."""
+        with self.lock:
+            if self.method is None:
+                raise OspcError("no frame could be used, so the exposures could not be checked")
+            return self.run.used_before(self.frames, self.method)[1]
+
+    def inputs(self) -> FitInputs | None:
+        """Return the inputs of the fit of response and vignette; None if nothing can be merged."""
+        with self.lock:
+            if self.method is None:
+                return None
+            exposures, _, grey_range = self.run.used_before(self.frames, self.method)
+            return self.method.inputs(exposures, grey_range)
+
+    def summary(self) -> Summary | None:
+        """Return a summary that can be merged with others; None if there is nothing to merge."""
+        with self.lock:
+            inputs, run = self.inputs(), self.run
+            return None if inputs is None else summary_of(inputs, run.first_frames[0], run.source, run.frames)
+
+    def preview(self) -> Preview | None:
+        """Return quick estimates and the data behind them, for display during a run; None before there are any."""
+        with self.lock:
+            return None if self.method is None else self.method.preview(self.run.exposures.table)
+
     def save_state(self, path: str | Path, *, complete: bool = False) -> Path:
         """Write the state to a file atomically and return its path.
 
@@ -77,24 +159,12 @@ class OnlineCalibrator(Engine):
         """
         if self.settings.state_type() is None:
             raise SettingError(f"preset {self.settings.name} cannot be saved as a state; use the default preset")
-        with self._lock:
-            if self._partly_processed:
-                raise FormatError(f"{path}: not written, because {self._partly_processed} was only partly processed")
+        with self.lock:
+            if self.partly_processed:
+                raise FormatError(f"{path}: not written, because {self.partly_processed} was only partly processed")
             summary = self.summary() if complete else None
-            method = None if self._method is None else self._method.state()
-            run = EngineState(
-                settings=as_dict(self.settings),
-                size=self._size,
-                max_grey=self._max_grey,
-                exposures=self._exposures.trimmed(),
-                sampler=self._sampler,
-                pixels=self.pixels,
-                epochs=self._epochs,
-                skipped=self._skipped,
-                first_frames=self._first_frames,
-                source=self.source,
-                versions=versions(),
-            )
+            method = None if self.method is None else self.method.state()
+            run = replace(self.run, exposures=self.run.exposures.trimmed(), versions=versions())
             return save_run(path, run, method, summary)
 
     @classmethod
@@ -110,58 +180,22 @@ class OnlineCalibrator(Engine):
         FormatError
             If the file does not exist, is truncated or damaged, or was written by another version.
         """
-        run, method = load_run(path, EngineState, lambda run: _settings_of(run.settings, str(path)).state_type())
+        run, method = load_run(path, Run, lambda run: _settings_of(run.settings, str(path)).state_type())
         settings = _settings_of(run.settings, str(path))
         try:
             check_run(run, settings)
             calibrator = cls(settings)
-            calibrator._restore(run, method)
+            calibrator.restore(run, method)
         except (FormatError, SettingError, LookupError, TypeError, ValueError, AttributeError) as error:
             raise FormatError(f"{path}: not readable as a state ({error})") from None
         return calibrator
 
-    def _restore(self, run: EngineState, method: object | None) -> None:
-        """Continue from a state; FormatError or ValueError if its parts are inconsistent."""
-        self._size, self._max_grey = run.size, run.max_grey
-        self._sampler, self.pixels = run.sampler, run.pixels
-        self._skipped, self._first_frames = run.skipped, run.first_frames
-        self._epochs = run.epochs
-        self._exposures = run.exposures
-        if (run.max_grey == 0) != (method is None):
-            raise FormatError("a run must have both a first frame and a method, or neither")
-        if method is not None:
-            check_fields(method)
-            self._method = self.settings.build(run.size, run.max_grey)
-            self._method.restore(method, self.frames)
-        self.source, self.saved_by = run.source, run.versions
-        self._update_prefetcher()
-
-    @property
-    def frames_to_replay(self) -> frozenset[int]:
-        """Numbers of the frames that :meth:`replay` needs before a loaded calibrator continues."""
-        with self._lock:
-            if self._method is None:
-                return frozenset()
-            return self._method.frames_to_replay | self._exposures.history.frames_to_replay
-
-    def replay(self, frame: Frame) -> None:
-        """Process an earlier frame again, so that new frames can be compared with it.
-
-        Its index is its number in the run, one of :attr:`frames_to_replay`.
-
-        Raises
-        ------
-        FrameError
-            If its number is not one of these, its image can no longer be read, or its size has changed.
-        """
-        with self._lock:
-            if self._method is None or frame.index not in self.frames_to_replay:
-                name = frame.name
-                raise FrameError(f"{name}: is not one of frames_to_replay; set its index to its number in the run")
-            shown = replace(frame, load=partial(image_of_size, frame, self._size))
-            prepared = self._preprocess(shown, self.pixels.grey_range_before(frame.index))
-            self._method.replay(prepared)
-            self._exposures.history.replay(prepared.thumbnail)
+    def __getstate__(self) -> NoReturn:
+        """Refuse to be pickled or copied."""
+        raise OspcError(
+            "a calibrator cannot be pickled or copied; save it with save_state, and load it with "
+            "OnlineCalibrator.load_state"
+        )
 
 
 def _settings_of(content: dict[str, Any], name: str) -> Settings:

@@ -43,7 +43,7 @@ def after(frames: int, choice: LagChoice = "auto") -> ExposureMonitor:
 def test_a_long_run_goes_on_being_judged(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(brightness_history, "MAX_BRIGHTNESS_CHANGES", 50)
     judged = []
-    monkeypatch.setattr(ExposureMonitor, "_assess", lambda self, *_: judged.append(len(self.table)) or found)
+    monkeypatch.setattr(ExposureMonitor, "findings", lambda self: judged.append(len(self.table)) or found)
     found = assess_exposures((), np.zeros(3))
     after(140)
     assert judged == [40, 59, 88, 131]
@@ -55,7 +55,7 @@ def test_a_change_is_measured_against_the_latest_certain_lag(monkeypatch: pytest
     certain = assess_exposures(observed(film)[0].changes, film.log_exposure)
     uncertain = assess_exposures((), np.zeros(3))
     found, known_lags = iter([certain, uncertain]), []
-    monkeypatch.setattr(ExposureMonitor, "_assess", lambda *_: next(found))
+    monkeypatch.setattr(ExposureMonitor, "findings", lambda _: next(found))
     monkeypatch.setattr(monitor, "detect_lag_change", lambda _changes, _exposures, known: known_lags.append(known))
     exposures = after(70)
     assert next(found, None) is None

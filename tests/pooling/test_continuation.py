@@ -10,7 +10,7 @@ import pytest
 
 from calibrations import calibration as made_up
 from ospc.calibrator import OnlineCalibrator
-from ospc.engine import engine
+from ospc.engine import state
 from ospc.engine.state import Epoch, response_before_change
 from ospc.errors import FormatError, NotObservableError, SettingError
 from ospc.estimation.response_basis import FUNCTIONS, ResponseBasis
@@ -213,7 +213,7 @@ def test_a_warning_about_the_exposures_counts_however_much_was_known(yesterday, 
     calibrator = OnlineCalibrator(prior=PriorCalibration.open(yesterday))
     calibrator.push(Frame.of_array(np.full(SIZE[::-1], 90, np.uint8), 5.0))
     stale = replace(calibrator.exposure_findings(), warnings=("the metadata are stale",))
-    monkeypatch.setattr(engine, "checked_by_fit", lambda _method, table, *_, **__: (table, stale))
+    monkeypatch.setattr(state, "checked_by_fit", lambda _method, table, *_, **__: (table, stale))
     found = calibrator.calibration()
     assert not found.converged
     assert {verdict.state for verdict in found.verdicts.values()} == {"marginal"}

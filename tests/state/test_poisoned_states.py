@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from ospc.calibrator import OnlineCalibrator, remaining
-from ospc.engine.state import EngineState
+from ospc.engine.state import Run
 from ospc.engine.state_fields import RULES
 from ospc.errors import FormatError, OspcError
 from ospc.methods.maximum_likelihood_state import MaximumLikelihoodState
@@ -222,7 +222,7 @@ def says_enough(hint):
 
 
 def test_values_of_a_state_that_types_do_not_restrict_have_a_rule():
-    kinds = {*dataclasses_in(EngineState), *dataclasses_in(MaximumLikelihoodState)} - {Observations}
+    kinds = {*dataclasses_in(Run), *dataclasses_in(MaximumLikelihoodState)} - {Observations}
     assert RULES.keys() <= kinds
     for kind in kinds:
         ruled = set(" ".join(RULES.get(kind, {})).split())

@@ -16,7 +16,7 @@ from ospc.correspondence.reservoir import Reservoir
 from ospc.correspondence.scene_area import SceneArea
 from ospc.correspondence.static_series import StaticSeries
 from ospc.engine.frame_checks import SkippedFrames
-from ospc.engine.state import EngineState, Epoch
+from ospc.engine.state import Epoch, Run
 from ospc.estimation.effect_models import AbsorbedLight
 from ospc.estimation.effects import Effects
 from ospc.estimation.error_model import ErrorModel
@@ -62,7 +62,7 @@ from ospc.state.values import has_json_form
 ELSEWHERE = "checked with the other values that it has to agree with, or only by its declared type"
 
 RULES: Mapping[type, Mapping[str, Numbers | str]] = {
-    EngineState: {
+    Run: {
         "size epochs first_frames": ELSEWHERE,
         "max_grey": Numbers(0, LARGEST_GREY),
     },

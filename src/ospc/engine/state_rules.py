@@ -9,7 +9,7 @@ import numpy as np
 from ospc.correspondence import pixel_statistics
 from ospc.correspondence.frame_sampling import FrameSampler
 from ospc.correspondence.thumbnail import thumbnail_size
-from ospc.engine.state import EngineState
+from ospc.engine.state import Run
 from ospc.engine.state_fields import check_fields
 from ospc.exposures.brightness_history import BrightnessHistory
 from ospc.photometry.geometry import MOST_PIXELS
@@ -20,7 +20,7 @@ from ospc.settings.methods import MAX_EPOCH_CALIBRATIONS
 from ospc.state.numbers import check_settings, count, require, share
 
 
-def check_run(run: EngineState, settings: Settings) -> None:
+def check_run(run: Run, settings: Settings) -> None:
     """Check that a run can continue with these settings; its method checks its own state.
 
     Raises
@@ -50,7 +50,7 @@ def _check_sampler(found: FrameSampler, frames: int, settings: Settings) -> None
     require(found._restarted_after <= found.processed, "the sampler restarted in the future")
 
 
-def _check_epochs(run: EngineState, frames: int) -> None:
+def _check_epochs(run: Run, frames: int) -> None:
     begin = 0
     for later, epoch in zip(reversed(range(len(run.epochs))), run.epochs, strict=True):
         require(epoch.first_frame == begin <= epoch.last_frame < frames, "epochs are out of order")
@@ -62,7 +62,7 @@ def _check_epochs(run: EngineState, frames: int) -> None:
     require(run.exposures._first_frame == begin, "the exposures are of another epoch")
 
 
-def _check_pixels(run: EngineState, frames: int) -> None:
+def _check_pixels(run: Run, frames: int) -> None:
     found = run.pixels
     width, height = thumbnail_size(run.size)
     if found._histogram is not None and found._brightest is not None:

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ospc.arrays import FloatArray
-from ospc.exposures.brightness import BrightnessChange
 from ospc.exposures.brightness_history import BrightnessHistory
 from ospc.exposures.findings import ExposureFindings
 from ospc.exposures.lag_change import LagChange, detect_lag_change
@@ -56,7 +53,7 @@ class ExposureMonitor:
         self.choice = checked_lag_choice(self.choice)
         if isinstance(self.choice, int):
             self.table.lag_frames = self.choice
-        self._findings: tuple[tuple[int, int], ExposureFindings] | None = None
+        self._findings: tuple[tuple[int, int, int], ExposureFindings] | None = None
 
     def assess_if_due(self) -> None:
         """Assess the exposures again if many brightness changes have been added since the last time."""
@@ -73,10 +70,18 @@ class ExposureMonitor:
             self._known_lag = certain
 
     def findings(self) -> ExposureFindings:
-        """Return what the images show about the exposures so far."""
-        key = (len(self.table), len(self.history))
+        """Return what the images show about the exposures of this epoch so far."""
+        return self.findings_before(len(self.table))
+
+    def findings_before(self, frame: int) -> ExposureFindings:
+        """Return what the images show about the exposures of this epoch before a frame."""
+        key = (frame, len(self.table), len(self.history))
         if self._findings is None or self._findings[0] != key:
-            self._findings = (key, self._assess(self.history.changes, self.table.written))
+            changes, written = self.history.before(frame), self.table.written[:frame]
+            # The matrices are small: more BLAS threads would only wait for each other.
+            with one_blas_thread():
+                found = assess_exposures(changes, written, self.choice, first_frame=self._first_frame)
+            self._findings = (key, found)
         return self._findings[1]
 
     def detect_lag_change(self, *, camera_changed: bool) -> LagChange | None:
@@ -114,10 +119,6 @@ class ExposureMonitor:
         recent = self.table.written[max(0, number - EXPOSURE_CHANGE_FRAMES) : number + 1]
         return self.lag_is_uncertain and float(np.nanmax(recent) - np.nanmin(recent)) > MIN_EXPOSURE_CHANGE_LOG
 
-    def findings_before(self, frame: int) -> ExposureFindings:
-        """Return what the images show about the exposures of this epoch before a frame."""
-        return self._assess(self.history.before(frame), self.table.written[:frame])
-
     def begin_epoch(self, frame: int) -> None:
         """Start an epoch at a frame."""
         self.history, self._first_frame = self.history.since(frame), frame
@@ -125,11 +126,6 @@ class ExposureMonitor:
         self._next_assessment = FIRST_ASSESSMENT_CHANGES
         self._known_lag, self._suspected_lag = None, 0
         self.table.trusted = False
-
-    def _assess(self, changes: Sequence[BrightnessChange], log_exposure: FloatArray) -> ExposureFindings:
-        # The matrices are small: more BLAS threads would only wait for each other.
-        with one_blas_thread():
-            return assess_exposures(changes, log_exposure, self.choice, first_frame=self._first_frame)
 
     def trimmed(self) -> ExposureMonitor:
         """Return the monitor without spare room in its table; save it before the next frame."""
