@@ -156,3 +156,16 @@ def test_places_under_an_overlay_do_not_show_the_scene() -> None:
     shown = area_of(images).shows_scene(normalised(pixels, SIZE))
     assert shown is not None
     assert shown.tolist() == [False, True, True]
+
+
+@pytest.mark.parametrize(("softness_px", "extends"), [(0.01, True), (2.0, False)])
+def test_registration_does_not_see_the_sharp_edge_of_an_image_circle(softness_px: float, *, extends: bool) -> None:
+    distance = np.linalg.norm(np.indices(SIZE[::-1]) - np.reshape([59.5, 79.5], (2, 1, 1)), axis=0)
+    light = 1 / (1 + np.exp(np.clip((distance - 45) / softness_px, -50, 50)))
+    prepare, area = preprocessor(), SceneArea()
+    frames = [prepare(Frame.of_array((light * image).astype(np.uint8), 1.0)) for image in views(WALK)]
+    for frame in frames:
+        area.observe(frame, None)
+    for before, after in zip(frames[-2:], area.extended(*frames[-2:]), strict=True):
+        np.testing.assert_array_equal(after.small[distance < 35], before.small[distance < 35])
+        assert (after.small[distance > 52].min() > 30) == extends

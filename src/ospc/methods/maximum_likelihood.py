@@ -80,7 +80,8 @@ class MaximumLikelihoodMethod(Method):
         registration = None
         if keyframe is not None:
             stated = _log_ratio(exposures, keyframe.number, prepared.number)
-            registration = self._register(keyframe, prepared, self._quick_fit.normalize, stated)
+            views = self._data.scene_area.extended(keyframe, prepared)
+            registration = self._register(*views, self._quick_fit.normalize, stated)
         measured = self._second.submit(self._data.noise.observe, frame)  # after registration, which uses that thread
         if keyframe is not None:
             samples = self._sample(keyframe, prepared, registration, self._data.pairs)

@@ -46,6 +46,9 @@ MAX_ENCLOSED_SHARE = 0.05
 horizon also stays where it is if the camera only turns, but separates larger parts."""
 MAX_OVERLAY_SHARE = 0.4
 """Maximum share of the image that overlays cover: if it is exceeded, the scene itself hardly changes."""
+MIN_SHARP_EDGE_RATIO = 0.9
+"""Minimum typical grey level in the margin of a surround, relative to that next to it, for its edge to be sharp: 0.96
+to 1 beside six hard discs, 0.45 to 0.8 beside six fisheye circles with a soft edge."""
 MIN_EDGE_RATIO = 3.0
 """Minimum typical grey level next to the margin of a surround, relative to that of the surround. Inside the edge of
 an image circle, it is ten times as bright, or still five times where V falls to 0.3 and stray light reaches 0.06. In
