@@ -114,6 +114,7 @@ def test_unsteady_light_is_accounted_for_and_its_remedy_asks_for_no_wider_exposu
     light = EffectEstimate("unsteady light", 0.02, 0.001, corrected=True)
     (note,) = notes_of(replace(FIT, effect_estimates=(light,)))
     assert note.endswith("by 2% between the frames of a pair; this was accounted for")
+    assert not notes_of(replace(FIT, effect_estimates=(replace(light, value=0.0001),)))
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ from ospc.estimation.residual_effects import UNSTEADY_LIGHT
 from ospc.exposures.used import corrected_as_source
 from ospc.observations import ExposedObservations
 from ospc.photometry.verdict import INEXACT_EXPOSURES, LATE_EXPOSURES, NOMINAL_EXPOSURES, EffectEstimate
-from ospc.settings.methods import MAX_CORRECTED_EXPOSURES
+from ospc.settings.methods import MAX_CORRECTED_EXPOSURES, MIN_NOTED_GAIN
 
 _STRAY = "light that is fixed to the camera (dark signal, a leak, a reflection) adds {share} of white at {typical}"
 
@@ -41,8 +41,10 @@ _RANDOM = {
 
 
 def notes_of(fit: Fit) -> tuple[str, ...]:
-    """Return a sentence for each effect that was found and corrected or accounted for."""
-    return tuple(_corrected(found, fit.effects) for found in fit.effect_estimates if found.corrected)
+    """Return a sentence for each effect that was found and corrected or accounted for, if it is noticeable."""
+    corrected = (found for found in fit.effect_estimates if found.corrected)
+    noticeable = (one for one in corrected if one.name not in _RANDOM or one.value >= MIN_NOTED_GAIN)
+    return tuple(_corrected(one, fit.effects) for one in noticeable)
 
 
 def corrected_exposures_of(fit: Fit, observations: ExposedObservations) -> dict[str, Any]:

@@ -228,3 +228,6 @@ REACH_QUANTILE = 0.9
 MAX_CORRECTED_EXPOSURES = 256
 """Maximum number of corrected exposures that a calibration states. Others are interpolated, which is exact for a
 constant offset; cameras whose exposures are thirds of a stop have at most 40."""
+MIN_NOTED_GAIN = 0.001
+"""Smallest random gain of frames or exposures, as a share, that a note mentions: smaller ones, of which a clean
+recording showed 0.00009, matter to nobody. They are accounted for all the same."""
