@@ -15,7 +15,7 @@ MODULES = sorted(path for path in ROOT.rglob("*.py") if path.relative_to(ROOT).p
 
 WITH_SETTINGS = (
     *("correspondence", "diagnosis", "estimation", "evaluation", "exposures", "live", "methods", "observations.py"),
-    *("pooling", "rig.py", "unknown_exposures"),
+    *("pooling", "unknown_exposures"),
 )
 """Packages and modules whose numbers are settings."""
 

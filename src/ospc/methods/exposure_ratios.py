@@ -13,6 +13,7 @@ from ospc.observations import ExposedObservations
 from ospc.photometry.coverage import ExposureRatios
 from ospc.photometry.geometry import cells_of
 from ospc.photometry.noise import BRIGHTEST_EXPOSED, DARKEST_EXPOSED
+from ospc.settings.methods import MIN_COMPARED_LOG_K
 from ospc.settings.residuals import MISREGISTERED_SIGMAS, MISREGISTERED_SPREAD, RATIO_CELLS
 
 
@@ -35,6 +36,16 @@ def exposure_ratios(fit: Fit, observations: ExposedObservations) -> ExposureRati
     by_scatter = _sigma_of_medians(spread, count, _dependence(deviation, observations.position[later], pair, count))
     by_curves = _sigma_by_curves(fit, observations, later[np.argsort(pair, kind="stable")], count)
     return ExposureRatios(pairs, np.exp(metadata[first]), np.exp(estimated), count, np.hypot(by_scatter, by_curves))
+
+
+def unexplained_share(ratios: ExposureRatios) -> float:
+    """Return the median of the absolute log residual over that of ln k, for changing exposures; 0 without any."""
+    # Count scene points, not pairs: a pair whose registration failed has few points, which are wrong.
+    log_k, residual = (np.repeat(values, ratios.samples) for values in (np.log(ratios.metadata), ratios.log_residual))
+    changing = np.abs(log_k) > MIN_COMPARED_LOG_K
+    if not changing.any():
+        return 0.0
+    return float(np.median(np.abs(residual[changing])) / np.median(np.abs(log_k[changing])))
 
 
 def _dependence(deviation: FloatArray, position: FloatArray, pair: IntArray, count: IntArray) -> FloatArray:

@@ -15,7 +15,7 @@ from ospc.estimation.fit import Fit
 from ospc.estimation.fit_plan import FitPlan
 from ospc.estimation.fitted import Fitted
 from ospc.exposures.table import ExposureTable
-from ospc.methods.exposure_ratios import exposure_ratios
+from ospc.methods.exposure_ratios import exposure_ratios, unexplained_share
 from ospc.methods.fit_inputs import FitInputs
 from ospc.methods.identifiability import vignette_verdict
 from ospc.methods.result import calibration_of
@@ -200,7 +200,7 @@ def _check_vignette_known(found: Fitted) -> None:
 
 def _check_explained(ratios: ExposureRatios, observations: Observations, exposures: ExposureTable) -> None:
     """Raise an ExposureError if the grey levels do not follow the exposures, given the ratios of a fit."""
-    unexplained = ratios.unexplained_share
+    unexplained = unexplained_share(ratios)
     if unexplained > CONTRADICTING_UNEXPLAINED_SHARE:
         raise ExposureError(
             f"{min(unexplained, 1):.0%} of a typical change of exposure does not show in the grey levels",

@@ -11,7 +11,7 @@ from ospc.estimation.fit_plan import FitPlan
 from ospc.estimation.response_basis import ResponseBasis
 from ospc.estimation.vignette_basis import VignetteBasis
 from ospc.estimation.vignette_choice import fit_with_chosen_vignette
-from ospc.methods.exposure_ratios import exposure_ratios
+from ospc.methods.exposure_ratios import exposure_ratios, unexplained_share
 from ospc.observations import ExposedObservations
 from ospc.photometry.noise import NoiseModel
 from ospc.settings import DefaultSettings
@@ -59,7 +59,7 @@ class QuickFit:
         vignette = VignetteBasis(QUICK_FIT_RADIAL_TERMS, free_centre=True, usable_radius=usable_radius)
         plan = FitPlan(self._basis, vignette, noise, rounds)
         fit = fit_with_chosen_vignette(observations, plan, start=self.fit).fit
-        if exposure_ratios(fit, observations).unexplained_share <= CONTRADICTING_UNEXPLAINED_SHARE:
+        if unexplained_share(exposure_ratios(fit, observations)) <= CONTRADICTING_UNEXPLAINED_SHARE:
             self.rely_on(fit, trusts_stated=trusts_stated)
 
     def rely_on(self, fit: Fit, *, trusts_stated: bool) -> None:

@@ -9,6 +9,7 @@ from ospc.estimation.fit import Fit
 from ospc.methods.contradictions import contradictions_of
 from ospc.methods.corrections import corrected_exposures_of, notes_of
 from ospc.methods.coverage import coverage_of
+from ospc.methods.exposure_ratios import unexplained_share
 from ospc.methods.fit_inputs import FitInputs
 from ospc.methods.identifiability import response_verdict, vignette_verdict
 from ospc.photometry.calibration import PROFILE_RADII, Calibration
@@ -20,7 +21,7 @@ def calibration_of(inputs: FitInputs, settings: DefaultSettings) -> Calibration:
     """Return the calibration that follows from the inputs; curves that they do not determine are None."""
     fit, observations, ratios = inputs.fit, inputs.used, inputs.ratios
     points = 0 if observations is None else len(observations.starts)
-    unexplained = ratios.unexplained_share
+    unexplained = unexplained_share(ratios)
     # With exposures that the images contradict, a fit is meaningless, and so are its effects.
     trusted = None if unexplained > CONTRADICTING_UNEXPLAINED_SHARE else fit
     contradictions = () if trusted is None else contradictions_of(trusted)

@@ -13,9 +13,6 @@ from ospc.errors import FormatError
 from ospc.numerics.robust import weighted_median
 from ospc.photometry.grey_range import FULL_RANGE, GreyRange
 
-_MIN_COMPARED_LOG_K = 0.05
-"""Minimum change of ln exposure of a pair with which its misfit is compared; below it, noise is as large."""
-
 
 @dataclass(frozen=True, eq=False)
 class ExposureRatios(ByValue):
@@ -55,16 +52,6 @@ class ExposureRatios(ByValue):
         It is positive if exposure changes are larger than in the metadata.
         """
         return weighted_median(self.log_residual * np.sign(np.log(self.metadata)), self.samples)
-
-    @property
-    def unexplained_share(self) -> float:
-        """Median of the absolute log residual over that of ln k, for changing exposures; 0 without any."""
-        # Count scene points, not pairs: a pair whose registration failed has few points, which are wrong.
-        log_k, residual = (np.repeat(values, self.samples) for values in (np.log(self.metadata), self.log_residual))
-        changing = np.abs(log_k) > _MIN_COMPARED_LOG_K
-        if not changing.any():
-            return 0.0
-        return float(np.median(np.abs(residual[changing])) / np.median(np.abs(log_k[changing])))
 
 
 QUANTILES = (0.16, 0.5, 0.84)

@@ -21,6 +21,7 @@ from ospc.estimation.fitted import Fitted
 from ospc.estimation.model import Model
 from ospc.estimation.response_basis import ResponseBasis
 from ospc.estimation.vignette_basis import VignetteBasis
+from ospc.methods.exposure_ratios import unexplained_share
 from ospc.methods.fit_inputs import FitInputs
 from ospc.photometry.geometry import image_size
 from ospc.photometry.grey_range import FULL_RANGE, LARGEST_GREY, GreyRange
@@ -224,7 +225,7 @@ def summary_of(inputs: FitInputs, first_frames: str, source: dict[str, Any], fra
         standing_still=inputs.standing_still,
         support=inputs.support,
         grey_range=inputs.grey_range,
-        unexplained=inputs.ratios.unexplained_share,
+        unexplained=unexplained_share(inputs.ratios),
         noise=inputs.noise,
         usable_radius=fit.vignette_basis.usable_radius,
         measured_radius=fit.measured_radius,

@@ -199,6 +199,8 @@ ONE_DIRECTION_RATIO = 4.0
 """Ratio of the uncertainties of the vignette's centre across and along the motion, above which motion in the other
 direction is advised. It was at most 2.7 with hand-held cameras and forward motion, and 4 to 30 with cameras that only
 panned or moved sideways."""
+MIN_COMPARED_LOG_K = 0.05
+"""Minimum change of ln exposure of a pair with which its misfit is compared; below it, noise is as large."""
 
 # Coverage tables (ospc.methods.coverage)
 
