@@ -104,17 +104,18 @@ class SceneArea:
             return None
         # Most cameras have lit corners, which is seen at once; the rest takes a millisecond.
         side = math.ceil(math.sqrt(MIN_LIT_PX))
-        corners = [self.brightest[y, x] for y in (np.s_[:side], np.s_[-side:]) for x in (np.s_[:side], np.s_[-side:])]
-        if sum(corner.min() > MAX_SURROUND_SHARE * 255 for corner in corners) > 4 - MIN_SURROUND_CORNERS:
+        ends = np.s_[:side], np.s_[-side:]
+        darkest = np.array([self.brightest[rows, columns].min() for rows in ends for columns in ends])
+        if np.count_nonzero(darkest <= MAX_SURROUND_SHARE * np.iinfo(np.uint8).max) < MIN_SURROUND_CORNERS:
             return None
         lit = float(np.quantile(self.brightest, LIT_QUANTILE))
         if lit < MIN_LIT_8_BIT:
             return None
         dark = ~_large_parts(self.brightest > MAX_SURROUND_SHARE * lit, MIN_LIT_PX, connectivity=4)
         _, label = cv2.connectedComponents(dark.view(np.uint8))
-        at_corners = label[[0, 0, -1, -1], [0, -1, 0, -1]]
-        outside = np.isin(label, at_corners[at_corners > 0])
-        if np.count_nonzero(at_corners) < MIN_SURROUND_CORNERS or outside.mean() < MIN_SURROUND_AREA:
+        corners = label[[0, 0, -1, -1], [0, -1, 0, -1]]
+        outside = np.isin(label, corners[corners > 0])
+        if np.count_nonzero(corners) < MIN_SURROUND_CORNERS or outside.mean() < MIN_SURROUND_AREA:
             return None
         # An image circle has an edge. The dark corners of a wide lens do not, and they show the scene.
         inside = _widened(outside, 2 * SURROUND_MARGIN_PX) & ~_widened(outside)

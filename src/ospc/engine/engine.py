@@ -9,13 +9,14 @@ from typing import Any
 
 from ospc.arrays import size_of
 from ospc.correspondence.pixel_statistics import PixelStatistics
+from ospc.correspondence.preprocessing import PreprocessedFrame
 from ospc.engine.frame_checks import check_is_frame, checked_frame, image_of_size
 from ospc.engine.prefetching import Prefetcher
 from ospc.engine.state import Epoch, Run
 from ospc.engine.state_fields import check_fields
 from ospc.errors import ExposureError, FormatError, FrameError, RecordingError
 from ospc.exposures.brightness import ComparedFrames
-from ospc.exposures.brightness_history import BrightnessHistory
+from ospc.exposures.brightness_history import BrightnessHistory, Precomputed
 from ospc.exposures.lag_choice import LagChoice, lag_in_words
 from ospc.methods.change_detection import Change
 from ospc.methods.method import Method, Progress
@@ -166,9 +167,14 @@ class Engine:
         self.run.identify_by(frame)  # first: if the image cannot be read, the state must not change
         change: Change | None = None
         compared: ComparedFrames | None = None
-        repeats = False
         if self.run.sampler.processes_next:
-            change, compared, repeats = self._observe(method, frame)
+            prepared, precomputed = self.prefetcher.preprocessed(frame)
+            first = self.run.exposures.history.first_with_image_of(prepared.thumbnail)
+            if first != frame.index:  # it adds no information
+                self.run.count_repeated(frame, prepared.thumbnail, first)
+                self.run.exposures.assess_if_due()
+                return
+            change, compared = self._observe(method, frame, prepared, precomputed)
         elif self.run.sampler.compares_next or self.run.exposures.needs_comparison(frame.index):
             compared = self.run.exposures.history.observe(*self.prefetcher.thumbnail(frame))
         if compared is not None:
@@ -176,10 +182,7 @@ class Engine:
             change = self._detect_lag_change(method, change) or change
         if change is not None:
             method = self._begin_epoch_if_confirmed(method, change)
-        if repeats:
-            self.run.sampler.skip()
-        else:
-            self.run.sampler.advance(method.longest_pause)
+        self.run.sampler.advance(method.longest_pause)
         self.run.exposures.assess_if_due()
 
     def _started(self, frame: Frame) -> Method:
@@ -190,16 +193,10 @@ class Engine:
             self.run.size, self.run.max_grey = size, frame.max_grey
         return self.method
 
-    def _observe(self, method: Method, frame: Frame) -> tuple[Change | None, ComparedFrames | None, bool]:
-        """Preprocess a frame and accumulate its samples.
-
-        Return a change of the camera, the compared frames, and whether the frame only repeats the previous image.
-        """
-        prepared, precomputed = self.prefetcher.preprocessed(frame)
-        first = self.run.exposures.history.first_with_image_of(prepared.thumbnail)
-        if first != frame.index:  # it adds no information
-            self.run.count_repeated(frame, prepared.thumbnail, first)
-            return None, None, True
+    def _observe(
+        self, method: Method, frame: Frame, prepared: PreprocessedFrame, precomputed: Precomputed | None
+    ) -> tuple[Change | None, ComparedFrames | None]:
+        """Accumulate the samples of a preprocessed frame; return a change of the camera, and the compared frames."""
         # Meanwhile, the second thread counts grey values and compares the brightness with the previous frame.
         counting = self._second.submit(self.run.pixels.observe, frame, prepared.thumbnail)
         comparing = self._second.submit(self.run.exposures.history.observe, prepared.thumbnail, precomputed)
@@ -209,7 +206,7 @@ class Engine:
         finally:
             counting.result()
             compared = comparing.result()
-        return change, compared, False
+        return change, compared
 
     def _detect_lag_change(self, method: Method, other: Change | None) -> Change | None:
         """Return a change of the exposure lag, which may explain another change of the camera."""

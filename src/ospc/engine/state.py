@@ -147,12 +147,19 @@ class Run:
             self.first_frames = (sha256(content).hexdigest(), count + 1)
 
     def count_repeated(self, frame: Frame, thumbnail: Thumbnail, first: int) -> None:
-        """Count a frame with the image of the ``first`` one; FrameError if it has another exposure."""
+        """Count a frame with the image of the ``first`` one, and process the next in its place.
+
+        Raises
+        ------
+        FrameError
+            If it has another exposure.
+        """
         self.sampler.expects_repeats = True
         self.exposures.history.observe(thumbnail)
         written = self.exposures.table.written
         if written[frame.index] != written[first]:
             raise FrameError(f"{frame.name}: repeats the previous image with another exposure, so an image was lost")
+        self.sampler.skip()
 
     def begin_epoch(self, ended: Epoch) -> None:
         """End the current epoch, and begin another with the frame after it."""
