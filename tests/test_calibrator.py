@@ -210,7 +210,7 @@ def test_only_the_latest_epochs_keep_their_calibrations_and_all_keep_their_expos
     assert [epoch.change.text for epoch in ended] == changes
     assert [epoch.calibration is not None for epoch in ended] == [False] * 5 + [True] * MAX_EPOCH_CALIBRATIONS
     assert {epoch.corrected_lag_frames for epoch in ended} == {1}
-    calibrator.run.epochs[0] = replace(ended[0], corrected_lag_frames=2, wrong_exposures=(1,))
+    calibrator._run.epochs[0] = replace(ended[0], corrected_lag_frames=2, wrong_exposures=(1,))
     source = calibrator.calibration().source
     assert source["exposure_lags_corrected_until"] == [[3, 2], *([epoch.last_frame + 1, 1] for epoch in ended[1:])]
     assert source["exposures_ignored_of_frames"] == [1]
@@ -218,7 +218,7 @@ def test_only_the_latest_epochs_keep_their_calibrations_and_all_keep_their_expos
 
 def test_epochs_follow_each_other_while_another_thread_ends_one():
     calibrator = OnlineCalibrator()
-    calibrator.run.epochs = GrowingWhileRead([Epoch(0, 9, None, None)])
+    calibrator._run.epochs = GrowingWhileRead([Epoch(0, 9, None, None)])
     for _ in range(3):
         epochs = calibrator.epochs
         assert [e.first_frame for e in epochs[1:]] == [e.last_frame + 1 for e in epochs[:-1]]

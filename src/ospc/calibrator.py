@@ -104,8 +104,8 @@ class OnlineCalibrator(Engine):
 
     def calibration(self) -> Calibration:
         """Return the calibration from the frames so far; more may be pushed later. OspcError if none was usable."""
-        with self.lock:
-            run, method = self.run, self.method
+        with self._lock:
+            run, method = self._run, self._method
             if method is None:
                 why = f": {run.skipped.latest[-1]}" if run.skipped.latest else ""
                 raise OspcError(f"no frame could be used{why}")
@@ -120,29 +120,29 @@ class OnlineCalibrator(Engine):
 
     def exposure_findings(self) -> ExposureFindings:
         """Return the findings about the exposures so far; OspcError if no frame was usable."""
-        with self.lock:
-            if self.method is None:
+        with self._lock:
+            if self._method is None:
                 raise OspcError("no frame could be used, so the exposures could not be checked")
-            return self.run.used_before(self.frames, self.method)[1]
+            return self._run.used_before(self.frames, self._method)[1]
 
     def inputs(self) -> FitInputs | None:
         """Return the inputs of the fit of response and vignette; None if nothing can be merged."""
-        with self.lock:
-            if self.method is None:
+        with self._lock:
+            if self._method is None:
                 return None
-            exposures, _, grey_range = self.run.used_before(self.frames, self.method)
-            return self.method.inputs(exposures, grey_range)
+            exposures, _, grey_range = self._run.used_before(self.frames, self._method)
+            return self._method.inputs(exposures, grey_range)
 
     def summary(self) -> Summary | None:
         """Return a summary that can be merged with others; None if there is nothing to merge."""
-        with self.lock:
-            inputs, run = self.inputs(), self.run
+        with self._lock:
+            inputs, run = self.inputs(), self._run
             return None if inputs is None else summary_of(inputs, run.first_frames[0], run.source, run.frames)
 
     def preview(self) -> Preview | None:
         """Return quick estimates and the data behind them, for display during a run; None before there are any."""
-        with self.lock:
-            return None if self.method is None else self.method.preview(self.run.exposures.table)
+        with self._lock:
+            return None if self._method is None else self._method.preview(self._run.exposures.table)
 
     def save_state(self, path: str | Path, *, complete: bool = False) -> Path:
         """Write the state to a file atomically and return its path.
@@ -159,12 +159,12 @@ class OnlineCalibrator(Engine):
         """
         if self.settings.state_type() is None:
             raise SettingError(f"preset {self.settings.name} cannot be saved as a state; use the default preset")
-        with self.lock:
-            if self.partly_processed:
-                raise FormatError(f"{path}: not written, because {self.partly_processed} was only partly processed")
+        with self._lock:
+            if self._partly_processed:
+                raise FormatError(f"{path}: not written, because {self._partly_processed} was only partly processed")
             summary = self.summary() if complete else None
-            method = None if self.method is None else self.method.state()
-            run = replace(self.run, exposures=self.run.exposures.trimmed(), versions=versions())
+            method = None if self._method is None else self._method.state()
+            run = replace(self._run, exposures=self._run.exposures.trimmed(), versions=versions())
             return save_run(path, run, method, summary)
 
     @classmethod
@@ -185,7 +185,7 @@ class OnlineCalibrator(Engine):
         try:
             check_run(run, settings)
             calibrator = cls(settings)
-            calibrator.restore(run, method)
+            calibrator._restore(run, method)
         except (FormatError, SettingError, LookupError, TypeError, ValueError, AttributeError) as error:
             raise FormatError(f"{path}: not readable as a state ({error})") from None
         return calibrator

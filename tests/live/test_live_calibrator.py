@@ -175,13 +175,13 @@ def test_with_another_lens_the_response_stays_known(changed):
     begins = f"starting from frames 0 to {first.last_frame}"
     assert begins in found.verdicts["response"].reason
     assert begins not in found.verdicts["vignette"].reason
-    alone = changed.method.calibration(changed.run.exposures.findings().evidence.used(changed.run.exposures.table))
+    alone = changed._method.calibration(changed._run.exposures.findings().evidence.used(changed._run.exposures.table))
     assert np.median(found.response.log_sigma) < np.median(alone.response.log_sigma)
     # Even if no frame after the change allows a fit.
     unknown = Verdict("not identifiable", "no exposure changes")
     verdicts = {"response": unknown, "vignette": unknown}
     fitless = replace(found, response=None, vignette=None, verdicts=verdicts, warnings=())
-    before = response_before_change([first], changed.run.exposures.table.written)
+    before = response_before_change([first], changed._run.exposures.table.written)
     continued = before.continued(fitless, None)
     assert continued.verdicts["response"].state == first.calibration.verdicts["response"].state
     assert continued.verdicts["vignette"] == unknown
@@ -197,15 +197,18 @@ def test_epochs_survive_a_saved_state(changed, tmp_path):
 
 def test_the_state_hardly_grows_with_the_number_of_epochs(changed, tmp_path):
     calibrator = OnlineCalibrator.load_state(changed.save_state(tmp_path / "state.ospc"))
-    first, size = calibrator.epochs[0], {}
-    calibrator.run.epochs = []
-    for frame in range(3 * MAX_EPOCH_CALIBRATIONS):
-        epoch = replace(first, first_frame=frame, last_frame=frame, corrected_lag_frames=2, wrong_exposures=(frame,))
-        calibrator.run.epochs = keeping_latest_calibrations([*calibrator.run.epochs, epoch])
-        calibrator.run.exposures._first_frame = frame + 1
-        size[len(calibrator.run.epochs)] = calibrator.save_state(tmp_path / "state.ospc").stat().st_size
-    assert size[MAX_EPOCH_CALIBRATIONS] - size[1] > 20_000
-    assert size[3 * MAX_EPOCH_CALIBRATIONS] - size[MAX_EPOCH_CALIBRATIONS] < 5_000
+    first, sizes = calibrator.epochs[0], []
+    for count in (1, MAX_EPOCH_CALIBRATIONS, 3 * MAX_EPOCH_CALIBRATIONS):
+        calibrator._run.epochs = []
+        for frame in range(count):
+            own = replace(
+                first, first_frame=frame, last_frame=frame, corrected_lag_frames=2, wrong_exposures=(frame,)
+            )
+            calibrator._run.epochs = keeping_latest_calibrations([*calibrator._run.epochs, own])
+        calibrator._run.exposures._first_frame = count
+        sizes.append(calibrator.save_state(tmp_path / "state.ospc").stat().st_size)
+    assert sizes[1] - sizes[0] > 20_000
+    assert sizes[2] - sizes[1] < 5_000
     again = OnlineCalibrator.load_state(tmp_path / "state.ospc")
     for epoch, other in zip(again.epochs, calibrator.epochs, strict=True):
         assert replace(epoch, calibration=None) == replace(other, calibration=None)
@@ -214,7 +217,7 @@ def test_the_state_hardly_grows_with_the_number_of_epochs(changed, tmp_path):
 def test_a_change_that_the_complete_fit_disproves_is_none_and_a_resumed_run_agrees(commanded, cameras, tmp_path):
     """The fit that raised the suspicion has a wrong vignette, as if it left out glare."""
     calibrator = OnlineCalibrator.load_state(commanded.save_state(tmp_path / "halfway.ospc"))
-    detector, fit = calibrator.method._changes, calibrator.method._quick_fit.fit
+    detector, fit = calibrator._method._changes, calibrator._method._quick_fit.fit
     wrong = np.where(np.arange(len(fit.parameters)) < fit.vignette_part.start, 1, 3) * fit.parameters
     detector.reference, detector.since = replace(fit, parameters=wrong), len(cameras.before)
     detector.neighbours.errors, detector.neighbours.effects = [0.002] * 12, [0.002] * 12
@@ -309,7 +312,7 @@ def test_a_fork_while_another_thread_holds_the_locks_is_refused_and_not_waited_f
     answers, held, go = context.Queue(), threading.Event(), threading.Event()
 
     def hold():
-        with live._changed, live._engine.lock:
+        with live._changed, live._engine._lock:
             held.set()
             go.wait(60)
 

@@ -40,7 +40,7 @@ def test_the_latest_calibration_names_a_change_until_the_next_one(monkeypatch):
     found = LiveFindings(engine, 0.005)
     monkeypatch.setattr(OnlineCalibrator, "calibration", lambda _: known)
     found.estimate(1)
-    engine.run.epochs = [Epoch(0, 9, None, Change(10, 20, "vignette", "the vignette changed by -20%"))]
+    engine._run.epochs = [Epoch(0, 9, None, Change(10, 20, "vignette", "the vignette changed by -20%"))]
     found.follow(21)
     assert "the vignette changed by -20%; the calibration is for earlier frames" in found.latest.warnings[-1]
     assert not found.latest.converged

@@ -203,8 +203,8 @@ def test_after_a_change_of_the_camera_a_quick_fit_to_what_is_kept_soon_follows(w
     calibrator = OnlineCalibrator()
     for frame in walk.frames[:80]:
         calibrator.push(frame)
-    calibrator.method = calibrator.method.since(11)
-    before = calibrator.method.preview(calibrator.run.exposures.table)
+    calibrator._method = calibrator._method.since(11)
+    before = calibrator._method.preview(calibrator._run.exposures.table)
     assert before.fit is None
     assert 32 < before.pairs < 48  # the next power of two is far away
     for frame in walk.frames[80:]:
@@ -328,7 +328,7 @@ def test_pairs_of_frames_agree_with_a_change_of_the_lag_only_if_it_is_real(walk)
     calibrator = OnlineCalibrator()
     for frame in walk.frames[:80]:
         calibrator.push(frame)
-    method, table = calibrator.method, calibrator.run.exposures.table
+    method, table = calibrator._method, calibrator._run.exposures.table
     for later in (1, -1, 2):
         change = LagChange(20, later, proven=True)
         assert not method.agrees_with(change, table)

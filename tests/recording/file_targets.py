@@ -185,7 +185,7 @@ def _batch_result(data: bytes, folder: Path) -> None:
 
 def _thinned(calibrator: OnlineCalibrator) -> OnlineCalibrator:
     """Return the calibrator with fewer samples: a small state is faster to load and to damage."""
-    series = calibrator.method._data.stationary.series
+    series = calibrator._method._data.stationary.series
     series._places, series._grey = series._places[::40], [grey[::40] for grey in series._grey]
     return calibrator
 

@@ -145,7 +145,7 @@ def test_the_state_of_a_large_and_long_recording_is_small(tmp_path):
     noise = random.integers(0, 65535, (600, 800), dtype=np.uint16)
     calibrator = OnlineCalibrator()
     calibrator.push(Frame.of_array(noise, 1.0))
-    data = calibrator.method._data
+    data = calibrator._method._data
     kept, series = data.reservoir, data.stationary.series
     points = kept.capacity // 300
     for pair in range(300):
@@ -190,7 +190,7 @@ def test_everything_an_engine_knows_is_in_its_state():
     not_needed = {"prefetcher", "partly_processed"}
     calibrator = OnlineCalibrator()
     assert {name.lstrip("_") for name in vars(calibrator)} == made_anew | not_needed | {"run", "method"}
-    assert vars(calibrator.run).keys() == Run.__dataclass_fields__.keys()
+    assert vars(calibrator._run).keys() == Run.__dataclass_fields__.keys()
 
 
 def test_everything_known_of_the_exposures_is_in_their_state():
@@ -204,7 +204,7 @@ def test_the_choice_about_a_lag_is_saved(tmp_path, choice):
     calibrator.push(Frame.of_array(np.zeros((48, 64), np.uint8), 1.0))
     again = OnlineCalibrator.load_state(calibrator.save_state(tmp_path / "state.ospc"))
     assert again.correct_lag == choice
-    assert again.run.exposures.table.lag_frames == calibrator.run.exposures.table.lag_frames
+    assert again._run.exposures.table.lag_frames == calibrator._run.exposures.table.lag_frames
 
 
 def test_before_the_first_usable_frame_there_is_a_state_too(tmp_path):

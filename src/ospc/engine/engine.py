@@ -43,24 +43,20 @@ class Engine:
 
     Attributes
     ----------
-    run, method
-        What is known of the frames so far, and the method, None before the first usable frame. A frame changes them.
-    partly_processed
-        Name of the frame whose processing failed halfway, or "".
-    lock
-        Held while a frame is processed.
+    settings
+        Settings of the method.
     prefetcher
         Predicts which frames will be needed, and keeps those that another thread preprocessed ahead of time.
     """
 
     def __init__(self, settings: Settings, run: Run) -> None:
         self.settings = settings
-        self.run = run
-        self.method: Method | None = None
-        self.partly_processed = ""
-        self.lock = RLock()
+        self._run = run
+        self._method: Method | None = None  # until the first usable frame
+        self._partly_processed = ""  # the name of a frame whose processing failed halfway
+        self._lock = RLock()  # held while a frame is processed
         self._preprocess = settings.preprocessor()
-        self.prefetcher = Prefetcher(self._preprocess, run.sampler, lambda: self.run.pixels.grey_range)
+        self.prefetcher = Prefetcher(self._preprocess, run.sampler, lambda: self._run.pixels.grey_range)
         self._second = SecondThread()
 
     def push(self, frame: Frame) -> bool:
@@ -76,22 +72,22 @@ class Engine:
         RecordingError
             If no more frames can be read. The state is unchanged, and the frame may be pushed again.
         """
-        with self.lock:
-            check_is_frame(frame, self.run.frames)
-            number = self.run.exposures.table.append(frame.exposure_ms)
+        with self._lock:
+            check_is_frame(frame, self._run.frames)
+            number = self._run.exposures.table.append(frame.exposure_ms)
             if frame.name == UNNAMED:
                 frame = replace(frame, name=f"frame {number}")
             try:
-                size = None if self.method is None else self.run.size
-                self._process(checked_frame(frame, number, size, self.run.max_grey))
+                size = None if self._method is None else self._run.size
+                self._process(checked_frame(frame, number, size, self._run.max_grey))
             except (FrameError, ExposureError) as error:
-                self.run.skip(str(error))
+                self._run.skip(str(error))
                 return False
             except RecordingError:
-                self.run.exposures.table = self.run.exposures.table.before(number)
+                self._run.exposures.table = self._run.exposures.table.before(number)
                 raise
             except BaseException:
-                self.partly_processed = frame.name
+                self._partly_processed = frame.name
                 raise
             finally:
                 self.prefetcher.drop_until(number)
@@ -103,35 +99,23 @@ class Engine:
 
         ``unusable`` is the reason why its image cannot be used, if it has been checked.
         """
-        with self.lock:
-            self.run.exposures.table.append(exposure_ms)
+        with self._lock:
+            self._run.exposures.table.append(exposure_ms)
             try:
                 check_exposure(exposure_ms, name)
             except ExposureError as error:
                 unusable = str(error)
-            self.run.skip(unusable)
+            self._run.skip(unusable)
             self._update_prefetcher()
             return not unusable
-
-    def restore(self, run: Run, method: object | None) -> None:
-        """Continue from a state of a run and its method; FormatError or ValueError if they are inconsistent."""
-        if (run.max_grey == 0) != (method is None):
-            raise FormatError("a run must have both a first frame and a method, or neither")
-        with self.lock:
-            if method is not None:
-                check_fields(method)
-                self.method = self.settings.build(run.size, run.max_grey)
-                self.method.restore(method, run.frames)
-            self.run = run
-            self._update_prefetcher()
 
     @property
     def frames_to_replay(self) -> frozenset[int]:
         """Numbers of the frames that :meth:`replay` needs before a loaded calibrator continues."""
-        with self.lock:
-            if self.method is None:
+        with self._lock:
+            if self._method is None:
                 return frozenset()
-            return self.method.frames_to_replay | self.run.exposures.history.frames_to_replay
+            return self._method.frames_to_replay | self._run.exposures.history.frames_to_replay
 
     def replay(self, frame: Frame) -> None:
         """Process an earlier frame again, so that new frames can be compared with it.
@@ -143,66 +127,78 @@ class Engine:
         FrameError
             If its number is not one of these, its image can no longer be read, or its size has changed.
         """
-        with self.lock:
-            if self.method is None or frame.index not in self.frames_to_replay:
+        with self._lock:
+            if self._method is None or frame.index not in self.frames_to_replay:
                 name = frame.name
                 raise FrameError(f"{name}: is not one of frames_to_replay; set its index to its number in the run")
-            shown = replace(frame, load=partial(image_of_size, frame, self.run.size))
-            prepared = self._preprocess(shown, self.run.pixels.grey_range_before(frame.index))
-            self.method.replay(prepared)
-            self.run.exposures.history.replay(prepared.thumbnail)
+            shown = replace(frame, load=partial(image_of_size, frame, self._run.size))
+            prepared = self._preprocess(shown, self._run.pixels.grey_range_before(frame.index))
+            self._method.replay(prepared)
+            self._run.exposures.history.replay(prepared.thumbnail)
 
     def end_threads(self) -> None:
         """End the threads that help to process a frame; the next frame starts them again."""
-        with self.lock:
+        with self._lock:
             self._second.end()
-            if self.method is not None:
-                self.method.end_threads()
+            if self._method is not None:
+                self._method.end_threads()
+
+    def _restore(self, run: Run, method: object | None) -> None:
+        """Continue from a loaded state; FormatError or ValueError if run and method are inconsistent."""
+        if (run.max_grey == 0) != (method is None):
+            raise FormatError("a run must have both a first frame and a method, or neither")
+        with self._lock:
+            if method is not None:
+                check_fields(method)
+                self._method = self.settings.build(run.size, run.max_grey)
+                self._method.restore(method, run.frames)
+            self._run = run
+            self._update_prefetcher()
 
     # The steps of push.
 
     def _process(self, frame: Frame) -> None:
         """Run all steps of the method on a frame, only the comparison of brightness, or none."""
         method = self._started(frame)
-        self.run.identify_by(frame)  # first: if the image cannot be read, the state must not change
+        self._run.identify_by(frame)  # first: if the image cannot be read, the state must not change
         change: Change | None = None
         compared: ComparedFrames | None = None
-        if self.run.sampler.processes_next:
+        if self._run.sampler.processes_next:
             prepared, precomputed = self.prefetcher.preprocessed(frame)
-            first = self.run.exposures.history.first_with_image_of(prepared.thumbnail)
+            first = self._run.exposures.history.first_with_image_of(prepared.thumbnail)
             if first != frame.index:  # it adds no information
-                self.run.count_repeated(frame, prepared.thumbnail, first)
-                self.run.exposures.assess_if_due()
+                self._run.count_repeated(frame, prepared.thumbnail, first)
+                self._run.exposures.assess_if_due()
                 return
             change, compared = self._observe(method, frame, prepared, precomputed)
-        elif self.run.sampler.compares_next or self.run.exposures.needs_comparison(frame.index):
-            compared = self.run.exposures.history.observe(*self.prefetcher.thumbnail(frame))
+        elif self._run.sampler.compares_next or self._run.exposures.needs_comparison(frame.index):
+            compared = self._run.exposures.history.observe(*self.prefetcher.thumbnail(frame))
         if compared is not None:
-            change = change or method.compare(compared.points, self.run.exposures.table)
+            change = change or method.compare(compared.points, self._run.exposures.table)
             change = self._detect_lag_change(method, change) or change
         if change is not None:
             method = self._begin_epoch_if_confirmed(method, change)
-        self.run.sampler.advance(method.longest_pause)
-        self.run.exposures.assess_if_due()
+        self._run.sampler.advance(method.longest_pause)
+        self._run.exposures.assess_if_due()
 
     def _started(self, frame: Frame) -> Method:
         """Return the method, creating it for frames like the first."""
-        if self.method is None:
+        if self._method is None:
             size = size_of(frame.image)
-            self.method = self.settings.build(size, frame.max_grey)
-            self.run.size, self.run.max_grey = size, frame.max_grey
-        return self.method
+            self._method = self.settings.build(size, frame.max_grey)
+            self._run.size, self._run.max_grey = size, frame.max_grey
+        return self._method
 
     def _observe(
         self, method: Method, frame: Frame, prepared: PreprocessedFrame, precomputed: Precomputed | None
     ) -> tuple[Change | None, ComparedFrames | None]:
         """Accumulate the samples of a preprocessed frame; return a change of the camera, and the compared frames."""
         # Meanwhile, the second thread counts grey values and compares the brightness with the previous frame.
-        counting = self._second.submit(self.run.pixels.observe, frame, prepared.thumbnail)
-        comparing = self._second.submit(self.run.exposures.history.observe, prepared.thumbnail, precomputed)
+        counting = self._second.submit(self._run.pixels.observe, frame, prepared.thumbnail)
+        comparing = self._second.submit(self._run.exposures.history.observe, prepared.thumbnail, precomputed)
         try:
             # Select a keyframe, register the frame with it, sample both, accumulate the samples.
-            change = method.push(frame, prepared, self.run.exposures.table)
+            change = method.push(frame, prepared, self._run.exposures.table)
         finally:
             counting.result()
             compared = comparing.result()
@@ -210,17 +206,17 @@ class Engine:
 
     def _detect_lag_change(self, method: Method, other: Change | None) -> Change | None:
         """Return a change of the exposure lag, which may explain another change of the camera."""
-        found = self.run.exposures.detect_lag_change(camera_changed=other is not None)
-        if found is None or not method.agrees_with(found, self.run.exposures.table):
+        found = self._run.exposures.detect_lag_change(camera_changed=other is not None)
+        if found is None or not method.agrees_with(found, self._run.exposures.table):
             return None
-        self.run.exposures.follow_lag_change(found)
+        self._run.exposures.follow_lag_change(found)
         late = lag_in_words(found.later_frames)
         description = f"exposures are recorded {late} compared with earlier frames"
-        return Change(found.frame, self.run.frames - 1, "exposures", description)
+        return Change(found.frame, self._run.frames - 1, "exposures", description)
 
     def _begin_epoch_if_confirmed(self, method: Method, suspected: Change) -> Method:
         """Return the method for the frames after a change of the camera, or the same one if its fit shows none."""
-        run = self.run
+        run = self._run
         exposures, found, grey_range = run.used_before(suspected.frame, method)
         inputs = method.inputs(exposures, grey_range)
         change = suspected if inputs is None else method.prove_again(suspected, inputs, run.exposures.table)
@@ -230,45 +226,45 @@ class Engine:
         exposures, found, grey_range = run.used_before(begin, method)
         known = run.judged(method.calibration(exposures, grey_range), found, {"frames": begin - first})
         run.begin_epoch(Epoch(first, begin - 1, known, change, found.corrected_frames, found.evidence.wrong))
-        self.method = method.since(begin)
-        return self.method
+        self._method = method.since(begin)
+        return self._method
 
     def _update_prefetcher(self) -> None:
         """Pass the current sampler to the prefetcher, which copies it so that it never waits for the lock."""
-        every = self.method is not None and self.method.longest_pause == 0
-        self.prefetcher.update(self.run.sampler, self.run.size, every=every)
+        every = self._method is not None and self._method.longest_pause == 0
+        self.prefetcher.update(self._run.sampler, self._run.size, every=every)
 
     # These do not wait for other threads.
 
     @property
     def source(self) -> dict[str, Any]:
         """Identification of the recording, saved in states; empty for a live camera. It may be set."""
-        return self.run.source
+        return self._run.source
 
     @source.setter
     def source(self, source: dict[str, Any]) -> None:
-        self.run.source = source
+        self._run.source = source
 
     @property
     def saved_by(self) -> dict[str, Any]:
         """Versions of the software that saved the loaded state; empty for a new calibrator."""
-        return self.run.versions
+        return self._run.versions
 
     @property
     def status(self) -> Status:
         """Status of the run; cheap enough to read after every frame."""
-        progress = self.method.progress if self.method else Progress()
-        return Status(self.frames, self.run.skipped.latest, progress)
+        progress = self._method.progress if self._method else Progress()
+        return Status(self.frames, self._run.skipped.latest, progress)
 
     @property
     def frames(self) -> int:
         """Number of frames pushed so far, including skipped ones."""
-        return self.run.frames
+        return self._run.frames
 
     @property
     def processed(self) -> int:
         """Number of frames processed so far."""
-        return self.run.sampler.processed
+        return self._run.sampler.processed
 
     @property
     def epochs(self) -> tuple[Epoch, ...]:
@@ -276,28 +272,28 @@ class Engine:
 
         The last eight that have ended keep their calibrations.
         """
-        return self.run.all_epochs
+        return self._run.all_epochs
 
     @property
     def first_reasons(self) -> tuple[str, ...]:
         """Why the first unusable frames were skipped, three at most."""
-        return self.run.skipped.first
+        return self._run.skipped.first
 
     @property
     def correct_lag(self) -> LagChoice:
         """How a lag of the exposures is handled."""
-        return self.run.exposures.choice
+        return self._run.exposures.choice
 
     @property
     def brightness(self) -> BrightnessHistory:
         """Changes of brightness between consecutive frames of this epoch; do not read them during a push."""
-        return self.run.exposures.history
+        return self._run.exposures.history
 
     @property
     def pixels(self) -> PixelStatistics:
         """Grey value statistics of the frames processed in this epoch; do not read them during a push."""
-        return self.run.pixels
+        return self._run.pixels
 
     def may_need_image(self, number: int) -> bool:
         """Whether the image of the frame with this number may be needed."""
-        return self.run.exposures.lag_is_uncertain or self.prefetcher.needs(number)
+        return self._run.exposures.lag_is_uncertain or self.prefetcher.needs(number)
