@@ -227,8 +227,8 @@ def test_a_change_that_the_complete_fit_disproves_is_none_and_a_resumed_run_agre
     for one in (calibrator, again):
         drive(one, frames)
         assert len(one.epochs) == 1
-        assert one.method._changes.complete_before >= len(cameras.before)
-        assert not one.method._changes.is_suspicious
+        assert one._method._changes.complete_before >= len(cameras.before)
+        assert not one._method._changes.is_suspicious
     states = [one.save_state(tmp_path / name).read_bytes() for one, name in ((calibrator, "a"), (again, "b"))]
     assert states[0] == states[1]
 
