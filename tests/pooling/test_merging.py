@@ -15,6 +15,7 @@ from ospc.estimation.response_basis import ResponseBasis
 from ospc.estimation.vignette_choice import fit_with_chosen_vignette
 from ospc.evaluation.metrics import log_ratio_error, response_shape_rmse, vignette_rmse
 from ospc.methods.result import calibration_of
+from ospc.photometry.response import Response
 from ospc.pooling.calibration_summary import summary_of_calibration
 from ospc.pooling.pool import Pool, merge
 from ospc.pooling.solution import Information, solve_with_chosen_vignette
@@ -76,6 +77,17 @@ def test_recordings_of_one_camera_agree(merged):
     assert merged.calibration.complete
     assert merged.calibration.counts["recordings"] == RECORDINGS
     assert "based on 8 of 8 recordings" in merged.calibration.verdicts["response"].reason
+
+
+def test_recordings_that_scatter_more_than_stated_widen_the_band_of_their_response():
+    """Their vignettes scatter as stated."""
+    error = 0.02
+    exponents = [1.7 + error * (-1) ** seed for seed in range(8)]
+    cameras = [replace(CAMERA, response=Response.gamma(exponent, 4097)) for exponent in exponents]
+    found = merge(Pool.of(summary(camera, seed) for seed, camera in enumerate(cameras))).calibration.response
+    sigma = np.interp(0.25, found.levels, found.log_sigma)
+    expected = error * np.log(found.reference_grey / 0.25) / np.sqrt(len(cameras) - 1)
+    assert 0.6 < sigma / expected < 1.6
 
 
 def test_the_order_makes_no_difference_to_a_single_bit(recordings, merged):

@@ -60,8 +60,8 @@ class Difference:
 class Agreement:
     """Which recordings differ, by key, and for each part whether more than half of them agree on it.
 
-    ``scatter`` is the mean square of the differences between agreeing recordings over its expected value, at least 1;
-    1 if there are only few.
+    ``scatter`` is the mean square of the differences between agreeing recordings over its expected value, for the
+    part where it is larger, and at least 1; 1 if there are only few recordings.
     """
 
     differing: dict[str, Difference]
@@ -154,8 +154,9 @@ def _scatter(agreeing: list[tuple[_Curves, _Curves]]) -> float:
     """Return the ratio of the observed to the stated variance between the recordings that agree."""
     if len(agreeing) < MIN_RECORDINGS_FOR_SCATTER:
         return 1.0
-    squares = [(one.value - other.value) ** 2 / (one.sigma**2 + other.sigma**2) for one, other in agreeing]
-    return max(1.0, float(np.mean(squares)))
+    squares = np.stack([(one.value - other.value) ** 2 / (one.sigma**2 + other.sigma**2) for one, other in agreeing])
+    # Each part by itself: recordings always agree on a part that none of them shows.
+    return max(1.0, *(float(np.mean(squares[:, places])) for places in _PLACES.values()))
 
 
 @cache
