@@ -46,6 +46,11 @@ TREMBLE = [(100 + i % 3, 100 + i % 2) for i in range(40)]
 TWO_VIEWS = [(0, 0), (300, 300)] * 20
 
 
+def lit(shape: BoolArray) -> SceneArea:
+    """Return what is known after images that are black outside a shape."""
+    return area_of(np.where(shape, image, 0).astype(np.uint8) for image in views(WALK))
+
+
 def letters() -> BoolArray:
     """Return the pixels of a word."""
     word = np.zeros(SIZE[::-1], np.uint8)
@@ -79,16 +84,33 @@ def test_a_mask_reaches_as_far_as_any_pixel_in_use(used: tuple[slice, slice], ex
 
 @pytest.mark.parametrize("used", [np.s_[:, 30:130], np.s_[20:100, :]])
 def test_the_usable_radius_includes_the_margin_beside_bars_but_not_the_bars(used: tuple[slice, slice]) -> None:
-    lit = np.zeros(SIZE[::-1], bool)
-    lit[used] = True
-    area = area_of(np.where(lit, image, 0).astype(np.uint8) for image in views(WALK))
-    visible = np.linalg.norm(normalised(pixel_grid(SIZE), SIZE), axis=-1)[lit].max()
+    between = np.zeros(SIZE[::-1], bool)
+    between[used] = True
+    area = lit(between)
+    visible = np.linalg.norm(normalised(pixel_grid(SIZE), SIZE), axis=-1)[between].max()
     pixel = 2 / np.hypot(*SIZE)
     assert visible - pixel / 2 < area.usable_radius() < visible + pixel
     surround = area.surround()
     assert surround is not None
-    assert surround[~lit].all()
-    assert surround[lit].any()
+    assert surround[~between].all()
+    assert surround[between].any()
+
+
+def test_the_usable_radius_reaches_the_farthest_corner_that_shows_the_scene() -> None:
+    place = normalised(pixel_grid(SIZE), SIZE)
+    two_bars = np.zeros(SIZE[::-1], bool)
+    two_bars[24:, 32:] = True
+    assert lit(two_bars).usable_radius() == 1
+    y, x = np.indices(SIZE[::-1])
+    trapezoid = np.abs(x - 79.5) < 54 + 26 * y / 120
+    assert lit(trapezoid).usable_radius() == pytest.approx(np.linalg.norm(place, axis=-1)[trapezoid].max(), abs=0.03)
+
+
+@pytest.mark.parametrize("centre", [(79.5, 59.5), (87.5, 63.5), (94.5, 67.5)])
+def test_the_usable_radius_of_an_image_circle_is_about_its_own_centre(centre: tuple[float, float]) -> None:
+    x, y = centre
+    circle = np.linalg.norm(np.indices(SIZE[::-1]) - np.reshape([y, x], (2, 1, 1)), axis=0) < 75
+    assert lit(circle).usable_radius() == pytest.approx(0.75, abs=0.02)
 
 
 def test_specks_of_noise_beside_the_image_circle_do_not_belong_to_it() -> None:

@@ -20,6 +20,7 @@ from ospc.settings.grey_values import (
     MAX_SCENE_AGREEMENT,
     MAX_SURROUND_SHARE,
     MAX_VIEW_AGREEMENT,
+    MIN_CIRCLE_FILL,
     MIN_CIRCLE_FRAMES,
     MIN_EDGE_RATIO,
     MIN_FINE_STRUCTURE_8_BIT,
@@ -36,9 +37,6 @@ from ospc.settings.grey_values import (
     SURROUND_MARGIN_PX,
     WHOLE_IMAGE_RADIUS,
 )
-
-_CORNERS = np.array([(1, 1), (-1, 1), (1, -1), (-1, -1)])
-"""Directions to the four corners."""
 
 
 @dataclass
@@ -152,20 +150,15 @@ class SceneArea:
         return 0.0 if found is None else float(found.mean())
 
     def usable_radius(self) -> float:
-        """Return the radius of the usable part, in half diagonals about the image centre; at most 1."""
+        """Return the radius of the usable part, in half diagonals; at most 1.
+
+        That of an image circle is about its own centre, as the vignette is; others are about the image centre.
+        """
         # The margin has no observations, but its pixels show the scene: V is needed there, too.
         surround = self._dark_surround()
-        if self.brightest is None or (surround is None and self.allowed is None):
-            return 1.0
-        height, width = self.brightest.shape
-        place = normalised(pixel_grid((width, height)), (width, height))
-        lit = np.ones((height, width), dtype=bool) if surround is None else ~surround
-        radius = np.where(lit, np.linalg.norm(place, axis=-1), 0.0)
-        # A decentred image circle may include one corner, which alone does not determine the radius.
-        reached = float(np.median([radius[(place * corner >= 0).all(axis=-1)].max() for corner in _CORNERS]))
+        reached = 1.0 if surround is None else _lit_radius(~surround)
         if self.allowed is not None:
-            # A mask may hide any side: the vignette is needed up to the outermost usable pixel.
-            reached = min(reached, float(radius[self.allowed].max(initial=0.0)))
+            reached = min(reached, _farthest(self.allowed))
         return reached if 0 < reached < WHOLE_IMAGE_RADIUS else 1.0
 
     def shows_scene(self, position: FloatArray) -> BoolArray | None:
@@ -212,6 +205,26 @@ def _nearest(mask: BoolArray) -> IntArray:
     index = np.zeros(label.max() + 1, np.int64)
     index[label.ravel()[inside]] = inside
     return np.asarray(index[label])
+
+
+def _lit_radius(lit: BoolArray) -> float:
+    """Return the radius of an image circle, or how far from the image centre a part of another shape reaches."""
+    lit = _widened(~_widened(~lit))  # without specks at its edge
+    points = cv2.findNonZero(lit.view(np.uint8))
+    if points is None:
+        return 0.0
+    size = size_of(lit)
+    centre_px, radius_px = cv2.minEnclosingCircle(cv2.convexHull(points))
+    radius = 2 * float(radius_px / np.hypot(*size - np.ones(2)))
+    place = normalised(pixel_grid(size), size) - normalised(np.array(centre_px), size)
+    inside = np.count_nonzero(np.linalg.norm(place, axis=-1) <= radius)
+    return radius if np.count_nonzero(lit) >= MIN_CIRCLE_FILL * inside else _farthest(lit)
+
+
+def _farthest(part: BoolArray) -> float:
+    """Return the largest distance of a pixel from the image centre, in half diagonals; 0 if there is none."""
+    size = size_of(part)
+    return float(np.linalg.norm(normalised(pixel_grid(size), size)[part], axis=-1).max(initial=0.0))
 
 
 def _large_parts(mask: BoolArray, min_px: float, *, connectivity: int) -> BoolArray:

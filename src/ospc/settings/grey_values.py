@@ -6,6 +6,10 @@ from __future__ import annotations
 
 MIN_CIRCLE_FRAMES = 8
 """Minimum number of frames before a dark point counts as surround: in a single frame the scene itself may be dark."""
+MIN_CIRCLE_FILL = 0.92
+"""Least share of the smallest circle around the usable part, within the image, that is usable if it is an image
+circle: 0.947 to 1 for 96 circles with hard and soft edges and noise, decentred by up to 0.2 half diagonals, 0.88 for
+a trapezoid, and 0.78 for an image with bars on two sides."""
 LIT_QUANTILE = 0.9
 MIN_LIT_8_BIT = 60
 """Grey level, of 255, that the brightest tenth of the image must reach: in the dark, scene and surround look
