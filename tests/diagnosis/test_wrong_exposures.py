@@ -7,11 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from filmed import LARGE, Film, found, observed, wandering
+from filmed import LARGE, Film, fitted, found, observed, wandering
 
 from ospc.calibrator import calibrate
 from ospc.evaluation.metrics import log_ratio_error
 from ospc.exposures.verdicts import assess_exposures
+from ospc.photometry.coverage import ExposureRatios
 from ospc.photometry.response import Response
 from ospc.recording import ArrayRecording
 from ospc.settings import DefaultSettings
@@ -78,6 +79,24 @@ def test_a_real_step_of_the_exposure_is_none(lag: int, missing: range) -> None:
     told = assess_exposures([c for c in history.changes if c.frame0 not in missing], log_exposure)
     assert told.corrected_frames == lag
     assert told.verdict.state == "identifiable"
+
+
+@pytest.mark.parametrize("lag", [0, 2, -2])
+@pytest.mark.parametrize("is_shown", [False, True])
+def test_a_step_that_no_consecutive_frames_show_is_real_if_the_shortest_pair_across_shows_it(
+    lag: int, *, is_shown: bool
+) -> None:
+    history, log_exposure = observed(replace(GOOD, lag=lag))
+    step = np.where(np.arange(FRAMES) < 40, 0.0, np.log(20))
+    told = assess_exposures([c for c in history.changes if c.frame0 not in range(39, 42)], log_exposure + step)
+    assert "at frame 40" in told.verdict.reason
+    # Beside the place, within the lag, exposures agree anyway; the long pair is wrong, and another one is imprecise.
+    frames = np.array([[30, 33], [35, 45], [20, 55], [38, 43], [38 - lag, 39 - lag], [50, 52]])
+    residual = np.array([0.001, 0.002 if is_shown else -np.log(20), -1.0 if is_shown else 0.0, -1.4, 0.0, 0.002])
+    sigma = np.array([0.003, 0.003, 0.003, 0.3, 0.003, 0.003])
+    ratios = ExposureRatios(frames, np.ones(6), np.exp(residual), np.array([400, 90, 90, 300, 300, 400]), sigma)
+    assert ("jumps" in fitted(told, ratios=ratios).verdict.reason) is not is_shown
+    assert bool(fitted(told, ratios=ratios).brightness.jumps) is not is_shown
 
 
 @pytest.mark.parametrize("ratio", [2.0, 4.0])

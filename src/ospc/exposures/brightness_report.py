@@ -206,6 +206,29 @@ def largest_jump_of_pairs(ratios: ExposureRatios, momentary: Sequence[int] = ())
     return Jump(int(after), float(change[largest]), int(after - before))
 
 
+def unrefuted(jumps: Sequence[Jump], ratios: ExposureRatios, lag_frames: int) -> tuple[Jump, ...]:
+    """Return the jumps that no pair of frames, whose exposure ratio a fit has estimated, refutes.
+
+    Of the pairs across a jump that are precise enough to show it, the shortest decides. If exposures were moved by a
+    lag, their jumps lie that many frames before those of the recorded exposures.
+    """
+    # After a large step of the exposure, few points are neither too dark nor too bright, so that consecutive frames
+    # cannot be compared, and nothing but the pairs shows whether the step is real.
+    sigma = np.full(len(ratios.samples), np.inf) if ratios.log_sigma is None else ratios.log_sigma
+    first, last = ratios.frames.min(axis=1), ratios.frames.max(axis=1)
+
+    def is_refuted(jump: Jump) -> bool:
+        before, after = jump.frame - jump.span_frames - max(lag_frames, 0), jump.frame - min(lag_frames, 0)
+        half = abs(jump.log_change) / 2
+        across = np.flatnonzero((first <= before) & (last >= after) & (JUMP_SIGMAS * sigma < half))
+        if not len(across):
+            return False
+        shortest = across[np.argmin((last - first)[across])]
+        return bool(abs(ratios.log_residual[shortest]) < half)
+
+    return tuple(jump for jump in jumps if not is_refuted(jump))
+
+
 def largest_error_of_points(ratios: ExposureRatios) -> float | None:
     """Return the error of ln brightness, as a fit explains it, that few points exceed; None if it is notable.
 

@@ -65,7 +65,7 @@ def findings_from(evidence: ExposureEvidence) -> ExposureFindings:
     """Return the findings that follow from all evidence; of the rules below, the first that applies decides."""
     by_fit, agreement, standing = _agreement(evidence)
     spoiled = _spoiled(evidence)
-    lag, brightness = evidence.lag, evidence.brightness
+    lag, brightness = evidence.lag, evidence.brightness_by_fit
     if standing == "settled by fit":
         lag = replace(lag, state="determined", candidates=(evidence.corrected_frames,))
     if brightness is not None and by_fit:
@@ -76,7 +76,7 @@ def findings_from(evidence: ExposureEvidence) -> ExposureFindings:
         evidence,
         lag,
         brightness,
-        verdict=_doubted(evidence, agreement, spoiled),
+        verdict=_doubted(evidence, brightness, agreement, spoiled),
         question=f"it is uncertain whether exposures belong to their frames: {agreement.reason}" if uncertain else "",
         warnings=tuple(verdict.reason for verdict in warned),
     )
@@ -236,7 +236,9 @@ def _spoiled(evidence: ExposureEvidence) -> list[Verdict]:
     return found
 
 
-def _doubted(evidence: ExposureEvidence, agreement: Verdict, spoiled: Sequence[Verdict]) -> Verdict:
+def _doubted(
+    evidence: ExposureEvidence, brightness: BrightnessReport | None, agreement: Verdict, spoiled: Sequence[Verdict]
+) -> Verdict:
     """Return the verdict on exposures, given whether they agree with the images and what else is doubtful."""
     if not agreement.known:
         return agreement
@@ -252,7 +254,6 @@ def _doubted(evidence: ExposureEvidence, agreement: Verdict, spoiled: Sequence[V
         reason = f"{verdict.reason}, but {wrong} of {counted(evidence.frames, 'exposure')} are wrong"
         verdict = Verdict("marginal", reason, _FIX_METADATA)
     # Consecutive frames show a jump, or the fitted exposure ratios of pairs of frames.
-    brightness = evidence.brightness
     jump = None if brightness is None else brightness.largest_jump
     if jump is None or abs(jump.log_change) < CONTRADICTING_JUMP_LOG:
         jump = largest_jump_of_pairs(evidence.ratios, () if brightness is None else brightness.momentary)
