@@ -156,6 +156,12 @@ def test_defective_pixels_and_the_edge_of_a_fisheye_are_no_overlay() -> None:
     assert area_of(images).overlay() is None
 
 
+def test_the_edge_of_what_a_mask_hides_is_no_overlay() -> None:
+    images = [np.where(box(), 0, image).astype(np.uint8) for image in views(WALK)]
+    assert area_of(images).overlay() is not None
+    assert area_of(images, ~box()).overlay() is None
+
+
 def test_the_dark_corners_of_a_wide_lens_show_the_scene() -> None:
     width, height = SIZE
     y, x = np.indices((height, width)) - np.reshape([(height - 1) / 2, (width - 1) / 2], (2, 1, 1))

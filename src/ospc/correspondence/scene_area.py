@@ -125,10 +125,9 @@ class SceneArea:
         if self.fine is None or self.contrast is None or self.views < MIN_VIEWS:
             return None
         visible = self.contrast > self.views * MIN_FINE_STRUCTURE_8_BIT
-        if self.allowed is not None:
-            visible &= self.allowed
-        if (surround := self.surround()) is not None:
-            visible &= ~_widened(surround, OVERLAY_LINE_PX)  # close to its edge, every pixel deviates from it
+        hidden = (None if self.allowed is None else ~self.allowed, self.surround())
+        for part in (one for one in hidden if one is not None):
+            visible &= ~_widened(part, OVERLAY_LINE_PX)  # close to its edge, every pixel deviates from it
         agreement = np.abs(self.fine[visible]) / self.contrast[visible]
         if not agreement.size or np.median(agreement) > MAX_SCENE_AGREEMENT:
             return None
