@@ -76,9 +76,9 @@ def test_a_state_without_observations_is_left_out_with_a_warning(states, tmp_pat
     calibrator.save_state(empty / "state.ospc", complete=True)
     result = run(states[0], empty, states[1], "-o", tmp_path / "out")
     assert "from 2 recordings" in result.stdout
-    assert f"warning: {empty} contains no usable observations and was left out" in result.stderr
+    assert f"warning: {empty} was left out: no response could be fitted to this recording alone" in result.stderr
     assert json.loads(run(states[0], empty, "-o", tmp_path / "one", "--json").stdout)["left_out"] == [str(empty)]
-    assert "no usable observations" in str(run(empty, "-o", tmp_path / "none").exception)
+    assert "no response could be fitted" in str(run(empty, "-o", tmp_path / "none").exception)
 
 
 def test_disagreement_gives_exit_code_3(states, tmp_path):

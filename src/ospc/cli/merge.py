@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from ospc.pooling.summary import Summary
     from ospc.report.output_folder import OutputFolder
 
+_NO_FIT = "no response could be fitted to this recording alone, as with a constant exposure; calibrate it to see why"
+
 
 @declared(
     "merge",
@@ -54,7 +56,7 @@ def command(
     given = [(place, _summaries(place)) for place in states]
     empty = [str(place) for place, summaries in given if not summaries]
     if len(empty) == len(given):
-        raise FormatError(f"{listed(empty)}: no usable observations; record the camera again")
+        raise FormatError(f"{listed(empty)}: {_NO_FIT}")
     found = _distinctly_named([(place, summary) for place, summaries in given for summary in summaries])
     pool = Pool.of(found)
     merged = merge(pool)
@@ -66,14 +68,14 @@ def command(
         lambda place: (Written((pool.save(place / STATE_NAME),)), notes if repeated else []),
     )
     if not as_json:
-        say_notes((f"{place} contains no usable observations and was left out" for place in empty), "warning")
+        say_notes((f"{place} was left out: {_NO_FIT}" for place in empty), "warning")
         say_notes((f"{d.name} differs from the others: {d.text}" for d in differing), "warning")
     content |= {"differing": [vars(difference) for difference in differing], "left_out": empty}
     return concluded(content, as_json=as_json)
 
 
 def _summaries(place: Path) -> Sequence[Summary]:
-    """Return the summaries with usable observations in a state; for an unfinished run, that of the frames so far."""
+    """Return the summaries of the recordings in a state that allowed a fit, if unfinished to the frames so far."""
     from ospc.calibrator import OnlineCalibrator
     from ospc.pooling.pool import Pool
     from ospc.pooling.summary import Summary
