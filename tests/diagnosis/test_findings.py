@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from itertools import cycle
 
 import numpy as np
 import pytest
 from filmed import LARGE, Film, fitted, found, wandering
 
-from ospc.calibrator import OnlineCalibrator, calibrate
+from ospc.calibrator import OnlineCalibrator, calibrate, drive
 from ospc.evaluation.metrics import log_ratio_error
 from ospc.exposures import evidence
 from ospc.exposures.brightness_series import BrightnessSeries
@@ -200,6 +201,21 @@ def test_a_lag_correction_is_undone_if_the_fit_refutes_it(monkeypatch) -> None:
     assert moved_back.verdicts["exposures"].reason.startswith("exposures belong to their frames, as the fit shows")
     assert not moved_back.warnings
     assert log_ratio_error(moved_back.response, as_written.response) < 0.005
+
+
+def test_a_lag_that_the_fit_refutes_is_not_corrected_during_the_run_either(monkeypatch) -> None:
+    """The right lag would later seem to be a change of the camera."""
+    right, late = evidence.estimate_lag, cycle([1, 0])  # of the exposures as recorded, and as moved
+
+    def one_late(seen: BrightnessSeries, log_exposure: np.ndarray) -> LagEstimate:
+        return replace(right(seen, log_exposure), state="determined", candidates=(next(late),))
+
+    monkeypatch.setattr(evidence, "estimate_lag", one_late)
+    recording = Film(wandering(100), size=LARGE).recording()
+    calibrator = OnlineCalibrator.of(recording, QUICK)
+    drive(calibrator, recording)
+    exposures = calibrator._run.exposures
+    assert (exposures.table.lag_frames, exposures._known_lag) == (0, 0)
 
 
 def test_a_number_is_obeyed_and_checked() -> None:

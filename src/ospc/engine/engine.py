@@ -168,7 +168,7 @@ class Engine:
             first = self._run.exposures.history.first_with_image_of(prepared.thumbnail)
             if first != frame.index:  # it adds no information
                 self._run.count_repeated(frame, prepared.thumbnail, first)
-                self._run.exposures.assess_if_due()
+                self._assess_exposures_if_due(method)
                 return
             change, compared = self._observe(method, frame, prepared, precomputed)
         elif self._run.sampler.compares_next or self._run.exposures.needs_comparison(frame.index):
@@ -179,7 +179,7 @@ class Engine:
         if change is not None:
             method = self._begin_epoch_if_confirmed(method, change)
         self._run.sampler.advance(method.longest_pause)
-        self._run.exposures.assess_if_due()
+        self._assess_exposures_if_due(method)
 
     def _started(self, frame: Frame) -> Method:
         """Return the method, creating it for frames like the first."""
@@ -203,6 +203,16 @@ class Engine:
             counting.result()
             compared = comparing.result()
         return change, compared
+
+    def _assess_exposures_if_due(self, method: Method) -> None:
+        """Assess the exposures after many more brightness changes; a fit must confirm a new lag."""
+        exposures = self._run.exposures
+        if not exposures.assessment_is_due:
+            return
+        found = exposures.findings()
+        if exposures.is_new_lag(found):
+            found = self._run.used_before(self.frames, method)[1]
+        exposures.adopt(found)
 
     def _detect_lag_change(self, method: Method, other: Change | None) -> Change | None:
         """Return a change of the exposure lag, which may explain another change of the camera."""

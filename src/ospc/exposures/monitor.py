@@ -45,7 +45,7 @@ class ExposureMonitor:
     _next_assessment: int = FIRST_ASSESSMENT_CHANGES
     """Number of brightness changes at which the exposures are assessed again."""
     _known_lag: int | None = None
-    """The latest lag that was certain."""
+    """The latest lag that was certain; a fit to the moved exposures must have confirmed it, unless it is 0."""
     _suspected_lag: int = 0
     """Suspected change of that lag at the latest check, in frames; 0 if there is no suspicion."""
 
@@ -55,18 +55,24 @@ class ExposureMonitor:
             self.table.lag_frames = self.choice
         self._findings: tuple[tuple[int, int, int], ExposureFindings] | None = None
 
-    def assess_if_due(self) -> None:
-        """Assess the exposures again if many brightness changes have been added since the last time."""
-        if self.history.observed < self._next_assessment:
-            return
-        if not leaves_frames(self.choice, len(self.table) - self._first_frame):
-            return
+    @property
+    def assessment_is_due(self) -> bool:
+        """Whether many brightness changes have been added since the latest assessment."""
+        enough = self.history.observed >= self._next_assessment
+        return enough and leaves_frames(self.choice, len(self.table) - self._first_frame)
+
+    def is_new_lag(self, found: ExposureFindings) -> bool:
+        """Return whether findings would correct another lag than that known so far; without any, 0 is expected."""
+        return self.choice == "auto" and _certain_lag(found) not in (None, self._known_lag or 0)
+
+    def adopt(self, found: ExposureFindings) -> None:
+        """Use the findings of an assessment until the next one."""
         self._next_assessment = int(ASSESSMENT_GROWTH * self.history.observed)
-        found = self.findings()
         self.table.lag_frames = found.corrected_frames
-        certain = found.lag.certain_frames(found.evidence.recorded.cycle_frames)
+        certain = _certain_lag(found)
         self.table.trusted = certain is not None and not found.warnings
-        if certain is not None:  # if the lag becomes uncertain, keep the last certain one to detect its change
+        # If the lag becomes uncertain, keep the known one to detect its change.
+        if certain is not None and (not self.is_new_lag(found) or found.evidence.fit_shows_no_lag):
             self._known_lag = certain
 
     def findings(self) -> ExposureFindings:
@@ -131,3 +137,7 @@ class ExposureMonitor:
         """Return the monitor without spare room in its table; save it before the next frame."""
         table = ExposureTable.of(self.table.written, self.table.lag_frames, trusted=self.table.trusted)
         return replace(self, table=table)
+
+
+def _certain_lag(found: ExposureFindings) -> int | None:
+    return found.lag.certain_frames(found.evidence.recorded.cycle_frames)
