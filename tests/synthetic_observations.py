@@ -33,7 +33,7 @@ class Camera:
     outliers
         Fraction of observations with a random grey level.
     log_ratio
-        Largest |ln k| of a pair; the pairs are spread evenly up to it.
+        Largest |ln k| of a pair; the pairs are spread evenly up to it, unless they are ``bracketed``: all have it.
     spread
         Standard deviation of log radiance.
     metadata_error
@@ -49,6 +49,7 @@ class Camera:
     registration_sigma_px: float = 0.2
     outliers: float = 0.0
     log_ratio: float = 1.0
+    bracketed: bool = False
     spread: float = 0.8
     metadata_error: float = 0.0
     sideways: bool = False
@@ -58,7 +59,7 @@ class Camera:
         random = np.random.default_rng(seed)
         n = groups * points
         group = np.repeat(np.arange(groups), points)
-        log_k = self.log_ratio * (np.arange(groups) + 0.5) / groups
+        log_k = self.log_ratio * np.where(self.bracketed, 1.0, (np.arange(groups) + 0.5) / groups)
         base = random.normal(0, 0.3, groups)
         # Exposures of about 10 ms; the brightest points of each pair are just below white in the longer exposure.
         log_exposure = np.log(10) + base[group, None] + np.stack([np.zeros(n), -log_k[group]], axis=1)

@@ -305,6 +305,26 @@ def test_stated_sigmas_match_the_errors(camera):
     assert np.all(np.abs(mean) < 1)
 
 
+def test_small_errors_that_pairs_of_a_bracket_share_are_within_the_bands():
+    """Brackets hardly show changes of ln g that are periodic with their ratio, and such errors look like them."""
+    camera, greys = (
+        Camera(RESPONSES["srgb"](), log_ratio=np.log(4), bracketed=True, spread=1.3),
+        np.linspace(0.1, 0.9, 10),
+    )
+    z = []
+    for seed in range(8):
+        seen, random = camera.pairs(seed, groups=40, points=400), np.random.default_rng(seed)
+        by_brightness = random.normal(0, 0.001 * camera.log_ratio, 16)
+        grey = seen.grey.copy()
+        error = by_brightness[(grey[0::2] * 15).astype(int)]
+        grey[1::2] = camera.response(camera.response.inverse(grey[1::2]) * np.exp(error))
+        fit = fitted(replace(seen, grey=grey))
+        wrong = (fit.response_basis.log_rows(greys) - fit.response_basis.log_rows([0.5])) @ fit.response_parameters
+        wrong -= np.log(camera.response.inverse(greys) / camera.response.inverse(0.5))
+        z.append(wrong / fit.log_response_sigma(greys, 0.5))
+    assert 0.6 < np.sqrt(np.mean(np.square(z))) < 1.3
+
+
 def test_the_sigma_at_the_corners_is_that_of_the_corners_of_the_image():
     """An ellipse, x² − y², is zero on the diagonals of a square, but not at the corners of a wide image."""
     fit = fitted(Camera(GAMMA).pairs(0, groups=10), non_radial=True)

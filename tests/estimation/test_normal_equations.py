@@ -4,16 +4,17 @@ import numpy as np
 import pytest
 
 from ospc.arrays import FloatArray
-from ospc.estimation.normal_equations import NormalEquations, at_least
+from ospc.estimation.normal_equations import NormalEquations, SharedErrors, at_least
 from ospc.estimation.prior import Prior, PriorHyperparameters
 from ospc.estimation.response_basis import ResponseBasis, typical_gamma
 from ospc.estimation.vignette_basis import VignetteBasis
 
 INTERVALS, SIGNAL = 8, 400.0
+NO_ERRORS = np.zeros((0, INTERVALS + 1))
 
 
-def sigma_of_first(halves: FloatArray) -> FloatArray:
-    """Return the sigmas of the parameters with equal information on each, given differences between halves."""
+def sigma_of_first(halves: FloatArray, expected: FloatArray = NO_ERRORS) -> FloatArray:
+    """Return the sigmas of the parameters with equal information on each, given scores of shared errors."""
     knots = ResponseBasis(INTERVALS).knots
     prior, flat = (
         Prior(knots, typical_gamma(knots), VignetteBasis(0), np.empty(0)),
@@ -21,7 +22,7 @@ def sigma_of_first(halves: FloatArray) -> FloatArray:
     )
     information = SIGNAL * np.eye(len(knots))
     equations = NormalEquations(information, np.zeros(len(knots)), information)
-    return np.asarray(np.sqrt(np.diag(equations.covariance(prior, flat, halves))))
+    return np.asarray(np.sqrt(np.diag(equations.covariance(prior, flat, SharedErrors(halves, expected)))))
 
 
 def test_rounding_errors_are_not_taken_for_data() -> None:
@@ -45,6 +46,14 @@ def test_halves_that_differ_by_more_widen_the_band_by_the_difference(sigmas: flo
     halves[2, 3] = sigmas * np.sqrt(SIGNAL)
     found = sigma_of_first(halves)
     assert found[3] / plain[3] == pytest.approx(sigmas, rel=0.15)
+    assert found[0] == pytest.approx(plain[0], rel=0.15)
+
+
+def test_expected_errors_widen_the_band_by_what_they_change() -> None:
+    plain, error = sigma_of_first(np.zeros((4, INTERVALS + 1))), 0.1
+    expected = SIGNAL * error * np.eye(INTERVALS + 1)[[3]]  # the parameter's information times its error
+    found = sigma_of_first(np.zeros((4, INTERVALS + 1)), expected)
+    assert np.sqrt(found[3] ** 2 - plain[3] ** 2) == pytest.approx(error, rel=0.15)
     assert found[0] == pytest.approx(plain[0], rel=0.15)
 
 

@@ -18,7 +18,7 @@ from ospc.estimation.fit import Fit
 from ospc.estimation.fitted import Fitted
 from ospc.estimation.latent import LatentModel
 from ospc.estimation.model import LinearSystem, Model
-from ospc.estimation.normal_equations import NormalEquations, at_least
+from ospc.estimation.normal_equations import NormalEquations, SharedErrors, at_least
 from ospc.estimation.prior import START, Prior, PriorHyperparameters
 from ospc.estimation.response_basis import ResponseBasis
 from ospc.estimation.robust_weights import redescending_weights
@@ -117,10 +117,10 @@ class MaximumLikelihoodEstimator:
             present = solution.estimate
             settled = number > 1 and solution.squared_sigmas < SETTLED_SIGMAS**2 * len(present.parameters)
             if settled or number == rounds:
-                disagreement = system.disagreement(present.parameters, solution.before, present.sandwich_factor)
+                shared = system.shared_errors(present.parameters, solution.before, present.sandwich_factor)
                 break
             del system  # it takes as much memory as the observations
-        return self._as_fit(observations, present, predict, solution, disagreement)
+        return self._as_fit(observations, present, predict, solution, shared)
 
     def _beginning(self, observations: ExposedObservations, start: Fit | None) -> _Estimate:
         index, weight = self.response_basis.index_of(observations.grey), np.ones(len(observations))
@@ -186,10 +186,10 @@ class MaximumLikelihoodEstimator:
         found: _Estimate,
         predict: LatentModel,
         solution: _Solution,
-        disagreement: FloatArray,
+        shared: SharedErrors,
     ) -> Fit:
-        """Return the fit with its covariance, given the disagreement between halves of the observations."""
-        covariance = solution.equations.covariance(solution.prior, found.hyperparameters, disagreement)
+        """Return the fit with its covariance, given the errors that all pairs share."""
+        covariance = solution.equations.covariance(solution.prior, found.hyperparameters, shared)
         groups = len(np.unique(observations.group))
         # Fitted gain variances follow the means of pairs, whose scatter then underestimates that of the gains; the
         # scatter of few groups is hardly known.

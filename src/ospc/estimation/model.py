@@ -14,7 +14,7 @@ from ospc.estimation.effects import Effects, EffectTerms, ResponseTables
 from ospc.estimation.frame_gains import FrameGains, PairEnds, PairMeans
 from ospc.estimation.group_sums import GroupSums
 from ospc.estimation.latent import Latent, weighted_means
-from ospc.estimation.normal_equations import NormalEquations
+from ospc.estimation.normal_equations import NormalEquations, SharedErrors
 from ospc.estimation.prior import Prior
 from ospc.estimation.response_basis import ResponseBasis, typical_gamma
 from ospc.estimation.vignette_basis import VignetteBasis
@@ -24,6 +24,9 @@ from ospc.settings.fit import (
     MAX_GAMMA,
     MAX_GAMMA_CHANGE,
     MIN_GAMMA,
+    SHARED_ERROR,
+    SHARED_ERROR_GREY,
+    SHARED_ERROR_LOG_RATIO,
 )
 
 
@@ -212,21 +215,22 @@ class LinearSystem:
                     of_rows[group] += root[own] @ rows[own]
         return GroupSums(about, matrix, vector, scores, of_rows, precision, misfit)
 
-    def disagreement(self, parameters: FloatArray, prior_precision: FloatArray, sandwich_factor: float) -> FloatArray:
-        """Return the difference of the scores between halves of the observations, shape (ways, p).
+    def shared_errors(
+        self, parameters: FloatArray, prior_precision: FloatArray, sandwich_factor: float
+    ) -> SharedErrors:
+        """Return the scores of errors that all pairs share; the arguments are as in :meth:`equations`.
 
-        The observations are split in several ways. Errors that all groups share, for example registration biased
-        towards equal brightness, do not show in the scatter between groups. Most of them depend on time, on the
-        exposure ratio or on the position in the image, so that the two halves pull the parameters in opposite
-        directions. ``parameters`` has shape (p,); the other arguments are as in :meth:`equations`.
+        Most of them, for example a registration biased towards equal brightness, depend on time, on the exposure
+        ratio or on the position in the image. The observations are therefore split into halves in several ways.
         """
         shown = replace(self.observations, log_exposure=self.latent.log_exposure)
         sides = np.repeat(_halves(shown), self.observations.counts, axis=1)
-        scores = np.zeros((len(sides), len(parameters)))
+        error, kind, kinds = _expected_errors(shown)
+        disagreement, expected = np.zeros((len(sides), len(parameters))), np.zeros((kinds, len(parameters)))
         if self.has_gains:  # the mean of a pair has its own weight and belongs entirely to one half
             row_of_pair, misfit_of_pair = self._sums.mean_rows[:, :-1], self.gains(parameters).means.mean
             means = self._means(parameters, prior_precision, sandwich_factor)
-            scores += self._sides_of_pairs(sides) @ means.scores[:, :-1]
+            disagreement += self._sides_of_pairs(sides) @ means.scores[:, :-1]
         for part in _chunks(self.observations):
             rows, target, factor, member = self._free_of_radiance(part)
             rows = rows[:, :-1]
@@ -234,8 +238,10 @@ class LinearSystem:
             if self.has_gains:
                 number = self.observations.group_number[part][member]
                 rows, misfit = rows - row_of_pair[number], misfit - misfit_of_pair[number]
-            scores += (sides[:, part][:, member] * (factor * misfit)) @ rows
-        return scores
+            disagreement += (sides[:, part][:, member] * (factor * misfit)) @ rows
+            of_kind = kind[part][member] == np.arange(kinds)[:, None]
+            expected += (of_kind * (factor * error[part][member])) @ rows
+        return SharedErrors(disagreement, expected)
 
     def _sides_of_pairs(self, sides: FloatArray) -> FloatArray:
         """Average the sides of observations over the points of each pair, shape (ways, n) -> (ways, pairs)."""
@@ -291,6 +297,22 @@ def _halves(observations: ExposedObservations) -> FloatArray:
     size, time, place = np.abs(log_ratio), observations.group[first], squared_radius[first] + squared_radius[last]
     above = (time > np.median(time), size > np.median(size), log_ratio > 0.0, place > np.median(place))
     return np.where(above, 1.0, -1.0)
+
+
+def _expected_errors(observations: ExposedObservations) -> tuple[FloatArray, IntArray, int]:
+    """Return the expected error of ln k and the kind of each observation's pair, shape (n,), and the number of kinds.
+
+    Points of a kind, with about the same exposure ratio and grey level in the brighter frame, share their error.
+    """
+    # If all exposures differ by powers of one ratio, hardly anything but such small errors shows changes of ln g that
+    # are periodic with it.
+    if not observations.in_pairs:
+        return np.zeros(len(observations)), np.zeros(len(observations), np.int64), 0
+    log_ratio = np.diff(observations.log_exposure.reshape(-1, 2), axis=1)[:, 0]
+    by_ratio = np.abs(log_ratio) // SHARED_ERROR_LOG_RATIO
+    by_grey = observations.grey.reshape(-1, 2).max(axis=1) // SHARED_ERROR_GREY
+    kinds, kind = np.unique(by_ratio * (1 + by_grey.max(initial=0)) + by_grey, return_inverse=True)
+    return np.repeat(SHARED_ERROR * log_ratio, 2), np.repeat(kind, 2), len(kinds)
 
 
 def _chunks(observations: ExposedObservations) -> Iterator[slice]:

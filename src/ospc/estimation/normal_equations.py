@@ -13,6 +13,22 @@ from ospc.settings.fit import DISAGREEMENT_SHARE, MIN_DETERMINED_PARAMETERS, MIN
 
 
 @dataclass(frozen=True)
+class SharedErrors:
+    """Scores of errors that the pairs of frames share, so that their scatter does not show them.
+
+    Attributes
+    ----------
+    disagreement
+        Differences of the scores between halves of the observations, shape (ways, p).
+    expected
+        Scores of the errors to expect in points of the same kind, shape (kinds, p).
+    """
+
+    disagreement: FloatArray
+    expected: FloatArray
+
+
+@dataclass(frozen=True)
 class NormalEquations:
     """AᵀWA and AᵀWb of a weighted linear system, and the scatter of its groups' scores.
 
@@ -102,22 +118,21 @@ class NormalEquations:
         """Return the precision of the parameters given data and prior, shape (p, p)."""
         return self.information_scale * self.matrix + prior.precision(hyperparameters)
 
-    def covariance(self, prior: Prior, hyperparameters: PriorHyperparameters, disagreement: FloatArray) -> FloatArray:
+    def covariance(self, prior: Prior, hyperparameters: PriorHyperparameters, shared: SharedErrors) -> FloatArray:
         """Return the covariance of the most probable parameters about the truth, shape (p, p).
 
         This is the sandwich estimator of Huber (1967): in each direction, it derives the variance of the parameters
-        from the scatter of the scores rather than from the assumed errors. ``disagreement`` contains the differences
-        of the scores between halves of the observations, shape (ways, p). Their excess over chance is added, because
-        it is due to errors that all groups share.
+        from the scatter of the scores rather than from the assumed errors. Errors that all groups share are added:
+        the excess over chance of the disagreement between halves, and the expected errors.
         """
         bread = np.linalg.inv(self.posterior_precision(prior, hyperparameters))
         # The information scale is the sandwich factor squared over the spread of the scatter.
         scale = self.information_scale / self.sandwich_factor
-        halves = scale * disagreement
+        halves, expected = scale * shared.disagreement, self.information_scale * shared.expected
         by_chance = self.information_scale * np.sum(bread * self.matrix)
         squared = np.einsum("ij,jk,ik->i", halves, bread, halves)
         share = DISAGREEMENT_SHARE * np.maximum(1 - by_chance / np.maximum(squared, 1e-300), 0.0)
-        meat = scale**2 * self.scatter + (halves.T * share) @ halves
+        meat = scale**2 * self.scatter + (halves.T * share) @ halves + expected.T @ expected
         found = bread @ (meat + prior.precision(hyperparameters)) @ bread
         return np.asarray((found + found.T) / 2)  # symmetric but for rounding
 
