@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from ospc.arrays import FloatArray
-from ospc.estimation.normal_equations import NormalEquations, SharedErrors, at_least
+from ospc.estimation.normal_equations import NormalEquations, at_least
 from ospc.estimation.prior import Prior, PriorHyperparameters
 from ospc.estimation.response_basis import ResponseBasis, typical_gamma
+from ospc.estimation.shared_errors import SharedErrors
 from ospc.estimation.vignette_basis import VignetteBasis
 
 INTERVALS, SIGNAL = 8, 400.0

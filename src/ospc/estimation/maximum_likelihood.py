@@ -18,10 +18,11 @@ from ospc.estimation.fit import Fit
 from ospc.estimation.fitted import Fitted
 from ospc.estimation.latent import LatentModel
 from ospc.estimation.model import LinearSystem, Model
-from ospc.estimation.normal_equations import NormalEquations, SharedErrors, at_least
+from ospc.estimation.normal_equations import NormalEquations, at_least
 from ospc.estimation.prior import START, Prior, PriorHyperparameters
 from ospc.estimation.response_basis import ResponseBasis
 from ospc.estimation.robust_weights import redescending_weights
+from ospc.estimation.shared_errors import SharedErrors
 from ospc.estimation.vignette_basis import VignetteBasis, measured_radius
 from ospc.observations import ExposedObservations
 from ospc.photometry.noise import NoiseModel

@@ -14,9 +14,10 @@ from ospc.estimation.effects import Effects, EffectTerms, ResponseTables
 from ospc.estimation.frame_gains import FrameGains, PairEnds, PairMeans
 from ospc.estimation.group_sums import GroupSums
 from ospc.estimation.latent import Latent, weighted_means
-from ospc.estimation.normal_equations import NormalEquations, SharedErrors
+from ospc.estimation.normal_equations import NormalEquations
 from ospc.estimation.prior import Prior
 from ospc.estimation.response_basis import ResponseBasis, typical_gamma
+from ospc.estimation.shared_errors import SharedErrors, expected_errors, halves
 from ospc.estimation.vignette_basis import VignetteBasis
 from ospc.observations import ExposedObservations
 from ospc.settings.fit import (
@@ -24,9 +25,6 @@ from ospc.settings.fit import (
     MAX_GAMMA,
     MAX_GAMMA_CHANGE,
     MIN_GAMMA,
-    SHARED_ERROR,
-    SHARED_ERROR_GREY,
-    SHARED_ERROR_LOG_RATIO,
 )
 
 
@@ -224,8 +222,8 @@ class LinearSystem:
         ratio or on the position in the image. The observations are therefore split into halves in several ways.
         """
         shown = replace(self.observations, log_exposure=self.latent.log_exposure)
-        sides = np.repeat(_halves(shown), self.observations.counts, axis=1)
-        error, kind, kinds = _expected_errors(shown)
+        sides = np.repeat(halves(shown), self.observations.counts, axis=1)
+        error, kind, kinds = expected_errors(shown)
         disagreement, expected = np.zeros((len(sides), len(parameters))), np.zeros((kinds, len(parameters)))
         if self.has_gains:  # the mean of a pair has its own weight and belongs entirely to one half
             row_of_pair, misfit_of_pair = self._sums.mean_rows[:, :-1], self.gains(parameters).means.mean
@@ -283,36 +281,6 @@ class LinearSystem:
             columns.append(-slopes)
             target = target + model.effects.log_gain(values, terms) - slopes @ values
         return [*columns, self.latent.texture[part, None]], target
-
-
-def _halves(observations: ExposedObservations) -> FloatArray:
-    """Return the half, −1 or 1, that each point belongs to for each way of splitting, shape (ways, points).
-
-    The ways are: early and late, large and small exposure ratios, rising and falling exposure, centre and edge.
-    """
-    first = observations.starts
-    last = first + observations.counts - 1
-    log_ratio = observations.log_exposure[last] - observations.log_exposure[first]
-    squared_radius = np.sum(observations.position**2, axis=1)
-    size, time, place = np.abs(log_ratio), observations.group[first], squared_radius[first] + squared_radius[last]
-    above = (time > np.median(time), size > np.median(size), log_ratio > 0.0, place > np.median(place))
-    return np.where(above, 1.0, -1.0)
-
-
-def _expected_errors(observations: ExposedObservations) -> tuple[FloatArray, IntArray, int]:
-    """Return the expected error of ln k and the kind of each observation's pair, shape (n,), and the number of kinds.
-
-    Points of a kind, with about the same exposure ratio and grey level in the brighter frame, share their error.
-    """
-    # If all exposures differ by powers of one ratio, hardly anything but such small errors shows changes of ln g that
-    # are periodic with it.
-    if not observations.in_pairs:
-        return np.zeros(len(observations)), np.zeros(len(observations), np.int64), 0
-    log_ratio = np.diff(observations.log_exposure.reshape(-1, 2), axis=1)[:, 0]
-    by_ratio = np.abs(log_ratio) // SHARED_ERROR_LOG_RATIO
-    by_grey = observations.grey.reshape(-1, 2).max(axis=1) // SHARED_ERROR_GREY
-    kinds, kind = np.unique(by_ratio * (1 + by_grey.max(initial=0)) + by_grey, return_inverse=True)
-    return np.repeat(SHARED_ERROR * log_ratio, 2), np.repeat(kind, 2), len(kinds)
 
 
 def _chunks(observations: ExposedObservations) -> Iterator[slice]:

@@ -8,24 +8,9 @@ import numpy as np
 
 from ospc.arrays import FloatArray, IntArray
 from ospc.estimation.prior import Prior, PriorHyperparameters
+from ospc.estimation.shared_errors import SharedErrors
 from ospc.numerics.least_squares import non_negative_least_squares
 from ospc.settings.fit import DISAGREEMENT_SHARE, MIN_DETERMINED_PARAMETERS, MIN_SCORE_SPREAD
-
-
-@dataclass(frozen=True)
-class SharedErrors:
-    """Scores of errors that the pairs of frames share, so that their scatter does not show them.
-
-    Attributes
-    ----------
-    disagreement
-        Differences of the scores between halves of the observations, shape (ways, p).
-    expected
-        Scores of the errors to expect in points of the same kind, shape (kinds, p).
-    """
-
-    disagreement: FloatArray
-    expected: FloatArray
 
 
 @dataclass(frozen=True)

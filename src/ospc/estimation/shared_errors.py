@@ -1,0 +1,57 @@
+"""Errors that pairs of frames share, so that the scatter between them does not show these errors."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ospc.arrays import FloatArray, IntArray
+from ospc.observations import ExposedObservations
+from ospc.settings.fit import SHARED_ERROR, SHARED_ERROR_GREY, SHARED_ERROR_LOG_RATIO
+
+
+@dataclass(frozen=True)
+class SharedErrors:
+    """Scores of such errors.
+
+    Attributes
+    ----------
+    disagreement
+        Differences of the scores between halves of the observations, shape (ways, p).
+    expected
+        Scores of the errors to expect in points of the same kind, shape (kinds, p).
+    """
+
+    disagreement: FloatArray
+    expected: FloatArray
+
+
+def halves(observations: ExposedObservations) -> FloatArray:
+    """Return the half, −1 or 1, that each point belongs to for each way of splitting, shape (ways, points).
+
+    The ways are: early and late, large and small exposure ratios, rising and falling exposure, centre and edge.
+    """
+    first = observations.starts
+    last = first + observations.counts - 1
+    log_ratio = observations.log_exposure[last] - observations.log_exposure[first]
+    squared_radius = np.sum(observations.position**2, axis=1)
+    size, time, place = np.abs(log_ratio), observations.group[first], squared_radius[first] + squared_radius[last]
+    above = (time > np.median(time), size > np.median(size), log_ratio > 0.0, place > np.median(place))
+    return np.where(above, 1.0, -1.0)
+
+
+def expected_errors(observations: ExposedObservations) -> tuple[FloatArray, IntArray, int]:
+    """Return the expected error of ln k and the kind of each observation's pair, shape (n,), and the number of kinds.
+
+    Points of a kind, with about the same exposure ratio and grey level in the brighter frame, share their error.
+    """
+    # If all exposures differ by powers of one ratio, hardly anything but such small errors shows changes of ln g that
+    # are periodic with it.
+    if not observations.in_pairs:
+        return np.zeros(len(observations)), np.zeros(len(observations), np.int64), 0
+    log_ratio = np.diff(observations.log_exposure.reshape(-1, 2), axis=1)[:, 0]
+    by_ratio = np.abs(log_ratio) // SHARED_ERROR_LOG_RATIO
+    by_grey = observations.grey.reshape(-1, 2).max(axis=1) // SHARED_ERROR_GREY
+    kinds, kind = np.unique(by_ratio * (1 + by_grey.max(initial=0)) + by_grey, return_inverse=True)
+    return np.repeat(SHARED_ERROR * log_ratio, 2), np.repeat(kind, 2), len(kinds)
