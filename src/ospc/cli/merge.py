@@ -75,7 +75,7 @@ def command(
 
 
 def _summaries(place: Path) -> Sequence[Summary]:
-    """Return the summaries of the recordings in a state that allowed a fit, if unfinished to the frames so far."""
+    """Return the summaries of a state's recordings to which a response could be fitted, of an unfinished run as well."""
     from ospc.calibrator import OnlineCalibrator
     from ospc.pooling.pool import Pool
     from ospc.pooling.summary import Summary

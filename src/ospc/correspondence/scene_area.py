@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from ospc.arrays import BoolArray, Float32Array, FloatArray, IntArray, size_of
 from ospc.correspondence.preprocessing import PreprocessedFrame, ReducedFrame
-from ospc.photometry.geometry import normalised, pixel_grid, pixels_of
+from ospc.photometry.geometry import half_diagonal, normalised, pixel_grid, pixels_of
 from ospc.settings.grey_values import (
     LIT_QUANTILE,
     MAX_ENCLOSED_SHARE,
@@ -82,8 +82,8 @@ class SceneArea:
     def extended(self, frame0: ReducedFrame, frame1: ReducedFrame) -> tuple[ReducedFrame, ReducedFrame]:
         """Return two frames for registration, in which the scene extends into a surround with a sharp edge.
 
-        That edge does not move with the scene: up to 20 pixels from it, registration found too little motion, and V
-        was wrong by 0.01 to 0.04. Beside a soft edge, pixels are too dark to continue the scene.
+        That edge does not move with the scene: up to 20 pixels from it, registration found too little motion, so that
+        V was wrong. Beside a soft edge, pixels are too dark to continue the scene.
         """
         dark = self._dark_surround()
         if self.brightest is None or dark is None:
@@ -214,7 +214,7 @@ def _lit_radius(lit: BoolArray) -> float:
         return 0.0
     size = size_of(lit)
     centre_px, radius_px = cv2.minEnclosingCircle(cv2.convexHull(points))
-    radius = 2 * float(radius_px / np.hypot(*size - np.ones(2)))
+    radius = radius_px / half_diagonal(size)
     place = normalised(pixel_grid(size), size) - normalised(np.array(centre_px), size)
     inside = np.count_nonzero(np.linalg.norm(place, axis=-1) <= radius)
     return radius if np.count_nonzero(lit) >= MIN_CIRCLE_FILL * inside else _farthest(lit)

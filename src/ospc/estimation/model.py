@@ -219,7 +219,8 @@ class LinearSystem:
         """Return the scores of errors that all pairs share; the arguments are as in :meth:`equations`.
 
         Most of them, for example a registration biased towards equal brightness, depend on time, on the exposure
-        ratio or on the position in the image. The observations are therefore split into halves in several ways.
+        ratio or on the position in the image: halves of the observations, split in several ways, then disagree. Those
+        that halves do not show are expected in points of the same kind.
         """
         shown = replace(self.observations, log_exposure=self.latent.log_exposure)
         sides = np.repeat(halves(shown), self.observations.counts, axis=1)

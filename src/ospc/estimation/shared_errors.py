@@ -1,4 +1,4 @@
-"""Errors that pairs of frames share, so that the scatter between them does not show these errors."""
+"""Errors that pairs of frames share, which the scatter between the pairs therefore does not show."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ospc.settings.fit import SHARED_ERROR, SHARED_ERROR_GREY, SHARED_ERROR_LOG_
 
 @dataclass(frozen=True)
 class SharedErrors:
-    """Scores of such errors.
+    """Scores of the errors that pairs of frames share.
 
     Attributes
     ----------
@@ -46,8 +46,8 @@ def expected_errors(observations: ExposedObservations) -> tuple[FloatArray, IntA
 
     Points of a kind, with about the same exposure ratio and grey level in the brighter frame, share their error.
     """
-    # If all exposures differ by powers of one ratio, hardly anything but such small errors shows changes of ln g that
-    # are periodic with it.
+    # They matter in brackets: if all exposures differ by powers of one ratio, the observations hardly show changes of
+    # ln g that are periodic with it, and even small errors look like such changes.
     if not observations.in_pairs:
         return np.zeros(len(observations)), np.zeros(len(observations), np.int64), 0
     log_ratio = np.diff(observations.log_exposure.reshape(-1, 2), axis=1)[:, 0]

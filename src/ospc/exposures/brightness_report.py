@@ -214,7 +214,8 @@ def unrefuted(jumps: Sequence[Jump], ratios: ExposureRatios, lag_frames: int) ->
     """
     # After a large step of the exposure, few points are neither too dark nor too bright, so that consecutive frames
     # cannot be compared, and nothing but the pairs shows whether the step is real.
-    sigma = np.full(len(ratios.samples), np.inf) if ratios.log_sigma is None else ratios.log_sigma
+    if (sigma := ratios.log_sigma) is None:
+        return tuple(jumps)
     first, last = ratios.frames.min(axis=1), ratios.frames.max(axis=1)
 
     def is_refuted(jump: Jump) -> bool:
