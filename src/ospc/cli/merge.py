@@ -75,7 +75,7 @@ def command(
 
 
 def _summaries(place: Path) -> Sequence[Summary]:
-    """Return the summaries of a state's recordings to which a response could be fitted, of an unfinished run as well."""
+    """Return the summaries of recordings in a state that could be fitted, also of a run that did not end."""
     from ospc.calibrator import OnlineCalibrator
     from ospc.pooling.pool import Pool
     from ospc.pooling.summary import Summary
