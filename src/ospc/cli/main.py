@@ -51,8 +51,9 @@ _MALLOC = {
 }
 """Environment variables that control how glibc reuses freed memory, each with its ``mallopt`` parameter number and
 value: one pool for all threads, which keeps blocks of up to 32 MiB. An image takes one or two MiB."""
-_ALLOCATIONS_PER_COLLECTION = 20_000
-"""New objects between two garbage collections; Python's default collects ten to thirty times as often."""
+_ALLOCATIONS_PER_COLLECTION = 500_000
+"""New objects between two garbage collections: more than all drawings of a report need, and far more than Python's
+default."""
 
 
 class _Commands(click.Group):

@@ -176,8 +176,9 @@ class SceneArea:
             self.latest, self.fine, self.contrast = deviation, deviation.copy(), np.abs(deviation)
         else:
             visible = np.minimum(np.abs(deviation), np.abs(self.latest)) > MIN_FINE_STRUCTURE_8_BIT
-            agreeing = np.signbit(deviation[visible]) == np.signbit(self.latest[visible])
-            if agreeing.size < MIN_VIEW_PX or agreeing.mean() > MAX_VIEW_AGREEMENT:
+            agreeing = visible & (deviation * self.latest > 0)
+            seen = np.count_nonzero(visible)
+            if seen < MIN_VIEW_PX or np.count_nonzero(agreeing) / seen > MAX_VIEW_AGREEMENT:
                 return
             self.latest = deviation
             self.fine += deviation

@@ -58,7 +58,8 @@ def values_at(
     shape = (*places.shape[:-1], *image.shape[2:])
     if not places.size:
         return np.empty(shape, np.float32)
-    parts = np.array_split(places.reshape(len(places), -1, 2), len(places) // MAX_REMAPPED_ROWS + 1)
+    rows, most = places.reshape(len(places), -1, 2), MAX_REMAPPED_ROWS
+    parts = (rows[begin : begin + most] for begin in range(0, len(rows), most))
     values = [cv2.remap(image, part, None, cv2.INTER_LINEAR, borderMode=border) for part in parts]
     return np.asarray(np.concatenate(values), dtype=np.float32).reshape(shape)
 

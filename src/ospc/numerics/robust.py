@@ -78,6 +78,8 @@ def medians(values: FloatArray, group: IntArray) -> FloatArray:
 
     ``values`` and ``group``, whose numbers start at 0 without gaps, have shape (n,).
     """
-    ordered, count = values[np.lexsort((values, group))], np.bincount(group)
+    ordered, count = values[np.argsort(group, kind="stable")], np.bincount(group)
     begins = np.cumsum(count) - count
+    for own in np.split(ordered, begins[1:]):  # sorting by group and value at once takes ten times as long
+        own.sort()
     return np.asarray((ordered[begins + (count - 1) // 2] + ordered[begins + count // 2]) / 2)
