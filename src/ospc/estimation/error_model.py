@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from ospc.arrays import FloatArray, IntArray
+from ospc.arrays import FloatArray, IntArray, count_reached
 from ospc.numerics.least_squares import non_negative_least_squares
 from ospc.numerics.robust import median
 from ospc.settings.error_model import (
@@ -142,4 +142,4 @@ def _factors(ratio: FloatArray, grey: FloatArray) -> tuple[float, ...]:
 def _quantile_index(values: FloatArray, cells: int) -> IntArray:
     """Return the index of the quantile range that contains each value, from 0 to ``cells`` − 1, shape (n,)."""
     edges = np.quantile(values, np.linspace(0, 1, cells + 1)[1:-1])
-    return np.searchsorted(edges, values, side="right")
+    return count_reached(edges, values)

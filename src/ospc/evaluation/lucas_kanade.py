@@ -47,9 +47,9 @@ def follow(before: Image, after: Image, places: FloatArray) -> Step:
 
 def windows(image: Image, places: FloatArray, side_px: int = WINDOW_PX) -> FloatArray:
     """Return the bilinearly interpolated windows around points, shape (n, 2) -> (n, side_px²)."""
-    reach = np.arange(side_px, dtype=np.float64) - side_px // 2
+    reach = np.arange(side_px, dtype=np.float32) - side_px // 2
     y, x = (grid.ravel() for grid in np.meshgrid(reach, reach, indexing="ij"))
-    at = (places[:, None] + np.stack([x, y], axis=-1)).astype(np.float32)
+    at = places.astype(np.float32)[:, None] + np.stack([x, y], axis=-1)
     return values_at(image.astype(np.float32), at).astype(np.float64)
 
 

@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 import numpy.typing as npt
 
-from ospc.arrays import BoolArray, Float32Array, FloatArray, ImageSize, IntArray, read_only
+from ospc.arrays import BoolArray, Float32Array, FloatArray, ImageSize, IntArray, count_reached, read_only
 from ospc.correspondence.thumbnail import Thumbnail
 from ospc.correspondence.thumbnail_registration import ThumbnailRegistration, exposed_in_both, pixel_places, values_at
 from ospc.numerics.robust import median, robust_scale
@@ -139,7 +139,7 @@ def _binned(
     """Return robust means of the log ratio per grey bin, the bin weights, and the means of the vignette terms."""
     bins = len(GREY_BIN_EDGES) - 1
     mean, weight, mean_terms = np.zeros(bins), np.zeros(bins), np.zeros((bins, len(terms)))
-    number = np.digitize(grey, GREY_BIN_EDGES) - 1
+    number = count_reached(GREY_BIN_EDGES, grey) - 1
     for b in range(bins):
         inside = np.flatnonzero(number == b)
         if len(inside) < MIN_BIN_PIXELS:

@@ -7,7 +7,7 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
-from ospc.arrays import FloatArray, IntArray
+from ospc.arrays import FloatArray, IntArray, count_reached
 
 _KNOT_EXPONENT = 1.5
 """The knots are at equal steps of R² to the power of 1 / 1.5: closer in the middle than equal steps of R², where
@@ -85,7 +85,7 @@ class RadialSpline:
 
     def _interval(self, squared: FloatArray) -> IntArray:
         """Return the number of the interval that contains R², the last one beyond the last knot."""
-        return np.asarray(np.searchsorted(self.knots[1:-1], squared, side="right"))
+        return count_reached(self.knots[1:-1], squared)
 
     def _within_interval(self, squared: FloatArray) -> tuple[IntArray, IntArray, FloatArray, FloatArray]:
         """Return the knots below and above R², and the integral of either one's weight from the lower knot to R²."""
