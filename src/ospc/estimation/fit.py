@@ -133,7 +133,7 @@ class Fit(Model):
 
         Grey levels have shape (n,); positions relative to the image centre, in half diagonals, have shape (n, 2).
         """
-        by_response = self.response_basis.log_table[self.response_basis.index_of(grey)]
+        by_response = self.response_basis.log_table.take(self.response_basis.index_of(grey), axis=0)
         by_vignette = self.vignette_basis.jacobian(self.vignette_parameters, position)
         return np.concatenate([by_response, -by_vignette], axis=1)
 

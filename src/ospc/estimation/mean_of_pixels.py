@@ -105,7 +105,7 @@ class PixelMeans:
 
     def _decrease_per_variance_of(self, texture: FloatArray, index: IntArray) -> FloatArray:
         if self.decrease_per_variance.shape[1] == 1:
-            return np.asarray(self.decrease_per_variance[index, 0])
+            return self.decrease_per_variance[:, 0].take(index)
         width = np.interp(np.sqrt(np.abs(texture)), TEXTURE_WIDTHS, np.arange(len(TEXTURE_WIDTHS)))
         lower = np.minimum(width.astype(np.int64), len(TEXTURE_WIDTHS) - 2)
         part = width - lower

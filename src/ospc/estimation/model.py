@@ -270,7 +270,7 @@ class LinearSystem:
         _, vignette, values = model.split(self.about)
         jacobian = model.vignette_basis.jacobian(vignette, observed.position)
         remainder = model.vignette_basis.remainder(vignette, observed.position, jacobian)
-        columns = [model.response_basis.log_table[index], -jacobian]
+        columns = [model.response_basis.log_table.take(index, axis=0), -jacobian]
         # The rows contain h at the predicted grey level; at the measured one, h is larger by this.
         excess = self.latent.linear_log[part] - self._log_response[index]
         target = observed.log_exposure + remainder - excess
