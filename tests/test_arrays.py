@@ -1,4 +1,4 @@
-"""Objects that contain arrays are compared by value."""
+"""Objects that contain arrays are compared by value, and few edges are counted as a search finds them."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ospc.arrays import ByValue
+from ospc.arrays import ByValue, count_reached
 from ospc.correspondence.pixel_statistics import PixelReport
 from ospc.exposures.lag_selection import LagEstimate
 from ospc.observations import ExposedObservations, Observations
@@ -71,3 +71,12 @@ def test_the_same_is_equal(one, other):
 )
 def test_what_differs_is_not_equal(one, other):
     assert Held(one) != Held(other)
+
+
+@pytest.mark.parametrize("shape", [(0,), (40,), (5, 8)])
+@pytest.mark.parametrize("edges", [[], [0.5], [0.0, 0.25, 0.25, 1.0]])
+def test_reached_edges_are_counted_as_a_search_finds_them(edges, shape):
+    values = np.random.default_rng(0).integers(-1, 6, shape) / 4  # many are equal to an edge
+    found = count_reached(np.array(edges), values)
+    assert np.array_equal(found, np.searchsorted(edges, values, side="right"))
+    assert found.shape == shape

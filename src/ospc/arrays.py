@@ -70,7 +70,8 @@ def count_reached(edges: FloatArray, values: npt.NDArray[Any]) -> IntArray:
 
     For many values in random order, this takes a tenth of the time of :func:`numpy.searchsorted`.
     """
-    return np.less_equal.outer(edges, values).sum(axis=0, dtype=np.int16).astype(np.int64)
+    reached = np.less_equal.outer(edges, values)
+    return np.asarray(reached.sum(axis=0, dtype=np.int16).astype(np.int64))
 
 
 def members_of(group: IntArray) -> list[IntArray]:
