@@ -52,8 +52,8 @@ _MALLOC = {
 """Environment variables that control how glibc reuses freed memory, each with its ``mallopt`` parameter number and
 value: one pool for all threads, which keeps blocks of up to 32 MiB. An image takes one or two MiB."""
 _ALLOCATIONS_PER_COLLECTION = 500_000
-"""New objects between two garbage collections: more than all drawings of a report need, and far more than Python's
-default."""
+"""New objects between two garbage collections: more than the drawings of a report leave. With 20 000, collections
+took a hundredth of a run, and memory 7 MB less."""
 
 
 class _Commands(click.Group):
