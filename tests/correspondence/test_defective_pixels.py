@@ -1,5 +1,8 @@
 """Single black or white pixels do not affect the grey levels; noise is left unchanged."""
 
+import math
+
+import cv2
 import numpy as np
 import pytest
 
@@ -36,3 +39,15 @@ def test_noise_is_left_alone(sigma: float) -> None:
     found = prepared(0.5 + noise, 4095)
     assert found.grey.mean() == pytest.approx(0.5, abs=0.001)
     assert found.squares.mean() == pytest.approx(0.25 + sigma**2, rel=0.005)
+
+
+@pytest.mark.parametrize("angle_deg", [0, 20, 45])
+def test_fine_lines_are_left_alone(angle_deg: float) -> None:
+    """Replacing them, which happens in the brighter of two frames, would look like another exposure."""
+    wall = np.full((3 * HEIGHT, 3 * WIDTH), 90, np.uint8)
+    rise = math.tan(math.radians(angle_deg)) * wall.shape[1]
+    for y in range(-len(wall), len(wall), 12):
+        cv2.line(wall, (0, y), (wall.shape[1], round(y + rise)), 200, 1, cv2.LINE_AA)
+    wall = wall[HEIGHT:-HEIGHT, WIDTH:-WIDTH]
+    expected = cv2.GaussianBlur(wall.astype(np.float32) / 255, (0, 0), preset("default").smoothing_px)
+    np.testing.assert_allclose(prepared(wall / 255, 255).grey, expected, atol=1e-4)

@@ -21,6 +21,7 @@ from ospc.settings.registration import (
     FLATNESS_PX,
     IMPULSE_CONTRAST,
     IMPULSE_DEVIATIONS,
+    IMPULSE_LIKENESS,
     IMPULSE_SURROUND_PX,
     MAX_BLACK_SHARE,
     MAX_WHITE_SHARE,
@@ -198,7 +199,7 @@ def _mean_nearby(image: Image, margin_px: int) -> Image:
 
 
 def _without_impulses(image: Image, white: int) -> Image:
-    """Return the image with pixels far from the median of their surroundings replaced by that median."""
+    """Return the image with single pixels far from the median of their surroundings replaced by that median."""
     median = cv2.medianBlur(image, 3)
     deviation = cv2.absdiff(image, median)
     suspects = np.flatnonzero(deviation > int(IMPULSE_CONTRAST * white))
@@ -207,23 +208,39 @@ def _without_impulses(image: Image, white: int) -> Image:
     # Allow for more in noisy or textured surroundings.
     usual = _medians_around(deviation, suspects)
     allowed = cv2.addWeighted(usual, IMPULSE_DEVIATIONS, usual, 0.0, IMPULSE_CONTRAST * white).ravel()
-    impulses = suspects[deviation.take(suspects) > allowed]
+    suspects = suspects[deviation.take(suspects) > allowed]
+    impulses = suspects[_stand_alone(image, median, suspects)]
     cleaned = image.copy()
     np.put(cleaned, impulses, median.take(impulses))
     return cleaned
 
 
+def _stand_alone(image: Image, median: Image, places: IntArray) -> BoolArray:
+    """Return whether at most one neighbour of each pixel, (n,), deviates from the median there in the same way."""
+    level = median.take(places).astype(np.float32)
+    own = image.take(places) - level
+    nearby = (_windows(image, places, 3) - level[:, None, None]) * np.sign(own)[:, None, None]
+    alike = np.count_nonzero(nearby > IMPULSE_LIKENESS * np.abs(own)[:, None, None], axis=(1, 2))
+    return np.asarray(alike <= 2)  # the pixel itself and one neighbour
+
+
 def _medians_around(image: Image, places: IntArray) -> Image:
     """Return the medians over the square around some pixels, given by their indices in the flat image, (n,)."""
-    (height, width), side = image.shape, IMPULSE_SURROUND_PX
+    side = IMPULSE_SURROUND_PX
     if len(places) * side**2 > image.size:
         return np.asarray(cv2.medianBlur(image, side).take(places))
     # A row of windows: filtering the whole image takes many times as long if there are few places.
-    offset = np.arange(side)[:, None] - side // 2
-    rows = np.clip(places // width + offset, 0, height - 1)[:, :, None]
-    columns = np.clip(places % width + offset, 0, width - 1).T
-    windows = image[rows, columns].reshape(side, -1)
+    windows = np.moveaxis(_windows(image, places, side), 1, 0).reshape(side, len(places) * side)
     return np.asarray(cv2.medianBlur(windows, side)[side // 2, side // 2 :: side])
+
+
+def _windows(image: Image, places: IntArray, side: int) -> Image:
+    """Return the square around each pixel, given by its index in the flat image, (n,) -> (n, side, side)."""
+    height, width = image.shape
+    offset = np.arange(side) - side // 2
+    rows = np.clip(places[:, None] // width + offset, 0, height - 1)
+    columns = np.clip(places[:, None] % width + offset, 0, width - 1)
+    return np.asarray(image[rows[:, :, None], columns[:, None, :]])
 
 
 def _reduced(image: Image, factor: int) -> Float32Array:
