@@ -100,7 +100,7 @@ def test_a_plot_that_cannot_be_written_is_a_one_line_error(late: Path, tmp_path:
 
 def test_real_recordings_give_the_expected_result(real_data: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     # The verdicts are far from their limits, and with fewer points the fits take a fraction of the time.
-    quick = replace(DefaultSettings(), points_per_pair=150, response_intervals=16, longest_side_px=320)
+    quick = replace(DefaultSettings(), points_per_pair=150, response_intervals=16)
     monkeypatch.setitem(presets.PRESETS, "default", quick)
     said = json.loads(check(real_data / "borealhdr_left", "--json").stdout)
     assert said["exposure_lag_frames"] == 0
