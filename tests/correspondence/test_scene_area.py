@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 
 import cv2
 import numpy as np
 import pytest
 
 from ospc import Frame
-from ospc.arrays import BoolArray, Image
+from ospc.arrays import BoolArray, FloatArray, Image
+from ospc.correspondence.preprocessing import PreprocessedFrame
 from ospc.correspondence.scene_area import SceneArea
 from ospc.photometry.geometry import normalised, pixel_grid
 from workers import preprocessor
@@ -17,12 +18,24 @@ from workers import preprocessor
 SIZE = (160, 120)
 
 
-def area_of(images: Iterable[Image], mask: BoolArray | None = None) -> SceneArea:
-    """Return what is known after these images."""
+def area_of(images: Iterable[Image], mask: BoolArray | None = None, places: Sequence[FloatArray] = ()) -> SceneArea:
+    """Return what is known after these images, given the homographies from each to the scene (default: WALK's)."""
     area, prepare = SceneArea(), preprocessor()
-    for image in images:
-        area.observe(prepare(Frame.of_array(image, 1.0)), mask)
+    before: tuple[PreprocessedFrame, FloatArray] | None = None
+    for index, image in enumerate(images):
+        frame, place = prepare(Frame.of_array(image, 1.0)), places[index] if places else at(*WALK[index])
+        area.observe(frame, mask)
+        if before is not None:
+            area.compare(before[0], frame, np.linalg.inv(place) @ before[1])
+        before = frame, place
     return area
+
+
+def at(x: float, y: float, zoom: float = 1.0) -> FloatArray:
+    """Return the homography from a view to the scene, for an offset in pixels and a zoom about the centre."""
+    centre = np.array([(SIZE[0] - 1) / 2, (SIZE[1] - 1) / 2])
+    shift = centre * (1 - 1 / zoom) + (x, y)
+    return np.array([[1 / zoom, 0, shift[0]], [0, 1 / zoom, shift[1]], [0, 0, 1]])
 
 
 def views(offsets: Iterable[tuple[int, int]], seed: int = 0) -> list[Image]:
@@ -32,16 +45,17 @@ def views(offsets: Iterable[tuple[int, int]], seed: int = 0) -> list[Image]:
         cv2.resize(random.normal(0, 12, (600 // n, 800 // n)), (800, 600), interpolation=cv2.INTER_CUBIC)
         for n in (2, 5, 20)
     )
-    width, height = SIZE
-    return [
-        np.clip(110 + texture[y : y + height, x : x + width] + random.normal(0, 1, SIZE[::-1]), 0, 255).astype(
-            np.uint8
-        )
-        for x, y in offsets
-    ]
+    return seen(110 + texture, [at(x, y) for x, y in offsets], random)
 
 
-WALK = [(11 * i % 600, 17 * i % 450) for i in range(40)]
+def seen(scene: FloatArray, places: Iterable[FloatArray], random: np.random.Generator) -> list[Image]:
+    """Return views of a plane, given the homographies from each to the plane, with noise."""
+    flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+    clean = (cv2.warpPerspective(scene.astype(np.float32), place, SIZE, flags=flags) for place in places)
+    return [np.clip(image + random.normal(0, 1, SIZE[::-1]), 0, 255).astype(np.uint8) for image in clean]
+
+
+WALK = [(11 * i % 600, 17 * i % 450) for i in range(80)]
 TREMBLE = [(100 + i % 3, 100 + i % 2) for i in range(40)]
 TWO_VIEWS = [(0, 0), (300, 300)] * 20
 
@@ -61,7 +75,7 @@ def letters() -> BoolArray:
 def box() -> BoolArray:
     """Return the pixels of a box in a corner."""
     mask = np.zeros(SIZE[::-1], bool)
-    mask[:22, :50] = True
+    mask[:20, :46] = True
     return mask
 
 
@@ -143,9 +157,36 @@ def test_an_overlay_is_covered_with_its_inside_and_little_else(
 @pytest.mark.parametrize("offsets", [WALK, WALK[:5], WALK[:12], TREMBLE, TWO_VIEWS, [(0, 0)] * 40])
 @pytest.mark.parametrize("seed", [0, 1, 2])
 def test_a_scene_is_no_overlay(offsets: list[tuple[int, int]], seed: int) -> None:
-    area = area_of(views(offsets, seed))
+    area = area_of(views(offsets, seed), places=[at(x, y) for x, y in offsets])
     assert area.overlay() is None
     assert area.overlay_share == 0
+
+
+ZOOM = [1 + 0.7 * abs((i % 20) / 10 - 1) for i in range(60)]
+
+
+def test_edges_that_slide_along_themselves_in_a_zoom_are_no_overlay() -> None:
+    places, random = [at(250, 200, zoom) for zoom in ZOOM], np.random.default_rng(5)
+    x0, y0 = 250 + (SIZE[0] - 1) / 2, 200 + (SIZE[1] - 1) / 2
+    y, x = np.indices((600, 800)) - np.reshape([y0, x0], (2, 1, 1))
+    texture = cv2.resize(random.normal(0, 25, (120, 160)), (800, 600), interpolation=cv2.INTER_CUBIC)
+    scene = 110 + np.where((x > 0) | (np.abs(y) > 15), texture, 40 * np.sign(y))
+    assert area_of(seen(scene, places, random), places=places).overlay() is None
+
+
+def test_an_overlay_is_found_while_the_camera_zooms() -> None:
+    places = [at(250, 200, zoom) for zoom in ZOOM]
+    random = np.random.default_rng(6)
+    scene = 110 + 25 * cv2.resize(random.normal(0, 1, (120, 160)), (800, 600), interpolation=cv2.INTER_CUBIC)
+    images = [np.where(letters(), 240, image).astype(np.uint8) for image in seen(scene, places, random)]
+    found = area_of(images, places=places).overlay()
+    assert found is not None
+    assert found[letters()].mean() > 0.8
+
+
+def test_what_stays_in_place_while_nothing_moves_is_no_overlay() -> None:
+    images = [np.where(letters(), 240, image).astype(np.uint8) for image in views([(0, 0)] * 40)]
+    assert area_of(images, places=[at(0, 0)] * 40).overlay() is None
 
 
 def test_defective_pixels_and_the_edge_of_a_fisheye_are_no_overlay() -> None:

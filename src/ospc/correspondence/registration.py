@@ -51,6 +51,11 @@ class Registration:
     """Distance between each pixel and the end of registering it forward and back, in the same pixels, shape (h,
     w)."""
 
+    @property
+    def homography(self) -> FloatArray | None:
+        """Homography that explains most displacements, in the same pixels, shape (3, 3); None if none does."""
+        return _homography(self.forward)
+
 
 class Registrar(Protocol):
     """Registers pairs of frames; the result must not depend on earlier pairs."""

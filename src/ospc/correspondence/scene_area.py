@@ -17,11 +17,10 @@ from ospc.settings.grey_values import (
     MAX_ENCLOSED_SHARE,
     MAX_FINE_STRUCTURE_8_BIT,
     MAX_OVERLAY_SHARE,
-    MAX_SCENE_AGREEMENT,
     MAX_SURROUND_SHARE,
-    MAX_VIEW_AGREEMENT,
     MIN_CIRCLE_FILL,
     MIN_CIRCLE_FRAMES,
+    MIN_COUNTED_PAIRS,
     MIN_EDGE_RATIO,
     MIN_FINE_STRUCTURE_8_BIT,
     MIN_LIT_8_BIT,
@@ -31,8 +30,6 @@ from ospc.settings.grey_values import (
     MIN_SHARP_EDGE_RATIO,
     MIN_SURROUND_AREA,
     MIN_SURROUND_CORNERS,
-    MIN_VIEW_PX,
-    MIN_VIEWS,
     OVERLAY_LINE_PX,
     SURROUND_MARGIN_PX,
     WHOLE_IMAGE_RADIUS,
@@ -47,7 +44,9 @@ class SceneArea:
     does. A region that stays dark and reaches the corners is treated as the surround of a fisheye image.
 
     Fine structure of the scene moves with the view. What stays at the same pixels is an overlay, such as a clock or a
-    watermark, or a part of the vehicle. Dekel and others (2017) find the edges of watermarks in this way.
+    watermark, or a part of the vehicle. Dekel and others (2017) find the edges of watermarks in this way. When a
+    camera zooms or moves forward, edges that point towards the centre of expansion, and objects near it, stay, too:
+    a pixel counts in a pair of frames only if the motion of the view would have changed what it shows.
     """
 
     brightest: npt.NDArray[np.uint8] | None = None
@@ -56,13 +55,12 @@ class SceneArea:
     """Number of frames observed."""
     allowed: BoolArray | None = None
     """Which pixels may be used, in the same size; None for all."""
-    latest: Float32Array | None = None
-    """Deviation d of each pixel from its surroundings in the latest view, in grey levels of 8 bit, shape (h, w)."""
     fine: Float32Array | None = None
     contrast: Float32Array | None = None
-    """Sums of d and |d| over all views, shape (h, w)."""
-    views: int = 0
-    """Number of different views so far."""
+    """Sums over the pairs in which a pixel counts, shape (h, w): of its deviation from its surroundings in the second
+    frame, in grey levels of 8 bit, if it has the same sign in the first, and of its magnitude."""
+    pairs: Float32Array | None = None
+    """Number of pairs in which each pixel counts, shape (h, w)."""
 
     def observe(self, frame: PreprocessedFrame, mask: BoolArray | None) -> None:
         """Add a frame; the mask marks its usable pixels, shape (height, width), None for all."""
@@ -72,7 +70,20 @@ class SceneArea:
         if mask is not None and self.allowed is None:
             height, width = frame.small.shape
             self.allowed = cv2.resize(mask.view(np.uint8), (width, height), interpolation=cv2.INTER_NEAREST) > 0
-        self._observe_fine_structure(_fine_structure(frame.small))
+
+    def compare(self, frame0: ReducedFrame, frame1: ReducedFrame, motion: FloatArray) -> None:
+        """Add a pair of frames, given the homography from most of the first view to the second, in small pixels."""
+        before, after = _fine_structure(frame0.small), _fine_structure(frame1.small)
+        unseen = cv2.BORDER_CONSTANT, (np.nan, 0, 0, 0)
+        moved = cv2.warpPerspective(before, motion, before.shape[::-1], None, cv2.INTER_LINEAR, *unseen)
+        sign = np.sign(before)
+        counts = np.abs(before) > MIN_FINE_STRUCTURE_8_BIT
+        counts &= sign * moved < MIN_FINE_STRUCTURE_8_BIT / 2  # otherwise, the scene might look the same there
+        if self.fine is None or self.contrast is None or self.pairs is None:
+            self.fine, self.contrast, self.pairs = (np.zeros_like(before) for _ in range(3))
+        self.fine[counts] += np.where(sign * after > 0, after, 0)[counts]
+        self.contrast[counts] += np.abs(after)[counts]
+        self.pairs += counts
 
     def surround(self) -> BoolArray | None:
         """Return which pixels never receive light, with a margin, in the small size, shape (h, w); None if all do."""
@@ -122,17 +133,13 @@ class SceneArea:
 
     def overlay(self) -> BoolArray | None:
         """Return which pixels show something fixed to the camera, in the small size, shape (h, w); None if none."""
-        if self.fine is None or self.contrast is None or self.views < MIN_VIEWS:
+        if self.fine is None or self.contrast is None or self.pairs is None:
             return None
-        visible = self.contrast > self.views * MIN_FINE_STRUCTURE_8_BIT
+        visible = (self.pairs >= MIN_COUNTED_PAIRS) & (self.contrast > self.pairs * MIN_FINE_STRUCTURE_8_BIT)
         hidden = (None if self.allowed is None else ~self.allowed, self.surround())
         for part in (one for one in hidden if one is not None):
             visible &= ~_widened(part, OVERLAY_LINE_PX)  # close to its edge, every pixel deviates from it
-        agreement = np.abs(self.fine[visible]) / self.contrast[visible]
-        if not agreement.size or np.median(agreement) > MAX_SCENE_AGREEMENT:
-            return None
-        fixed = visible.copy()
-        fixed[visible] = agreement > MIN_OVERLAY_AGREEMENT
+        fixed = visible & (np.abs(self.fine) > MIN_OVERLAY_AGREEMENT * self.contrast)
         lines = _large_parts(fixed, MIN_OVERLAY_PX, connectivity=8)
         if not lines.any():
             return None
@@ -170,28 +177,13 @@ class SceneArea:
         x, y = np.clip(np.rint(pixels_of(position, size)).astype(np.int64), 0, np.array(size) - 1).T
         return np.asarray(~anything[y, x])
 
-    def _observe_fine_structure(self, deviation: Float32Array) -> None:
-        """Add the fine structure of a frame if it shows another view than the latest one."""
-        if self.latest is None or self.fine is None or self.contrast is None:
-            self.latest, self.fine, self.contrast = deviation, deviation.copy(), np.abs(deviation)
-        else:
-            visible = np.minimum(np.abs(deviation), np.abs(self.latest)) > MIN_FINE_STRUCTURE_8_BIT
-            agreeing = visible & (deviation * self.latest > 0)
-            seen = np.count_nonzero(visible)
-            if seen < MIN_VIEW_PX or np.count_nonzero(agreeing) / seen > MAX_VIEW_AGREEMENT:
-                return
-            self.latest = deviation
-            self.fine += deviation
-            self.contrast += np.abs(deviation)
-        self.views += 1
-
 
 def _fine_structure(image: npt.NDArray[np.uint8]) -> Float32Array:
-    """Return the deviation of each pixel from its surroundings, limited so that no single view decides."""
+    """Return the deviation of each pixel from its surroundings, limited so that none decides; NaN at the border."""
     level = cv2.medianBlur(image, 3).astype(np.float32)  # without defective pixels and columns
     deviation = level - cv2.blur(level, (OVERLAY_LINE_PX, OVERLAY_LINE_PX))
     found = np.clip(deviation, -MAX_FINE_STRUCTURE_8_BIT, MAX_FINE_STRUCTURE_8_BIT)
-    inside = np.zeros_like(found)  # surroundings that extend beyond the border are mirrored, so they deviate
+    inside = np.full_like(found, np.nan)  # where the surroundings extend beyond the border
     margin = OVERLAY_LINE_PX // 2
     inside[margin:-margin, margin:-margin] = found[margin:-margin, margin:-margin]
     return np.asarray(inside)

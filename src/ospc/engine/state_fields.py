@@ -139,8 +139,8 @@ RULES: Mapping[type, Mapping[str, Numbers | str]] = {
     PriorHyperparameters: {"walk": Numbers(1e-6, 1e6), "drift vignette_walk": Numbers(0, 1e6)},
     SceneArea: {
         "brightest allowed": ELSEWHERE,
-        "latest fine": Numbers(shape=("rows", "columns")),
-        "contrast": Numbers(0, shape=("rows", "columns")),
+        "fine": Numbers(shape=("rows", "columns")),
+        "contrast pairs": Numbers(0, shape=("rows", "columns")),
     },
     Baseline: {
         "errors": Numbers(0, LARGEST, ("errors",), most=MAX_BASELINE_PAIRS),

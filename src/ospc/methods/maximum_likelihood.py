@@ -82,6 +82,7 @@ class MaximumLikelihoodMethod(Method):
             stated = _log_ratio(exposures, keyframe.number, prepared.number)
             views = self._data.scene_area.extended(keyframe, prepared)
             registration = self._register(*views, self._quick_fit.normalize, stated)
+            self._data.observe_pair(keyframe, prepared, registration)
         measured = self._second.submit(self._data.noise.observe, frame)  # after registration, which uses that thread
         if keyframe is not None:
             samples = self._sample(keyframe, prepared, registration, self._data.pairs)

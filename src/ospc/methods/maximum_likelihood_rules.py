@@ -59,9 +59,9 @@ def _check_data(found: EpochData, new: EpochData, settings: DefaultSettings, fra
     _check_noise(found.noise, frames)
     width, height = settings.preprocessor().small_size(new.size)
     area = found.scene_area
-    for image in (area.brightest, area.allowed, area.latest, area.fine, area.contrast):
+    for image in (area.brightest, area.allowed, area.fine, area.contrast, area.pairs):
         require(image is None or image.shape == (height, width), "its images of the scene area have another size")
-    known = [one is not None for one in (area.latest, area.fine, area.contrast)]
+    known = [one is not None for one in (area.fine, area.contrast, area.pairs)]
     require(all(known) or not any(known), "a part of its fine structure is missing")
 
 

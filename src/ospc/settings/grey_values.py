@@ -26,15 +26,9 @@ MIN_SURROUND_CORNERS = 3
 """Minimum number of corners in the surround: a decentred image circle may miss one, a dark wall covers two."""
 SURROUND_MARGIN_PX = 3
 """Widening of the surround, in small pixels: the edge of the circle is blurred, and light falls off steeply there."""
-MAX_VIEW_AGREEMENT, MIN_VIEW_PX = 0.8, 100
-"""Share of the pixels with fine structure whose deviations have the same sign in two views, up to which the views
-differ, and the minimum number of these pixels. It is a half if the view has moved by more than the width of the
-structures, nearly one if it has not, and up to four in five if an overlay is among them."""
-MIN_VIEWS = 16
-"""Minimum number of different views: in fewer, the structure of the scene agrees by chance, in 8 views in 1 % of the
-pixels."""
-MAX_SCENE_AGREEMENT = 0.5
-"""Maximum of the median agreement of fine structure over all views: more if the camera returns to a few views."""
+MIN_COUNTED_PAIRS = 8
+"""Minimum number of pairs of frames in which the motion of the view would have changed what a pixel shows. With 16, a
+watermark was not found in a video whose view hardly moves."""
 OVERLAY_LINE_PX = 5
 """Side of the square whose mean is compared with its central pixel, in small pixels: wider than a blurred edge, and
 narrow enough that vignetting, dust and blurred shadows are flat."""
