@@ -301,6 +301,21 @@ def test_exposures_that_a_fit_explains_do_not_fit_badly(error: float, state: str
     assert (judged.warnings == ()) == (state == "identifiable")
 
 
+@pytest.mark.parametrize(
+    ("error", "lag_sigma", "state"),
+    [(0.003, 0.01, "identifiable"), (0.003, 0.3, "marginal"), (0.02, 0.01, "not identifiable")],
+)
+def test_exposures_that_a_fit_explains_have_an_effect(error: float, lag_sigma: float, state: str) -> None:
+    alternation = np.resize([-0.35, 0.35], FRAMES)
+    unjudged = found(Film(wandering(FRAMES) + alternation, hidden_log_gain=-alternation))
+    assert unjudged.lag.state == "no response to exposure"
+    effect = EffectEstimate(LATE_EXPOSURES, 0.0, lag_sigma)
+    judged = fitted(unjudged, effect, ratios=ratios_with(np.full(40, error)))
+    assert judged.verdict.state == state
+    assert bool(judged.warnings) == (state == "not identifiable")
+    assert "jumps" not in judged.verdict.reason
+
+
 def test_noise_that_a_fit_explains_is_no_misfit() -> None:
     doubted = found(FLICKERING)
     errors = np.random.default_rng(2).normal(0, 0.02, 60)

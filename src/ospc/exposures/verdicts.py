@@ -15,7 +15,7 @@ from ospc.exposures.brightness_report import BrightnessReport, largest_error_of_
 from ospc.exposures.evidence import ExposureEvidence, evidence_of_images
 from ospc.exposures.findings import ExposureFindings
 from ospc.exposures.lag_choice import LagChoice, lag_in_words
-from ospc.exposures.lag_selection import LagEstimate
+from ospc.exposures.lag_selection import UNRESPONSIVE, LagEstimate
 from ospc.photometry.verdict import Verdict
 from ospc.settings.brightness import CONTRADICTING_JUMP_LOG, DRIFT_FRAMES, EXPLAINED_POINTS
 from ospc.settings.exposures import (
@@ -69,7 +69,9 @@ def findings_from(evidence: ExposureEvidence) -> ExposureFindings:
     if standing == "settled by fit":
         lag = replace(lag, state="determined", candidates=(evidence.corrected_frames,))
     if brightness is not None and by_fit:
-        brightness = replace(brightness, stale=False, fits_badly=False)
+        # If exposures seem to have no effect, what they would explain looks like jumps.
+        jumps = () if evidence.remaining_lag.state in UNRESPONSIVE else brightness.jumps
+        brightness = replace(brightness, stale=False, fits_badly=False, jumps=jumps)
     uncertain = standing == "open" and not evidence.corrected_frames
     warned = [agreement, *spoiled] if standing == "contradicted" else spoiled
     return ExposureFindings(
@@ -97,12 +99,14 @@ def _agreement(evidence: ExposureEvidence) -> tuple[str, Verdict, _Standing]:
 
 
 def _explained_by_fit(evidence: ExposureEvidence) -> str:
-    """Return what a fit to stale or badly fitting exposures explains, in words; empty if it leaves a doubt."""
+    """Return what a fit to exposures that images contradict explains, in words; empty if it leaves a doubt."""
     brightness = evidence.brightness
     if brightness is None or evidence.recorded.values == 1:
         return ""
     in_place = evidence.corrected_frames or not evidence.remaining_lag.frames
-    doubted = brightness.stale or (brightness.fits_badly and in_place)
+    doubted = brightness.stale or (
+        (brightness.fits_badly or evidence.remaining_lag.state in UNRESPONSIVE) and in_place
+    )
     error = largest_error_of_points(evidence.ratios) if doubted else None
     if error is None:
         return ""
@@ -182,8 +186,9 @@ def _on_unknown_lag(evidence: ExposureEvidence) -> tuple[Verdict, _Standing]:
         return Verdict("marginal", text, _MORE_FRAMES), "settled"
     if _fit_settles_lag(evidence):
         few = "consecutive frames overlap too little to check them otherwise"
-        allowed = f"brightness changes alone allow lags of {either(evidence.lag)} frames"
-        text = f"exposures belong to their frames, as the fit shows; {few if compared is None else allowed}"
+        if compared is not None and candidates:
+            few = f"brightness changes alone allow lags of {either(evidence.lag)} frames"
+        text = f"exposures belong to their frames, as the fit shows; {few}"
         return Verdict("identifiable", text), "settled by fit"
     return _open(evidence), "open"
 
@@ -191,7 +196,9 @@ def _on_unknown_lag(evidence: ExposureEvidence) -> tuple[Verdict, _Standing]:
 def _fit_settles_lag(evidence: ExposureEvidence) -> bool:
     """Return whether a fit to exposures as used settles a lag that the images leave open."""
     lag = evidence.remaining_lag
-    can_be_zero = lag.state in ("too few pairs", "refuted") or (lag.state == "ambiguous" and 0 in lag.candidates)
+    # After large steps of the exposure, few points are exposed well in both of two consecutive frames.
+    unknown = ("too few pairs", "refuted", *UNRESPONSIVE)
+    can_be_zero = lag.state in unknown or (lag.state == "ambiguous" and 0 in lag.candidates)
     return can_be_zero and evidence.fit_shows_no_lag
 
 
