@@ -76,13 +76,14 @@ class SceneArea:
         before, after = _fine_structure(frame0.small), _fine_structure(frame1.small)
         unseen = cv2.BORDER_CONSTANT, (np.nan, 0, 0, 0)
         moved = cv2.warpPerspective(before, motion, before.shape[::-1], None, cv2.INTER_LINEAR, *unseen)
-        sign = np.sign(before)
         counts = np.abs(before) > MIN_FINE_STRUCTURE_8_BIT
-        counts &= sign * moved < MIN_FINE_STRUCTURE_8_BIT / 2  # otherwise, the scene might look the same there
+        # Otherwise, the scene might look the same there.
+        counts &= before * moved < MIN_FINE_STRUCTURE_8_BIT / 2 * np.abs(before)
         if self.fine is None or self.contrast is None or self.pairs is None:
             self.fine, self.contrast, self.pairs = (np.zeros_like(before) for _ in range(3))
-        self.fine[counts] += np.where(sign * after > 0, after, 0)[counts]
-        self.contrast[counts] += np.abs(after)[counts]
+        shown = cv2.patchNaNs(after)  # OpenCV multiplies by the mask
+        cv2.accumulate(shown, self.fine, (counts & (before * shown > 0)).view(np.uint8))
+        cv2.accumulate(np.abs(shown), self.contrast, counts.view(np.uint8))
         self.pairs += counts
 
     def surround(self) -> BoolArray | None:
