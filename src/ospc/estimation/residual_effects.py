@@ -55,26 +55,35 @@ def uneven_vignette(
     known = np.isfinite(residual)
     if not known.any():
         return ()
+    cell = cells_of(observations.position, UNEVEN_CELLS)
+    which = cell.astype(np.float64)
+    leaves = observations.combined(np.minimum, which) < observations.combined(np.maximum, which)
+    leaves, cell = np.repeat(leaves, observations.counts)[known], cell[known]
     residual, sigma, scale = residual[known], sigma[known], robust_scale(residual[known])
-    cell = cells_of(observations.position, UNEVEN_CELLS)[known]
     _, block = np.unique(observations.group[known] // UNEVEN_GROUPS_PER_BLOCK, return_inverse=True)
     shape = (*UNEVEN_CELLS, block.max() + 1)
     number, limit = cell * shape[2] + block, WEIGHT_CUT_SIGMAS * scale
-    count, total = (
+    count, leaving, total = (
         np.bincount(number, weights, math.prod(shape)).reshape(shape)
-        for weights in (None, np.clip(residual, -limit, limit))
+        for weights in (None, leaves, np.clip(residual, -limit, limit))
     )
-    rejected = _rejected_cell(residual, sigma, cell, count.reshape(-1, shape[2]))
+    # A point that stays within a cell does not show its brightness, and is often misregistered: where a camera drives
+    # to, the scene is fine and hardly moves.
+    rejected = _rejected_cell(residual[leaves], sigma[leaves], cell[leaves], leaving.reshape(-1, shape[2]), scale)
     found = rejected or _uneven_region(_in_regions(count), _in_regions(total), observations.error_factor)
     return () if found is None else (found,)
 
 
-def _rejected_cell(residual: FloatArray, sigma: FloatArray, cell: IntArray, count: IntArray) -> EffectEstimate | None:
+def _rejected_cell(
+    residual: FloatArray, sigma: FloatArray, cell: IntArray, count: FloatArray, scale: float
+) -> EffectEstimate | None:
     """Return the image cell whose points disagree most with the fit, if it rejects most of them as outliers.
 
-    ``count`` is the number of residuals in each cell and block, shape (cells, blocks).
+    ``count`` is the number of residuals in each cell and block, shape (cells, blocks), and ``scale`` the scatter of
+    all residuals.
     """
-    scale = robust_scale(residual)
+    if not len(residual):
+        return None
     cells, member = np.unique(cell, return_inverse=True)
     points, blocks = count[cells].sum(axis=1), np.count_nonzero(count[cells], axis=1)
     judged = (points >= REJECTED_FEWEST) & (blocks >= UNEVEN_FEWEST_BLOCKS)
