@@ -180,7 +180,7 @@ class SceneArea:
 
 
 def _fine_structure(image: npt.NDArray[np.uint8]) -> Float32Array:
-    """Return the deviation of each pixel from its surroundings, limited so that none decides; NaN at the border."""
+    """Return the deviation of each pixel from its surroundings, limited for outliers; NaN at the border."""
     level = cv2.medianBlur(image, 3).astype(np.float32)  # without defective pixels and columns
     deviation = level - cv2.blur(level, (OVERLAY_LINE_PX, OVERLAY_LINE_PX))
     found = np.clip(deviation, -MAX_FINE_STRUCTURE_8_BIT, MAX_FINE_STRUCTURE_8_BIT)

@@ -67,8 +67,8 @@ def uneven_vignette(
         np.bincount(number, weights, math.prod(shape)).reshape(shape)
         for weights in (None, leaves, np.clip(residual, -limit, limit))
     )
-    # A point that stays within a cell does not show its brightness, and is often misregistered: where a camera drives
-    # to, the scene is fine and hardly moves.
+    # A point that stays within a cell does not show how bright the cell is, and is often registered wrongly: where a
+    # camera drives to, the texture is fine and hardly moves.
     rejected = _rejected_cell(residual[leaves], sigma[leaves], cell[leaves], leaving.reshape(-1, shape[2]), scale)
     found = rejected or _uneven_region(_in_regions(count), _in_regions(total), observations.error_factor)
     return () if found is None else (found,)

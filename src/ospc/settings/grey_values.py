@@ -28,7 +28,8 @@ SURROUND_MARGIN_PX = 3
 """Widening of the surround, in small pixels: the edge of the circle is blurred, and light falls off steeply there."""
 MIN_COUNTED_PAIRS = 8
 """Minimum number of pairs of frames in which the motion of the view would have changed what a pixel shows. With 16, a
-watermark was not found in a video whose view hardly moves."""
+watermark was not found in a video whose view hardly moves, but about three of five false notes in 16 simulated zooms
+and drives did not appear."""
 OVERLAY_LINE_PX = 5
 """Side of the square whose mean is compared with its central pixel, in small pixels: wider than a blurred edge, and
 narrow enough that vignetting, dust and blurred shadows are flat."""
