@@ -158,6 +158,21 @@ def test_a_frame_prepared_ahead_is_not_prepared_again_and_any_other_is(monkeypat
     assert made == [0, 1, 2, 2, 3]
 
 
+def test_a_calibrator_that_is_no_longer_used_is_freed_without_a_garbage_collection():
+    calibrator = OnlineCalibrator()
+    image = np.random.default_rng(1).integers(0, 200, (48, 64), dtype=np.uint8)
+    for index in range(4):
+        calibrator.push(frame(index, 1.0 + index, np.roll(image, index, axis=1)))
+    calibrator.end_threads()
+    kept = weakref.ref(calibrator)
+    gc.disable()
+    try:
+        calibrator = None
+        assert kept() is None
+    finally:
+        gc.enable()
+
+
 @pytest.mark.parametrize("pushed", ["before", "while"])
 def test_what_is_prepared_of_a_frame_that_was_not_waited_for_does_not_stay_in_memory(pushed, monkeypatch):
     calibrator = OnlineCalibrator(NotingSettings())

@@ -56,7 +56,7 @@ class Engine:
         self._partly_processed = ""  # the name of a frame whose processing failed halfway
         self._lock = RLock()  # held while a frame is processed
         self._preprocess = settings.preprocessor()
-        self.prefetcher = Prefetcher(self._preprocess, run.sampler, lambda: self._run.pixels.grey_range)
+        self.prefetcher = Prefetcher(self._preprocess, run.sampler)
         self._second = SecondThread()
 
     def push(self, frame: Frame) -> bool:
@@ -164,7 +164,7 @@ class Engine:
         change: Change | None = None
         compared: ComparedFrames | None = None
         if self._run.sampler.processes_next:
-            prepared, precomputed = self.prefetcher.preprocessed(frame)
+            prepared, precomputed = self.prefetcher.preprocessed(frame, self._run.pixels.grey_range)
             first = self._run.exposures.history.first_with_image_of(prepared.thumbnail)
             if first != frame.index:  # it adds no information
                 self._run.count_repeated(frame, prepared.thumbnail, first)
@@ -172,7 +172,8 @@ class Engine:
                 return
             change, compared = self._observe(method, frame, prepared, precomputed)
         elif self._run.sampler.compares_next or self._run.exposures.needs_comparison(frame.index):
-            compared = self._run.exposures.history.observe(*self.prefetcher.thumbnail(frame))
+            thumbnail = self.prefetcher.thumbnail(frame, self._run.pixels.grey_range)
+            compared = self._run.exposures.history.observe(*thumbnail)
         if compared is not None:
             change = change or method.compare(compared.points, self._run.exposures.table)
             change = self._detect_lag_change(method, change) or change
@@ -242,7 +243,7 @@ class Engine:
     def _update_prefetcher(self) -> None:
         """Pass the current sampler to the prefetcher, which copies it so that it never waits for the lock."""
         every = self._method is not None and self._method.longest_pause == 0
-        self.prefetcher.update(self._run.sampler, self._run.size, every=every)
+        self.prefetcher.update(self._run.sampler, self._run.size, self._run.pixels.grey_range, every=every)
 
     # These do not wait for other threads.
 
