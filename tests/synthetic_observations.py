@@ -84,6 +84,7 @@ class Camera:
             position=place[exposed].reshape(-1, 2),
             gradient=gradient[exposed].ravel(),
             grey_variance=np.zeros(2 * exposed.sum()),
+            grey_third_moment=np.zeros(2 * exposed.sum()),
             frame_moments=np.zeros((2 * exposed.sum(), 6)),
             surround_moments=np.zeros((2 * exposed.sum(), 7)),
             frame=np.stack([2 * group, 2 * group + 1], axis=1)[exposed].ravel(),

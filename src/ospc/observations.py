@@ -27,7 +27,16 @@ _WIDTHS = {"position": (2,), "frame_moments": (MOMENTS,), "surround_moments": (1
 _SINGLE_PRECISION = ("frame_moments", "surround_moments")
 """Fields of 32-bit floats: they take most of the memory, and rounding errors of 1e-7 are below the noise."""
 
-_OF_A_FRAME = ("grey", "grey_variance", "position", "gradient", "frame_moments", "surround_moments", "frame")
+_OF_A_FRAME = (
+    "grey",
+    "grey_variance",
+    "grey_third_moment",
+    "position",
+    "gradient",
+    "frame_moments",
+    "surround_moments",
+    "frame",
+)
 
 
 class ExposureLookup(Protocol):
@@ -53,6 +62,8 @@ class Observations(ByValue):
     grey_variance
         Variance of the pixels averaged into the grey level, including noise, shape (n,). It is needed because for a
         nonlinear response, the mean grey level is not the grey level of the mean irradiance. Zero if unknown.
+    grey_third_moment
+        Third central moment of these pixels, shape (n,): coarse texture is often skewed. Zero if unknown.
     position
         Position relative to the image centre in half diagonals, shape (n, 2).
     gradient
@@ -75,6 +86,7 @@ class Observations(ByValue):
 
     grey: FloatArray
     grey_variance: FloatArray
+    grey_third_moment: FloatArray
     position: FloatArray
     gradient: FloatArray
     frame_moments: Float32Array
@@ -95,6 +107,8 @@ class Observations(ByValue):
         *,
         grey_variance0: npt.ArrayLike = 0.0,
         grey_variance1: npt.ArrayLike = 0.0,
+        grey_third_moment0: npt.ArrayLike = 0.0,
+        grey_third_moment1: npt.ArrayLike = 0.0,
         gradient0: npt.ArrayLike = 0.0,
         gradient1: npt.ArrayLike = 0.0,
         frame_moments0: npt.ArrayLike = 0.0,
@@ -114,7 +128,7 @@ class Observations(ByValue):
             :func:`ospc.photometry.geometry.normalised` computes them from pixel coordinates.
         frame0, frame1
             Numbers of these frames, from 0, shape (points,), or one number for all points.
-        grey_variance0, grey_variance1, gradient0, gradient1
+        grey_variance0, grey_variance1, grey_third_moment0, grey_third_moment1, gradient0, gradient1
             As in the attributes, shape (points,) or one number. The gradient, in full scale per pixel, determines how
             much a registration error changes the grey level.
         frame_moments0, frame_moments1, surround_moments0, surround_moments1
@@ -131,9 +145,10 @@ class Observations(ByValue):
                 f"grey0 and grey1 must have one value per scene point, not shapes {np.shape(grey0)} and "
                 f"{np.shape(grey1)}"
             )
+        pixels0, pixels1 = (grey_variance0, grey_third_moment0), (grey_variance1, grey_third_moment1)
         given = (
-            (grey0, grey_variance0, position0, gradient0, frame_moments0, surround_moments0, frame0),
-            (grey1, grey_variance1, position1, gradient1, frame_moments1, surround_moments1, frame1),
+            (grey0, *pixels0, position0, gradient0, frame_moments0, surround_moments0, frame0),
+            (grey1, *pixels1, position1, gradient1, frame_moments1, surround_moments1, frame1),
         )
         first, second = (dict(zip(_OF_A_FRAME, values, strict=True)) for values in given)
         found = cls.alternating(first, second, np.zeros(n))
@@ -311,6 +326,7 @@ class ExposedObservations(Observations):
             kept,
             grey=grey_range.level(kept.grey),
             grey_variance=kept.grey_variance / grey_range.span**2,
+            grey_third_moment=kept.grey_third_moment / grey_range.span**3,
             gradient=kept.gradient / grey_range.span,
             frame_moments=(np.hstack([known, kept.frame_moments]) @ powers[:, 1:]).astype(np.float32),
             surround_moments=(kept.surround_moments @ powers).astype(np.float32),

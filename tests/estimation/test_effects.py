@@ -129,6 +129,7 @@ class Disturbed:
             position=both(place),
             gradient=both(np.zeros((n, 2))),
             grey_variance=both(np.zeros((n, 2))),
+            grey_third_moment=both(np.zeros((n, 2))),
             frame_moments=both(frame_moments),
             surround_moments=both(surround_moments),
             frame=both(2 * group[:, None] + [0, 1]),

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.special import ndtr, ndtri
+from scipy.stats import skew
 
 from ospc.estimation.mean_of_pixels import PixelMeans, shift_and_variance
 from ospc.estimation.response_basis import ResponseBasis
@@ -14,6 +15,7 @@ from ospc.exposures.table import ExposureTable
 from ospc.observations import Observations
 from ospc.photometry.noise import NoiseModel
 from ospc.photometry.response import Response
+from ospc.settings.fit import MAX_SKEWNESS
 from ospc.simulation.responses import RESPONSES
 
 GRID = np.linspace(0, 1, 2041)
@@ -130,20 +132,58 @@ def test_the_mean_of_textured_and_noisy_pixels_at_a_knee_is_corrected(noise_sigm
     means = PixelMeans.of(basis, coefficients, NoiseModel(0.0, 0.0, tuple(variances)))
     index = basis.index_of(np.linspace(0.28, 0.55, 15))
     irradiance = np.exp(log_response[index])[:, None] * (1 + 0.2 * quantiles)
-    texture = grey_at(irradiance).var(axis=1) / basis.grid[index] ** 2
+    pixels = grey_at(irradiance)
+    texture, skewness = pixels.var(axis=1) / basis.grid[index] ** 2, skew(pixels, axis=1)
     with_noise_alone = noisy_at(np.exp(log_response[index])).mean(axis=1)
     lowered = with_noise_alone - noisy_at(irradiance).mean(axis=(1, 2))
     assert lowered.max() > 0.012
-    np.testing.assert_allclose(means.by_texture(texture, index), lowered, atol=0.0025)
+    np.testing.assert_allclose(means.by_texture(texture, skewness, index), lowered, atol=0.0025)
 
 
-def test_without_a_knee_texture_counts_only_by_its_variance():
+def test_little_texture_counts_by_its_variance_however_skewed():
     basis = ResponseBasis(32)
     means = PixelMeans.of(basis, np.full(33, 2.2), NoiseModel(0.0, 0.0, (0.0,)))
-    index = basis.index_of(np.linspace(0.2, 1.0, 9))
-    once, twice = (means.by_texture(np.full(9, texture), index) for texture in (0.01, 0.02))
-    np.testing.assert_allclose(twice, 2 * once)
-    np.testing.assert_allclose(once, 0.01 * basis.grid[index] * 1.2 / 2, rtol=0.01)
+    index = basis.index_of(np.linspace(0.2, 0.9, 9))
+    for skewness in (-1.0, 0.0, 1.0):
+        once, negative = (means.by_texture(np.full(9, t), np.full(9, skewness), index) for t in (1e-4, -1e-4))
+        np.testing.assert_allclose(once, 1e-4 * basis.grid[index] * 1.2 / 2, rtol=0.02)
+        np.testing.assert_array_equal(negative, -once)
+
+
+@pytest.mark.parametrize("gamma", [0.5, 1.6, 2.2])
+@pytest.mark.parametrize("draw", ["lognormal", "two greys", "dark lines", "uniform"])
+def test_the_mean_of_coarse_texture_is_corrected(gamma, draw):
+    """Compare pixels of any distribution with the grey level of their mean irradiance."""
+    random = np.random.default_rng(5)
+    factors = {
+        "lognormal": np.exp(0.5 * random.standard_normal(DRAWS)),
+        "two greys": random.choice([0.5, 1.7], DRAWS),
+        "dark lines": random.choice([0.25, 1.0], DRAWS, p=[0.15, 0.85]),
+        "uniform": random.uniform(0.3, 1.7, DRAWS),
+    }[draw]
+    basis, grey = ResponseBasis(32), 0.2 * factors
+    means = PixelMeans.of(basis, np.full(33, gamma), NoiseModel(0.0, 0.0, (0.0,)))
+    level = np.mean(grey**gamma) ** (1 / gamma)
+    texture, third = np.array([grey.var()]) / level**2, np.array([skew(grey)])
+    index = basis.index_of([level])
+    decrease, unskewed = (float(means.by_texture(texture, of, index)[0]) for of in (third, 0 * third))
+    assert decrease == pytest.approx(level - grey.mean(), abs=0.2 * abs(level - grey.mean()) + basis.grid[1])
+    if abs(third[0]) > 1:
+        assert abs(decrease - (level - grey.mean())) < abs(unskewed - (level - grey.mean()))
+
+
+def test_skewness_of_pixels_that_vary_by_noise_alone_stays_bounded():
+    basis = ResponseBasis(32)
+    means = PixelMeans.of(basis, np.full(33, 0.5), NoiseModel(0.0, 0.0, (1e-4,)))
+    at = np.zeros((4, 2))
+    seen = Observations.of_pairs(
+        np.full(4, 0.2), np.full(4, 0.3), at, at, 0, 1,
+        grey_variance0=[0.0, 5e-5, 1e-4, 1.001e-4], grey_third_moment0=[0.0, 1e-7, -1e-6, 1e-6],
+    ).with_exposures(EXPOSURES)  # fmt: skip
+    index = basis.index_of(seen.grey)
+    shifts = means.at(seen, index)
+    assert np.all(np.abs(shifts.skewness) <= MAX_SKEWNESS)
+    assert np.all(np.abs(means.by_texture(shifts.texture, shifts.skewness, index)) < 1e-3)
 
 
 @pytest.mark.parametrize("share", [0.002, 0.005, 0.01, 0.02])
@@ -154,14 +194,17 @@ def test_the_error_covers_clipped_lights_among_dark_pixels(share, ratio):
     dark = np.array([0.01 * ratio**-0.5, 0.01 * ratio**0.5]) ** (1 / 2.2)
     grey = (1 - share) * dark + share
     variance = (1 - share) * dark**2 + share - grey**2
+    third = (1 - share) * (dark - grey) ** 3 + share * (1 - grey) ** 3
     means = PixelMeans.of(basis, coefficients, NoiseModel(0.0, 0.0, (0.0,)))
     at = np.zeros((1, 2))
     seen = Observations.of_pairs(
-        *grey[:, None], at, at, 0, 1, grey_variance0=variance[:1], grey_variance1=variance[1:]
-    ).with_exposures(EXPOSURES)
+        *grey[:, None], at, at, 0, 1,
+        grey_variance0=variance[:1], grey_variance1=variance[1:],
+        grey_third_moment0=third[:1], grey_third_moment1=third[1:],
+    ).with_exposures(EXPOSURES)  # fmt: skip
     index = basis.index_of(seen.grey)
     shifts = means.at(seen, index)
-    corrected = seen.grey + means.by_texture(shifts.texture, index)
+    corrected = seen.grey + means.by_texture(shifts.texture, shifts.skewness, index)
     wrong = 2.2 * np.log(corrected[1] / corrected[0]) - np.log(ratio)
     sigma = 2.2 * np.sqrt(np.sum(shifts.error_variance / seen.grey**2))
     assert wrong < -0.2 * share

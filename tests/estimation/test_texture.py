@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import moment
 
 from ospc.estimation.latent import LatentModel
 from ospc.estimation.maximum_likelihood import MaximumLikelihoodEstimator
@@ -36,7 +37,7 @@ def textured(contrast, response):
     exposure = np.exp(Exposures().log_exposure_of(frame)) / 10
     radiance = np.exp(random.normal(-1.2, 0.7, (n, 1, 1)) + contrast * random.standard_normal((n, 1, PIXELS)))
     pixels = response(radiance * exposure[:, :, None]) + 0.5 / 255 * random.standard_normal((n, 2, PIXELS))
-    grey, variance = pixels.mean(axis=2), pixels.var(axis=2)
+    grey, variance, third = pixels.mean(axis=2), pixels.var(axis=2), moment(pixels, 3, axis=2)
     exposed = np.all((pixels > 0.02) & (pixels < 0.97), axis=(1, 2))
     nowhere = np.zeros((int(exposed.sum()), 2))
     return Observations.of_pairs(
@@ -46,6 +47,8 @@ def textured(contrast, response):
         *frame[exposed].T,
         grey_variance0=variance[exposed, 0],
         grey_variance1=variance[exposed, 1],
+        grey_third_moment0=third[exposed, 0],
+        grey_third_moment1=third[exposed, 1],
     ).with_exposures(Exposures())
 
 

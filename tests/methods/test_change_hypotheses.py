@@ -91,6 +91,7 @@ class Film:
                 position=places[seen].reshape(-1, 2),
                 gradient=np.zeros(2 * count),
                 grey_variance=np.zeros(2 * count),
+                grey_third_moment=np.zeros(2 * count),
                 frame_moments=np.zeros((2 * count, 6)),
                 surround_moments=np.zeros((2 * count, 7)),
                 frame=np.tile([frame, later], count),

@@ -27,6 +27,7 @@ def observations(points: int = 4000, seed: int = 0) -> ExposedObservations:
         position=random.uniform(-0.55, 0.55, (n, 2)),
         gradient=np.zeros(n),
         grey_variance=np.zeros(n),
+        grey_third_moment=np.zeros(n),
         frame_moments=np.zeros((n, 6)),
         surround_moments=np.zeros((n, 7)),
         frame=np.tile([0, 1], points),

@@ -163,6 +163,7 @@ def seen_twice(random, points, pair):
         position=random.random((n, 2)),
         gradient=random.random(n).astype(np.float32).astype(np.float64),
         grey_variance=np.zeros(n),
+        grey_third_moment=np.zeros(n),
         frame_moments=np.zeros((n, 6), np.float32),
         surround_moments=np.zeros((n, 7), np.float32),
         frame=np.tile([pair, pair + 7], points),

@@ -41,7 +41,8 @@ class Keyframe(ReducedFrame):
     """Candidate sampling points (x, y) on a grid, in reduced pixels, shape (n, 2)."""
     grey: Float32Array
     squares: Float32Array
-    """Smoothed grey levels and squares at the nodes around these points, shape (n, 9)."""
+    cubes: Float32Array
+    """Smoothed grey levels, squares and cubes at the nodes around these points, shape (n, 9)."""
     gradient: Float32Array
     clipped: BoolArray
     """The frame's gradient and clipping at these points, shape (n,)."""
@@ -100,6 +101,7 @@ class FlatSampler:
             places=places,
             grey=self._at_nodes(frame.grey),
             squares=self._at_nodes(frame.squares),
+            cubes=self._at_nodes(frame.cubes),
             gradient=frame.values_at(frame.gradient, places).astype(np.float32),
             clipped=_clipped_at(frame, places),
         )
@@ -138,9 +140,9 @@ class FlatSampler:
         further0, further1 = further_smoothing(jacobian, frame.smoothing_px)
         further1 -= interpolation_smoothing(places1)  # the points of the keyframe are at pixels
         nodes1 = places1[:, None] + NODES
-        smoothed0 = _mean_and_variance(further0, keyframe.grey[chosen], keyframe.squares[chosen])
-        values1 = (frame.values_at(image, nodes1) for image in (frame.grey, frame.squares))
-        smoothed1 = _mean_and_variance(further1, *values1)
+        values0 = (values[chosen] for values in (keyframe.grey, keyframe.squares, keyframe.cubes))
+        values1 = (frame.values_at(image, nodes1) for image in (frame.grey, frame.squares, frame.cubes))
+        smoothed0, smoothed1 = _moments(further0, *values0), _moments(further1, *values1)
         observations = Observations.alternating(
             _seen(keyframe, places0, position0[chosen], keyframe.gradient[chosen], smoothed0),
             _seen(frame, places1, position1[chosen], gradient1[chosen], smoothed1),
@@ -200,12 +202,13 @@ def _seen(
     places: FloatArray,
     position: FloatArray,
     gradient: FloatArray | Float32Array,
-    smoothed: tuple[FloatArray, FloatArray],
+    moments: tuple[FloatArray, FloatArray, FloatArray],
 ) -> dict[str, npt.ArrayLike]:
-    """Return the fields of the observations at some places in one view, given the means and variances there."""
+    """Return the fields of the observations at some places in one view, given the moments of the pixels there."""
     return {
-        "grey": smoothed[0],
-        "grey_variance": smoothed[1],
+        "grey": moments[0],
+        "grey_variance": moments[1],
+        "grey_third_moment": moments[2],
         "position": position,
         "gradient": gradient,
         "frame_moments": view.moments,
@@ -219,10 +222,14 @@ def _clipped_at(frame: PreprocessedFrame, places: FloatArray) -> BoolArray:
     return frame.values_at(frame.clipped.view(np.uint8) * np.uint8(255), places) > 0
 
 
-def _mean_and_variance(
-    further: FloatArray, grey: FloatArray | Float32Array, squares: FloatArray | Float32Array
-) -> tuple[FloatArray, FloatArray]:
-    """Return grey levels and variances of the pixels after additional smoothing, shape (n,) each."""
+def _moments(
+    further: FloatArray,
+    grey: FloatArray | Float32Array,
+    squares: FloatArray | Float32Array,
+    cubes: FloatArray | Float32Array,
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return mean, variance and third central moment of the pixels after additional smoothing, shape (n,) each."""
     weights = node_weights(further)
-    mean, square = (np.sum(weights * values, axis=1) for values in (grey, squares))
-    return np.clip(mean, 0.0, 1.0), np.clip(square - mean**2, 0.0, 1.0)
+    mean, square, cube = (np.sum(weights * values, axis=1) for values in (grey, squares, cubes))
+    variance, third = square - mean**2, cube - 3 * mean * square + 2 * mean**3
+    return np.clip(mean, 0.0, 1.0), np.clip(variance, 0.0, 1.0), np.clip(third, -1.0, 1.0)

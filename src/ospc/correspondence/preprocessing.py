@@ -88,7 +88,8 @@ class PreprocessedFrame(ReducedFrame):
 
     grey: Float32Array
     squares: Float32Array
-    """Grey levels in [0, 1] and their squares, smoothed, shape (h, w)."""
+    cubes: Float32Array
+    """Grey levels in [0, 1], their squares and their cubes, smoothed, shape (h, w)."""
     smoothing_px: float
     """Standard deviation of this smoothing, in reduced pixels."""
     gradient: Float32Array
@@ -118,9 +119,12 @@ class Preprocessor:
         # In place, because each of these images takes a megabyte or more.
         grey = cv2.GaussianBlur(_reduced(averaged, reduction), (0, 0), self.smoothing_px)
         grey /= np.float32(white)
-        squares = _reduced(cv2.multiply(averaged, averaged, dtype=cv2.CV_32F), reduction)
-        squares = cv2.GaussianBlur(squares, (0, 0), self.smoothing_px, dst=squares)
+        squared = cv2.multiply(averaged, averaged, dtype=cv2.CV_32F)
+        squares = cv2.GaussianBlur(_reduced(squared, reduction), (0, 0), self.smoothing_px)
         squares /= np.float32(white) ** 2
+        cubed = cv2.multiply(squared, averaged, dst=squared, dtype=cv2.CV_32F)
+        cubes = cv2.GaussianBlur(_reduced(cubed, reduction), (0, 0), self.smoothing_px)
+        cubes /= np.float32(white) ** 3
         further = self._further_reduction(size_of(reduced))
         small = _reduced(reduced, further)
         levels = cv2.convertScaleAbs(small, alpha=255.0 / white)
@@ -138,6 +142,7 @@ class Preprocessor:
             grey_range=grey_range,
             grey=grey,
             squares=squares,
+            cubes=cubes,
             smoothing_px=self.smoothing_px,
             gradient=self._gradient(small, further, white),
             clipped=self._clipped_nearby(averaged, frame, reduction, grey_range),

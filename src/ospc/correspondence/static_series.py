@@ -73,6 +73,7 @@ class StaticSeries:
             position=np.repeat(normalised(places, (width, height)), frames, axis=0),
             gradient=np.zeros(grey.size),
             grey_variance=np.zeros(grey.size),
+            grey_third_moment=np.zeros(grey.size),
             # Glare of a stationary scene is part of its radiance.
             frame_moments=np.zeros((grey.size, MOMENTS), np.float32),
             surround_moments=np.zeros((grey.size, 1 + MOMENTS), np.float32),

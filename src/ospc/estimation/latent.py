@@ -169,9 +169,11 @@ class LatentModel:
     def _with_texture(self, observations: ExposedObservations, latent: Latent) -> Latent:
         """Return the observations with their reduction by texture, which only the linear system needs."""
         means = self._pixel_means
-        texture = means.at(observations, latent.index).texture
-        equal_texture = weighted_means(texture, np.ones(len(texture)), observations)[1]
-        return replace(latent, texture=latent.log_response_slope * means.by_texture(equal_texture, latent.index))
+        shifts = means.at(observations, latent.index)
+        by_point = np.stack([shifts.texture, shifts.skewness], axis=1)
+        texture, skewness = weighted_means(by_point, np.ones(len(by_point)), observations)[1].T
+        decrease = means.by_texture(texture, skewness, latent.index)
+        return replace(latent, texture=latent.log_response_slope * decrease)
 
     def _log_gain_of_frames(self, observations: ExposedObservations, latent: Latent) -> FloatArray:
         """Return the latent gain of each observation's frame, shape (n,)."""
@@ -239,7 +241,7 @@ class LatentModel:
         if self.trusted:
             # Noise and texture shift the mean of pixels away from the grey level of their mean irradiance.
             shifts = self._pixel_means.at(observations, index)
-            by_texture = self.texture_share * self._pixel_means.by_texture(shifts.texture, index)
+            by_texture = self.texture_share * self._pixel_means.by_texture(shifts.texture, shifts.skewness, index)
             excess = excess - shifts.increase_by_noise + by_texture
             variance = variance + self.texture_share**2 * shifts.error_variance
         linear_log = self.log_response[index] + slope * excess

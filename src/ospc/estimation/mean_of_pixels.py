@@ -5,9 +5,11 @@ steep and the noise is clipped, this shift of the mean would be the largest erro
 added to the grey level itself, by compression or by processing in the camera, is not bent. The dependence of the
 pixel variance on the grey level distinguishes the two.
 
-Texture has the same effect. By Taylor's theorem it lowers the mean by (g″/g′)/2 times its variance. With a power law
-this is equal at all exposures of a point. With other responses it is not, and the fit would attribute it to the
-response. At a knee, Taylor's theorem is of little use; there, the mean over a normal distribution is computed.
+Texture has the same effect, and coarse texture a large one. With a power law it is equal at all exposures of a point.
+With other responses, or if one view resolves more of the texture, it is not, and the fit would attribute it to the
+response or the vignette. The mean irradiance of the pixels is computed as that of two grey levels with the same mean,
+variance and third moment (Gauss quadrature), which is exact if g is a cubic polynomial. At a knee, where that is of
+little use, the mean over a normal distribution is computed.
 """
 
 from __future__ import annotations
@@ -38,6 +40,8 @@ from ospc.settings.fit import (
     KNEE_LEVELS,
     KNEE_SMOOTHING,
     MAX_NOISE,
+    MAX_SHIFT,
+    MAX_SKEWNESS,
     MAX_TEXTURE,
     TEXTURE_ERROR,
     TEXTURE_SPREADS,
@@ -61,9 +65,11 @@ class PixelMeans:
         Increase of the mean by noise without gain; it grows as the variance does.
     grid
         Grey levels.
-    decrease_per_variance
-        Decrease of the mean by texture over its variance, for each of :data:`TEXTURE_WIDTHS`, shape (grid, widths);
-        one column for all widths if there is no knee.
+    log_response, log_slope, bend
+        ln g, its derivative, and g″/g′, smoothed because bends of an estimate may be chance.
+    at_knee
+        Decrease of the mean by normally distributed texture over its variance, for each of :data:`TEXTURE_WIDTHS`,
+        shape (grid, widths); NaN where there is no knee.
     noise_variance
         Variance of single pixels without gain.
     noise
@@ -72,7 +78,10 @@ class PixelMeans:
 
     by_noise: FloatArray
     grid: FloatArray
-    decrease_per_variance: FloatArray
+    log_response: FloatArray
+    log_slope: FloatArray
+    bend: FloatArray
+    at_knee: FloatArray
     noise_variance: FloatArray
     noise: NoiseModel
 
@@ -80,37 +89,61 @@ class PixelMeans:
     def of(cls, basis: ResponseBasis, coefficients: FloatArray, noise: NoiseModel) -> PixelMeans:
         """Return the shifts for a response, given by its coefficients, and the noise of single pixels."""
         by_noise, variance = shift_and_variance(basis.grid, basis.log_of(coefficients), noise)
-        bend = basis.bend_of(coefficients)
-        decrease = bend[:, None] / 2
+        bend, log_response = basis.bend_of(coefficients), basis.smoothed_log_of(coefficients, BEND_SMOOTHING)
+        slope = basis.smoothed_slope_of(coefficients, BEND_SMOOTHING)
         # Near white, there are few measurements and a sharp bend may be chance; near black, the window exceeds the
         # scale.
         inner = (basis.grid > BEND_SMOOTHING) & (basis.grid < SHOULDER_GREY)
         sharp = np.abs(basis.bend_of(coefficients, KNEE_SMOOTHING) - bend) > KNEE_BEND
         at_knee = _around(sharp & inner, round(BEND_SMOOTHING * len(basis.grid)))
+        decrease = np.full((len(basis.grid), len(TEXTURE_WIDTHS)), np.nan)
         if np.any(at_knee):
-            log_response = basis.smoothed_log_of(coefficients, KNEE_SMOOTHING)
-            decrease = np.repeat(decrease, len(TEXTURE_WIDTHS), axis=1)
             decrease[at_knee] = _decrease_at_knee(
-                basis.grid[at_knee], basis.grid, log_response, basis.grid + by_noise
+                basis.grid[at_knee],
+                basis.grid,
+                basis.smoothed_log_of(coefficients, KNEE_SMOOTHING),
+                basis.grid + by_noise,
             )
-        return cls(by_noise, basis.grid, decrease, variance, noise)
+        return cls(by_noise, basis.grid, log_response, slope, bend, decrease, variance, noise)
 
     def at(self, observations: ExposedObservations, index: IntArray) -> ObservedShifts:
         """Return the shifts of observations; ``index`` is the grid index of each one's grey level, shape (n,)."""
         return ObservedShifts(self, observations, index)
 
-    def by_texture(self, texture: FloatArray, index: IntArray) -> FloatArray:
-        """Return the decrease of the mean by texture, (n,), given its variance over the squared grey level."""
-        return np.asarray(self._decrease_per_variance_of(texture, index) * self.squared_grey[index] * texture)
+    def by_texture(self, texture: FloatArray, skewness: FloatArray, index: IntArray) -> FloatArray:
+        """Return the decrease of the mean by texture, (n,), given its variance over the squared grey level.
 
-    def _decrease_per_variance_of(self, texture: FloatArray, index: IntArray) -> FloatArray:
-        if self.decrease_per_variance.shape[1] == 1:
-            return self.decrease_per_variance[:, 0].take(index)
+        Where noise makes the variance negative, so is the decrease: otherwise it would be too large on average.
+        """
+        decrease = self._by_quadrature(texture, skewness, index)
+        near = np.isfinite(self.at_knee[index, 0])
+        if np.any(near):
+            decrease[near] = self._at_knee(texture[near], index[near])
+        return decrease
+
+    def _at_knee(self, texture: FloatArray, index: IntArray) -> FloatArray:
         width = np.interp(np.sqrt(np.abs(texture)), TEXTURE_WIDTHS, np.arange(len(TEXTURE_WIDTHS)))
         lower = np.minimum(width.astype(np.int64), len(TEXTURE_WIDTHS) - 2)
         part = width - lower
-        narrower, wider = (self.decrease_per_variance[index, each] for each in (lower, lower + 1))
-        return np.asarray(narrower * (1 - part) + wider * part)
+        narrower, wider = (self.at_knee[index, each] for each in (lower, lower + 1))
+        return np.asarray((narrower * (1 - part) + wider * part) * self.squared_grey[index] * texture)
+
+    def _by_quadrature(self, texture: FloatArray, skewness: FloatArray, index: IntArray) -> FloatArray:
+        """Return one Newton step from the mean by Taylor's theorem to that of two grey levels."""
+        grey = self.grid[index]
+        sigma, half = np.sqrt(np.abs(texture)), skewness / 2
+        root = np.sqrt(1 + half**2)
+        by_variance = np.clip(self.bend[index] * grey / 2 * sigma**2, -MAX_SHIFT, MAX_SHIFT)
+        brighter, darker = (1 - by_variance + sigma * (half + side) for side in (root, -root))
+        share = (1 - half / root) / 2
+
+        def irradiance(factor: FloatArray) -> FloatArray:
+            """Return g at a multiple of the grey level."""
+            at = np.clip(grey * factor, DARKEST_GREY, 1.0)
+            return np.asarray(np.exp(np.interp(at, self.grid, self.log_response)))
+
+        excess = np.log(share * irradiance(brighter) + (1 - share) * irradiance(darker)) - self.log_response[index]
+        return np.asarray(np.sign(texture) * (grey * by_variance + excess / self.log_slope[index]))
 
     @cached_property
     def squared_grey(self) -> FloatArray:
@@ -154,6 +187,14 @@ class ObservedShifts:
         # Equal for all observations of a point: a correction of only one would look like another exposure.
         share = self.observations.combined(np.minimum, limited / self.means.distrust[self.index])
         return np.asarray(texture * np.repeat(share, self.observations.counts))
+
+    @cached_property
+    def skewness(self) -> FloatArray:
+        """Skewness of the texture, limited because that of little texture is mostly noise; 0 if unknown."""
+        variance = np.maximum(self.means.squared_grey[self.index] * self._whole_texture, 0.0)
+        cubed, third = variance**1.5, self.observations.grey_third_moment
+        most = MAX_SKEWNESS * cubed
+        return np.asarray(np.clip(third, -most, most) / np.maximum(cubed, _TINY))
 
     @property
     def error_variance(self) -> FloatArray:

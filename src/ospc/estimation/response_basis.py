@@ -129,11 +129,11 @@ class ResponseBasis:
         γ has kinks at the knots, and errors of the estimate at these would be mistaken for a bend. ``smoothing`` is a
         standard deviation in grey levels.
         """
-        slope = self._smoothed_slope(coefficients, smoothing)
+        slope = self.smoothed_slope_of(coefficients, smoothing)
         return np.asarray(np.gradient(slope, self.grid) / slope + slope)
 
-    def _smoothed_slope(self, coefficients: FloatArray, smoothing: float) -> FloatArray:
-        """Return the derivative of ln g for a smoothed γ on the grid, shape (4097,)."""
+    def smoothed_slope_of(self, coefficients: FloatArray, smoothing: float) -> FloatArray:
+        """Return the derivative of ln g for a smoothed γ, shape (4097,); ``smoothing`` as in :meth:`bend_of`."""
         gamma = _smooth_gamma_table(FUNCTIONS[self.functions], self.intervals, smoothing) @ coefficients
         return np.asarray(gamma / np.maximum(self.grid, DARKEST_GREY))
 
@@ -147,7 +147,7 @@ class ResponseBasis:
 
     def smoothed_log_of(self, coefficients: FloatArray, smoothing: float) -> FloatArray:
         """Return ln g for a smoothed γ on the grid, shape (4097,); ``smoothing`` as in :meth:`bend_of`."""
-        slope = self._smoothed_slope(coefficients, smoothing)
+        slope = self.smoothed_slope_of(coefficients, smoothing)
         steps = (slope[1:] + slope[:-1]) / 2 * np.diff(self.grid)
         return np.concatenate([-np.cumsum(steps[::-1])[::-1], [0.0]])
 

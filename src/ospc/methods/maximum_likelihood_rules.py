@@ -106,6 +106,7 @@ def _check_reservoir(found: Reservoir, frames: int) -> None:
 def _check_observations(name: str, found: Observations, frames: int) -> None:
     require(found.frame.max(initial=0) < frames, "observations are of frames that do not exist")
     Numbers(0, 1, ("n",)).check(f"{name}.grey_variance", found.grey_variance)
+    Numbers(-1, 1, ("n",)).check(f"{name}.grey_third_moment", found.grey_third_moment)
     Numbers(0, 10, ("n",)).check(f"{name}.gradient", found.gradient)
 
 

@@ -44,13 +44,17 @@ this ratio, and with it the information, would approach zero. Chosen by hand; no
 CLEAR_OF_ENDS_SIGMAS = 2.0
 """An observation is used only if its predicted grey level is this far from black and white, in standard deviations of
 single pixels. Chosen by hand; 1 has no effect, 3 raises the shape error by a tenth."""
-MAX_TEXTURE = 0.3
+MAX_TEXTURE = 1.0
 """Largest relative standard deviation of the averaged pixels whose effect is corrected in full: except at knees, the
 correction is of second order. 0.2 and 0.5 change κ by less than a tenth."""
 TEXTURE_ERROR = 0.15
 """Relative standard deviation of the mean that this correction leaves, over the variance of the texture relative to
 the squared grey level. Dark places between the lights of a city deviated by 0.12 to 0.17 of it, at relative standard
 deviations of 0.15 to 0.4: the correction is of second order, and lights are clipped."""
+MAX_SHIFT = 0.3
+"""Largest shift of the mean by texture, relative to the grey level, from which its computation starts."""
+MAX_SKEWNESS = 5.0
+"""Largest skewness of texture that is corrected."""
 TEXTURE_WIDTHS = (0.01, 0.02, 0.04, 0.08, 0.16, 0.32)
 """Standard deviations of texture, relative to the grey level, for which the mean of pixels at a knee is tabulated.
 The last exceeds :data:`MAX_TEXTURE`; below the first, the effect is 1/10 000 of the mean."""
