@@ -20,13 +20,7 @@ def preprocessor(**changes: Any) -> Preprocessor:
 
 def flat_sampler(**changes: Any) -> FlatSampler:
     """Return the sampler of flat points of the default method."""
-    sampler = FlatSampler(
-        spacing_px=_SETTINGS.grid_spacing_px,
-        max_gradient=_SETTINGS.max_gradient,
-        max_forward_backward_error_px=_SETTINGS.max_forward_backward_error_px,
-        max_points=_SETTINGS.points_per_pair,
-    )
-    return replace(sampler, **changes)
+    return FlatSampler(replace(_SETTINGS, **changes))
 
 
 def keyframe_selector(capacity: int = _SETTINGS.keyframes, **changes: Any) -> KeyframeSelector:

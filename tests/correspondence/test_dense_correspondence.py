@@ -308,7 +308,7 @@ def test_displacements_of_reduced_frames_are_exact_though_a_remainder_is_cut_off
     moved = np.array([12.0, -7.0], np.float32)
     height, width = first.small.shape
     registration = Registration(np.full((height, width, 2), moved), np.zeros((height, width), np.float32))
-    sampler = flat_sampler(max_points=10_000)
+    sampler = flat_sampler(points_per_pair=10_000)
     found = sampler(sampler.keyframe(first), second, registration, 0).observations
     displacement = (found.position[1::2] - found.position[0::2]) * np.hypot(size[0] - 1, size[1] - 1) / 2
     expected = moved * first.further_reduction * first.reduction
@@ -372,7 +372,7 @@ def sampled(sampler, frame0, frame1, registration, group):
 @pytest.mark.parametrize("reduction", [1, 2])
 def test_samples_are_the_same_scene_point_in_both_frames(reduction):
     frame0, frame1, registration = shifted_pair(reduction=reduction)
-    samples = sampled(flat_sampler(max_points=100_000), frame0, frame1, registration, 17)
+    samples = sampled(flat_sampler(points_per_pair=100_000), frame0, frame1, registration, 17)
     made = samples.observations
     assert len(made.starts) > 500
     assert np.all(made.counts == 2)
@@ -407,7 +407,7 @@ def test_a_magnified_extreme_is_read_as_if_it_were_not_magnified(magnification):
         maker(of_array(np.rint(radiance_of(at) * 65535).astype(np.uint16), index=number))
         for number, at in enumerate((places, places / np.array(magnification)))
     ]
-    made = sampled(flat_sampler(max_points=100_000), *views, zoomed(magnification), 0).observations
+    made = sampled(flat_sampler(points_per_pair=100_000), *views, zoomed(magnification), 0).observations
     read = made.grey.reshape(-1, 2).T
     half = (np.array(SIZE) - 1) / 2
     at = [(made.position[i::2] * np.linalg.norm(half) + half).astype(np.float32) for i in (0, 1)]
@@ -427,7 +427,7 @@ def test_steep_clipped_lost_and_outer_places_are_left_out():
     frame1.gradient[:60] = 0.02
     frame1.clipped[180:] = True
     registration.forward_backward_error[:, 250:] = 5.0
-    made = sampled(flat_sampler(max_points=100_000), frame0, frame1, registration, 0).observations
+    made = sampled(flat_sampler(points_per_pair=100_000), frame0, frame1, registration, 0).observations
     half = np.linalg.norm(np.array(SIZE) - 1) / 2
     x, y = (made.position * half + (np.array(SIZE) - 1) / 2).T
     assert len(x) > 100
@@ -436,7 +436,7 @@ def test_steep_clipped_lost_and_outer_places_are_left_out():
 
 def test_what_moves_out_of_the_image_is_not_sampled():
     frame0, frame1, registration = shifted_pair(shift=(60.0, 0.0), exposures=(1.0, 1.0))
-    samples = sampled(flat_sampler(max_points=100_000), frame0, frame1, registration, 0)
+    samples = sampled(flat_sampler(points_per_pair=100_000), frame0, frame1, registration, 0)
     outermost = samples.observations.position[:, 0].max() * np.linalg.norm(np.array(SIZE) - 1) / 2
     assert outermost <= SIZE[0] / 2 - SAMPLING_MARGIN_PX
     assert samples.overlap == pytest.approx(1 - 60 / (SIZE[0] - 2 * SAMPLING_MARGIN_PX), abs=0.03)
@@ -472,8 +472,8 @@ def test_views_of_different_scenes_make_no_samples(seed):
 
 def test_a_bounded_number_of_points_is_spread_over_grey_levels_and_does_not_change():
     frame0, frame1, registration = shifted_pair()
-    everything = sampled(flat_sampler(max_points=100_000), frame0, frame1, registration, 3).observations
-    some = flat_sampler(max_points=120)
+    everything = sampled(flat_sampler(points_per_pair=100_000), frame0, frame1, registration, 3).observations
+    some = flat_sampler(points_per_pair=120)
     few, again = (sampled(some, frame0, frame1, registration, 3).observations for _ in range(2))
     assert len(few.starts) == 120
     np.testing.assert_array_equal(few.grey, again.grey)

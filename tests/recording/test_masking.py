@@ -63,7 +63,7 @@ def test_a_mask_is_added_to_those_that_frames_have() -> None:
 @pytest.mark.parametrize("longest", [160, 80])
 def test_no_sample_of_two_views_rests_on_a_masked_pixel(longest: int) -> None:
     views = [preprocessor(longest_side=longest)(frame) for frame in masked(recorded(), half())]
-    sample = flat_sampler(spacing_px=4, max_gradient=1.0)
+    sample = flat_sampler(grid_spacing_px=4, max_gradient=1.0)
     registration = DenseRegistration(SecondThread())(*views, ExposureNormalizer())
     samples = sample(sample.keyframe(views[0]), views[1], registration, group=0).observations
     assert len(samples.grey) > 40

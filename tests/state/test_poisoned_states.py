@@ -14,7 +14,7 @@ import pytest
 
 from ospc.calibrator import OnlineCalibrator, remaining
 from ospc.engine.state import Run
-from ospc.engine.state_fields import RULES
+from ospc.engine.state_rules import RULES
 from ospc.errors import FormatError, OspcError
 from ospc.methods.maximum_likelihood_state import MaximumLikelihoodState
 from ospc.observations import Observations

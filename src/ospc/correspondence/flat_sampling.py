@@ -21,6 +21,7 @@ from ospc.correspondence.preprocessing import PreprocessedFrame, ReducedFrame
 from ospc.correspondence.registration import Registration, displacement_at, jacobian_at
 from ospc.observations import Observations
 from ospc.photometry.geometry import normalised
+from ospc.settings import DefaultSettings
 from ospc.settings.registration import MIN_OVERLAP
 from ospc.settings.sampling import (
     MIN_MOTION_PLACES,
@@ -84,18 +85,11 @@ class FlatSampler:
     smoothed correspondingly more.
     """
 
-    spacing_px: int
-    """Distance between grid points, in reduced pixels."""
-    max_gradient: float
-    """Largest grey gradient, in full scale per reduced pixel, of a flat point."""
-    max_forward_backward_error_px: float
-    """Largest forward-backward registration error of a point, in reduced pixels."""
-    max_points: int
-    """Maximum number of scene points sampled from a pair, spread evenly over mean grey level and radius."""
+    settings: DefaultSettings
 
     def keyframe(self, frame: PreprocessedFrame) -> Keyframe:
         """Return the keyframe of a frame: its small images, and its values on the grid."""
-        places = _grid(frame.reduced_size, self.spacing_px)
+        places = _grid(frame.reduced_size, self.settings.grid_spacing_px)
         return Keyframe(
             **{field.name: getattr(frame, field.name) for field in fields(ReducedFrame)},
             places=places,
@@ -118,12 +112,12 @@ class FlatSampler:
         places1 = places0 + displacement
         far = np.array(frame.reduced_size) - 1 - SAMPLING_MARGIN_PX
         inside = np.all((places1 >= SAMPLING_MARGIN_PX) & (places1 <= far), axis=1)
-        found = (forward_backward_error < self.max_forward_backward_error_px) & inside
+        found = (forward_backward_error < self.settings.max_forward_backward_error_px) & inside
         if not found.size or found.mean() < MIN_OVERLAP:
             return NOTHING_FOUND
         gradient0 = keyframe.gradient.astype(np.float64)
         gradient1 = frame.values_at(frame.gradient, places1)
-        usable = found & (gradient0 < self.max_gradient) & (gradient1 < self.max_gradient) & ~keyframe.clipped
+        usable = found & (np.maximum(gradient0, gradient1) < self.settings.max_gradient) & ~keyframe.clipped
         usable[usable] = ~_clipped_at(frame, places1[usable])
         index = np.flatnonzero(usable)
         position0, position1 = (
@@ -153,7 +147,7 @@ class FlatSampler:
 
     def _at_nodes(self, image: Float32Array) -> Float32Array:
         """Return the values of an image at the nodes around the grid points, (h, w) -> (n, 9)."""
-        (height, width), margin, step = image.shape, SAMPLING_MARGIN_PX, self.spacing_px
+        (height, width), margin, step = image.shape, SAMPLING_MARGIN_PX, self.settings.grid_spacing_px
         shifted = (
             image[margin + y : height - margin + y : step, margin + x : width - margin + x : step]
             for x, y in NODES.astype(int).tolist()
@@ -161,16 +155,16 @@ class FlatSampler:
         return np.stack([values.ravel() for values in shifted], axis=1)
 
     def _spread(self, grey: FloatArray, radius: FloatArray, seed: int) -> IntArray:
-        """Return the indices of at most ``max_points`` points, spread evenly over cells of grey level and radius."""
-        n = len(grey)
-        if n <= self.max_points:
+        """Return the indices of some points, spread evenly over cells of grey level and radius."""
+        n, most = len(grey), self.settings.points_per_pair
+        if n <= most:
             return np.arange(n)
         grey_cell = np.minimum((np.sqrt(grey) * SAMPLING_GREY_CELLS).astype(int), SAMPLING_GREY_CELLS - 1)
         radius_cell = np.minimum((radius * SAMPLING_RADIUS_CELLS).astype(int), SAMPLING_RADIUS_CELLS - 1)
         cell = grey_cell * SAMPLING_RADIUS_CELLS + radius_cell
         random = np.random.default_rng(seed).random(n)
         rank = ranks_in_cells(cell, np.argsort(cell + random))
-        return np.sort(np.argpartition(rank + random, self.max_points)[: self.max_points])
+        return np.sort(np.argpartition(rank + random, most)[:most])
 
 
 @cache

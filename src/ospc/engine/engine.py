@@ -13,7 +13,7 @@ from ospc.correspondence.preprocessing import PreprocessedFrame
 from ospc.engine.frame_checks import check_is_frame, checked_frame, image_of_size
 from ospc.engine.prefetching import Prefetcher
 from ospc.engine.state import Epoch, Run
-from ospc.engine.state_fields import check_fields
+from ospc.engine.state_rules import check_fields
 from ospc.errors import ExposureError, FormatError, FrameError, RecordingError
 from ospc.exposures.brightness import ComparedFrames
 from ospc.exposures.brightness_history import BrightnessHistory, Precomputed

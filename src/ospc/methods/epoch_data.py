@@ -7,10 +7,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ospc.arrays import ImageSize
-from ospc.correspondence.flat_sampling import Keyframe, Samples
+from ospc.correspondence.flat_sampling import Samples
 from ospc.correspondence.noise_estimation import NoiseEstimator
 from ospc.correspondence.preprocessing import PreprocessedFrame
-from ospc.correspondence.registration import Registration
 from ospc.correspondence.reservoir import Reservoir
 from ospc.correspondence.scene_area import SceneArea
 from ospc.estimation.black_level import black_level
@@ -70,14 +69,6 @@ class EpochData:
         self.inter_coded |= frame.inter_coded
         self.scene_area.observe(prepared, frame.mask)
         self.stationary.observe(frame)
-
-    def observe_pair(
-        self, keyframe: Keyframe, prepared: PreprocessedFrame, registration: Registration | None
-    ) -> None:
-        """Add what stays where it is while the view moves between two frames."""
-        motion = None if registration is None else registration.homography
-        if motion is not None:
-            self.scene_area.compare(keyframe, prepared, motion)
 
     def add(self, samples: Samples) -> None:
         """Add what the next pair of frames shows."""

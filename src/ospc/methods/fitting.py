@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from ospc.arrays import FloatArray, ImageSize, numbers_of
+from ospc.arrays import ImageSize, numbers_of
 from ospc.errors import ExposureError, FormatError, NotObservableError, SettingError, counted
 from ospc.estimation.effect_choice import fit_with_chosen_effects
 from ospc.estimation.fit import Fit
@@ -89,7 +89,13 @@ def fit(
     found = _fitted(observations.with_exposures(exposures), noise, vignette, known)
     _check_explained(exposure_ratios(found.fit, found.observations), observations, exposures)
     if vignette:
-        _check_vignette_known(found)
+        # The shape of the images is unknown, so the uncertainty is that along the diagonals of a square.
+        reach = found.observations.radial_reach
+        verdict = vignette_verdict(found.fit, reach, standing_still=False, unexplained=0.0, size=(2, 2))
+        if not verdict.known:
+            raise NotObservableError(
+                f"{verdict.reason}; add pairs of frames between which the camera rotates, or pass vignette=False"
+            )
     return found.fit
 
 
@@ -171,31 +177,39 @@ def _exposures(observations: Observations, exposures_ms: npt.ArrayLike, noise: N
             f"observations and noise must be of types Observations and NoiseModel or None, not {given}"
         )
     observations.check()
-    return ExposureTable.of(_log_exposure(exposures_ms, observations))
+    values = numbers_of(exposures_ms)
+    if values is None:
+        raise SettingError("exposures_ms must be numbers, one per frame")
+    if values.ndim != 1:
+        raise SettingError(f"exposures_ms must have one value per frame, not shape {values.shape}")
+    last = int(observations.frame.max(initial=-1))
+    if last >= len(values):
+        raise SettingError(f"frame {last} has no exposure: exposures_ms ends at frame {len(values) - 1}")
+    if np.any(values <= 0) or np.any(np.isinf(values)):
+        raise SettingError("exposures must be positive numbers of milliseconds, or NaN if unknown")
+    return ExposureTable.of(np.log(values))
 
 
 def _fitted(
     observations: ExposedObservations, noise: NoiseModel | None, vignette: bool, settings: DefaultSettings
 ) -> Fitted:
     """Fit the observations; NotObservableError as for :func:`fit`."""
-    _check_observable(observations, settings)
+    points = len(observations.starts)
+    if points < settings.min_points:
+        raise NotObservableError(
+            f"only {counted(points, 'scene point')} with known exposures; at least {settings.min_points} are needed"
+        )
+    if observations.log_exposure_change(settings.min_points) < settings.min_log_exposure_change:
+        raise NotObservableError(
+            f"fewer than {settings.min_points} of {counted(points, 'scene point')} were seen at different exposures, "
+            "so the response cannot be determined; add pairs of frames with different exposures"
+        )
     if vignette:
         reach = float(np.clip(np.linalg.norm(observations.position, axis=1).max(), MIN_USABLE_RADIUS, 1.0))
         plan = FitPlan.of_moving_camera(settings, noise, reach)
     else:
         plan = FitPlan.of_stationary_camera(settings, noise)
     return fit_with_chosen_effects(observations, plan)
-
-
-def _check_vignette_known(found: Fitted) -> None:
-    """Raise a NotObservableError if a calibration would call the vignette not identifiable."""
-    fit, reach = found.fit, found.observations.radial_reach
-    # The shape of the images is unknown, so the uncertainty is that along the diagonals of a square.
-    verdict = vignette_verdict(fit, reach, standing_still=False, unexplained=0.0, size=(2, 2))
-    if not verdict.known:
-        raise NotObservableError(
-            f"{verdict.reason}; add pairs of frames between which the camera rotates, or pass vignette=False"
-        )
 
 
 def _check_explained(ratios: ExposureRatios, observations: Observations, exposures: ExposureTable) -> None:
@@ -234,30 +248,3 @@ def _correlation(observations: Observations, exposures: ExposureTable) -> float:
     if changes.shape[1] < 2 or not np.all(np.ptp(changes, axis=1) > 0):
         return 0.0
     return float(np.corrcoef(changes)[0, 1])
-
-
-def _log_exposure(exposures_ms: npt.ArrayLike, observations: Observations) -> FloatArray:
-    values = numbers_of(exposures_ms)
-    if values is None:
-        raise SettingError("exposures_ms must be numbers, one per frame")
-    if values.ndim != 1:
-        raise SettingError(f"exposures_ms must have one value per frame, not shape {values.shape}")
-    last = int(observations.frame.max(initial=-1))
-    if last >= len(values):
-        raise SettingError(f"frame {last} has no exposure: exposures_ms ends at frame {len(values) - 1}")
-    if np.any(values <= 0) or np.any(np.isinf(values)):
-        raise SettingError("exposures must be positive numbers of milliseconds, or NaN if unknown")
-    return np.log(values)
-
-
-def _check_observable(observations: ExposedObservations, settings: DefaultSettings) -> None:
-    points = len(observations.starts)
-    if points < settings.min_points:
-        raise NotObservableError(
-            f"only {counted(points, 'scene point')} with known exposures; at least {settings.min_points} are needed"
-        )
-    if observations.log_exposure_change(settings.min_points) < settings.min_log_exposure_change:
-        raise NotObservableError(
-            f"fewer than {settings.min_points} of {counted(points, 'scene point')} were seen at different exposures, "
-            "so the response cannot be determined; add pairs of frames with different exposures"
-        )

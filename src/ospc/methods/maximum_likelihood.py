@@ -19,8 +19,7 @@ from ospc.methods.change_detection import Change, ChangeDetector
 from ospc.methods.epoch_data import EpochData
 from ospc.methods.exposure_ratios import exposure_ratios
 from ospc.methods.fit_inputs import FitInputs
-from ospc.methods.maximum_likelihood_rules import check_state
-from ospc.methods.maximum_likelihood_state import MaximumLikelihoodState
+from ospc.methods.maximum_likelihood_state import MaximumLikelihoodState, check_state
 from ospc.methods.method import Method, Progress, check_can_be_matched
 from ospc.methods.preview import Preview
 from ospc.methods.quick_fit import QuickFit
@@ -54,12 +53,7 @@ class MaximumLikelihoodMethod(Method):
         self._changes = ChangeDetector()
         self._select_keyframe = KeyframeSelector(settings.keyframes, settings.max_log_ratio)
         self._register = named("registration", settings.registration, REGISTRARS)(self._second)
-        self._sample = FlatSampler(
-            spacing_px=settings.grid_spacing_px,
-            max_gradient=settings.max_gradient,
-            max_forward_backward_error_px=settings.max_forward_backward_error_px,
-            max_points=settings.points_per_pair,
-        )
+        self._sample = FlatSampler(settings)
         self._quick_fit = QuickFit(settings, size, max_grey)
         self._latest: Observations | None = None
         self._lost = False
@@ -76,13 +70,14 @@ class MaximumLikelihoodMethod(Method):
         if keyframe is not None and not keyframe.grey_range.resembles(prepared.grey_range):
             self._forget_clipped_before(prepared)
             keyframe = None
-        samples = NOTHING_FOUND
-        registration = None
+        samples, registration = NOTHING_FOUND, None
         if keyframe is not None:
-            stated = _log_ratio(exposures, keyframe.number, prepared.number)
-            views = self._data.scene_area.extended(keyframe, prepared)
-            registration = self._register(*views, self._quick_fit.normalize, stated)
-            self._data.observe_pair(keyframe, prepared, registration)
+            area, frames = self._data.scene_area, np.array([keyframe.number, prepared.number])
+            stated_log_ratio = float(np.diff(exposures.log_exposure_of(frames))[0])
+            views = area.extended(keyframe, prepared)
+            registration = self._register(*views, self._quick_fit.normalize, stated_log_ratio)
+            if registration is not None and (motion := registration.homography) is not None:
+                area.compare(keyframe, prepared, motion)
         measured = self._second.submit(self._data.noise.observe, frame)  # after registration, which uses that thread
         if keyframe is not None:
             samples = self._sample(keyframe, prepared, registration, self._data.pairs)
@@ -96,11 +91,18 @@ class MaximumLikelihoodMethod(Method):
         self._latest = samples.observations
         if self._data.pairs >= FIRST_QUICK_FIT_PAIRS and self._quick_fit_is_due:
             self._refine(exposures)
-        return self._detect_change(samples.observations, exposures)
+        return self.compare(samples.observations, exposures)
 
     def compare(self, points: Observations, exposures: ExposureTable) -> Change | None:
-        """Process points that two consecutive frames share, and return the camera change that they prove."""
-        return self._detect_change(points, exposures)
+        """Process points that two frames share, and return the camera change that they prove.
+
+        A new suspicion triggers a fit to all pairs so far.
+        """
+        was_suspicious = self._changes.is_suspicious
+        change = self._changes.observe(points, exposures)
+        if self._changes.is_suspicious and not was_suspicious:
+            self._refine(exposures)
+        return change
 
     # Steps of push.
 
@@ -129,14 +131,6 @@ class MaximumLikelihoodMethod(Method):
         # once there are enough others, they do more harm than good.
         if data.pairs >= PAIRS_PER_DROPPED * FIRST_QUICK_FIT_PAIRS:
             data.reservoir.forget_before(min(data.pairs // PAIRS_PER_DROPPED, DROPPED_PAIRS))
-
-    def _detect_change(self, observations: Observations, exposures: ExposureTable) -> Change | None:
-        """Return the camera change that a pair proves; a new suspicion triggers a fit to all pairs so far."""
-        was_suspicious = self._changes.is_suspicious
-        change = self._changes.observe(observations, exposures)
-        if self._changes.is_suspicious and not was_suspicious:
-            self._refine(exposures)
-        return change
 
     # Epochs and pauses.
 
@@ -260,9 +254,3 @@ def _log_exposure(exposures: ExposureTable, number: int) -> float:
     """Return ln of a frame's exposure; the recorded value if the corrected one is not known yet."""
     found: FloatArray = exposures.log_exposure_of(np.array([number]))
     return float(found[0] if np.isfinite(found[0]) else exposures.written[number])
-
-
-def _log_ratio(exposures: ExposureTable, number0: int, number1: int) -> float:
-    """Return ln of the exposure of the second frame over that of the first, NaN if one is unknown."""
-    log_exposure = exposures.log_exposure_of(np.array([number0, number1]))
-    return float(log_exposure[1] - log_exposure[0])

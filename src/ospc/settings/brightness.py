@@ -1,7 +1,5 @@
 """Constants of brightness changes between frames: their meaning, unit and the reason for their value."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ospc.arrays import read_only

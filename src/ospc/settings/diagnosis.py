@@ -1,7 +1,5 @@
 """Constants of the check of a recording: their meaning, unit and the reason for their value."""
 
-from __future__ import annotations
-
 # Notes on a recording (ospc.diagnosis.check)
 
 MANY_CLIPPED_SHARE = 0.10

@@ -3,8 +3,6 @@
 "Chosen by hand" and "no effect" are explained in :mod:`ospc.settings.fit`.
 """
 
-from __future__ import annotations
-
 # Effects other than response and vignette (ospc.estimation.effects)
 #
 # Each has three standard deviations: in cameras with the effect, in cameras where it goes unnoticed, and of spurious

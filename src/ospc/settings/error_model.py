@@ -3,8 +3,6 @@
 "Chosen by hand" and "no effect" are explained in :mod:`ospc.settings.fit`.
 """
 
-from __future__ import annotations
-
 # The expected grey level (ospc.estimation.latent)
 
 DARKEST_GREY = 0.25 / 255

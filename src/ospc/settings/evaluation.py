@@ -1,7 +1,5 @@
 """Constants of the evaluation of calibrations: their meaning, unit and the reason for their value."""
 
-from __future__ import annotations
-
 # Errors of response and vignette (ospc.evaluation.metrics)
 
 METRIC_GREYS = 256

@@ -1,7 +1,5 @@
 """Constants of the assessment of exposures: their meaning, unit and the reason for their value."""
 
-from __future__ import annotations
-
 # When the exposures are assessed (ospc.exposures.monitor)
 
 FIRST_ASSESSMENT_CHANGES = 39

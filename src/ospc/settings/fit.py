@@ -8,8 +8,6 @@ vignette error by half" and "raises κ by a quarter" are mostly due to one recor
 model is selected.
 """
 
-from __future__ import annotations
-
 # The fit (ospc.estimation.maximum_likelihood, fit)
 
 MIN_GAMMA = 0.05

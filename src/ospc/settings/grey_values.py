@@ -1,7 +1,5 @@
 """Constants of the statistics of grey values: their meaning, unit and the reason for their value."""
 
-from __future__ import annotations
-
 # The image circle of a fisheye, and overlays (ospc.correspondence.scene_area)
 
 MIN_CIRCLE_FRAMES = 8

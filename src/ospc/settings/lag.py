@@ -1,7 +1,5 @@
 """Constants of the search for the lag of the exposures: their meaning, unit and the reason for their value."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ospc.settings.exposures import CONSTANT_EXPOSURE_LOG

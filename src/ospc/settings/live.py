@@ -1,7 +1,5 @@
 """Constants of live calibration: their meaning, unit and the reason for their value."""
 
-from __future__ import annotations
-
 import numpy as np
 
 # Advice on what to film (ospc.live.advice)

@@ -1,7 +1,5 @@
 """Constants of runs and change detection: their meaning, unit and the reason for their value."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ospc.arrays import read_only

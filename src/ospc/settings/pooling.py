@@ -1,7 +1,5 @@
 """Constants of the combination of recordings: their meaning, unit and the reason for their value."""
 
-from __future__ import annotations
-
 import numpy as np
 
 # Summaries of recordings (ospc.pooling.summary)

@@ -1,7 +1,5 @@
 """Constants of preprocessing and registration: their meaning, unit and the reason for their value."""
 
-from __future__ import annotations
-
 import numpy as np
 
 # Preprocessing (ospc.correspondence.preprocessing)

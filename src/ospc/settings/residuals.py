@@ -3,8 +3,6 @@
 "Chosen by hand" and "no effect" are explained in :mod:`ospc.settings.fit`.
 """
 
-from __future__ import annotations
-
 # Smoothness of the vignette (ospc.estimation.residual_effects)
 
 UNEVEN_CELLS = (16, 12)

@@ -3,8 +3,6 @@
 "Chosen by hand" and "no effect" are explained in :mod:`ospc.settings.fit`.
 """
 
-from __future__ import annotations
-
 # The response basis (ospc.estimation.response_basis)
 
 RESPONSE_GRID_STEPS = 4096

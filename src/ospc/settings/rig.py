@@ -1,7 +1,5 @@
 """Constants of the comparison of the cameras of a rig: their meaning, unit and the reason for their value."""
 
-from __future__ import annotations
-
 MAX_MOMENTS = 24
 """Maximum number of moments compared, spread over the recordings. Features take most of the time, and
 :data:`SYSTEMATIC_SIGMA` limits the benefit of more moments."""

@@ -1,7 +1,5 @@
 """Constants of keyframes and scene points: their meaning, unit and the reason for their value."""
 
-from __future__ import annotations
-
 # Keyframe selection (ospc.correspondence.keyframe_selection)
 
 AGE_CLASSES, AGE_CLASSES_PER_DOUBLING = 26, 2

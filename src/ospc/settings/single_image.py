@@ -1,7 +1,5 @@
 """Constants of calibration from single images: their meaning, unit and the reason for their value."""
 
-from __future__ import annotations
-
 import numpy as np
 
 # The vignette of single images (ospc.unknown_exposures.single_image.zheng_2008)

@@ -1,7 +1,5 @@
 """Constants of calibration with unknown exposures: their meaning, unit and the reason for their value."""
 
-from __future__ import annotations
-
 import numpy as np
 
 # Recovery of exposures (ospc.unknown_exposures.recovery)

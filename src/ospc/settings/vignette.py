@@ -3,8 +3,6 @@
 "Chosen by hand" and "no effect" are explained in :mod:`ospc.settings.fit`.
 """
 
-from __future__ import annotations
-
 # The vignette basis (ospc.estimation.vignette_basis, vignette_choice)
 
 VIGNETTE_SIGMA = 2.0
