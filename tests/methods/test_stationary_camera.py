@@ -13,10 +13,10 @@ from ospc.settings import DefaultSettings
 
 def camera_after(motions_px: list[float]) -> StationaryCamera:
     """Return what is known of a camera after displacements between frames."""
-    camera = StationaryCamera(DefaultSettings().still_px, 20.0, StaticSeries(points=100))
+    camera = StationaryCamera(DefaultSettings().still_px, StaticSeries(points=100))
     random = np.random.default_rng(0)
     for number, motion_px in enumerate(motions_px):
-        image = random.integers(20, 200, (48, 64)).astype(np.uint8)
+        image = random.integers(20, 200, (48, 400)).astype(np.uint8)
         camera.observe(Frame.of_array(image, 10.0, index=number))
         camera.add_motion(motion_px)
     return camera

@@ -52,9 +52,9 @@ class PixelReport(ByValue):
     """Share of each frame's pixels in 32 equal ranges of grey, shape (frames, 32)."""
     log_exposure: FloatArray
     """ln of the exposure in milliseconds of these frames, shape (frames,)."""
-    radius_share: FloatArray
-    """Share of each frame's points that are well exposed, in 10 equal ranges of R from 0 to 1 (the corner), shape
-    (frames, 10); NaN for ranges without points."""
+    mean_radius_share: FloatArray
+    """Mean share of well exposed points in 10 equal ranges of R from 0 to 1 (the corner), shape (10,); NaN for ranges
+    without points."""
     saturated_share: float
     """Share of all pixels at the upper end."""
     black_share: float
@@ -71,25 +71,15 @@ class PixelReport(ByValue):
     """Number of lowest bits that are zero in every grey value."""
     missing_levels_share: float
     """Share of the grey values between the extremes that never occur; 0 unless the images have 8 bits."""
-    lit: BoolArray
-    """Small image of the region that shows the scene, shape (h, w)."""
     surround: str
     """Kind of the black surround: ``"none"``, ``"disc"`` (fisheye, all corners black) or ``"border"``."""
+    surround_share: float
+    """Share of the image that is a black surround."""
 
     @property
     def covered_grey(self) -> BoolArray:
         """Which of the 32 ranges of grey contain at least a thousandth of all pixels, shape (32,)."""
         return np.asarray(self.grey_share.mean(axis=0) >= MIN_COVERED_SHARE)
-
-    @property
-    def mean_radius_share(self) -> FloatArray:
-        """Mean share of well exposed points in the 10 ranges of R, shape (10,); NaN for ranges without points."""
-        return np.asarray(self.radius_share.mean(axis=0))
-
-    @property
-    def surround_share(self) -> float:
-        """Share of the image that is a black surround."""
-        return float(1 - self.lit.mean())
 
 
 @dataclass
@@ -224,7 +214,7 @@ class PixelStatistics:
         return PixelReport(
             grey_share=np.array(self._grey_share),
             log_exposure=np.array(self._log_exposure),
-            radius_share=np.array(self._radius_share),
+            mean_radius_share=np.mean(self._radius_share, axis=0),
             saturated_share=float(share[level >= (white if clipped is None else level[clipped]) - margin].sum()),
             black_share=float(share[level <= margin].sum()),
             lowest_grey=int(level[low]),
@@ -233,8 +223,8 @@ class PixelStatistics:
             exceeds_max_grey=self._bits.bit_length() > white.bit_length(),
             empty_low_bits=(self._bits & -self._bits).bit_length() - 1 if self._bits else 0,
             missing_levels_share=gaps if gaps >= MIN_MISSING_LEVELS_SHARE else 0.0,
-            lit=lit,
             surround=surround,
+            surround_share=float(1 - lit.mean()),
         )
 
 

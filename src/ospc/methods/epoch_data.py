@@ -12,6 +12,7 @@ from ospc.correspondence.noise_estimation import NoiseEstimator
 from ospc.correspondence.preprocessing import PreprocessedFrame
 from ospc.correspondence.reservoir import Reservoir
 from ospc.correspondence.scene_area import SceneArea
+from ospc.correspondence.static_series import StaticSeries
 from ospc.estimation.black_level import black_level
 from ospc.estimation.effect_choice import fit_with_chosen_effects
 from ospc.estimation.fit_plan import FitPlan
@@ -55,7 +56,7 @@ class EpochData:
     @classmethod
     def of(cls, settings: DefaultSettings, size: ImageSize, max_grey: int) -> EpochData:
         """Return the data before the first frame."""
-        stationary = StationaryCamera.of(settings, size)
+        stationary = StationaryCamera(settings.still_px, StaticSeries(points=settings.series_points))
         return cls(size, Reservoir(settings.max_points), stationary, NoiseEstimator(max_grey), SceneArea())
 
     def since(self, number: int) -> EpochData:

@@ -6,10 +6,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ospc.arrays import ImageSize
 from ospc.correspondence.static_series import StaticSeries
 from ospc.recording.frame import Frame
-from ospc.settings import DefaultSettings
 from ospc.settings.methods import (
     FAR_MOTION,
     MAX_MOTIONS,
@@ -31,8 +29,6 @@ class StationaryCamera:
     ----------
     still_px
         Median displacement in pixels up to which a camera counts as stationary.
-    far_px
-        Displacement in pixels that even dark, noisy frames of a stationary camera do not show.
     series
         The kept grey values; None once the camera moved.
     motions
@@ -40,14 +36,8 @@ class StationaryCamera:
     """
 
     still_px: float
-    far_px: float
     series: StaticSeries | None
     motions: list[float] = field(default_factory=list, repr=False)
-
-    @classmethod
-    def of(cls, settings: DefaultSettings, size: ImageSize) -> StationaryCamera:
-        """Return a camera that may be stationary, for frames of a size."""
-        return cls(settings.still_px, FAR_MOTION * max(size), StaticSeries(points=settings.series_points))
 
     def observe(self, frame: Frame) -> None:
         """Keep the grey values of a frame, unless the camera has moved."""
@@ -57,7 +47,8 @@ class StationaryCamera:
         motion_px = float(np.median(self.motions)) if self.motions else 0.0
         moves = len(self.motions) >= MIN_MOVING_PAIRS and motion_px > MOVING_FACTOR * self.still_px
         # It may rest most of the time, like a robot arm, or have been moved only once.
-        moves |= sum(motion > self.far_px for motion in self.motions) >= MIN_FAR_PAIRS
+        far_px = FAR_MOTION * max(frame.image.shape)
+        moves |= sum(motion > far_px for motion in self.motions) >= MIN_FAR_PAIRS
         if moves or (len(self.motions) >= UNDECIDED_PAIRS and not self.stands_still):
             self.series = None
 

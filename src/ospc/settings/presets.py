@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any, ClassVar, Protocol, TypeVar
 
 from ospc.arrays import ImageSize
 from ospc.correspondence.features import EXTRACTORS
+from ospc.correspondence.frame_sampling import FrameSampler
 from ospc.errors import SettingError, known_names, named
 
 if TYPE_CHECKING:
-    from ospc.correspondence.frame_sampling import FrameSampler
     from ospc.correspondence.preprocessing import Preprocessor
     from ospc.methods.maximum_likelihood_state import MaximumLikelihoodState
     from ospc.methods.method import Method
@@ -141,8 +141,6 @@ class PaperSettings:
 
     def sampler(self) -> FrameSampler:
         """Return the frame sampler, which selects every frame."""
-        from ospc.correspondence.frame_sampling import FrameSampler
-
         return FrameSampler.every_frame()
 
     def preprocessor(self) -> Preprocessor:
@@ -255,8 +253,6 @@ class DefaultSettings:
 
     def sampler(self) -> FrameSampler:
         """Return the frame sampler."""
-        from ospc.correspondence.frame_sampling import FrameSampler
-
         return FrameSampler(
             self.frames_per_slowdown,
             self.dense_frames,
