@@ -9,8 +9,7 @@ import pytest
 
 from calibrations import calibration
 from ospc.calibrator import OnlineCalibrator
-from ospc.engine.common_power import common_power
-from ospc.engine.verdicts import compared_with_epoch_before, judged
+from ospc.engine.verdicts import common_power, compared_with_epoch_before, judged
 from ospc.photometry.calibration import Calibration
 from ospc.photometry.verdict import Verdict
 from ospc.photometry.vignette import RasterVignette

@@ -9,7 +9,6 @@ import numpy as np
 import numpy.typing as npt
 
 from ospc.arrays import BoolArray, Float32Array, FloatArray, ImageSize, IntArray, read_only
-from ospc.correspondence.cells import ranks_in_cells
 from ospc.correspondence.equal_smoothing import (
     CENTRE,
     NODES,
@@ -173,6 +172,18 @@ def _grid(size: ImageSize, spacing_px: int) -> FloatArray:
     margin = SAMPLING_MARGIN_PX
     x, y = np.meshgrid(*(np.arange(margin, side - margin, spacing_px, dtype=np.float64) for side in size))
     return read_only(np.stack([x.ravel(), y.ravel()], axis=1))
+
+
+def ranks_in_cells(cell: IntArray, order: IntArray) -> IntArray:
+    """Return the rank of each point in its cell, shape (n,).
+
+    ``order`` sorts the points by their cell, and within it as they are ranked. The points of the lowest ranks are one
+    of each cell, then a second one of each, and so on.
+    """
+    count = np.bincount(cell)
+    rank = np.empty(len(cell), np.int64)
+    rank[order] = np.arange(len(cell)) - np.repeat(np.cumsum(count) - count, count)
+    return rank
 
 
 def _typical_motion(places: FloatArray, displacement: FloatArray, gradient: FloatArray) -> float:

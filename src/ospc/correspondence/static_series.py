@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ospc.arrays import BoolArray, FloatArray, Image, IntArray, size_of
-from ospc.correspondence.cells import ranks_in_cells
+from ospc.correspondence.flat_sampling import ranks_in_cells
 from ospc.observations import MOMENTS, Observations
 from ospc.photometry.geometry import normalised
 from ospc.photometry.noise import BRIGHTEST_EXPOSED, DARKEST_EXPOSED

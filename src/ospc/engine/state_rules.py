@@ -6,20 +6,19 @@ A checksum detects damage, but not a state that was forged.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import fields, is_dataclass
+from dataclasses import MISSING, fields, is_dataclass
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
-from ospc.correspondence import noise_estimation, pixel_statistics
+from ospc.correspondence import pixel_statistics
 from ospc.correspondence.frame_sampling import FrameSampler
 from ospc.correspondence.keyframe_selection import Kept, KeyframeSelector
 from ospc.correspondence.reservoir import Reservoir
 from ospc.correspondence.scene_area import SceneArea
 from ospc.correspondence.static_series import StaticSeries
 from ospc.correspondence.thumbnail import thumbnail_size
-from ospc.engine.frame_checks import SkippedFrames
 from ospc.engine.state import Epoch, Run
 from ospc.estimation.effect_models import AbsorbedLight
 from ospc.estimation.effects import Effects
@@ -33,7 +32,6 @@ from ospc.exposures.brightness_history import BrightnessHistory
 from ospc.exposures.monitor import ExposureMonitor
 from ospc.exposures.table import ExposureTable
 from ospc.methods.change_detection import Baseline, ChangeDetector
-from ospc.methods.epoch_data import EpochData
 from ospc.methods.prediction_errors import PairErrors
 from ospc.methods.stationary_camera import StationaryCamera
 from ospc.observations import MOMENTS
@@ -66,24 +64,15 @@ from ospc.state.numbers import (
 )
 from ospc.state.values import has_json_form
 
-ELSEWHERE = "checked with the other values that it has to agree with, or only by its declared type"
+SAMPLER_SETTINGS = " ".join(entry.name for entry in fields(FrameSampler) if entry.default is MISSING)
 
-RULES: Mapping[type, Mapping[str, Numbers | str]] = {
-    Run: {
-        "size epochs first_frames": ELSEWHERE,
-        "max_grey": Numbers(0, LARGEST_GREY),
-    },
-    Epoch: {"calibration wrong_exposures": ELSEWHERE, "corrected_lag_frames": LAG},
-    SkippedFrames: {"first latest": ELSEWHERE},
-    FrameSampler: {
-        "frames_per_slowdown dense_frames longest_pause_frames comparison_period_frames comparison_run_frames": (
-            ELSEWHERE
-        ),
-    },
-    ExposureMonitor: {"choice": ELSEWHERE, "_known_lag _suspected_lag": LAG},
+RULES: Mapping[type, Mapping[str, Numbers | None]] = {
+    Run: {"max_grey": Numbers(0, LARGEST_GREY)},
+    Epoch: {"corrected_lag_frames": LAG},
+    ExposureMonitor: {"choice": None, "_known_lag _suspected_lag": LAG},
+    FrameSampler: dict.fromkeys(SAMPLER_SETTINGS.split()),
     ExposureTable: {"_log_exposure": logs("frames", unknown=True), "lag_frames": LAG},
     pixel_statistics.PixelStatistics: {
-        "_histogram _brightest _ranges": ELSEWHERE,
         "_grey_share": share("frames", COVERAGE_GREY_CELLS, most=MAX_COUNTED_FRAMES),
         "_radius_share": share("frames", COVERAGE_RADIUS_CELLS, unknown=True, most=MAX_COUNTED_FRAMES),
         "_log_exposure": logs("frames", most=MAX_COUNTED_FRAMES),
@@ -103,15 +92,12 @@ RULES: Mapping[type, Mapping[str, Numbers | str]] = {
         "overlap": UNIT,
         "motion_px": Numbers(0, MOST_PIXELS, unknown=True),
     },
-    EpochData: {"size": ELSEWHERE},
     StationaryCamera: {"motions": Numbers(0, MOST_PIXELS, ("motions",))},
-    KeyframeSelector: {"_kept": ELSEWHERE, "_statistics": Numbers(0, 2 * MAX_COMPARISONS, (4, AGE_CLASSES))},
+    KeyframeSelector: {"_statistics": Numbers(0, 2 * MAX_COMPARISONS, (4, AGE_CLASSES))},
     Kept: {"log_exposure": logs()},
     Reservoir: {"_halvings": Numbers(0, 64)},
-    StaticSeries: {"_places _size _grey _index": ELSEWHERE, "_stride": Numbers(1, MOST)},
-    noise_estimation.NoiseEstimator: {"_found _frames _waiting": ELSEWHERE},
+    StaticSeries: {"_stride": Numbers(1, MOST)},
     Fit: {
-        "effect_estimates parameters covariance chance": ELSEWHERE,
         "texture_share": UNIT,
         "measured_radius": Numbers(0, 3),
     },
@@ -126,7 +112,6 @@ RULES: Mapping[type, Mapping[str, Numbers | str]] = {
     },
     ResponseBasis: {"intervals": Numbers(1, MOST_INTERVALS)},
     Effects: {
-        "chosen": ELSEWHERE,
         "log_typical_exposure": logs(),
         "groups": count(2),
         "step_exposures": Numbers(0, LARGEST, ("steps",), unknown=True, most=STEP_EXPOSURES),
@@ -145,7 +130,6 @@ RULES: Mapping[type, Mapping[str, Numbers | str]] = {
     },
     PriorHyperparameters: {"walk": Numbers(1e-6, 1e6), "drift vignette_walk": Numbers(0, 1e6)},
     SceneArea: {
-        "brightest allowed": ELSEWHERE,
         "fine": Numbers(shape=("rows", "columns")),
         "contrast pairs": Numbers(0, shape=("rows", "columns")),
     },
@@ -169,7 +153,8 @@ RULES: Mapping[type, Mapping[str, Numbers | str]] = {
         "grey_limits": share(2),
     },
 }
-"""Rules for fields of the dataclasses in a state whose types do not say enough, by space-separated names."""
+"""Rules for fields of the dataclasses in a state whose types do not say enough, by space-separated names; None if
+other checks say it all."""
 _BY_TYPE = {int: COUNT, float: Numbers()}
 """Rules for single numbers that have none above."""
 
@@ -181,7 +166,7 @@ def check_fields(value: Any, name: str = "") -> None:
     for field in (entry.name for entry in fields(value)):
         held, place = getattr(value, field), f"{name}.{field}" if name else field
         rule = rules.get(field, _BY_TYPE.get(type(held)))
-        if isinstance(rule, Numbers) and held is not None:
+        if rule is not None and held is not None:
             rule.check(place, held, lengths)
         for part in filter(is_dataclass, held if isinstance(held, list) else (held,)):
             if not has_json_form(part):
@@ -211,8 +196,7 @@ def check_run(run: Run, settings: Settings) -> None:
 
 
 def _check_sampler(found: FrameSampler, frames: int, settings: Settings) -> None:
-    fixed = "frames_per_slowdown dense_frames longest_pause_frames comparison_period_frames comparison_run_frames"
-    check_settings("sampler", found, settings.sampler(), fixed)
+    check_settings("sampler", found, settings.sampler(), SAMPLER_SETTINGS)
     require(found.number == frames, "the number of frames pushed is not the number of exposures")
     require(found.processed <= found.number, "more frames were processed than pushed")
     require(found._restarted_after <= found.processed, "the sampler restarted in the future")

@@ -27,7 +27,7 @@ from ospc.numerics.robust import robust_scale
 from ospc.photometry.calibration import Calibration
 from ospc.recording import Frame, Recording
 from ospc.recording.stream import usable_frames
-from ospc.settings.rig import (
+from ospc.settings.pooling import (
     BRIGHTEST_RIG_GREY,
     DARKEST_RIG_GREY,
     EPIPOLAR_CONFIDENCE,

@@ -9,9 +9,9 @@ modules contain constants, grouped by step or task:
 - estimation: :mod:`~ospc.settings.response`, :mod:`~ospc.settings.vignette`, :mod:`~ospc.settings.error_model`,
   :mod:`~ospc.settings.fit`, :mod:`~ospc.settings.effects`, :mod:`~ospc.settings.residuals`;
 - runs and change detection: :mod:`~ospc.settings.methods`;
-- unknown exposures: :mod:`~ospc.settings.unknown_exposures`, :mod:`~ospc.settings.single_image`;
-- other tasks: :mod:`~ospc.settings.live`, :mod:`~ospc.settings.pooling`, :mod:`~ospc.settings.rig`,
-  :mod:`~ospc.settings.diagnosis`, :mod:`~ospc.settings.evaluation`.
+- unknown exposures: :mod:`~ospc.settings.unknown_exposures`;
+- other tasks: :mod:`~ospc.settings.live`, :mod:`~ospc.settings.pooling`, :mod:`~ospc.settings.diagnosis`,
+  :mod:`~ospc.settings.evaluation`.
 
 Grey levels range from 0 to 1; those of constants whose names end in ``_8_BIT`` range from 0 to 255.
 """

@@ -21,7 +21,7 @@ from ospc.photometry.verdict import Verdict
 from ospc.photometry.vignette import PolynomialVignette
 from ospc.recording import Recording
 from ospc.recording.stream import usable_frames
-from ospc.settings.single_image import (
+from ospc.settings.unknown_exposures import (
     BRIGHTEST_PIXEL_8_BIT,
     CORNER_SIGMA,
     DARKEST_PIXEL_8_BIT,

@@ -25,7 +25,7 @@ from ospc.arrays import BoolArray, FloatArray, ImageSize, IntArray
 from ospc.errors import NotObservableError
 from ospc.photometry.geometry import pixel_grid
 from ospc.photometry.vignette import PolynomialVignette
-from ospc.settings.single_image import (
+from ospc.settings.unknown_exposures import (
     FITTED_RADII,
     MIN_REDUCED_SIDE_PX,
     MIN_RING_RESIDUAL,
