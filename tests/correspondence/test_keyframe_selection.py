@@ -24,7 +24,7 @@ NOTHING = Observations.of_pairs(NONE, NONE, np.empty((0, 2)), np.empty((0, 2)), 
 def frame(number):
     thumbnail = Thumbnail(number, TINY, TINY, TINY > 0, TINY.astype(np.uint8), 1)
     none, small = NONE.astype(np.float32), (TINY.astype(np.uint8), thumbnail, NONE, NONE, TINY)
-    return Keyframe(number, (1, 1), 1, *small, FULL_RANGE, np.empty((0, 2)), *4 * [none], none > 0)
+    return Keyframe(number, (1, 1), 1, *small, FULL_RANGE, *4 * [none], none > 0)
 
 
 def kept_ages(capacity, count):

@@ -325,7 +325,7 @@ def test_the_remedy_of_a_contradiction_is_advised_first(walk, calibrated):
 
 
 def test_pairs_of_frames_agree_with_a_change_of_the_lag_only_if_it_is_real(walk):
-    calibrator = OnlineCalibrator()
+    calibrator = OnlineCalibrator(QUICK)
     for frame in walk.frames[:80]:
         calibrator.push(frame)
     method, table = calibrator._method, calibrator._run.exposures.table

@@ -181,9 +181,11 @@ class PerfectMatcher:
     def __init__(self, c1, v, size=(640, 480), astray=0.0):
         self.c1, self.c2 = c1, 1 - c1
         self.vignette, self.size, self.astray = PolynomialVignette(size, v), size, astray
+        self.exposures_ms = {}
 
     def features(self, frame):
-        return Features(frame.index, frame.exposure_ms, np.empty((0, 2)), np.empty(0), np.empty((0, 1), np.uint8))
+        self.exposures_ms[frame.index] = frame.exposure_ms
+        return Features(frame.index, np.empty((0, 2)), np.empty(0), np.empty((0, 1), np.uint8))
 
     def correspondences(self, left, right, size):
         random = np.random.default_rng((left.frame, right.frame))
@@ -193,9 +195,11 @@ class PerfectMatcher:
         change = [np.linalg.norm(p - centre, axis=1) / np.linalg.norm(centre) for p in (points0, points1)]
         keeps = (np.arange(60) < 20) | (np.abs(change[0] - change[1]) < 0.02)
         points1[keeps] = 2 * centre - points0[keeps]
-        light = random.uniform(0.05, 0.9, 60) / max(left.exposure_ms, right.exposure_ms)
+        exposures_ms = [self.exposures_ms[features.frame] for features in (left, right)]
+        light = random.uniform(0.05, 0.9, 60) / max(exposures_ms)
         grey = [
-            self.grey(f.exposure_ms * light * self.vignette.at(p)) for f, p in ((left, points0), (right, points1))
+            self.grey(exposure_ms * light * self.vignette.at(places))
+            for exposure_ms, places in zip(exposures_ms, (points0, points1), strict=True)
         ]
         astray = random.random(60) < self.astray
         grey[1] = np.where(astray, random.uniform(0.1, 0.9, 60), grey[1])

@@ -30,7 +30,7 @@ class NotingMatcher:
         self.alive = []
 
     def features(self, frame):
-        found = Features(frame.index, frame.exposure_ms, np.empty((0, 2)), np.empty(0), np.empty((0, 128), np.uint8))
+        found = Features(frame.index, np.empty((0, 2)), np.empty(0), np.empty((0, 128), np.uint8))
         self.alive.append(weakref.ref(found))
         return found
 

@@ -23,8 +23,6 @@ class Features:
     """Feature points of a frame, without its image."""
 
     frame: int
-    exposure_ms: float
-    """Stated exposure of the frame."""
     points: FloatArray
     """Pixel coordinates (x, y), shape (n, 2)."""
     grey: FloatArray
@@ -117,7 +115,7 @@ def extract(frame: Frame, extractor: FeatureExtractor) -> Features:
         usable = frame.mask[row, column]
         points, descriptors, row, column = points[usable], descriptors[usable], row[usable], column[usable]
     grey = frame.image[row, column] / frame.max_grey
-    return Features(frame.index, frame.exposure_ms, points, grey.astype(np.float64), descriptors)
+    return Features(frame.index, points, grey.astype(np.float64), descriptors)
 
 
 def match(features0: Features, features1: Features, norm: int, ratio: float) -> tuple[IntArray, IntArray]:

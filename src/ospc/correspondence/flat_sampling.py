@@ -37,12 +37,10 @@ from ospc.settings.sampling import (
 class Keyframe(ReducedFrame):
     """The data of a frame kept for comparison with later frames: a tenth of the preprocessed frame."""
 
-    places: FloatArray
-    """Candidate sampling points (x, y) on a grid, in reduced pixels, shape (n, 2)."""
     grey: Float32Array
     squares: Float32Array
     cubes: Float32Array
-    """Smoothed grey levels, squares and cubes at the nodes around these points, shape (n, 9)."""
+    """Smoothed grey levels, squares and cubes at the nodes around the grid points, shape (n, 9)."""
     gradient: Float32Array
     clipped: BoolArray
     """The frame's gradient and clipping at these points, shape (n,)."""
@@ -91,7 +89,6 @@ class FlatSampler:
         places = _grid(frame.reduced_size, self.settings.grid_spacing_px)
         return Keyframe(
             **{field.name: getattr(frame, field.name) for field in fields(ReducedFrame)},
-            places=places,
             grey=self._at_nodes(frame.grey),
             squares=self._at_nodes(frame.squares),
             cubes=self._at_nodes(frame.cubes),
@@ -105,7 +102,7 @@ class FlatSampler:
         """Compare a keyframe with a frame; ``group`` is the number of the pair."""
         if registration is None:
             return NOTHING_FOUND
-        places0 = keyframe.places
+        places0 = _grid(keyframe.reduced_size, self.settings.grid_spacing_px)
         scale = keyframe.further_reduction
         displacement, forward_backward_error = displacement_at(registration, places0, scale)
         places1 = places0 + displacement

@@ -149,7 +149,7 @@ class Adviser:
         knowledge = knowledge_of(preview)
         if preview is None or knowledge is None:
             return self._switched(_BEGIN if preview is None or _exposure_varies(preview) else _VARY, time_s)
-        if knowledge.reaches(self._goal):
+        if max(knowledge.response_sigma, knowledge.vignette_sigma) <= self._goal:
             self.expects_end = True
             if known is not None:
                 knowledge = knowledge.corrected(*certainty(known))

@@ -220,8 +220,8 @@ def _seen(preview: Preview) -> dict[str, Any]:
 
 def _places(position: FloatArray, size: tuple[int, int]) -> list[list[float]]:
     shares = position * half_diagonal(size) / np.array(size) + 0.5
-    cells = np.clip((shares * (_COLUMNS, _ROWS)).astype(int), 0, (_COLUMNS - 1, _ROWS - 1))
-    counts = np.bincount(cells[:, 1] * _COLUMNS + cells[:, 0], minlength=_COLUMNS * _ROWS).reshape(_ROWS, _COLUMNS)
+    x, y = np.clip(shares, 0, 1).T
+    counts, _, _ = np.histogram2d(y, x, (_ROWS, _COLUMNS), ((0, 1), (0, 1)))
     return [_filled(row) for row in counts]
 
 

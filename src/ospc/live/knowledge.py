@@ -43,10 +43,6 @@ class Knowledge:
     response_sigma: float
     vignette_sigma: float
 
-    def reaches(self, goal: float) -> bool:
-        """Return whether both standard deviations are within a goal."""
-        return max(self.response_sigma, self.vignette_sigma) <= goal
-
     def corrected(self, response_sigma: float | None, vignette_sigma: float | None) -> Knowledge:
         """Return the knowledge with the standard deviations of a complete estimate where those are larger."""
         return replace(

@@ -10,7 +10,6 @@ from ospc.calibrator import OnlineCalibrator
 from ospc.engine.state import Epoch
 from ospc.errors import counted
 from ospc.live.advice import Adviser, Instruction
-from ospc.methods.change_detection import Change
 from ospc.methods.method import Progress
 from ospc.methods.preview import Preview
 from ospc.photometry.calibration import Calibration
@@ -128,14 +127,11 @@ class LiveFindings:
             self._next_estimate, self._confirmed = processed + FIRST_ESTIMATE_FRAMES, None
             if change is not None:
                 self._note(change.text)
-                self._mark_latest_as_outdated(change)
+                if self.latest is not None:
+                    warnings = (*self.latest.warnings, f"{change.text}; the calibration is for earlier frames")
+                    self.latest = replace(self.latest, converged=False, warnings=warnings)
         if processed >= self._next_estimate:
             self.estimate(pushed)
-
-    def _mark_latest_as_outdated(self, change: Change) -> None:
-        if self.latest is not None:
-            warning = f"{change.text}; the calibration is for earlier frames"
-            self.latest = replace(self.latest, converged=False, warnings=(*self.latest.warnings, warning))
 
     def advise(self, pushed: int) -> None:
         """Choose what to film next from quick estimates."""

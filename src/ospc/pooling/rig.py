@@ -180,7 +180,7 @@ def _seen(frame: Frame, calibration: Calibration, extractor: SiftExtractor) -> F
     exposed = cv2.GaussianBlur(bad, (0, 0), RIG_SMOOTHING_PX)[row, column] < MAX_CLIPPED_SHARE
     value = smooth[row, column]
     kept = exposed & (value > 0)
-    return Features(frame.index, frame.exposure_ms, points[kept], value[kept].astype(np.float64), descriptors[kept])
+    return Features(frame.index, points[kept], value[kept].astype(np.float64), descriptors[kept])
 
 
 def _alike(irradiance: Float32Array) -> npt.NDArray[np.uint8]:
