@@ -231,7 +231,7 @@ def test_a_wrong_number_is_met_with_the_right_one(given: LagChoice) -> None:
     assert "exposures are recorded 2 frames late" in told.verdict.reason
     assert told.verdict.remedy == "set correct_lag to 2"
     # Curves fitted to exposures of other frames deserve no advice of their own.
-    unknown = told.judged(Verdict("not identifiable", "the vignette moves", "switch off stabilisation"))
+    unknown = told.doubted(Verdict("not identifiable", "the vignette moves", "switch off stabilisation"))
     assert (unknown.state, unknown.remedy) == ("not identifiable", told.verdict.remedy)
 
 

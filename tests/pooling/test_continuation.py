@@ -17,7 +17,7 @@ from ospc.estimation.response_basis import FUNCTIONS, ResponseBasis
 from ospc.evaluation.metrics import vignette_rmse
 from ospc.live import LiveCalibrator
 from ospc.methods.change_detection import Change
-from ospc.methods.identifiability import judged
+from ospc.methods.identifiability import doubted
 from ospc.methods.result import calibration_of
 from ospc.photometry.calibration import Calibration
 from ospc.photometry.grey_range import GreyRange
@@ -199,7 +199,7 @@ def test_a_live_calibrator_starts_from_what_was_known_before_a_restart(yesterday
 
 def test_a_contradiction_by_new_frames_counts_despite_earlier_ones(yesterday):
     own, seen = today(CAMERA, groups=60)
-    doubt = judged(Verdict("identifiable", "known"), (("the response changes", "switch off scene modes"),))
+    doubt = doubted(Verdict("identifiable", "known"), (("the response changes", "switch off scene modes"),))
     own = replace(own, verdicts={"response": doubt, "vignette": doubt}, warnings=("the response changes",))
     found = PriorCalibration.open(yesterday).continued(own, seen)
     assert not found.converged

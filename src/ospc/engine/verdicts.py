@@ -119,7 +119,7 @@ def judged(known: Calibration, found: ExposureFindings, cause: str, changes: Seq
     changes
         Earlier changes of the camera, as sentences.
     """
-    verdicts = {name: found.judged(verdict) for name, verdict in known.verdicts.items()}
+    verdicts = {name: found.doubted(verdict) for name, verdict in known.verdicts.items()}
     verdicts["exposures"] = found.verdict
     advice = (found.verdict.remedy, *known.advice) if found.warnings else known.advice
     if cause:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from ospc.arrays import FloatArray, IntArray
 from ospc.errors import counted
 from ospc.exposures.brightness import BrightnessChange
-from ospc.exposures.brightness_report import BrightnessReport, Jump, brightness_report, unrefuted
+from ospc.exposures.brightness_report import BrightnessReport, Jump, brightness_report
 from ospc.exposures.brightness_series import BrightnessSeries
 from ospc.exposures.lag import estimate_lag, explained_by_inverse
 from ospc.exposures.lag_choice import LagChoice, lag_in_words, leaves_frames
@@ -80,14 +80,6 @@ class ExposureEvidence:
         """Return the evidence with that of a fit to the exposures as used."""
         late = next((effect for effect in effects if effect.name == LATE_EXPOSURES), None)
         return replace(self, late=late, ratios=ratios)
-
-    @property
-    def brightness_by_fit(self) -> BrightnessReport | None:
-        """The brightness changes without the jumps that a fit refutes."""
-        if self.brightness is None:
-            return None
-        jumps = unrefuted(self.brightness.jumps, self.ratios, self.corrected_frames)
-        return replace(self.brightness, jumps=jumps)
 
     @property
     def correction_note(self) -> str:

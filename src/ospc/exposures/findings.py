@@ -47,7 +47,7 @@ class ExposureFindings:
         """Number of frames by which the exposures lagged and that was corrected; 0 for none."""
         return self.evidence.corrected_frames
 
-    def judged(self, verdict: Verdict) -> Verdict:
+    def doubted(self, verdict: Verdict) -> Verdict:
         """Return a verdict on response or vignette, lowered to marginal if the exposures are unreliable."""
         misplaced = self.lag.frames is not None and self.lag.frames != self.corrected_frames
         if not self.warnings or not (verdict.known or misplaced):

@@ -11,7 +11,12 @@ import numpy as np
 from ospc.arrays import FloatArray
 from ospc.errors import counted
 from ospc.exposures.brightness import BrightnessChange
-from ospc.exposures.brightness_report import BrightnessReport, largest_error_of_points, largest_jump_of_pairs
+from ospc.exposures.brightness_report import (
+    BrightnessReport,
+    largest_error_of_points,
+    largest_jump_of_pairs,
+    unrefuted,
+)
 from ospc.exposures.evidence import ExposureEvidence, evidence_of_images
 from ospc.exposures.findings import ExposureFindings
 from ospc.exposures.lag_choice import LagChoice, lag_in_words
@@ -65,13 +70,17 @@ def findings_from(evidence: ExposureEvidence) -> ExposureFindings:
     """Return the findings that follow from all evidence; of the rules below, the first that applies decides."""
     by_fit, agreement, standing = _agreement(evidence)
     spoiled = _spoiled(evidence)
-    lag, brightness = evidence.lag, evidence.brightness_by_fit
+    lag, brightness = evidence.lag, evidence.brightness
     if standing == "settled by fit":
         lag = replace(lag, state="determined", candidates=(evidence.corrected_frames,))
-    if brightness is not None and by_fit:
-        # If exposures seem to have no effect, what they would explain looks like jumps.
-        jumps = () if evidence.remaining_lag.state in UNRESPONSIVE else brightness.jumps
-        brightness = replace(brightness, stale=False, fits_badly=False, jumps=jumps)
+    if brightness is not None:
+        brightness = replace(
+            brightness, jumps=unrefuted(brightness.jumps, evidence.ratios, evidence.corrected_frames)
+        )
+        if by_fit:
+            # If exposures seem to have no effect, what they would explain looks like jumps.
+            jumps = () if evidence.remaining_lag.state in UNRESPONSIVE else brightness.jumps
+            brightness = replace(brightness, stale=False, fits_badly=False, jumps=jumps)
     uncertain = standing == "open" and not evidence.corrected_frames
     warned = [agreement, *spoiled] if standing == "contradicted" else spoiled
     return ExposureFindings(

@@ -115,7 +115,7 @@ def response_verdict_of_fit(
         # What contradicts the model may be why the changes are missing, and has the more specific remedy.
         doubts = (missing, *(what for what, _ in contradictions[:1]))
         contradictions = (("; ".join(doubts), contradictions[0][1] if contradictions else _CHECK_EXPOSURES),)
-    return judged(_graded(fit, error / IDENTIFIABLE_ERROR, figure, remedy), contradictions)
+    return doubted(_graded(fit, error / IDENTIFIABLE_ERROR, figure, remedy), contradictions)
 
 
 def vignette_verdict(
@@ -161,7 +161,7 @@ def vignette_verdict(
     if sigma <= MAX_CORNER_ERROR_SHARE * errors.largest_correction(radius):
         at_corner = min(at_corner, UNIDENTIFIABLE_FACTOR)  # a dark corner is no reason to leave all else uncorrected
     relative = max(error / IDENTIFIABLE_ERROR, at_corner)
-    return judged(_graded(fit, relative, figure, remedy), contradictions)
+    return doubted(_graded(fit, relative, figure, remedy), contradictions)
 
 
 def _moves_in_one_direction(fit: Fit) -> bool:
@@ -200,7 +200,7 @@ def _graded(fit: Fit, relative_error: float, figure: str, remedy: str) -> Verdic
     return Verdict("marginal", few, "record more frames: their scatter shows how accurate the curve is")
 
 
-def judged(verdict: Verdict, contradictions: Contradictions) -> Verdict:
+def doubted(verdict: Verdict, contradictions: Contradictions) -> Verdict:
     """Return a verdict, lowered to marginal if anything contradicts the model."""
     if not contradictions:
         return verdict

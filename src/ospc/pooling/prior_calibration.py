@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from ospc.errors import NotObservableError, SettingError
-from ospc.methods.identifiability import judged
+from ospc.methods.identifiability import doubted
 from ospc.photometry.calibration import Calibration
 from ospc.pooling.agreement import Difference, agreement, difference_of
 from ospc.pooling.calibration_summary import summary_of_calibration
@@ -181,7 +181,7 @@ class PriorCalibration:
                 continue
             reason = f"{verdict.reason}, starting from {self.name}" if begins else verdict.reason
             doubts = tuple((what, own.verdicts[name].remedy) for what in own.warnings)
-            verdicts[name] = judged(replace(verdict, reason=reason), doubts)
+            verdicts[name] = doubted(replace(verdict, reason=reason), doubts)
         return replace(
             own,
             response=together.response,
