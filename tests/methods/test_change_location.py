@@ -13,7 +13,7 @@ from ospc.estimation.response_basis import ResponseBasis
 from ospc.estimation.vignette_basis import VignetteBasis
 from ospc.estimation.vignette_choice import fit_with_chosen_vignette
 from ospc.exposures.table import ExposureTable
-from ospc.methods.change_location import first_changed_frame
+from ospc.methods.change_hypotheses import first_changed_frame
 from ospc.methods.prediction_errors import PairErrors
 from ospc.settings import DefaultSettings
 from ospc.simulation.responses import make_response

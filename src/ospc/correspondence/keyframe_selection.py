@@ -39,13 +39,6 @@ class Kept:
     def __post_init__(self) -> None:
         self.frame: Keyframe | None = None
 
-    @classmethod
-    def of(cls, frame: Keyframe, log_exposure: float) -> Kept:
-        """Return a new keyframe."""
-        kept = cls(frame.number, log_exposure)
-        kept.frame = frame
-        return kept
-
 
 @dataclass
 class KeyframeSelector:
@@ -99,7 +92,8 @@ class KeyframeSelector:
 
     def add(self, frame: Keyframe, log_exposure: float) -> None:
         """Add a keyframe, and drop the least useful one if there are too many."""
-        self._kept.append(Kept.of(frame, log_exposure))
+        self._kept.append(Kept(frame.number, log_exposure))
+        self._kept[-1].frame = frame
         if len(self._kept) > self.capacity:
             ages = 1 + frame.number - np.array([k.number for k in self._kept], dtype=np.float64)
             # Dropping a keyframe makes its neighbours adjacent: drop the one that leaves the smallest step in ln age.

@@ -25,8 +25,7 @@ import numpy as np
 
 from ospc.estimation.fit import Fit
 from ospc.exposures.table import ExposureTable
-from ospc.methods.change_hypotheses import best_explanations, explain
-from ospc.methods.change_location import errors_of_pairs, first_changed_frame
+from ospc.methods.change_hypotheses import best_explanations, errors_of_pairs, explain, first_changed_frame
 from ospc.methods.prediction_errors import PairErrors
 from ospc.observations import Observations
 from ospc.photometry.grey_range import FULL_RANGE, GreyRange

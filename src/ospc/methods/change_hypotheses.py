@@ -1,16 +1,18 @@
-"""Selection of the camera change, of response or vignette, that explains the errors of pairs of frames."""
+"""The camera change, of response or vignette, that explains the errors of pairs of frames, and its first frame."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
-from ospc.arrays import FloatArray, IntArray
+from ospc.arrays import BoolArray, FloatArray, IntArray
 from ospc.estimation.fit import Fit
 from ospc.exposures.table import ExposureTable
 from ospc.methods.prediction_errors import PARTS, ExplainedChange, PairErrors
 from ospc.numerics.robust import weighted_median
+from ospc.observations import ExposedObservations
 from ospc.settings.methods import (
     ALIKE_RATIO,
     CLEARLY_WORSE_FACTOR,
@@ -18,6 +20,7 @@ from ospc.settings.methods import (
     LIGHT_SLOPE,
     MAJORITY,
     MAX_STATED_EFFECT_LOG,
+    MIN_BASELINE_ERROR_LOG,
     MIN_CHANGE_SIGMAS,
     MIN_CORRELATION,
     MIN_EFFECT_LOG,
@@ -28,6 +31,8 @@ from ospc.settings.methods import (
     MIN_SIGNIFICANT_PAIRS,
     MIN_SLOPE,
     MIN_SLOPE_ERROR_LOG,
+    OUTLIER_ERROR_LOG,
+    OUTLIER_FACTOR,
 )
 
 Halves = tuple[list[PairErrors], list[PairErrors]]
@@ -138,8 +143,8 @@ def _halves_by_effect(pairs: list[PairErrors], found: ExplainedChange) -> Halves
 def _steeper_response(pairs: list[PairErrors], exposures: ExposureTable, baseline_error: float) -> Finding | None:
     """Return a change of the response: brightness follows the exposure more or less than before."""
     halves = (pairs[: len(pairs) // 2], pairs[len(pairs) // 2 :])
-    steps = [log_ratios(half, exposures) for half in halves]
-    slopes = [median_slope(half, step) for half, step in zip(halves, steps, strict=True)]
+    steps = [_log_ratios(half, exposures) for half in halves]
+    slopes = [_median_slope(half, step) for half, step in zip(halves, steps, strict=True)]
     if any(not (slope > MIN_SLOPE or LIGHT_SLOPE < slope < -MIN_SLOPE) for slope in slopes):
         return None
     errors = [abs(pair.error) for half in halves for pair in half if pair.consecutive]
@@ -172,16 +177,80 @@ def _without_drift(values: FloatArray, frames: IntArray) -> FloatArray:
     return values - frames * np.median(values / frames) if len(values) else values
 
 
-def log_ratios(pairs: list[PairErrors], exposures: ExposureTable) -> FloatArray:
+def _log_ratios(pairs: list[PairErrors], exposures: ExposureTable) -> FloatArray:
     """Return ln of the exposure of each pair's second frame over that of its first, NaN if one is unknown."""
     frames = np.array([(pair.frame0, pair.frame1) for pair in pairs])
     return np.asarray(np.diff(exposures.log_exposure_of(frames), axis=1)[:, 0])
 
 
-def median_slope(pairs: list[PairErrors], step: FloatArray) -> float:
+def _median_slope(pairs: list[PairErrors], step: FloatArray) -> float:
     """Return the median of error over change of exposure, weighted by the change; 0 if nothing changes."""
     weight = np.where(np.isfinite(step), np.abs(step), 0.0)
     moving = weight > 0
     if not moving.any():
         return 0.0
     return weighted_median(np.array([pair.error for pair in pairs])[moving] / step[moving], weight[moving])
+
+
+# The frame from which on pairs of frames show a change.
+
+
+def errors_of_pairs(observations: ExposedObservations, fit: Fit) -> Iterator[PairErrors]:
+    """Yield the errors of each pair of frames."""
+    begins = np.flatnonzero(np.diff(observations.group, prepend=-1))
+    ends = np.flatnonzero(np.diff(observations.group, append=-1)) + 1
+    for begin, end in zip(begins, ends, strict=True):
+        yield PairErrors.of(observations.where(slice(begin, end)), fit)
+
+
+def first_changed_frame(pairs: list[PairErrors], fit: Fit, exposures: ExposureTable, suspected: int) -> int:
+    """Return the first frame after a change, as accurately as the pairs show it.
+
+    The change that best explains the pairs since the suspected frame reduces the errors of changed pairs by about as
+    much as it increases those of the others. The sum of the reductions of all pairs that begin with a frame or later
+    is therefore largest for the first pair that shows the change. The change may lie between its two frames, so the
+    later one is returned, or the suspected frame if that lies between the last pair before the change and this one.
+
+    Parameters
+    ----------
+    pairs
+        Pairs before and after the change.
+    fit, exposures
+        The fit and exposures of the prediction.
+    suspected
+        Number of the frame since which a change is proven: the second one of the first outlier.
+    """
+    since = [pair for pair in pairs if pair.frame0 >= suspected]
+    if not since:
+        return suspected
+    reductions = _reductions(pairs, since, fit, exposures)
+    # What the change explains badly may have changed all the same.
+    reductions = np.where(_are_outliers(pairs, suspected), np.maximum(reductions, 0.0), reductions)
+    begins, order = np.unique([pair.frame0 for pair in pairs], return_inverse=True)
+    since_latest = np.cumsum(np.bincount(order, reductions)[::-1])
+    first = begins[::-1][np.argmax(since_latest)]
+    changed = min(pair.frame1 for pair in pairs if pair.frame0 >= first)
+    unchanged = [pair for pair, by in zip(pairs, reductions, strict=True) if by < 0 and pair.frame1 <= first]
+    follows_unchanged = max((pair.frame1 for pair in unchanged), default=0) <= suspected
+    return suspected if follows_unchanged and suspected < changed else changed
+
+
+def _are_outliers(pairs: list[PairErrors], suspected: int) -> BoolArray:
+    """Return whether the errors within each pair are unusual, compared with pairs before the suspected frame."""
+    effects = np.array([pair.effect for pair in pairs])
+    before = np.array([pair.frame1 < suspected for pair in pairs])
+    usual = np.median(effects[before]) if before.any() else np.inf
+    return np.asarray(effects > OUTLIER_FACTOR * max(usual, MIN_BASELINE_ERROR_LOG))
+
+
+def _reductions(pairs: list[PairErrors], since: list[PairErrors], fit: Fit, exposures: ExposureTable) -> FloatArray:
+    """Return by how much the change since some frame reduces the error of each pair."""
+    found = best_explanations(since, fit)[0]
+    if found.sigmas >= MIN_HALF_SIGMAS:
+        return np.array([pair.gain(found.change) for pair in pairs])
+    # Errors within pairs do not show it: brightness follows the exposure differently, as with a missing gain.
+    slope = _median_slope(since, _log_ratios(since, exposures))
+    error = np.array([pair.error for pair in pairs])
+    explained = np.nan_to_num(slope * _log_ratios(pairs, exposures))
+    reduction = np.abs(error) - np.abs(error - explained)
+    return np.asarray(np.clip(reduction, -OUTLIER_ERROR_LOG, OUTLIER_ERROR_LOG))
