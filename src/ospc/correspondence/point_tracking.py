@@ -2,35 +2,25 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import cv2
 import numpy as np
 
 from ospc.arrays import BoolArray, Float32Array, FloatArray, Image
 
 
-class TrackedPoints(NamedTuple):
-    """Points in the other image.
-
-    ``places`` are their pixels (x, y), shape (n, 2), ``found`` is true if they were tracked there and back, and
-    ``return_px`` is the distance between the start and the point to which they were tracked back, shape (n,).
-    """
-
-    places: Float32Array
-    found: BoolArray
-    return_px: FloatArray
-
-
-def track_and_return(before: Image, after: Image, places: Float32Array, window_px: int, levels: int) -> TrackedPoints:
+def track_and_return(
+    before: Image, after: Image, places: Float32Array, window_px: int, levels: int
+) -> tuple[Float32Array, BoolArray, FloatArray]:
     """Track points, shape (n, 2), n > 0, from one 8-bit image to another and back.
 
-    ``levels`` is the number of levels of the image pyramid above the image itself.
+    Return their pixels (x, y) there, shape (n, 2), whether they were tracked there and back, and the distance in
+    pixels between the start and the point where they came back, shape (n,). ``levels`` is the number of levels of the
+    image pyramid above the image itself.
     """
     there, found = _flow(before, after, places, window_px, levels)
     back, found_back = _flow(after, before, there, window_px, levels)
     return_px = np.linalg.norm(back.astype(np.float64) - places, axis=1)
-    return TrackedPoints(there, found & found_back, np.asarray(return_px))
+    return there, found & found_back, np.asarray(return_px)
 
 
 def _flow(

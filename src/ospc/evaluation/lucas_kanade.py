@@ -36,9 +36,9 @@ def follow(before: Image, after: Image, places: FloatArray) -> Step:
     """Track points, shape (n, 2), from one 8-bit image to the next."""
     if len(places) == 0:
         return Step(places, np.zeros((len(LOSSES), 0), np.bool_))
-    tracked = track_and_return(before, after, places.astype(np.float32), WINDOW_PX, TRACKING_LEVELS)
-    there, gave_up = tracked.places.astype(np.float64), ~tracked.found
-    elsewhere = ~gave_up & (tracked.return_px > MAX_RETURN_PX)
+    tracked, found, return_px = track_and_return(before, after, places.astype(np.float32), WINDOW_PX, TRACKING_LEVELS)
+    there, gave_up = tracked.astype(np.float64), ~found
+    elsewhere = found & (return_px > MAX_RETURN_PX)
     first, second = windows(before, places), windows(after, there)
     mismatch = in_contrasts(np.abs(first - second).mean(axis=1), first, second)
     different = ~gave_up & ~elsewhere & (mismatch > MAX_MISMATCH)
