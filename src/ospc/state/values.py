@@ -141,7 +141,9 @@ def _packed_fields(value: Any, kind: Any, place: str, arrays: dict[str, Array]) 
 
 def _packed_sequence(values: list[Any], item: Any, place: str, arrays: dict[str, Array]) -> Any:
     if _is_array(item):
-        return _packed_arrays(values, place, arrays)
+        if values:
+            arrays[place] = np.concatenate(values) if len(values) > 1 else values[0]
+        return {"name": place, "lengths": [len(value) for value in values]}
     if not _is_column_wise(item):
         return [_packed(value, item, f"{place}.{number}", arrays) for number, value in enumerate(values)]
     columns = {
@@ -149,12 +151,6 @@ def _packed_sequence(values: list[Any], item: Any, place: str, arrays: dict[str,
         for name, part in _hints(item).items()
     }
     return {"columns": columns}
-
-
-def _packed_arrays(values: list[Array], place: str, arrays: dict[str, Array]) -> dict[str, Any]:
-    if values:
-        arrays[place] = np.concatenate(values) if len(values) > 1 else values[0]
-    return {"name": place, "lengths": [len(value) for value in values]}
 
 
 def _unpacked(content: Any, hint: Any, arrays: typing.Mapping[str, Array]) -> Any:
