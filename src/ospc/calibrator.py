@@ -183,7 +183,7 @@ class OnlineCalibrator(Engine):
         run, method = load_run(path, Run, lambda run: _settings_of(run.settings, str(path)).state_type())
         settings = _settings_of(run.settings, str(path))
         try:
-            check_run(run, settings)
+            check_run(run, method, settings)
             calibrator = cls(settings)
             calibrator._restore(run, method)
         except (FormatError, SettingError, LookupError, TypeError, ValueError, AttributeError) as error:

@@ -13,8 +13,7 @@ from ospc.correspondence.preprocessing import PreprocessedFrame
 from ospc.engine.frame_checks import check_is_frame, checked_frame, image_of_size
 from ospc.engine.prefetching import Prefetcher
 from ospc.engine.state import Epoch, Run
-from ospc.engine.state_rules import check_fields
-from ospc.errors import ExposureError, FormatError, FrameError, RecordingError
+from ospc.errors import ExposureError, FrameError, RecordingError
 from ospc.exposures.brightness import ComparedFrames
 from ospc.exposures.brightness_history import BrightnessHistory, Precomputed
 from ospc.exposures.lag_choice import LagChoice, lag_in_words
@@ -145,11 +144,8 @@ class Engine:
 
     def _restore(self, run: Run, method: object | None) -> None:
         """Continue from a loaded state; FormatError or ValueError if run and method are inconsistent."""
-        if (run.max_grey == 0) != (method is None):
-            raise FormatError("a run must have both a first frame and a method, or neither")
         with self._lock:
             if method is not None:
-                check_fields(method)
                 self._method = self.settings.build(run.size, run.max_grey)
                 self._method.restore(method, run.frames)
             self._run = run

@@ -173,8 +173,8 @@ def check_fields(value: Any, name: str = "") -> None:
                 check_fields(part, place)
 
 
-def check_run(run: Run, settings: Settings) -> None:
-    """Check that a run can continue with these settings; its method checks its own state.
+def check_run(run: Run, method: object | None, settings: Settings) -> None:
+    """Check that a run can continue with these settings; its method checks how the values of its own state agree.
 
     Raises
     ------
@@ -182,6 +182,9 @@ def check_run(run: Run, settings: Settings) -> None:
         If a value is out of range, or values are inconsistent.
     """
     check_fields(run)
+    require((run.max_grey == 0) == (method is None), "there must be both a first frame and a method, or neither")
+    if method is not None:
+        check_fields(method)
     table = run.exposures.table
     frames = len(table)
     require(frames == len(table._log_exposure), "the number of frames is not the number of exposures")
