@@ -101,7 +101,7 @@ BROKEN = {
     "time is absurd": (
         [exif(time=(2**32 - 1, 1))],
         ExposureError,
-        "IMG_0.JPG: its EXIF gives an impossible exposure",
+        "IMG_0.JPG: the exposure must be a positive number",
     ),
     "no EXIF": ([exif(), b""], ExposureError, "IMG_1.JPG: its EXIF has no exposure time"),
     "damaged EXIF": ([exif(), exif()[:40]], ExposureError, "IMG_1.JPG: its EXIF has no exposure time"),

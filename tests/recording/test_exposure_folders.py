@@ -60,7 +60,7 @@ def test_numbered_folders_with_lists_of_exposures_are_recordings_and_not_named_b
 
 
 BROKEN = {
-    "named by number in both": (["1.0/1.png", "2.0/1.png"], r"2\.0/1\.png: has the time stamp of 1\.0/1\.png"),
+    "named by number in both": (["1.0/1.png", "2.0/1.png"], r"1\.0/1\.png, 2\.0/1\.png: the same time stamp"),
     "named otherwise": (["1.0/1.png", "2.0/left.png"], r"2\.0/left\.png: is not named by its time stamp"),
     "no number": (["1.0/nan.png", "2.0/1.png"], r"1\.0/nan\.png: is not named by its time stamp"),
     "no exposures": (["left/1.png", "right/1.png"], "has images only in subfolders"),

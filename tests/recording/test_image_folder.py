@@ -262,7 +262,7 @@ def test_a_broken_list_is_one_error_with_a_remedy(opened: Open, case: str) -> No
 
 def test_the_kind_given_by_name_says_what_it_needs(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
-    with pytest.raises(RecordingError, match="is a folder with images and a list"):
+    with pytest.raises(RecordingError, match="give a folder"):
         open_recording(tmp_path / "file", "image_folder")
     with pytest.raises(RecordingError, match="has no images"):
         open_recording(tmp_path, "image_folder")

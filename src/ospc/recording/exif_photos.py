@@ -11,7 +11,6 @@ from pathlib import Path
 from ospc.errors import ExposureError, FrameError, RecordingError, listed, os_error_as
 from ospc.formats.files import beginning, read_bytes
 from ospc.formats.image_header import EXIF, exif_block
-from ospc.photometry.correction import EXPOSURE_RANGE_MS
 from ospc.recording.frame_table import FrameTable, make_table
 from ospc.recording.image_formats import Shot, format_of, shot_of_exif
 from ospc.recording.image_sequence import ImageSequence, open_sequence
@@ -38,8 +37,6 @@ class _ExifPhotos:
         return format_of(names[0]) is not None or EXIF in _head(path / names[0])
 
     def open(self, path: Path, options: ReadingOptions = DEFAULT) -> ImageSequence:
-        if not path.is_dir():
-            raise RecordingError(f"{path}: an {self.name} recording is a folder of photographs with EXIF")
         source = FolderImages.of(path)
         return open_sequence(path, self.name, source, lambda: _table(path, source.names), options=options)
 
@@ -57,13 +54,7 @@ def _photo(path: Path) -> tuple[float, Shot]:
             raise ExposureError(f"{error}, or remove the photograph") from None
     if shot.time_s is None:
         raise ExposureError(f"{path}: its EXIF has no exposure time; remove the photograph, or {_LIST_INSTEAD}")
-    exposure_ms = 1000 * shot.time_s * (shot.iso or 100) / 100 / (shot.f_number or 1) ** 2
-    if not EXPOSURE_RANGE_MS[0] <= exposure_ms <= EXPOSURE_RANGE_MS[1]:
-        raise ExposureError(
-            f"{path}: its EXIF gives an impossible exposure of {exposure_ms:g} ms; remove the photograph, or "
-            f"{_LIST_INSTEAD}"
-        )
-    return exposure_ms, shot
+    return 1000 * shot.time_s * (shot.iso or 100) / 100 / (shot.f_number or 1) ** 2, shot
 
 
 def _head(path: Path) -> bytes:

@@ -64,19 +64,14 @@ def _folders(path: Path) -> list[tuple[FolderImages, float]]:
 
 def _table(path: Path, exposures_ms: dict[str, float]) -> FrameTable:
     """Return the images of all folders in the order of their time stamps."""
-    named: dict[float, str] = {}
+    stamps: dict[str, float] = {}
     for name in exposures_ms:
         stem = PurePosixPath(name).stem
         if not is_number(stem) or not math.isfinite(float(stem)):
             raise RecordingError(f"{path / name}: is not named by its time stamp; rename or remove it")
-        other = named.setdefault(float(stem), name)
-        if other != name:
-            raise RecordingError(
-                f"{path / name}: has the time stamp of {other}; images must be named by their own time stamp"
-            )
-    stamps = sorted(named)
-    order = [named[stamp] for stamp in stamps]
-    stamps_s, notes = in_seconds(np.array(stamps), str(path))
+        stamps[name] = float(stem)
+    order = sorted(stamps, key=stamps.__getitem__)
+    stamps_s, notes = in_seconds(np.array([stamps[name] for name in order]), str(path))
     return make_table(str(path), order, stamps_s, [exposures_ms[name] for name in order], notes)
 
 

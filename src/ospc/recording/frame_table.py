@@ -51,7 +51,7 @@ def make_table(
 ) -> FrameTable:
     """Return a checked table of frames in temporal order.
 
-    ``lines`` are the line numbers of the frames, for messages; by default they count from 1.
+    ``lines`` are the line numbers of the frames, for messages; without them, messages name the images.
 
     Raises
     ------
@@ -60,12 +60,13 @@ def make_table(
     RecordingError
         If there are no frames, stamps do not increase, or an image is named twice.
     """
-    numbers = lines or range(1, len(np.atleast_1d(exposures_ms)) + 1)
-    if not numbers:
+    if not len(np.atleast_1d(exposures_ms)):
         raise RecordingError(f"{source}: has no frames; it needs one line per image")
 
     def where(frames: Sequence[int]) -> str:
-        return at_lines(source, [numbers[i] for i in frames])
+        if lines:
+            return at_lines(source, [lines[i] for i in frames])
+        return f"{source}, {listed([ids[i] for i in frames])}"
 
     first: dict[str, int] = {}
     for index, image in enumerate(ids):

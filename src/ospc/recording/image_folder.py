@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ospc.errors import RecordingError
 from ospc.recording.image_sequence import ImageSequence, open_sequence
 from ospc.recording.image_source import FolderImages
 from ospc.recording.list_search import read_list_of
@@ -18,8 +17,6 @@ class _ImageFolder:
         return path.is_dir() and bool(FolderImages.of(path).names)
 
     def open(self, path: Path, options: ReadingOptions = DEFAULT) -> ImageSequence:
-        if not path.is_dir():
-            raise RecordingError(f"{path}: a {self.name} recording is a folder with images and a list of exposures")
         images = FolderImages.of(path)
         return open_sequence(path, self.name, images, lambda: read_list_of(images, path, options), options=options)
 

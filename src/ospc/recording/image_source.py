@@ -144,7 +144,7 @@ class FolderImages(ImageSource):
     @classmethod
     def of(cls, folder: Path) -> FolderImages:
         """List a folder; RecordingError if that fails."""
-        with os_error_as(RecordingError, f"{folder}: cannot be listed", "check its permissions"):
+        with os_error_as(RecordingError, f"{folder}: cannot be listed", "give a folder, and check its permissions"):
             # is_file() excludes pipes and devices, which could block forever.
             names = [p.name for p in folder.iterdir() if is_image_name(p.name) and p.is_file()]
         names.sort(key=by_name)

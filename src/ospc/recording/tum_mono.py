@@ -10,7 +10,7 @@ from pathlib import Path
 from ospc.errors import RecordingError
 from ospc.recording.image_sequence import ImageSequence, open_sequence
 from ospc.recording.image_source import FolderImages, ImageSource, ZipImages
-from ospc.recording.list_search import IMAGES, TIMES, read_list_of
+from ospc.recording.list_search import IMAGES, read_list_of
 from ospc.recording.options import DEFAULT, ReadingOptions
 
 _ARCHIVE = f"{IMAGES}.zip"
@@ -23,8 +23,6 @@ class _TumMono:
         return (path / IMAGES).is_dir() or (path / _ARCHIVE).is_file()
 
     def open(self, path: Path, options: ReadingOptions = DEFAULT) -> ImageSequence:
-        if not path.is_dir():
-            raise RecordingError(f"{path}: a {self.name} recording is a folder with {IMAGES}/ and {TIMES}")
         source, notes = _images(path)
         return open_sequence(
             path, self.name, source, lambda: read_list_of(source, path, options), notes, options=options

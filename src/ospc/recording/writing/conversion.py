@@ -22,9 +22,6 @@ from ospc.recording.stream import usable_frames
 from ospc.recording.writing.images import ImageFormat, NumberedImages, encode, encoding_notes, original_file
 from ospc.system.folders import Content, check_usable, writing
 
-_MOST_BYTES = 65536
-"""Maximum size of a camera.txt; typical ones have a few hundred bytes."""
-
 
 def camera_text(recording: Recording) -> tuple[str | None, list[str]]:
     """Return the ``camera.txt`` of a recording, or None if there is none for images of this size, and notes."""
@@ -33,7 +30,7 @@ def camera_text(recording: Recording) -> tuple[str | None, list[str]]:
     notes: list[str] = []
     for source in filter(Path.is_file, sources):
         try:
-            text = read_text(source, _MOST_BYTES)
+            text = read_text(source)
         except FormatError as error:
             notes.append(f"no camera.txt from {error}")
             continue
