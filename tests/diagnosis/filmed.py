@@ -12,9 +12,10 @@ import numpy as np
 
 from ospc.arrays import Image
 from ospc.exposures.brightness_history import BrightnessHistory
+from ospc.exposures.evidence import evidence_of_images
 from ospc.exposures.findings import ExposureFindings
 from ospc.exposures.lag_choice import LagChoice
-from ospc.exposures.verdicts import assess_exposures, findings_from
+from ospc.exposures.verdicts import findings_from
 from ospc.photometry.coverage import ExposureRatios
 from ospc.photometry.verdict import EffectEstimate
 from ospc.recording import ArrayRecording
@@ -135,7 +136,9 @@ def observed(film: Film) -> tuple[BrightnessHistory, np.ndarray]:
 def found(film: Film, choice: LagChoice = "auto", stated_log_exposure: np.ndarray | None = None) -> ExposureFindings:
     """Assess the exposures of a film without the rest of a run."""
     history, stated = observed(film)
-    return assess_exposures(history.changes, stated if stated_log_exposure is None else stated_log_exposure, choice)
+    return findings_from(
+        evidence_of_images(history.changes, stated if stated_log_exposure is None else stated_log_exposure, choice)
+    )
 
 
 def fitted(

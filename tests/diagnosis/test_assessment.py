@@ -11,9 +11,10 @@ from filmed import Film, observed, wandering
 from ospc import Frame, OnlineCalibrator
 from ospc.correspondence.thumbnail import Thumbnail
 from ospc.exposures import brightness_history, monitor
+from ospc.exposures.evidence import evidence_of_images
 from ospc.exposures.lag_choice import LagChoice
 from ospc.exposures.monitor import ExposureMonitor
-from ospc.exposures.verdicts import assess_exposures, findings_from
+from ospc.exposures.verdicts import findings_from
 from ospc.settings.exposures import FIRST_ASSESSMENT_CHANGES
 from workers import preprocessor
 
@@ -45,7 +46,7 @@ def test_a_long_run_goes_on_being_judged(monkeypatch: pytest.MonkeyPatch) -> Non
     monkeypatch.setattr(brightness_history, "MAX_BRIGHTNESS_CHANGES", 50)
     judged = []
     monkeypatch.setattr(ExposureMonitor, "findings", lambda self: judged.append(len(self.table)) or found)
-    found = assess_exposures((), np.zeros(3))
+    found = findings_from(evidence_of_images((), np.zeros(3)))
     after(140)
     assert judged == [40, 59, 88, 131]
 
@@ -53,8 +54,8 @@ def test_a_long_run_goes_on_being_judged(monkeypatch: pytest.MonkeyPatch) -> Non
 def test_a_change_is_measured_against_the_latest_certain_lag(monkeypatch: pytest.MonkeyPatch) -> None:
     """The change itself makes the lag over all frames uncertain."""
     film = Film(wandering(100, 5))
-    certain = assess_exposures(observed(film)[0].changes, film.log_exposure)
-    uncertain = assess_exposures((), np.zeros(3))
+    certain = findings_from(evidence_of_images(observed(film)[0].changes, film.log_exposure))
+    uncertain = findings_from(evidence_of_images((), np.zeros(3)))
     found, known_lags = iter([certain, uncertain]), []
     monkeypatch.setattr(ExposureMonitor, "findings", lambda _: next(found))
     monkeypatch.setattr(monitor, "detect_lag_change", lambda _changes, _exposures, known: known_lags.append(known))
@@ -84,7 +85,7 @@ def test_a_stated_lag_that_leaves_nothing_yet_does_not_end_the_run() -> None:
 )
 def test_exposures_never_explain_less_than_none_of_the_changes(unexplained: float, said: str) -> None:
     film = Film(wandering(100))
-    found = assess_exposures(observed(film)[0].changes, film.log_exposure)
+    found = findings_from(evidence_of_images(observed(film)[0].changes, film.log_exposure))
     assert found.brightness is not None
     brightness = replace(found.brightness, unexplained_share=unexplained, fits_badly=True)
     lag = replace(found.lag, candidates=(0,), state="determined")

@@ -14,10 +14,11 @@ from ospc.calibrator import OnlineCalibrator, calibrate, drive
 from ospc.evaluation.metrics import log_ratio_error
 from ospc.exposures import evidence
 from ospc.exposures.brightness_series import BrightnessSeries
+from ospc.exposures.evidence import evidence_of_images
 from ospc.exposures.lag_choice import LagChoice
 from ospc.exposures.lag_selection import LagEstimate
 from ospc.exposures.used import corrected_as_source, used_exposures, with_earlier_exposures
-from ospc.exposures.verdicts import assess_exposures, findings_from
+from ospc.exposures.verdicts import findings_from
 from ospc.methods.maximum_likelihood import MaximumLikelihoodMethod
 from ospc.photometry.calibration import Calibration
 from ospc.photometry.coverage import ExposureRatios
@@ -150,7 +151,7 @@ def test_a_lag_that_only_the_fit_shows_is_corrected(monkeypatch) -> None:
 
 @pytest.mark.parametrize(("frames", "sigma", "state"), [(0.02, 0.01, "identifiable"), (0.02, 0.2, "marginal")])
 def test_a_fit_settles_the_lag_if_no_consecutive_frames_overlap(frames: float, sigma: float, state: str) -> None:
-    unsettled = assess_exposures([], wandering(FRAMES))
+    unsettled = findings_from(evidence_of_images([], wandering(FRAMES)))
     assert (unsettled.lag.state, unsettled.verdict.state) == ("too few pairs", "marginal")
     judged = fitted(unsettled, EffectEstimate(LATE_EXPOSURES, frames, sigma))
     assert judged.verdict.state == state
@@ -430,7 +431,7 @@ def test_a_stated_lag_settles_an_uncertain_one() -> None:
 
 
 def test_a_stated_lag_that_nothing_could_be_compared_with_is_not_said_to_be_confirmed() -> None:
-    told = assess_exposures([], wandering(3), 0)
+    told = findings_from(evidence_of_images([], wandering(3), 0))
     assert told.verdict.reason.endswith("as stated; the images are too few or too different to check it")
 
 

@@ -11,7 +11,8 @@ from filmed import LARGE, Film, fitted, found, observed, wandering
 
 from ospc.calibrator import calibrate
 from ospc.evaluation.metrics import log_ratio_error
-from ospc.exposures.verdicts import assess_exposures
+from ospc.exposures.evidence import evidence_of_images
+from ospc.exposures.verdicts import findings_from
 from ospc.photometry.coverage import ExposureRatios
 from ospc.photometry.response import Response
 from ospc.recording import ArrayRecording
@@ -65,7 +66,7 @@ def test_another_unit_from_some_frame_on_is_a_jump_and_no_lag(factor: float, lag
     film = replace(GOOD, lag=lag)
     history, log_exposure = observed(film)
     other_unit = log_exposure + np.where(np.arange(FRAMES) < 40, 0.0, np.log(factor))
-    told = assess_exposures([c for c in history.changes if c.frame0 not in missing], other_unit)
+    told = findings_from(evidence_of_images([c for c in history.changes if c.frame0 not in missing], other_unit))
     assert (told.lag.frames, told.corrected_frames) == (lag, lag)
     assert told.verdict.state == "marginal"
     assert re.search(r"jumps by a factor of [\d.]+ at frame (39|40|41|42)", told.verdict.reason)
@@ -76,7 +77,7 @@ def test_another_unit_from_some_frame_on_is_a_jump_and_no_lag(factor: float, lag
 def test_a_real_step_of_the_exposure_is_none(lag: int, missing: range) -> None:
     film = Film(0.3 * wandering(FRAMES) + np.where(np.arange(FRAMES) < 40, -0.9, 0.9), lag=lag)
     history, log_exposure = observed(film)
-    told = assess_exposures([c for c in history.changes if c.frame0 not in missing], log_exposure)
+    told = findings_from(evidence_of_images([c for c in history.changes if c.frame0 not in missing], log_exposure))
     assert told.corrected_frames == lag
     assert told.verdict.state == "identifiable"
 
@@ -88,7 +89,9 @@ def test_a_step_that_no_consecutive_frames_show_is_real_if_the_shortest_pair_acr
 ) -> None:
     history, log_exposure = observed(replace(GOOD, lag=lag))
     step = np.where(np.arange(FRAMES) < 40, 0.0, np.log(20))
-    told = assess_exposures([c for c in history.changes if c.frame0 not in range(39, 42)], log_exposure + step)
+    told = findings_from(
+        evidence_of_images([c for c in history.changes if c.frame0 not in range(39, 42)], log_exposure + step)
+    )
     assert "at frame 40" in told.verdict.reason
     # Beside the place, within the lag, exposures agree anyway; the long pair is wrong, and another one is imprecise.
     frames = np.array([[30, 33], [35, 45], [20, 55], [38, 43], [38 - lag, 39 - lag], [50, 52]])
@@ -121,7 +124,7 @@ def test_those_of_frames_that_were_not_compared_are_left() -> None:
     without = [change for change in history.changes if change.frame0 != 30]
     wrong = log_exposure.copy()
     wrong[[30, 50]] += np.log(10)
-    assert assess_exposures(without, wrong).evidence.wrong == (50,)
+    assert findings_from(evidence_of_images(without, wrong)).evidence.wrong == (50,)
 
 
 def test_the_calibration_is_that_of_the_right_exposures() -> None:

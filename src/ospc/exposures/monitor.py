@@ -7,11 +7,12 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ospc.exposures.brightness_history import BrightnessHistory
+from ospc.exposures.evidence import evidence_of_images
 from ospc.exposures.findings import ExposureFindings
 from ospc.exposures.lag_change import LagChange, detect_lag_change
 from ospc.exposures.lag_choice import LagChoice, checked_lag_choice, leaves_frames
 from ospc.exposures.table import ExposureTable
-from ospc.exposures.verdicts import assess_exposures
+from ospc.exposures.verdicts import findings_from
 from ospc.settings.exposures import (
     ASSESSMENT_GROWTH,
     EXPOSURE_CHANGE_FRAMES,
@@ -86,8 +87,8 @@ class ExposureMonitor:
             changes, written = self.history.before(frame), self.table.written[:frame]
             # The matrices are small: more BLAS threads would only wait for each other.
             with one_blas_thread():
-                found = assess_exposures(changes, written, self.choice, first_frame=self._first_frame)
-            self._findings = (key, found)
+                seen = evidence_of_images(changes, written, self.choice, first_frame=self._first_frame)
+                self._findings = (key, findings_from(seen))
         return self._findings[1]
 
     def detect_lag_change(self, *, camera_changed: bool) -> LagChange | None:

@@ -62,12 +62,6 @@ def with_earlier_exposures(
     return found
 
 
-def _corrected_lag(calibration: Calibration) -> int:
-    """Return the number of frames by which the exposures were recorded late and that was corrected; 0 for none."""
-    lag = calibration.source.get(_LAG, 0)
-    return lag if isinstance(lag, int) else 0
-
-
 def _wrong(calibration: Calibration, count: int) -> list[int]:
     """Return the frames whose exposures were ignored, of a recording with ``count`` frames."""
     stated = calibration.source.get(_WRONG, ())
@@ -115,7 +109,8 @@ def _lags_until(calibration: Calibration, count: int) -> list[tuple[int, int]]:
         match entry:
             case [int(until), int(lag)] if (found[-1][0] if found else 0) < until < count:
                 found.append((until, lag))
-    return [*found, (count, _corrected_lag(calibration))]
+    lag = calibration.source.get(_LAG, 0)
+    return [*found, (count, lag if isinstance(lag, int) else 0)]
 
 
 def without_gaps(exposures_ms: FloatArray) -> FloatArray:

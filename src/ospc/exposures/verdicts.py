@@ -8,18 +8,16 @@ from typing import Literal
 
 import numpy as np
 
-from ospc.arrays import FloatArray
 from ospc.errors import counted
-from ospc.exposures.brightness import BrightnessChange
 from ospc.exposures.brightness_report import (
     BrightnessReport,
     largest_error_of_points,
     largest_jump_of_pairs,
     unrefuted,
 )
-from ospc.exposures.evidence import ExposureEvidence, evidence_of_images
+from ospc.exposures.evidence import ExposureEvidence
 from ospc.exposures.findings import ExposureFindings
-from ospc.exposures.lag_choice import LagChoice, lag_in_words
+from ospc.exposures.lag_choice import lag_in_words
 from ospc.exposures.lag_selection import UNRESPONSIVE, LagEstimate
 from ospc.photometry.verdict import Verdict
 from ospc.settings.brightness import CONTRADICTING_JUMP_LOG, DRIFT_FRAMES, EXPLAINED_POINTS
@@ -57,13 +55,6 @@ _PROGRESSIVE = "record progressive video, or use one field of each frame as a re
 
 _Standing = Literal["settled", "settled by fit", "open", "contradicted"]
 """Whether the exposures belong to the frames with which they are used."""
-
-
-def assess_exposures(
-    changes: Sequence[BrightnessChange], log_exposure: FloatArray, choice: LagChoice = "auto", *, first_frame: int = 0
-) -> ExposureFindings:
-    """Return the findings from the images alone; see :func:`~ospc.exposures.evidence.evidence_of_images`."""
-    return findings_from(evidence_of_images(changes, log_exposure, choice, first_frame=first_frame))
 
 
 def findings_from(evidence: ExposureEvidence) -> ExposureFindings:

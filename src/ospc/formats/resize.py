@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 
 from ospc.arrays import Image, ImageSize
-from ospc.errors import FormatError, SettingError
+from ospc.errors import SettingError
 from ospc.photometry.calibration import PROFILE_RADII, Calibration
 from ospc.photometry.geometry import half_diagonal, image_size, pixel_grid, same_aspect
 from ospc.photometry.vignette import RasterVignette, Vignette, VignetteModel
@@ -36,7 +36,7 @@ def resize_calibration(calibration: Calibration, size: ImageSize) -> Calibration
     SettingError
         If the aspect ratio differs by more than 1 %, because the images are also cropped.
     """
-    _check_size(size)
+    image_size(*size, SettingError)
     whole = calibration.size
     if not same_aspect(size, whole):
         raise SettingError(
@@ -70,7 +70,7 @@ def crop_calibration(calibration: Calibration, offset: tuple[int, int], size: Im
     SettingError
         If the part is not inside the image.
     """
-    _check_size(size)
+    image_size(*size, SettingError)
     whole = calibration.size
     if not all(o >= 0 and o + s <= w for o, s, w in zip(offset, size, whole, strict=True)):
         raise SettingError(
@@ -109,10 +109,3 @@ def _changed(
         covariance={name: part for name, part in calibration.covariance.items() if name == "response"},
         source={**calibration.source, **change},
     )
-
-
-def _check_size(size: ImageSize) -> None:
-    try:
-        image_size(*size)
-    except FormatError as error:
-        raise SettingError(str(error)) from None

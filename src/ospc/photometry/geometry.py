@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ospc.arrays import Float32Array, FloatArray, ImageSize, IntArray
-from ospc.errors import FormatError
+from ospc.errors import FormatError, OspcError
 
 _BAND_PIXELS = 2**15
 """Pixels evaluated at a time: few enough to stay in the cache and need little memory."""
@@ -21,16 +21,10 @@ _ASPECT_TOLERANCE = 0.01
 """Largest difference between logarithms of aspect ratios for the same field of view; it allows for rounding."""
 
 
-def image_size(width: float, height: float) -> ImageSize:
-    """Return a size read from a file after checking it, in whole pixels.
-
-    Raises
-    ------
-    FormatError
-        If an image cannot have this size.
-    """
+def image_size(width: float, height: float, kind: type[OspcError] = FormatError) -> ImageSize:
+    """Return a size after checking it, in whole pixels; an error of this kind if an image cannot have this size."""
     if not (min(width, height) >= 2 and width * height <= MOST_PIXELS):
-        raise FormatError(
+        raise kind(
             f"{width:g}x{height:g} is not an image size; sides have at least 2 pixels, images at most {MOST_PIXELS}"
         )
     return int(width), int(height)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -162,9 +162,7 @@ def exposure_topic(bag: Bag, images: Topic, options: ReadingOptions) -> Topic:
     """
     if options.exposure_topic is not None:
         return _named(bag, options.exposure_topic)
-    cameras = image_topics(bag)
-    carriers = (t for t in candidates(bag.topics) if t.messages != 0)
-    found = [t for t in carriers if own_exposure_topic(bag, t.name, images, cameras) == t.name]
+    found = _closest(bag, candidates(bag.topics), images)
     if not found:
         check_text(bag.exposure_list, bag.path)
         raise ExposureError(
@@ -172,22 +170,25 @@ def exposure_topic(bag: Bag, images: Topic, options: ReadingOptions) -> Topic:
             f"--exposure-topic and --exposure-field, or give a list, {bag.exposure_list}, with a header "
             f"'timestamp_ns,exposure_ms'; topics are {_names(bag.topics)}"
         )
-    shared = [_shared(t.name, images.name) for t in found]
-    best = [t for t, count in zip(found, shared, strict=True) if count == max(shared)]
-    if len(best) > 1:
+    if len(found) > 1:
         raise ExposureError(
             f"{bag.path}: several topics may have the exposures of {images.name} "
-            f"({listed([t.name for t in best])}); name one with --exposure-topic"
+            f"({listed([t.name for t in found])}); name one with --exposure-topic"
         )
-    return best[0]
+    return found[0]
 
 
 def gain_topics(bag: Bag, images: Topic) -> list[Topic]:
-    """Return the topics with gains of images on another topic: of those for this camera, the ones closest in name."""
+    """Return the topics with gains of images on another topic."""
+    return _closest(bag, gains_in(bag.topics), images)
+
+
+def _closest(bag: Bag, topics: Iterable[Topic], images: Topic) -> list[Topic]:
+    """Return the topics with messages for the camera of some images whose names are closest to that of the images."""
     cameras = image_topics(bag)
-    found = [t for t in gains_in(bag.topics) if own_exposure_topic(bag, t.name, images, cameras) == t.name]
-    most = max((_shared(t.name, images.name) for t in found), default=0)
-    return [t for t in found if t.messages != 0 and _shared(t.name, images.name) == most]
+    own = [t for t in topics if t.messages != 0 and own_exposure_topic(bag, t.name, images, cameras) == t.name]
+    most = max((_shared(t.name, images.name) for t in own), default=0)
+    return [t for t in own if _shared(t.name, images.name) == most]
 
 
 def own_exposure_topic(bag: Bag, stated: str, images: Topic, cameras: Sequence[Topic]) -> str | None:
