@@ -10,9 +10,6 @@ import numpy.typing as npt
 
 from ospc.arrays import Image
 
-_ROWS_AT_ONCE = 16
-"""Rows looked up at a time: the 64-bit indices of 16 rows stay in the processor cache."""
-
 
 def look_up(pixels: Image, tables: npt.NDArray[np.generic]) -> npt.NDArray[np.generic]:
     """Return the table entry of every pixel; ``tables`` has shape (greys of the type, channels or 1)."""
@@ -31,12 +28,8 @@ def _opencv_reads_16_bit_tables() -> bool:
 
 
 def _look_up_16_bit(pixels: Image, tables: npt.NDArray[np.generic]) -> npt.NDArray[np.generic]:
-    found = np.empty(pixels.shape, tables.dtype)
-    for channel in np.ndindex(pixels.shape[2:]):
-        column = np.ascontiguousarray(tables[0, :, channel[0] if channel and tables.shape[2] > 1 else 0])
-        source, target = pixels[(..., *channel)], found[(..., *channel)]
-        # NumPy converts the indices to 64 bits; those of a few rows stay in the cache.
-        for row in range(0, pixels.shape[0], _ROWS_AT_ONCE):
-            part = slice(row, row + _ROWS_AT_ONCE)
-            target[part] = np.take(column, source[part], mode="clip")
-    return found
+    columns = np.ascontiguousarray(tables[0].T)
+    if len(columns) == 1:
+        return np.asarray(columns[0].take(pixels, mode="clip"))
+    found = [column.take(pixels[..., channel], mode="clip") for channel, column in enumerate(columns)]
+    return np.stack(found, axis=-1)
