@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 from typing import Any
 
@@ -84,6 +85,13 @@ def test_encodings(case: str, write: Any, tmp_path: Path) -> None:
     stored, how, expected = ENCODINGS[case]
     recording = open_recording(write(tmp_path / "made", images([stored], **how) + floats([2.0])))
     np.testing.assert_array_equal(next(iter(recording)).image, expected)
+
+
+@pytest.mark.parametrize("write", [write_bag1, write_bag2, write_mcap2])
+def test_a_path_may_have_any_characters(write: Any, tmp_path: Path) -> None:
+    made = write(tmp_path / "made", images(FRAMES) + floats(MS))
+    place = tmp_path / os.fsdecode(b"50% #1? \xff")
+    assert len(open_recording(made.rename(place))) == len(FRAMES)
 
 
 @pytest.mark.parametrize("channel", [Channel.RED, Channel.GREEN, Channel.BLUE])

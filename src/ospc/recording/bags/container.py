@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import bz2
+import os
 import sys
 from abc import ABC, abstractmethod
 from collections import defaultdict
@@ -12,6 +13,7 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple
+from urllib.parse import quote
 
 from ospc.errors import OspcError, RecordingError, message_of, needs_extra, os_error_as, quoted
 
@@ -234,10 +236,7 @@ class Sqlite3File(RosbagsFile):
     def _open(self, names: Collection[str]) -> Iterator[Any]:
         with needs_extra("reading bags", "ros"):
             from rosbags.rosbag2.storage_sqlite3 import Sqlite3Reader
-        # The package puts the path into a URI without quoting it.
-        if any(c in str(self.path) for c in "?#%"):
-            raise RecordingError(f"{self.path}: its path must not contain '?', '#' or '%'; rename it")
-        reader: Any = Sqlite3Reader(self.path)
+        reader: Any = Sqlite3Reader(Path(quote(os.fsencode(self.path))))  # the package puts the path into a URI
         reader.open()
         try:
             # SQLite fills up the last page of a truncated file, and only notices that others are missing.
