@@ -127,7 +127,7 @@ def test_invalid_combinations_are_refused(files, tmp_path):
         ((tmp_path, vignette), FormatError, "must have only a response"),
         ((pcalib, vignette, "--size", "32x24"), SettingError, "64x48"),
         ((pcalib, "--size", "999999x999999"), FormatError, "at most"),
-        ((tmp_path / "no.txt",), FormatError, "no such file"),
+        ((tmp_path / "no.txt",), FormatError, "No such file"),
     ]
     for arguments, error, words in cases:
         result = run("import", *arguments, "-o", out)

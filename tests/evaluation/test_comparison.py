@@ -107,7 +107,7 @@ def test_empty_sources_are_refused(folder, tmp_path):
     (tmp_path / "empty").mkdir()
     for source, reason in (
         (tmp_path / "empty", "has no"),
-        (tmp_path / "nowhere.txt", "no such file"),
+        (tmp_path / "nowhere.txt", "No such file"),
         (f"{folder / 'pcalib.txt'},{folder / 'pcalib.txt'}", "must have only a response"),
     ):
         with pytest.raises(FormatError, match=reason):

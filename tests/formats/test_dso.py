@@ -125,7 +125,7 @@ def test_tables_that_dso_refuses_or_misreads_are_refused(tmp_path, text, complai
 
 
 def test_missing_file_is_one_clear_error(tmp_path):
-    with pytest.raises(FormatError, match="no such file"):
+    with pytest.raises(FormatError, match="No such file"):
         read_pcalib(tmp_path / "nowhere.txt")
     with pytest.raises(FormatError, match="cannot be written"):
         write_pcalib(Response.gamma(1.0), tmp_path / "no" / "pcalib.txt")

@@ -226,7 +226,7 @@ UNREADABLE = {
         "but the first frame has 24×16; use only frames of one size",
     ),
     "another depth": (encoded(grey(1, dtype=np.uint16)), "does not have 8 bits"),
-    "floats": (encoded(np.zeros((16, 24), np.float32), ".tif"), "32 bits per channel; .* --output grey16"),
+    "floats": (encoded(np.zeros((16, 24), np.float32), ".tif"), "has float32 values; .* --output grey16"),
 }
 
 

@@ -40,17 +40,13 @@ def by_name(name: str) -> tuple[tuple[object, ...], str]:
 def read_bytes(path: str | Path, limit: int = LARGEST_TEXT, error: type[OspcError] = FormatError) -> bytes:
     """Return the content of a file; raise ``error`` if it does not exist, cannot be read, or exceeds the limit."""
     place = escaped(str(path))
-    try:
-        with Path(path).open("rb") as stream:
-            # read(limit) would allocate that much memory.
-            content = stream.read(min(os.fstat(stream.fileno()).st_size, limit) + 1)
-            # A pipe states a size of 0.
-            while len(content) <= limit and (more := stream.read(min(_PIECE_BYTES, limit + 1 - len(content)))):
-                content += more
-    except FileNotFoundError:
-        raise error(f"{place}: cannot be read because there is no such file; check the path") from None
-    except OSError as problem:
-        raise error(f"{place}: cannot be read ({problem.strerror}); check the file and its permissions") from None
+    unread = os_error_as(error, f"{place}: cannot be read", "check the path and its permissions")
+    with unread, Path(path).open("rb") as stream:
+        # read(limit) would allocate that much memory.
+        content = stream.read(min(os.fstat(stream.fileno()).st_size, limit) + 1)
+        # A pipe states a size of 0.
+        while len(content) <= limit and (more := stream.read(min(_PIECE_BYTES, limit + 1 - len(content)))):
+            content += more
     if len(content) > limit:
         raise error(f"{place}: larger than the {limit} bytes allowed; check the file")
     return content

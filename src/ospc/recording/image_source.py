@@ -51,11 +51,6 @@ def decode_stored(data: bytes, name: str, channel: Channel | None = None) -> Sto
         return optional.decode(data, name, channel)
     header = read_header(data, name)
     check_decoded_size((header.width, header.height), header.channels, header.bits, name)
-    if header.bits > 16:
-        raise FrameError(
-            f"{name}: has {header.bits} bits per channel; convert it to PNG with 8 or 16 bits, the output of "
-            "'ospc correct --output grey16'"
-        )
     damaged = FrameError(f"{name}: the image is damaged and cannot be decoded; copy or download it again")
     if not _can_hold(data, header):
         raise damaged
@@ -73,7 +68,10 @@ def decode_stored(data: bytes, name: str, channel: Channel | None = None) -> Sto
     if image is None:
         raise damaged
     if image.dtype not in (np.uint8, np.uint16):
-        raise FrameError(f"{name}: has {image.dtype} values; convert it to PNG with 8 or 16 bits")
+        raise FrameError(
+            f"{name}: has {image.dtype} values; convert it to PNG with 8 or 16 bits, the output of 'ospc correct "
+            "--output grey16'"
+        )
     return StoredImage(image, wanted if colour else None)
 
 

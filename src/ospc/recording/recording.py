@@ -219,10 +219,7 @@ class ArrayRecording(StoredRecording):
     ) -> None:
         if len(images) == 0:
             raise RecordingError(f"{name}: has no images; give at least one")
-        try:
-            first = check_image(images[0], f"{name}[0]")
-        except FrameError as error:
-            raise RecordingError(str(error)) from None
+        first = check_image(images[0], f"{name}[0]")
         notes: tuple[str, ...] = ()
         if max_grey is None:
             # Arrays are used unchanged, so unused low bits of left-aligned data remain.

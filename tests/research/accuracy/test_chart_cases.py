@@ -105,7 +105,7 @@ def test_missing_and_differing_photographs_are_errors(tmp_path):
     with pytest.raises(FormatError, match="differ in size"):
         read_series(folder, 1)
     place.unlink()
-    with pytest.raises(FormatError, match="there is no such file"):
+    with pytest.raises(FormatError, match="No such file"):
         read_series(folder, 1)
 
 
