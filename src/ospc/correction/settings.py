@@ -8,8 +8,8 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from ospc.arrays import FloatArray
-from ospc.errors import ExposureError, SettingError
-from ospc.photometry.correction import EXPOSURE_RANGE_MS
+from ospc.errors import SettingError
+from ospc.photometry.correction import checked_exposure
 
 Output: TypeAlias = Literal["irradiance", "grey8", "grey16"]
 """32-bit float TIFF, or PNG with 8 or 16 bits; all are linear in the irradiance."""
@@ -63,9 +63,8 @@ class CorrectionSettings:
             raise SettingError(f"white is {self.white}; give a positive number, the irradiance that becomes white")
         if self.white != 1 and self.output in (None, "irradiance") and not self.keep_response:
             raise SettingError("irradiance output has no white; leave out --white, or choose grey8 or grey16")
-        low, high = EXPOSURE_RANGE_MS
-        if self.reference_ms is not None and not low <= self.reference_ms <= high:
-            raise ExposureError(f"the reference exposure {self.reference_ms} ms is not a positive number below 1e9")
+        if self.reference_ms is not None:
+            checked_exposure(self.reference_ms, "the reference exposure", "give another one, or none")
 
     def for_images(self, max_grey: int, exposures_ms: FloatArray) -> CorrectionSettings:
         """Return the settings with defaults for ``output`` and, if exposures are normalised, ``reference_ms``."""

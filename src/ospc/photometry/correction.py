@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ospc.arrays import BoolArray, Float32Array, FloatArray, Image, ImageSize, IntArray, number_of
-from ospc.errors import ExposureError, FrameError, NotObservableError, SettingError, counted
+from ospc.errors import ExposureError, FrameError, NotObservableError, SettingError, counted, plain
 from ospc.photometry.geometry import same_aspect
 from ospc.photometry.grey_range import checked_max_grey
 from ospc.photometry.look_up import look_up
@@ -123,7 +123,7 @@ class Corrector:
         self._require("response", "vignette")
         kind, scale = _checked_type(dtype, _OUTPUT_TYPES), 1.0
         if exposure_ms is not None:
-            scale = 1.0 / _checked_exposure(exposure_ms)
+            scale = 1.0 / checked_exposure(exposure_ms)
         inverse = self._inverse_vignette(pixels)
         if kind == np.float32:
             bound = np.nan if mark_saturated else scale
@@ -155,7 +155,7 @@ class Corrector:
         kind = _checked_type(dtype, _OUTPUT_TYPES[1:])
         pixels = self._checked(image)
         self._require("response", "vignette")
-        scale = (1.0 if exposure_ms is None else 1.0 / _checked_exposure(exposure_ms)) / _checked_white(white)
+        scale = (1.0 if exposure_ms is None else 1.0 / checked_exposure(exposure_ms)) / _checked_white(white)
         # In 16 bits, the square root of the irradiance still resolves the darkest grey levels of a gamma curve.
         saturated = _BEYOND if mark_saturated else scale
         table = 65535 * np.sqrt(self._filled(self._inverse_columns * scale, saturated, pixels))
@@ -190,7 +190,7 @@ class Corrector:
         """
         pixels = self._checked(image)
         self._require("response")
-        ratio = _checked_exposure(to_ms) / _checked_exposure(from_ms)
+        ratio = checked_exposure(to_ms) / checked_exposure(from_ms)
         levels = np.linspace(0.0, 1.0, self.max_grey + 1)
         columns = [np.interp(inverse * ratio, inverse, levels) for inverse in self._inverse_columns.T]
         warped = np.rint(np.stack(columns, axis=-1) * self.max_grey)
@@ -302,12 +302,11 @@ def _checked_type(dtype: npt.DTypeLike, allowed: Sequence[np.dtype[Any]]) -> np.
     raise SettingError(f"dtype is {dtype!r}; choose {' or '.join(map(str, allowed))}")
 
 
-def _checked_exposure(exposure_ms: float) -> float:
+def checked_exposure(exposure_ms: float, what: str = "exposure", remedy: str = "give that of the image") -> float:
+    """Return an exposure as float; ExposureError if it is outside the :data:`EXPOSURE_RANGE_MS`."""
     number, (low, high) = number_of(exposure_ms), EXPOSURE_RANGE_MS
     if number is None or not low <= number <= high:
-        raise ExposureError(
-            f"exposure {exposure_ms} ms is not a positive number of milliseconds; give the exposure of the image"
-        )
+        raise ExposureError(f"{what} {exposure_ms} ms is not a positive number below {plain(high)}; {remedy}")
     return number
 
 

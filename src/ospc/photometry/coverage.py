@@ -60,9 +60,6 @@ _FEW_OBSERVATIONS = 30
 """A class of grey levels or radii with fewer observations counts as not covered: 1 % of a typical class."""
 _RESIDUALS = ("residual_by_grey", "residual_by_radius", "residual_by_place")
 
-_MAX_CLASSES = 128
-"""Maximum number of classes along an axis of a table, which limits the memory that a damaged file can require."""
-
 
 @dataclass(frozen=True, eq=False)
 class Coverage(ByValue):
@@ -129,18 +126,14 @@ class Coverage(ByValue):
         by_grey, by_radius, by_place = (
             None if content[name] is None else np.array(content[name], dtype=np.float64) for name in _RESIDUALS
         )
-        if grey_exposure.ndim != 2 or radius_radius.ndim != 2 or edges.shape != (len(grey_exposure) + 1,):
+        exposures, greys, radii = len(edges) - 1, grey_exposure.shape[-1], len(radius_radius)
+        by_quantile = ((by_grey, (greys, len(QUANTILES))), (by_radius, (radii, len(QUANTILES))))
+        counts = ((grey_exposure, (exposures, greys)), (radius_radius, (radii, radii)))
+        fit = all(table is None or table.shape == shape for table, shape in (*counts, *by_quantile))
+        if not fit or edges.ndim != 1 or (by_place is not None and by_place.ndim != 2):
             raise FormatError("the tables of the coverage have inconsistent shapes")
-        greys, radii = grey_exposure.shape[1], len(radius_radius)
-        quantiles = len(QUANTILES)
-        shapes = ((radii, radii), (greys, quantiles), (radii, quantiles))
-        for table, shape in zip((radius_radius, by_grey, by_radius), shapes, strict=True):
-            if table is not None and table.shape != shape:
-                raise FormatError(f"a table of the coverage has shape {table.shape} instead of {shape}")
-        if not np.all(np.isfinite(edges)) or grey_exposure.min(initial=0) < 0 or radius_radius.min(initial=0) < 0:
+        if not np.all(np.isfinite(edges)) or any(table.min(initial=0) < 0 for table, _ in counts):
             raise FormatError("the tables of the coverage contain negative counts or infinite exposures")
-        if max(*grey_exposure.shape, radii) > _MAX_CLASSES or (by_place is not None and by_place.ndim != 2):
-            raise FormatError("the tables of the coverage are too large")
         return cls(edges, grey_exposure, radius_radius, by_grey, by_radius, by_place)
 
 

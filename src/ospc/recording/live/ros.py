@@ -9,7 +9,7 @@ from typing import Any
 
 from ospc.arrays import Image
 from ospc.errors import ExposureError, FrameError, RecordingError
-from ospc.photometry.correction import EXPOSURE_RANGE_MS
+from ospc.photometry.correction import checked_exposure
 from ospc.recording.bags.carriers import carrier_of
 from ospc.recording.bags.container import Topic
 from ospc.recording.bags.image_messages import image_of
@@ -78,10 +78,7 @@ class RosFrames:
         """
         exposure, gain = self._extract(message) or (0.0, 1.0)
         exposure_ms = float(self._unit.to_ms(exposure) * self._gain_unit.linear(gain))
-        if not EXPOSURE_RANGE_MS[0] <= exposure_ms <= EXPOSURE_RANGE_MS[1]:
-            raise ExposureError(
-                f"a message has an exposure of {exposure_ms:g} ms; enable the metadata of each frame in the driver"
-            )
+        checked_exposure(exposure_ms, "a message's exposure", "enable the metadata of each frame in the driver")
         return self._paired(message, self._exposures_ms, exposure_ms, ExposureError)
 
     def _paired(

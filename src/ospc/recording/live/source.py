@@ -12,7 +12,7 @@ import numpy as np
 
 from ospc.arrays import Image
 from ospc.errors import ExposureError, RecordingError, message_of
-from ospc.photometry.correction import EXPOSURE_RANGE_MS
+from ospc.photometry.correction import checked_exposure
 from ospc.recording.channel import DEFAULT_CHANNEL
 from ospc.recording.exposure_units import ExposureUnit, GainUnit
 from ospc.recording.frame import Frame
@@ -112,13 +112,8 @@ class Camera(AbstractContextManager["Camera"]):
             )
         factor = (self._gain_unit or GainUnit.NONE).linear(gain)
         exposure_ms = float(self._exposure_unit.to_ms(exposure) * factor)
-        low, high = EXPOSURE_RANGE_MS
-        if not low <= exposure_ms <= high:
-            raise ExposureError(
-                f"{self.name}: the driver delivers no valid exposure (exposure {exposure:g}, gain {gain:g}); set the "
-                f"exposure manually and pass it as Frame.of_array(image, exposure_ms)"
-            )
-        return exposure_ms
+        remedy = "set it manually and pass it as Frame.of_array(image, exposure_ms)"
+        return checked_exposure(exposure_ms, f"{self.name}: the driver's exposure", remedy)
 
 
 def driver_message(error: BaseException) -> str:
