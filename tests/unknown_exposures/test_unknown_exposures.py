@@ -174,7 +174,7 @@ def test_the_command_needs_the_option_and_labels_every_output(
     out = tmp_path / "out"
     refused = CliRunner().invoke(cli, ["calibrate", str(folder), "-o", str(out)])
     assert isinstance(refused.exception, RecordingError)
-    assert "has no exposures" in str(refused.exception)
+    assert "has no exposure" in str(refused.exception)
     out.mkdir()
     (out / "state.ospc").write_bytes(b"of an earlier run, with which the new result has nothing to do")
     result = CliRunner().invoke(cli, ["calibrate", str(folder), "-o", str(out), "--unknown-exposures"])

@@ -68,9 +68,10 @@ def parse_times(text: str, source: str, options: ReadingOptions = DEFAULT) -> Fr
     if options.unknown_exposures:
         rows = [(line, [*fields[:2], "1"] if len(fields) in (2, 3) else fields) for line, fields in rows]
     for line, fields in rows:
+        if len(fields) == 2:
+            raise ExposureError(f"{source}, line {line}: has no exposure; {_TIMES_LINE}")
         if len(fields) != 3:
-            error = ExposureError if len(fields) == 2 else RecordingError
-            raise error(f"{source}, line {line}: has {counted(len(fields), 'column')}, not 3; {_TIMES_LINE}")
+            raise RecordingError(f"{source}, line {line}: has {counted(len(fields), 'column')}, not 3; {_TIMES_LINE}")
     columns = Columns(3, image=0, stamp=1, exposure=2, unit=ExposureUnit.MS)
     table = _table(columns, rows, source, options)
     return table if options.exposure_unit else replace(table, notes=(*table.notes, *_doubts(table)))
