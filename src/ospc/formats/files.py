@@ -20,6 +20,9 @@ LARGEST_TEXT = 64 * 2**20
 _PIECE_BYTES = 2**20
 """Number of bytes read at a time from a file that does not state its size."""
 
+_SIGNATURE_BYTES = 16
+"""Number of bytes that contain the signatures of all formats."""
+
 BYTE_ORDER_MARK = "\ufeff"
 """Written by some editors at the beginning of UTF-8 text, and not skipped by C programs."""
 
@@ -52,8 +55,13 @@ def read_bytes(path: str | Path, limit: int = LARGEST_TEXT, error: type[OspcErro
     return content
 
 
-def beginning(path: Path, count: int) -> bytes:
-    """Return the first bytes of a file, by which its format is recognised; OSError if it cannot be read."""
+def beginning(path: Path, count: int = _SIGNATURE_BYTES) -> bytes:
+    """Return the first bytes of a file, by which its format is recognised; empty if the path is no file.
+
+    OSError if it cannot be read.
+    """
+    if not path.is_file():
+        return b""
     with path.open("rb") as stream:
         return stream.read(count)
 

@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from itertools import islice
 from pathlib import Path
 from typing import Self
 
 import numpy as np
 
 from ospc.arrays import BoolArray, FloatArray, ImageSize, IntArray, read_only, size_of
-from ospc.errors import FrameError, OspcError, SettingError, counted, quoted
+from ospc.errors import FrameError, SettingError, counted, quoted
 from ospc.formats.files import read_bytes
 from ospc.recording.frame import Frame, checked_mask
 from ospc.recording.image_source import MAX_FILE_BYTES, decode_grey
@@ -134,17 +132,11 @@ def with_sensor_depth(recording: Recording, max_grey: int | None) -> Recording:
 
 def _with_more_bits(recording: Recording, max_grey: int, note: str) -> Recording:
     """Return a recording of uint16 images that are used unchanged, with a larger largest grey value."""
-    if max_grey <= recording.max_grey or not _has_16_bits(recording):
+    first = next(usable_frames(recording), None) if max_grey > recording.max_grey else None
+    if first is None or first.image.dtype != np.uint16:
         return recording
     every = np.arange(len(recording))
     return DerivedRecording.of(recording, every, recording.exposures_ms, max_grey=max_grey, note=note)
-
-
-def _has_16_bits(recording: Recording) -> bool:
-    """Return whether the first readable image has 16 bits."""
-    with suppress(OspcError):
-        return any(frame.image.dtype == np.uint16 for frame in islice(usable_frames(recording), 1))
-    return False
 
 
 def innermost(recording: Recording, index: int) -> tuple[Recording, int]:

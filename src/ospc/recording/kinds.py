@@ -18,7 +18,7 @@ from typing import Protocol, runtime_checkable
 
 from ospc.errors import RecordingError, SettingError, listed, os_error_as, path_of, quoted
 from ospc.recording.image_source import why_unread
-from ospc.recording.list_search import lists_in, only_image_folder
+from ospc.recording.list_search import MOST_LOOKED_INTO, lists_in, only_image_folder
 from ospc.recording.options import DEFAULT, ReadingOptions
 from ospc.recording.recording import Recording
 
@@ -36,9 +36,6 @@ _EXPECTED = (
 
 _VIDEOS_AND_BAGS = (".mp4", ".mov", ".avi", ".mkv", ".webm", ".bag", ".mcap", ".db3")
 """Suffixes of files that are recordings unless they are damaged."""
-
-_MOST_LOOKED_INTO = 100
-"""Maximum number of entries of a folder that are checked for the recordings in it."""
 
 
 class Kind(Protocol):
@@ -107,7 +104,7 @@ def open_recording(path: str | Path, kind: str | None = None, options: ReadingOp
     if kind is not None:
         names = ", ".join(k.name for k in kinds())
         raise RecordingError(f"{quoted(str(kind))} is not a kind of recording; known: {names}")
-    if files := [path.name for path in _entries(place)[:_MOST_LOOKED_INTO] if path.is_file() and is_recording(path)]:
+    if files := [path.name for path in _entries(place)[:MOST_LOOKED_INTO] if path.is_file() and is_recording(path)]:
         raise RecordingError(f"{place}: is not a recording, but contains some; give one of them: {listed(files)}")
     if why := why_unread(place):
         raise RecordingError(f"{place}: {why}")
@@ -158,7 +155,7 @@ def _located(place: Path, kind: str | None) -> tuple[Path, Kind | None]:
         return place, found
     entries = _entries(place)
     # If there are too many to look into, others cannot be excluded.
-    inside = [path for path in entries if is_recording(path)] if len(entries) <= _MOST_LOOKED_INTO else []
+    inside = [path for path in entries if is_recording(path)] if len(entries) <= MOST_LOOKED_INTO else []
     if len(inside) == 1 and inside[0].is_file() and (found := _recognising(inside[0], kind)):
         return inside[0], found
     # A folder with a list of exposures stands for the only folder of images in it.

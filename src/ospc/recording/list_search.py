@@ -31,20 +31,17 @@ _ADVICE = (
     "'file,timestamp_s,exposure_ms'"
 )
 
-_MAX_CSV_FILES = 32
-"""Maximum number of CSV files in a folder that are searched for exposures."""
-
 _HEAD_CHARACTERS = 65536
 """Number of characters at the beginning of a table that are searched for a header."""
 
-_MAX_FOLDERS = 100
-"""Maximum number of folders in a folder that are searched for the only one with images."""
+MOST_LOOKED_INTO = 100
+"""Maximum number of files or folders in a folder that are searched for lists, images or recordings."""
 
 
 def lists_in(folder: Path) -> list[Path]:
     """Return the lists of exposures in a folder, recognised by name or header."""
     named = [folder / name for name in _NAMES if (folder / name).is_file()]
-    csv_files = [p for p in sorted(folder.glob("*.csv")) if p.is_file() and p not in named][:_MAX_CSV_FILES]
+    csv_files = [p for p in sorted(folder.glob("*.csv")) if p.is_file() and p not in named][:MOST_LOOKED_INTO]
     return named + [p for p in csv_files if names_exposures(p)]
 
 
@@ -76,7 +73,7 @@ def only_image_folder(place: Path) -> Path | None:
     inner: list[Path] = []
     with suppress(OSError):  # a folder that cannot be listed says nothing
         inner = [path for path in place.iterdir() if path.is_dir()]
-    found = [path for path in inner if _has_images(path)] if len(inner) <= _MAX_FOLDERS else []
+    found = [path for path in inner if _has_images(path)] if len(inner) <= MOST_LOOKED_INTO else []
     return found[0] if len(found) == 1 and not _has_images(place) else None
 
 
@@ -127,7 +124,7 @@ def only_list(found: Sequence[Path], place: Path, advice: str = "") -> Path:
     if not found:
         folder = place if place.is_dir() else place.parent
         others = sorted(p for p in folder.iterdir() if p.suffix.lower() in TEXT_SUFFIXES)
-        for path in [p for p in others if p.suffix.lower() == ".csv"][:_MAX_CSV_FILES]:
+        for path in [p for p in others if p.suffix.lower() == ".csv"][:MOST_LOOKED_INTO]:
             check_text(path, place)
         needed = "a list is a CSV file with a column such as exposure_ms"
         unused = f" (not used: {listed([p.name for p in others])}; {needed})" if others else ""

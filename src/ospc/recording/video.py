@@ -156,9 +156,6 @@ _FFV1 = cv2.VideoWriter.fourcc(*"FFV1")
 _SIGNATURES = ((4, b"ftyp"), (4, b"moov"), (0, b"\x1aE\xdf\xa3"), (8, b"AVI "))
 """Offsets and bytes that identify MP4 and MOV, MKV and WebM, and AVI files."""
 
-_HEAD_BYTES = 16
-"""Bytes read to recognise a video; they include all signatures."""
-
 _MAX_FPS = 100_000
 """Largest plausible frame rate; a higher one is a damaged header."""
 
@@ -170,7 +167,7 @@ class _Video:
     name = "video"
 
     def recognises(self, path: Path) -> bool:
-        head = beginning(path, _HEAD_BYTES) if path.is_file() else b""
+        head = beginning(path)
         return any(head[place : place + len(text)] == text for place, text in _SIGNATURES)
 
     def open(self, path: Path, options: ReadingOptions = DEFAULT) -> _VideoRecording:

@@ -23,9 +23,6 @@ _COMPRESSED_SUFFIXES = (".mcap.zstd", ".db3.zstd", ".mcap.zst", ".db3.zst")
 _MAX_FILES = 10_000
 """Maximum number of files in a folder; a day in files of one minute has 1440."""
 
-_HEAD_BYTES = 16
-"""Bytes read to recognise the format of a file."""
-
 _OPENERS = {MCAP_START: McapFile, ROS1_START: Ros1File, SQLITE_START: Sqlite3File}
 """Class for each magic number at the beginning of a file."""
 
@@ -105,7 +102,7 @@ def _files_of(folder: Path) -> list[Path]:
 
 
 def _opener(path: Path) -> Callable[[Path], BagFile] | None:
-    head = beginning(path, _HEAD_BYTES) if path.is_file() else b""
+    head = beginning(path)
     return next((opener for start, opener in _OPENERS.items() if head.startswith(start)), None)
 
 
