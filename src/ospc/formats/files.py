@@ -17,6 +17,9 @@ from ospc.system.atomic import write_atomically
 LARGEST_TEXT = 64 * 2**20
 """Maximum size of a text file in bytes. A table of 65536 values has half a megabyte, a list of 10⁶ frames 50."""
 
+LARGEST_FILE = 2**30
+"""Maximum size of other files in bytes: an uncompressed 16-bit image with the most pixels has a quarter of this."""
+
 _PIECE_BYTES = 2**20
 """Number of bytes read at a time from a file that does not state its size."""
 

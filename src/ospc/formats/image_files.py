@@ -9,15 +9,12 @@ import numpy as np
 
 from ospc.arrays import Image
 from ospc.errors import FormatError, FrameError
-from ospc.formats.files import read_bytes, write_bytes
+from ospc.formats.files import LARGEST_FILE, read_bytes, write_bytes
 from ospc.formats.image_header import PNG_HEADER_END, PNG_SIGNATURE, png_chunk, read_header
 from ospc.photometry.geometry import MOST_PIXELS
 
 JPEG_QUALITY = 97
 """JPEG quality with a quantisation error of about one grey value."""
-
-_LARGEST_FILE = 2**30
-"""Maximum size in bytes; an uncompressed 16-bit image with the most pixels has a quarter of this."""
 
 
 def read_png(path: str | Path) -> Image:
@@ -28,7 +25,7 @@ def read_png(path: str | Path) -> Image:
     FormatError
         If it is not a PNG, is damaged, or has more than :data:`~ospc.photometry.geometry.MOST_PIXELS` pixels.
     """
-    content = read_bytes(path, _LARGEST_FILE)
+    content = read_bytes(path, LARGEST_FILE)
     if not content.startswith(PNG_SIGNATURE):
         raise FormatError(f"{path}: not a PNG; convert it to a grey PNG with 8 or 16 bits")
     try:

@@ -17,7 +17,7 @@ import numpy as np
 
 from ospc.arrays import FloatArray
 from ospc.errors import FormatError
-from ospc.formats.files import read_text, write_text
+from ospc.formats.files import LARGEST_FILE, read_text, write_text
 from ospc.photometry.geometry import MOST_PIXELS
 from ospc.photometry.response import Response
 from ospc.photometry.vignette import RasterVignette, Vignette
@@ -36,8 +36,6 @@ _MATRIX = re.compile(
     r"dt: \"?([1-4]?)([fd])\"?\s+data: (\[[^\]]*\]|!!binary \|(?:\r?\n +[A-Za-z0-9+/=]+)+)",
     re.MULTILINE | re.ASCII,
 )
-_LARGEST_FILE = 2**30
-"""Maximum size in bytes; a vignette with the most pixels has 0.7 GB in base64."""
 
 
 def write_opencv(path: str | Path, response: Response | None = None, vignette: Vignette | None = None) -> Path:
@@ -92,7 +90,7 @@ def _matrices(path: str | Path) -> dict[str, FloatArray]:
     """Return the matrices with known names, shape (rows, cols, channels) each."""
     # The parser of OpenCV is not used because it hangs on some damaged files.
     found: dict[str, FloatArray] = {}
-    for name, rows, columns, channels, letter, data in _MATRIX.findall(read_text(path, _LARGEST_FILE)):
+    for name, rows, columns, channels, letter, data in _MATRIX.findall(read_text(path, LARGEST_FILE)):
         shape = (int(rows), int(columns), int(channels or 1))
         count = math.prod(shape)
         try:

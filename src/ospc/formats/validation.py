@@ -10,7 +10,7 @@ from typing import Any
 
 from ospc.arrays import ImageSize
 from ospc.errors import UNREADABLE, FormatError
-from ospc.formats.files import read_bytes, read_text
+from ospc.formats.files import LARGEST_FILE, read_bytes, read_text
 from ospc.formats.image_header import PNG_SIGNATURE
 from ospc.formats.rules import UNCORRECTED, Context, Finding, Format, Kind, Program
 from ospc.formats.rules_camera import CAMERA, MODELS, input_size
@@ -32,8 +32,6 @@ _WORDS: dict[str, Kind] = {
 }
 """Words in the name of a file that determine its kind; the first match counts."""
 _WITHOUT_PCALIB = UNCORRECTED | {"mono": "corrects neither, because it needs a response to correct a vignette"}
-_LARGEST_FILE = 2**30
-"""Maximum size of a file in bytes, which limits memory and is larger than any table or vignette."""
 
 
 @dataclass(frozen=True)
@@ -74,7 +72,7 @@ class Repair:
 def kind_of(path: str | Path) -> Kind:
     """Return the kind of a parameter file by name and content; FormatError if it is unknown or unreadable."""
     place = Path(path)
-    if place.suffix.lower() == ".png" or read_bytes(place, _LARGEST_FILE).startswith(PNG_SIGNATURE[:4]):
+    if place.suffix.lower() == ".png" or read_bytes(place, LARGEST_FILE).startswith(PNG_SIGNATURE[:4]):
         return "vignette"
     if place.suffix.lower() == ".txt":
         for word, kind in _WORDS.items():
