@@ -77,6 +77,9 @@ def test_unknown_residuals_come_back_as_nan():
     ("name", "value"),
     [
         ("exposure_edges_ms", [1.0]),
+        ("exposure_edges_ms", 1.0),
+        ("grey_exposure", 1),
+        ("radius_radius", [1, 2, 3]),
         ("grey_exposure", [1, 2]),
         ("radius_radius", [[1, 2, 3]]),
         ("residual_by_grey", [[0.0, 0.0, 0.0]]),

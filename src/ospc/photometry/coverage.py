@@ -120,9 +120,9 @@ class Coverage(ByValue):
     @classmethod
     def from_dict(cls, content: dict[str, Any]) -> Coverage:
         """Return the tables from the output of :meth:`as_dict`; FormatError if they are inconsistent."""
-        edges = np.array(content["exposure_edges_ms"], dtype=np.float64)
-        grey_exposure = np.array(content["grey_exposure"], dtype=np.int64)
-        radius_radius = np.array(content["radius_radius"], dtype=np.int64)
+        edges = np.array(content["exposure_edges_ms"], dtype=np.float64, ndmin=1)
+        grey_exposure = np.array(content["grey_exposure"], dtype=np.int64, ndmin=1)
+        radius_radius = np.array(content["radius_radius"], dtype=np.int64, ndmin=1)
         by_grey, by_radius, by_place = (
             None if content[name] is None else np.array(content[name], dtype=np.float64) for name in _RESIDUALS
         )
