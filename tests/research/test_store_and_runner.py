@@ -74,7 +74,7 @@ def test_stored_results_are_not_computed_again(tmp_path):
     log = tmp_path / "log"
     tasks = [fake_task(name, log=log) for name in "abc"]
     first, again = (list(run(tasks, ResultStore(tmp_path / "cache"))) for _ in range(2))
-    assert [r.result for r in again] == [r.result for r in first]
+    assert again == first
     assert log.read_text().split() == ["a", "b", "c"]
 
 
@@ -93,10 +93,10 @@ def test_an_interruption_keeps_finished_tasks(tmp_path):
 def test_several_processes_give_the_same(tmp_path):
     tasks = [fake_task(name, shape) for name, shape in (("a", 0.1), ("b", 0.2))]
     results = list(run(tasks, ResultStore(tmp_path), 2))
-    assert {r.task.name: r.result for r in results} == {
+    assert {task.name: result for task, result in results} == {
         task.name: task.compute(lambda _share: None) for task in tasks
     }
-    assert {row.figures["response_shape_rmse"] for r in results for row in measured(r.result)} == {0.1, 0.2}
+    assert {row.figures["response_shape_rmse"] for _, result in results for row in measured(result)} == {0.1, 0.2}
 
 
 def test_a_process_that_dies_ends_the_study_with_a_reason(tmp_path):

@@ -42,7 +42,7 @@ def accuracy(
         [measuring_task(source, PresetMethods(name)) for name in presets for source in chosen],
         out,
         jobs,
-        lambda finished: accuracy_report([row for one in finished for row in measured(one.result)], presets, notes),
+        lambda finished: accuracy_report([row for _, result in finished for row in measured(result)], presets, notes),
         as_json=as_json,
     )
 
@@ -87,7 +87,7 @@ def faults(
         fault_tasks(sources, chosen, strengths or STRENGTHS),
         out,
         jobs,
-        lambda finished: faults_report([Run(**one.result) for one in finished], notes),
+        lambda finished: faults_report([Run(**result) for _, result in finished], notes),
         as_json=as_json,
     )
 
@@ -118,4 +118,10 @@ def speed(
     from ospc.research.speed.lines import SIZES, row_of, speed_report, speed_tasks
 
     tasks = speed_tasks(presets, sizes or SIZES, frames, live_s, rate_hz)
-    run_study(tasks, out, 1, lambda finished: speed_report([row_of(one.result) for one in finished]), as_json=as_json)
+    run_study(
+        tasks,
+        out,
+        1,
+        lambda finished: speed_report([row_of(result) for _, result in finished]),
+        as_json=as_json,
+    )

@@ -76,8 +76,8 @@ class _Run:
         others = self._others()
 
         def report(finished: Sequence[Finished]) -> StudyReport:
-            done = [one.task.about for one in finished]
-            rows = [row for one in finished for row in (*measured(one.result), *judge(one.task.about, others))]
+            done = [task.about for task, _ in finished]
+            rows = [row for task, result in finished for row in (*measured(result), *judge(task.about, others))]
             return experiment_report(experiment, done, rows)
 
         tasks = [measuring_task(source, experiment) for source in sources]
@@ -90,7 +90,7 @@ class _Run:
             raise click.UsageError("ambiguity needs a single recording, and compares no --calibration or --exposures")
         (source,) = self._sources(1, _AMBIGUITY_FRAMES)
         run_study(
-            [ambiguity_task(source)], self.out, 1, lambda finished: ambiguity_report(finished[0].result, source.name)
+            [ambiguity_task(source)], self.out, 1, lambda finished: ambiguity_report(finished[0][1], source.name)
         )
 
     def _sources(self, count: int, frames: int, *, speed: float = 1.0, at_rest: bool = False) -> list[Source]:

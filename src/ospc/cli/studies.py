@@ -108,8 +108,8 @@ def run_study(
     with progress_line() as show:
         results = run(tasks, store, jobs, lambda task, share: show(task.name, len(found) + share, len(tasks)))
         try:
-            for one in results:
-                found[one.task.name] = one
+            for task, result in results:
+                found[task.name] = (task, result)
         except KeyboardInterrupt:
             interrupted = True
     if found or not tasks:

@@ -96,18 +96,9 @@ class Task:
     compute: Callable[[OnProgress], Any] = field(repr=False)
     about: Any = None
 
-    def run(self, progress: OnProgress) -> Any:
-        """Compute the result."""
-        return self.compute(progress)
 
-
-@dataclass(frozen=True)
-class Finished:
-    """A task and its result."""
-
-    task: Task
-    result: Any
-
+Finished: TypeAlias = tuple[Task, Any]
+"""A task and its result."""
 
 OnShare: TypeAlias = Callable[[Task, float], None]
 """Called with the running task and the share of it that is done."""
@@ -116,7 +107,7 @@ OnShare: TypeAlias = Callable[[Task, float], None]
 def run(
     tasks: Sequence[Task], store: ResultStore, jobs: int = 1, on_share: OnShare = lambda _task, _share: None
 ) -> Iterator[Finished]:
-    """Yield the result of every task: stored ones first, then the others as they finish.
+    """Yield every task with its result: stored ones first, then the others as they finish.
 
     Each result is stored before it is yielded, so an interruption loses only the running tasks. Ending the iteration
     early ends all worker processes and the programs they started. With one job, everything runs in this process, and
@@ -128,14 +119,14 @@ def run(
         if result is None:
             missing.append(task)
         else:
-            yield Finished(task, result)
+            yield task, result
     if jobs == 1 or len(missing) < 2:
-        computed = ((task, task.run(partial(on_share, task))) for task in missing)
+        computed = ((task, task.compute(partial(on_share, task))) for task in missing)
     else:
         computed = in_processes(_compute, missing, jobs, _lost)
     for task, result in computed:
         store.put(task.name, task.depends_on, result)
-        yield Finished(task, result)
+        yield task, result
 
 
 def _compute(task: Task) -> Any:
@@ -143,7 +134,7 @@ def _compute(task: Task) -> Any:
     import cv2
 
     cv2.setNumThreads(1)
-    return task.run(lambda _share: None)
+    return task.compute(lambda _share: None)
 
 
 def _lost(task: Task, why: str) -> Any:

@@ -86,7 +86,7 @@ def test_ending_early_ends_the_programs_that_are_under_way(make_program, source,
     results = run(
         [fake_task("quick", wait_for=note), sleeping_program(sleeping, source("truth"))], ResultStore(tmp_path), 2
     )
-    assert next(results).task.name == "quick"
+    assert next(results)[0].name == "quick"
     process = int(note.read_text())
     os.kill(process, 0)
     results.close()

@@ -200,8 +200,8 @@ def _run(odometry: Odometry, source: OdometryInput, number: int, _progress: OnPr
 
 def result_of(finished: Finished, experiment: Experiment) -> RunResult:
     """Compare a finished run with the truth."""
-    name, source, number = finished.task.about
-    truth = true_trajectory(experiment.recordings[name])
-    tracked = Tracked.from_dict(finished.result)
-    condition = source.condition.name
+    task, result = finished
+    name, source, number = task.about
+    truth, condition = true_trajectory(experiment.recordings[name]), source.condition.name
+    tracked = Tracked.from_dict(result)
     return judged(tracked, truth, source.stamps_s, recording=name, condition=condition, run=number)
