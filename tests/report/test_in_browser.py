@@ -7,10 +7,11 @@ import pytest
 from recordings import before_a_wall, calibration
 
 from browser import CUT_OFF
+from ospc.formats.files import write_text
 from ospc.photometry.coverage import ExposureRatios
 from ospc.report.charts import ReportFindings
 from ospc.report.examples import NOTHING_TRIED, examples_of
-from ospc.report.page import write_page
+from ospc.report.page import page
 
 REPORTS = ("everything", "nothing")
 WIDTHS_PX = (1400, 700, 400, 320)
@@ -48,7 +49,7 @@ def pages(tmp_path_factory):
         "nothing": (ReportFindings(nothing), NOTHING_TRIED),
     }
     return {
-        name: write_page(findings, place / f"{name}.html", examples).as_uri()
+        name: write_text(place / f"{name}.html", page(findings, examples)).as_uri()
         for name, (findings, examples) in found.items()
     }
 

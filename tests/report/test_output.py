@@ -172,6 +172,12 @@ class TestRefusals:
 
 
 class TestFailures:
+    def test_a_report_that_cannot_be_written_is_a_problem(self, tmp_path):
+        written = OutputFolder(tmp_path / "absent").report(
+            ReportFindings(calibration(response=False, vignette=False))
+        )
+        assert "cannot be written" in written.problems[0]
+
     def test_without_room_for_calibration_json_the_earlier_output_stays(self, tmp_path, monkeypatch):
         OutputFolder.at(tmp_path).write(calibration())
         before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Sequence
 from contextlib import closing, suppress
 from dataclasses import dataclass, replace
@@ -13,7 +12,7 @@ from ospc.batch.manifest import Entry
 from ospc.batch.store import CSV_NAME, Row, Store, write_csv
 from ospc.batch.work import Answer, Runner, Task, Work
 from ospc.errors import OspcError
-from ospc.formats.files import json_object, write_bytes, write_text
+from ospc.formats.files import json_object, json_text, write_text
 from ospc.system.folders import Content, check_usable
 from ospc.system.versions import versions
 
@@ -146,7 +145,7 @@ class _Batch:
         except KeyboardInterrupt:
             interrupted = True
         files = [write_csv(rows, place / CSV_NAME)]
-        files.append(write_bytes(place / PAGE_NAME, page(cameras, rows).encode("utf-8", "replace")))
+        files.append(write_text(place / PAGE_NAME, page(cameras, rows)))
         content = {
             "schema": SCHEMA,
             "recordings": len(rows),
@@ -155,7 +154,7 @@ class _Batch:
             "interrupted": interrupted,
             "versions": versions(),
         }
-        files.append(write_text(place / _HEAD, json.dumps(content, indent=1) + "\n"))
+        files.append(write_text(place / _HEAD, json_text(content) + "\n"))
         return BatchOutcome(tuple(rows), tuple(cameras), tuple(files), interrupted)
 
 

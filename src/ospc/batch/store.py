@@ -120,10 +120,5 @@ def write_csv(rows: Sequence[Row], path: Path) -> Path:
 
     No cell is interpreted as a formula, see :func:`~ospc.formats.files.csv_text`.
     """
-    return write_text(path, csv_text([["schema", *(entry.name for entry in fields(Row))], *map(_cells, rows)]))
-
-
-def _cells(row: Row) -> list[object]:
-    """Return the cells of a row, escaping characters that cannot be encoded as UTF-8."""
-    cells = (SCHEMA, *astuple(row))
-    return [cell.encode("utf-8", "backslashreplace").decode() if isinstance(cell, str) else cell for cell in cells]
+    header = ["schema", *(entry.name for entry in fields(Row))]
+    return write_text(path, csv_text([header, *((SCHEMA, *astuple(row)) for row in rows)]))

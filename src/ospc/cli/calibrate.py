@@ -37,7 +37,6 @@ if TYPE_CHECKING:
     from ospc.cli.calibration_result import ResultFolder
     from ospc.exposures.lag_choice import LagChoice
     from ospc.formats.opening import Photometry
-    from ospc.pooling.prior_calibration import PriorCalibration
 
 _IGNORED_WITH = {
     "--fallback": ("--unknown-exposures", "--mask", "--roi", "--resume", "--start-from"),
@@ -154,24 +153,6 @@ class _Request:
             raise click.UsageError(str(error)) from None
         return settings
 
-    @property
-    def prior(self) -> PriorCalibration | None:
-        """The earlier calibration to start from."""
-        if self.start_from is None:
-            return None
-        from ospc.pooling.prior_calibration import PriorCalibration
-
-        return PriorCalibration.open(self.start_from)
-
-    @property
-    def known(self) -> Photometry | None:
-        """The calibration to compare with."""
-        if self.truth is None:
-            return None
-        from ospc.formats.opening import open_photometry
-
-        return open_photometry(self.truth)
-
     def result(self, truth: Photometry | None) -> ResultFolder:
         """Return the folder of the result; refuse one that must not be written to."""
         from ospc.cli.calibration_result import ResultFolder
@@ -206,8 +187,15 @@ command = declared(
 
 
 def _calibrate_one(request: _Request, opened: Callable[[], Recording]) -> dict[str, Any]:
-    settings = request.settings
-    prior, truth = request.prior, request.known
+    settings, prior, truth = request.settings, None, None
+    if request.start_from is not None:
+        from ospc.pooling.prior_calibration import PriorCalibration
+
+        prior = PriorCalibration.open(request.start_from)
+    if request.truth is not None:
+        from ospc.formats.opening import open_photometry
+
+        truth = open_photometry(request.truth)
     try:
         recording = opened()
     except RecordingError as error:

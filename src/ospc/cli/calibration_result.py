@@ -21,7 +21,7 @@ from ospc.cli.terminal import (
     styled,
 )
 from ospc.engine.frame_checks import skipped_in_words
-from ospc.errors import counted
+from ospc.errors import FormatError, counted
 from ospc.evaluation.comparison import Comparison, compare
 from ospc.evaluation.metrics import Coverage
 from ospc.formats.opening import Photometry
@@ -152,11 +152,11 @@ class ResultFolder:
 
     def _compared(self, calibration: Calibration) -> Comparison | None:
         """Return the errors against a truth; None without one, or if the two share no known part."""
-        truth, response, vignette = self.truth, calibration.response, calibration.vignette
-        if truth is None:
+        estimate = Photometry("estimate", calibration.response, calibration.vignette, calibration)
+        try:
+            return None if self.truth is None else compare(estimate, self.truth)
+        except FormatError:
             return None
-        both_known = (None not in pair for pair in ((response, truth.response), (vignette, truth.vignette)))
-        return compare(Photometry("estimate", response, vignette, calibration), truth) if any(both_known) else None
 
     def _say(self, outcome: CalibrationOutcome, written: Written, comparison: Comparison | None) -> None:
         """Print skipped frames, verdicts, the data behind them, the files, and the errors against a truth."""

@@ -9,6 +9,7 @@ import numpy as np
 
 from ospc.arrays import BoolArray, Float32Array, FloatArray, Image, IntArray
 from ospc.evaluation.lucas_kanade import LOSSES, follow, in_contrasts, windows
+from ospc.numerics.robust import weighted_median
 from ospc.photometry.correction import Corrector
 from ospc.photometry.look_up import look_up
 from ospc.photometry.response import Response
@@ -71,6 +72,9 @@ class LifeTable:
         return int(gone[0]) if gone.size else None
 
 
+_MEDIAN_EDGES = np.geomspace(MEDIAN_LOWEST, MEDIAN_HIGHEST, MEDIAN_BINS + 1)
+
+
 class StreamingMedian:
     """A streaming median: counts in logarithmic bins from 10⁻⁵ to 10⁴, accurate to a quarter of a per cent."""
 
@@ -80,19 +84,13 @@ class StreamingMedian:
     def add(self, values: FloatArray) -> None:
         """Count values; values out of range are clipped, non-finite values are ignored."""
         finite = values[np.isfinite(values)]
-        inside = np.clip(finite, MEDIAN_LOWEST, MEDIAN_HIGHEST)
-        share = np.log(inside / MEDIAN_LOWEST) / np.log(MEDIAN_HIGHEST / MEDIAN_LOWEST)
-        bins = np.minimum((share * MEDIAN_BINS).astype(np.int64), MEDIAN_BINS - 1)
-        self._counts += np.bincount(bins, minlength=MEDIAN_BINS)
+        self._counts += np.histogram(np.clip(finite, MEDIAN_LOWEST, MEDIAN_HIGHEST), _MEDIAN_EDGES)[0]
 
     @property
     def value(self) -> float:
         """The median; NaN if nothing was counted."""
-        count = int(self._counts.sum())
-        if count == 0:
-            return float("nan")
-        place = int(np.searchsorted(np.cumsum(self._counts), count / 2))
-        return float(MEDIAN_LOWEST * (MEDIAN_HIGHEST / MEDIAN_LOWEST) ** ((place + 0.5) / MEDIAN_BINS))
+        middles = np.sqrt(_MEDIAN_EDGES[:-1] * _MEDIAN_EDGES[1:])
+        return weighted_median(middles, self._counts) if self._counts.any() else float("nan")
 
 
 _LEVELS = 65536

@@ -7,13 +7,13 @@ from concurrent.futures import Future
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
+from typing import TYPE_CHECKING, TypeAlias
 
 from ospc.arrays import FloatArray
 from ospc.errors import ExposureError, FormatError, OspcError, one_line, os_error_as
 from ospc.exposures.used import used_exposures, with_used_exposures, without_gaps
 from ospc.formats.dso import PARAMETER_FILES, parameter_files, write_times
-from ospc.formats.files import json_object, write_bytes
+from ospc.formats.files import json_object, write_bytes, write_text
 from ospc.formats.opening import Photometry
 from ospc.photometry.calibration import Calibration
 from ospc.photometry.vignette import RasterVignette
@@ -21,11 +21,16 @@ from ospc.recording import Recording
 from ospc.recording.exposure_lists import read_times
 from ospc.report.charts import ReportFindings
 from ospc.report.examples import NOTHING_TRIED, examples_of
-from ospc.report.page import write_page
+from ospc.report.page import page
 from ospc.report.pictures import PICTURE, Drawings, picture_as_png
 from ospc.state.container import STATE_NAME
 from ospc.system.folders import Content, check_usable
 
+if TYPE_CHECKING:
+    from ospc.live.capture import Capture
+
+Times: TypeAlias = "Recording | Capture"
+"""The source of time stamps and exposures of all frames."""
 _SCHEMA_BEGINNING = "ospc-calibration/"
 _MAP = "calibration.vignette.npz"
 _CALIBRATION = "calibration.json"
@@ -54,18 +59,6 @@ class Written:
 _USED_EXPOSURES = (
     "times.txt has the exposures that the calibration used: corrected, at their frames, and without gaps"
 )
-
-
-class Times(Protocol):
-    """The content of times.txt, from a recording or a live camera."""
-
-    @property
-    def exposures_ms(self) -> FloatArray:
-        """Exposure of every frame in milliseconds, shape (frames,)."""
-
-    @property
-    def stamps_s(self) -> FloatArray:
-        """Time stamp of every frame in seconds, shape (frames,)."""
 
 
 @dataclass(frozen=True)
@@ -192,12 +185,12 @@ class OutputFolder:
         Example images and tracks come from the recording, and are left out without it.
         """
 
-        def page() -> Written:
+        def written() -> Written:
             examples = NOTHING_TRIED if recording is None else examples_of(findings.calibration, recording, about)
             charts = None if drawing is None else drawing.result().charts
-            return Written((write_page(findings, self.path / REPORT, examples, charts),))
+            return Written((write_text(self.path / REPORT, page(findings, examples, charts)),))
 
-        return _attempted(page, f"{self.path}: the report cannot be written")
+        return _attempted(written, f"{self.path}: the report cannot be written")
 
     def _remove_earlier(self, keep: Sequence[Path] = ()) -> Written:
         problems = []

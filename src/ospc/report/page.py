@@ -5,12 +5,10 @@ from __future__ import annotations
 import base64
 from collections.abc import Iterable, Iterator, Mapping
 from importlib.resources import files
-from pathlib import Path
 from typing import Any
 
 from ospc.errors import counted
 from ospc.evaluation.tracking import TrackingComparison
-from ospc.formats.files import write_bytes
 from ospc.formats.image_files import encoded
 from ospc.photometry.verdict import Verdict
 from ospc.report.charts import Chart, ReportFindings, charts_as_svg
@@ -26,18 +24,10 @@ _ABOUT_PICTURES = (
 _STATE_CLASSES = {"identifiable": "good", "marginal": "fair", "not identifiable": "bad"}
 
 
-def write_page(
-    findings: ReportFindings, path: Path, examples: Examples = NOTHING_TRIED, charts: Mapping[str, str] | None = None
-) -> Path:
-    """Write the report completely or not at all, and return its path; ``charts`` are charts already drawn."""
-    # A file name or a JSON text may contain half a surrogate pair, which UTF-8 cannot encode.
-    return write_bytes(path, page(findings, examples, charts).encode("utf-8", "replace"))
-
-
 def page(
     findings: ReportFindings, examples: Examples = NOTHING_TRIED, charts: Mapping[str, str] | None = None
 ) -> str:
-    """Return the report as HTML; the arguments are those of :func:`write_page`."""
+    """Return the report as HTML; by default, its charts are drawn now."""
     drawn = charts_as_svg(findings) if charts is None else charts
     title = f"Photometric calibration of {name_of(findings.calibration)}"
     return document(

@@ -8,12 +8,12 @@ from itertools import cycle
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from ospc.errors import counted
-from ospc.photometry.calibration import PROFILE_RADII, Calibration
+from ospc.photometry.calibration import PROFILE_RADII
 from ospc.photometry.vignette import diagonal_profile
 from ospc.report.charts import ReportFindings, charts_as_svg
 from ospc.report.curves import RADIUS_LABEL
 from ospc.report.style import BLACK, BLUE, GREEN, ORANGE, as_bytes, new_figure, printable, rules, save
+from ospc.report.words import basis_of, name_of
 
 if TYPE_CHECKING:
     from ospc.formats.opening import Photometry
@@ -63,21 +63,12 @@ def figure_of(findings: ReportFindings) -> Any:
     for cell, chart in zip(figure.add_gridspec(1, len(charts), wspace=between_in / _CHART_IN), charts, strict=True):
         chart.draw_into(cell)
     at, edge = 0.12 / width_in, 0.06 / height_in
-    title = textwrap.fill(printable(_title(findings.calibration)), _LETTERS, max_lines=2)
+    title = f"{name_of(findings.calibration)} · {basis_of(findings.calibration)}"
+    title = textwrap.fill(printable(title), _LETTERS, max_lines=2)
     below = "\n".join(caveat)
     figure.text(at, 1 - edge, title, fontsize=8.5, va="top", parse_math=False, linespacing=1.1)
     figure.text(at, edge, below, fontsize=8, va="bottom", color=ORANGE, parse_math=False, linespacing=1.1)
     return figure
-
-
-def _title(calibration: Calibration) -> str:
-    counts = calibration.counts
-    parts = [str(calibration.source.get("name", "")), f"{calibration.size[0]}×{calibration.size[1]} pixels"]
-    if "frames" in counts:
-        parts.append(counted(counts["frames"], "frame"))
-    if calibration.partial:
-        parts.append("partial: the run stopped before the end")
-    return " · ".join(part for part in parts if part)
 
 
 def plot_photometries(photometries: Sequence[Photometry], path: str | Path) -> Path:
