@@ -16,6 +16,7 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from ospc.arrays import Float32Array, FloatArray
+from ospc.correspondence.features import Features, SiftExtractor, extract, match
 from ospc.formats.dso import read_pcalib
 from ospc.recording import Frame, open_recording
 from ospc.research.scoring import HeldOutPair, Truth
@@ -64,7 +65,7 @@ def held_out_pairs(frames: list[Frame]) -> list[HeldOutPair]:
         flat_pair(first, second, greys, _MAX_RADIAL_DISPLACEMENT)
         for place, first in enumerate(read)
         for second in read[place + 1 : place + 1 + _FARTHEST]
-        if first.exposure_ms != second.exposure_ms
+        if first.features.exposure_ms != second.features.exposure_ms
     )
     return [pair for pair in pairs if pair is not None and len(pair.grey0) >= _FEWEST_PLACES]
 
@@ -73,13 +74,10 @@ def held_out_pairs(frames: list[Frame]) -> list[HeldOutPair]:
 class SampledFrame:
     """A frame with its SIFT features, smoothed grey levels and gradients.
 
-    Points and descriptors have shapes (n, 2) and (n, 128); the smoothed grey levels, in [0, 1], and their gradient
-    per pixel have shape (height, width).
+    The smoothed grey levels, in [0, 1], and their gradient per pixel have shape (height, width).
     """
 
-    exposure_ms: float
-    points: FloatArray
-    descriptors: Float32Array
+    features: Features
     grey: Float32Array
     gradient: Float32Array
 
@@ -88,14 +86,10 @@ class SampledFrame:
         """Compute features and gradients of a frame."""
         grey = frame.image.astype(np.float32) / np.float32(frame.max_grey)
         equalised = cv2.equalizeHist(np.rint(grey * 255).astype(np.uint8))
-        key_points, descriptors = cv2.SIFT_create(nfeatures=_FEATURES).detectAndCompute(equalised, None)
-        found = np.array([point.pt for point in key_points], dtype=np.float64).reshape(-1, 2)
+        features = extract(Frame.of_array(equalised, frame.exposure_ms), SiftExtractor(_FEATURES))
         smooth = cv2.GaussianBlur(grey, (0, 0), _SMOOTHING_PX)
         gradient = np.hypot(cv2.Sobel(smooth, cv2.CV_32F, 1, 0), cv2.Sobel(smooth, cv2.CV_32F, 0, 1)) / 8
-        if descriptors is None:
-            descriptors = np.zeros((0, 128))
-        flat = (smooth.astype(np.float32), gradient.astype(np.float32))
-        return cls(frame.exposure_ms, found, descriptors.astype(np.float32), *flat)
+        return cls(features, smooth.astype(np.float32), gradient.astype(np.float32))
 
 
 def flat_pair(
@@ -106,7 +100,7 @@ def flat_pair(
     The grey levels lie between ``greys``, in [0, 1]; after smoothing, noise is too small for a selection bias. R
     differs by at most ``max_radial_displacement``, so that the vignette cancels.
     """
-    points0, points1 = _matches(first, second)
+    points0, points1 = _matches(first.features, second.features)
     if len(points0) < _FEWEST_MATCHES:
         return None
     height, width = first.grey.shape
@@ -122,21 +116,16 @@ def flat_pair(
     grey0, grey1 = sampled(first.grey, places0), sampled(second.grey, places1)
     flat = (sampled(first.gradient, places0) < _FLAT) & (sampled(second.gradient, places1) < _FLAT)
     exposed = (np.minimum(grey0, grey1) > greys[0]) & (np.maximum(grey0, grey1) < greys[1])
-    size, ratio = (width, height), first.exposure_ms / second.exposure_ms
+    size, ratio = (width, height), first.features.exposure_ms / second.features.exposure_ms
     pair = HeldOutPair((0, 1), size, places0, places1, grey0, grey1, ratio)
     return pair.select(flat & exposed & (pair.radial_displacement < max_radial_displacement))
 
 
-def _matches(first: SampledFrame, second: SampledFrame) -> tuple[FloatArray, FloatArray]:
-    none = np.empty((2, 0, 2))
-    if min(len(first.points), len(second.points)) < 2:
-        return none[0], none[1]
-    found = cv2.BFMatcher(cv2.NORM_L2).knnMatch(first.descriptors, second.descriptors, k=2)
-    good = [(m.queryIdx, m.trainIdx) for m, n in found if m.distance < _RATIO * n.distance]
-    if len(good) < _FEWEST_MATCHES:
-        return none[0], none[1]
-    index0, index1 = np.array(good).T
+def _matches(first: Features, second: Features) -> tuple[FloatArray, FloatArray]:
+    index0, index1 = match(first, second, SiftExtractor.norm, _RATIO)
     points0, points1 = first.points[index0], second.points[index1]
+    if len(points0) < _FEWEST_MATCHES:
+        return points0, points1
     # A scene with depth is not a plane; the tolerance accepts points near the dominant one.
     cv2.setRNGSeed(0)
     _, mask = cv2.findHomography(points0, points1, cv2.RANSAC, _OUTLIER_PX)
