@@ -12,7 +12,7 @@ import click
 
 from ospc.cli.options import Declared, OptionGroup, Parsed, option
 from ospc.cli.terminal import say, say_table
-from ospc.errors import ExposureError, RecordingError, SettingError
+from ospc.errors import ExposureError, RecordingError, SettingError, named
 from ospc.recording import Recording, cameras_of, open_recording
 from ospc.recording.channel import Channel
 from ospc.recording.derived import Region, masked, read_mask
@@ -94,10 +94,7 @@ def _reading(
 
 
 def _known_kind(name: str) -> str:
-    known = [kind.name for kind in kinds()]
-    if name not in known:
-        raise SettingError(f"{name!r} is not a kind of recording; known: {', '.join(known)}")
-    return name
+    return named("kind of recording", name, {kind.name: kind.name for kind in kinds()})
 
 
 KIND = option("Kind of recording (tum_mono, euroc, …); recognised by default.", type=Parsed("kind", _known_kind))

@@ -47,22 +47,19 @@ def command(
     written = place.report(place.findings(calibration, frames, known), frames, about=about)
     say_notes([about] if about else [], "warning")
     if frames is None:
-        say_notes([_without_recording(calibration)])
+        name = calibration.source.get("name")
+        given = f", here {name}" if isinstance(name, str) and name else ""
+        say_notes(
+            [
+                "the report has no pictures and no effect on tracking; to add them, give the recording with "
+                f"--recording{given}"
+            ]
+        )
     say_notes(written.notes)
     if written.problems:
         raise OspcError("; ".join(written.problems))
     for file in written.files:
         say(str(file))
-
-
-def _without_recording(calibration: Calibration) -> str:
-    """Return a note on what the report lacks."""
-    name = calibration.source.get("name")
-    given = f", here {name}" if isinstance(name, str) and name else ""
-    return (
-        "the report has no pictures and no effect on tracking; to add them, give the recording with "
-        f"--recording{given}"
-    )
 
 
 def _checked(recording: Recording, calibration: Calibration) -> str:

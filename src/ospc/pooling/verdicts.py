@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from ospc.arrays import ImageSize
-from ospc.errors import counted
+from ospc.errors import counted, listed
 from ospc.estimation.fit import Fit
 from ospc.methods.identifiability import response_verdict_of_fit, vignette_verdict
 from ospc.photometry.verdict import Verdict
@@ -17,9 +17,6 @@ from ospc.pooling.summary import Summary, joint_range
 
 _NEEDED: dict[Part, tuple[Part, ...]] = {"response": ("response",), "vignette": ("response", "vignette")}
 """Parts on which recordings must agree to determine each part: a recording of another response is left out."""
-
-_MOST_NAMED = 5
-"""Most recordings named in a reason; all are listed in the calibration's ``source``."""
 
 
 def response_verdict_of(fit: Fit, used: Sequence[Summary]) -> Verdict:
@@ -46,7 +43,7 @@ def judged(agreed: Agreement, part: Part, verdict: Verdict, *, recordings: int, 
             return Verdict(
                 "not identifiable",
                 f"{len(differing)} of {recordings} recordings contradict the others in the {needed} "
-                f"({_named(differing)}), and no majority agrees",
+                f"({listed(differing)}), and no majority agrees",
                 "merge only recordings of one camera with unchanged lens, focus and aperture",
             )
     if not counts:
@@ -54,17 +51,13 @@ def judged(agreed: Agreement, part: Part, verdict: Verdict, *, recordings: int, 
     left_out = _differing(agreed, *_NEEDED[part])
     reason = f"{verdict.reason}, based on {recordings - len(left_out)} of {counted(recordings, 'recording')}"
     if left_out:
-        reason += f"; {_named(left_out)} left out" + (" because it differs" if len(left_out) == 1 else "")
+        reason += f"; {listed(left_out)} left out" + (" because it differs" if len(left_out) == 1 else "")
     return replace(verdict, reason=reason)
 
 
 def _differing(agreed: Agreement, *parts: Part) -> list[str]:
     """Return the names of the recordings that differ in any of these parts."""
     return sorted(found.name for found in agreed.differing.values() if set(parts) & set(found.parts))
-
-
-def _named(names: Sequence[str]) -> str:
-    return ", ".join(names[:_MOST_NAMED]) + (", …" if len(names) > _MOST_NAMED else "")
 
 
 def used_of(used: int, given: int) -> str:

@@ -13,6 +13,7 @@ from typing import Any, TypeAlias
 
 import ospc
 from ospc.errors import OspcError
+from ospc.formats.files import json_object
 from ospc.system.atomic import write_atomically
 from ospc.system.folders import writing
 from ospc.system.processes import in_processes
@@ -37,11 +38,8 @@ class ResultStore:
 
     def get(self, name: str, description: dict[str, Any]) -> Any:
         """Return a result; None if there is none or its file is damaged."""
-        try:
-            content = json.loads(self._place(name, description).read_text(encoding="utf-8"))
-            return content["result"] if content["schema"] == _SCHEMA else None
-        except (OSError, ValueError, KeyError, TypeError, RecursionError):
-            return None
+        content = json_object(self._place(name, description))
+        return content.get("result") if content.get("schema") == _SCHEMA else None
 
     def put(self, name: str, description: dict[str, Any], result: Any) -> Path:
         """Store a result and return the path of its file."""

@@ -8,7 +8,6 @@ import pytest
 
 from command_line import ospc
 from ospc.errors import SettingError
-from ospc.research.runner import Task
 
 
 def invoke(*arguments: object):
@@ -38,7 +37,7 @@ def test_leaves_tables_and_figures(finished):
 def test_a_second_run_computes_nothing(finished, monkeypatch):
     options, out, _ = finished
     before = (out / "table.md").read_bytes()
-    monkeypatch.setattr(Task, "run", lambda *_: pytest.fail("computed again"))
+    monkeypatch.setattr("ospc.research.faults.judging._run", lambda *_: pytest.fail("computed again"))
     result = invoke(*options)
     assert result.exit_code == 0, result.output
     assert (out / "table.md").read_bytes() == before

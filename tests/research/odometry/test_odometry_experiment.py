@@ -146,13 +146,13 @@ def test_numbers_that_make_no_sense_are_refused(experiment):
 
 
 def test_the_conditions_are_the_papers():
-    assert [(c.name, c.mode, c.calibrated, c.metadata_exposures) for c in STANDARD] == [
-        ("truth", 0, True, True),
-        ("paper", 0, True, True),
-        ("ours", 0, True, True),
-        ("joint-wgt", 0, True, True),
-        ("joint-wogt", 0, True, True),
-        ("none", 2, False, False),
+    assert [(c.name, c.mode, c.calibrated) for c in STANDARD] == [
+        ("truth", 0, True),
+        ("paper", 0, True),
+        ("ours", 0, True),
+        ("joint-wgt", 0, True),
+        ("joint-wogt", 0, True),
+        ("none", 2, False),
     ]
     assert (AFFINE.mode, AFFINE.calibrated) == (1, False)
     with pytest.raises(SettingError, match="no condition"):

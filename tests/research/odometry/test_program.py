@@ -32,7 +32,7 @@ def truth(simulated):
 def test_a_run_gets_the_files_of_its_mode_and_is_judged_up_to_a_similarity(make_program, source, truth, name):
     result, _ = judge(make_program(), source(name), truth)
     assert result.ending == "finished", result.reason
-    assert result.poses == 40
+    assert len(result.tracked.trajectory) == 40
     assert result.covered == pytest.approx(1)
     assert result.error < 0.01 if name == "truth" else result.error > 0.01
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from hashlib import sha256
 from itertools import combinations
@@ -194,9 +195,19 @@ class ChartSource(Source):
         return iter(ArrayRecording(planes, _STATED_MS, name=self.name, max_grey=255))
 
     def truth(self) -> Truth:
-        """Return the response from the RAW files."""
-        response, greys = true_response(self._fitted(), self.channel)
-        return Truth(response, greys=greys, limits=self._limits(response, greys))
+        """Return the response from the RAW files.
+
+        Its limits are the difference of the truths under both illuminants, and the error of the stated exposures.
+        """
+        series = self._fitted()
+        response, greys = true_response(series, self.channel)
+        wrong = np.max(np.abs(series.irradiance()[0] / np.array(_STATED_MS) - 1))
+        limits = {"worst_exposure_error_percent": 100 * float(wrong)}
+        with suppress(OspcError):
+            again, again_greys = true_response(read_series(self.folder, ILLUMINANTS[1]), self.channel)
+            common = max(greys[0], again_greys[0]), min(greys[1], again_greys[1])
+            limits["truth_uncertainty"] = response_shape_rmse(again, response, *common)
+        return Truth(response, greys=greys, limits=limits)
 
     def held_out(self) -> Sequence[HeldOutPair]:
         """Return all pairs of exposures under the second illuminant, with the ratios of the RAW files."""
@@ -213,17 +224,6 @@ class ChartSource(Source):
 
     def _planes(self, series: ChartSeries) -> FloatArray:
         return np.ascontiguousarray(series.jpeg[..., self.channel])
-
-    def _limits(self, known: Response, greys: tuple[int, int]) -> dict[str, float]:
-        """Return the difference of the truths under the two illuminants, and the error of the stated exposures."""
-        exposures = self._fitted().irradiance()[0]
-        limits = {"worst_exposure_error_percent": float(100 * np.max(np.abs(exposures / np.array(_STATED_MS) - 1)))}
-        try:
-            again, again_greys = true_response(read_series(self.folder, ILLUMINANTS[1]), self.channel)
-        except OspcError:
-            return limits
-        common = max(greys[0], again_greys[0]), min(greys[1], again_greys[1])
-        return limits | {"truth_uncertainty": response_shape_rmse(again, known, *common)}
 
 
 def _same_places(planes: FloatArray, first: int, second: int, ratio: float) -> HeldOutPair:

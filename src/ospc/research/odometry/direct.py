@@ -6,7 +6,6 @@ the value of a calibration. Depth comes from the simulated scene.
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from time import monotonic
@@ -19,7 +18,7 @@ from scipy.spatial.transform import Rotation
 from ospc.arrays import BoolArray, Float32Array, FloatArray
 from ospc.errors import OspcError, RecordingError, message_of
 from ospc.evaluation.trajectory import Trajectory, read_trajectory
-from ospc.formats.files import read_text
+from ospc.formats.files import json_object
 from ospc.photometry.correction import Corrector
 from ospc.recording import Frame, open_recording
 from ospc.research.odometry.alignment import LEVELS, Brightness, Camera, Pose, align
@@ -31,7 +30,6 @@ from ospc.simulation.settings import SimulationSettings
 from ospc.simulation.surface import Rectangle
 
 _TRUTH = "truth.json"
-_MOST_BYTES = 256_000_000
 _NEAR_M = 0.02
 """Surfaces closer to the camera than this are ignored."""
 
@@ -47,17 +45,16 @@ class SceneDepth:
     def of(cls, folder: Path) -> SceneDepth:
         """Build the scene of a simulated recording."""
         try:
-            content = json.loads(read_text(folder / _TRUTH, _MOST_BYTES))
+            content = json_object(folder / _TRUTH)
             settings = content["settings"]
             scene_seed = settings["seed"] if settings["scene_seed"] is None else settings["scene_seed"]
             width, height = (int(n) for n in settings["size"])
             focal = float(content["focal_px"])
             scene = Scene.of(SimulationSettings(scene_seed=int(scene_seed), size=(width, height)))
-        except (OspcError, ValueError, KeyError, TypeError, RecursionError) as error:
+        except (OspcError, ValueError, KeyError, TypeError) as error:
             raise RecordingError(
                 f"{folder}: the built-in odometry needs the depth of a simulated scene, which {_TRUTH} does not "
-                f"describe ({message_of(error)}); "
-                "make the recording with 'ospc simulate', or use --program"
+                f"describe ({message_of(error)}); make the recording with 'ospc simulate', or use --program"
             ) from None
         faces = (*scene.walls, *scene.pictures, *(face for solid in scene.solids for face in solid.faces))
         centre_px = (np.array((width, height)) - 1) / 2

@@ -85,16 +85,12 @@ class RunResult:
         """The alignment error; infinite unless the run finished."""
         return self.errors.e_align if self.ending == "finished" and self.errors is not None else float("inf")
 
-    @property
-    def poses(self) -> int:
-        """Number of poses."""
-        return 0 if self.tracked.trajectory is None else len(self.tracked.trajectory)
-
     def as_dict(self) -> dict[str, Any]:
         """Return a line of the table of runs, with JSON-compatible values."""
         about = {"recording": self.recording, "condition": self.condition, "run": self.run}
         errors = {name: None if self.errors is None else getattr(self.errors, name) for name in _FIGURES}
-        extent = {"poses": self.poses, "covered": self.covered, "seconds": self.tracked.seconds}
+        poses = 0 if self.tracked.trajectory is None else len(self.tracked.trajectory)
+        extent = {"poses": poses, "covered": self.covered, "seconds": self.tracked.seconds}
         return {**about, "outcome": self.ending, "reason": self.reason, **errors, **extent}
 
 

@@ -24,7 +24,7 @@ from typing import Any, Literal
 import numpy as np
 
 from ospc.arrays import FloatArray
-from ospc.errors import FormatError, NotObservableError, RecordingError, SettingError, counted
+from ospc.errors import FormatError, NotObservableError, RecordingError, SettingError, counted, named
 from ospc.formats.dso import write_pcalib, write_times, write_vignette
 from ospc.formats.opening import Photometry, open_photometry
 from ospc.photometry.calibration import Calibration
@@ -56,11 +56,6 @@ class Condition:
         """Whether it needs a response and a vignette."""
         return self.mode == 0
 
-    @property
-    def metadata_exposures(self) -> bool:
-        """Whether the recording's exposures are used; otherwise all are set to one."""
-        return self.mode != 2
-
 
 STANDARD: tuple[Condition, ...] = (
     Condition("truth", "Full truth"),
@@ -88,10 +83,8 @@ def external(name: str) -> Condition:
 
 def chosen(names: Sequence[str]) -> tuple[Condition, ...]:
     """Return standard conditions by name, in the order of the paper's table."""
-    unknown = [name for name in names if name not in _KNOWN]
-    if unknown:
-        raise SettingError(f"no condition is called '{unknown[0]}'; known: {', '.join(_KNOWN)}")
-    return tuple(condition for name, condition in _KNOWN.items() if name in names)
+    wanted = [named("condition", name, _KNOWN) for name in names]
+    return tuple(condition for condition in _KNOWN.values() if condition in wanted)
 
 
 CAMERA, TIMES, TRUTH = "camera.txt", "times.txt", "groundtruthSync.txt"
@@ -119,7 +112,7 @@ class OdometryInput:
         """Return the input for a recording under a condition."""
         needed(recording.path, CAMERA)
         stamps, exposures = np.array([recording.stamps_s, recording.exposures_ms], dtype=np.float64)
-        given = exposures if condition.metadata_exposures else np.ones_like(exposures)
+        given = np.ones_like(exposures) if condition.mode == 2 else exposures
         known = identity(recording) | {"name": ""}
         return cls(recording.path, images, stamps, given, condition, photometry, known)
 

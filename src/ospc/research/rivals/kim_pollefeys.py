@@ -53,12 +53,12 @@ _EXPONENTS = 2 * np.arange(1, 4)
 
 
 def estimate_decoupled(
-    pairs: Sequence[Correspondences], known: tuple[int, float] | None = None
+    pairs: Sequence[Correspondences], log_ratios: Sequence[float] | None = None
 ) -> tuple[Estimate, FloatArray]:
     """Return response and vignette from points visible in both images of each pair, and the K of pairs, shape (n,).
 
-    ``known`` is the number of a pair and ln of its exposure ratio e₀/e₁, which fixes the exponent. If None, the ratio
-    of the pair with the largest change in brightness is assumed to be 1.5 or 1/1.5.
+    ``log_ratios`` are ln of the exposure ratio e₀/e₁ of each pair. Only the largest is used, which fixes the
+    exponent. If None, the ratio of the pair with the largest change in brightness is assumed to be 1.5 or 1/1.5.
 
     Raises
     ------
@@ -69,7 +69,7 @@ def estimate_decoupled(
     transfers = [(number, *transfer) for number, transfer in found if transfer is not None]
     if not transfers:
         raise NotObservableError("no pair of images has enough points at equal radius to show how brightness changes")
-    response, by_pair = _solve_response(transfers, known)
+    response, by_pair = _solve_response(transfers, log_ratios)
     ratios = np.array([by_pair.get(number, np.nan) for number in range(len(pairs))])
     return Estimate(response, _solve_vignette(pairs, response, ratios)), ratios
 
@@ -105,17 +105,15 @@ def _transfer(pair: Correspondences) -> tuple[IntArray, IntArray, FloatArray] | 
 
 
 def _solve_response(
-    transfers: Sequence[tuple[int, IntArray, IntArray, FloatArray]], known: tuple[int, float] | None
+    transfers: Sequence[tuple[int, IntArray, IntArray, FloatArray]], log_ratios: Sequence[float] | None
 ) -> tuple[Response, dict[int, float]]:
     """Solve Σ cₖ(hₖ(M₁) − hₖ(τ)) − K = −(g₀(M₁) − g₀(τ)), all in ln, with one K fixed."""
     mean, components = _log_model()
     changes = [float(np.average(np.log(m1 / m2), weights=w)) for _, m1, m2, w in transfers]
     numbers = [number for number, *_ in transfers]
-    if known is not None and known[0] in numbers:
-        fixed, value = numbers.index(known[0]), known[1]
-    else:
-        fixed = int(np.argmax(np.abs(changes)))
-        value = float(np.sign(changes[fixed])) * _ASSUMED_LOG_RATIO
+    known = changes if log_ratios is None else [log_ratios[number] for number in numbers]
+    fixed = int(np.argmax(np.abs(known)))
+    value = known[fixed] if log_ratios is not None else float(np.sign(changes[fixed])) * _ASSUMED_LOG_RATIO
     if abs(changes[fixed]) < _LEAST_LOG_CHANGE:
         raise NotObservableError("brightness changes in no pair of images; the response cannot be determined")
     count = len(components)
@@ -216,12 +214,9 @@ class KimPollefeys:
 
     def found(self) -> dict[str, Outcome]:
         """Return both variants."""
-        usable = [number for number, pair in enumerate(self._pairs) if _transfer(pair) is not None]
-        best = max(usable, key=lambda number: abs(self._log_ratios[number]), default=None)
-        known = None if best is None else (best, self._log_ratios[best])
         return outcomes_of(
             {
-                "kim-pollefeys-known": lambda: estimate_decoupled(self._pairs, known)[0],
+                "kim-pollefeys-known": lambda: estimate_decoupled(self._pairs, self._log_ratios)[0],
                 "kim-pollefeys-assumed": lambda: estimate_decoupled(self._pairs)[0],
             }
         )
