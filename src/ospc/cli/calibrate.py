@@ -243,12 +243,11 @@ def _guess(request: _Request, truth: Photometry | None) -> dict[str, Any]:
     """Guess a calibration from single images; it is never complete."""
     from ospc.cli.calibration_result import CalibrationOutcome
     from ospc.correction.source import open_source
-    from ospc.report.output_folder import Written
     from ospc.unknown_exposures.single_image.fallback import calibrate_single_images
 
     recording = open_source([request.path], request.reading.kind, request.reading.options).recording
     calibration = replace(calibrate_single_images(recording), source={"name": request.path.name})
-    content = request.result(truth).take(CalibrationOutcome(calibration), lambda _: (Written(), [calibration.caveat]))
+    content = request.result(truth).take(CalibrationOutcome(calibration), None, [calibration.caveat])
     return content | {"rests_on": calibration.rests_on}
 
 

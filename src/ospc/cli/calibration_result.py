@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -30,6 +30,7 @@ from ospc.photometry.verdict import Verdict
 from ospc.recording import Recording
 from ospc.report.output_folder import OutputFolder, Times, Written
 from ospc.report.pictures import drawings_of
+from ospc.state.container import STATE_NAME
 from ospc.system.second_thread import SecondThread
 
 _STYLES = {"identifiable": "green", "marginal": "yellow", "not identifiable": "red"}
@@ -43,8 +44,8 @@ _ERRORS = {
     "vignette_pixel_rmse": "vignette, RMSE over all pixels",
 }
 """Labels of the metrics of a comparison with a truth."""
-Saved: TypeAlias = tuple[Written, list[str]]
-"""The files written for a state, and notes on it."""
+Save: TypeAlias = Callable[[Path], Path]
+"""Writes a state to a file, and returns its path; FormatError if that fails."""
 
 
 @dataclass(frozen=True)
@@ -104,27 +105,27 @@ class ResultFolder:
         """Whether to print more than errors and warnings."""
         return not (self.quiet or self.as_json)
 
-    def take(self, outcome: CalibrationOutcome, save: Callable[[Path], Saved]) -> dict[str, Any]:
-        """Write the folder, print the result, and return it as JSON-compatible values.
+    def take(self, outcome: CalibrationOutcome, save: Save | None, notes: Sequence[str] = ()) -> dict[str, Any]:
+        """Write the folder, print the result with notes on the run, and return it as JSON-compatible values.
 
-        ``save`` writes the state into the folder that it is given. A partial result never replaces a complete one.
+        ``save`` writes the state; with None, that of an earlier run is removed. A partial result never replaces a
+        complete one.
         """
         folder = self.folder.for_partial_results if outcome.calibration.partial else self.folder
-        content = replace(self, folder=folder)._taken(outcome, save)
+        content = replace(self, folder=folder)._taken(outcome, save, notes)
         if not content["partial"]:
             self.folder.remove_partial()
         return content
 
-    def _taken(self, outcome: CalibrationOutcome, save: Callable[[Path], Saved]) -> dict[str, Any]:
+    def _taken(self, outcome: CalibrationOutcome, save: Save | None, notes: Sequence[str]) -> dict[str, Any]:
         with self.interruption.held():
             self.folder.create()
             with progress_line(quiet=self.quiet) as show_writing, ThreadPoolExecutor(1, "ospc-state") as second:
                 show_writing("writing", 0, 0)
                 # In parallel: most of it is compression, which releases the interpreter.
-                saving = second.submit(save, self.folder.path)
+                saving = second.submit(self._saved, save)
                 outcome, written = self._written(outcome)
-            state, notes = saving.result()
-            written += state
+            written += saving.result()
             comparison = self._compared(outcome.calibration)
             if not self.quiet:
                 for warning in outcome.calibration.warnings:
@@ -133,6 +134,17 @@ class ResultFolder:
                 say_notes((*outcome.calibration.notes, *notes))
                 self._say(outcome, written, comparison)
             return self._as_dict(outcome, written, notes, comparison)
+
+    def _saved(self, save: Save | None) -> Written:
+        place = self.folder.path / STATE_NAME
+        try:
+            if save is not None:
+                return Written((save(place),))
+            place.unlink(missing_ok=True)
+        except (FormatError, OSError) as error:
+            # Continue: the result matters more, and the images of a camera are not kept.
+            return Written(notes=(f"no state was saved: {error}",))
+        return Written()
 
     def _written(self, outcome: CalibrationOutcome) -> tuple[CalibrationOutcome, Written]:
         """Write data, report and picture; an interruption leaves out the picture only."""
@@ -183,7 +195,7 @@ class ResultFolder:
             say(f"  {label:42} {figure}")
 
     def _as_dict(
-        self, outcome: CalibrationOutcome, written: Written, notes: list[str], comparison: Comparison | None
+        self, outcome: CalibrationOutcome, written: Written, notes: Sequence[str], comparison: Comparison | None
     ) -> dict[str, Any]:
         calibration, ratios = outcome.calibration, outcome.calibration.exposure_ratios
         of_recording = () if outcome.recording is None else outcome.recording.notes

@@ -5,21 +5,21 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Callable
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from ospc.calibrator import OnlineCalibrator, Status, drive
-from ospc.cli.calibration_result import CalibrationOutcome, ResultFolder, Saved
+from ospc.cli.calibration_result import CalibrationOutcome, ResultFolder, Save
 from ospc.cli.terminal import progress_line, say, say_notes, spreads_in_words
 from ospc.errors import FormatError, OspcError, SettingError, counted, one_line
 from ospc.exposures.lag_choice import LagChoice
 from ospc.pooling.prior_calibration import PriorCalibration
 from ospc.recording import Frame, Recording
 from ospc.report.drawing import drawing_process
-from ospc.report.output_folder import OutputFolder, Written
+from ospc.report.output_folder import OutputFolder
 from ospc.settings import Settings, as_dict
 from ospc.state.container import STATE_NAME
 from ospc.system.throttle import Throttle
@@ -51,7 +51,8 @@ class Checkpoints:
     ) -> None:
         self.place = folder.for_partial_results.path / STATE_NAME
         self._before = self.place if self.place.exists() else folder.path / STATE_NAME
-        self._notes: list[str] = []
+        self.notes: list[str] = []
+        """Notes on the state of this run."""
         self._resume, self._prior, self._kept = resume, prior, wanted
         self._throttle = Throttle(_EVERY_S, _LARGEST_SHARE) if every_s is None else Throttle(every_s, math.inf)
         self._failed = False
@@ -72,7 +73,7 @@ class Checkpoints:
         if self._resume and self._before.exists():
             calibrator = self._loaded(calibrator)
         elif self._resume:
-            self._notes.append(f"{self._before.parent} contains no checkpoint yet: starting with the first frame")
+            self.notes.append(f"{self._before.parent} contains no checkpoint yet: starting with the first frame")
         calibrator.prior = self._prior
         return calibrator
 
@@ -82,29 +83,21 @@ class Checkpoints:
             with self._throttle.timed():
                 self.save(calibrator)
 
-    def at_the_end(self, calibrator: OnlineCalibrator, folder: Path) -> Saved:
-        """Save the final state in a folder, with the summary needed for merging, or remove that of an earlier run.
+    def at_the_end(self, calibrator: OnlineCalibrator) -> Save | None:
+        """Return the function that saves the final state, with the summary needed for merging; None if unwanted."""
+        return partial(calibrator.save_state, complete=True) if self._kept else None
 
-        Return the files written, and all notes on the state of this run.
-        """
-        self.place = folder / STATE_NAME
-        self.save(calibrator, complete=True)
-        if not self._kept:
-            with suppress(OSError):
-                self.place.unlink(missing_ok=True)
-        return Written((self.place,) if self._kept and not self._failed else ()), self._notes
-
-    def save(self, calibrator: OnlineCalibrator, *, complete: bool = False) -> None:
+    def save(self, calibrator: OnlineCalibrator) -> None:
         """Save the state, if wanted."""
         if not self._kept:
             return
         try:
             self.place.parent.mkdir(parents=True, exist_ok=True)
-            calibrator.save_state(self.place, complete=complete)
+            calibrator.save_state(self.place)
         except (OSError, FormatError) as error:
             # Continue: the result matters more than the ability to resume.
             self._failed = True
-            self._notes.append(f"no state was saved: {error}")
+            self.notes.append(f"no checkpoint was saved: {error}")
 
     def _loaded(self, new: OnlineCalibrator) -> OnlineCalibrator:
         found = OnlineCalibrator.load_state(self._before)
@@ -122,11 +115,11 @@ class Checkpoints:
             if found.correct_lag != new.correct_lag:
                 changed.append(f"--correct-lag {found.correct_lag} instead of {new.correct_lag}")
             raise SettingError(f"{self._before}: was made with other settings ({', '.join(changed)}); {start_anew}")
-        self._notes.append(f"continuing after frame {found.frames} from {self._before}")
+        self.notes.append(f"continuing after frame {found.frames} from {self._before}")
         made = {name: version for name, version in found.saved_by.items() if versions().get(name) != version}
         if made:
             names = ", ".join(f"{name} {version}" for name, version in made.items())
-            self._notes.append(f"the state was saved with {names}: the result may differ in the last digits")
+            self.notes.append(f"the state was saved with {names}: the result may differ in the last digits")
         found.source = new.source
         return found
 
@@ -158,7 +151,7 @@ class CalibrationRun:
         result = replace(self.result, second=drawing_process())
         with self.result.interruption.deferred():
             calibrator, outcome = self._estimated()
-            return result.take(outcome, partial(self.checkpoints.at_the_end, calibrator))
+            return result.take(outcome, self.checkpoints.at_the_end(calibrator), self.checkpoints.notes)
 
     def _estimated(self) -> tuple[OnlineCalibrator, CalibrationOutcome]:
         """Calibrate; an interruption or a failure keeps all earlier observations."""

@@ -15,7 +15,7 @@ from ospc.cli.interruption import Interruption, leaving
 from ospc.cli.options import AS_JSON, CORRECT_LAG, FORCE, QUIET, argument, declared, option, out_option
 from ospc.cli.reading import READING, Reading
 from ospc.cli.terminal import COMPLETE, FAILED, INTERRUPTED, UNDETERMINED, concluded, say, say_notes, spreads_in_words
-from ospc.errors import FormatError, OspcError, counted, one_line
+from ospc.errors import OspcError, counted, one_line
 from ospc.recording import Frame, Recording
 
 if TYPE_CHECKING:
@@ -146,10 +146,8 @@ def _captured(
     capture: Capture, recording: Recording | None, frames: Iterable[Frame], result: ResultFolder
 ) -> dict[str, Any]:
     """Film, estimate, write and report."""
-    from ospc.cli.calibration_result import CalibrationOutcome, Saved
+    from ospc.cli.calibration_result import CalibrationOutcome
     from ospc.report import style
-    from ospc.report.output_folder import Written
-    from ospc.state.container import STATE_NAME
 
     live, interruption, failure, replayed = capture.live, result.interruption, "", recording is not None
     with interruption.deferred():
@@ -174,16 +172,7 @@ def _captured(
         early = interruption.requested and replayed
         found = replace(found, partial=early or bool(failure))
         outcome = CalibrationOutcome(found, recording, live.first_reasons, early, failure)
-        notes = [] if replayed else list(live.status.notes)
-
-        def saved(folder: Path) -> Saved:
-            try:
-                return Written((live.save_state(folder / STATE_NAME),)), notes
-            except FormatError as error:
-                # Continue: the result matters more, because the images of a camera are not kept.
-                return Written(), [*notes, f"no state was saved: {error}"]
-
-        return result.take(outcome, saved)
+        return result.take(outcome, live.save_state, () if replayed else live.status.notes)
 
 
 def _instructions(capture: Capture) -> Callable[[], None]:

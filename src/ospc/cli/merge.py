@@ -47,8 +47,7 @@ def command(
     from ospc.cli.calibration_result import CalibrationOutcome, ResultFolder
     from ospc.formats.opening import open_photometry
     from ospc.pooling.pool import Pool, merge
-    from ospc.report.output_folder import OutputFolder, Written
-    from ospc.state.container import STATE_NAME
+    from ospc.report.output_folder import OutputFolder
 
     known = None if truth is None else open_photometry(truth)
     folder = OutputFolder.at(out, force=force)
@@ -63,10 +62,8 @@ def command(
     differing = list(merged.agreement.differing.values())
     repeated = len(found) - len(pool.summaries)
     notes = [f"{repeated} of {counted(len(found), 'state')} left out, because each recording counts once"]
-    content = ResultFolder(folder, interruption, quiet, as_json, known).take(
-        CalibrationOutcome(merged.calibration),
-        lambda place: (Written((pool.save(place / STATE_NAME),)), notes if repeated else []),
-    )
+    result = ResultFolder(folder, interruption, quiet, as_json, known)
+    content = result.take(CalibrationOutcome(merged.calibration), pool.save, notes if repeated else ())
     if not as_json:
         say_notes((f"{place} was left out: {_NO_FIT}" for place in empty), "warning")
         say_notes((f"{d.name} differs from the others: {d.text}" for d in differing), "warning")
