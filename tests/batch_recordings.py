@@ -55,7 +55,7 @@ class Pretending:
     failing: dict[str, int] = field(default_factory=dict)
     asked: list[tuple[str, str]] = field(default_factory=list)
 
-    def run(self, tasks: Iterable[Task]) -> Generator[Answer, None, None]:
+    def __call__(self, tasks: Iterable[Task]) -> Generator[Answer, None, None]:
         """Yield the answers in order."""
         for task in tasks:
             name = Path(task.entry.recording).name

@@ -16,7 +16,7 @@ from pathlib import Path
 import pytest
 
 from batch_recordings import QUICK, simulated, variant
-from ospc.batch.cluster import Cluster
+from ospc.batch.cluster import on_cluster
 from ospc.batch.manifest import Entry
 from ospc.batch.run import run_batch
 from ospc.batch.work import Task, work
@@ -110,7 +110,7 @@ def test_a_scheduler_without_workers_is_reported(machines, entries):
     while time.monotonic() < deadline_s:
         try:
             with pytest.raises(SettingError, match="the scheduler has no workers; start some"):
-                list(Cluster(machines.address, patience_s=0.0).run([Task(0, entries[1])]))
+                list(on_cluster([Task(0, entries[1])], machines.address, patience_s=0.0))
             break
         except AssertionError:
             time.sleep(0.2)
@@ -124,23 +124,22 @@ def test_a_recording_goes_to_a_worker_that_can_read_it(machines, workers, entrie
     mark.touch()
     with Client(machines.address, set_as_default=False, timeout=30) as client:
         client.wait_for_workers(WORKERS, timeout=30)
-    answers = list(Cluster(machines.address).run(Task(n, entries[n]) for n in (1, 2, 3)))
+    answers = list(on_cluster((Task(n, entries[n]) for n in (1, 2, 3)), machines.address))
     assert {int(answer.worker.rsplit(":", 1)[1]) for answer in answers} == {reading.pid}
     mark.unlink()
 
 
 def test_every_recording_is_done_though_one_of_two_workers_is_killed(machines, workers, entries, tmp_path):
-    class Killing(Cluster):
-        def run(self, tasks):
-            answered = []
-            for answer in super().run(tasks):
-                yield answer
-                answered.append(int(answer.worker.rsplit(":", 1)[1]))
-                # Killed before its first answer was fetched, the worker would leave no result to check.
-                if len(answered) >= 8 and workers[1].pid in answered and workers[1].poll() is None:
-                    os.kill(workers[1].pid, signal.SIGKILL)
+    def killing(tasks):
+        answered = []
+        for answer in on_cluster(tasks, machines.address):
+            yield answer
+            answered.append(int(answer.worker.rsplit(":", 1)[1]))
+            # Killed before its first answer was fetched, the worker would leave no result to check.
+            if len(answered) >= 8 and workers[1].pid in answered and workers[1].poll() is None:
+                os.kill(workers[1].pid, signal.SIGKILL)
 
-    outcome = run_batch(entries, tmp_path / "out", Killing(machines.address))
+    outcome = run_batch(entries, tmp_path / "out", killing)
     assert workers[1].poll() is not None
     assert [row.recording[-4:] for row in outcome.failed] == [f"r{CORRUPT:03}", f"r{MISSING:03}"]
     corrupt, missing = outcome.failed
@@ -159,10 +158,10 @@ def test_every_recording_is_done_though_one_of_two_workers_is_killed(machines, w
 def test_a_missing_scheduler_is_reported(monkeypatch):
     monkeypatch.setattr("ospc.batch.cluster._CONNECT_S", 0.5)
     with pytest.raises(SettingError, match="no Dask scheduler answers there"):
-        list(Cluster("tcp://127.0.0.1:9").run([]))
+        list(on_cluster([], "tcp://127.0.0.1:9"))
 
 
 def test_without_dask_the_extra_is_named(monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(MissingExtraError, match=r"ospc\[cluster\]"):
-        list(Cluster("tcp://127.0.0.1:9").run([]))
+        list(on_cluster([], "tcp://127.0.0.1:9"))

@@ -6,6 +6,7 @@ import csv
 import json
 import os
 import shutil
+from functools import partial
 
 import numpy as np
 import pytest
@@ -16,7 +17,7 @@ from command_line import leave_out
 from ospc.batch.manifest import Entry
 from ospc.batch.run import run_batch
 from ospc.batch.store import Store
-from ospc.batch.work import Processes, Task, work
+from ospc.batch.work import Task, on_this_machine, work
 from ospc.errors import FormatError, SettingError
 from ospc.photometry.calibration import Calibration
 from ospc.pooling.pool import Pool
@@ -100,7 +101,7 @@ def test_recordings_of_a_camera_are_merged(done, entries):
 
 
 def test_processes_give_the_same_bytes(done, entries, tmp_path):
-    outcome = run_batch(entries, tmp_path / "out", Processes(2), retries=0)
+    outcome = run_batch(entries, tmp_path / "out", partial(on_this_machine, processes=2), retries=0)
     assert results(tmp_path / "out") == results(done[1])
     same = [
         (a.recording, a.status, a.key, a.error, a.samples) == (b.recording, b.status, b.key, b.error, b.samples)
@@ -170,8 +171,8 @@ def test_interrupted_it_writes_what_is_done_and_goes_on_later(entries, tmp_path)
 
 def test_finished_results_are_written_and_reported_if_the_workers_are_lost(entries, tmp_path):
     class Lost(Pretending):
-        def run(self, tasks):
-            for number, answer in enumerate(super().run(tasks)):
+        def __call__(self, tasks):
+            for number, answer in enumerate(super().__call__(tasks)):
                 if number == 2:
                     raise SettingError("the scheduler is lost")
                 yield answer
@@ -183,7 +184,7 @@ def test_finished_results_are_written_and_reported_if_the_workers_are_lost(entri
 
 def test_without_workers_nothing_is_written(entries, tmp_path):
     class Absent(Pretending):
-        def run(self, tasks):
+        def __call__(self, tasks):
             raise SettingError("no scheduler answers")
             yield
 
@@ -228,8 +229,8 @@ def test_results_of_other_versions_are_made_again(done, entries, tmp_path):
 
 def test_a_result_of_another_request_is_refused(tmp_path):
     class Lying(Pretending):
-        def run(self, tasks):
-            for answer in super().run(tasks):
+        def __call__(self, tasks):
+            for answer in super().__call__(tasks):
                 yield type(answer)(answer.number, "0" * 64, answer.result)
 
     place = simulated(tmp_path / "r", 1, frames=2)
@@ -251,7 +252,7 @@ def test_one_process_that_dies_takes_only_its_own_task(recordings, tmp_path, ent
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("PYTHONPATH", os.pathsep.join(filter(None, (str(tmp_path), os.environ.get("PYTHONPATH")))))
         tasks = [Task(0, Entry(str(deadly), "A", QUICK)), *(Task(n, entry) for n, entry in enumerate(entries[:3], 1))]
-        answers = {answer.number: answer for answer in Processes(2).run(tasks)}
+        answers = {answer.number: answer for answer in on_this_machine(tasks, 2)}
     assert answers[0].error == "the process that worked on it died (SIGKILL, perhaps out of memory)"
     assert all(answers[number].result for number in (1, 2, 3))
 

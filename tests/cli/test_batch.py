@@ -29,7 +29,7 @@ def folder(tmp_path_factory):
 @pytest.fixture(autouse=True)
 def in_this_process(monkeypatch):
     """Run in this process: starting others takes seconds and is tested elsewhere."""
-    monkeypatch.setattr("ospc.batch.work.Processes", lambda _count: Pretending())
+    monkeypatch.setattr("ospc.batch.work.on_this_machine", lambda tasks, processes: Pretending()(tasks))
 
 
 @pytest.fixture
@@ -143,13 +143,12 @@ def test_a_recording_of_another_size_is_left_out_and_named(folder, tmp_path):
 
 @pytest.mark.usefixtures("undrawn")
 def test_an_interruption_ends_the_wait_for_an_answer(folder, tmp_path, monkeypatch):
-    class Stuck:
-        def run(self, _tasks):
-            os.kill(os.getpid(), signal.SIGINT)
-            time.sleep(60)
-            yield
+    def stuck(tasks, processes):
+        os.kill(os.getpid(), signal.SIGINT)
+        time.sleep(60)
+        yield
 
-    monkeypatch.setattr("ospc.batch.work.Processes", lambda _count: Stuck())
+    monkeypatch.setattr("ospc.batch.work.on_this_machine", stuck)
     begun_s = time.monotonic()
     result = run(folder, "-o", tmp_path / "out", *SETTINGS)
     assert time.monotonic() - begun_s < 30

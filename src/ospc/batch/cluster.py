@@ -28,30 +28,23 @@ _LONGEST_REASON = 300
 """Most characters kept of an unexpected error."""
 
 
-@dataclass(frozen=True)
-class Cluster:
-    """Runs tasks on the workers of the Dask scheduler at an address such as ``tcp://10.0.0.1:8786``.
+def on_cluster(tasks: Iterable[Task], address: str, patience_s: float = 300.0) -> Generator[Answer, None, None]:
+    """Yield the answers from the workers of the Dask scheduler at an address such as ``tcp://10.0.0.1:8786``.
 
     Workers need the same version of this package and see the recordings under the same paths; a recording that only
     some of them can read goes to one of these. If a worker is lost, its task goes to another one; after three lost
     workers the task fails. If there is no worker, the run waits up to ``patience_s`` seconds for one.
     """
-
-    address: str
-    patience_s: float = 300.0
-
-    def run(self, tasks: Iterable[Task]) -> Generator[Answer, None, None]:
-        """Yield the answers as they arrive."""
-        with needs_extra("working on a Dask cluster", "cluster"):
-            distributed: Any = import_module("distributed")
-        try:
-            client = distributed.Client(self.address, timeout=_CONNECT_S, set_as_default=False)
-        except (OSError, ValueError) as error:
-            raise SettingError(f"{self.address}: no Dask scheduler answers there ({message_of(error)})") from None
-        try:
-            yield from _Run(distributed, client, self).answers(iter(tasks))
-        finally:
-            client.close()
+    with needs_extra("working on a Dask cluster", "cluster"):
+        distributed: Any = import_module("distributed")
+    try:
+        client = distributed.Client(address, timeout=_CONNECT_S, set_as_default=False)
+    except (OSError, ValueError) as error:
+        raise SettingError(f"{address}: no Dask scheduler answers there ({message_of(error)})") from None
+    try:
+        yield from _Run(distributed, client, address, patience_s).answers(iter(tasks))
+    finally:
+        client.close()
 
 
 @dataclass
@@ -60,7 +53,8 @@ class _Run:
 
     distributed: Any
     client: Any
-    cluster: Cluster
+    address: str
+    patience_s: float
     pending: dict[Any, tuple[Task, frozenset[str]]] = field(default_factory=dict)
     _checked: set[str] = field(default_factory=set)
 
@@ -90,10 +84,9 @@ class _Run:
             if threads:
                 self._check_versions(set(threads))
                 return threads
-            if time.monotonic() - begun_s > self.cluster.patience_s:
+            if time.monotonic() - begun_s > self.patience_s:
                 raise SettingError(
-                    f"{self.cluster.address}: the scheduler has no workers; start some, such as: dask worker "
-                    f"{self.cluster.address}"
+                    f"{self.address}: the scheduler has no workers; start some, such as: dask worker {self.address}"
                 )
             time.sleep(_LOOK_EVERY_S)
 
@@ -102,7 +95,7 @@ class _Run:
             return dict(self.client.nthreads())
         except (OSError, TimeoutError, self.distributed.comm.CommClosedError) as error:
             raise SettingError(
-                f"{self.cluster.address}: the connection to the scheduler is lost ({error}); run the command again "
+                f"{self.address}: the connection to the scheduler is lost ({error}); run the command again "
                 "to continue"
             ) from None
 

@@ -125,7 +125,7 @@ class _Batch:
         """Run a piece of work on all recordings that are not done."""
         left = [number for number, row in enumerate(self.rows) if row.status != "done"]
         failed = 0
-        with closing(self.runner.run(Task(number, self.entries[number], what) for number in left)) as answers:
+        with closing(self.runner(Task(number, self.entries[number], what) for number in left)) as answers:
             for count, answer in enumerate(answers, start=1):
                 row = taken(self.rows[answer.number], answer)
                 self.rows[answer.number] = row

@@ -6,13 +6,13 @@ import json
 import os
 import socket
 import time
-from collections.abc import Generator, Iterable
+from collections.abc import Callable, Generator, Iterable
 from contextlib import closing
 from dataclasses import asdict, dataclass, replace
 from hashlib import sha256
 from itertools import islice
 from pathlib import Path
-from typing import Literal, Protocol, TypeAlias
+from typing import Literal, TypeAlias
 
 import ospc
 from ospc.batch.manifest import Entry
@@ -111,26 +111,16 @@ def _files(place: Path) -> str:
     return total.hexdigest()
 
 
-class Runner(Protocol):
-    """Runs tasks, here or elsewhere."""
-
-    def run(self, tasks: Iterable[Task]) -> Generator[Answer, None, None]:
-        """Yield one answer per task as they arrive, in any order."""
-        ...
+Runner: TypeAlias = Callable[[Iterable[Task]], Generator[Answer, None, None]]
+"""Runs tasks, here or elsewhere, and yields one answer per task as they arrive, in any order."""
 
 
-@dataclass(frozen=True)
-class Processes:
-    """Runs tasks in processes of this machine; if one dies, only its task fails."""
-
-    count: int
-
-    def run(self, tasks: Iterable[Task]) -> Generator[Answer, None, None]:
-        """Yield the answers as they arrive."""
-        found = in_processes(work, tasks, self.count, lambda task, why: Answer(task.number, error=why))
-        with closing(found) as answers:
-            for _, answer in answers:
-                yield answer
+def on_this_machine(tasks: Iterable[Task], processes: int) -> Generator[Answer, None, None]:
+    """Yield the answers from this many processes of this machine; if one dies, only its task fails."""
+    found = in_processes(work, tasks, processes, lambda task, why: Answer(task.number, error=why))
+    with closing(found) as answers:
+        for _, answer in answers:
+            yield answer
 
 
 def cores() -> int:

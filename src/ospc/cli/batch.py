@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Generator, Iterable, Iterator
-from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,7 +17,7 @@ from ospc.errors import SettingError, counted
 if TYPE_CHECKING:
     from ospc.batch.cameras import Camera
     from ospc.batch.run import BatchOutcome
-    from ospc.batch.work import Answer, Runner, Task
+    from ospc.batch.work import Answer, Task
 
 _SOME_FAILED = 4
 """Exit code if some recordings failed."""
@@ -67,10 +67,10 @@ def command(
     OUT gets the page index.html, batch.csv with a row per recording, and cameras/NAME with the calibration of
     each camera. Run the command again to process new, changed or failed recordings only.
     """
-    from ospc.batch.cluster import Cluster
+    from ospc.batch.cluster import on_cluster
     from ospc.batch.manifest import Entry, read_manifest
     from ospc.batch.run import run_batch
-    from ospc.batch.work import Processes, cores
+    from ospc.batch.work import cores, on_this_machine
 
     if jobs is not None and scheduler is not None:
         raise click.UsageError("--jobs applies to this machine and --scheduler to a cluster; use only one of them")
@@ -84,15 +84,20 @@ def command(
     entries = [entry.with_defaults(defaults).checked() for entry in found]
     if not quiet:
         say_notes(_shortened(left_out, "folders"), "left out")
-    runner = Processes(jobs or cores()) if scheduler is None else Cluster(scheduler)
+    here = partial(on_this_machine, processes=jobs or cores())
+    run = here if scheduler is None else partial(on_cluster, address=scheduler)
     with leaving("no result was written"), interruption.deferred(), progress_line(quiet=quiet) as show:
 
         def progress(stage: str, done: int, total: int, failed: int) -> None:
             show(stage, done, total, f"{failed} failed" if failed else "")
             interruption.check()
 
-        waiting = _Interruptible(runner, interruption)
-        outcome = run_batch(entries, out, waiting, retries=retries, force=force, progress=progress)
+        def interruptible(tasks: Iterable[Task]) -> Generator[Answer, None, None]:
+            # Waiting for the next answer may take minutes.
+            yield from interruption.until_requested(run(tasks))
+            interruption.check()
+
+        outcome = run_batch(entries, out, interruptible, retries=retries, force=force, progress=progress)
     code = _exit_code(outcome)
     if as_json:
         print_json({"exit_code": code, **_as_json(outcome, out), "left_out": left_out})
@@ -109,18 +114,6 @@ def _exit_code(outcome: BatchOutcome) -> int:
     if outcome.failed:
         return _SOME_FAILED
     return COMPLETE if all(camera.is_complete for camera in outcome.cameras) else UNDETERMINED
-
-
-@dataclass(frozen=True)
-class _Interruptible:
-    """A runner that Ctrl-C can interrupt while it waits for the next answer, which may take minutes."""
-
-    runner: Runner
-    interruption: Interruption
-
-    def run(self, tasks: Iterable[Task]) -> Generator[Answer, None, None]:
-        yield from self.interruption.until_requested(self.runner.run(tasks))
-        self.interruption.check()
 
 
 def _shortened(lines: list[str], what: str) -> list[str]:
