@@ -1,14 +1,18 @@
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 
 from command_line import leave_out, ospc
+from ospc.cli import demo
 from ospc.photometry.calibration import Calibration
 
 run = partial(ospc, "demo")
 
 
 def test_the_demo_creates_a_recording_and_its_calibration_and_can_be_repeated(tmp_path, monkeypatch):
+    whole = demo._settings
+    monkeypatch.setattr(demo, "_settings", lambda *how: replace(whole(*how), size=(320, 240)))
     leave_out(monkeypatch, "report")
     for again in (False, True):
         if again:

@@ -181,18 +181,18 @@ def test_a_shift_is_followed():
     places = np.stack(np.meshgrid(np.arange(40.0, 120, 16), np.arange(40.0, 80, 13)), axis=-1).reshape(-1, 2)
     matrix = np.array([[1, 0, 3.4], [0, 1, -2.7]])
     moved = cv2.warpAffine(image, matrix, (160, 120), flags=cv2.INTER_CUBIC, borderMode=cv2.BORDER_REFLECT)
-    step = follow(image, moved, places)
-    assert step.followed.all()
-    np.testing.assert_allclose(step.places - places, np.broadcast_to([3.4, -2.7], places.shape), atol=0.1)
-    assert not follow(image, textured(1), places).followed.any()
-    assert len(follow(image, moved, places[:0]).places) == 0
+    there, losses = follow(image, moved, places)
+    assert not losses.any()
+    np.testing.assert_allclose(there - places, np.broadcast_to([3.4, -2.7], places.shape), atol=0.1)
+    assert follow(image, textured(1), places)[1].any(axis=0).all()
+    assert len(follow(image, moved, places[:0])[0]) == 0
 
 
 def test_a_step_is_lost_in_one_way_at_most_and_brightness_counts():
     image = textured(0)
     places = np.array([[60.0, 60.0], [90.0, 50.0]])
     brighter = cv2.convertScaleAbs(image, alpha=1.0, beta=60)
-    losses = follow(image, brighter, places).losses
+    _, losses = follow(image, brighter, places)
     assert losses.shape == (3, 2)
     assert np.all(losses.sum(axis=0) == 1)
 

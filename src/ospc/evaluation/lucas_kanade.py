@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from ospc.arrays import BoolArray, FloatArray, Image
@@ -16,33 +14,21 @@ LOSSES = ("tracking failed", "forward-backward error", "different appearance")
 differ too much."""
 
 
-@dataclass(frozen=True)
-class Step:
-    """Points in the next frame: pixel coordinates, shape (n, 2), and which are lost by each of :data:`LOSSES`.
+def follow(before: Image, after: Image, places: FloatArray) -> tuple[FloatArray, BoolArray]:
+    """Track points from one 8-bit image to the next, in pixel coordinates, shape (n, 2).
 
-    Each column of ``losses``, shape (3, n), has at most one true value.
+    Return their places there, and which points are lost by each of :data:`LOSSES`, shape (3, n). Each column has at
+    most one true value.
     """
-
-    places: FloatArray
-    losses: BoolArray
-
-    @property
-    def followed(self) -> BoolArray:
-        """Which points are not lost, shape (n,)."""
-        return np.asarray(~self.losses.any(axis=0))
-
-
-def follow(before: Image, after: Image, places: FloatArray) -> Step:
-    """Track points, shape (n, 2), from one 8-bit image to the next."""
     if len(places) == 0:
-        return Step(places, np.zeros((len(LOSSES), 0), np.bool_))
+        return places, np.zeros((len(LOSSES), 0), np.bool_)
     tracked, found, return_px = track_and_return(before, after, places.astype(np.float32), WINDOW_PX, TRACKING_LEVELS)
     there, gave_up = tracked.astype(np.float64), ~found
     elsewhere = found & (return_px > MAX_RETURN_PX)
     first, second = windows(before, places), windows(after, there)
     mismatch = in_contrasts(np.abs(first - second).mean(axis=1), first, second)
     different = ~gave_up & ~elsewhere & (mismatch > MAX_MISMATCH)
-    return Step(there, np.stack([gave_up, elsewhere, different]))
+    return there, np.stack([gave_up, elsewhere, different])
 
 
 def windows(image: Image, places: FloatArray, side_px: int = WINDOW_PX) -> FloatArray:

@@ -165,13 +165,13 @@ class Tracks:
         first, second = (corrected_image(self._corrector, frame, longer_ms) for frame in (before, after))
         for kind, images in enumerate(((before.image_8_bit, after.image_8_bit), (first, second))):
             index = np.flatnonzero(self._alive[kind])
-            step = follow(*images, self._places[kind, index])
-            change = self._changes(kind, after, radiance, index, step.places)
-            changed = step.followed & (change > MAX_BRIGHTNESS_CHANGE)
-            followed = step.followed & ~changed
+            there, losses = follow(*images, self._places[kind, index])
+            change = self._changes(kind, after, radiance, index, there)
+            changed = ~losses.any(axis=0) & (change > MAX_BRIGHTNESS_CHANGE)
+            followed = ~(losses.any(axis=0) | changed)
             self._lives[kind].add(self._age[index], self._age[index[~followed]])
-            self._lost[kind] += np.append(step.losses.sum(axis=1), changed.sum())
-            self._places[kind, index] = step.places
+            self._lost[kind] += np.append(losses.sum(axis=1), changed.sum())
+            self._places[kind, index] = there
             self._alive[kind, index] = followed
         self._age += 1
         self._compare_with_first(after, radiance)

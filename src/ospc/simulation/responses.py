@@ -86,10 +86,6 @@ def make_response(choice: str | Path | Response) -> Response:
     return read_pcalib(choice)
 
 
-VIGNETTES = ("none", "polynomial", "cos4", "decentred")
-"""The vignettes by name."""
-
-
 def cos4(size: ImageSize, focal_px: float) -> RasterVignette:
     """Return the natural vignette of a thin lens, V = cos⁴θ with tan θ = distance from the centre / focal length."""
     tangent = np.linalg.norm(normalised(pixel_grid(size), size), axis=-1) * half_diagonal(size) / focal_px
@@ -108,6 +104,15 @@ def decentred(size: ImageSize, coefficients: tuple[float, ...]) -> RasterVignett
     return RasterVignette(values.astype(np.float32), source)
 
 
+VIGNETTES: dict[str, Callable[[SimulationSettings], Vignette]] = {
+    "none": lambda settings: PolynomialVignette(settings.size, (0.0, 0.0, 0.0)),
+    "polynomial": lambda settings: PolynomialVignette(settings.size, tuple(settings.vignette_coefficients)),
+    "cos4": lambda settings: cos4(settings.size, settings.focal_px),
+    "decentred": lambda settings: decentred(settings.size, settings.vignette_coefficients),
+}
+"""The vignettes by name."""
+
+
 def make_vignette(settings: SimulationSettings) -> Vignette:
     """Return the vignette of the settings, given by name, as a vignette.png, or itself.
 
@@ -116,14 +121,8 @@ def make_vignette(settings: SimulationSettings) -> Vignette:
     choice = settings.vignette
     if not isinstance(choice, str | Path):
         made: Vignette = choice
-    elif choice == "none":
-        made = PolynomialVignette(settings.size, (0.0, 0.0, 0.0))
-    elif choice == "polynomial":
-        made = PolynomialVignette(settings.size, tuple(settings.vignette_coefficients))
-    elif choice == "cos4":
-        made = cos4(settings.size, settings.focal_px)
-    elif choice == "decentred":
-        made = decentred(settings.size, settings.vignette_coefficients)
+    elif str(choice) in VIGNETTES:
+        made = VIGNETTES[str(choice)](settings)
     elif Path(choice).is_file():
         made = read_vignette(choice)
     else:
