@@ -23,30 +23,14 @@ _GRADIENT = 0.1
 """Gradient, in brightness per pixel, at which a residual has half weight, because position errors dominate there."""
 
 
-@dataclass(frozen=True)
-class Pose:
-    """A rotation, shape (3, 3), and a translation, shape (3,): X ↦ R·X + t."""
+def pose_of(rotation: FloatArray, translation: FloatArray) -> FloatArray:
+    """Return the homogeneous matrix of X ↦ R·X + t, shape (4, 4)."""
+    return np.block([[rotation, translation[:, None]], [np.zeros(3), 1.0]])
 
-    rotation: FloatArray
-    translation: FloatArray
 
-    @classmethod
-    def identity(cls) -> Pose:
-        """Return the identity."""
-        return cls(np.eye(3), np.zeros(3))
-
-    def __call__(self, points: FloatArray) -> FloatArray:
-        """Return transformed points, shape (n, 3)."""
-        return np.asarray(points @ self.rotation.T + self.translation)
-
-    def after(self, first: Pose) -> Pose:
-        """Return the pose that applies ``first``, then this one."""
-        return Pose(self.rotation @ first.rotation, self.rotation @ first.translation + self.translation)
-
-    @property
-    def inverse(self) -> Pose:
-        """The inverse pose."""
-        return Pose(self.rotation.T, -self.rotation.T @ self.translation)
+def moved(pose: FloatArray, points: FloatArray) -> FloatArray:
+    """Return points transformed by a pose, shape (n, 3)."""
+    return np.asarray(points @ pose[:3, :3].T + pose[:3, 3])
 
 
 @dataclass(frozen=True)
@@ -96,15 +80,15 @@ class Camera:
 
 @dataclass(frozen=True)
 class Aligned:
-    """A motion, the share of points that are visible inliers, and the median displacement in pixels."""
+    """A motion, shape (4, 4), the share of points that are visible inliers, and the median displacement in pixels."""
 
-    motion: Pose
+    motion: FloatArray
     agreeing: float
     moved_px: float
 
 
 def align(
-    points_m: FloatArray, reference: FloatArray, image: Brightness, camera: Camera, start: Pose, *, affine: bool
+    points_m: FloatArray, reference: FloatArray, image: Brightness, camera: Camera, start: FloatArray, *, affine: bool
 ) -> Aligned:
     """Return the motion from a camera with known points to the camera of another image.
 
@@ -115,21 +99,21 @@ def align(
     motion, gain, agreeing = start, np.zeros(2), 0.0
     for level in reversed(range(LEVELS)):
         for _ in range(_ITERATIONS):
-            moved_m = motion(points_m)
+            moved_m = moved(motion, points_m)
             sampled = image.at(level, camera.project(moved_m))
             step = _step(moved_m, sampled, reference[level], camera.focal_px / 2**level, gain, affine=affine)
             if step is None:
                 break
             change, agreeing = step
-            motion = Pose(Rotation.from_rotvec(change[3:6]).as_matrix(), change[:3]).after(motion)
+            motion = pose_of(Rotation.from_rotvec(change[3:6]).as_matrix(), change[:3]) @ motion
             gain = gain + change[6:8] if affine else gain
             if np.max(np.abs(change[:6])) < _SETTLED * 4**level:
                 break
     # Re-orthogonalise: rounding errors of rotation products would accumulate in the next initial motion.
-    left, _, right = np.linalg.svd(motion.rotation)
-    motion = Pose(left @ right, motion.translation)
-    moved = camera.project(motion(points_m)) - camera.project(points_m)
-    return Aligned(motion, agreeing, float(np.median(np.linalg.norm(moved, axis=1))))
+    left, _, right = np.linalg.svd(motion[:3, :3])
+    motion = pose_of(left @ right, motion[:3, 3])
+    moved_px = camera.project(moved(motion, points_m)) - camera.project(points_m)
+    return Aligned(motion, agreeing, float(np.median(np.linalg.norm(moved_px, axis=1))))
 
 
 def _step(

@@ -21,7 +21,7 @@ from ospc.evaluation.trajectory import Trajectory, read_trajectory
 from ospc.formats.files import json_object
 from ospc.photometry.correction import Corrector
 from ospc.recording import Frame, open_recording
-from ospc.research.odometry.alignment import LEVELS, Brightness, Camera, Pose, align
+from ospc.research.odometry.alignment import LEVELS, Brightness, Camera, align, pose_of
 from ospc.research.odometry.experiment import Tracked
 from ospc.research.odometry.inputs import TRUTH, OdometryInput
 from ospc.research.runner import made_with
@@ -60,17 +60,17 @@ class SceneDepth:
         centre_px = (np.array((width, height)) - 1) / 2
         return cls(Camera(focal, centre_px), tuple(face.place for face in faces))
 
-    def at(self, points: FloatArray, pose: Pose) -> FloatArray:
+    def at(self, points: FloatArray, pose: FloatArray) -> FloatArray:
         """Return the depth of pixels (x, y) along the optical axis in metres, shape (n, 2) -> (n,).
 
-        The pose maps camera coordinates to the world.
+        The pose, shape (4, 4), maps camera coordinates to the world.
         """
-        rays = self.camera.lift(points, np.ones(len(points))) @ pose.rotation.T
+        rays, position = self.camera.lift(points, np.ones(len(points))) @ pose[:3, :3].T, pose[:3, 3]
         nearest = np.full(len(points), np.inf)
         for place in self.places:
             with np.errstate(divide="ignore", invalid="ignore"):
-                depth = float((place.corner_m - pose.translation) @ place.normal) / (rays @ place.normal)
-                on_plane = pose.translation + depth[:, None] * rays - place.corner_m
+                depth = float((place.corner_m - position) @ place.normal) / (rays @ place.normal)
+                on_plane = position + depth[:, None] * rays - place.corner_m
                 across, down = on_plane @ place.across, on_plane @ place.down
                 hit = (depth > _NEAR_M) & (across >= 0) & (down >= 0)
                 hit &= (across <= place.size_m[0]) & (down <= place.size_m[1])
@@ -112,14 +112,13 @@ class DirectOdometry:
         return Tracked(tracker.trajectory, failure, seconds=monotonic() - began)
 
 
-def _true_poses(source: OdometryInput) -> list[Pose]:
+def _true_poses(source: OdometryInput) -> list[FloatArray]:
     """Return the true pose of every frame, needed to compute depth."""
     place = source.place / TRUTH
     truth = read_trajectory(place)
     if len(truth) != len(source.stamps_s) or not truth.known.all():
         raise RecordingError(f"{place}: does not contain a pose for each of the {len(source.stamps_s)} frames")
-    rotations = [Rotation.from_quat(quaternion).as_matrix() for quaternion in truth.quaternions]
-    return [Pose(rotation, position) for rotation, position in zip(rotations, truth.positions, strict=True)]
+    return list(map(pose_of, Rotation.from_quat(truth.quaternions).as_matrix(), truth.positions))
 
 
 class _Tracker:
@@ -135,13 +134,13 @@ class _Tracker:
         self._camera = self._depth.camera
         self._truth = _true_poses(source)
         self._random = np.random.default_rng(run)
-        self._key = Pose.identity()
+        self._key = np.eye(4)
         self._points = np.empty((0, 3))
         self._reference = np.empty((LEVELS, 0))
-        self._motion = Pose.identity()
-        self._speed = Pose.identity()
+        self._motion = np.eye(4)
+        self._speed = np.eye(4)
         self._since = 0
-        self._poses: list[tuple[float, Pose]] = []
+        self._poses: list[tuple[float, FloatArray]] = []
         self.lost = False
 
     def push(self, frame: Frame) -> None:
@@ -150,17 +149,17 @@ class _Tracker:
         pyramid = Brightness.of(np.where(saturated, np.float32(np.nan), image))
         if not self._poses:
             self._begin(frame, pyramid, image, saturated)
-            self._poses.append((frame.stamp_s, Pose.identity()))
+            self._poses.append((frame.stamp_s, np.eye(4)))
             return
-        start = self._speed.after(self._motion)
+        start = self._speed @ self._motion
         found = align(self._points, self._reference, pyramid, self._camera, start, affine=self._affine)
         if found.agreeing < _LOST:
             self.lost = True
             return
-        self._speed = found.motion.after(self._motion.inverse)
+        self._speed = found.motion @ np.linalg.inv(self._motion)
         self._motion = found.motion
         # The keyframe's pose maps its coordinates to the world; the motion maps them to this frame.
-        pose = self._key.after(found.motion.inverse)
+        pose = self._key @ np.linalg.inv(found.motion)
         self._poses.append((frame.stamp_s, pose))
         self._since += 1
         far = found.moved_px > _FARTHEST_MOVE * image.shape[1]
@@ -173,10 +172,8 @@ class _Tracker:
         """All poses so far; None before the second."""
         if len(self._poses) < 2:
             return None
-        rotations = np.array([pose.rotation for _, pose in self._poses])
-        positions = np.array([pose.translation for _, pose in self._poses])
-        stamps_s = np.array([stamp for stamp, _ in self._poses])
-        return Trajectory(stamps_s, positions, np.asarray(Rotation.from_matrix(rotations).as_quat()))
+        stamps_s, poses = (np.array(column) for column in zip(*self._poses, strict=True))
+        return Trajectory(stamps_s, poses[:, :3, 3], np.asarray(Rotation.from_matrix(poses[:, :3, :3]).as_quat()))
 
     def _brightness(self, frame: Frame) -> tuple[Float32Array, BoolArray]:
         """Return the brightness of a frame and its saturated pixels."""
@@ -198,7 +195,7 @@ class _Tracker:
         places, depth = places[known], depth[known]
         self._points = self._camera.lift(places, depth)
         self._reference = np.array([pyramid.at(level, places)[:, 0] for level in range(LEVELS)])
-        self._motion, self._since = Pose.identity(), 0
+        self._motion, self._since = np.eye(4), 0
 
     def _choose(self, image: Float32Array, saturated: BoolArray) -> FloatArray:
         """Return a pixel with large gradient in each cell, shape (n, 2); random among nearly equal ones."""
