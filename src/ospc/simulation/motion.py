@@ -51,22 +51,6 @@ _AXES = ("x", "y", "z", "yaw", "pitch", "roll")
 
 
 @dataclass(frozen=True)
-class Poses:
-    """Camera poses at several instants."""
-
-    position_m: FloatArray
-    """Position of the camera in the world, shape (n, 3)."""
-    rotation: FloatArray
-    """Camera-to-world rotations, shape (n, 3, 3)."""
-
-    def as_trajectory(self) -> FloatArray:
-        """Return rows (tx, ty, tz, qx, qy, qz, qw), camera to world, shape (n, 7)."""
-        from scipy.spatial.transform import Rotation
-
-        return np.hstack([self.position_m, Rotation.from_matrix(self.rotation).as_quat()])
-
-
-@dataclass(frozen=True)
 class Motion:
     """A sum of oscillations with random phases for each coordinate of the pose."""
 
@@ -94,8 +78,11 @@ class Motion:
         phase = rng.uniform(0, 2 * np.pi, period.shape)
         return cls(amplitude, period, phase, settings.motion != "static")
 
-    def at(self, time_s: npt.ArrayLike) -> Poses:
-        """Return the poses at instants in seconds, shape (n,)."""
+    def at(self, time_s: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
+        """Return the poses at instants in seconds, shape (n,).
+
+        They are the positions in the world in metres, shape (n, 3), and camera-to-world rotations, shape (n, 3, 3).
+        """
         time = np.atleast_1d(np.asarray(time_s, dtype=np.float64)) * (1.0 if self.moving else 0.0)
         angle = 2 * np.pi * time[:, None, None] / self.period_s + self.phase
         x, y, z, yaw, pitch, roll = np.sum(self.amplitude * np.sin(angle), axis=-1).T
@@ -103,7 +90,7 @@ class Motion:
         shrink = (1 + ((x**2 + y**2) / REACH_M**2) ** 4) ** (-1 / 8)
         x, y = x * shrink, y * shrink
         position = np.stack([x, y, z + EYE_HEIGHT_M], axis=-1)
-        return Poses(position, rotation(yaw, pitch, roll))
+        return position, rotation(yaw, pitch, roll)
 
 
 def rotation(yaw: FloatArray, pitch: FloatArray, roll: FloatArray) -> FloatArray:

@@ -77,6 +77,9 @@ def truth(settings: SimulationSettings = SimulationSettings()) -> Truth:  # noqa
         times, gains = _auto_exposure(settings, response, vignette, stamps)
     else:
         times, gains = _programmed(settings), np.full(settings.frames, settings.gain)
+    from scipy.spatial.transform import Rotation  # slow to import
+
+    positions, rotations = Motion.of(settings).at(stamps)
     return Truth(
         settings,
         response,
@@ -87,7 +90,7 @@ def truth(settings: SimulationSettings = SimulationSettings()) -> Truth:  # noqa
         times * gains,
         _metadata(settings, times * gains),
         flicker(settings, stamps, times),
-        Motion.of(settings).at(stamps).as_trajectory(),
+        np.hstack([positions, Rotation.from_matrix(rotations).as_quat()]),
     )
 
 
@@ -99,10 +102,10 @@ def flicker(settings: SimulationSettings, stamps_s: FloatArray, times_ms: FloatA
 
 def view_at(settings: SimulationSettings, motion: Motion, time_s: float, width: int | None = None) -> View:
     """Return the camera at an instant, with images scaled to ``width`` if given."""
-    poses = motion.at(time_s)
+    positions, rotations = motion.at(time_s)
     scale = 1.0 if width is None else width / settings.size[0]
     size = settings.size if width is None else (width, max(1, round(settings.size[1] * scale)))
-    return View(size, settings.focal_px * scale, poses.position_m[0], poses.rotation[0])
+    return View(size, settings.focal_px * scale, positions[0], rotations[0])
 
 
 def _programmed(settings: SimulationSettings) -> FloatArray:
