@@ -107,20 +107,6 @@ def _merged(name: str, rows: Sequence[Row], store: Store, folder: Path) -> Camer
 _MOST_CAMERAS, _MOST_FAILURES = 2000, 1000
 """Most entries shown, to keep the page small enough for a browser."""
 
-_STYLE = """
-:root { color-scheme: light dark; --ink: #222; --ground: #fff; --line: #ccc; --bad: #D55E00; --good: #009E73; }
-@media (prefers-color-scheme: dark) { :root { --ink: #ddd; --ground: #181818; --line: #555; } }
-body { font: 15px/1.45 system-ui, sans-serif; color: var(--ink); background: var(--ground);
-  max-width: 72rem; margin: 2rem auto; padding: 0 1rem; }
-table { border-collapse: collapse; width: 100%; } th, td { text-align: left; vertical-align: top;
-  padding: .25rem .6rem .25rem 0; border-bottom: 1px solid var(--line); overflow-wrap: anywhere; }
-ul.cameras { list-style: none; padding: 0; display: grid; gap: 1rem;
-  grid-template-columns: repeat(auto-fill, minmax(min(31rem, 100%), 1fr)); }
-ul.cameras > li { border: 1px solid var(--line); border-left: .35rem solid var(--good); padding: .6rem .8rem; }
-ul.cameras > li.bad { border-left-color: var(--bad); } h3 { margin: 0 0 .3rem; font-size: 1rem; }
-p { margin: .3rem 0; } .bad strong { color: var(--bad); }
-"""
-
 
 def page(cameras: Sequence[Camera], rows: Sequence[Row]) -> str:
     """Return the overview page as HTML, without scripts or external resources."""
@@ -132,7 +118,6 @@ def page(cameras: Sequence[Camera], rows: Sequence[Row]) -> str:
     differing = [(d.name, camera.name, d.text) for camera in cameras for d in camera.differing]
     return document(
         title,
-        _STYLE,
         tag("h1", title),
         _table("Failed", ("recording", "camera", "why"), failed),
         tag("p", f"{counted(left, 'recording')} not done yet: run the same command again to continue.")
@@ -158,7 +143,7 @@ def _cameras(cameras: Iterable[Camera]) -> Html:
     items = (join(_item(camera), "\n") for camera in ordered[:_MOST_CAMERAS])
     left = len(ordered) - _MOST_CAMERAS
     more = tag("p", f"… and {left} more in the folder cameras.") if left > 0 else ""
-    return tag("section", tag("h2", "Cameras"), tag("ul", *items, class_="cameras"), more)
+    return tag("section", tag("h2", "Cameras"), tag("div", *items, class_="parts"), more)
 
 
 def _item(camera: Camera) -> Html:
@@ -166,12 +151,12 @@ def _item(camera: Camera) -> Html:
     differing = f"contradicting the others: {len(camera.differing)}" if camera.differing else ""
     attention = [camera.error, differing]
     return tag(
-        "li",
+        "div",
         tag("h3", tag("a", camera.name, href=link) if camera.folder else camera.name),
         tag("p", f"{camera.recordings - camera.failed} of {counted(camera.recordings, 'recording')}"),
         *(tag("p", tag("strong", text)) for text in attention if text),
         Html() if camera.calibration is None else _calibration(camera.calibration),
-        class_="good" if camera.is_good else "bad",
+        class_=f"verdict {'good' if camera.is_good else 'bad'}",
     )
 
 

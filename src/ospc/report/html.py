@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from html import escape
+from importlib.resources import files
 
 from ospc.errors import escaped
 
@@ -41,8 +42,9 @@ def _safe(text: str) -> str:
     return escape("\n".join(map(escaped, text.split("\n"))))
 
 
-def document(title: str, style: str, *content: str) -> str:
+def document(title: str, *content: str) -> str:
     """Return a complete page that needs neither network nor scripts; the content is as for :func:`tag`."""
+    style = files("ospc.report").joinpath("report.css").read_text(encoding="utf-8")
     head = tag(
         "head",
         tag("meta", charset="utf-8"),

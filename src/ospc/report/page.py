@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import base64
 from collections.abc import Iterable, Iterator, Mapping
-from importlib.resources import files
 from typing import Any
 
 from ospc.errors import counted
@@ -30,7 +29,6 @@ def page(findings: ReportFindings, examples: Examples | None = None, charts: Map
     title = f"Photometric calibration of {name_of(findings.calibration)}"
     return document(
         title,
-        files("ospc.report").joinpath("report.css").read_text(encoding="utf-8"),
         tag("header", tag("h1", title), tag("p", basis_of(findings.calibration))),
         *(join(section, "\n") for section in _sections(findings, examples or Examples(), drawn)),
     )
