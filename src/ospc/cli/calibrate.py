@@ -27,7 +27,17 @@ from ospc.cli.options import (
 )
 from ospc.cli.reading import READING_OR_ESTIMATING, Reading, print_topics
 from ospc.cli.rig_scale import RIG_NAME, add_rig_scale
-from ospc.cli.terminal import COMPLETE, FAILED, INTERRUPTED, UNDETERMINED, concluded, print_json, progress_of, say
+from ospc.cli.terminal import (
+    COMPLETE,
+    EXITS,
+    FAILED,
+    INTERRUPTED,
+    UNDETERMINED,
+    concluded,
+    print_json,
+    progress_of,
+    say,
+)
 from ospc.errors import OspcError, RecordingError, SettingError
 from ospc.recording import Recording
 from ospc.recording.image_source import is_image_name
@@ -174,16 +184,7 @@ class _Request:
         return replace(self, out=self.out / name, truth=truth, start_from=earlier, rerun_file=stream)
 
 
-command = declared(
-    "calibrate",
-    exits={
-        COMPLETE: "complete: response and vignette are identifiable, and the exposures agree with the images",
-        FAILED: "error; a partial result is written if possible",
-        UNDETERMINED: "written, but response, vignette or exposures are marginal or not identifiable, or the camera "
-        "changed during the recording",
-        INTERRUPTED: "interrupted; the partial result is written",
-    },
-)(_Request)
+command = declared("calibrate", exits=EXITS)(_Request)
 
 
 def _calibrate_one(request: _Request, opened: Callable[[], Recording]) -> dict[str, Any]:

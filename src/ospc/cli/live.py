@@ -14,7 +14,7 @@ import click
 from ospc.cli.interruption import Interruption, leaving
 from ospc.cli.options import AS_JSON, CORRECT_LAG, FORCE, QUIET, argument, declared, option, out_option
 from ospc.cli.reading import READING, Reading
-from ospc.cli.terminal import COMPLETE, FAILED, INTERRUPTED, UNDETERMINED, concluded, say, say_notes, spreads_in_words
+from ospc.cli.terminal import EXITS, concluded, say, say_notes, spreads_in_words
 from ospc.errors import OspcError, counted, one_line
 from ospc.recording import Frame, Recording
 
@@ -29,16 +29,7 @@ _LINE_S = 5.0
 """Time between two lines in the terminal, if the instruction stays the same, in seconds."""
 
 
-@declared(
-    "live",
-    exits={
-        COMPLETE: "complete: response and vignette are identifiable, and the exposures agree with the images",
-        FAILED: "error; a partial result is written if possible",
-        UNDETERMINED: "written, but response, vignette or exposures are marginal or not identifiable, or the camera "
-        "changed during the capture",
-        INTERRUPTED: "interrupted before the end of a recording; the partial result is written",
-    },
-)
+@declared("live", exits=EXITS)
 def command(
     interruption: Interruption,
     *,

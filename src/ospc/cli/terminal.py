@@ -26,6 +26,16 @@ COMPLETE, FAILED, UNDETERMINED, INTERRUPTED = 0, 1, 3, 130
 warning; and 128 + SIGINT after Ctrl-C, as shells expect."""
 
 
+EXITS = {
+    COMPLETE: "complete: response and vignette are identifiable, and the exposures agree with the images",
+    FAILED: "error; a partial result is written if possible",
+    UNDETERMINED: "written, but response, vignette or exposures are marginal or not identifiable, or the camera "
+    "changed while it filmed",
+    INTERRUPTED: "interrupted before the end of a recording; the partial result is written",
+}
+"""What the exit codes of commands that calibrate a camera mean."""
+
+
 class Styled(str):
     """A text that may contain escape sequences; make one with :func:`styled`."""
 

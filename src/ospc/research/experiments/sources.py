@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from ospc.arrays import FloatArray, ImageSize
-from ospc.errors import FormatError, SettingError
+from ospc.errors import FormatError
 from ospc.formats.dso import read_pcalib
 from ospc.formats.files import read_text
 from ospc.photometry.response import Response
@@ -40,8 +40,6 @@ def stand_ins(
 
     ``data`` is the folder of reference data, and ``speed`` a factor on the camera's speed.
     """
-    if count < 1 or frames < 2:
-        raise SettingError("an experiment needs at least one recording, of two frames or more")
     response: str | Response = "tum_narrow"
     vignette: str | Vignette = "polynomial"
     if data is not None and (data / RESPONSE).is_file() and (data / VIGNETTE).is_file():

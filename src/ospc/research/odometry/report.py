@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from functools import partial
 from typing import Any
 
@@ -127,7 +128,11 @@ def draw_trajectories(runs: Sequence[tuple[Condition, RunResult]], truth: Trajec
 
 def _draw(axes: Any, result: RunResult, truth: Trajectory, plane: tuple[FloatArray, FloatArray]) -> None:
     across, up = plane
-    copies = _aligned_copies(result.tracked.trajectory, truth)
+    copies: list[FloatArray] = []
+    tracked = result.tracked.trajectory
+    if tracked is not None:
+        with suppress(NotObservableError, FormatError):
+            copies = [to(tracked.positions) for to, _ in half_alignments(tracked, truth)]
     if not copies:
         why = f"{result.ending}\n{printable(result.reason)}"
         axes.text(0.5, 0.5, why, ha="center", wrap=True, parse_math=False, transform=axes.transAxes)
@@ -139,11 +144,3 @@ def _draw(axes: Any, result: RunResult, truth: Trajectory, plane: tuple[FloatArr
     axes.set_aspect("equal", adjustable="datalim")
     axes.set(xlabel="units of the truth")
     axes.legend(loc="best")
-
-
-def _aligned_copies(tracked: Trajectory | None, truth: Trajectory) -> list[FloatArray]:
-    """Return the positions aligned to either half of the truth; none if that is impossible."""
-    try:
-        return [] if tracked is None else [to(tracked.positions) for to, _ in half_alignments(tracked, truth)]
-    except (NotObservableError, FormatError):
-        return []

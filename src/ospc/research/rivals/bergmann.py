@@ -33,15 +33,13 @@ class Bergmann:
         self._window, self._every = window, every
         self._tracker = GainRobustTracker()
         self._latest: JointEstimate | None = None
-        self._frames = 0
-        self._last = 0
+        self._done = 0
 
     def push(self, frame: Frame) -> None:
         """Take the next frame."""
         self._tracker.push(frame)
-        self._frames += 1
-        self._last = frame.index
-        if self._online and self._frames % self._every == 0 and self._frames >= self._window // 2:
+        self._done = frame.index + 1
+        if self._online and self._done % self._every == 0 and self._done >= self._window // 2:
             self._latest = self._estimated(_ITERATIONS_ONLINE)
 
     def estimate(self) -> JointEstimate:
@@ -58,7 +56,7 @@ class Bergmann:
     def _estimated(self, iterations: int) -> JointEstimate:
         tracks = self._tracker.observations()
         if self._online:
-            tracks = tracks.since(self._last - self._window + 1)
+            tracks = tracks.since(self._done - self._window)
         return estimate_jointly(tracks, start=self._latest, iterations=iterations)
 
 
