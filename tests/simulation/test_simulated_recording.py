@@ -15,7 +15,6 @@ from ospc.errors import SettingError
 from ospc.photometry.response import Response
 from ospc.recording import open_recording
 from ospc.simulation import SimulationSettings, frames, irradiances, simulate, truth
-from ospc.simulation.camera import remove_recording
 from ospc.simulation.responses import RESPONSES
 
 SMALL = SimulationSettings(size=(96, 64), frames=6)
@@ -177,19 +176,18 @@ def test_nothing_is_overwritten(tmp_path):
         simulate(tmp_path / "mine.txt", SMALL)
 
 
-def test_only_a_simulated_recording_is_removed(tmp_path):
-    place = simulate(tmp_path / "r", replace(SMALL, frames=2)).path
+def test_only_a_simulated_recording_is_replaced(tmp_path):
+    few = replace(SMALL, frames=2)
+    place = simulate(tmp_path / "r", few).path
     for stranger in (place / "calibration.json", place / "images" / "notes.txt"):
         stranger.write_text("mine")
         before = content_of(place)
         with pytest.raises(SettingError, match=stranger.name):
-            remove_recording(place)
+            simulate(place, few, overwrite=True)
         assert content_of(place) == before
         stranger.unlink()
-    remove_recording(place)
-    assert not any(place.iterdir())
-    remove_recording(place)
-    remove_recording(tmp_path / "nowhere")
-    (place / "mine.txt").write_text("mine")
+    simulate(place, replace(few, frames=1, archive=True), overwrite=True)
+    assert not (place / "images").exists()
+    (place / "truth.json").unlink()
     with pytest.raises(SettingError, match=r"truth\.json"):
-        remove_recording(place)
+        simulate(place, few, overwrite=True)

@@ -49,21 +49,6 @@ def _write_truth(folder: Path, known: Truth) -> None:
     write_vignette(known.vignette, folder / "vignette.png")
 
 
-def remove_recording(folder: Path) -> None:
-    """Remove an earlier simulated recording; do nothing if its folder is missing or empty.
-
-    Raises
-    ------
-    SettingError
-        If the folder contains anything that :func:`simulate` does not write; then nothing is removed.
-    """
-    check_usable(folder, content_of=_content, force=True)
-    for path in _written(folder):
-        path.unlink()
-    if (folder / "images").is_dir():
-        (folder / "images").rmdir()
-
-
 def _content(folder: Path) -> Content:
     if not (folder / "truth.json").is_file():
         return Content("is not an empty folder, and not a simulated recording (it has no truth.json)", "never")
@@ -177,8 +162,10 @@ def simulate(
     check_usable(place, content_of=_content, force=overwrite)
     known = truth(settings)
     with writing(place):
-        if overwrite:
-            remove_recording(place)
+        for path in _written(place):  # those of an earlier simulated recording
+            path.unlink()
+        if (place / "images").is_dir():
+            (place / "images").rmdir()
         place.mkdir(parents=True, exist_ok=True)
         _write_truth(place, known)
         with NumberedImages(place, settings.frames, archive=settings.archive) as images:
