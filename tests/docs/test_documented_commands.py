@@ -84,7 +84,7 @@ def _run(block: Block, names: dict[str, object]) -> None:
         with pytest.MonkeyPatch.context() as patch:
             # Pictures, reports and other processes take most of the time and are tested elsewhere.
             leave_out(patch, *(["draw"] if words[0] == "report" else ["draw", "report"]))
-            patch.setattr("ospc.batch.work.Processes", lambda _count: Pretending())
+            patch.setattr("ospc.batch.work.on_this_machine", lambda tasks, processes: Pretending()(tasks))
             arguments = [*arguments, *FEWER_FRAMES.get(words[0], [])]
             printed = run_command(arguments, block.exit_codes if number == len(commands) - 1 else (0, 3))
         if output:
