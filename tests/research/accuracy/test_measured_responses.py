@@ -69,6 +69,12 @@ def test_damage_anywhere_is_an_error_or_a_response(tmp_path):
             assert len(read_database(tmp_path / "b.mat")) >= 1
 
 
+def test_a_database_that_would_fill_memory_is_refused(tmp_path):
+    savemat(tmp_path / "a.mat", {"I": np.zeros((2001, 3000)), "B": np.zeros((1, 1))}, do_compression=True)
+    with pytest.raises(FormatError, match="more than"):
+        read_database(tmp_path / "a.mat")
+
+
 def test_database_without_the_two_arrays_is_refused(tmp_path):
     savemat(tmp_path / "a.mat", {"X": LIGHT})
     with pytest.raises(FormatError, match="I and B"):

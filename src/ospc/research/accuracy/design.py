@@ -8,6 +8,7 @@ levels and both kinds of scene equally often, within one. Every recording has it
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
@@ -148,15 +149,20 @@ def _measured(database: Path | None) -> list[tuple[str, Response]]:
 
 FILE = "responses/dorf_201.mat"
 """Path of the database in the folder of real data."""
+_MAX_VALUES = 5_000_000
+"""Most values of an array; a file of some kilobytes may contain any number of equal values."""
 _FLATTEST = 1e-6
 """Total slope added to g because a measured curve may be flat; small compared with any noise."""
 
 
 def read_database(path: Path) -> list[Response]:
     """Read response curves from a MATLAB file with irradiances ``I`` and brightnesses ``B``, one curve per row."""
-    from scipy.io import loadmat
+    from scipy.io import loadmat, whosmat
 
     try:
+        # The sizes are known before anything is unpacked.
+        if any(math.prod(shape) > _MAX_VALUES for _, shape, _ in whosmat(path)):
+            raise FormatError(f"an array has more than {_MAX_VALUES} values")
         content = loadmat(path, variable_names=["I", "B"])
         curves = zip(content["I"].astype(np.float64), content["B"].astype(np.float64), strict=True)
         return [_response(irradiance, brightness, number) for number, (irradiance, brightness) in enumerate(curves)]

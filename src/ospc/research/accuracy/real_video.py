@@ -65,18 +65,19 @@ def held_out_pairs(frames: list[Frame]) -> list[HeldOutPair]:
         flat_pair(first, second, greys, _MAX_RADIAL_DISPLACEMENT)
         for place, first in enumerate(read)
         for second in read[place + 1 : place + 1 + _FARTHEST]
-        if first.features.exposure_ms != second.features.exposure_ms
+        if first.exposure_ms != second.exposure_ms
     )
     return [pair for pair in pairs if pair is not None and len(pair.grey0) >= _FEWEST_PLACES]
 
 
 @dataclass(frozen=True)
 class SampledFrame:
-    """A frame with its SIFT features, smoothed grey levels and gradients.
+    """A frame with its exposure, SIFT features, smoothed grey levels and gradients.
 
     The smoothed grey levels, in [0, 1], and their gradient per pixel have shape (height, width).
     """
 
+    exposure_ms: float
     features: Features
     grey: Float32Array
     gradient: Float32Array
@@ -89,7 +90,7 @@ class SampledFrame:
         features = extract(Frame.of_array(equalised, frame.exposure_ms), SiftExtractor(_FEATURES))
         smooth = cv2.GaussianBlur(grey, (0, 0), _SMOOTHING_PX)
         gradient = np.hypot(cv2.Sobel(smooth, cv2.CV_32F, 1, 0), cv2.Sobel(smooth, cv2.CV_32F, 0, 1)) / 8
-        return cls(features, smooth.astype(np.float32), gradient.astype(np.float32))
+        return cls(frame.exposure_ms, features, smooth.astype(np.float32), gradient.astype(np.float32))
 
 
 def flat_pair(
@@ -116,7 +117,7 @@ def flat_pair(
     grey0, grey1 = sampled(first.grey, places0), sampled(second.grey, places1)
     flat = (sampled(first.gradient, places0) < _FLAT) & (sampled(second.gradient, places1) < _FLAT)
     exposed = (np.minimum(grey0, grey1) > greys[0]) & (np.maximum(grey0, grey1) < greys[1])
-    size, ratio = (width, height), first.features.exposure_ms / second.features.exposure_ms
+    size, ratio = (width, height), first.exposure_ms / second.exposure_ms
     pair = HeldOutPair((0, 1), size, places0, places1, grey0, grey1, ratio)
     return pair.select(flat & exposed & (pair.radial_displacement < max_radial_displacement))
 
