@@ -71,7 +71,7 @@ PARSERS = {
             "system/folders.py",
             "live/page/server.py",
             "report/drawing.py",
-            "report/page.py",
+            "report/html.py",
         ),
         OURS,
     ),

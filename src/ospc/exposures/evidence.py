@@ -17,7 +17,7 @@ from ospc.exposures.table import ExposureReport, ExposureTable, filled, without
 from ospc.exposures.wrong_exposures import away_from, unshown_steps, wrong_exposures
 from ospc.photometry.coverage import ExposureRatios
 from ospc.photometry.verdict import LATE_EXPOSURES, EffectEstimate
-from ospc.settings.exposures import DOUBTED_LAG_SIGMAS, MAX_SETTLED_LAG_FRAMES
+from ospc.settings.exposures import DOUBTED_LAG_SIGMAS, MAX_SETTLED_LAG_FRAMES, MAX_UNEXPLAINED_SHARE
 
 
 @dataclass(frozen=True)
@@ -75,6 +75,11 @@ class ExposureEvidence:
             momentary = tuple(frame + offset for frame in brightness.momentary)
             brightness = replace(brightness, jumps=jumps, momentary=momentary)
         return replace(self, lag=replace(self.lag, frame=self.lag.frame + offset), brightness=brightness)
+
+    @property
+    def follows_inverse(self) -> bool:
+        """Whether the brightness follows the inverse of the exposures, which no fit can explain."""
+        return self.inverse_share > 1 - MAX_UNEXPLAINED_SHARE
 
     def with_fit(self, effects: Iterable[EffectEstimate], ratios: ExposureRatios) -> ExposureEvidence:
         """Return the evidence with that of a fit to the exposures as used."""

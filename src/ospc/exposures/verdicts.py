@@ -26,7 +26,6 @@ from ospc.settings.exposures import (
     DOUBTED_LAG_FRAMES,
     DOUBTED_LAG_SIGMAS,
     DOUBTED_WRONG_SHARE,
-    MAX_UNEXPLAINED_SHARE,
     MIN_CHECKED_FRAMES,
 )
 
@@ -101,7 +100,7 @@ def _agreement(evidence: ExposureEvidence) -> tuple[str, Verdict, _Standing]:
 def _explained_by_fit(evidence: ExposureEvidence) -> str:
     """Return what a fit to exposures that images contradict explains, in words; empty if it leaves a doubt."""
     brightness = evidence.brightness
-    if brightness is None or evidence.recorded.values == 1:
+    if brightness is None or evidence.recorded.values == 1 or evidence.follows_inverse:
         return ""
     in_place = evidence.corrected_frames or not evidence.remaining_lag.frames
     doubted = brightness.stale or (
@@ -129,7 +128,7 @@ def _contradiction(evidence: ExposureEvidence) -> Verdict | None:
         )
         causes = "the metadata are stale, rounded or lack a gain"
         return Verdict("not identifiable", f"{changes}: {causes}", _FIX_METADATA)
-    if evidence.inverse_share > 1 - MAX_UNEXPLAINED_SHARE:
+    if evidence.follows_inverse:
         text = (
             "the images get darker when the recorded exposures get longer: the inverse of the exposures explains "
             f"{evidence.inverse_share:.0%} of the brightness changes"
