@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.stats import moment
 
 from ospc.correspondence.exposure_normalizer import ExposureNormalizer
 from ospc.correspondence.registration import (
@@ -393,6 +394,23 @@ def test_samples_are_the_same_scene_point_in_both_frames(reduction):
     radial = np.linalg.norm(first, axis=1) - np.linalg.norm(second, axis=1)
     assert samples.radial_motion == pytest.approx(np.sqrt(np.mean(radial**2)), rel=0.05)
     assert samples.motion_px == pytest.approx(reduction * np.hypot(6, 3), rel=1e-3)
+
+
+@pytest.mark.parametrize("reduction", [1, 2])
+@pytest.mark.parametrize("dark_share", [0.2, 0.8])
+def test_samples_state_variance_and_third_moment_of_their_pixels(dark_share, reduction):
+    """Each is estimated from the pixels under a Gaussian, as many as have its effect on the noise of the mean."""
+    shape = (SIZE[1] * reduction, SIZE[0] * reduction)
+    dark = np.random.default_rng(2).random(shape) < dark_share
+    image = np.where(dark, 20_000, 23_000).astype(np.uint16)
+    maker = preprocessor(longest_side=SIZE[0], registration_side=SIZE[0])
+    frames = [maker(of_array(image, index=index)) for index in (0, 1)]
+    still = Registration(np.zeros((*SIZE[::-1], 2), np.float32), np.zeros(SIZE[::-1], np.float32))
+    made = sampled(flat_sampler(points_per_pair=100_000), *frames, still, 0).observations
+    pixels, levels = 4 * np.pi * (DefaultSettings.smoothing_px * reduction) ** 2, image / 65535
+    variance, third = moment(levels, 2, axis=None), moment(levels, 3, axis=None)
+    assert made.grey_variance.mean() == pytest.approx(variance * (1 - 1 / pixels), rel=0.02)
+    assert made.grey_third_moment.mean() == pytest.approx(third * (1 - 3 / pixels + 2 / pixels**2), rel=0.05)
 
 
 @pytest.mark.parametrize("magnification", [0.75, 1.3, (0.75, 1.1), (1.0, 1.4)])
