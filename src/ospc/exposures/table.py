@@ -98,7 +98,12 @@ def filled(log_exposure: FloatArray) -> FloatArray:
         return log_exposure
     if not known.any():
         return np.zeros(len(log_exposure))
-    return np.interp(np.arange(len(known)), np.flatnonzero(known), log_exposure[known])
+    missing = np.flatnonzero(~known)
+    # Interpolate from the known neighbours of missing exposures only: in a long recording, most are known.
+    neighbours = np.flatnonzero(known & (np.append(~known[1:], False) | np.append(False, ~known[:-1])))
+    complete = log_exposure.copy()
+    complete[missing] = np.interp(missing, neighbours, log_exposure[neighbours])
+    return complete
 
 
 @dataclass(frozen=True)
