@@ -71,7 +71,7 @@ def test_with_slow_exposure_changes_only_brightness_limits_tracks():
     on_the_way = [
         sum(kind.lost.values()) - kind.lost["different brightness"] for kind in (result.raw, result.corrected)
     ]
-    assert abs(on_the_way[0] / result.raw.steps - on_the_way[1] / result.corrected.steps) < 0.03
+    assert abs(on_the_way[0] / result.raw.steps - on_the_way[1] / result.corrected.steps) < 0.02
     assert result.corrected.lost["different brightness"] < 0.1 * result.raw.lost["different brightness"]
     assert result.residual_ratio > 5
     assert "helps" in result.sentence

@@ -10,7 +10,7 @@ from browser import CUT_OFF
 from ospc.formats.files import write_text
 from ospc.photometry.coverage import ExposureRatios
 from ospc.report.charts import ReportFindings
-from ospc.report.examples import Examples, examples_of
+from ospc.report.examples import NOTHING_TRIED, examples_of
 from ospc.report.page import page
 
 REPORTS = ("everything", "nothing")
@@ -46,7 +46,7 @@ def pages(tmp_path_factory):
     )
     found = {
         "everything": (ReportFindings(known, recording.exposures_ms), examples_of(known, recording)),
-        "nothing": (ReportFindings(nothing), Examples()),
+        "nothing": (ReportFindings(nothing), NOTHING_TRIED),
     }
     return {
         name: write_text(place / f"{name}.html", page(findings, examples)).as_uri()

@@ -11,11 +11,11 @@ import numpy as np
 
 from ospc.arrays import Image, size_of
 from ospc.errors import FormatError, SettingError, counted, needs_extra, os_error_as
-from ospc.evaluation.tracks import corrected_image
 from ospc.photometry.calibration import PROFILE_RADII
 from ospc.photometry.correction import Corrector
 from ospc.photometry.geometry import pixels_of
 from ospc.photometry.vignette import diagonal_profile
+from ospc.report.examples import corrected_picture
 from ospc.system.throttle import Throttle
 
 if TYPE_CHECKING:
@@ -127,7 +127,7 @@ class RerunStream:
         self._log_curve("response", response.inverse(grey), spread, _BLUE)
         self._log_curve("vignette", diagonal_profile(vignette, PROFILE_RADII), sigma, _ORANGE)
         corrector = Corrector(response, vignette, frame.max_grey)
-        self._log_image("corrected/image", corrected_image(corrector, frame, self._longest_ms))
+        self._log_image("corrected/image", corrected_picture(corrector, frame, self._longest_ms))
 
     def _log_matches(self, preview: Preview, frame: Frame) -> None:
         rr, latest, fit = self._rr, preview.latest, preview.fit

@@ -5,8 +5,8 @@ the same settings (:mod:`ospc.evaluation.lucas_kanade`):
 
 - *raw*: in the grey values as recorded;
 - *corrected*: in what the same camera would have recorded without vignette and at the longer exposure of the two
-  frames. These images are encoded by the camera's own response, so both kinds of frames have similar grey levels,
-  noise and contrast, and no setting favours one of them.
+  frames (:class:`~ospc.evaluation.tracks.CorrectedFrames`). These images are encoded by the camera's own response, so
+  both kinds of frames have similar grey levels, noise and contrast, and no setting favours one of them.
 
 A track ends when it is lost. It is censored when it leaves the image or the recording ends. It is lost if tracking to
 the next frame fails, or if the brightness of its window has changed so much since its first frame that a direct

@@ -11,6 +11,7 @@ from ospc.arrays import BoolArray, Float32Array, FloatArray, Image, IntArray
 from ospc.evaluation.lucas_kanade import LOSSES, follow, in_contrasts, windows
 from ospc.numerics.robust import weighted_median
 from ospc.photometry.correction import Corrector
+from ospc.photometry.look_up import look_up
 from ospc.photometry.response import Response
 from ospc.recording import Frame
 from ospc.settings.evaluation import (
@@ -22,6 +23,7 @@ from ospc.settings.evaluation import (
     MEDIAN_BINS,
     MEDIAN_HIGHEST,
     MEDIAN_LOWEST,
+    MIN_HEADROOM,
     TRACK_HORIZON_FRAMES,
     WINDOW_PX,
 )
@@ -70,28 +72,65 @@ class LifeTable:
         return int(gone[0]) if gone.size else None
 
 
+_MEDIAN_EDGES = np.geomspace(MEDIAN_LOWEST, MEDIAN_HIGHEST, MEDIAN_BINS + 1)
+
+
 class StreamingMedian:
     """A streaming median: counts in logarithmic bins from 10⁻⁵ to 10⁴, accurate to a quarter of a per cent."""
 
     def __init__(self) -> None:
-        self._edges = np.geomspace(MEDIAN_LOWEST, MEDIAN_HIGHEST, MEDIAN_BINS + 1)
         self._counts = np.zeros(MEDIAN_BINS, np.int64)
 
     def add(self, values: FloatArray) -> None:
         """Count values; values out of range are clipped, non-finite values are ignored."""
         finite = values[np.isfinite(values)]
-        self._counts += np.histogram(np.clip(finite, MEDIAN_LOWEST, MEDIAN_HIGHEST), self._edges)[0]
+        self._counts += np.histogram(np.clip(finite, MEDIAN_LOWEST, MEDIAN_HIGHEST), _MEDIAN_EDGES)[0]
 
     @property
     def value(self) -> float:
         """The median; NaN if nothing was counted."""
-        middles = np.sqrt(self._edges[:-1] * self._edges[1:])
+        middles = np.sqrt(_MEDIAN_EDGES[:-1] * _MEDIAN_EDGES[1:])
         return weighted_median(middles, self._counts) if self._counts.any() else float("nan")
 
 
-def corrected_image(corrector: Corrector, frame: Frame, exposure_ms: float) -> Image:
-    """Return the 8-bit image that the camera would have recorded without vignette at another exposure."""
-    return corrector.without_vignette(frame.image, frame.exposure_ms, white=1 / exposure_ms, mark_saturated=False)
+_LEVELS = 65536
+"""Entries of the table from 16-bit irradiance to 8-bit grey values."""
+
+
+class CorrectedFrames:
+    """Frames as if recorded at another exposure and without vignette, f(s·g(M')/V).
+
+    M' is the frame converted to that exposure. The factor s ≤ 1 provides headroom for the corrected corners, which
+    can exceed white.
+    """
+
+    def __init__(self, corrector: Corrector) -> None:
+        self._corrector = corrector
+        self._response = corrector.response if isinstance(corrector.response, Response) else None
+        darkest = 1.0 if corrector.vignette is None else float(corrector.vignette.image().min())
+        self._headroom = min(max(darkest, MIN_HEADROOM), 1.0)
+        self._greys = np.rint(255 * self._encoded(np.linspace(0.0, 1.0, _LEVELS))).astype(np.uint8)
+
+    def radiance(self, frame: Frame) -> Float32Array:
+        """Return the radiance at every pixel, NaN if saturated."""
+        return np.asarray(self._corrector.correct(frame.image, frame.exposure_ms), dtype=np.float32)
+
+    def greys(self, radiance: FloatArray, exposure_ms: float) -> FloatArray:
+        """Return the grey values, 0 to 255, of radiances in corrected frames at an exposure."""
+        return 255 * self._encoded(self._headroom * exposure_ms * radiance)
+
+    def at_exposure(self, frame: Frame, exposure_ms: float) -> Image:
+        """Return the corrected image of a frame at another exposure."""
+        image = frame.image
+        if exposure_ms != frame.exposure_ms:
+            image = self._corrector.warp_exposure(image, frame.exposure_ms, exposure_ms)
+        light = self._corrector.correct(image, dtype=np.uint16, white=1 / self._headroom, mark_saturated=False)
+        return np.asarray(look_up(light, self._greys[:, None]))
+
+    def _encoded(self, irradiance: FloatArray) -> FloatArray:
+        if self._response is None:
+            return np.clip(irradiance, 0.0, 1.0)
+        return self._response(irradiance)
 
 
 KINDS = ("raw", "corrected")
@@ -128,6 +167,7 @@ class Tracks:
 
     def __init__(self, corrector: Corrector) -> None:
         self._corrector = corrector
+        self._corrected = CorrectedFrames(corrector)
         self._lives = [LifeTable(TRACK_HORIZON_FRAMES) for _ in KINDS]
         self._lost = [np.zeros(len(CAUSES), np.int64) for _ in KINDS]
         self._residuals = [StreamingMedian() for _ in KINDS]
@@ -149,7 +189,7 @@ class Tracks:
         if found is None:
             return
         places = found.reshape(-1, 2).astype(np.float64)
-        first = np.stack([windows(of, places) for of in (image, self._radiance(frame))])
+        first = np.stack([windows(of, places) for of in (image, self._corrected.radiance(frame))])
         count = len(places)
         self._places = np.concatenate([self._places, np.stack([places] * len(KINDS))], axis=1)
         self._alive = np.concatenate([self._alive, np.ones((len(KINDS), count), np.bool_)], axis=1)
@@ -160,9 +200,9 @@ class Tracks:
     def follow(self, before: Frame, after: Frame) -> None:
         """Continue all tracks from one frame to the next."""
         self._alive &= self._inside(before) & (self._age < TRACK_HORIZON_FRAMES)
-        radiance = self._radiance(after)
+        radiance = self._corrected.radiance(after)
         longer_ms = max(before.exposure_ms, after.exposure_ms)
-        first, second = (corrected_image(self._corrector, frame, longer_ms) for frame in (before, after))
+        first, second = (self._corrected.at_exposure(frame, longer_ms) for frame in (before, after))
         for kind, images in enumerate(((before.image_8_bit, after.image_8_bit), (first, second))):
             index = np.flatnonzero(self._alive[kind])
             there, losses = follow(*images, self._places[kind, index])
@@ -194,15 +234,6 @@ class Tracks:
         )
         return raw, corrected, horizon
 
-    def _radiance(self, frame: Frame) -> Float32Array:
-        """Return the radiance at every pixel, NaN if saturated."""
-        return np.asarray(self._corrector.correct(frame.image, frame.exposure_ms), dtype=np.float32)
-
-    def _greys(self, irradiance: FloatArray) -> FloatArray:
-        """Return the grey values, 0 to 255, that the camera without vignette gives irradiances."""
-        response = self._corrector.response
-        return 255 * (response(irradiance) if isinstance(response, Response) else np.minimum(irradiance, 1.0))
-
     def _inside(self, frame: Frame) -> BoolArray:
         """Return which points are at least one window side from the border, shape (2, n)."""
         far = np.array(frame.image.shape[::-1]) - 1 - WINDOW_PX
@@ -229,7 +260,8 @@ class Tracks:
             grey = windows(frame.image_8_bit, places)
             changes[exposed] = _residual(self._first[0, index[exposed]], grey[exposed])
         else:
-            changes[exposed] = _residual(*(self._greys(light[exposed] * frame.exposure_ms) for light in (first, now)))
+            both = [self._corrected.greys(values[exposed], frame.exposure_ms) for values in (first, now)]
+            changes[exposed] = _residual(*both)
         return changes
 
 

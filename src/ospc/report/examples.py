@@ -11,7 +11,6 @@ import numpy as np
 from ospc.arrays import FloatArray, Image
 from ospc.errors import OspcError, plain
 from ospc.evaluation.tracking import TrackingComparison, compare_tracking
-from ospc.evaluation.tracks import corrected_image
 from ospc.exposures.table import filled
 from ospc.exposures.used import with_used_exposures
 from ospc.photometry.calibration import Calibration
@@ -55,6 +54,10 @@ class Examples:
     tracking: TrackingComparison | None = None
     tracked: tuple[int, int] = (0, 0)
     notes: tuple[str, ...] = ()
+
+
+NOTHING_TRIED = Examples()
+"""Examples without a recording."""
 
 
 def examples_of(calibration: Calibration, recording: Recording, about: str = "") -> Examples:
@@ -143,11 +146,16 @@ def _pictures(corrector: Corrector, recording: Recording, scenes: list[tuple[int
 def _of_scene(corrector: Corrector, frames: list[Frame]) -> Pictures:
     longest_ms = max(frame.exposure_ms for frame in frames)
     recorded = [("as recorded", frame, frame.image_8_bit) for frame in frames]
-    corrected = [("corrected", frame, corrected_image(corrector, frame, longest_ms)) for frame in frames]
+    corrected = [("corrected", frame, corrected_picture(corrector, frame, longest_ms)) for frame in frames]
     return tuple(
         (_reduced(image), f"frame {frame.index}, {plain(frame.exposure_ms)} ms, {what}")
         for what, frame, image in recorded + corrected
     )
+
+
+def corrected_picture(corrector: Corrector, frame: Frame, exposure_ms: float) -> Image:
+    """Return what the camera would have recorded without vignette at another exposure, in 8 bit."""
+    return corrector.without_vignette(frame.image, frame.exposure_ms, white=1 / exposure_ms, mark_saturated=False)
 
 
 def _reduced(image: Image) -> Image:

@@ -20,7 +20,7 @@ from ospc.photometry.vignette import RasterVignette
 from ospc.recording import Recording
 from ospc.recording.exposure_lists import read_times
 from ospc.report.charts import ReportFindings
-from ospc.report.examples import Examples, examples_of
+from ospc.report.examples import NOTHING_TRIED, examples_of
 from ospc.report.page import page
 from ospc.report.pictures import PICTURE, Drawings, picture_as_png
 from ospc.state.container import STATE_NAME
@@ -186,7 +186,7 @@ class OutputFolder:
         """
 
         def written() -> Written:
-            examples = Examples() if recording is None else examples_of(findings.calibration, recording, about)
+            examples = NOTHING_TRIED if recording is None else examples_of(findings.calibration, recording, about)
             charts = None if drawing is None else drawing.result().charts
             return Written((write_text(self.path / REPORT, page(findings, examples, charts)),))
 

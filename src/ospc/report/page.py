@@ -11,7 +11,7 @@ from ospc.evaluation.tracking import TrackingComparison
 from ospc.formats.image_files import encoded
 from ospc.photometry.verdict import Verdict
 from ospc.report.charts import Chart, ReportFindings, charts_as_svg
-from ospc.report.examples import Examples, Pictures
+from ospc.report.examples import NOTHING_TRIED, Examples, Pictures
 from ospc.report.html import Html, document, join, tag
 from ospc.report.words import basis_of, facts, headline, name_of, overall_state, sentence, shown, tracking_rows
 
@@ -23,14 +23,16 @@ _ABOUT_PICTURES = (
 _STATE_CLASSES = {"identifiable": "good", "marginal": "fair", "not identifiable": "bad"}
 
 
-def page(findings: ReportFindings, examples: Examples | None = None, charts: Mapping[str, str] | None = None) -> str:
+def page(
+    findings: ReportFindings, examples: Examples = NOTHING_TRIED, charts: Mapping[str, str] | None = None
+) -> str:
     """Return the report as HTML; by default, its charts are drawn now."""
     drawn = charts_as_svg(findings) if charts is None else charts
     title = f"Photometric calibration of {name_of(findings.calibration)}"
     return document(
         title,
         tag("header", tag("h1", title), tag("p", basis_of(findings.calibration))),
-        *(join(section, "\n") for section in _sections(findings, examples or Examples(), drawn)),
+        *(join(section, "\n") for section in _sections(findings, examples, drawn)),
     )
 
 

@@ -53,6 +53,8 @@ STAMP_TOLERANCE_S = 1e-3
 
 MEDIAN_LOWEST, MEDIAN_HIGHEST, MEDIAN_BINS = 1e-5, 1e4, 4096
 """Range and number of the bins of the median; each is half a per cent wide."""
+MIN_HEADROOM = 0.25
+"""Smallest factor by which corrected frames are darkened; stronger vignettes are clipped in the corners."""
 TRACKS_EVERY_FRAMES = 15
 """Interval, in frames, at which new tracks start."""
 MAX_STARTED_TRACKS = 150
