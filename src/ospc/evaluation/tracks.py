@@ -72,24 +72,22 @@ class LifeTable:
         return int(gone[0]) if gone.size else None
 
 
-_MEDIAN_EDGES = np.geomspace(MEDIAN_LOWEST, MEDIAN_HIGHEST, MEDIAN_BINS + 1)
-
-
 class StreamingMedian:
     """A streaming median: counts in logarithmic bins from 10⁻⁵ to 10⁴, accurate to a quarter of a per cent."""
 
     def __init__(self) -> None:
+        self._edges = np.geomspace(MEDIAN_LOWEST, MEDIAN_HIGHEST, MEDIAN_BINS + 1)
         self._counts = np.zeros(MEDIAN_BINS, np.int64)
 
     def add(self, values: FloatArray) -> None:
         """Count values; values out of range are clipped, non-finite values are ignored."""
         finite = values[np.isfinite(values)]
-        self._counts += np.histogram(np.clip(finite, MEDIAN_LOWEST, MEDIAN_HIGHEST), _MEDIAN_EDGES)[0]
+        self._counts += np.histogram(np.clip(finite, MEDIAN_LOWEST, MEDIAN_HIGHEST), self._edges)[0]
 
     @property
     def value(self) -> float:
         """The median; NaN if nothing was counted."""
-        middles = np.sqrt(_MEDIAN_EDGES[:-1] * _MEDIAN_EDGES[1:])
+        middles = np.sqrt(self._edges[:-1] * self._edges[1:])
         return weighted_median(middles, self._counts) if self._counts.any() else float("nan")
 
 
