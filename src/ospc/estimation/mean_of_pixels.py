@@ -8,7 +8,7 @@ pixel variance on the grey level distinguishes the two.
 Texture has the same effect, and coarse texture a large one. With a power law it is equal at all exposures of a point.
 With other responses, or if one view resolves more of the texture, it is not, and the fit would attribute it to the
 response or the vignette. The mean irradiance of the pixels is computed as that of two grey levels with the same mean,
-variance and third moment (Gauss quadrature), which is exact if g is a cubic polynomial. At a knee, where that is of
+variance and skewness (Gauss quadrature), which is exact if g is a cubic polynomial. At a knee, where that is of
 little use, the mean over a normal distribution is computed.
 """
 
@@ -195,9 +195,8 @@ class ObservedShifts:
 
     @cached_property
     def skewness(self) -> FloatArray:
-        """Skewness of the texture, limited because that of little texture is mostly noise; 0 if unknown."""
-        variance = np.maximum(self.means.squared_grey[self.index] * self._whole_texture, 0.0)
-        cubed, third = variance**1.5, self.observations.grey_third_moment
+        """Skewness of the pixels, limited; 0 if unknown. Noise reduces it: that of little texture is chance."""
+        cubed, third = self.observations.grey_variance**1.5, self.observations.grey_third_moment
         most = MAX_SKEWNESS * cubed
         return np.asarray(np.clip(third, -most, most) / np.maximum(cubed, _TINY))
 

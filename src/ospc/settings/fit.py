@@ -45,7 +45,7 @@ single pixels. Chosen by hand; 1 has no effect, 3 raises the shape error by a te
 MAX_TEXTURE = 1.0
 """Largest relative standard deviation of the averaged pixels whose effect is corrected in full. With 0.3, the
 vignette was off by 0.011 for a response with a local gamma of 0.5, where half of the points exceed 0.58, and by
-0.0023 with 1."""
+0.003 with 1."""
 TEXTURE_ERROR = 0.15
 """Relative standard deviation of the mean that this correction leaves, over the variance of the texture relative to
 the squared grey level. Dark places between the lights of a city, which are clipped, deviated by 0.12 to 0.17 of it,
@@ -55,8 +55,8 @@ MAX_SHIFT = 0.3
 """Largest shift of the mean by texture, relative to the grey level, from which its computation starts. 0.15 and 0.6
 give the same vignettes."""
 MAX_SKEWNESS = 5.0
-"""Largest skewness of texture that counts: a tenth of the points of a coarse texture had more than 4, and that of
-little texture is mostly noise. 2 and 10 change vignettes by less than their errors."""
+"""Largest skewness that counts; a tenth of the points of a coarse texture had more than 4. 2 and 10 change vignettes
+by less than their errors."""
 TEXTURE_WIDTHS = (0.01, 0.02, 0.04, 0.08, 0.16, 0.32)
 """Standard deviations of texture, relative to the grey level, for which the mean of pixels at a knee is tabulated.
 Beyond the last, the decrease per variance stays constant; below the first, the effect is 1/10 000 of the mean."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from ospc.calibrator import calibrate
 from ospc.formats.dso import read_pcalib
 from ospc.photometry.response import Response
 from ospc.recording import open_recording
@@ -68,3 +69,17 @@ def test_real_frames_agree_with_their_makers_calibration(real_data):
     assert len(pairs) == 3
     for pair in pairs:
         assert predicted_ratio(pair, laboratory, None) == pytest.approx(pair.exposure_ratio, rel=0.03)
+
+
+def test_the_real_video_has_no_false_finding_and_its_makers_response(real_data):
+    place = real_data / "borealhdr_left"
+    if not place.is_dir():
+        pytest.skip(f"no real video at {place}")
+    made = calibrate(place)
+    assert made.warnings == ()
+    assert made.verdicts["response"].state == "identifiable"
+    laboratory = read_pcalib(place / "pcalib.txt")
+    found, expected = (
+        np.log(response.inverse(0.75) / response.inverse(0.25)) for response in (made.response, laboratory)
+    )
+    assert found == pytest.approx(expected, abs=0.02)
