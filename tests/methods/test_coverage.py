@@ -101,3 +101,10 @@ def test_gaps_are_named_by_their_ends():
     assert "grey levels 0–512:" in holes.gaps(4095)[0]
     assert "radii 0.90–1.00 " in holes.gaps(255)[1]
     assert Coverage(holes.exposure_edges_ms, grey + 100, radius + 100).gaps(255) == ()
+
+
+def test_tables_that_would_take_much_memory_are_refused():
+    content = coverage_of(observations(), None, SIZE).as_dict()
+    many = {"radius_radius": [[0] * 129] * 129, "residual_by_radius": None}
+    with pytest.raises(FormatError, match="too large"):
+        Coverage.from_dict(content | many)

@@ -249,6 +249,9 @@ def _lensfun_fit(lens: Element, element: Element, size: ImageSize) -> RadialFit:
 _DEFINITIONS = re.compile(rb"<!DOCTYPE[^>]*\[|<!ENTITY")
 """Definitions of a document type inside the file, or of an entity."""
 
+_LARGEST = 2**24
+"""Maximum size in bytes: the tree takes twenty times as much memory. The largest profiles have a few megabytes."""
+
 
 def read_xml(path: str | Path) -> Element:
     """Return the root of an XML file, with names without name spaces.
@@ -261,7 +264,7 @@ def read_xml(path: str | Path) -> Element:
     FormatError
         If the file cannot be read, is not XML, or defines or uses entities.
     """
-    content = read_bytes(path)
+    content = read_bytes(path, _LARGEST)
     if _DEFINITIONS.search(content.replace(b"\0", b"")):  # without the zeros of UTF-16
         raise FormatError(f"{path}: defines its own document type, which is not allowed; remove <!DOCTYPE>")
     try:

@@ -60,6 +60,9 @@ _FEW_OBSERVATIONS = 30
 """A class of grey levels or radii with fewer observations counts as not covered: 1 % of a typical class."""
 _RESIDUALS = ("residual_by_grey", "residual_by_radius", "residual_by_place")
 
+_MAX_CLASSES = 128
+"""Maximum number of classes along an axis of a table, which limits the memory that a damaged file can require."""
+
 
 @dataclass(frozen=True, eq=False)
 class Coverage(ByValue):
@@ -132,6 +135,8 @@ class Coverage(ByValue):
         fit = all(table is None or table.shape == shape for table, shape in (*counts, *by_quantile))
         if not fit or edges.ndim != 1 or (by_place is not None and by_place.ndim != 2):
             raise FormatError("the tables of the coverage have inconsistent shapes")
+        if max(*grey_exposure.shape, radii) > _MAX_CLASSES:
+            raise FormatError("the tables of the coverage are too large")
         if not np.all(np.isfinite(edges)) or any(table.min(initial=0) < 0 for table, _ in counts):
             raise FormatError("the tables of the coverage contain negative counts or infinite exposures")
         return cls(edges, grey_exposure, radius_radius, by_grey, by_radius, by_place)
