@@ -15,6 +15,7 @@ from ospc.errors import SettingError
 from ospc.numerics.robust import weighted_median
 from ospc.observation_checks import check_values, whole_numbers
 from ospc.photometry.grey_range import GreyRange
+from ospc.settings.fit import MAX_SKEWNESS
 from ospc.settings.sampling import CLIPPED_MARGIN, GREY_POWERS
 
 MOMENTS = GREY_POWERS + 1
@@ -204,6 +205,16 @@ class Observations(ByValue):
     def __len__(self) -> int:
         """Return the number of observations."""
         return len(self.grey)
+
+    @cached_property
+    def grey_skewness(self) -> FloatArray:
+        """Skewness of the pixels averaged into each grey level, limited, shape (n,); 0 if unknown.
+
+        Noise reduces it: that of little texture is chance.
+        """
+        cubed = self.grey_variance**1.5
+        most = MAX_SKEWNESS * cubed
+        return np.asarray(np.clip(self.grey_third_moment, -most, most) / np.maximum(cubed, np.finfo(np.float64).tiny))
 
     @property
     def radial_reach(self) -> float:

@@ -83,6 +83,7 @@ class FlatSampler:
     """
 
     settings: DefaultSettings
+    """Spacing of the grid, limits of the gradient and of the registration error, and points per pair."""
 
     def keyframe(self, frame: PreprocessedFrame) -> Keyframe:
         """Return the keyframe of a frame: its small images, and its values on the grid."""

@@ -119,7 +119,9 @@ class Fit(Model):
             return observations.grey
         index = self.response_basis.index_of(observations.grey)
         shifts = self._pixel_means.at(observations, index)
-        by_texture = self.texture_share * self._pixel_means.by_texture(shifts.texture, shifts.skewness, index)
+        by_texture = self.texture_share * self._pixel_means.by_texture(
+            shifts.texture, observations.grey_skewness, index
+        )
         return np.asarray(observations.grey - shifts.increase_by_noise + by_texture)
 
     @cached_property

@@ -169,8 +169,8 @@ class LatentModel:
     def _with_texture(self, observations: ExposedObservations, latent: Latent) -> Latent:
         """Return the observations with their reduction by texture, which only the linear system needs."""
         means = self._pixel_means
-        shifts = means.at(observations, latent.index)
-        by_point = np.stack([shifts.texture, shifts.skewness], axis=1)
+        texture = means.at(observations, latent.index).texture
+        by_point = np.stack([texture, observations.grey_skewness], axis=1)
         texture, skewness = weighted_means(by_point, np.ones(len(by_point)), observations)[1].T
         decrease = means.by_texture(texture, skewness, latent.index)
         return replace(latent, texture=latent.log_response_slope * decrease)
@@ -241,7 +241,9 @@ class LatentModel:
         if self.trusted:
             # Noise and texture shift the mean of pixels away from the grey level of their mean irradiance.
             shifts = self._pixel_means.at(observations, index)
-            by_texture = self.texture_share * self._pixel_means.by_texture(shifts.texture, shifts.skewness, index)
+            by_texture = self.texture_share * self._pixel_means.by_texture(
+                shifts.texture, observations.grey_skewness, index
+            )
             excess = excess - shifts.increase_by_noise + by_texture
             variance = variance + self.texture_share**2 * shifts.error_variance
         linear_log = self.log_response[index] + slope * excess

@@ -41,7 +41,6 @@ from ospc.settings.fit import (
     KNEE_SMOOTHING,
     MAX_NOISE,
     MAX_SHIFT,
-    MAX_SKEWNESS,
     MAX_TEXTURE,
     TEXTURE_ERROR,
     TEXTURE_SPREADS,
@@ -69,7 +68,7 @@ class PixelMeans:
         g, the derivative of ln g, and g″/g′, smoothed because bends of an estimate may be chance.
     at_knee
         Decrease of the mean by normally distributed texture over its variance, for each of :data:`TEXTURE_WIDTHS`,
-        shape (grid, widths); NaN where there is no knee.
+        shape (grid, widths); NaN where there is no knee, None if there is none at all.
     noise_variance
         Variance of single pixels without gain.
     noise
@@ -81,7 +80,7 @@ class PixelMeans:
     irradiance: FloatArray
     log_slope: FloatArray
     bend: FloatArray
-    at_knee: FloatArray
+    at_knee: FloatArray | None
     noise_variance: FloatArray
     noise: NoiseModel
 
@@ -97,8 +96,9 @@ class PixelMeans:
         inner = (basis.grid > BEND_SMOOTHING) & (basis.grid < SHOULDER_GREY)
         sharp = np.abs(basis.bend_of(coefficients, KNEE_SMOOTHING) - bend) > KNEE_BEND
         at_knee = _around(sharp & inner, round(BEND_SMOOTHING * len(basis.grid)))
-        decrease = np.full((len(basis.grid), len(TEXTURE_WIDTHS)), np.nan)
+        decrease = None
         if np.any(at_knee):
+            decrease = np.full((len(basis.grid), len(TEXTURE_WIDTHS)), np.nan)
             decrease[at_knee] = _decrease_at_knee(
                 basis.grid[at_knee],
                 basis.grid,
@@ -117,16 +117,16 @@ class PixelMeans:
         Where noise makes the variance negative, so is the decrease: otherwise it would be too large on average.
         """
         decrease = self._by_quadrature(texture, skewness, index)
-        near = np.isfinite(self.at_knee[index, 0])
-        if np.any(near):
-            decrease[near] = self._at_knee(texture[near], index[near])
+        if self.at_knee is not None:
+            near = np.isfinite(self.at_knee[index, 0])
+            decrease[near] = self._by_table(self.at_knee, texture[near], index[near])
         return decrease
 
-    def _at_knee(self, texture: FloatArray, index: IntArray) -> FloatArray:
+    def _by_table(self, at_knee: FloatArray, texture: FloatArray, index: IntArray) -> FloatArray:
         width = np.interp(np.sqrt(np.abs(texture)), TEXTURE_WIDTHS, np.arange(len(TEXTURE_WIDTHS)))
         lower = np.minimum(width.astype(np.int64), len(TEXTURE_WIDTHS) - 2)
         part = width - lower
-        narrower, wider = (self.at_knee[index, each] for each in (lower, lower + 1))
+        narrower, wider = (at_knee[index, each] for each in (lower, lower + 1))
         return np.asarray((narrower * (1 - part) + wider * part) * self.squared_grey[index] * texture)
 
     def _by_quadrature(self, texture: FloatArray, skewness: FloatArray, index: IntArray) -> FloatArray:
@@ -137,7 +137,6 @@ class PixelMeans:
         by_variance = np.clip(self.bend[index] * grey / 2 * sigma**2, -MAX_SHIFT, MAX_SHIFT)
         brighter, darker = (1 - by_variance + sigma * (half + side) for side in (root, -root))
         share = (1 - half / root) / 2
-
         mean = share * self._irradiance_at(grey * brighter) + (1 - share) * self._irradiance_at(grey * darker)
         excess = np.log(mean / self.irradiance[index])
         return np.asarray(np.sign(texture) * (grey * by_variance + excess / self.log_slope[index]))
@@ -192,13 +191,6 @@ class ObservedShifts:
         # Equal for all observations of a point: a correction of only one would look like another exposure.
         share = self.observations.combined(np.minimum, limited / self.means.distrust[self.index])
         return np.asarray(texture * np.repeat(share, self.observations.counts))
-
-    @cached_property
-    def skewness(self) -> FloatArray:
-        """Skewness of the pixels, limited; 0 if unknown. Noise reduces it: that of little texture is chance."""
-        cubed, third = self.observations.grey_variance**1.5, self.observations.grey_third_moment
-        most = MAX_SKEWNESS * cubed
-        return np.asarray(np.clip(third, -most, most) / np.maximum(cubed, _TINY))
 
     @property
     def error_variance(self) -> FloatArray:

@@ -169,8 +169,9 @@ def _sampled(
             "position": normalised(places.reshape(-1, 2)[chosen].astype(np.float64), size),
             "frame": frame,
             # A thumbnail does not show the rest.
-            **dict.fromkeys(("gradient", "frame_moments", "surround_moments"), 0.0),
-            **dict.fromkeys(("grey_variance", "grey_third_moment"), 0.0),
+            **dict.fromkeys(
+                ("grey_variance", "grey_third_moment", "gradient", "frame_moments", "surround_moments"), 0.0
+            ),
         }
 
     seen = seen_in(first.frame, first.grey, pixel_places(size)), seen_in(second.frame, grey1, places1)

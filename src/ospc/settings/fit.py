@@ -48,8 +48,8 @@ vignette was off by 0.011 for a response with a local gamma of 0.5, where half o
 0.003 with 1."""
 TEXTURE_ERROR = 0.15
 """Relative standard deviation of the mean that this correction leaves, over the variance of the texture relative to
-the squared grey level. Dark places between the lights of a city, which are clipped, deviated by 0.12 to 0.17 of it,
-at relative standard deviations of 0.15 to 0.4. With 0.05, errors of 51 recordings stayed the same, and bands of the
+the squared grey level. Dark places between the clipped lights of a city deviated by 0.12 to 0.17 of it, at relative
+standard deviations of 0.15 to 0.4. With 0.05, errors of 51 recordings stayed the same, and bands of the
 response were 7 % more often exceeded."""
 MAX_SHIFT = 0.3
 """Largest shift of the mean by texture, relative to the grey level, from which its computation starts. 0.15 and 0.6
