@@ -50,7 +50,7 @@ def test_what_is_quadratic_in_the_place_is_smoothed_exactly(terms, root):
     lower = np.array([[root[0], 0], [root[1], root[2]]])
     covariance = lower @ lower.T
     x, y = NODES.T
-    values = np.stack([np.ones(9), x, y, x**2, x * y, y**2]).T @ terms
+    values = np.stack([np.ones(len(NODES)), x, y, x**2, x * y, y**2]).T @ terms
     expected = terms[0] + terms[3] * covariance[0, 0] + terms[4] * covariance[0, 1] + terms[5] * covariance[1, 1]
     assert node_weights(covariance[None])[0] @ values == pytest.approx(expected, abs=1e-9)
 

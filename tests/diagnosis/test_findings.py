@@ -29,7 +29,7 @@ from ospc.settings import DefaultSettings
 FRAMES = 56
 LATE = Film(wandering(FRAMES), lag=2)
 STALE = Film(np.zeros(FRAMES), hidden_log_gain=wandering(FRAMES))
-RISING = Film(np.linspace(-0.6, 0.6, 60))
+RISING = Film(0.6 * np.linspace(-1, 1, 60) + 0.1 * np.linspace(-1, 1, 60) ** 2)
 HALF_STOPS = Film(np.repeat(np.resize([0.0, 0.35], 4), 14), hidden_log_gain=wandering(FRAMES))
 FLICKERING = Film(0.5 * wandering(FRAMES), hidden_log_gain=np.random.default_rng(5).normal(0, 0.02, FRAMES))
 QUICK = replace(DefaultSettings(), points_per_pair=120, rounds=5, response_intervals=16)
@@ -257,6 +257,16 @@ def test_a_short_cycle_is_corrected_whichever_lag_it_is() -> None:
     assert (findings.verdict.state, findings.warnings) == ("identifiable", ())
 
 
+@pytest.mark.parametrize("step", [0.02, -0.05])
+def test_a_lag_of_exposures_that_change_evenly_would_not_matter(step: float) -> None:
+    sweep = step * np.arange(FRAMES)
+    findings = found(Film(sweep))
+    assert (findings.verdict.state, findings.notes) == ("identifiable", ())
+    assert "a lag would not change their ratios" in findings.verdict.reason
+    # It would change those of a sweep that turns back.
+    assert found(Film(np.abs(sweep - sweep[-8]))).verdict.state == "marginal"
+
+
 def test_exposures_right_up_to_whole_cycles_are_identifiable() -> None:
     findings = found(Film(np.log([1.0, 2.0, 4.0])[np.arange(FRAMES) % 3] - 1))
     assert (findings.corrected_frames, findings.verdict.state, findings.notes) == (0, "identifiable", ())
@@ -332,6 +342,15 @@ def test_a_large_jump_that_the_exposures_do_not_explain_is_doubted(factor: float
     assert told.verdict.state == state
     assert ("at frame 30" in told.verdict.reason) == (state == "marginal")
     assert not told.warnings  # response and vignette are found from all other changes
+
+
+def test_a_change_between_the_first_two_frames_that_can_be_compared_is_no_jump() -> None:
+    # In a sweep from white, few points are exposed well in the first of these.
+    film = Film(wandering(FRAMES), hidden_log_gain=np.where(np.arange(FRAMES) < 1, 0.0, np.log(1.5)))
+    findings = found(film)
+    assert findings.brightness is not None
+    assert not findings.brightness.jumps
+    assert findings.verdict.state == "identifiable"
 
 
 @pytest.mark.parametrize("lag", [-3, 0, 2])

@@ -5,29 +5,19 @@ from __future__ import annotations
 import numpy as np
 
 from ospc.arrays import FloatArray
-from ospc.settings.sampling import (
-    MAX_STRETCH,
-    NODE_STEP_PX,
-    PIXEL_VARIANCE,
-)
+from ospc.settings.sampling import MAX_STRETCH, PIXEL_VARIANCE
 
-NODES = np.stack(np.meshgrid(*2 * [NODE_STEP_PX * np.arange(-1.0, 2.0)]), axis=-1).reshape(9, 2)
-"""Offsets (x, y) of the nodes from the sampled point, in reduced pixels, shape (9, 2)."""
+_TAPS = np.arange(-2.0, 3.0)
 
-CENTRE = 4
+NODES = np.stack(np.meshgrid(_TAPS, _TAPS), axis=-1).reshape(-1, 2)
+"""Offsets (x, y) of the nodes from the sampled point, in reduced pixels, shape (25, 2)."""
+
+CENTRE = len(NODES) // 2
 """Index of the node at the sampled point itself."""
 
-_VALUE, _SLOPE, _CURVATURE = (np.array(stencil) for stencil in ([0, 1, 0], [-0.5, 0, 0.5], [1, -2, 1]))
-_STENCILS = np.stack(
-    [
-        np.outer(_VALUE, _VALUE),
-        np.outer(_VALUE, _CURVATURE) / NODE_STEP_PX**2,
-        np.outer(_CURVATURE, _VALUE) / NODE_STEP_PX**2,
-        np.outer(_SLOPE, _SLOPE) / NODE_STEP_PX**2,
-        np.outer(_CURVATURE, _CURVATURE) / NODE_STEP_PX**4,
-    ]
-).reshape(5, 9)
-"""Weights of the nodes that give the value and its derivatives xx, yy, xy and xxyy, shape (5, 9)."""
+_SLOPE, _CURVATURE = np.array([0, -0.5, 0, 0.5, 0]), np.array([0, 1, -2, 1, 0])
+_MIXED = np.stack([np.outer(_SLOPE, _SLOPE), np.outer(_CURVATURE, _CURVATURE)])
+"""Weights of the nodes that give the derivatives xy and xxyy, shape (2, 5, 5)."""
 
 
 def further_smoothing(jacobian: FloatArray, smoothing_px: float) -> tuple[FloatArray, FloatArray]:
@@ -44,14 +34,26 @@ def further_smoothing(jacobian: FloatArray, smoothing_px: float) -> tuple[FloatA
 
 
 def node_weights(covariance: FloatArray) -> FloatArray:
-    """Return the weights of the values at the :data:`NODES` that apply the additional smoothing, shape (n, 9).
+    """Return the weights of the values at the :data:`NODES` that apply the additional smoothing, shape (n, 25).
 
-    The covariances have shape (n, 2, 2). The weighted sum is the mean of the Taylor series about the point over a
-    Gaussian, up to its term in x²y².
+    The covariances have shape (n, 2, 2). Smoothing along x and y is that of :func:`_taps`; a correlation of x and y
+    adds its Taylor series.
     """
-    xx, yy, xy = covariance[:, 0, 0], covariance[:, 1, 1], covariance[:, 0, 1]
-    expected = np.stack([np.ones_like(xx), xx / 2, yy / 2, xy, xx * yy / 4 + xy**2 / 2], axis=1)
-    return np.asarray(expected @ _STENCILS)
+    along_x, along_y = (_taps(covariance[:, axis, axis]) for axis in (0, 1))
+    correlation = covariance[:, 0, 1]
+    mixed = np.tensordot(np.stack([correlation, correlation**2 / 2], axis=1), _MIXED, axes=1)
+    return np.asarray((along_y[:, :, None] * along_x[:, None, :] + mixed).reshape(-1, len(NODES)))
+
+
+def _taps(variance: FloatArray) -> FloatArray:
+    """Return five weights with the variance and fourth moment of a Gaussian, shape (n,) -> (n, 5)."""
+    # The nearer two of the neighbours would get negative weights from 4/3 on, where the Gauss–Hermite rule has none:
+    # then the variance alone is that of the Gaussian.
+    farther = np.maximum(variance / 8, 0.0)
+    narrow = variance < 4 / 3
+    farther[narrow] = ((3 * variance - 1) * variance / 24)[narrow]
+    nearer = variance / 2 - 4 * farther
+    return np.stack([farther, nearer, 1 - 2 * (nearer + farther), nearer, farther], axis=1)
 
 
 def interpolation_smoothing(places: FloatArray) -> FloatArray:

@@ -254,12 +254,13 @@ def largest_error_of_points(ratios: ExposureRatios) -> float | None:
 
 
 def _lasts(frame: IntArray, unexplained: FloatArray, at: int) -> bool:
-    """Return whether most of a change persists over the frames around it."""
-    # A passing hand, or a single wrong exposure, is followed at once by the opposite change.
+    """Return whether most of a change persists over the frames around it, with frames before and after to show it."""
+    # A passing hand, or a single wrong exposure, is followed at once by the opposite change. At the first frames that
+    # can be compared, in a sweep from white or black, few points are exposed well.
     near = (np.abs(frame - frame[at]) <= JUMP_FRAMES) & (frame != frame[at])
-    before, after = (float(unexplained[near & side].sum()) for side in (frame < frame[at], frame > frame[at]))
+    sides = [unexplained[near & side] for side in (frame < frame[at], frame > frame[at])]
     change = float(unexplained[at])
-    return min((change + part) / change for part in (before, after)) > LASTING_JUMP_SHARE
+    return all(len(side) and (change + float(side.sum())) / change > LASTING_JUMP_SHARE for side in sides)
 
 
 def _rms(values: FloatArray) -> float:

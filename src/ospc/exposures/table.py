@@ -12,6 +12,7 @@ from ospc.errors import plain
 from ospc.settings.exposures import (
     CHANGED_EXPOSURE_LOG,
     CONSTANT_EXPOSURE_LOG,
+    EVEN_STEP_LOG,
     MAX_CYCLE_FRAMES,
     MIN_CYCLE_SHARE,
     MIN_CYCLES,
@@ -120,6 +121,9 @@ class ExposureReport:
         Share of the frames whose exposure differs from that of the previous frame by 1 % or more.
     cycle_frames
         Number of frames after which the exposures repeat; None if they do not.
+    changes_evenly
+        Whether each exposure is the one before it multiplied by the same factor, as in a sweep. Exposure ratios are
+        then the same at any lag.
     """
 
     lowest_ms: float
@@ -127,18 +131,22 @@ class ExposureReport:
     values: int
     changed_share: float
     cycle_frames: int | None
+    changes_evenly: bool
 
     @classmethod
     def of(cls, log_exposure: FloatArray) -> ExposureReport:
         """Summarise exposures, given as ln of milliseconds, shape (frames,)."""
         parts = [*_blocks(log_exposure, 1)]
         changed = sum(int(np.count_nonzero(np.abs(np.diff(part)) >= CHANGED_EXPOSURE_LOG)) for part in parts)
+        usual = float(log_exposure[-1] - log_exposure[0]) / max(len(log_exposure) - 1, 1)
+        unevenness = max(float(np.abs(np.diff(part) - usual).max(initial=0.0)) for part in parts)
         return cls(
             lowest_ms=float(np.exp(log_exposure.min())),
             highest_ms=float(np.exp(log_exposure.max())),
             values=len(np.unique(np.concatenate([np.unique(part) for part in parts]))),
             changed_share=changed / max(len(log_exposure) - 1, 1),
             cycle_frames=exposure_cycle(log_exposure),
+            changes_evenly=unevenness < EVEN_STEP_LOG,
         )
 
     @property

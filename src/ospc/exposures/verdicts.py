@@ -183,6 +183,9 @@ def _on_unknown_lag(evidence: ExposureEvidence) -> tuple[Verdict, _Standing]:
         few = f"the recording has only {counted(evidence.frames, 'frame')}"
         text = f"{few}, too few to check whether exposures belong to them"
         return Verdict("marginal", text, _MORE_FRAMES), "settled"
+    if compared is not None and evidence.recorded.changes_evenly and 0 in candidates:
+        text = "exposures change by the same factor from frame to frame, so that a lag would not change their ratios"
+        return Verdict("identifiable", f"{text}: they explain {_explained(compared)}"), "settled"
     if _fit_settles_lag(evidence):
         few = "consecutive frames overlap too little to check them otherwise"
         if compared is not None and candidates:
