@@ -55,8 +55,8 @@ def test_what_is_quadratic_in_the_place_is_smoothed_exactly(terms, root):
     assert node_weights(covariance[None])[0] @ values == pytest.approx(expected, abs=1e-9)
 
 
-@pytest.mark.parametrize("stretch", [1.1, 1.25, 1.5])
-def test_smoothing_further_is_what_a_wider_gaussian_gives(stretch):
+@pytest.mark.parametrize(("stretch", "difference"), [(1.1, 0.01), (1.25, 0.05), (1.5, 0.2)])
+def test_smoothing_further_is_what_a_wider_gaussian_gives(stretch, difference):
     noise = np.random.default_rng(3).normal(size=(200, 200))
     image = cv2.GaussianBlur(noise, (0, 0), SIGMA_PX)
     variance = SIGMA_PX**2 * (stretch**2 - 1)
@@ -65,7 +65,7 @@ def test_smoothing_further_is_what_a_wider_gaussian_gives(stretch):
     values = image[nodes[..., 1].astype(int), nodes[..., 0].astype(int)]
     found = values @ node_weights(variance * np.eye(2)[None])[0]
     # White noise has more fine structure than any scene.
-    assert np.std(found - wider) < 0.2 * np.std(values[:, CENTRE] - wider)
+    assert np.std(found - wider) < difference * np.std(values[:, CENTRE] - wider)
 
 
 def test_linear_interpolation_smooths_by_the_stated_covariance():

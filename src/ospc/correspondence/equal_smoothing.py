@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from ospc.arrays import FloatArray
-from ospc.settings.sampling import MAX_STRETCH, PIXEL_VARIANCE
+from ospc.settings.sampling import MAX_STRETCH, NODES_PER_SIDE, PIXEL_VARIANCE
 
-_TAPS = np.arange(-2.0, 3.0)
+_TAPS = np.arange(NODES_PER_SIDE) - NODES_PER_SIDE // 2
+"""Offsets of the nodes along one axis, shape (5,)."""
 
 NODES = np.stack(np.meshgrid(_TAPS, _TAPS), axis=-1).reshape(-1, 2)
 """Offsets (x, y) of the nodes from the sampled point, in reduced pixels, shape (25, 2)."""
@@ -16,6 +17,7 @@ CENTRE = len(NODES) // 2
 """Index of the node at the sampled point itself."""
 
 _SLOPE, _CURVATURE = np.array([0, -0.5, 0, 0.5, 0]), np.array([0, 1, -2, 1, 0])
+"""Weights along one axis that give the first and the second derivative."""
 _MIXED = np.stack([np.outer(_SLOPE, _SLOPE), np.outer(_CURVATURE, _CURVATURE)])
 """Weights of the nodes that give the derivatives xy and xxyy, shape (2, 5, 5)."""
 
@@ -47,11 +49,9 @@ def node_weights(covariance: FloatArray) -> FloatArray:
 
 def _taps(variance: FloatArray) -> FloatArray:
     """Return five weights with the variance and fourth moment of a Gaussian, shape (n,) -> (n, 5)."""
-    # The nearer two of the neighbours would get negative weights from 4/3 on, where the Gauss–Hermite rule has none:
-    # then the variance alone is that of the Gaussian.
-    farther = np.maximum(variance / 8, 0.0)
-    narrow = variance < 4 / 3
-    farther[narrow] = ((3 * variance - 1) * variance / 24)[narrow]
+    # From 4/3 on, the nearer two of the neighbours would get negative weights. There they get none, as in the
+    # Gauss-Hermite rule that both agree on at 4/3, and only the variance is right.
+    farther = np.where(variance < 4 / 3, (3 * variance - 1) * variance / 24, variance / 8)
     nearer = variance / 2 - 4 * farther
     return np.stack([farther, nearer, 1 - 2 * (nearer + farther), nearer, farther], axis=1)
 

@@ -26,6 +26,7 @@ from ospc.settings.sampling import (
     MIN_MOTION_PLACES,
     MIN_PART_PLACES,
     MOTION_PARTS_PER_SIDE,
+    NODES_PER_SIDE,
     SAMPLING_GREY_CELLS,
     SAMPLING_MARGIN_PX,
     SAMPLING_RADIUS_CELLS,
@@ -37,13 +38,14 @@ from ospc.settings.sampling import (
 class Keyframe(ReducedFrame):
     """The data of a frame kept for comparison with later frames: a tenth of the preprocessed frame."""
 
+    gradient: Float32Array
+    """The frame's gradient at the grid points, shape (n,)."""
+    flat: IntArray
+    """Indices of the grid points that are flat and not clipped, shape (m,)."""
     grey: Float32Array
     squares: Float32Array
     cubes: Float32Array
-    """Smoothed grey levels, squares and cubes at the nodes around the grid points, shape (n, 9)."""
-    gradient: Float32Array
-    clipped: BoolArray
-    """The frame's gradient and clipping at these points, shape (n,)."""
+    """Smoothed grey levels, squares and cubes at the nodes around these, shape (m, 25)."""
 
 
 @dataclass(frozen=True)
@@ -88,13 +90,15 @@ class FlatSampler:
     def keyframe(self, frame: PreprocessedFrame) -> Keyframe:
         """Return the keyframe of a frame: its small images, and its values on the grid."""
         places = _grid(frame.reduced_size, self.settings.grid_spacing_px)
+        gradient = frame.values_at(frame.gradient, places).astype(np.float32)
+        flat = np.flatnonzero((gradient < self.settings.max_gradient) & ~_clipped_at(frame, places))
         return Keyframe(
             **{field.name: getattr(frame, field.name) for field in fields(ReducedFrame)},
-            grey=self._at_nodes(frame.grey),
-            squares=self._at_nodes(frame.squares),
-            cubes=self._at_nodes(frame.cubes),
-            gradient=frame.values_at(frame.gradient, places).astype(np.float32),
-            clipped=_clipped_at(frame, places),
+            gradient=gradient,
+            flat=flat,
+            grey=_at_nodes(frame.grey, places[flat]),
+            squares=_at_nodes(frame.squares, places[flat]),
+            cubes=_at_nodes(frame.cubes, places[flat]),
         )
 
     def __call__(
@@ -112,44 +116,37 @@ class FlatSampler:
         found = (forward_backward_error < self.settings.max_forward_backward_error_px) & inside
         if not found.size or found.mean() < MIN_OVERLAP:
             return NOTHING_FOUND
-        gradient0 = keyframe.gradient.astype(np.float64)
-        gradient1 = frame.values_at(frame.gradient, places1)
-        usable = found & (np.maximum(gradient0, gradient1) < self.settings.max_gradient) & ~keyframe.clipped
-        usable[usable] = ~_clipped_at(frame, places1[usable])
-        index = np.flatnonzero(usable)
+        row = np.flatnonzero(found[keyframe.flat])
+        gradient1 = frame.values_at(frame.gradient, places1[keyframe.flat[row]])
+        also_flat = gradient1 < self.settings.max_gradient
+        also_flat[also_flat] = ~_clipped_at(frame, places1[keyframe.flat[row[also_flat]]])
+        row, gradient1 = row[also_flat], gradient1[also_flat]
+        index = keyframe.flat[row]
         position0, position1 = (
             normalised(one.to_frame(places), one.size) for one, places in ((keyframe, places0), (frame, places1))
         )
         radius0, radius1 = (np.linalg.norm(position, axis=1) for position in (position0, position1))
         radial = (radius0 - radius1)[found]
-        motion = _typical_motion(places0[found], displacement[found], gradient0[found])
+        motion = _typical_motion(places0[found], displacement[found], keyframe.gradient[found].astype(np.float64))
         # Select by the mean of both frames: a selection by one grey level would depend on its noise.
-        grey = np.sqrt(np.clip(keyframe.grey[index, CENTRE] * frame.values_at(frame.grey, places1[index]), 0, 1))
-        chosen = index[self._spread(grey, radius0[index], group)]
+        grey = np.sqrt(np.clip(keyframe.grey[row, CENTRE] * frame.values_at(frame.grey, places1[index]), 0, 1))
+        spread = self._spread(grey, radius0[index], group)
+        chosen, row = index[spread], row[spread]
         places0, places1 = places0[chosen], places1[chosen]
         jacobian = jacobian_at(registration, places0, scale)
         further0, further1 = further_smoothing(jacobian, frame.smoothing_px)
         further1 -= interpolation_smoothing(places1)  # the points of the keyframe are at pixels
         nodes1 = places1[:, None] + NODES
-        values0 = (values[chosen] for values in (keyframe.grey, keyframe.squares, keyframe.cubes))
+        values0 = (values[row] for values in (keyframe.grey, keyframe.squares, keyframe.cubes))
         values1 = (frame.values_at(image, nodes1) for image in (frame.grey, frame.squares, frame.cubes))
         smoothed0, smoothed1 = _moments(further0, *values0), _moments(further1, *values1)
         observations = Observations.alternating(
             _seen(keyframe, places0, position0[chosen], keyframe.gradient[chosen], smoothed0),
-            _seen(frame, places1, position1[chosen], gradient1[chosen], smoothed1),
+            _seen(frame, places1, position1[chosen], gradient1[spread], smoothed1),
             np.full(len(chosen), group),
         )
         radial_motion = float(np.sqrt(np.mean(radial**2)))
         return Samples(observations, float(found.mean()), radial_motion, motion * keyframe.reduction)
-
-    def _at_nodes(self, image: Float32Array) -> Float32Array:
-        """Return the values of an image at the nodes around the grid points, (h, w) -> (n, 9)."""
-        (height, width), margin, step = image.shape, SAMPLING_MARGIN_PX, self.settings.grid_spacing_px
-        shifted = (
-            image[margin + y : height - margin + y : step, margin + x : width - margin + x : step]
-            for x, y in NODES.astype(int).tolist()
-        )
-        return np.stack([values.ravel() for values in shifted], axis=1)
 
     def _spread(self, grey: FloatArray, radius: FloatArray, seed: int) -> IntArray:
         """Return the indices of some points, spread evenly over cells of grey level and radius."""
@@ -170,6 +167,13 @@ def _grid(size: ImageSize, spacing_px: int) -> FloatArray:
     margin = SAMPLING_MARGIN_PX
     x, y = np.meshgrid(*(np.arange(margin, side - margin, spacing_px, dtype=np.float64) for side in size))
     return read_only(np.stack([x.ravel(), y.ravel()], axis=1))
+
+
+def _at_nodes(image: Float32Array, places: FloatArray) -> Float32Array:
+    """Return the values of an image at the nodes around pixels, (h, w) and (n, 2) -> (n, 25)."""
+    around = np.lib.stride_tricks.sliding_window_view(image, (NODES_PER_SIDE, NODES_PER_SIDE))
+    x, y = (places + NODES[0]).T.astype(np.int64)
+    return np.asarray(around[y, x].reshape(-1, len(NODES)))
 
 
 def ranks_in_cells(cell: IntArray, order: IntArray) -> IntArray:
