@@ -125,9 +125,9 @@ def _of_moving_camera(
     if fit.groups < MIN_GROUPS:
         return _with_estimates(fitted, trials, ())
     residual = fit.residuals(observations)
-    if unsteady := _unsteadiness(fit, residual, observations):
+    if unsteady := _unsteadiness(fitted, residual):
         # If the plain fit is steady, the effects are spurious.
-        alone = not len(fit.effects) or _unsteadiness(plain.fit, plain.fit.residuals(observations), observations)
+        alone = not len(fit.effects) or _unsteadiness(plain, plain.fit.residuals(observations))
         return _with_estimates(plain, plain_trials, unsteady if alone else ())
     found = uneven_vignette(residual, fitted.weighted[0].sigma, observations)
     found = found or unsteady_radiance(fit.errors.radiance_sigma, fit.groups)
@@ -138,9 +138,10 @@ def _is_contradicted(fit: Fit) -> bool:
     return any(name in CONTRADICTIONS for name in fit.effects.chosen)
 
 
-def _unsteadiness(fit: Fit, residual: FloatArray, observations: ExposedObservations) -> tuple[EffectEstimate, ...]:
+def _unsteadiness(fitted: Fitted, residual: FloatArray) -> tuple[EffectEstimate, ...]:
     """Return differences between the frames of a pair, from the residuals where the basis resolves the response."""
-    return unsteadiness(np.where(fit.resolves(observations), residual, np.nan), observations)
+    resolved = np.where(fitted.fit.resolves(fitted.observations), residual, np.nan)
+    return unsteadiness(resolved, fitted.weighted[0].sigma, fitted.observations)
 
 
 def _with_effects(

@@ -129,17 +129,19 @@ def _uneven_region(count: FloatArray, total: FloatArray, error_factor: float) ->
     return EffectEstimate(UNEVEN, 2 * float(mean[worst]), 2 * float(sigma[worst]), contradicts=True)
 
 
-def unsteadiness(residual: FloatArray, observations: ExposedObservations) -> tuple[EffectEstimate, ...]:
+def unsteadiness(
+    residual: FloatArray, sigma: FloatArray, observations: ExposedObservations
+) -> tuple[EffectEstimate, ...]:
     """Return differences between the frames of a pair, from the residuals of a fit; empty if the pairs agree.
 
     With one response and one vignette, the radiances of the same points in two frames differ only by chance. If the
     exponent of one frame differs, their logarithms differ in proportion to ln M; if the vignette moved, in proportion
     to x and y. The value is the standard deviation of this slope between pairs, in excess of that expected from the
-    scatter within pairs.
+    scatter within pairs. Residuals and their standard deviations ``sigma`` are as in :func:`uneven_vignette`.
     """
     first = observations.starts
     last = first + observations.counts - 1
-    change = residual[last] - residual[first]
+    change, weight = residual[last] - residual[first], 1 / (sigma[first] ** 2 + sigma[last] ** 2)
     known = np.flatnonzero(np.isfinite(change))
     pairs = [known[members] for members in members_of(observations.group[first][known])]
     log_grey = np.log(np.maximum(observations.grey, DARKEST_GREY))
@@ -149,7 +151,9 @@ def unsteadiness(residual: FloatArray, observations: ExposedObservations) -> tup
         (UNSTEADY_RESPONSE, [(log_grey[first] + log_grey[last]) / 2]),
         (UNSTEADY_VIGNETTE, [x, y]),
     ):
-        excess, slopes = max(_excess(covariate, change, pairs, observations.error_factor) for covariate in covariates)
+        excess, slopes = max(
+            _excess(covariate, change, weight, pairs, observations.error_factor) for covariate in covariates
+        )
         if excess > UNSTEADY_SLOPE:
             found.append(EffectEstimate(name, excess, excess / math.sqrt(2 * slopes), contradicts=True))
     return tuple(found)
@@ -169,10 +173,11 @@ def unsteady_radiance(radiance_sigma: float, groups: int) -> tuple[EffectEstimat
 
 
 def _excess(
-    covariate: FloatArray, change: FloatArray, pairs: list[IntArray], error_factor: float
+    covariate: FloatArray, change: FloatArray, weight: FloatArray, pairs: list[IntArray], error_factor: float
 ) -> tuple[float, int]:
     """Return the standard deviation of the slope between pairs, 0 if chance explains it, and the number of slopes."""
-    slopes = [one for one in (_slope(covariate[pair], change[pair]) for pair in pairs) if one is not None]
+    found = (_slope(covariate[pair], change[pair], weight[pair]) for pair in pairs)
+    slopes = [one for one in found if one is not None]
     if len(slopes) < UNSTEADY_FEWEST_PAIRS:
         return 0.0, len(slopes)
     slope, by_scatter = np.array(slopes).T
@@ -182,18 +187,19 @@ def _excess(
     return float(np.sqrt(max(robust_scale(slope) ** 2 - float(np.median(sigma)) ** 2, 0.0))), len(slopes)
 
 
-def _slope(x: FloatArray, change: FloatArray) -> tuple[float, float] | None:
+def _slope(x: FloatArray, change: FloatArray, weight: FloatArray) -> tuple[float, float] | None:
     """Return the slope of the changes of a pair and its standard deviation; None if it has too few points."""
     # Late in a long run most pairs have only one or two points left, and their medians would be slow.
     if len(x) < UNSTEADY_FEWEST_POINTS:
         return None
-    deviation = change - median(change)
+    deviation = (change - median(change)) * np.sqrt(weight)
     usual = np.abs(deviation) <= WEIGHT_CUT_SIGMAS * robust_scale(deviation)
-    x, y = x[usual] - x[usual].mean(), change[usual] - change[usual].mean()
-    spread = float(x @ x)
-    if len(x) < UNSTEADY_FEWEST_POINTS or spread < UNSTEADY_SPREAD**2 * len(x):
+    # Dark points with much noise or texture, which is corrected inexactly, hardly count.
+    x, change, weight = x[usual], change[usual], weight[usual] / weight[usual].sum()
+    x, y = x - x @ weight, change - change @ weight
+    spread = float(x**2 @ weight)
+    if len(x) < UNSTEADY_FEWEST_POINTS or spread < UNSTEADY_SPREAD**2:
         return None
-    slope = float(x @ y) / spread
-    left = y - slope * x
-    variance = float(left @ left) / (len(x) - 2) / spread
+    slope = float(x * y @ weight) / spread
+    variance = float((y - slope * x) ** 2 @ weight) / (len(x) - 2) / spread
     return (slope, np.sqrt(variance)) if variance > 0 else None
