@@ -31,7 +31,7 @@ def turn(angle):
 @given(stretches, stretches, angles, angles)
 def test_both_views_are_smoothed_over_the_same_part_of_the_scene(along, across, before, after):
     jacobian = turn(after) @ np.diag([along, across]) @ turn(before)
-    further0, further1 = (further[0] for further in further_smoothing(jacobian[None], SIGMA_PX))
+    further0, further1 = (further[0] for further in further_smoothing(jacobian[None], SIGMA_PX, np.zeros((1, 2, 2))))
     usual = EFFECTIVE_VARIANCE * np.eye(2)
     np.testing.assert_allclose(jacobian @ (usual + further0) @ jacobian.T, usual + further1, atol=1e-9)
     # The smoothing is minimal: along each axis, one of the two views is smoothed as before.
@@ -40,8 +40,20 @@ def test_both_views_are_smoothed_over_the_same_part_of_the_scene(along, across, 
     assert np.trace(jacobian @ further0 @ jacobian.T @ further1) == pytest.approx(0, abs=1e-9)
 
 
+@given(stretches, stretches, angles, angles, st.floats(0, 1), st.floats(0, 1))
+def test_the_first_view_is_smoothed_as_interpolation_smooths_the_second(along, across, before, after, x, y):
+    jacobian = turn(after) @ np.diag([along, across]) @ turn(before)
+    interpolation = interpolation_smoothing(np.array([[x, y]]))
+    further0, further1 = (further[0] for further in further_smoothing(jacobian[None], SIGMA_PX, interpolation))
+    usual = EFFECTIVE_VARIANCE * np.eye(2)
+    expected = usual + further1 + interpolation[0]
+    np.testing.assert_allclose(jacobian @ (usual + further0) @ jacobian.T, expected, atol=1e-9)
+    assert min(np.linalg.eigvalsh(further).min() for further in (further0, further1)) > -1e-9
+
+
 def test_an_edge_in_depth_is_not_taken_for_a_stretch():
-    for further in further_smoothing(np.array([np.diag([30.0, 1e-3]), np.zeros((2, 2))]), SIGMA_PX):
+    jacobians = np.array([np.diag([30.0, 1e-3]), np.zeros((2, 2))])
+    for further in further_smoothing(jacobians, SIGMA_PX, np.zeros((2, 2, 2))):
         assert np.all(np.abs(further) < 2 * EFFECTIVE_VARIANCE)
 
 

@@ -22,17 +22,24 @@ _MIXED = np.stack([np.outer(_SLOPE, _SLOPE), np.outer(_CURVATURE, _CURVATURE)])
 """Weights of the nodes that give the derivatives xy and xxyy, shape (2, 5, 5)."""
 
 
-def further_smoothing(jacobian: FloatArray, smoothing_px: float) -> tuple[FloatArray, FloatArray]:
+def further_smoothing(
+    jacobian: FloatArray, smoothing_px: float, interpolation: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """Return the additional smoothing of each of two views, as covariances, shape (n, 2, 2) each.
 
     Along each axis, the view with the larger scale is smoothed correspondingly more. ``jacobian`` is that of the
-    mapping from the first to the second view, shape (n, 2, 2).
+    mapping from the first to the second view, and ``interpolation`` is the :func:`interpolation_smoothing` in the
+    second, shape (n, 2, 2) each.
     """
     axes1, stretch, axes0 = np.linalg.svd(jacobian)
     stretch = np.clip(stretch, 1 / MAX_STRETCH, MAX_STRETCH)
     variance = smoothing_px**2 + PIXEL_VARIANCE
     further0, further1 = (variance * np.maximum(by**2 - 1, 0)[:, None] for by in (1 / stretch, stretch))
-    return np.swapaxes(axes0, 1, 2) * further0 @ axes0, axes1 * further1 @ np.swapaxes(axes1, 1, 2)
+    along0 = np.swapaxes(axes0, 1, 2)
+    back = along0 / stretch[:, None] @ np.swapaxes(axes1, 1, 2)
+    # Interpolation cannot be undone without more noise, but the same can be done to the first view.
+    as_interpolated = back @ interpolation @ np.swapaxes(back, 1, 2)
+    return along0 * further0 @ axes0 + as_interpolated, axes1 * further1 @ np.swapaxes(axes1, 1, 2)
 
 
 def node_weights(covariance: FloatArray) -> FloatArray:

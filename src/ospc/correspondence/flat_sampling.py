@@ -90,11 +90,10 @@ class FlatSampler:
     def keyframe(self, frame: PreprocessedFrame) -> Keyframe:
         """Return the keyframe of a frame: its small images, and its values on the grid."""
         places = _grid(frame.reduced_size, self.settings.grid_spacing_px)
-        gradient = frame.values_at(frame.gradient, places).astype(np.float32)
-        flat = np.flatnonzero((gradient < self.settings.max_gradient) & ~_clipped_at(frame, places))
+        flat = np.flatnonzero(self._is_flat(frame, places))
         return Keyframe(
             **{field.name: getattr(frame, field.name) for field in fields(ReducedFrame)},
-            gradient=gradient,
+            gradient=frame.values_at(frame.gradient, places).astype(np.float32),
             flat=flat,
             grey=_at_nodes(frame.grey, places[flat]),
             squares=_at_nodes(frame.squares, places[flat]),
@@ -117,10 +116,7 @@ class FlatSampler:
         if not found.size or found.mean() < MIN_OVERLAP:
             return NOTHING_FOUND
         row = np.flatnonzero(found[keyframe.flat])
-        gradient1 = frame.values_at(frame.gradient, places1[keyframe.flat[row]])
-        also_flat = gradient1 < self.settings.max_gradient
-        also_flat[also_flat] = ~_clipped_at(frame, places1[keyframe.flat[row[also_flat]]])
-        row, gradient1 = row[also_flat], gradient1[also_flat]
+        row = row[self._is_flat(frame, places1[keyframe.flat[row]])]
         index = keyframe.flat[row]
         position0, position1 = (
             normalised(one.to_frame(places), one.size) for one, places in ((keyframe, places0), (frame, places1))
@@ -130,23 +126,29 @@ class FlatSampler:
         motion = _typical_motion(places0[found], displacement[found], keyframe.gradient[found].astype(np.float64))
         # Select by the mean of both frames: a selection by one grey level would depend on its noise.
         grey = np.sqrt(np.clip(keyframe.grey[row, CENTRE] * frame.values_at(frame.grey, places1[index]), 0, 1))
-        spread = self._spread(grey, radius0[index], group)
-        chosen, row = index[spread], row[spread]
+        row = row[self._spread(grey, radius0[index], group)]
+        chosen = keyframe.flat[row]
         places0, places1 = places0[chosen], places1[chosen]
         jacobian = jacobian_at(registration, places0, scale)
-        further0, further1 = further_smoothing(jacobian, frame.smoothing_px)
-        further1 -= interpolation_smoothing(places1)  # the points of the keyframe are at pixels
+        # The points of the keyframe are at pixels.
+        further0, further1 = further_smoothing(jacobian, frame.smoothing_px, interpolation_smoothing(places1))
         nodes1 = places1[:, None] + NODES
         values0 = (values[row] for values in (keyframe.grey, keyframe.squares, keyframe.cubes))
         values1 = (frame.values_at(image, nodes1) for image in (frame.grey, frame.squares, frame.cubes))
         smoothed0, smoothed1 = _moments(further0, *values0), _moments(further1, *values1)
         observations = Observations.alternating(
             _seen(keyframe, places0, position0[chosen], keyframe.gradient[chosen], smoothed0),
-            _seen(frame, places1, position1[chosen], gradient1[spread], smoothed1),
+            _seen(frame, places1, position1[chosen], frame.values_at(frame.gradient, places1), smoothed1),
             np.full(len(chosen), group),
         )
         radial_motion = float(np.sqrt(np.mean(radial**2)))
         return Samples(observations, float(found.mean()), radial_motion, motion * keyframe.reduction)
+
+    def _is_flat(self, frame: PreprocessedFrame, places: FloatArray) -> BoolArray:
+        """Return where a frame is flat and not clipped, (n, 2) -> (n,)."""
+        flat = frame.values_at(frame.gradient, places) < self.settings.max_gradient
+        flat[flat] = ~_clipped_at(frame, places[flat])
+        return flat
 
     def _spread(self, grey: FloatArray, radius: FloatArray, seed: int) -> IntArray:
         """Return the indices of some points, spread evenly over cells of grey level and radius."""
