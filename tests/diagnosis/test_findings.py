@@ -8,7 +8,7 @@ from itertools import cycle
 
 import numpy as np
 import pytest
-from filmed import LARGE, Film, fitted, found, wandering
+from filmed import LARGE, Film, fitted, found, observed, wandering
 
 from ospc.calibrator import OnlineCalibrator, calibrate, drive
 from ospc.evaluation.metrics import log_ratio_error
@@ -345,9 +345,11 @@ def test_a_large_jump_that_the_exposures_do_not_explain_is_doubted(factor: float
 
 
 def test_a_change_between_the_first_two_frames_that_can_be_compared_is_no_jump() -> None:
-    # In a sweep from white, few points are exposed well in the first of these.
-    film = Film(wandering(FRAMES), hidden_log_gain=np.where(np.arange(FRAMES) < 1, 0.0, np.log(1.5)))
-    findings = found(film)
+    film = Film(wandering(FRAMES), hidden_log_gain=np.where(np.arange(FRAMES) == 20, -0.4, 0.0))
+    history, stated = observed(film)
+    # A sweep from white: the frames before are white, and in this one, few points are exposed well.
+    later = [change for change in history.changes if change.frame0 >= 20]
+    findings = findings_from(evidence_of_images(later, stated, "auto"))
     assert findings.brightness is not None
     assert not findings.brightness.jumps
     assert findings.verdict.state == "identifiable"

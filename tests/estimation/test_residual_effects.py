@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ospc.estimation.residual_effects import uneven_vignette
+from ospc.estimation.residual_effects import uneven_vignette, unsteadiness
 from ospc.photometry.response import Response
 from synthetic_observations import Camera
 
@@ -63,3 +63,14 @@ def test_points_that_stay_within_a_part_are_no_evidence_against_it():
     wrong = np.repeat(still, 2) * np.random.default_rng(3).choice([-0.08, 0.08], len(still)).repeat(2)
     residual = residuals(0.0, 0.0) + wrong * np.tile([1, -1], len(still))
     assert uneven_vignette(residual, SIGMA, replace(SEEN, position=position)) == ()
+
+
+def test_points_with_large_errors_do_not_make_the_response_unsteady():
+    """Where texture is dark and coarse, its correction is wrong in proportion to the exposure ratio."""
+    dark = SEEN.grey < 0.3
+    sigma = np.where(dark, 20 * SCATTER, SCATTER)
+    chance = np.random.default_rng(4).normal(0, SCATTER, len(SEEN) // 2)
+    of_pair = chance + 0.05 * np.diff(SEEN.log_exposure.reshape(-1, 2))[:, 0] * dark.reshape(-1, 2).any(axis=1)
+    residual = np.stack([-of_pair, of_pair], axis=1).ravel()
+    assert unsteadiness(residual, sigma, SEEN) == ()
+    assert [found.name for found in unsteadiness(residual, SIGMA, SEEN)] == ["unsteady response"]

@@ -31,7 +31,7 @@ SAME_EXPOSURE_LOG = 1e-3
 """Difference of ln exposure up to which two exposures count as equal: rounding in files and jitter of sensors."""
 EVEN_STEP_LOG = 2e-3
 """Largest deviation of the steps of ln exposure from their mean at which the exposures change evenly: rounding to a
-microsecond from 0.5 ms on. A lag of five frames changes exposure ratios by no more than that."""
+microsecond from 0.5 ms on. Rounding errors do not add up from frame to frame, so a lag hardly changes any ratio."""
 MIN_CYCLE_SHARE = 0.97
 """Minimum share of the frames that repeat a cycle, so that a few dropped frames do not break it."""
 
