@@ -47,10 +47,10 @@ UNSTEADY_FEWEST_PAIRS = 30
 """Minimum number of such pairs: the scatter of 30 slopes is known to an eighth."""
 UNSTEADY_SIGMAS = 3.5
 """Scatter of the slopes between pairs, relative to their standard errors, above which response or vignette are
-unsteady. Registration and moving objects add to it. With points of equal weight, it was at most 3.0 over ln M and 2.4
-over the position in 67 clean simulated recordings, 2.5 in 180 of another renderer, 3.4 to 9 with two exponents a fifth
-apart, 3 to 16 with automatic contrast, and 2.2 to 8.6 with electronic stabilisation; but 4.4 to 5.1 in three clean
-recordings that were short, dark and noisy. With points weighted by their errors, it is at most 3.1 in these."""
+unsteady. Registration and moving objects add to it. With points of equal weight, it was at most 3.0 over ln M and
+2.4 over the position in 67 clean simulated recordings, 2.5 in 180 of another renderer, 3.4 to 9 with two exponents a
+fifth apart, 3 to 16 with automatic contrast, and 2.2 to 8.6 with electronic stabilisation; but 4.4 to 5.1 in three
+clean recordings that were short, dark and noisy. With points weighted by their errors, it is at most 3.1 in these."""
 UNSTEADY_SLOPE = 0.005
 """Smallest standard deviation of the slope between pairs that matters, in ln L per ln M or per half diagonal. It was
 0.0076 in two recordings with sun outside the view, in which V was wrong by up to 0.008 and 0.017."""
