@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ospc.arrays import FloatArray
+from ospc.arrays import Float32Array, FloatArray
 from ospc.settings.sampling import MAX_STRETCH, NODES_PER_SIDE, PIXEL_VARIANCE
 
 _TAPS = np.arange(NODES_PER_SIDE) - NODES_PER_SIDE // 2
@@ -13,13 +13,24 @@ _TAPS = np.arange(NODES_PER_SIDE) - NODES_PER_SIDE // 2
 NODES = np.stack(np.meshgrid(_TAPS, _TAPS), axis=-1).reshape(-1, 2)
 """Offsets (x, y) of the nodes from the sampled point, in reduced pixels, shape (25, 2)."""
 
-CENTRE = len(NODES) // 2
-"""Index of the node at the sampled point itself."""
+_EVEN = np.equal.outer(np.abs(_TAPS), np.arange(NODES_PER_SIDE // 2 + 1)).astype(np.float64)
+"""Which of the taps have the same distance, and thus the same weight, shape (5, 3)."""
+_SLOPE, _CURVATURE = np.array([0, -0.5, 0, 0.5, 0]), np.array([-2, 1, 0])
+"""Weights of the taps that give the first derivative, and of the distances that give the second."""
 
-_SLOPE, _CURVATURE = np.array([0, -0.5, 0, 0.5, 0]), np.array([0, 1, -2, 1, 0])
-"""Weights along one axis that give the first and the second derivative."""
-_MIXED = np.stack([np.outer(_SLOPE, _SLOPE), np.outer(_CURVATURE, _CURVATURE)])
-"""Weights of the nodes that give the derivatives xy and xxyy, shape (2, 5, 5)."""
+_SUMS = np.concatenate([np.kron(_EVEN, _EVEN), np.kron(_SLOPE, _SLOPE)[:, None]], axis=1)
+"""Contribution of each node to the sums of :func:`node_sums`, shape (25, 10)."""
+
+CENTRE = 0
+"""Index of the sum that is the value at the sampled point itself."""
+
+
+def node_sums(values: FloatArray | Float32Array) -> FloatArray:
+    """Return the sums of the values at the :data:`NODES` that are weighted alike, shape (n, 25) -> (n, 10).
+
+    The last one is the derivative along x and y.
+    """
+    return np.asarray(values @ _SUMS)
 
 
 def further_smoothing(
@@ -43,24 +54,26 @@ def further_smoothing(
 
 
 def node_weights(covariance: FloatArray) -> FloatArray:
-    """Return the weights of the values at the :data:`NODES` that apply the additional smoothing, shape (n, 25).
+    """Return the weights of the :func:`node_sums` that apply the additional smoothing, shape (n, 10).
 
     The covariances have shape (n, 2, 2). Smoothing along x and y is that of :func:`_taps`; a correlation of x and y
     adds its Taylor series.
     """
     along_x, along_y = (_taps(covariance[:, axis, axis]) for axis in (0, 1))
-    correlation = covariance[:, 0, 1]
-    mixed = np.tensordot(np.stack([correlation, correlation**2 / 2], axis=1), _MIXED, axes=1)
-    return np.asarray((along_y[:, :, None] * along_x[:, None, :] + mixed).reshape(-1, len(NODES)))
+    correlation = covariance[:, :1, 1]
+    even = along_y[:, :, None] * along_x[:, None, :] + (correlation**2 / 2)[:, :, None] * np.outer(
+        _CURVATURE, _CURVATURE
+    )
+    return np.concatenate([even.reshape(len(even), -1), correlation], axis=1)
 
 
 def _taps(variance: FloatArray) -> FloatArray:
-    """Return five weights with the variance and fourth moment of a Gaussian, shape (n,) -> (n, 5)."""
+    """Return the weights at each distance with the variance and fourth moment of a Gaussian, (n,) -> (n, 3)."""
     # From 4/3 on, the nearer two of the neighbours would get negative weights. There they get none, as in the
     # Gauss-Hermite rule that both agree on at 4/3, and only the variance is right.
     farther = np.where(variance < 4 / 3, (3 * variance - 1) * variance / 24, variance / 8)
     nearer = variance / 2 - 4 * farther
-    return np.stack([farther, nearer, 1 - 2 * (nearer + farther), nearer, farther], axis=1)
+    return np.stack([1 - 2 * (nearer + farther), nearer, farther], axis=1)
 
 
 def interpolation_smoothing(places: FloatArray) -> FloatArray:

@@ -14,6 +14,7 @@ from ospc.correspondence.equal_smoothing import (
     NODES,
     further_smoothing,
     interpolation_smoothing,
+    node_sums,
     node_weights,
 )
 from ospc.correspondence.preprocessing import PreprocessedFrame, ReducedFrame
@@ -45,7 +46,7 @@ class Keyframe(ReducedFrame):
     grey: Float32Array
     squares: Float32Array
     cubes: Float32Array
-    """Smoothed grey levels, squares and cubes at the nodes around these, shape (m, 25)."""
+    """Sums of smoothed grey levels, squares and cubes at the nodes around these, shape (m, 10)."""
 
 
 @dataclass(frozen=True)
@@ -95,9 +96,9 @@ class FlatSampler:
             **{field.name: getattr(frame, field.name) for field in fields(ReducedFrame)},
             gradient=frame.values_at(frame.gradient, places).astype(np.float32),
             flat=flat,
-            grey=_at_nodes(frame.grey, places[flat]),
-            squares=_at_nodes(frame.squares, places[flat]),
-            cubes=_at_nodes(frame.cubes, places[flat]),
+            grey=_sums_around(frame.grey, places[flat]),
+            squares=_sums_around(frame.squares, places[flat]),
+            cubes=_sums_around(frame.cubes, places[flat]),
         )
 
     def __call__(
@@ -133,9 +134,9 @@ class FlatSampler:
         # The points of the keyframe are at pixels.
         further0, further1 = further_smoothing(jacobian, frame.smoothing_px, interpolation_smoothing(places1))
         nodes1 = places1[:, None] + NODES
-        values0 = (values[row] for values in (keyframe.grey, keyframe.squares, keyframe.cubes))
-        values1 = (frame.values_at(image, nodes1) for image in (frame.grey, frame.squares, frame.cubes))
-        smoothed0, smoothed1 = _moments(further0, *values0), _moments(further1, *values1)
+        sums0 = (sums[row] for sums in (keyframe.grey, keyframe.squares, keyframe.cubes))
+        sums1 = (node_sums(frame.values_at(image, nodes1)) for image in (frame.grey, frame.squares, frame.cubes))
+        smoothed0, smoothed1 = _moments(further0, *sums0), _moments(further1, *sums1)
         observations = Observations.alternating(
             _seen(keyframe, places0, position0[chosen], keyframe.gradient[chosen], smoothed0),
             _seen(frame, places1, position1[chosen], frame.values_at(frame.gradient, places1), smoothed1),
@@ -171,11 +172,11 @@ def _grid(size: ImageSize, spacing_px: int) -> FloatArray:
     return read_only(np.stack([x.ravel(), y.ravel()], axis=1))
 
 
-def _at_nodes(image: Float32Array, places: FloatArray) -> Float32Array:
-    """Return the values of an image at the nodes around pixels, (h, w) and (n, 2) -> (n, 25)."""
+def _sums_around(image: Float32Array, places: FloatArray) -> Float32Array:
+    """Return the sums of an image's values at the nodes around pixels, (h, w) and (n, 2) -> (n, 10)."""
     around = np.lib.stride_tricks.sliding_window_view(image, (NODES_PER_SIDE, NODES_PER_SIDE))
     x, y = (places + NODES[0]).T.astype(np.int64)
-    return np.asarray(around[y, x].reshape(-1, len(NODES)))
+    return node_sums(around[y, x].reshape(-1, len(NODES))).astype(np.float32)
 
 
 def ranks_in_cells(cell: IntArray, order: IntArray) -> IntArray:
@@ -239,6 +240,6 @@ def _moments(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return mean, variance and third central moment of the pixels after additional smoothing, shape (n,) each."""
     weights = node_weights(further)
-    mean, square, cube = (np.sum(weights * values, axis=1) for values in (grey, squares, cubes))
+    mean, square, cube = (np.sum(weights * sums, axis=1) for sums in (grey, squares, cubes))
     variance, third = square - mean**2, cube - 3 * mean * square + 2 * mean**3
     return np.clip(mean, 0.0, 1.0), np.clip(variance, 0.0, 1.0), np.clip(third, -1.0, 1.0)
