@@ -60,7 +60,7 @@ def plain(key: str, frames: int = 10, seed: int = 0) -> Summary:
     random = np.random.default_rng(seed)
     rows = random.standard_normal((PARAMETERS, PARAMETERS))
     matrix = rows.T @ rows
-    estimate = np.concatenate([np.full(33, 1.5), np.zeros(len(VIGNETTE))])
+    estimate = np.concatenate([np.full(len(RESPONSE), 1.5), np.zeros(len(VIGNETTE))])
     return Summary(
         key=key,
         name=key,

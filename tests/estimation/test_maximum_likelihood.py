@@ -464,6 +464,16 @@ def test_sigmas_cover_bends_too_sharp_for_the_basis(reference):
     assert error.max() < 6
 
 
+@pytest.mark.parametrize("log_ratio", [0.05, 0.08, 0.12])
+def test_small_exposure_ratios_suffice_across_a_knee(log_ratio):
+    """Only points next to the knee at 0.345 are seen on both sides of it."""
+    camera = Camera(
+        RESPONSES["tum_narrow"](), NONE, (0.1 / 255) ** 2, (0.2 / 255) ** 2, log_ratio=log_ratio, bracketed=True
+    )
+    fit = fitted(camera.pairs(0, groups=60, points=400), 0, DefaultSettings().response_intervals)
+    assert log_step(fit, 0.2, 0.45) == pytest.approx(log_step(camera.response, 0.2, 0.45), abs=0.02)
+
+
 def test_the_uncertainty_is_not_relative_to_a_level_at_a_sharp_bend():
     fit, bend = fit_of_response("tum_narrow", 3), 0.34
     at_bend, elsewhere = fit.response(255, (0.03, 2 * bend - 0.03)), fit.response(255, (0.03, 0.97))

@@ -18,6 +18,7 @@ from ospc.evaluation.metrics import log_ratio_error, response_shape_rmse, vignet
 from ospc.exposures.lag_change import LagChange
 from ospc.exposures.used import used_exposures
 from ospc.photometry.calibration import PROFILE_RADII, Calibration
+from ospc.photometry.response import Response
 from ospc.photometry.vignette import radial_profile
 from ospc.recording import Frame
 from ospc.settings import DefaultSettings
@@ -130,6 +131,19 @@ def test_a_response_with_knees_noise_and_12_bits_is_found(calibrated):
     assert vignette_pixel_rmse(result.vignette, made.truth.vignette) < 0.02
 
 
+def test_points_at_a_knee_do_not_stay_outliers(calibrated):
+    """Auto exposure changes little from frame to frame, so few points are seen on both sides of a knee."""
+    grey = np.linspace(0, 1, 4097)
+    irradiance = np.interp(grey, [0, 0.307, 0.447, 1], [0, 0.21, 0.25, 1])
+    made = recorded(
+        frames=69, size=(320, 240), response=Response(irradiance), vignette="none", motion="pan",
+        seed=1508,
+    )  # fmt: skip
+    found, true = (one.response for one in (calibrated(made.frames), made.truth))
+    ratio, expected = (np.log(one.inverse(0.507) / one.inverse(0.207)) for one in (found, true))
+    assert ratio == pytest.approx(expected, abs=0.004)
+
+
 def test_a_camera_with_white_at_half_scale_is_calibrated(pan, calibrated):
     dark = [
         Frame.of_array(frame.image // 2, frame.exposure_ms, index=frame.index, stamp_s=frame.stamp_s)
@@ -178,16 +192,16 @@ def test_a_factor_on_all_exposures_changes_nothing_but_the_exposures(walk, calib
     assert [v.state for v in scaled.verdicts.values()] == [v.state for v in quick.verdicts.values()]
 
 
-def test_frames_coded_as_changes_of_others_double_the_standard_deviations(walk, calibrated, quick):
-    coded = calibrated([replace(frame, inter_coded=True) for frame in walk.frames[:QUICK_FRAMES]], QUICK)
-    seen = PROFILE_RADII < 0.75  # the prior limits what no observation shows
-    np.testing.assert_allclose(coded.vignette_sigma[seen], 2 * quick.vignette_sigma[seen], rtol=0.2)
+def test_frames_coded_as_changes_of_others_double_the_standard_deviations(walk, calibrated, result):
+    coded = calibrated([replace(frame, inter_coded=True) for frame in walk.frames[:90]])
+    seen = (PROFILE_RADII > 0.2) & (PROFILE_RADII < 0.75)  # the prior limits the rest
+    np.testing.assert_allclose(coded.vignette_sigma[seen], 2 * result.vignette_sigma[seen], rtol=0.3)
     # The prior counts for more, so the result is not quite the same.
-    levels = np.linspace(*quick.response.support, 20)
-    found, expected = (np.log(one.response.inverse(levels)) for one in (coded, quick))
-    change = found - expected - np.log(coded.response.inverse(quick.response.reference_grey))
-    change += np.log(quick.response.inverse(quick.response.reference_grey))
-    assert np.all(np.abs(change) < np.interp(levels, quick.response.levels, quick.response.log_sigma) + 1e-3)
+    levels = np.linspace(*result.response.support, 20)
+    found, expected = (np.log(one.response.inverse(levels)) for one in (coded, result))
+    change = found - expected - np.log(coded.response.inverse(result.response.reference_grey))
+    change += np.log(result.response.inverse(result.response.reference_grey))
+    assert np.all(np.abs(change) < np.interp(levels, result.response.levels, result.response.log_sigma) + 1e-3)
     assert "inter-frame compression" in coded.notes[0]
 
 
@@ -212,8 +226,8 @@ def test_after_a_change_of_the_camera_a_quick_fit_to_what_is_kept_soon_follows(w
     assert calibrator.preview().fit is not None
 
 
-def test_unusable_frames_do_not_affect_the_result(walk, quick):
-    good = walk.frames[:QUICK_FRAMES]
+def test_unusable_frames_do_not_affect_the_result(walk, result):
+    good = walk.frames[:90]
 
     def unreadable():
         from ospc.errors import FrameError
@@ -226,16 +240,14 @@ def test_unusable_frames_do_not_affect_the_result(walk, quick):
         replace(good[0], exposure_ms=-3.0),
         Frame.of_array(np.full((48, 64), 90, np.uint8), 3.0),
     ]
-    calibrator = OnlineCalibrator(QUICK)
+    calibrator = OnlineCalibrator()
     for number, frame in enumerate(good):
         assert calibrator.push(frame)
-        if number % 10 == 7:
-            assert not calibrator.push(bad[number // 10])
-    mixed, clean = calibrator.calibration(), quick
-    assert (mixed.counts["skipped"], mixed.counts["frames"]) == (4, QUICK_FRAMES + 4)
-    # The response is just about identifiable, so small differences can change its verdict.
-    for name in ("vignette", "exposures"):
-        assert mixed.verdicts[name].state == clean.verdicts[name].state
+        if number % 25 == 7:
+            assert not calibrator.push(bad[number // 25])
+    mixed, clean = calibrator.calibration(), result
+    assert (mixed.counts["skipped"], mixed.counts["frames"]) == (4, len(good) + 4)
+    assert [v.state for v in mixed.verdicts.values()] == [v.state for v in clean.verdicts.values()]
     ends = np.array([0.25, 0.75])
     sigmas = [np.interp(ends, c.response.levels, c.response.log_sigma) for c in (mixed, clean)]
     np.testing.assert_allclose(*sigmas, rtol=1 / 3, atol=1e-3)

@@ -299,7 +299,8 @@ def test_the_response_may_be_composed_of_other_functions(monkeypatch):
     settings = replace(DefaultSettings(), response_functions="crowded")
     found = ospc.fit(exposed, exposures_ms, noise=NOISE, settings=settings)
     assert found.response().model["functions"] == "crowded"
-    np.testing.assert_allclose(found.response_basis.knots, np.linspace(0, 1, 33) ** 2)
+    knots = np.linspace(0, 1, 1 + settings.response_intervals) ** 2
+    np.testing.assert_allclose(found.response_basis.knots, knots)
     assert response_shape_rmse(found.response(), GAMMA) < 0.01
 
 

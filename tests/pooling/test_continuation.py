@@ -98,7 +98,9 @@ class DenseAtBlack:
         return np.stack([np.interp(grey, knots, peak) for peak in np.eye(intervals + 1)], axis=-1)
 
 
-@pytest.mark.parametrize(("intervals", "functions"), [(20, "hats"), (64, "hats"), (32, "dense at black")])
+@pytest.mark.parametrize(
+    ("intervals", "functions"), [(20, "hats"), (64, "hats"), (DefaultSettings().response_intervals, "dense at black")]
+)
 def test_the_earlier_response_may_have_another_basis(monkeypatch, tmp_path, intervals, functions):
     monkeypatch.setitem(FUNCTIONS, "dense at black", DenseAtBlack())
     before = calibration_of(
@@ -107,8 +109,10 @@ def test_the_earlier_response_may_have_another_basis(monkeypatch, tmp_path, inte
     before.save(tmp_path / "calibration.json")
     earlier = PriorCalibration.open(tmp_path)
     found = earlier.continued(Calibration(size=SIZE, verdicts=before.verdicts), None)
-    grey = np.linspace(0.05, 0.95, 19)
-    np.testing.assert_allclose(found.response.inverse(grey), before.response.inverse(grey), rtol=0.01)
+    ratios, expected = (
+        one.response.inverse(np.linspace(0.05, 0.95, 19)) / one.response.inverse(0.5) for one in (found, before)
+    )
+    np.testing.assert_allclose(ratios, expected, rtol=0.01)
     own, seen = today(CAMERA, groups=6)
     assert earlier.continued(own, seen).complete
     ended = Epoch(0, 9, before, Change(10, 20, "vignette", "the vignette changed"))

@@ -11,7 +11,6 @@ import pytest
 from log_polynomials import log_polynomial
 from ospc.errors import SettingError
 from ospc.estimation.fit_plan import FitPlan
-from ospc.estimation.response_basis import ResponseBasis
 from ospc.estimation.vignette_choice import fit_with_chosen_vignette
 from ospc.evaluation.metrics import log_ratio_error, response_shape_rmse, vignette_rmse
 from ospc.methods.result import calibration_of
@@ -19,7 +18,7 @@ from ospc.photometry.response import Response
 from ospc.pooling.calibration_summary import summary_of_calibration
 from ospc.pooling.pool import Pool, merge
 from ospc.pooling.solution import Information, solve_with_chosen_vignette
-from ospc.pooling.summary import VIGNETTE, summary_of
+from ospc.pooling.summary import RESPONSE, VIGNETTE, summary_of
 from ospc.research.faults.judging import step_sigma
 from ospc.settings import DefaultSettings
 from ospc.settings.vignette import VIGNETTE_REACH
@@ -121,7 +120,7 @@ def test_one_recording_alone_stays_as_uncertain_as_it_was(error):
 def test_corners_that_no_recording_shows_are_as_uncertain_as_in_one_alone():
     everywhere = OTHER_LENS.pairs(0, groups=160)
     seen = everywhere.seen_twice(np.linalg.norm(everywhere.position, axis=1) < 0.85)
-    fitted = fit_with_chosen_vignette(seen, FitPlan(ResponseBasis(32), VIGNETTE, NOISE, rounds=5))
+    fitted = fit_with_chosen_vignette(seen, FitPlan(RESPONSE, VIGNETTE, NOISE, rounds=5))
     own = summary_of(replace(inputs_of(OTHER_LENS, 0), observations=seen, fitted=fitted), "frames", {}, 100)
     pooled = solve_with_chosen_vignette(Information.of([own]))
     radii = np.array([0.5, 0.9, 1.0])

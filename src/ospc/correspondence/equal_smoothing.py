@@ -64,7 +64,7 @@ def node_weights(covariance: FloatArray) -> FloatArray:
     even = along_y[:, :, None] * along_x[:, None, :] + (correlation**2 / 2)[:, :, None] * np.outer(
         _CURVATURE, _CURVATURE
     )
-    return np.concatenate([even.reshape(len(even), -1), correlation], axis=1)
+    return np.concatenate([even.reshape(len(even), len(_CURVATURE) ** 2), correlation], axis=1)
 
 
 def _taps(variance: FloatArray) -> FloatArray:

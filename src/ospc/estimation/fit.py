@@ -31,6 +31,7 @@ from ospc.settings.fit import (
     RATIO_LEVELS,
     RATIO_LOG_GREY_SPREAD,
     RATIO_PARTNERS,
+    RESOLVED_INTERVALS,
     SUPPORT_QUANTILES,
     UNSEEN_RESPONSE_CHANGE,
 )
@@ -229,15 +230,15 @@ class Fit(Model):
     def log_response_sigma(self, grey: FloatArray, reference: float) -> FloatArray:
         """Return the standard deviation of ln g(M)/g(reference) at grey levels M, shape (n,) -> (n,).
 
-        It includes the errors at both levels from the limited resolution of the basis. Within one interval between
-        knots, these are partly the same.
+        It includes the errors at both levels from the limited resolution. Between two levels that are not resolved,
+        these are partly the same.
         """
         n = len(self.response_basis)
         rows = self.response_basis.log_rows(grey) - self.response_basis.log_rows(np.array([reference]))
         variance = np.einsum("ij,jk,ik->i", rows, self.covariance[:n, :n], rows)
         both = np.append(grey, reference)
         squared = self.response_basis.unresolved(self.response_parameters, both) ** 2
-        apart = np.minimum(np.abs(both[:-1] - reference) * self.response_basis.intervals, 1.0)
+        apart = np.minimum(np.abs(both[:-1] - reference) * RESOLVED_INTERVALS, 1.0)
         return np.asarray(np.sqrt(variance + apart * (squared[:-1] + squared[-1])))
 
     def log_response_step_sigma(self, low: float, high: float) -> float:

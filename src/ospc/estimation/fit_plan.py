@@ -28,7 +28,7 @@ class FitPlan:
     noise
         Noise of single pixels; None if the observations are single pixels.
     rounds
-        Maximum number of rounds of each fit after the first, convex one.
+        Maximum number of rounds of each fit after the first in which outliers lose weight.
     """
 
     response: ResponseBasis

@@ -94,17 +94,18 @@ class MaximumLikelihoodEstimator:
     def fit(self, observations: ExposedObservations, rounds: int, start: Fit | None = None) -> Fit:
         """Fit the model, starting from an earlier fit with the same response basis if there is one.
 
-        After the first round there are at most ``rounds`` more; the fit ends earlier once no parameter moves by more
-        than about a tenth of a standard deviation. It uses one core: threads slow down its many small matrix
-        products.
+        After the first round in which outliers lose weight, there are at most ``rounds`` more; the fit ends earlier
+        once no parameter moves by more than about a tenth of a standard deviation. It uses one core: threads slow
+        down its many small matrix products.
         """
         with one_blas_thread():
             return self._fit(observations, rounds, start)
 
     def _fit(self, observations: ExposedObservations, rounds: int, start: Fit | None) -> Fit:
         present = self._beginning(observations, start)
-        for number in range(rounds + 1):
-            trusted, convex = number > 0 or start is not None, start is None and number < CONVEX_ROUNDS
+        convex_rounds = CONVEX_ROUNDS if start is None else 0
+        for number in range(convex_rounds + rounds + 1):
+            trusted, convex = number > 0 or start is not None, number < convex_rounds
             predict = LatentModel(
                 self.response_basis,
                 self.model.split(present.parameters)[0],
@@ -116,8 +117,8 @@ class MaximumLikelihoodEstimator:
             system, present = self._linearised(observations, present, predict, convex=convex)
             solution = self._solved(system, present, trusted=trusted)
             present = solution.estimate
-            settled = number > 1 and solution.squared_sigmas < SETTLED_SIGMAS**2 * len(present.parameters)
-            if settled or number == rounds:
+            settled = solution.squared_sigmas < SETTLED_SIGMAS**2 * len(present.parameters)
+            if number == convex_rounds + rounds or (settled and number > convex_rounds + 1):
                 shared = system.shared_errors(present.parameters, solution.before, present.sandwich_factor)
                 break
             del system  # it takes as much memory as the observations

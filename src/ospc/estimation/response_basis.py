@@ -25,7 +25,7 @@ from ospc.arrays import FloatArray, IntArray, read_only
 from ospc.errors import named
 from ospc.estimation.bends import sharpest_bend
 from ospc.settings.error_model import DARKEST_GREY
-from ospc.settings.fit import BEND_SMOOTHING, UNRESOLVED_JUMP
+from ospc.settings.fit import BEND_SMOOTHING, RESOLVED_INTERVALS, UNRESOLVED_JUMP
 from ospc.settings.response import (
     FIRST_GRID_STEP_BEGINS,
     QUADRATURE_POINTS,
@@ -166,10 +166,12 @@ class ResponseBasis:
     def unresolved(self, coefficients: FloatArray, grey: FloatArray) -> FloatArray:
         """Return the standard deviation of ln g due to jumps of γ within intervals between knots, shape (n,).
 
-        The possible size of a jump is estimated from the largest bend of the fitted γ at the surrounding knots.
+        The possible size of a jump is estimated from the largest bend of the fitted γ at the surrounding knots. Knots
+        closer than 1/:data:`~ospc.settings.fit.RESOLVED_INTERVALS` do not resolve more.
         """
-        knots = self.knots
-        sharpest = sharpest_bend(coefficients, knots, grey)
+        functions, intervals = FUNCTIONS[self.functions], min(self.intervals, RESOLVED_INTERVALS)
+        knots = functions.knots(intervals)
+        sharpest = sharpest_bend(functions.values(knots, self.intervals) @ coefficients, knots, grey)
         width = np.interp(grey, knots[1:], np.diff(knots))
         return np.asarray(UNRESOLVED_JUMP * sharpest * width / np.maximum(grey, width))
 

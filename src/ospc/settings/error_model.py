@@ -12,10 +12,11 @@ MAX_DEVIATION_SIGMAS = 6.0
 """Largest distance of a predicted grey level from the measured one, in standard deviations: outliers must not move
 the point of linearisation to a very different part of the response. 3 has no effect on the response; 12 raises κ by a
 quarter and the vignette error by half."""
-CONVEX_ROUNDS = 2
-"""Rounds in which every scene point counts, if there is no earlier fit. The first round is linearised at the measured
-grey levels, whose noise makes gamma too small if most pairs have equal exposures; the remaining pairs, which
-determine the response, would then look like outliers. After a second round they do not."""
+CONVEX_ROUNDS = 4
+"""Rounds in which every scene point counts, if there is no earlier fit. Points that the response does not yet
+describe look like outliers, and those at a knee may then stay without weight: with two rounds, ln g across a knee was
+off by 0.02 to 0.03, five standard deviations, in a video with automatic exposure. It was off by 0.003 with three, and
+by 0.002 with four and six."""
 LATENT_ITERATIONS = 3
 """Number of times that grey levels are predicted from their point's mean and linearised again. Chosen by hand; with
 1, on 28 recordings, the vignette error is a fifth larger and the response's shape error a sixth smaller."""

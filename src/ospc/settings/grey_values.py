@@ -61,7 +61,7 @@ those that follow, which bounds the memory of endless runs."""
 MAX_GREY_RANGES = 100
 """Number of latest changes of black and white that are kept: usually there is one, in the first frames."""
 COVERAGE_GREY_CELLS = 32
-"""Number of equal grey ranges whose coverage is reported: one per interval between the knots of the response."""
+"""Number of equal grey ranges whose coverage is reported: as many as the fit resolves."""
 COVERAGE_RADIUS_CELLS = 10
 """Number of equal ranges of radius, from the centre to the corner, whose coverage is reported."""
 COUNTED_STRIDE = 2

@@ -4,7 +4,7 @@ import numpy as np
 
 # Summaries of recordings (ospc.pooling.summary)
 
-SUMMARY_RESPONSE_INTERVALS, SUMMARY_RADIAL_TERMS = 32, 16
+SUMMARY_RESPONSE_INTERVALS, SUMMARY_RADIAL_TERMS = 48, 16
 """Number of intervals between the knots of the response, and of knots of the vignette, in summaries: those of the
 default settings, so that usually nothing is lost."""
 

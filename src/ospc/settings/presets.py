@@ -202,11 +202,12 @@ class DefaultSettings:
         Basis functions of the response: a name in :data:`ospc.estimation.response_basis.FUNCTIONS`.
     response_intervals, series_intervals
         Number of intervals between the knots of the response, for a moving and for a stationary camera. A stationary
-        camera observes each point many times and so resolves more.
+        camera observes each point many times and so resolves more. For a moving camera with a knee, 32 instead of 48
+        raise κ by a fifth, and errors across the knee reached eight standard deviations; 64 give the same as 48.
     radial_terms
         Number of knots of ln V in R².
     rounds
-        Maximum number of rounds of the final fit after the first, convex one.
+        Maximum number of rounds of a fit after the first in which outliers lose weight.
     still_px
         Median displacement, in pixels, up to which a camera counts as stationary.
     series_points
@@ -233,7 +234,7 @@ class DefaultSettings:
     max_points: int = 60_000
     registration: str = "dense"
     response_functions: str = "hats"
-    response_intervals: int = 32
+    response_intervals: int = 48
     series_intervals: int = 64
     radial_terms: int = 16
     rounds: int = 8
