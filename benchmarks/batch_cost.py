@@ -17,18 +17,18 @@ import resource
 import shutil
 import tempfile
 import time
-from collections.abc import Callable, Generator, Iterable
+from collections.abc import Generator, Iterable
+from functools import partial
 from pathlib import Path
 
 import cv2
 import numpy as np
 
-from ospc.arrays import FloatArray
 from ospc.batch.cameras import merged_cameras
 from ospc.batch.manifest import Entry
 from ospc.batch.run import run_batch
 from ospc.batch.store import Store
-from ospc.batch.work import Answer, Processes, Task, work
+from ospc.batch.work import Answer, Task, on_this_machine, work
 from ospc.calibrator import OnlineCalibrator
 from ospc.recording import open_recording
 from ospc.recording.recording import identity
@@ -51,21 +51,20 @@ def made(folder: Path, count: int, size: tuple[int, int], frames: int) -> list[E
     for n in range(count):
         place = folder / f"r{n:06}"
         if not place.exists():
-            relinked(originals[n % len(originals)], place, lambda exposures_ms, n=n: exposures_ms * (1 + n / 1000))
+            relinked(originals[n % len(originals)], place, 1 + n / 1000)
         entries.append(Entry(str(place), f"c{n // PER_CAMERA}"))
     return entries
 
 
-def relinked(original: Path, place: Path, change: Callable[[FloatArray], FloatArray]) -> Path:
-    """Create a recording with the images of another one and changed exposures."""
+def relinked(original: Path, place: Path, factor: float) -> None:
+    """Create a recording with the images of another one, and its exposures times a factor."""
     shutil.copytree(original, place, copy_function=os.link)
     listed = [line.split() for line in (original / "times.txt").read_text().splitlines() if line[:1] != "#"]
-    exposures_ms = change(np.array([float(exposure) for *_, exposure in listed])).tolist()
+    exposures_ms = [factor * float(exposure) for *_, exposure in listed]
     # The file is linked to the original's, which must not change.
     (place / "times.txt").unlink()
     lines = (f"{name} {stamp} {e}\n" for (name, stamp, _), e in zip(listed, exposures_ms, strict=True))
     (place / "times.txt").write_text("".join(lines))
-    return place
 
 
 def processor_s() -> float:
@@ -92,24 +91,22 @@ def parts(entries: list[Entry]) -> dict[str, float]:
     return dict(zip(names, np.mean(times, axis=0).tolist(), strict=True))
 
 
-class ThisProcess:
-    """Runs tasks one after the other in this process, whose processor time is measured."""
-
-    def run(self, tasks: Iterable[Task]) -> Generator[Answer, None, None]:
-        yield from map(work, tasks)
+def in_this_process(tasks: Iterable[Task]) -> Generator[Answer, None, None]:
+    """Run tasks one after the other in this process, whose processor time is measured."""
+    yield from map(work, tasks)
 
 
 def cost(folder: Path, count: int, size: tuple[int, int], frames: int) -> dict[str, object]:
     entries = made(folder, count, size, frames)
     out = folder / f"out{count}"
     begun_s, begun = processor_s(), time.monotonic()
-    outcome = run_batch(entries, out, ThisProcess())
+    outcome = run_batch(entries, out, in_this_process)
     whole_s, clock_s = processor_s() - begun_s, time.monotonic() - begun
     begun_s = processor_s()
     merged_cameras(list(outcome.rows), Store(out / "recordings"), out, lambda _done, _all: None)
     merging_s = processor_s() - begun_s
     begun_s = processor_s()
-    run_batch(entries, out, ThisProcess())
+    run_batch(entries, out, in_this_process)
     again_s = processor_s() - begun_s
     results = [place.stat().st_size for place in (out / "recordings").rglob("*.ospc")]
     read = [sum(f.stat().st_size for f in Path(e.recording).rglob("*") if f.is_file()) for e in entries[:RENDERED]]
@@ -135,7 +132,7 @@ def workers(folder: Path, count: int, numbers: list[int], size: tuple[int, int],
     seconds = {}
     for number in numbers:
         begun = time.monotonic()
-        run_batch(entries, folder / f"workers{number}", Processes(number))
+        run_batch(entries, folder / f"workers{number}", partial(on_this_machine, processes=number))
         seconds[number] = time.monotonic() - begun
     ratio = {number: seconds[numbers[0]] / value for number, value in seconds.items()}
     return {"recordings": count, "seconds": seconds, "throughput": ratio, "load": os.getloadavg()}

@@ -50,14 +50,15 @@ def _switch(change: str, camera: Camera) -> Switch:
     if change in RESPONSES:
         camera = replace(camera, response=RESPONSES[change][camera.response])
     if change.startswith("corner"):
-        first, *others = camera.vignette
-        camera = replace(camera, vignette=(first - 0.2 * (1 + first + sum(others)), *others))
+        first, second, third = camera.vignette
+        camera = replace(camera, vignette=(first - 0.2 * (1 + sum(camera.vignette)), second, third))
     return Switch(SWITCH_AFTER_S, camera, 2 if change.endswith("late") else 0)
 
 
 def shown(film: LongFilm) -> tuple[OnlineCalibrator, list[tuple[float, str]], float]:
     """Show a film; return the calibrator, when each change was reported and as what, and the processor seconds."""
-    calibrator, reported = OnlineCalibrator(), []
+    calibrator = OnlineCalibrator()
+    reported: list[tuple[float, str]] = []
     begun_s = time.process_time()
     for frame in film:
         calibrator.push(frame)

@@ -49,7 +49,8 @@ def bound(inputs: FitInputs, fit: Fit, settings: SimulationSettings) -> dict[str
     """Return the RMS of the errors that sensor noise alone would cause."""
     full_well, read_noise = settings.sensor
     variances = np.array([1 / 12 / 255**2, 1 / full_well, (read_noise / full_well) ** 2]) / _PIXELS_AVERAGED
-    sensor = ErrorModel(*variances.tolist(), registration_sigma_px=0.0, radiance_sigma=0.0)
+    constant, shot, read = map(float, variances)
+    sensor = ErrorModel(constant, shot, read, registration_sigma_px=0.0, radiance_sigma=0.0)
     assert inputs.used is not None
     fitted = Fitted(replace(fit, errors=sensor), inputs.used, inputs.noise)
     equations = fitted.information(fit, fit.parameters)

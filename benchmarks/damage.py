@@ -13,7 +13,7 @@ from copy import deepcopy
 from hashlib import sha256
 from random import Random
 
-VALUES = (
+VALUES: tuple[object, ...] = (
     -1, 0, 1, 2**31, 2**62, 10**400, 1e300, -1e300, 1e-300, 0.5,
     None, True, "nan", "x\0\ud800", [], {}, [1, 2], [[]],
 )  # fmt: skip
@@ -95,7 +95,8 @@ def _token(line: bytes, random: Random) -> re.Match[bytes] | None:
 
 def _png(data: bytes, words: list[bytes], random: Random) -> bytes:
     """Damage, repeat or remove one chunk of a PNG file, and correct its checksum."""
-    chunks, begin = [], len(_PNG)
+    chunks: list[tuple[bytes, bytes]] = []
+    begin = len(_PNG)
     while begin + 12 <= len(data) and len(chunks) < 100:
         (length,) = struct.unpack_from(">I", data, begin)
         chunks.append((data[begin + 4 : begin + 8], data[begin + 8 : begin + 8 + length]))

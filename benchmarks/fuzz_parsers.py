@@ -81,7 +81,8 @@ def parsers(folder: Path, guided: bool) -> dict[str, Target]:
         import file_targets
         from parser_targets import targets
     file_targets.fitted_to = FITTED_TO
-    return targets(folder)
+    found: dict[str, Target] = targets(folder)
+    return found
 
 
 def longest(target: Target) -> int:
@@ -241,7 +242,10 @@ class Campaign:
 
     def keep(self, name: str, data: bytes, said: str, error: Exception | None) -> None:
         """Store one input for each point in the code where something went wrong."""
-        where = [f"{frame.filename}:{frame.lineno}" for frame in traceback.extract_tb(error and error.__traceback__)]
+        where = [
+            f"{frame.filename}:{frame.lineno}"
+            for frame in traceback.extract_tb(error.__traceback__ if error else None)
+        ]
         digest = hashlib.sha256(repr((type(error), where or data[:64])).encode()).hexdigest()[:12]
         place = self.work / "found"
         place.mkdir(exist_ok=True)

@@ -10,6 +10,7 @@ and vignette reach the goal, by the stated uncertainty and by the truth.
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable
 
 import numpy as np
 
@@ -59,7 +60,7 @@ even block."""
 
 def turned(yaw: float, pitch: float) -> FloatArray:
     """Return the camera-to-world rotation without roll, shape (3, 3)."""
-    return rotation(*np.array([[yaw], [pitch], [0.0]]))[0]
+    return np.asarray(rotation(*np.array([[yaw], [pitch], [0.0]]))[0])
 
 
 def settled(look: Float32Array, response: Response, mean: float) -> tuple[float, float, float]:
@@ -105,7 +106,7 @@ class Person:
 
     def __init__(self, scene: Scene, settings: SimulationSettings, response: Response) -> None:
         poses = Motion.of(settings)
-        self._place = lambda time_s: poses.at(time_s * 0.3).position_m[0]
+        self._place: Callable[[float], FloatArray] = lambda time_s: poses.at(time_s * 0.3)[0][0]
         self._focal = settings.focal_px / settings.size[0], settings.focal_px / settings.size[1]
         self._gaze = np.array([0.0, 0.0])
         self._speed = np.zeros(2)
@@ -173,7 +174,7 @@ class Person:
         wobble = np.radians(0.3 * SWEEP_DEG) * np.array([np.sin(1.7 * phase), np.sin(2.9 * phase)])
         away = self._ends[1] - self._ends[0]
         away[0] = _wrapped(away[0])
-        return self._ends[0] + away * (1 - np.cos(phase)) / 2 + wobble
+        return np.asarray(self._ends[0] + away * (1 - np.cos(phase)) / 2 + wobble)
 
 
 def _wrapped(angle: float) -> float:
@@ -204,8 +205,7 @@ def capture(settings: SimulationSettings, longest_s: float, *, directed: bool, v
         if directed:
             position_m, turn = person.pose(time_s, instruction)
         else:
-            pose = motion.at(time_s)
-            position_m, turn = pose.position_m[0], pose.rotation[0]
+            position_m, turn = (each[0] for each in motion.at(time_s))
         calibrator.push(camera.shoot(position_m, turn))
         if number % int(ADVICE_S * FPS) == 0:
             instruction = adviser.look(calibrator.preview(), time_s, known)

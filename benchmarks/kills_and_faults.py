@@ -165,11 +165,15 @@ def torn(folder: Path) -> list[str]:
 
 def whole(place: Path) -> bool:
     data = place.read_bytes()
-    rule = RULES.get(place.suffix, lambda data: data.endswith(b"\n"))
+    rule = RULES.get(place.suffix, ends_with_a_line)
     try:
         return place.name in JOURNALS or bool(rule(data))
     except (ValueError, OspcError, zipfile.BadZipFile):
         return False
+
+
+def ends_with_a_line(data: bytes) -> bool:
+    return data.endswith(b"\n")
 
 
 def decodable(data: bytes) -> bool:

@@ -20,7 +20,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -77,7 +77,7 @@ def _member(number: int, seed: int) -> SimulatedSource:
     return SimulatedSource(f"{seed}-{number:03d}", settings)
 
 
-def _exposure_settings(number: int, frames: int, random: np.random.Generator) -> dict[str, object]:
+def _exposure_settings(number: int, frames: int, random: np.random.Generator) -> dict[str, Any]:
     """Return auto exposure for three of four recordings, and programmed exposures for the others."""
     if number % 4 != 3:
         return {"exposure": "auto"}

@@ -160,7 +160,7 @@ class LongFilm:
         """Return the mean radiance that auto exposure meters, shape (times,)."""
         cells = _grid(_METER_PX)
         means = [float(np.mean(self._radiance(float(time_s), cells))) for time_s in times_s]
-        return np.maximum(np.array(means), 1e-4)
+        return np.asarray(np.maximum(means, 1e-4))
 
     # The image.
 
@@ -244,7 +244,7 @@ class LongFilm:
         )
         drift_x, drift_y = (time_s * _SHADOW_SPEED + phase for phase in phases[-2:])
         shadow = np.sin(places[..., 0] / _SHADOW_PX + drift_x) * np.sin(places[..., 1] / _SHADOW_PX + drift_y)
-        return np.exp(np.float32(cloud) + _SHADOW * shadow) * self._lamps.light(places, time_s)
+        return np.asarray(np.exp(np.float32(cloud) + _SHADOW * shadow) * self._lamps.light(places, time_s))
 
 
 class _Optics:

@@ -28,9 +28,9 @@ def measured(calls: Mapping[str, Callable[[], Row]], folder: Path, jobs: int = 1
         for name, call in calls.items()
     ]
     found: dict[str, Row] = {}
-    for one in run(tasks, ResultStore(folder), jobs):
-        found[one.task.name] = one.result
-        print(one.task.name, "done", flush=True)
+    for task, result in run(tasks, ResultStore(folder), jobs):
+        found[task.name] = result
+        print(task.name, "done", flush=True)
     return [found[name] for name in calls]
 
 

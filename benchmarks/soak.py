@@ -25,7 +25,7 @@ import numpy as np
 
 from ospc import Calibration, Frame, LiveCalibrator, OnlineCalibrator
 from ospc.photometry.vignette import diagonal_profile
-from ospc.settings import preset, with_overrides
+from ospc.settings import DefaultSettings
 from ospc.simulation import SimulationSettings, frames, truth
 from results import Row, table_of
 
@@ -42,7 +42,7 @@ WAITING = 64
 GREYS, RADII = np.linspace(0.1, 0.9, 9), np.linspace(0, 1, 6)
 """Grey levels and radii at which responses and vignettes are compared."""
 
-SETTINGS = {"points_per_pair": 200, "max_points": 6000, "rounds": 4}
+SETTINGS = DefaultSettings(points_per_pair=200, max_points=6000, rounds=4)
 """Small settings, so that a calibration every thousand frames takes little time."""
 
 
@@ -96,9 +96,10 @@ def status(number: int, calibration: Calibration, push_s: float, process_s: floa
 
 
 def soak(kind: str, number_of_frames: int, results: Path) -> None:
-    made, few = pools(), with_overrides(preset("default"), SETTINGS)
-    live = LiveCalibrator(few) if kind == "live" else None
-    calibrator = live or OnlineCalibrator(few)
+    made = pools()
+    live = LiveCalibrator(SETTINGS) if kind == "live" else None
+    online = OnlineCalibrator(SETTINGS)
+    calibrator = live or online
     push_s, process_begun_s = 0.0, time.process_time()
     for number, frame in enumerate(film(made, number_of_frames), start=1):
         begun_s = time.perf_counter()
@@ -113,7 +114,7 @@ def soak(kind: str, number_of_frames: int, results: Path) -> None:
             if live is not None:
                 row |= {"dropped": live.status.dropped, "epochs": len(live.status.epochs)}
             else:
-                row["epochs"] = len(calibrator.epochs)
+                row["epochs"] = len(online.epochs)
             with results.open("a") as stream:
                 stream.write(json.dumps(row | {"kind": kind}) + "\n")
             push_s, process_begun_s = 0.0, time.process_time()
