@@ -10,6 +10,7 @@ from ospc.arrays import FloatArray, IntArray
 from ospc.estimation.prior import Prior, PriorHyperparameters
 from ospc.estimation.shared_errors import SharedErrors
 from ospc.numerics.least_squares import non_negative_least_squares
+from ospc.numerics.symmetric import eigh
 from ospc.settings.fit import DISAGREEMENT_SHARE, MIN_DETERMINED_PARAMETERS, MIN_SCORE_SPREAD
 
 
@@ -171,6 +172,6 @@ class NormalEquations:
 def at_least(covariance: FloatArray, precision: FloatArray) -> FloatArray:
     """Return a covariance, shape (p, p), widened where it is smaller than the inverse of a precision."""
     lower = np.linalg.cholesky(precision)
-    ratio, directions = np.linalg.eigh(lower.T @ covariance @ lower)
+    ratio, directions = eigh(lower.T @ covariance @ lower)
     across = np.linalg.solve(lower.T, directions)
     return np.asarray((across * np.maximum(ratio, 1.0)) @ across.T)

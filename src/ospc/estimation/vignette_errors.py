@@ -9,6 +9,7 @@ import numpy as np
 
 from ospc.arrays import FloatArray, ImageSize
 from ospc.estimation.vignette_basis import VignetteBasis
+from ospc.numerics.symmetric import eigh
 from ospc.photometry.geometry import along_diagonals
 from ospc.settings.fit import CONFIDENCE, ERROR_DRAWS, PROFILE_POINTS
 
@@ -109,6 +110,6 @@ class VignetteErrors:
 
 def drawn_errors(rows: FloatArray, covariance: FloatArray, random: np.random.Generator) -> FloatArray:
     """Draw errors of n values, given their derivatives with respect to the parameters, shape (n, draws)."""
-    values, vectors = np.linalg.eigh(covariance)
+    values, vectors = eigh(covariance)
     drawn = vectors @ (np.sqrt(np.maximum(values, 0))[:, None] * random.normal(size=(len(values), ERROR_DRAWS)))
     return np.asarray(rows @ drawn)

@@ -26,6 +26,7 @@ from ospc.methods.change_detection import Change
 from ospc.methods.method import Method, Progress, check_can_be_matched
 from ospc.numerics.least_squares import non_negative_least_squares
 from ospc.numerics.robust import huber_weights, robust_scale
+from ospc.numerics.symmetric import eigh
 from ospc.observations import ExposureLookup
 from ospc.photometry.calibration import PROFILE_RADII, Calibration
 from ospc.photometry.coverage import ExposureRatios
@@ -192,7 +193,7 @@ def solve_kkt(gram: FloatArray) -> FloatArray:
 def solve_nonnegative(gram: FloatArray) -> FloatArray:
     """Minimise ‖Ac‖² subject to Σc = 1, c₀ = 0 and c ≥ 0, as the released program does; see :func:`solve_kkt`."""
     n = len(gram)
-    scale, vectors = np.linalg.eigh(_scaled(gram))
+    scale, vectors = eigh(_scaled(gram))
     root = np.sqrt(np.clip(scale, 0, None))[:, None] * vectors.T
     # One row enforces Σc = 1, with a weight far above that of all others, whose squares add up to one. The remaining
     # error is divided out.

@@ -12,6 +12,7 @@ from ospc.errors import FormatError, NotObservableError, SettingError
 from ospc.estimation.prior import START, Prior, vignette_precision
 from ospc.estimation.response_basis import ResponseBasis
 from ospc.estimation.vignette_basis import VignetteBasis, usable_radius_of
+from ospc.numerics.symmetric import eigh
 from ospc.photometry.calibration import Calibration
 from ospc.photometry.grey_range import GreyRange
 from ospc.photometry.noise import NoiseModel
@@ -155,7 +156,7 @@ def _of_vignette(calibration: Calibration) -> tuple[FloatArray, FloatArray, Floa
     of_prior = of_prior[np.ix_(place, place)]
     # In units of the prior, so that all parameters have the same scale.
     root = np.linalg.cholesky(of_prior)
-    posterior, directions = np.linalg.eigh(np.linalg.solve(root, np.linalg.solve(root, precision).T))
+    posterior, directions = eigh(np.linalg.solve(root, np.linalg.solve(root, precision).T))
     across = root @ directions
     own = np.maximum(posterior - 1, MIN_RELATIVE_INFORMATION * posterior.max())
     matrix[np.ix_(place, place)] = (across * own) @ across.T
@@ -167,7 +168,7 @@ def _of_vignette(calibration: Calibration) -> tuple[FloatArray, FloatArray, Floa
 
 def _positive(matrix: FloatArray) -> FloatArray:
     """Return the nearest positive definite matrix, because rounding may leave negative information in a direction."""
-    value, vector = np.linalg.eigh((matrix + matrix.T) / 2)
+    value, vector = eigh((matrix + matrix.T) / 2)
     if value.max() <= 0:
         raise ValueError("no information")
     return np.asarray((vector * np.maximum(value, MIN_RELATIVE_INFORMATION * value.max())) @ vector.T)

@@ -23,6 +23,7 @@ from ospc.estimation.response_basis import ResponseBasis
 from ospc.estimation.vignette_basis import VignetteBasis
 from ospc.methods.exposure_ratios import unexplained_share
 from ospc.methods.fit_inputs import FitInputs
+from ospc.numerics.symmetric import eigh
 from ospc.photometry.geometry import image_size
 from ospc.photometry.grey_range import FULL_RANGE, LARGEST_GREY, GreyRange
 from ospc.photometry.noise import NoiseModel
@@ -273,7 +274,7 @@ def _information(fitted: Fitted) -> tuple[FloatArray, FloatArray, FloatArray, Fl
 def _systematic_errors(fit: Fit) -> FloatArray:
     """Return a square root of the covariance of errors that more samples do not reduce, shape (q, q)."""
     curves = fit.vignette_part.stop
-    variance, directions = np.linalg.eigh(fit.covariance[:curves, :curves] - fit.chance[:curves, :curves])
+    variance, directions = eigh(fit.covariance[:curves, :curves] - fit.chance[:curves, :curves])
     return np.asarray(directions * np.sqrt(np.maximum(variance, 0.0)))
 
 
