@@ -98,8 +98,7 @@ def status(number: int, calibration: Calibration, push_s: float, process_s: floa
 def soak(kind: str, number_of_frames: int, results: Path) -> None:
     made = pools()
     live = LiveCalibrator(SETTINGS) if kind == "live" else None
-    online = OnlineCalibrator(SETTINGS)
-    calibrator = live or online
+    calibrator = live or OnlineCalibrator(SETTINGS)
     push_s, process_begun_s = 0.0, time.process_time()
     for number, frame in enumerate(film(made, number_of_frames), start=1):
         begun_s = time.perf_counter()
@@ -114,7 +113,8 @@ def soak(kind: str, number_of_frames: int, results: Path) -> None:
             if live is not None:
                 row |= {"dropped": live.status.dropped, "epochs": len(live.status.epochs)}
             else:
-                row["epochs"] = len(online.epochs)
+                assert isinstance(calibrator, OnlineCalibrator)
+                row["epochs"] = len(calibrator.epochs)
             with results.open("a") as stream:
                 stream.write(json.dumps(row | {"kind": kind}) + "\n")
             push_s, process_begun_s = 0.0, time.process_time()

@@ -61,9 +61,8 @@ def node_weights(covariance: FloatArray) -> FloatArray:
     """
     along_x, along_y = (_taps(covariance[:, axis, axis]) for axis in (0, 1))
     correlation = covariance[:, :1, 1]
-    even = along_y[:, :, None] * along_x[:, None, :] + (correlation**2 / 2)[:, :, None] * np.outer(
-        _CURVATURE, _CURVATURE
-    )
+    of_correlation = correlation[:, :, None] ** 2 / 2 * np.outer(_CURVATURE, _CURVATURE)
+    even = along_y[:, :, None] * along_x[:, None, :] + of_correlation
     return np.concatenate([even.reshape(len(even), len(_CURVATURE) ** 2), correlation], axis=1)
 
 

@@ -37,7 +37,7 @@ from ospc.settings.sampling import (
 
 @dataclass(frozen=True)
 class Keyframe(ReducedFrame):
-    """The data of a frame kept for comparison with later frames: a quarter of the preprocessed frame."""
+    """The data of a frame kept for comparison with later frames: a tenth of the preprocessed frame."""
 
     gradient: Float32Array
     """The frame's gradient at the grid points, shape (n,)."""

@@ -31,7 +31,6 @@ from ospc.settings.fit import (
     RATIO_LEVELS,
     RATIO_LOG_GREY_SPREAD,
     RATIO_PARTNERS,
-    RESOLVED_INTERVALS,
     SUPPORT_QUANTILES,
     UNSEEN_RESPONSE_CHANGE,
 )
@@ -238,7 +237,7 @@ class Fit(Model):
         variance = np.einsum("ij,jk,ik->i", rows, self.covariance[:n, :n], rows)
         both = np.append(grey, reference)
         squared = self.response_basis.unresolved(self.response_parameters, both) ** 2
-        apart = np.minimum(np.abs(both[:-1] - reference) * RESOLVED_INTERVALS, 1.0)
+        apart = np.minimum(np.abs(both[:-1] - reference) * self.response_basis.resolved_intervals, 1.0)
         return np.asarray(np.sqrt(variance + apart * (squared[:-1] + squared[-1])))
 
     def log_response_step_sigma(self, low: float, high: float) -> float:

@@ -93,6 +93,11 @@ class ResponseBasis:
         """Return the number of coefficients."""
         return self.intervals + 1
 
+    @property
+    def resolved_intervals(self) -> int:
+        """Number of intervals within which jumps of γ are not resolved."""
+        return min(self.intervals, RESOLVED_INTERVALS)
+
     @cached_property
     def knots(self) -> FloatArray:
         """Grey levels of the knots, shape (len,)."""
@@ -169,8 +174,8 @@ class ResponseBasis:
         The possible size of a jump is estimated from the largest bend of the fitted γ at the surrounding knots. Knots
         closer than 1/:data:`~ospc.settings.fit.RESOLVED_INTERVALS` do not resolve more.
         """
-        functions, intervals = FUNCTIONS[self.functions], min(self.intervals, RESOLVED_INTERVALS)
-        knots = functions.knots(intervals)
+        functions = FUNCTIONS[self.functions]
+        knots = functions.knots(self.resolved_intervals)
         sharpest = sharpest_bend(functions.values(knots, self.intervals) @ coefficients, knots, grey)
         width = np.interp(grey, knots[1:], np.diff(knots))
         return np.asarray(UNRESOLVED_JUMP * sharpest * width / np.maximum(grey, width))

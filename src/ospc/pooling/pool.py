@@ -31,7 +31,7 @@ from ospc.state.run import load_summary
 from ospc.state.values import pack, unpack
 from ospc.system.versions import versions
 
-KIND, VERSION = "pool", 9
+KIND, VERSION = "pool", 10
 """Kind and version that pool files declare."""
 
 

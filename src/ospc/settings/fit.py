@@ -127,7 +127,7 @@ BEND_SMOOTHING = 0.06
 correction follows the errors of the estimate, and κ of one recording in ten gets two to ten times worse."""
 KNEE_SMOOTHING = 0.0104
 """The same at knees, where the mean over a normal distribution is computed instead: half an interval between knots.
-Within knees, ln g of 47 simulated recordings is off by 12 % more with 0.015, and by 10 % less with 0.0075, but κ is
+Within knees, ln g of 47 simulated recordings is off by 14 % more with 0.015, and by 10 % less with 0.0075, but κ is
 the same. Above :data:`~ospc.settings.response.SHOULDER_GREY`, it made the shape in a real video four times worse."""
 KNEE_BEND = 3.0
 """Smallest part of g″/g′, per unit grey level, that the wider smoothing removes at a knee. It was at most 2.4 without
