@@ -2,38 +2,27 @@
 
     python benchmarks/clean_recordings.py --results clean --recordings 200 --jobs 2
 
-The recordings are those of live_runs.py except for their length, drawn uniformly in the logarithm from 60 to 1500
-frames. Results are stored in a folder, and an interrupted run continues.
+They are drawn at random, see random_recordings.py; measured responses are among them if the environment variable
+OSPC_DATA names the folder of real data. Results are stored in a folder, and an interrupted run continues.
 """
 
 from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 
-from live_runs import family
 from ospc import calibrate
 from ospc.research.faults.judging import log_step, step_sigma
 from ospc.simulation import SimulationSettings, frames, truth
+from random_recordings import measured_responses, recordings
 from results import Row, figures_of, measured, table_of
-
-_SHORTEST, _LONGEST = 60, 1500
-"""Frames of a recording."""
 
 _COVERAGE = tuple(f"{part}_within_{sigmas}_sigma" for part in ("response", "vignette") for sigmas in (1, 2))
 _COLUMNS = ("recording", "frames", "response", "vignette", "exposures", "kappa", "V", "step", "step sigma", "said")
-
-
-def with_length(settings: SimulationSettings, count: int) -> SimulationSettings:
-    """Return the settings of the same recording with ``count`` frames."""
-    if settings.exposure != "file":
-        return replace(settings, frames=count)
-    return replace(settings, frames=count, exposures_ms=tuple(np.resize(settings.exposures_ms, count).tolist()))
 
 
 def row(name: str, settings: SimulationSettings) -> Row:
@@ -71,13 +60,10 @@ def main() -> None:
     parser.add_argument("--recordings", type=int, default=200, help="Number of recordings.")
     parser.add_argument("--seed", type=int, default=0, help="Chooses the family of recordings.")
     parser.add_argument("--jobs", type=int, default=1, help="Number of processes.")
+    parser.add_argument("--frames", type=int, nargs=2, default=(60, 1500), help="Fewest and most frames.")
     arguments = parser.parse_args()
-    members = family(arguments.recordings, arguments.seed)
-    lengths = np.random.default_rng(arguments.seed).uniform(np.log(_SHORTEST), np.log(_LONGEST), len(members))
-    calls = {
-        member.name: partial(row, member.name, with_length(member.settings, int(count)))
-        for member, count in zip(members, np.exp(lengths), strict=True)
-    }
+    drawn = recordings(arguments.recordings, arguments.seed, arguments.frames, measured_responses())
+    calls = {one.name: partial(row, one.name, one.settings) for one in drawn}
     rows = measured(calls, arguments.results, arguments.jobs)
     print(table_of("Recordings without faults", rows, _COLUMNS))
     print(summary(rows))

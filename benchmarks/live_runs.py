@@ -20,14 +20,14 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 
-from ospc import Calibration, Frame, LiveCalibrator, OspcError, Response, calibrate
+from ospc import Calibration, Frame, LiveCalibrator, OspcError, calibrate
 from ospc.arrays import Image
 from ospc.research.source import SimulatedSource
-from ospc.simulation import SimulationSettings
+from random_recordings import measured_responses, recordings
 from results import Row, errors, measured, table_of
 
 _COLUMNS = (
@@ -36,56 +36,8 @@ _COLUMNS = (
 )  # fmt: skip
 
 
-_RESPONSES: tuple[str | Response, ...] = (
-    *("srgb", "gamma2.2", "linear", "filmic", "log", "tum_narrow"),
-    *(Response.gamma(exponent, 2041) for exponent in (1.6, 2.8)),
-)
-_VIGNETTES = ((-0.35, 0.05, -0.15), (-0.12, 0.0, -0.03), (-0.55, 0.1, -0.1), (0.0, -0.25, -0.1))
-"""Coefficients of R², R⁴ and R⁶; V at the corner is 0.55, 0.85, 0.45 and 0.65."""
-
-_SHORTEST, _LONGEST = 400, 2000
-"""Frames of a recording, drawn uniformly in the logarithm."""
-
-
-def family(count: int, seed: int = 0) -> list[SimulatedSource]:
-    """Return the first recordings of a family; a larger count only adds to them."""
-    return [_member(number, seed) for number in range(count)]
-
-
-def _member(number: int, seed: int) -> SimulatedSource:
-    random = np.random.default_rng([seed, number])
-    response = _RESPONSES[number % len(_RESPONSES)]
-    frames = round(float(np.exp(random.uniform(np.log(_SHORTEST), np.log(_LONGEST)))))
-    size = ((320, 240), (640, 480))[number % 2 ^ (number // len(_RESPONSES)) % 2]
-    settings = SimulationSettings(
-        size=size,
-        frames=frames,
-        seed=1000 * seed + number,
-        response=response,
-        vignette="polynomial",
-        vignette_coefficients=_VIGNETTES[int(random.integers(len(_VIGNETTES)))],
-        noise=("low", "high")[int(random.integers(2))],
-        motion=("handheld", "handheld", "pan", "forward")[int(random.integers(4))],
-        speed=float(np.round(random.uniform(0.6, 1.6), 2)),
-        moving_objects=(0, 0, 6)[int(random.integers(3))],
-        auto_gain=float(random.choice([0.25, 0.6])),
-        auto_target=float(np.round(random.uniform(0.3, 0.5), 2)),
-        gain_max=float(random.choice([1.0, 4.0])),
-        exposure_max_ms=float(random.choice([15.0, 40.0])),
-        **_exposure_settings(number, frames, random),
-    )
-    return SimulatedSource(f"{seed}-{number:03d}", settings)
-
-
-def _exposure_settings(number: int, frames: int, random: np.random.Generator) -> dict[str, Any]:
-    """Return auto exposure for three of four recordings, and programmed exposures for the others."""
-    if number % 4 != 3:
-        return {"exposure": "auto"}
-    if number % 8 == 3:
-        return {"exposure": "cycle", "exposures_ms": (4.0, 7.0, 12.0, 20.0)}
-    period = int(random.integers(60, 240))
-    triangle = np.abs(np.arange(frames) % period / (period / 2) - 1)
-    return {"exposure": "file", "exposures_ms": tuple((4.0 * 6.0**triangle).round(4).tolist())}
+_FRAMES = (400, 2000)
+"""Fewest and most frames of a recording."""
 
 
 def identified(calibration: Calibration | None) -> list[str]:
@@ -174,7 +126,7 @@ def main() -> None:
     parser.add_argument("--rates", type=float, nargs="+", default=[20.0, 50.0], help="Frames per second.")
     parser.add_argument("--busy", type=int, default=0, metavar="N", help="Burn processor time with N processes.")
     arguments = parser.parse_args()
-    members = family(arguments.recordings, arguments.seed)
+    members = recordings(arguments.recordings, arguments.seed, _FRAMES, measured_responses())
     commands = measured({f"command {m.name}": partial(by_command, m) for m in members}, arguments.results)
     calls = {
         f"live {m.name} {rate:g} {arguments.busy}": partial(unchanged, m, rate, arguments.busy, command)

@@ -140,6 +140,8 @@ def test_jpeg_is_nearly_the_same(recording, tmp_path):
     pairs = zip(open_recording(made.path), open_recording(recording.path), strict=True)
     difference = [np.mean(np.abs(a.image.astype(float) - b.image)) for a, b in pairs]
     assert 0 < np.mean(difference) < 4
+    for made_frame, frame in zip(frames(made.settings), open_recording(made.path), strict=True):
+        np.testing.assert_array_equal(made_frame.image, frame.image)
 
 
 def test_own_responses_and_vignettes(tmp_path):

@@ -17,6 +17,7 @@ from ospc.formats.dso import write_pcalib, write_vignette
 from ospc.formats.image_files import encoded
 from ospc.photometry.response import Response
 from ospc.recording.frame import Frame
+from ospc.recording.image_source import decode_grey
 from ospc.recording.writing.images import NumberedImages
 from ospc.simulation.motion import Motion
 from ospc.simulation.rendering import radiance
@@ -117,14 +118,16 @@ class SimulatedRecording(Truth):
 
 
 def frames(settings: SimulationSettings = _DEFAULT, known: Truth | None = None) -> Iterator[Frame]:
-    """Yield the frames of a simulated recording without writing it.
+    """Yield the frames of a simulated recording without writing it; those of JPEG files have their errors.
 
     Their exposures are those in the metadata, as in a recording on disk; :func:`~ospc.simulation.truth.truth` returns
     the true ones. Its result for the same settings may be passed as ``known``, to avoid simulating auto exposure
     again.
     """
     known = known or truth(settings)
-    for index, image in enumerate(_images(known)):
+    for index, exposed in enumerate(_images(known)):
+        as_file = settings.image_format == "jpg"
+        image = decode_grey(_file(exposed, index, settings), _name(index)) if as_file else exposed
         stated_ms, stamp_s = float(known.metadata_exposures_ms[index]), float(known.stamps_s[index])
         yield Frame.of_array(image, stated_ms, index=index, stamp_s=stamp_s, max_grey=settings.max_grey)
 
@@ -170,9 +173,7 @@ def simulate(
         _write_truth(place, known)
         with NumberedImages(place, settings.frames, archive=settings.archive) as images:
             for index, image in enumerate(_images(known)):
-                name, quality = f"image {index}", settings.jpg_quality
-                data = encoded(image, f".{settings.image_format}", name, jpeg_quality=quality)
-                images.write(index, data)
+                images.write(index, _file(image, index, settings))
                 progress(index + 1, settings.frames)
     return SimulatedRecording(**vars(known), path=place)
 
@@ -192,6 +193,14 @@ def irradiances(settings: SimulationSettings = _DEFAULT, known: Truth | None = N
             exposed = _exposed(scene, known, motion, index)
         factor = known.exposures_ms[index] * known.light[index]
         yield exposed * attenuation * np.float32(factor)
+
+
+def _name(index: int) -> str:
+    return f"image {index}"
+
+
+def _file(image: Image, index: int, settings: SimulationSettings) -> bytes:
+    return encoded(image, f".{settings.image_format}", _name(index), jpeg_quality=settings.jpg_quality)
 
 
 def _images(known: Truth) -> Iterator[Image]:
