@@ -14,7 +14,7 @@ from ospc.estimation.effects import Effects
 from ospc.estimation.model import Model
 from ospc.estimation.normal_equations import NormalEquations
 from ospc.estimation.prior import START, Prior, vignette_precision
-from ospc.estimation.response_basis import ResponseBasis
+from ospc.estimation.response_basis import FUNCTIONS, ResponseBasis
 from ospc.estimation.vignette_basis import VignetteBasis
 from ospc.photometry.geometry import normalised, pixel_grid
 from ospc.settings.fit import MAX_GAMMA, MAX_GAMMA_CHANGE
@@ -198,6 +198,27 @@ def test_the_prior_of_the_vignette_is_a_smooth_curve_and_a_random_walk_of_its_sl
     assert log_determinant == pytest.approx(np.linalg.slogdet(precision)[1])
 
 
+class HatsCrowdedAtBlack:
+    """Hat functions on knots equidistant in the square root of the grey level."""
+
+    def knots(self, intervals):
+        return np.linspace(0, 1, intervals + 1) ** 2
+
+    def values(self, grey, intervals):
+        return np.stack([np.interp(grey, self.knots(intervals), row) for row in np.eye(intervals + 1)], axis=-1)
+
+
+def test_the_prior_at_a_grey_level_does_not_depend_on_the_other_knots(monkeypatch):
+    monkeypatch.setitem(FUNCTIONS, "crowded", HatsCrowdedAtBlack())
+    common = []
+    for name, at in (("hats", [0, 2, 8]), ("crowded", [0, 4, 8])):
+        basis = ResponseBasis(8, name)
+        np.testing.assert_array_equal(basis.knots[at], [0, 0.25, 1])
+        prior = Prior(basis, VignetteBasis(0), np.ones(9), np.zeros(0))
+        common.append(np.linalg.inv(prior.precision(START))[np.ix_(at, at)])
+    np.testing.assert_allclose(*common, rtol=1e-6)
+
+
 # Linear system
 
 
@@ -243,7 +264,7 @@ def test_the_roughness_chosen_is_the_one_under_which_the_data_are_most_probable(
     basis, vignette = ResponseBasis(8), VignetteBasis(6)
     random = np.random.default_rng(0)
     for bend in (0.0, 0.3, 1.0):
-        prior = Prior(basis.knots, np.full(9, 2.0), vignette, np.full(1, 2.0))
+        prior = Prior(basis, vignette, np.full(len(basis), 2.0), np.full(1, 2.0))
         slopes = -0.4 - bend * (vignette.spline.knots > 0.5)
         truth = np.concatenate([2 + bend * np.sin(9 * basis.knots), slopes, [-0.3]])
         rows = random.normal(0, 1, (40, len(truth)))

@@ -117,7 +117,8 @@ def test_in_the_middle_it_is_half_the_curvature_times_the_variance(exponent, sig
 @pytest.mark.parametrize("noise_sigma", [0.0, 0.001])
 def test_the_mean_of_textured_and_noisy_pixels_at_a_knee_is_corrected(noise_sigma):
     """Compare the mean of simulated pixels with the grey level of their mean irradiance."""
-    basis, coefficients = ResponseBasis(32), np.where(np.arange(33) <= 11, 1.0, 4.0)
+    basis = ResponseBasis(32)
+    coefficients = np.where(basis.knots <= 11 / 32, 1.0, 4.0)
     log_response = basis.log_of(coefficients)
     quantiles = ndtri((np.arange(999) + 0.5) / 999)
 
@@ -142,7 +143,7 @@ def test_the_mean_of_textured_and_noisy_pixels_at_a_knee_is_corrected(noise_sigm
 
 def test_little_texture_counts_by_its_variance_however_skewed():
     basis = ResponseBasis(32)
-    means = PixelMeans.of(basis, np.full(33, 2.2), NoiseModel(0.0, 0.0, (0.0,)))
+    means = PixelMeans.of(basis, np.full(len(basis), 2.2), NoiseModel(0.0, 0.0, (0.0,)))
     index = basis.index_of(np.linspace(0.2, 0.9, 9))
     for skewness in (-1.0, 0.0, 1.0):
         once, negative = (means.by_texture(np.full(9, t), np.full(9, skewness), index) for t in (1e-4, -1e-4))
@@ -162,7 +163,7 @@ def test_the_mean_of_coarse_texture_is_corrected(gamma, draw):
         "uniform": random.uniform(0.3, 1.7, DRAWS),
     }[draw]
     basis, grey = ResponseBasis(32), 0.2 * factors
-    means = PixelMeans.of(basis, np.full(33, gamma), NoiseModel(0.0, 0.0, (0.0,)))
+    means = PixelMeans.of(basis, np.full(len(basis), gamma), NoiseModel(0.0, 0.0, (0.0,)))
     level = np.mean(grey**gamma) ** (1 / gamma)
     texture, third = np.array([grey.var()]) / level**2, np.array([skew(grey)])
     index = basis.index_of([level])
@@ -174,7 +175,7 @@ def test_the_mean_of_coarse_texture_is_corrected(gamma, draw):
 
 def test_skewness_of_pixels_that_vary_by_noise_alone_stays_bounded():
     basis = ResponseBasis(32)
-    means = PixelMeans.of(basis, np.full(33, 0.5), NoiseModel(0.0, 0.0, (1e-4,)))
+    means = PixelMeans.of(basis, np.full(len(basis), 0.5), NoiseModel(0.0, 0.0, (1e-4,)))
     at = np.zeros((4, 2))
     seen = Observations.of_pairs(
         np.full(4, 0.2), np.full(4, 0.3), at, at, 0, 1,
@@ -190,7 +191,8 @@ def test_skewness_of_pixels_that_vary_by_noise_alone_stays_bounded():
 @pytest.mark.parametrize("ratio", [1.25, 2.0])
 def test_the_error_covers_clipped_lights_among_dark_pixels(share, ratio):
     """Compare two exposures of dark pixels of which some show lights, whose grey level cannot rise."""
-    basis, coefficients = ResponseBasis(32), np.full(33, 2.2)
+    basis = ResponseBasis(32)
+    coefficients = np.full(len(basis), 2.2)
     dark = np.array([0.01 * ratio**-0.5, 0.01 * ratio**0.5]) ** (1 / 2.2)
     grey = (1 - share) * dark + share
     variance = (1 - share) * dark**2 + share - grey**2
@@ -213,7 +215,7 @@ def test_the_error_covers_clipped_lights_among_dark_pixels(share, ratio):
 
 def test_pixels_that_vary_no_more_than_their_noise_have_no_error_by_texture():
     basis = ResponseBasis(32)
-    means = PixelMeans.of(basis, np.full(33, 2.2), NoiseModel(0.0, 0.0, (1e-4,)))
+    means = PixelMeans.of(basis, np.full(len(basis), 2.2), NoiseModel(0.0, 0.0, (1e-4,)))
     at = np.zeros((3, 2))
     variances = {"grey_variance0": [0.0, 5e-5, 9e-5], "grey_variance1": [1e-4, 2e-5, 0.0]}
     seen = Observations.of_pairs([0.1, 0.2, 0.4], [0.2, 0.3, 0.5], at, at, 0, 1, **variances)
@@ -224,7 +226,7 @@ def test_pixels_that_vary_no_more_than_their_noise_have_no_error_by_texture():
 def test_gain_increases_shift_and_noise_alike():
     basis = ResponseBasis(32)
     noise = NoiseModel(1e-4, 0.0, gain_from_log_exposure=np.log(2.0), gain_power=1.5)
-    means = PixelMeans.of(basis, np.full(33, 2.2), noise)
+    means = PixelMeans.of(basis, np.full(len(basis), 2.2), noise)
     grey, at = np.array([0.3, 0.3]), np.zeros((2, 2))
     seen = Observations.of_pairs(grey, grey, at, at, 0, 1).with_exposures(ExposureTable.of(np.log([1.0, 8.0])))
     shifts = means.at(seen, basis.index_of(seen.grey))

@@ -10,19 +10,16 @@ from ospc.estimation.response_basis import ResponseBasis, typical_gamma
 from ospc.estimation.shared_errors import SharedErrors
 from ospc.estimation.vignette_basis import VignetteBasis
 
-INTERVALS, SIGNAL = 8, 400.0
-NO_ERRORS = np.zeros((0, INTERVALS + 1))
+BASIS, SIGNAL = ResponseBasis(8), 400.0
+NO_ERRORS = np.zeros((0, len(BASIS)))
 
 
 def sigma_of_first(halves: FloatArray, expected: FloatArray = NO_ERRORS) -> FloatArray:
     """Return the sigmas of the parameters with equal information on each, given scores of shared errors."""
-    knots = ResponseBasis(INTERVALS).knots
-    prior, flat = (
-        Prior(knots, typical_gamma(knots), VignetteBasis(0), np.empty(0)),
-        PriorHyperparameters(1.0, 0.0, 0.0),
-    )
-    information = SIGNAL * np.eye(len(knots))
-    equations = NormalEquations(information, np.zeros(len(knots)), information)
+    prior = Prior(BASIS, VignetteBasis(0), typical_gamma(BASIS.knots), np.empty(0))
+    flat = PriorHyperparameters(1.0, 0.0, 0.0)
+    information = SIGNAL * np.eye(len(BASIS))
+    equations = NormalEquations(information, np.zeros(len(BASIS)), information)
     return np.asarray(np.sqrt(np.diag(equations.covariance(prior, flat, SharedErrors(halves, expected)))))
 
 
@@ -32,18 +29,16 @@ def test_rounding_errors_are_not_taken_for_data() -> None:
 
 
 def test_halves_that_differ_by_chance_hardly_widen_the_bands() -> None:
-    plain = sigma_of_first(np.zeros((4, INTERVALS + 1)))
+    plain = sigma_of_first(np.zeros((4, len(BASIS))))
     random = np.random.default_rng(0)
-    widened = [
-        sigma_of_first(np.sqrt(SIGNAL) * random.standard_normal((4, INTERVALS + 1))) / plain for _ in range(40)
-    ]
+    widened = [sigma_of_first(np.sqrt(SIGNAL) * random.standard_normal((4, len(BASIS)))) / plain for _ in range(40)]
     assert np.mean(widened) < 1.25
 
 
 @pytest.mark.parametrize("sigmas", [10.0, 30.0])
 def test_halves_that_differ_by_more_widen_the_band_by_the_difference(sigmas: float) -> None:
-    plain = sigma_of_first(np.zeros((4, INTERVALS + 1)))
-    halves = np.zeros((4, INTERVALS + 1))
+    plain = sigma_of_first(np.zeros((4, len(BASIS))))
+    halves = np.zeros((4, len(BASIS)))
     halves[2, 3] = sigmas * np.sqrt(SIGNAL)
     found = sigma_of_first(halves)
     assert found[3] / plain[3] == pytest.approx(sigmas, rel=0.15)
@@ -51,9 +46,9 @@ def test_halves_that_differ_by_more_widen_the_band_by_the_difference(sigmas: flo
 
 
 def test_expected_errors_widen_the_band_by_what_they_change() -> None:
-    plain, error = sigma_of_first(np.zeros((4, INTERVALS + 1))), 0.1
-    expected = SIGNAL * error * np.eye(INTERVALS + 1)[[3]]  # the parameter's information times its error
-    found = sigma_of_first(np.zeros((4, INTERVALS + 1)), expected)
+    plain, error = sigma_of_first(np.zeros((4, len(BASIS)))), 0.1
+    expected = SIGNAL * error * np.eye(len(BASIS))[[3]]  # the parameter's information times its error
+    found = sigma_of_first(np.zeros((4, len(BASIS))), expected)
     assert np.sqrt(found[3] ** 2 - plain[3] ** 2) == pytest.approx(error, rel=0.15)
     assert found[0] == pytest.approx(plain[0], rel=0.15)
 

@@ -79,7 +79,7 @@ class Model:
 
     def prior(self, parameters: FloatArray) -> Prior:
         """Return the prior, linearised at the given parameters, shape (p,)."""
-        return Prior(self.response_basis.knots, self.split(parameters)[0], self.vignette_basis, self.effects.sigma)
+        return Prior(self.response_basis, self.vignette_basis, self.split(parameters)[0], self.effects.sigma)
 
     def effect_terms(self, parameters: FloatArray, observations: ExposedObservations, index: IntArray) -> EffectTerms:
         """Return the terms of the effects; ``index`` is the grid index of each expected grey level, shape (n,)."""

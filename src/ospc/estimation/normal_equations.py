@@ -128,7 +128,7 @@ class NormalEquations:
         Those of the response are chosen first, with the present one of the vignette.
         """
         # There are many candidates for the response, so all other parameters are eliminated first.
-        others = prior.precision(present)[len(prior.knots) :, len(prior.knots) :]
+        others = prior.precision(present)[len(prior.response) :, len(prior.response) :]
         response = self.without_last(others)._most_probable(prior.of_response, present.response_candidates)
         return self._most_probable(prior, response.vignette_candidates) if prior.vignette.radial else response
 

@@ -9,7 +9,7 @@ from functools import lru_cache
 import numpy as np
 
 from ospc.arrays import FloatArray, read_only
-from ospc.estimation.response_basis import typical_gamma
+from ospc.estimation.response_basis import ResponseBasis, typical_gamma
 from ospc.estimation.vignette_basis import VignetteBasis
 from ospc.photometry.non_radial import NON_RADIAL
 from ospc.settings.response import (
@@ -79,28 +79,28 @@ class Prior:
 
     Attributes
     ----------
-    knots, about
-        Grey levels of the response's knots, and the coefficients at which ln γ is linearised, shape (n,).
-    vignette
-        Basis of the vignette.
+    response, vignette
+        Bases of response and vignette.
+    about
+        Coefficients of the response at which ln γ is linearised, shape (n,).
     effect_sigma
         Standard deviation about zero of each effect, shape (e,).
     """
 
-    knots: FloatArray
-    about: FloatArray
+    response: ResponseBasis
     vignette: VignetteBasis
+    about: FloatArray
     effect_sigma: FloatArray
 
     @property
     def of_response(self) -> Prior:
         """The prior of the response alone."""
-        return Prior(self.knots, self.about, VignetteBasis(0), np.zeros(0))
+        return Prior(self.response, VignetteBasis(0), self.about, np.zeros(0))
 
     @property
     def mean(self) -> FloatArray:
         """Expected parameters, shape (p,)."""
-        response = self.about * (1 + np.log(typical_gamma(self.knots)) - np.log(self.about))
+        response = self.about * (1 + np.log(typical_gamma(self.response.knots)) - np.log(self.about))
         return np.concatenate([response, np.zeros(len(self.vignette) + len(self.effect_sigma))])
 
     def precision(self, hyperparameters: PriorHyperparameters) -> FloatArray:
@@ -113,8 +113,8 @@ class Prior:
 
         The log determinant contains only the part that depends on the hyperparameters.
         """
-        n, m = len(self.knots), len(self.knots) + len(self.vignette)
-        response, of_response = _response_precisions(n, tuple((c.walk, c.drift) for c in candidates))
+        n, m = len(self.response), len(self.response) + len(self.vignette)
+        response, of_response = _response_precisions(self.response, tuple((c.walk, c.drift) for c in candidates))
         walks = {c.vignette_walk for c in candidates}  # those of the response have only one
         of_walk = {walk: vignette_precision(self.vignette, walk) for walk in walks}
         vignette, of_vignette = zip(*(of_walk[c.vignette_walk] for c in candidates), strict=True)
@@ -153,10 +153,12 @@ def _radial_precision(knots: int, usable_radius: float, reach: float, walk: floa
 
 
 @lru_cache(maxsize=_KEPT_TABLES)
-def _response_precisions(knots: int, roughness: tuple[tuple[float, float], ...]) -> tuple[FloatArray, FloatArray]:
-    """Return precisions of ln γ at equidistant knots, (c, knots, knots), of walks and drifts; log determinants."""
-    grey, nugget = np.linspace(0, 1, knots), PRIOR_NUGGET * np.eye(knots)
-    found = (_inverted(_covariance(grey, walk, drift) + nugget) for walk, drift in roughness)
+def _response_precisions(
+    basis: ResponseBasis, roughness: tuple[tuple[float, float], ...]
+) -> tuple[FloatArray, FloatArray]:
+    """Return precisions of ln γ at the knots, (c, knots, knots), of walks and drifts; log determinants."""
+    nugget = PRIOR_NUGGET * np.eye(len(basis))
+    found = (_inverted(_covariance(basis.knots, walk, drift) + nugget) for walk, drift in roughness)
     precisions, log_determinants = zip(*found, strict=True)
     return read_only(np.stack(precisions)), np.array(log_determinants)
 

@@ -116,7 +116,7 @@ def _of_response(calibration: Calibration) -> tuple[FloatArray, FloatArray, Floa
     own = ResponseBasis(n - 1, model["functions"])
     if not np.allclose(knots, own.knots):
         raise ValueError("other knots than those of the functions")
-    prior = Prior(own.knots, coefficients, VignetteBasis(0), np.empty(0))
+    prior = Prior(own, VignetteBasis(0), coefficients, np.empty(0))
     hyperparameters = replace(START, walk=float(model["prior_walk"]), drift=float(model["prior_drift"]))
     plausible = all(0 <= sigma <= MAX_WALK for sigma in (hyperparameters.walk, hyperparameters.drift))
     if not (plausible and coefficients.min() > 0 and coefficients.max() <= MAX_GAMMA):
