@@ -260,6 +260,20 @@ def test_the_solution_is_that_of_a_bounded_least_squares_solver(seed, bounded, i
     np.testing.assert_allclose(equations.posterior_precision(prior, START), system.T @ system, rtol=1e-9, atol=1e-9)
 
 
+@given(seeds, st.sampled_from([(), (3,)]))
+def test_the_evidence_of_a_knee_is_the_difference_of_the_evidences(seed, present):
+    basis, random = ResponseBasis(8), np.random.default_rng(seed)
+    prior = Prior(basis, VignetteBasis(0), random.uniform(0.5, 4, 9), np.zeros(0))
+    rows = random.normal(0, 1, (5, 9))
+    equations = NormalEquations(rows.T @ rows, rows.T @ random.normal(2, 1, 5), np.eye(9), random.uniform(0.1, 1))
+    candidates = replace(START, knees=present).response_candidates[::7]
+    gains = equations.log_evidence_of_knees(prior, candidates)
+    for knee in (1, 4, 7):
+        with_knee = [replace(candidate, knees=(*present, knee)) for candidate in candidates]
+        gained = equations.log_evidence(prior, with_knee) - equations.log_evidence(prior, candidates)
+        np.testing.assert_allclose(gains[:, knee - 1], gained, rtol=1e-3, atol=1e-3)
+
+
 def test_the_roughness_chosen_is_the_one_under_which_the_data_are_most_probable():
     basis, vignette = ResponseBasis(8), VignetteBasis(6)
     random = np.random.default_rng(0)

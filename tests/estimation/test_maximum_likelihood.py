@@ -474,6 +474,25 @@ def test_small_exposure_ratios_suffice_across_a_knee(log_ratio):
     assert log_step(fit, 0.2, 0.45) == pytest.approx(log_step(camera.response, 0.2, 0.45), abs=0.02)
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_a_small_knee_is_followed(seed):
+    """A smooth curve misses it by 0.01 and three to five standard deviations."""
+    ends, g = [0.0, 0.8, 1.0], [0.0, 0.8, 1.2]
+    truth = Response(np.interp(np.linspace(0, 1, 2041), ends, g) / g[-1])
+    fit = fitted(Camera(truth, log_ratio=np.log(3), bracketed=True).pairs(seed), intervals=48)
+    greys = np.linspace(0.1, 0.95, 86)
+    error = np.log(fit.response(255).inverse(greys) / truth.inverse(greys))
+    error -= np.log(fit.response(255).inverse(0.405) / truth.inverse(0.405))
+    assert np.abs(error).max() < 0.008
+    assert np.abs(error / fit.log_response_sigma(greys, 0.405)).max() < 3
+
+
+@pytest.mark.parametrize("name", sorted(set(RESPONSES) - {"tum_narrow"}))
+def test_smooth_responses_have_no_knees(name):
+    assert fit_of_response(name).hyperparameters.knees == ()
+    assert fit_of_response("tum_narrow", 3).hyperparameters.knees
+
+
 def test_the_uncertainty_is_not_relative_to_a_level_at_a_sharp_bend():
     fit, bend = fit_of_response("tum_narrow", 3), 0.34
     at_bend, elsewhere = fit.response(255, (0.03, 2 * bend - 0.03)), fit.response(255, (0.03, 0.97))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 from dataclasses import replace
 
@@ -252,8 +253,13 @@ def test_unsuitable_starts_are_refused_by_name(tmp_path):
         PriorCalibration.open(tmp_path / "none")
 
 
-@pytest.mark.parametrize("name", ["prior_walk", "prior_drift"])
-@pytest.mark.parametrize("value", [1e300, -1.0, "nan", None])
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        *itertools.product(["prior_walk", "prior_drift"], [1e300, -1.0, "nan", None]),
+        *itertools.product(["prior_knees"], [[0], [48], [1, 2, 3, 4, 5], ["nan"], None]),
+    ],
+)
 def test_a_calibration_with_an_impossible_prior_is_refused(yesterday, tmp_path, name, value):
     content = json.loads((yesterday / "calibration.json").read_text())
     content["response"]["model"][name] = value

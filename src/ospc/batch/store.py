@@ -15,7 +15,7 @@ from ospc.state import container
 from ospc.state.container import Container
 from ospc.state.values import pack, unpack
 
-KIND, VERSION = "batch-result", 8
+KIND, VERSION = "batch-result", 9
 """Kind and version that the result files declare."""
 
 

@@ -43,6 +43,7 @@ from ospc.settings.brightness import MAX_BRIGHTNESS_CHANGES, MAX_REPEATED_FRAMES
 from ospc.settings.effects import STEP_EXPOSURES
 from ospc.settings.grey_values import COVERAGE_GREY_CELLS, COVERAGE_RADIUS_CELLS, MAX_COUNTED_FRAMES, MAX_GREY_RANGES
 from ospc.settings.methods import MAX_BASELINE_PAIRS, MAX_EPOCH_CALIBRATIONS, MAX_FRAME_RATE, MIN_FRAME_RATE
+from ospc.settings.response import MAX_KNEES
 from ospc.settings.sampling import AGE_CLASSES, MAX_COMPARISONS, MAX_GAIN_POWER
 from ospc.settings.vignette import MAX_VIGNETTE_REACH, MIN_USABLE_RADIUS, VIGNETTE_REACH
 from ospc.state.numbers import (
@@ -128,7 +129,11 @@ RULES: Mapping[type, Mapping[str, Numbers | None]] = {
         "factors": Numbers(1e-6, 1e6, ("factors",)),
         "gain_variances": Numbers(0, 100, ("gain variances",)),
     },
-    PriorHyperparameters: {"walk": Numbers(1e-6, 1e6), "drift vignette_walk": Numbers(0, 1e6)},
+    PriorHyperparameters: {
+        "walk": Numbers(1e-6, 1e6),
+        "drift vignette_walk": Numbers(0, 1e6),
+        "knees": Numbers(1, MOST_INTERVALS - 1, ("knees",), most=MAX_KNEES),
+    },
     SceneArea: {
         "fine": Numbers(shape=("rows", "columns")),
         "contrast pairs": Numbers(0, shape=("rows", "columns")),

@@ -197,6 +197,7 @@ class Fit(Model):
             "coefficients": self.response_parameters.tolist(),
             "prior_walk": self.hyperparameters.walk,
             "prior_drift": self.hyperparameters.drift,
+            "prior_knees": list(self.hyperparameters.knees),
         }
         if not grey_range.is_full:
             model["grey_range"] = [grey_range.black, grey_range.white]

@@ -32,6 +32,7 @@ from ospc.settings.fit import (
     SETTLED_SIGMAS,
     TEXTURE_SHARE_INFORMATION,
 )
+from ospc.settings.response import FIRST_KNEE_EVIDENCE, KNEE_EVIDENCE
 from ospc.system.library_threads import one_blas_thread
 
 
@@ -115,7 +116,8 @@ class MaximumLikelihoodEstimator:
                 trusted,
             )
             system, present = self._linearised(observations, present, predict, convex=convex)
-            solution = self._solved(system, present, trusted=trusted)
+            knee_evidence = FIRST_KNEE_EVIDENCE if convex else KNEE_EVIDENCE
+            solution = self._solved(system, present, knee_evidence, trusted=trusted)
             present = solution.estimate
             settled = solution.squared_sigmas < SETTLED_SIGMAS**2 * len(present.parameters)
             if number == convex_rounds + rounds or (settled and number > convex_rounds + 1):
@@ -156,7 +158,7 @@ class MaximumLikelihoodEstimator:
         weighted = replace(present, errors=errors, weight=weight, sandwich_factor=sandwich_factor, index=latent.index)
         return system, weighted
 
-    def _solved(self, system: LinearSystem, present: _Estimate, *, trusted: bool) -> _Solution:
+    def _solved(self, system: LinearSystem, present: _Estimate, knee_evidence: float, *, trusted: bool) -> _Solution:
         """Solve the system with the prior that the data choose; unless ``trusted``, keep the share of texture."""
         model, texture_share = self.model, present.texture_share
         prior = model.prior(system.about)
@@ -167,7 +169,7 @@ class MaximumLikelihoodEstimator:
             in_units = before / equations.information_scale
             change = with_share.last_fitted(in_units, prior.mean, TEXTURE_SHARE_INFORMATION, 1 - texture_share)
             texture_share = float(np.clip(texture_share + change, 0.0, 1.0))
-        hyperparameters = equations.maximize_evidence(prior, present.hyperparameters)
+        hyperparameters = equations.maximize_evidence(prior, present.hyperparameters, knee_evidence)
         parameters = model.limited(equations.solve(prior, hyperparameters, model.floor), system.about)
         moved, errors = parameters - system.about, present.errors
         if system.has_gains:

@@ -7,11 +7,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ospc.arrays import FloatArray, IntArray
-from ospc.estimation.prior import Prior, PriorHyperparameters
+from ospc.estimation.prior import Prior, PriorHyperparameters, jumps_of_knees
 from ospc.estimation.shared_errors import SharedErrors
 from ospc.numerics.least_squares import non_negative_least_squares
 from ospc.numerics.symmetric import eigh
 from ospc.settings.fit import DISAGREEMENT_SHARE, MIN_DETERMINED_PARAMETERS, MIN_SCORE_SPREAD
+from ospc.settings.response import KNEE_EVIDENCE, KNEE_SIGMA, MAX_KNEES
 
 
 @dataclass(frozen=True)
@@ -122,18 +123,60 @@ class NormalEquations:
         found = bread @ (meat + prior.precision(hyperparameters)) @ bread
         return np.asarray((found + found.T) / 2)  # symmetric but for rounding
 
-    def maximize_evidence(self, prior: Prior, present: PriorHyperparameters) -> PriorHyperparameters:
+    def maximize_evidence(
+        self, prior: Prior, present: PriorHyperparameters, knee_evidence: float = KNEE_EVIDENCE
+    ) -> PriorHyperparameters:
         """Return the hyperparameters of the prior with the largest marginal likelihood (empirical Bayes).
 
-        Those of the response are chosen first, with the present one of the vignette.
+        Those of the response are chosen first, with the present one of the vignette. Each of its knees has to raise
+        the logarithm of the marginal likelihood by ``knee_evidence``.
         """
         # There are many candidates for the response, so all other parameters are eliminated first.
         others = prior.precision(present)[len(prior.response) :, len(prior.response) :]
-        response = self.without_last(others)._most_probable(prior.of_response, present.response_candidates)
+        alone, of_response = self.without_last(others), prior.of_response
+        response = alone._most_probable(of_response, replace(present, knees=()).response_candidates)
+        while (further := alone._with_another_knee(of_response, response, knee_evidence)) != response:
+            response = further
         return self._most_probable(prior, response.vignette_candidates) if prior.vignette.radial else response
+
+    def _with_another_knee(
+        self, prior: Prior, present: PriorHyperparameters, least_gain: float
+    ) -> PriorHyperparameters:
+        """Return the present hyperparameters, or the most probable ones with one more knee if that gains enough."""
+        # Between its knees, a response is smooth, so the roughest candidates are left out.
+        candidates = [present, *present.smooth_candidates]
+        evidence = self.log_evidence(prior, candidates)
+        gains = evidence[:, None] - evidence[0] + self.log_evidence_of_knees(prior, candidates)
+        gains[:, np.array(present.knees, np.int64) - 1] = -np.inf
+        _, knee = np.unravel_index(np.argmax(gains), gains.shape)
+        if gains.max() < least_gain or len(present.knees) == MAX_KNEES:
+            return present
+        knees = tuple(sorted((*present.knees, int(knee) + 1)))
+        return self._most_probable(prior, replace(present, knees=knees).response_candidates)
+
+    def log_evidence_of_knees(self, prior: Prior, candidates: list[PriorHyperparameters]) -> FloatArray:
+        """Return by how much a knee at each inner knot raises :meth:`log_evidence`, shape (c, knots − 2).
+
+        The prior is that of the response alone.
+        """
+        jumps = KNEE_SIGMA * prior.about * jumps_of_knees(prior.response.knots)[1:-1]
+        of_prior, _ = prior.of_candidates(candidates)
+        matrix = self.information_scale * self.matrix
+        excess = self.information_scale * self.vector - matrix @ prior.mean
+        solved = np.linalg.solve(of_prior + matrix, np.column_stack([matrix, excess]))
+        # A − A (A + P)⁻¹ A: the inverse covariance of the data, which contain the deviation from the prior's mean.
+        inverse = matrix - matrix @ solved[:, :, :-1]
+        along = np.einsum("kia,ca->cki", jumps, excess - solved[:, :, -1] @ matrix)
+        widened = np.eye(2) + np.einsum("kia,cab,kjb->ckij", jumps, inverse, jumps, optimize=True)
+        explained = np.sum(along * np.linalg.solve(widened, along[..., None])[..., 0], axis=-1)
+        return np.asarray((explained - np.linalg.slogdet(widened)[1]) / 2)
 
     def _most_probable(self, prior: Prior, candidates: list[PriorHyperparameters]) -> PriorHyperparameters:
         """Return the candidate with the largest marginal likelihood."""
+        return candidates[int(np.argmax(self.log_evidence(prior, candidates)))]
+
+    def log_evidence(self, prior: Prior, candidates: list[PriorHyperparameters]) -> FloatArray:
+        """Return the logarithm of the marginal likelihood of each candidate up to a constant, shape (c,)."""
         mean = prior.mean
         # All candidates at once: a loop over small matrices takes several times as long.
         of_prior, log_determinant_of_prior = prior.of_candidates(candidates)
@@ -143,7 +186,7 @@ class NormalEquations:
         solution = np.linalg.solve(precision, target[:, :, None])[:, :, 0]
         fit = np.sum(target * solution, axis=1) - of_prior @ mean @ mean
         log_determinant = 2 * np.sum(np.log(np.diagonal(factor, axis1=1, axis2=2)), axis=1)
-        return candidates[int(np.argmax(fit - log_determinant + log_determinant_of_prior))]
+        return np.asarray((fit - log_determinant + log_determinant_of_prior) / 2)
 
     def solve(self, prior: Prior, hyperparameters: PriorHyperparameters, floor: FloatArray) -> FloatArray:
         """Return the most probable parameters, shape (p,), by non-negative least squares.

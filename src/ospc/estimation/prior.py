@@ -16,6 +16,7 @@ from ospc.settings.response import (
     BLACK_SIGMA,
     DRIFT_CANDIDATES,
     END_EXPONENT,
+    KNEE_SIGMA,
     LEVEL_SIGMA,
     PRIOR_MIDDLE_GREY,
     PRIOR_NUGGET,
@@ -40,8 +41,9 @@ from ospc.settings.vignette import (
     VIGNETTE_WALK_CANDIDATES,
 )
 
-_KEPT_TABLES = 64
-"""Number of precisions kept: those of all candidates of several models, of the response and of the vignette each."""
+_KEPT_TABLES = 16
+"""Number of precisions kept, of the response and of the vignette each: those of all candidates of the response take
+1 MB, and the vignette has few candidates."""
 
 
 @dataclass(frozen=True)
@@ -50,18 +52,25 @@ class PriorHyperparameters:
 
     ``walk`` is the standard deviation of a random walk over the whole range of grey levels, which allows kinks
     anywhere; ``drift`` is that of a random walk of the slope, which allows smooth bends. ``vignette_walk`` is that of
-    the slope of ln V in R², see :func:`vignette_precision`.
+    the slope of ln V in R², see :func:`vignette_precision`. ``knees`` are the numbers of the knots near which ln γ
+    may jump, as that of a piecewise linear response does.
     """
 
     walk: float
     drift: float
     vignette_walk: float
+    knees: tuple[int, ...] = ()
 
     @property
     def response_candidates(self) -> list[PriorHyperparameters]:
-        """All candidates for the response, with this roughness of the vignette."""
+        """All candidates for the roughness of the response, with these knees and this roughness of the vignette."""
         walks = np.geomspace(*WALK_CANDIDATES).tolist()
-        return [PriorHyperparameters(walk, drift, self.vignette_walk) for walk in walks for drift in DRIFT_CANDIDATES]
+        return [replace(self, walk=walk, drift=drift) for walk in walks for drift in DRIFT_CANDIDATES]
+
+    @property
+    def smooth_candidates(self) -> list[PriorHyperparameters]:
+        """Those of them without kinks except at the knees."""
+        return self.response_candidates[: len(DRIFT_CANDIDATES)]
 
     @property
     def vignette_candidates(self) -> list[PriorHyperparameters]:
@@ -114,7 +123,9 @@ class Prior:
         The log determinant contains only the part that depends on the hyperparameters.
         """
         n, m = len(self.response), len(self.response) + len(self.vignette)
-        response, of_response = _response_precisions(self.response, tuple((c.walk, c.drift) for c in candidates))
+        response, of_response = _response_precisions(
+            self.response, tuple((c.walk, c.drift, c.knees) for c in candidates)
+        )
         walks = {c.vignette_walk for c in candidates}  # those of the response have only one
         of_walk = {walk: vignette_precision(self.vignette, walk) for walk in walks}
         vignette, of_vignette = zip(*(of_walk[c.vignette_walk] for c in candidates), strict=True)
@@ -154,11 +165,14 @@ def _radial_precision(knots: int, usable_radius: float, reach: float, walk: floa
 
 @lru_cache(maxsize=_KEPT_TABLES)
 def _response_precisions(
-    basis: ResponseBasis, roughness: tuple[tuple[float, float], ...]
+    basis: ResponseBasis, candidates: tuple[tuple[float, float, tuple[int, ...]], ...]
 ) -> tuple[FloatArray, FloatArray]:
-    """Return precisions of ln γ at the knots, (c, knots, knots), of walks and drifts; log determinants."""
-    nugget = PRIOR_NUGGET * np.eye(len(basis))
-    found = (_inverted(_covariance(basis.knots, walk, drift) + nugget) for walk, drift in roughness)
+    """Return precisions of ln γ at the knots, (c, knots, knots), of walks, drifts and knees; log determinants."""
+    nugget, jumps = PRIOR_NUGGET * np.eye(len(basis)), KNEE_SIGMA * jumps_of_knees(basis.knots)
+    found = (
+        _inverted(_covariance(basis.knots, walk, drift) + nugget + sum(jump.T @ jump for jump in jumps[list(knees)]))
+        for walk, drift, knees in candidates
+    )
     precisions, log_determinants = zip(*found, strict=True)
     return read_only(np.stack(precisions)), np.array(log_determinants)
 
@@ -179,6 +193,17 @@ def _covariance(grey: FloatArray, walk: float, drift: float) -> FloatArray:
     of_drift = np.where(same_side, near**2 * (3 * far - near) / 6, 0.0)
     level = LEVEL_SIGMA**2 + SLOPE_SIGMA**2 * offset[:, None] * offset
     return np.asarray(level + walk**2 * of_walk + drift**2 * of_drift + _ends(grey))
+
+
+def jumps_of_knees(knots: FloatArray) -> FloatArray:
+    """Return the two changes of ln γ that a knee near each knot allows, shape (n, 2, n).
+
+    These are a jump, on the far side of the grey level where the random walks start, and any value at the knot: the
+    knee may lie anywhere within half an interval.
+    """
+    number, of_knee = np.arange(len(knots)), np.arange(len(knots))[:, None]
+    beyond = np.where(knots[:, None] > PRIOR_MIDDLE_GREY, number > of_knee, number < of_knee)
+    return np.stack([beyond, number == of_knee], axis=1).astype(np.float64)
 
 
 def _ends(grey: FloatArray) -> FloatArray:

@@ -29,6 +29,7 @@ from ospc.pooling.summary import (
 )
 from ospc.settings.fit import MAX_GAMMA
 from ospc.settings.pooling import MAX_RESPONSE_KNOTS, MAX_WALK, MIN_OBSERVED, MIN_RELATIVE_INFORMATION, OMITTED_SIGMA
+from ospc.settings.response import MAX_KNEES
 from ospc.settings.sampling import ASSUMED_NOISE_SIGMA
 from ospc.settings.vignette import VIGNETTE_REACH
 
@@ -117,8 +118,10 @@ def _of_response(calibration: Calibration) -> tuple[FloatArray, FloatArray, Floa
     if not np.allclose(knots, own.knots):
         raise ValueError("other knots than those of the functions")
     prior = Prior(own, VignetteBasis(0), coefficients, np.empty(0))
-    hyperparameters = replace(START, walk=float(model["prior_walk"]), drift=float(model["prior_drift"]))
+    walk, drift, knees = (model[f"prior_{name}"] for name in ("walk", "drift", "knees"))
+    hyperparameters = replace(START, walk=float(walk), drift=float(drift), knees=tuple(int(knee) for knee in knees))
     plausible = all(0 <= sigma <= MAX_WALK for sigma in (hyperparameters.walk, hyperparameters.drift))
+    plausible = plausible and len(knees) <= MAX_KNEES and all(0 < knee < n - 1 for knee in hyperparameters.knees)
     if not (plausible and coefficients.min() > 0 and coefficients.max() <= MAX_GAMMA):
         raise ValueError("not coefficients of a response")
     from_common = own.conversion(RESPONSE)

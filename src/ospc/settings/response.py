@@ -55,6 +55,14 @@ DRIFT_CANDIDATES = (0.3, 1.0, 3.0, 10.0, 30.0)
 """Candidate hyperparameters, as standard deviations of ln γ over the whole range: of the random walk (smallest,
 largest, number; geometric sequence) and of the random walk of the slope. They range from a straight line to a kink at
 every knot."""
+KNEE_SIGMA = 1.0
+"""Standard deviation of the jump of ln γ at a knee. The knees of cameras change γ by a factor of 1.5 to 6."""
+KNEE_EVIDENCE, FIRST_KNEE_EVIDENCE = 6.0, 2.0
+"""Least increase of the log marginal likelihood by a knee: one camera in ten may have one, at any of 47 knots. It is
+lower in the first rounds, when the errors of a fit without knees hide them; later rounds decide again. With 6 in all
+rounds, a knee at 0.8 by a factor of 5 was never found, although it gains 58 once the fit has it."""
+MAX_KNEES = 4
+"""Maximum number of knees. Cameras have up to three."""
 START_WALK = 1.0
 START_DRIFT = 1.0
 """Hyperparameters until they are first selected, in the first round."""
