@@ -18,6 +18,7 @@ from ospc.estimation.response_basis import FUNCTIONS, ResponseBasis
 from ospc.estimation.vignette_basis import VignetteBasis
 from ospc.photometry.geometry import normalised, pixel_grid
 from ospc.settings.fit import MAX_GAMMA, MAX_GAMMA_CHANGE
+from response_functions import HatsCrowdedAtBlack
 
 seeds = st.integers(0, 2**32 - 1)
 intervals = st.sampled_from([8, 16, 32])
@@ -196,16 +197,6 @@ def test_the_prior_of_the_vignette_is_a_smooth_curve_and_a_random_walk_of_its_sl
     covariance = slopes @ slopes.T + walk**2 / usable_radius**5 * np.sqrt(np.minimum.outer(knots, knots))
     np.testing.assert_allclose(np.linalg.inv(precision), covariance, atol=1e-3, rtol=1e-3)
     assert log_determinant == pytest.approx(np.linalg.slogdet(precision)[1])
-
-
-class HatsCrowdedAtBlack:
-    """Hat functions on knots equidistant in the square root of the grey level."""
-
-    def knots(self, intervals):
-        return np.linspace(0, 1, intervals + 1) ** 2
-
-    def values(self, grey, intervals):
-        return np.stack([np.interp(grey, self.knots(intervals), row) for row in np.eye(intervals + 1)], axis=-1)
 
 
 def test_the_prior_at_a_grey_level_does_not_depend_on_the_other_knots(monkeypatch):

@@ -490,6 +490,9 @@ def test_a_small_knee_is_followed(seed):
 @pytest.mark.parametrize("name", sorted(set(RESPONSES) - {"tum_narrow"}))
 def test_smooth_responses_have_no_knees(name):
     assert fit_of_response(name).hyperparameters.knees == ()
+
+
+def test_a_response_with_a_knee_has_one():
     assert fit_of_response("tum_narrow", 3).hyperparameters.knees
 
 

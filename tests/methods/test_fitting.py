@@ -14,6 +14,7 @@ from ospc.evaluation.metrics import response_shape_rmse, vignette_rmse
 from ospc.photometry.noise import NoiseModel
 from ospc.photometry.response import Response
 from ospc.settings import DefaultSettings, FastSettings, PaperSettings
+from response_functions import HatsCrowdedAtBlack
 from synthetic_observations import NONE, POLYNOMIAL, SIZE, Camera
 
 GAMMA = Response.gamma(2.2)
@@ -281,16 +282,6 @@ def test_points_observed_once_are_refused():
     exposed, exposures_ms = made(Camera(GAMMA))
     with pytest.raises(SettingError, match="two or more observations"):
         ospc.fit(replace(exposed, point=np.arange(len(exposed))), exposures_ms)
-
-
-class HatsCrowdedAtBlack:
-    """Hat functions on knots equidistant in the square root of the grey level."""
-
-    def knots(self, intervals):
-        return np.linspace(0, 1, intervals + 1) ** 2
-
-    def values(self, grey, intervals):
-        return np.stack([np.interp(grey, self.knots(intervals), row) for row in np.eye(intervals + 1)], axis=-1)
 
 
 def test_the_response_may_be_composed_of_other_functions(monkeypatch):

@@ -29,6 +29,7 @@ from ospc.pooling.prior_calibration import PriorCalibration
 from ospc.pooling.summary import summary_of
 from ospc.recording import Frame
 from ospc.settings import DefaultSettings
+from response_functions import HatsCrowdedAtBlack
 from summaries import CAMERA, OTHER_LENS, OTHER_RESPONSE, SIZE, fisheye_inputs_of, inputs_of, summary
 
 
@@ -88,22 +89,11 @@ def test_starting_from_a_calibration_without_new_frames_returns_it(yesterday):
     np.testing.assert_allclose(found.response.log_sigma[60], before.response.log_sigma[60], rtol=0.3)
 
 
-class DenseAtBlack:
-    """Hat functions on knots that are equidistant in the square root of the grey level."""
-
-    def knots(self, intervals):
-        return np.linspace(0, 1, intervals + 1) ** 2
-
-    def values(self, grey, intervals):
-        knots = self.knots(intervals)
-        return np.stack([np.interp(grey, knots, peak) for peak in np.eye(intervals + 1)], axis=-1)
-
-
 @pytest.mark.parametrize(
-    ("intervals", "functions"), [(20, "hats"), (64, "hats"), (DefaultSettings().response_intervals, "dense at black")]
+    ("intervals", "functions"), [(20, "hats"), (64, "hats"), (DefaultSettings().response_intervals, "crowded")]
 )
 def test_the_earlier_response_may_have_another_basis(monkeypatch, tmp_path, intervals, functions):
-    monkeypatch.setitem(FUNCTIONS, "dense at black", DenseAtBlack())
+    monkeypatch.setitem(FUNCTIONS, "crowded", HatsCrowdedAtBlack())
     before = calibration_of(
         inputs_of(CAMERA, 0, groups=80, basis=ResponseBasis(intervals, functions)), DefaultSettings()
     )

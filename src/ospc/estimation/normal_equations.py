@@ -12,7 +12,7 @@ from ospc.estimation.shared_errors import SharedErrors
 from ospc.numerics.least_squares import non_negative_least_squares
 from ospc.numerics.symmetric import eigh
 from ospc.settings.fit import DISAGREEMENT_SHARE, MIN_DETERMINED_PARAMETERS, MIN_SCORE_SPREAD
-from ospc.settings.response import KNEE_EVIDENCE, KNEE_SIGMA, MAX_KNEES
+from ospc.settings.response import KNEE_EVIDENCE, MAX_KNEES
 
 
 @dataclass(frozen=True)
@@ -159,7 +159,7 @@ class NormalEquations:
 
         The prior is that of the response alone.
         """
-        jumps = KNEE_SIGMA * prior.about * jumps_of_knees(prior.response.knots)[1:-1]
+        jumps = prior.about * jumps_of_knees(prior.response.knots)[1:-1]
         of_prior, _ = prior.of_candidates(candidates)
         matrix = self.information_scale * self.matrix
         excess = self.information_scale * self.vector - matrix @ prior.mean

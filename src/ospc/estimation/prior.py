@@ -149,11 +149,11 @@ def vignette_precision(basis: VignetteBasis, walk: float) -> tuple[FloatArray, f
     precision = np.diag(np.concatenate([np.ones(basis.radial), np.array(further) ** -2.0]))
     radial, log_determinant = _radial_precision(basis.radial, basis.usable_radius, basis.reach, walk)
     precision[: basis.radial, : basis.radial] = radial
-    return precision, log_determinant
+    return precision, float(log_determinant)
 
 
 @lru_cache(maxsize=_KEPT_TABLES)
-def _radial_precision(knots: int, usable_radius: float, reach: float, walk: float) -> tuple[FloatArray, float]:
+def _radial_precision(knots: int, usable_radius: float, reach: float, walk: float) -> tuple[FloatArray, FloatArray]:
     """Return the precision of the slopes of ln V at the knots, shape (knots, knots), and its log determinant."""
     squared = VignetteBasis(knots, usable_radius=usable_radius, reach=reach).spline.knots
     dark_radius = DARK_RADIUS + (reach - VIGNETTE_REACH)
@@ -168,19 +168,18 @@ def _response_precisions(
     basis: ResponseBasis, candidates: tuple[tuple[float, float, tuple[int, ...]], ...]
 ) -> tuple[FloatArray, FloatArray]:
     """Return precisions of ln γ at the knots, (c, knots, knots), of walks, drifts and knees; log determinants."""
-    nugget, jumps = PRIOR_NUGGET * np.eye(len(basis)), KNEE_SIGMA * jumps_of_knees(basis.knots)
-    found = (
-        _inverted(_covariance(basis.knots, walk, drift) + nugget + sum(jump.T @ jump for jump in jumps[list(knees)]))
+    nugget, jumps = PRIOR_NUGGET * np.eye(len(basis)), jumps_of_knees(basis.knots)
+    covariances = [
+        _covariance(basis.knots, walk, drift) + nugget + sum(jump.T @ jump for jump in jumps[list(knees)])
         for walk, drift, knees in candidates
-    )
-    precisions, log_determinants = zip(*found, strict=True)
-    return read_only(np.stack(precisions)), np.array(log_determinants)
+    ]
+    return _inverted(np.stack(covariances))
 
 
-def _inverted(covariance: FloatArray) -> tuple[FloatArray, float]:
-    """Return the precision matrix of a covariance, to be shared, and its log determinant."""
-    precision: FloatArray = np.linalg.inv(covariance).astype(np.float64)
-    return read_only(precision), -float(np.linalg.slogdet(covariance)[1])
+def _inverted(covariances: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the precision matrices of covariances, (…, n, n), to be shared, and their log determinants, (…)."""
+    precisions: FloatArray = np.linalg.inv(covariances).astype(np.float64)
+    return read_only(precisions), -np.asarray(np.linalg.slogdet(covariances)[1])
 
 
 def _covariance(grey: FloatArray, walk: float, drift: float) -> FloatArray:
@@ -196,14 +195,14 @@ def _covariance(grey: FloatArray, walk: float, drift: float) -> FloatArray:
 
 
 def jumps_of_knees(knots: FloatArray) -> FloatArray:
-    """Return the two changes of ln γ that a knee near each knot allows, shape (n, 2, n).
+    """Return the two changes of ln γ that a knee near each knot allows, one standard deviation each, (n, 2, n).
 
     These are a jump, on the far side of the grey level where the random walks start, and any value at the knot: the
     knee may lie anywhere within half an interval.
     """
     number, of_knee = np.arange(len(knots)), np.arange(len(knots))[:, None]
     beyond = np.where(knots[:, None] > PRIOR_MIDDLE_GREY, number > of_knee, number < of_knee)
-    return np.stack([beyond, number == of_knee], axis=1).astype(np.float64)
+    return KNEE_SIGMA * np.stack([beyond, number == of_knee], axis=1)
 
 
 def _ends(grey: FloatArray) -> FloatArray:
