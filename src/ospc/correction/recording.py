@@ -47,37 +47,30 @@ _WIDE = 4.0
 
 @dataclass(frozen=True)
 class Corrected:
-    """The outcome of a correction.
-
-    Attributes
-    ----------
-    path, formula
-        The folder, and the meaning of a pixel value as a sentence.
-    frames, exposures_ms
-        Indices of the written frames, and the exposures of their images, shape (frames,); all 1 ms if unknown.
-    skipped, reasons
-        Number of frames that could not be read or have no exposure, and the reasons for the first few of them.
-    saturated, clipped
-        Share of the pixels that were saturated, and of those that are not but exceed the range of the output.
-    assumed
-        Names of the unknown parts of the calibration, which were replaced by the identity.
-    notes
-        Other notes for the user.
-    kept
-        Number of frames that an interrupted correction had already written.
-    """
+    """The outcome of a correction."""
 
     path: Path
+    """The folder."""
     formula: str
+    """The meaning of a pixel value as a sentence."""
     frames: tuple[int, ...]
+    """Indices of the written frames."""
     exposures_ms: FloatArray
+    """Exposures of their images, shape (frames,); all 1 ms if unknown."""
     skipped: int
+    """Number of frames that could not be read or have no exposure."""
     reasons: tuple[str, ...]
+    """Reasons for the first few of them."""
     saturated: float
+    """Share of the pixels that were saturated."""
     clipped: float
+    """Share of the pixels that are not saturated but exceed the range of the output."""
     assumed: tuple[str, ...]
+    """Names of the unknown parts of the calibration, which were replaced by the identity."""
     notes: tuple[str, ...]
+    """Other notes for the user."""
     kept: int = 0
+    """Number of frames that an interrupted correction had already written."""
 
 
 def corrector_for(recording: Recording, photometry: Photometry, *, assume_missing: bool = False) -> Corrector:

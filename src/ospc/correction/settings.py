@@ -19,35 +19,26 @@ DTYPES: dict[Output, type[np.generic]] = {"irradiance": np.float32, "grey8": np.
 
 @dataclass(frozen=True)
 class CorrectionSettings:
-    """How to correct a recording.
-
-    Attributes
-    ----------
-    output
-        Kind of output images. If None: ``irradiance``, or with ``keep_response`` the bit depth of the originals.
-    keep_response
-        Whether to remove only the vignette. The output then has the grey levels that the camera would have recorded
-        without it, scaled to all 8 or 16 bits, instead of values linear in the irradiance.
-    normalise_exposure, reference_ms
-        Whether to bring all images to the same exposure, e·L · reference/e, instead of keeping their own, e·L; and
-        that exposure. If None: 1 ms for ``irradiance``, so that values are radiance per millisecond; the shortest of
-        the recording for ``grey16``, so that nothing is clipped; the median for ``grey8``, which has too few bits for
-        the shortest.
-    white
-        For integers: the irradiance that becomes the largest grey value. 1 saturates the camera where V = 1; only
-        brighter values away from the centre are then clipped.
-    mask_saturated, assume_missing
-        Whether saturated pixels become NaN (``irradiance``) or the largest grey value, and whether an unknown
-        response or vignette is replaced by the identity.
-    """
+    """How to correct a recording."""
 
     output: Output | None = None
+    """Kind of output images. If None: ``irradiance``, or with ``keep_response`` the bit depth of the originals."""
     keep_response: bool = False
+    """Whether to remove only the vignette. The output then has the grey levels that the camera would have recorded
+    without it, scaled to all 8 or 16 bits, instead of values linear in the irradiance."""
     normalise_exposure: bool = False
+    """Whether to bring all images to the same exposure, e·L · reference/e, instead of keeping their own, e·L."""
     reference_ms: float | None = None
+    """That exposure. If None: 1 ms for ``irradiance``, so that values are radiance per millisecond; the shortest of
+    the recording for ``grey16``, so that nothing is clipped; the median for ``grey8``, which has too few bits for the
+    shortest."""
     white: float = 1.0
+    """For integers: the irradiance that becomes the largest grey value. 1 saturates the camera where V = 1; only
+    brighter values away from the centre are then clipped."""
     mask_saturated: bool = False
+    """Whether saturated pixels become NaN (``irradiance``) or the largest grey value."""
     assume_missing: bool = False
+    """Whether an unknown response or vignette is replaced by the identity."""
 
     def __post_init__(self) -> None:
         """Check the values."""

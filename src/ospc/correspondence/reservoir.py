@@ -18,17 +18,12 @@ class Reservoir:
     """Keeps every scene point up to a limit, then repeatedly half of them, old and new ones equally.
 
     Groups that are added later must have higher numbers.
-
-    Attributes
-    ----------
-    capacity
-        Maximum number of scene points kept.
-    kept
-        Their observations, None without any. These arrays never change: later groups are written behind them.
     """
 
     capacity: int
+    """Maximum number of scene points kept."""
     kept: Observations | None = None
+    """Their observations, None without any. These arrays never change: later groups are written behind them."""
     _halvings: int = 0
 
     def __post_init__(self) -> None:

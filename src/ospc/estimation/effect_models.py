@@ -63,32 +63,24 @@ class AbsorbedLight:
 
 @dataclass(frozen=True)
 class Circumstances:
-    """Quantities that determine the amount of an effect, for n observations and a response.
-
-    Attributes
-    ----------
-    observations
-        The observations.
-    exposure, time
-        Exposure relative to the typical one, and time from −1 in the first group to 1 in the last, shape (n,).
-    grey, gamma
-        Expected grey levels, and the local gamma there, shape (n,).
-    light_of_moments
-        Factors on the moments of grey levels; the weighted sum is their mean irradiance, shape (6,).
-    absorbed
-        The additional light contained in the response.
-    step_exposures
-        Exposures relative to the typical one, beyond which the gain may differ, shape (15,).
-    """
+    """Quantities that determine the amount of an effect, for n observations and a response."""
 
     observations: ExposedObservations
+    """The observations."""
     exposure: FloatArray
+    """Exposure relative to the typical one, shape (n,)."""
     time: FloatArray
+    """Time from −1 in the first group to 1 in the last, shape (n,)."""
     grey: FloatArray
+    """Expected grey levels, shape (n,)."""
     gamma: FloatArray
+    """Local gamma at these grey levels, shape (n,)."""
     light_of_moments: FloatArray
+    """Factors on the moments of grey levels; the weighted sum is their mean irradiance, shape (6,)."""
     absorbed: AbsorbedLight
+    """The additional light contained in the response."""
     step_exposures: tuple[float, ...]
+    """Exposures relative to the typical one, beyond which the gain may differ, shape (15,)."""
 
     @property
     def position(self) -> FloatArray:
@@ -114,33 +106,24 @@ class Circumstances:
 
 @dataclass(frozen=True)
 class Effect:
-    """One effect.
-
-    Attributes
-    ----------
-    adds
-        The quantity it adds to.
-    amount
-        The amount that a parameter of 1 adds to each of n observations, in irradiance, typical exposures or ln g,
-        shape (n,).
-    sigma, usual_sigma
-        Prior standard deviations of the parameter: in cameras with the effect, and in all others.
-    systematic
-        Standard deviation of spurious values of the parameter in clean recordings.
-    model_error
-        Standard deviation of the parameter of a real effect, which its model only approximates, as a share of it.
-    least, most
-        Plausible range of the parameter: there is no negative light.
-    """
+    """One effect."""
 
     adds: Addition
+    """The quantity it adds to."""
     amount: Callable[[Circumstances], FloatArray]
+    """The amount that a parameter of 1 adds to each of n observations, in irradiance, typical exposures or ln g,
+    shape (n,)."""
     sigma: float
+    """Prior standard deviation of the parameter in cameras with the effect."""
     usual_sigma: float
+    """The same in all other cameras."""
     systematic: float
+    """Standard deviation of spurious values of the parameter in clean recordings."""
     model_error: float = 0.0
+    """Standard deviation of the parameter of a real effect, which its model only approximates, as a share of it."""
     least: float = -np.inf
     most: float = np.inf
+    """Plausible range of the parameter: there is no negative light."""
 
     def allows(self, value: float) -> bool:
         """Return whether a value of the parameter is plausible."""

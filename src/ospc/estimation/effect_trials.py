@@ -17,23 +17,18 @@ from ospc.settings.effects import CONTRADICTION_PROBABILITY, EFFECT_PROBABILITY
 
 @dataclass(frozen=True)
 class Trial:
-    """The estimate of an effect that a fit leaves out.
-
-    Attributes
-    ----------
-    name, value, sigma
-        The effect, the value of its parameter, and its standard deviation due to chance.
-    parameter_slope
-        Derivative of the p parameters of the fit with respect to that of the effect, shape (p,).
-    groups
-        Number of groups of observations.
-    """
+    """The estimate of an effect that a fit leaves out."""
 
     name: str
+    """The effect."""
     value: float
+    """Value of its parameter."""
     sigma: float
+    """Standard deviation of the parameter due to chance."""
     parameter_slope: FloatArray
+    """Derivative of the p parameters of the fit with respect to that of the effect, shape (p,)."""
     groups: int
+    """Number of groups of observations."""
 
     @property
     def sigmas(self) -> float:

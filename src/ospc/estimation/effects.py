@@ -42,20 +42,16 @@ from ospc.settings.sampling import GREY_POWERS
 
 @dataclass(frozen=True)
 class ResponseTables:
-    """What the effects need of a response: ``grid`` has the grey levels of the tables, shape (4097,).
-
-    Attributes
-    ----------
-    irradiance, gamma
-        g and the local gamma, shape (4097,) each.
-    light_of_moments
-        See :class:`~ospc.estimation.effect_models.Circumstances`.
-    """
+    """What the effects need of a response."""
 
     grid: FloatArray
+    """Grey levels of the tables, shape (4097,)."""
     irradiance: FloatArray
+    """g, shape (4097,)."""
     gamma: FloatArray
+    """Local gamma, shape (4097,)."""
     light_of_moments: FloatArray
+    """See :class:`~ospc.estimation.effect_models.Circumstances`."""
 
     @classmethod
     def of(cls, basis: ResponseBasis, coefficients: FloatArray) -> ResponseTables:
@@ -66,46 +62,34 @@ class ResponseTables:
 
 @dataclass(frozen=True)
 class EffectTerms:
-    """The values from which the effects of n observations are computed.
-
-    Attributes
-    ----------
-    exposure, light
-        Exposure relative to the typical one, and g at the expected grey level, shape (n,).
-    amounts
-        The amount that a parameter of 1 of each chosen effect adds, in irradiance, typical exposures or ln g, shape
-        (n,) each.
-    """
+    """The values from which the effects of n observations are computed."""
 
     exposure: FloatArray
+    """Exposure relative to the typical one, shape (n,)."""
     light: FloatArray
+    """g at the expected grey level, shape (n,)."""
     amounts: dict[str, FloatArray]
+    """The amount that a parameter of 1 of each chosen effect adds, in irradiance, typical exposures or ln g, shape
+    (n,) each."""
 
 
 @dataclass(frozen=True)
 class Effects:
-    """A selection of effects, and their reference values.
-
-    Attributes
-    ----------
-    chosen
-        Names of the effects, in the order of their parameters.
-    log_typical_exposure, groups
-        ln ē, in milliseconds, and first and last group of the observations.
-    absorbed
-        Amounts of additional light contained in the response. A constant amount cannot be distinguished from the
-        response. During the fit, the effects therefore only describe the difference of each observation from one with
-        rather little additional light. All zero once the response is free of it.
-    step_exposures
-        Exposures relative to the typical one, beyond which the gain may differ; NaN where too few exposures differ
-        for a step to be told from a power of the exposures, shape (15,); empty if no effect can be chosen.
-    """
+    """A selection of effects, and their reference values."""
 
     chosen: tuple[str, ...] = ()
+    """Names of the effects, in the order of their parameters."""
     log_typical_exposure: float = 0.0
+    """ln ē, in milliseconds."""
     groups: tuple[int, int] = (0, 1)
+    """First and last group of the observations."""
     absorbed: AbsorbedLight = field(default_factory=AbsorbedLight)
+    """Amounts of additional light contained in the response. A constant amount cannot be distinguished from the
+    response. During the fit, the effects therefore only describe the difference of each observation from one with
+    rather little additional light. All zero once the response is free of it."""
     step_exposures: tuple[float, ...] = ()
+    """Exposures relative to the typical one, beyond which the gain may differ; NaN where too few exposures differ for
+    a step to be told from a power of the exposures, shape (15,); empty if no effect can be chosen."""
 
     @classmethod
     def none_of(cls, observations: ExposedObservations) -> Effects:

@@ -32,32 +32,24 @@ class ErrorModel:
 
     It is ``constant + shot · s²/g + read · s²/g² + registration² · gradient² + radiance² · s²``. Shot and read noise
     occur in irradiance; the slope of the response converts them to noise of the grey level.
-
-    Attributes
-    ----------
-    constant
-        Variance of quantisation and other errors of the grey level itself, in full scale squared.
-    shot, read
-        Variance of the irradiance at white: the part proportional to irradiance, and the constant part.
-    registration_sigma_px
-        Standard deviation of the registration, in pixels of the sampled image.
-    radiance_sigma
-        Relative standard deviation of the radiance: surfaces are not exactly Lambertian, light flickers.
-    factors
-        Factors on the sum at :data:`~ospc.settings.error_model.FACTOR_GREYS`, interpolated in between, which correct
-        for its simplifications; empty for a factor of 1 everywhere.
-    gain_variances
-        Variances of the latent gains of frames by :class:`~ospc.estimation.frame_gains.FrameGains`, in ln², which are
-        not part of this variance; empty for none.
     """
 
     constant: float = START_GREY_SIGMA**2
+    """Variance of quantisation and other errors of the grey level itself, in full scale squared."""
     shot: float = 0.0
+    """The part of the variance of the irradiance at white that is proportional to irradiance."""
     read: float = 0.0
+    """The constant part of it."""
     registration_sigma_px: float = START_REGISTRATION_SIGMA_PX
+    """Standard deviation of the registration, in pixels of the sampled image."""
     radiance_sigma: float = START_RADIANCE_SIGMA
+    """Relative standard deviation of the radiance: surfaces are not exactly Lambertian, light flickers."""
     factors: tuple[float, ...] = ()
+    """Factors on the sum at :data:`~ospc.settings.error_model.FACTOR_GREYS`, interpolated in between, which correct
+    for its simplifications; empty for a factor of 1 everywhere."""
     gain_variances: tuple[float, ...] = ()
+    """Variances of the latent gains of frames by :class:`~ospc.estimation.frame_gains.FrameGains`, in ln², which are
+    not part of this variance; empty for none."""
 
     def variance(
         self, grey: FloatArray, slope: FloatArray, irradiance: FloatArray, gradient: FloatArray

@@ -17,24 +17,16 @@ from ospc.settings.vignette import MAX_VIGNETTE_REACH
 
 @dataclass(frozen=True)
 class FitPlan:
-    """What is fitted to observations.
-
-    Attributes
-    ----------
-    response
-        Basis of the response.
-    widest
-        The vignette model with the most parameters and the farthest knots.
-    noise
-        Noise of single pixels; None if the observations are single pixels.
-    rounds
-        Maximum number of rounds of each fit after the first in which outliers lose weight.
-    """
+    """What is fitted to observations."""
 
     response: ResponseBasis
+    """Basis of the response."""
     widest: VignetteBasis
+    """The vignette model with the most parameters and the farthest knots."""
     noise: NoiseModel | None
+    """Noise of single pixels; None if the observations are single pixels."""
     rounds: int
+    """Maximum number of rounds of each fit after the first in which outliers lose weight."""
 
     @classmethod
     def of_moving_camera(cls, settings: DefaultSettings, noise: NoiseModel | None, usable_radius: float) -> FitPlan:

@@ -32,16 +32,12 @@ from ospc.settings.residuals import (
 
 @dataclass(frozen=True)
 class PairEnds:
-    """The two frames of each pair.
-
-    Attributes
-    ----------
-    frames, log_exposure
-        Their numbers, and ln of their stated exposures, shape (pairs, 2).
-    """
+    """The two frames of each pair."""
 
     frames: IntArray
+    """Their numbers, shape (pairs, 2)."""
     log_exposure: FloatArray
+    """ln of their stated exposures, shape (pairs, 2)."""
 
     @classmethod
     def of(cls, observations: ExposedObservations) -> PairEnds:
@@ -66,16 +62,12 @@ class PairEnds:
 
 @dataclass(frozen=True)
 class PairMeans:
-    """Mean residuals of pairs of frames.
-
-    Attributes
-    ----------
-    mean, by_chance
-        The means in ln, and their variances due to chance, shape (pairs,).
-    """
+    """Mean residuals of pairs of frames."""
 
     mean: FloatArray
+    """The means in ln, shape (pairs,)."""
     by_chance: FloatArray
+    """Their variances due to chance, shape (pairs,)."""
 
     def __len__(self) -> int:
         """Return the number of pairs."""
@@ -116,20 +108,15 @@ class PairMeans:
 
 @dataclass(frozen=True)
 class FrameGains:
-    """The gains indicated by pairs of frames.
-
-    Attributes
-    ----------
-    ends, means
-        The two frames of each pair, and its mean residual.
-    variances
-        Variances, in ln², of independent gains, of those of each of
-        :data:`~ospc.settings.residuals.GAIN_MEMORIES`, and of those that recur with the exposure; empty for no gains.
-    """
+    """The gains indicated by pairs of frames."""
 
     ends: PairEnds
+    """The two frames of each pair."""
     means: PairMeans
+    """Mean residual of each pair."""
     variances: tuple[float, ...] = ()
+    """Variances, in ln², of independent gains, of those of each of :data:`~ospc.settings.residuals.GAIN_MEMORIES`,
+    and of those that recur with the exposure; empty for no gains."""
 
     @cached_property
     def _blocks(self) -> list[_Block]:

@@ -15,25 +15,22 @@ from ospc.settings.fit import GROUPS_PER_BLOCK, MIN_BLOCKS
 
 @dataclass(frozen=True)
 class GroupSums:
-    """The normal equations, and sums over the points of each group of observations, with weights w and rows r.
-
-    Attributes
-    ----------
-    about, matrix, vector
-        Parameters at which misfits are taken, AᵀWA and AᵀWb, shapes (p,), (p, p) and (p,).
-    scores, rows
-        Sums of w r times the misfit, and of w r, shape (groups, p).
-    precision, misfit
-        Sums of w, and of w times the misfit, shape (groups,).
-    """
+    """The normal equations, and sums over the points of each group of observations, with weights w and rows r."""
 
     about: FloatArray
+    """Parameters at which misfits are taken, shape (p,)."""
     matrix: FloatArray
+    """AᵀWA, shape (p, p)."""
     vector: FloatArray
+    """AᵀWb, shape (p,)."""
     scores: FloatArray
+    """Sums of w r times the misfit, shape (groups, p)."""
     rows: FloatArray
+    """Sums of w r, shape (groups, p)."""
     precision: FloatArray
+    """Sums of w, shape (groups,)."""
     misfit: FloatArray
+    """Sums of w times the misfit, shape (groups,)."""
 
     def mean_misfit(self, parameters: FloatArray) -> FloatArray:
         """Return the mean misfit of each group at parameters of shape (p,)."""

@@ -36,41 +36,33 @@ from ospc.settings.residuals import MOST_LOG_GAIN
 
 @dataclass(frozen=True)
 class Latent:
-    """The observations, linearised with the current model, shape (n,) each.
-
-    Attributes
-    ----------
-    index, grey
-        Predicted grey level, with its index in the basis's grid.
-    log_response_slope, irradiance
-        dh/dM and g at that grey level.
-    linear_log
-        h at the measured grey level, linearised at the predicted one.
-    precision, weight
-        Inverse variance of h, and robust weight; 1 if all observations of a point have none.
-    texture
-        Reduction of h by texture if all of the measured variance is texture, with the same variance over squared grey
-        level for all observations of a point.
-    log_exposure
-        ln of the effective exposure: the stated one plus the latent gain of the frame.
-    offset
-        ``log_exposure`` plus ln of the gain by vignette and effects.
-    total, mean
-        Sum of the point's weights, and its log radiance u.
-    """
+    """The observations, linearised with the current model, shape (n,) each."""
 
     index: IntArray
+    """Index of the predicted grey level in the basis's grid."""
     grey: FloatArray
+    """Predicted grey level."""
     log_response_slope: FloatArray
+    """dh/dM at that grey level."""
     irradiance: FloatArray
+    """g at that grey level."""
     linear_log: FloatArray
+    """h at the measured grey level, linearised at the predicted one."""
     precision: FloatArray
+    """Inverse variance of h."""
     weight: FloatArray
+    """Robust weight; 1 if all observations of a point have none."""
     texture: FloatArray
+    """Reduction of h by texture if all of the measured variance is texture, with the same variance over squared grey
+    level for all observations of a point."""
     log_exposure: FloatArray
+    """ln of the effective exposure: the stated one plus the latent gain of the frame."""
     offset: FloatArray
+    """``log_exposure`` plus ln of the gain by vignette and effects."""
     total: FloatArray
+    """Sum of the point's weights."""
     mean: FloatArray
+    """The point's log radiance u."""
 
     @cached_property
     def residual(self) -> FloatArray:
@@ -111,29 +103,20 @@ class Latent:
 
 @dataclass(frozen=True)
 class LatentModel:
-    """Linearises observations with a response and an error model.
-
-    Attributes
-    ----------
-    basis, coefficients
-        The response.
-    errors
-        Error model of the observations.
-    noise
-        Noise of the single pixels averaged in an observation; because it is clipped, it shifts the mean near black
-        and white. None if an observation is a single pixel, whose noise the error model describes.
-    texture_share
-        Share of the texture shift that is corrected.
-    trusted
-        Whether the model is good enough to predict grey levels; otherwise it is linearised at the measured ones.
-    """
+    """Linearises observations with a response and an error model."""
 
     basis: ResponseBasis
     coefficients: FloatArray
+    """The response."""
     errors: ErrorModel
+    """Error model of the observations."""
     noise: NoiseModel | None
+    """Noise of the single pixels averaged in an observation; because it is clipped, it shifts the mean near black and
+    white. None if an observation is a single pixel, whose noise the error model describes."""
     texture_share: float
+    """Share of the texture shift that is corrected."""
     trusted: bool
+    """Whether the model is good enough to predict grey levels; otherwise it is linearised at the measured ones."""
 
     def __call__(self, observations: ExposedObservations, log_gain: FloatArray, weight: FloatArray) -> Latent:
         """Linearise observations, given ln of the gain by vignette and effects, and weights, shape (n,) each.

@@ -56,33 +56,25 @@ _TINY = np.finfo(np.float64).tiny
 
 @dataclass(frozen=True)
 class PixelMeans:
-    """The shifts for one response, on the grid of its basis, shape (grid,) each.
-
-    Attributes
-    ----------
-    by_noise
-        Increase of the mean by noise without gain; it grows as the variance does.
-    grid
-        Grey levels.
-    irradiance, log_slope, bend
-        g, the derivative of ln g, and g″/g′, smoothed because bends of an estimate may be chance.
-    at_knee
-        Decrease of the mean by normally distributed texture over its variance, for each of :data:`TEXTURE_WIDTHS`,
-        shape (grid, widths); NaN where there is no knee, None if there is none at all.
-    noise_variance
-        Variance of single pixels without gain.
-    noise
-        The noise model, for the growth with gain.
-    """
+    """The shifts for one response, on the grid of its basis, shape (grid,) each."""
 
     by_noise: FloatArray
+    """Increase of the mean by noise without gain; it grows as the variance does."""
     grid: FloatArray
+    """Grey levels."""
     irradiance: FloatArray
+    """g, smoothed because bends of an estimate may be chance."""
     log_slope: FloatArray
+    """The derivative of ln g, smoothed."""
     bend: FloatArray
+    """g″/g′, smoothed."""
     at_knee: FloatArray | None
+    """Decrease of the mean by normally distributed texture over its variance, for each of :data:`TEXTURE_WIDTHS`,
+    shape (grid, widths); NaN where there is no knee, None if there is none at all."""
     noise_variance: FloatArray
+    """Variance of single pixels without gain."""
     noise: NoiseModel
+    """The noise model, for the growth with gain."""
 
     @classmethod
     def of(cls, basis: ResponseBasis, coefficients: FloatArray, noise: NoiseModel) -> PixelMeans:

@@ -103,26 +103,20 @@ class Model:
 
 @dataclass(frozen=True)
 class LinearSystem:
-    """The equations h(M) − ln V − u = ln e + s of all observations, with the radiance u of each point eliminated.
-
-    Attributes
-    ----------
-    model, about
-        The model, and the parameters at which it is linearised, shape (p,).
-    observations, latent
-        n observations, and their linearisation.
-    weight
-        Robust weights, shape (n,).
-    gain_variances
-        Variances of the latent frame gains, in ln²; empty for none.
-    """
+    """The equations h(M) − ln V − u = ln e + s of all observations, with the radiance u of each point eliminated."""
 
     model: Model
+    """The model."""
     about: FloatArray
+    """The parameters at which it is linearised, shape (p,)."""
     observations: ExposedObservations
+    """n observations."""
     latent: Latent
+    """Their linearisation."""
     weight: FloatArray
+    """Robust weights, shape (n,)."""
     gain_variances: tuple[float, ...] = ()
+    """Variances of the latent frame gains, in ln²; empty for none."""
 
     def equations(self, prior_precision: FloatArray, sandwich_factor: float) -> NormalEquations:
         """Return the normal equations of the parameters and, last, of a change of the texture share.

@@ -17,29 +17,21 @@ from ospc.settings.response import KNEE_EVIDENCE, MAX_KNEES
 
 @dataclass(frozen=True)
 class NormalEquations:
-    """AᵀWA and AᵀWb of a weighted linear system, and the scatter of its groups' scores.
-
-    Attributes
-    ----------
-    matrix, vector
-        AᵀWA and AᵀWb, shapes (p, p) and (p,).
-    scatter
-        Sum over the blocks of groups of the outer product of their scores, shape (p, p).
-    information_scale
-        Factor that converts :attr:`matrix` to information. It is below one because errors within a group share causes
-        and because robust weights discard information.
-    sandwich_factor
-        Mean derivative of the influence function over the mean weight (Huber 1981, asymptotic variance).
-    blocks
-        Number of blocks.
-    """
+    """AᵀWA and AᵀWb of a weighted linear system, and the scatter of its groups' scores."""
 
     matrix: FloatArray
+    """AᵀWA, shape (p, p)."""
     vector: FloatArray
+    """AᵀWb, shape (p,)."""
     scatter: FloatArray
+    """Sum over the blocks of groups of the outer product of their scores, shape (p, p)."""
     information_scale: float = 1.0
+    """Factor that converts :attr:`matrix` to information. It is below one because errors within a group share causes
+    and because robust weights discard information."""
     sandwich_factor: float = 1.0
+    """Mean derivative of the influence function over the mean weight (Huber 1981, asymptotic variance)."""
     blocks: int = 1
+    """Number of blocks."""
 
     def centred(self, about: FloatArray) -> NormalEquations:
         """Return the equations with the scatter about the mean score instead of zero.

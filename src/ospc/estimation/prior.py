@@ -84,22 +84,16 @@ START = PriorHyperparameters(START_WALK, START_DRIFT, START_VIGNETTE_WALK)
 
 @dataclass(frozen=True)
 class Prior:
-    """A normal distribution of ln γ at the knots and of all other parameters, linearised in γ.
-
-    Attributes
-    ----------
-    response, vignette
-        Bases of response and vignette.
-    about
-        Coefficients of the response at which ln γ is linearised, shape (n,).
-    effect_sigma
-        Standard deviation about zero of each effect, shape (e,).
-    """
+    """A normal distribution of ln γ at the knots and of all other parameters, linearised in γ."""
 
     response: ResponseBasis
+    """Basis of the response."""
     vignette: VignetteBasis
+    """Basis of the vignette."""
     about: FloatArray
+    """Coefficients of the response at which ln γ is linearised, shape (n,)."""
     effect_sigma: FloatArray
+    """Standard deviation about zero of each effect, shape (e,)."""
 
     @property
     def of_response(self) -> Prior:

@@ -13,18 +13,12 @@ from ospc.settings.fit import SHARED_ERROR, SHARED_ERROR_GREY, SHARED_ERROR_LOG_
 
 @dataclass(frozen=True)
 class SharedErrors:
-    """Scores of the errors that pairs of frames share.
-
-    Attributes
-    ----------
-    disagreement
-        Differences of the scores between halves of the observations, shape (ways, p).
-    expected
-        Scores of the errors to expect in points of the same kind, shape (kinds, p).
-    """
+    """Scores of the errors that pairs of frames share."""
 
     disagreement: FloatArray
+    """Differences of the scores between halves of the observations, shape (ways, p)."""
     expected: FloatArray
+    """Scores of the errors to expect in points of the same kind, shape (kinds, p)."""
 
 
 def halves(observations: ExposedObservations) -> FloatArray:

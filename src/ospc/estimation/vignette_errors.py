@@ -19,25 +19,20 @@ class VignetteErrors:
     """The uncertainty of a fitted vignette along the half diagonals of an image.
 
     For a decentred or non-radial vignette, the errors differ between the half diagonals.
-
-    Attributes
-    ----------
-    basis, parameters
-        The fitted vignette.
-    covariance, chance
-        Covariance of its parameters, in total and due to chance alone, shape (p, p).
-    measured_radius
-        Distance of the last observations from the centre of the vignette, in half diagonals.
-    size
-        Width and height of the image in pixels.
     """
 
     basis: VignetteBasis
+    """Basis of the fitted vignette."""
     parameters: FloatArray
+    """Its parameters, shape (p,)."""
     covariance: FloatArray
+    """Covariance of these parameters in total, shape (p, p)."""
     chance: FloatArray
+    """The part of it due to chance alone, shape (p, p)."""
     measured_radius: float
+    """Distance of the last observations from the centre of the vignette, in half diagonals."""
     size: ImageSize
+    """Width and height of the image in pixels."""
 
     def worst_log_sigma(self, radius: float) -> float:
         """Return the largest standard deviation of ln V at a radius in half diagonals."""

@@ -31,32 +31,22 @@ from ospc.settings.registration import MIN_OVERLAP
 
 @dataclass(frozen=True)
 class BrightnessChange:
-    """The brightness change between two frames.
-
-    Attributes
-    ----------
-    frame0, frame1
-        Numbers of the frames.
-    log_ratio
-        Robust mean of ln M₁/M₀ over the flat points of each grey bin, shape (bins,); 0 for bins with too few.
-    weight
-        Number of flat points per bin, capped; 0 for bins with too few, shape (bins,).
-    vignette_terms
-        Mean changes of R², R⁴, x and y over these points, in half diagonals, shape (bins, 4). The change of ln V of a
-        possibly decentred vignette is approximately a linear combination of them.
-    overlap
-        Share of the first frame that is well exposed and visible in the second.
-    motion_px
-        Median displacement of textured points in pixels of the frame; NaN if there are too few.
-    """
+    """The brightness change between two frames."""
 
     frame0: int
     frame1: int
+    """Numbers of the frames."""
     log_ratio: FloatArray
+    """Robust mean of ln M₁/M₀ over the flat points of each grey bin, shape (bins,); 0 for bins with too few."""
     weight: FloatArray
+    """Number of flat points per bin, capped; 0 for bins with too few, shape (bins,)."""
     vignette_terms: FloatArray
+    """Mean changes of R², R⁴, x and y over these points, in half diagonals, shape (bins, 4). The change of ln V of a
+    possibly decentred vignette is approximately a linear combination of them."""
     overlap: float
+    """Share of the first frame that is well exposed and visible in the second."""
     motion_px: float
+    """Median displacement of textured points in pixels of the frame; NaN if there are too few."""
 
 
 @dataclass(frozen=True)

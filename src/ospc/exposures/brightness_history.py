@@ -22,31 +22,22 @@ class Precomputed:
 
 @dataclass
 class BrightnessHistory:
-    """Compares each frame with the previous one and stores the brightness changes in bounded memory.
-
-    Attributes
-    ----------
-    changes
-        The stored brightness changes between consecutive frames, in frame order.
-    last_frame
-        Number of the latest frame, -1 before the first.
-    compared
-        Number of frames that were compared with their predecessor.
-    repeats, repeated
-        Number of frames whose image equals that of the previous frame, and the numbers of the first of them.
-    image_since
-        Number of the first of the latest frames that all have the same image, -1 before the first frame.
-    observed
-        Number of brightness changes in this epoch, stored or not.
-    """
+    """Compares each frame with the previous one and stores the brightness changes in bounded memory."""
 
     changes: list[BrightnessChange] = field(default_factory=list, repr=False)
+    """The stored brightness changes between consecutive frames, in frame order."""
     last_frame: int = -1
+    """Number of the latest frame, -1 before the first."""
     compared: int = 0
+    """Number of frames that were compared with their predecessor."""
     repeats: int = 0
+    """Number of frames whose image equals that of the previous frame."""
     repeated: list[int] = field(default_factory=list)
+    """Numbers of the first of these frames."""
     image_since: int = -1
+    """Number of the first of the latest frames that all have the same image, -1 before the first frame."""
     observed: int = 0
+    """Number of brightness changes in this epoch, stored or not."""
 
     def __post_init__(self) -> None:
         self._compare = BrightnessComparer()

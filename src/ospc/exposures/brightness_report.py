@@ -66,39 +66,26 @@ class Jump:
 
 @dataclass(frozen=True)
 class BrightnessReport:
-    """How the brightness of the same scene points changes, and what explains it.
-
-    Attributes
-    ----------
-    change_rms_log
-        Root mean square change of ln grey from one frame to the next.
-    unexplained_rms_log
-        Root mean square of the part that exposures (shifted by the lag) and flicker do not explain.
-    unexplained_share
-        Share of the energy of all changes that exposures do not explain; NaN if brightness does not change.
-    drift_at_constant_exposure_log
-        Largest sum of unexplained changes within :data:`DRIFT_FRAMES` while the exposure stays constant.
-    stale
-        Whether brightness changes while the recorded exposures do not.
-    fits_badly
-        Whether exposures leave much of the brightness unexplained, even at the lag that fits best.
-    flicker
-        Periodic changes that the exposures do not explain, strongest first.
-    jumps
-        Lasting jumps that the exposures do not explain, in frame order.
-    momentary
-        Frames that differ from those before and after them, as by the flash of another camera, in order.
-    """
+    """How the brightness of the same scene points changes, and what explains it."""
 
     change_rms_log: float
+    """Root mean square change of ln grey from one frame to the next."""
     unexplained_rms_log: float
+    """Root mean square of the part that exposures (shifted by the lag) and flicker do not explain."""
     unexplained_share: float
+    """Share of the energy of all changes that exposures do not explain; NaN if brightness does not change."""
     drift_at_constant_exposure_log: float
+    """Largest sum of unexplained changes within :data:`DRIFT_FRAMES` while the exposure stays constant."""
     stale: bool
+    """Whether brightness changes while the recorded exposures do not."""
     fits_badly: bool
+    """Whether exposures leave much of the brightness unexplained, even at the lag that fits best."""
     flicker: tuple[Flicker, ...]
+    """Periodic changes that the exposures do not explain, strongest first."""
     jumps: tuple[Jump, ...] = ()
+    """Lasting jumps that the exposures do not explain, in frame order."""
     momentary: tuple[int, ...] = ()
+    """Frames that differ from those before and after them, as by the flash of another camera, in order."""
 
     @property
     def largest_jump(self) -> Jump | None:

@@ -22,28 +22,21 @@ from ospc.settings.brightness import (
 
 @dataclass(frozen=True)
 class BrightnessSeries:
-    """Brightness changes between n pairs of frames, in frame order.
-
-    Attributes
-    ----------
-    frame
-        Number of the first frame of each pair, shape (n,).
-    log_ratio, weight, vignette_terms
-        The attributes of :class:`~ospc.exposures.brightness.BrightnessChange`, one row per pair, shapes (n, bins),
-        (n, bins) and (n, bins, 4).
-    interval_frames
-        Number of frames from the first to the second of each pair.
-    exposure_error
-        Standard deviation of the brightness errors caused by errors of individual exposures, relative to the noise
-        scale.
-    """
+    """Brightness changes between n pairs of frames, in frame order."""
 
     frame: IntArray
+    """Number of the first frame of each pair, shape (n,)."""
     log_ratio: FloatArray
+    """As in :class:`~ospc.exposures.brightness.BrightnessChange`, one row per pair, shape (n, bins)."""
     weight: FloatArray
+    """As there, shape (n, bins)."""
     vignette_terms: FloatArray
+    """As there, shape (n, bins, 4)."""
     interval_frames: int = 1
+    """Number of frames from the first to the second of each pair."""
     exposure_error: float = 0.0
+    """Standard deviation of the brightness errors caused by errors of individual exposures, relative to the noise
+    scale."""
 
     @classmethod
     def from_changes(cls, changes: Sequence[BrightnessChange]) -> BrightnessSeries:

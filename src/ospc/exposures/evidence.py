@@ -22,50 +22,34 @@ from ospc.settings.exposures import DOUBTED_LAG_SIGMAS, MAX_SETTLED_LAG_FRAMES, 
 
 @dataclass(frozen=True)
 class ExposureEvidence:
-    """What the images, and later a fit of response and vignette, show about the exposures.
-
-    Attributes
-    ----------
-    choice
-        What to do about a lag.
-    frames
-        Number of frames with an exposure of their own.
-    recorded
-        Summary of the exposures of these frames.
-    lag
-        Estimated lag of the recorded exposures, before any correction.
-    remaining_lag
-        Estimated lag of the exposures as used, after any correction.
-    brightness
-        How well the exposures explain the brightness changes; None if too few frames could be compared.
-    inverse_share
-        Share of the brightness changes that the inverse of the exposures explains.
-    corrected_frames
-        Lag that was corrected, in frames; 0 for none.
-    wrong, compared
-        Frames whose recorded exposures are wrong and were ignored, in order, and the number of pairs of consecutive
-        frames in which they were searched for.
-    late
-        Fitted lag of the exposures as used; None if no fit estimated it.
-    ratios
-        Exposure ratios of pairs of frames according to the fit; none without a fit.
-    interlaced
-        Whether the images are interlaced.
-    """
+    """What the images, and later a fit of response and vignette, show about the exposures."""
 
     choice: LagChoice
+    """What to do about a lag."""
     frames: int
+    """Number of frames with an exposure of their own."""
     recorded: ExposureReport
+    """Summary of the exposures of these frames."""
     lag: LagEstimate
+    """Estimated lag of the recorded exposures, before any correction."""
     remaining_lag: LagEstimate
+    """Estimated lag of the exposures as used, after any correction."""
     brightness: BrightnessReport | None
+    """How well the exposures explain the brightness changes; None if too few frames could be compared."""
     inverse_share: float
+    """Share of the brightness changes that the inverse of the exposures explains."""
     corrected_frames: int = 0
+    """Lag that was corrected, in frames; 0 for none."""
     wrong: tuple[int, ...] = ()
+    """Frames whose recorded exposures are wrong and were ignored, in order."""
     compared: int = 0
+    """Number of pairs of consecutive frames in which these were searched for."""
     late: EffectEstimate | None = None
+    """Fitted lag of the exposures as used; None if no fit estimated it."""
     ratios: ExposureRatios = field(default_factory=ExposureRatios.none)
+    """Exposure ratios of pairs of frames according to the fit; none without a fit."""
     interlaced: bool = False
+    """Whether the images are interlaced."""
 
     def renumbered(self, offset: int) -> ExposureEvidence:
         """Return the evidence with an offset added to the frame numbers of the lag and of the brightness."""

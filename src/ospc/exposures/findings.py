@@ -13,28 +13,19 @@ from ospc.photometry.verdict import State, Verdict
 
 @dataclass(frozen=True)
 class ExposureFindings:
-    """What is concluded about the exposures.
-
-    Attributes
-    ----------
-    evidence
-        What shows it.
-    lag, brightness
-        Those of the evidence, without doubts that a fit has settled.
-    verdict
-        Whether exposures and images agree.
-    question
-        What is uncertain about the lag, as a note; empty if nothing is.
-    warnings
-        Why the exposures, as used, are unreliable; empty if they are reliable.
-    """
+    """What is concluded about the exposures."""
 
     evidence: ExposureEvidence
+    """What shows it."""
     lag: LagEstimate
     brightness: BrightnessReport | None
+    """Those of the evidence, without doubts that a fit has settled."""
     verdict: Verdict
+    """Whether exposures and images agree."""
     question: str
+    """What is uncertain about the lag, as a note; empty if nothing is."""
     warnings: tuple[str, ...]
+    """Why the exposures, as used, are unreliable; empty if they are reliable."""
 
     @property
     def notes(self) -> tuple[str, ...]:

@@ -40,26 +40,18 @@ from ospc.settings.lag import (
 
 @dataclass(frozen=True)
 class LagFit:
-    """Exposures at one lag, fitted to the brightness changes of n pairs of frames.
-
-    Attributes
-    ----------
-    log_likelihood
-        Log likelihood of each pair in :attr:`BrightnessSeries.predicted`, given the previous ones, shape (m,).
-    slopes
-        d ln M/d ln e in each grey bin, 0 if the exposure does not change, shape (bins,).
-    observed, explained
-        The brightness change of each pair without the effect of the vignette, and the part of it that the exposure
-        explains, shape (n,).
-    scale
-        Scale of the noise innovations, in ln of the grey level.
-    """
+    """Exposures at one lag, fitted to the brightness changes of n pairs of frames."""
 
     log_likelihood: FloatArray
+    """Log likelihood of each pair in :attr:`BrightnessSeries.predicted`, given the previous ones, shape (m,)."""
     slopes: FloatArray
+    """d ln M/d ln e in each grey bin, 0 if the exposure does not change, shape (bins,)."""
     observed: FloatArray
+    """Brightness change of each pair without the effect of the vignette, shape (n,)."""
     explained: FloatArray
+    """The part of this change that the exposure explains, shape (n,)."""
     scale: float
+    """Scale of the noise innovations, in ln of the grey level."""
 
     @property
     def total(self) -> float:

@@ -51,37 +51,27 @@ UNRESPONSIVE: tuple[LagState, ...] = ("no response to exposure", "changes too sm
 
 @dataclass(frozen=True, eq=False)
 class LagEstimate(ByValue):
-    """The estimated lag of the exposures.
-
-    Attributes
-    ----------
-    state
-        ``"determined"``, or why the lag is not determined; ``"refuted"`` if the fit of response and vignette
-        contradicts it.
-    candidates
-        Lags that cannot be excluded, best first.
-    lags, score, sigmas
-        Lags tried, the log likelihood of each relative to the best, and the lead of the best over each in standard
-        deviations, shape (m,).
-    fraction_frames
-        Offset from the best lag to the fractional lag that fits best, in frames.
-    fit
-        The fit at the best lag, or without exposures if they do not change; None without pairs.
-    frame
-        Index of the first frame of each pair of the fit, shape (pairs,).
-    flicker
-        Periodic brightness changes that the exposures do not explain, strongest first.
-    """
+    """The estimated lag of the exposures."""
 
     state: LagState
+    """``"determined"``, or why the lag is not determined; ``"refuted"`` if the fit of response and vignette
+    contradicts it."""
     candidates: tuple[int, ...]
+    """Lags that cannot be excluded, best first."""
     lags: IntArray
+    """Lags tried, shape (m,)."""
     score: FloatArray
+    """Log likelihood of each lag relative to the best, shape (m,)."""
     sigmas: FloatArray
+    """Lead of the best lag over each in standard deviations, shape (m,)."""
     fraction_frames: float = 0.0
+    """Offset from the best lag to the fractional lag that fits best, in frames."""
     fit: LagFit | None = field(default=None, repr=False)
+    """The fit at the best lag, or without exposures if they do not change; None without pairs."""
     frame: IntArray = field(default_factory=lambda: np.empty(0, np.int64), repr=False)
+    """Index of the first frame of each pair of the fit, shape (pairs,)."""
     flicker: tuple[Flicker, ...] = ()
+    """Periodic brightness changes that the exposures do not explain, strongest first."""
 
     @property
     def frames(self) -> int | None:
@@ -110,27 +100,22 @@ class LagEstimate(ByValue):
 
 @dataclass(frozen=True)
 class LagHypotheses:
-    """Several lags, each fitted to the same brightness changes of n pairs of frames.
-
-    Attributes
-    ----------
-    series, log_exposure
-        The brightness changes, and ln of the exposure recorded for each frame, shape (frames,).
-    lags, fits
-        The lags, shape (m,), and the fit at each.
-    changes
-        Change of ln exposure of each pair at each lag, shape (m, n).
-    flickers, nuisance
-        Flicker that was fitted as well, and its columns, shape (n, columns), or None.
-    """
+    """Several lags, each fitted to the same brightness changes of n pairs of frames."""
 
     series: BrightnessSeries
+    """The brightness changes."""
     log_exposure: FloatArray
+    """ln of the exposure recorded for each frame, shape (frames,)."""
     lags: IntArray
+    """The lags, shape (m,)."""
     changes: FloatArray
+    """Change of ln exposure of each pair at each lag, shape (m, n)."""
     fits: tuple[LagFit, ...]
+    """The fit at each lag."""
     flickers: tuple[Flicker, ...]
+    """Flicker that was fitted as well."""
     nuisance: FloatArray | None
+    """Its columns, shape (n, columns); None without flicker."""
 
     @classmethod
     def fit(

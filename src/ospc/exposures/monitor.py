@@ -27,21 +27,14 @@ from ospc.system.library_threads import one_blas_thread
 
 @dataclass
 class ExposureMonitor:
-    """Keeps the exposures of a run and checks them against the brightness changes.
-
-    Attributes
-    ----------
-    choice
-        What to do about a lag; SettingError if it is not a :data:`~ospc.exposures.lag_choice.LagChoice`.
-    table
-        The exposures recorded so far, and the lag that is corrected during the run.
-    history
-        The brightness changes between consecutive frames of this epoch.
-    """
+    """Keeps the exposures of a run and checks them against the brightness changes."""
 
     choice: LagChoice
+    """What to do about a lag; SettingError if it is not a :data:`~ospc.exposures.lag_choice.LagChoice`."""
     table: ExposureTable = field(default_factory=ExposureTable)
+    """The exposures recorded so far, and the lag that is corrected during the run."""
     history: BrightnessHistory = field(default_factory=BrightnessHistory)
+    """The brightness changes between consecutive frames of this epoch."""
     _first_frame: int = 0
     _next_assessment: int = FIRST_ASSESSMENT_CHANGES
     """Number of brightness changes at which the exposures are assessed again."""

@@ -109,29 +109,21 @@ def filled(log_exposure: FloatArray) -> FloatArray:
 
 @dataclass(frozen=True)
 class ExposureReport:
-    """Summary of the recorded exposures over all frames.
-
-    Attributes
-    ----------
-    lowest_ms, highest_ms
-        Shortest and longest exposure.
-    values
-        Number of different exposures.
-    changed_share
-        Share of the frames whose exposure differs from that of the previous frame by 1 % or more.
-    cycle_frames
-        Number of frames after which the exposures repeat; None if they do not.
-    changes_evenly
-        Whether each exposure is the one before it multiplied by the same factor, as in a sweep. Exposure ratios are
-        then the same at any lag.
-    """
+    """Summary of the recorded exposures over all frames."""
 
     lowest_ms: float
+    """Shortest exposure."""
     highest_ms: float
+    """Longest exposure."""
     values: int
+    """Number of different exposures."""
     changed_share: float
+    """Share of the frames whose exposure differs from that of the previous frame by 1 % or more."""
     cycle_frames: int | None
+    """Number of frames after which the exposures repeat; None if they do not."""
     changes_evenly: bool
+    """Whether each exposure is the one before it multiplied by the same factor, as in a sweep. Exposure ratios are
+    then the same at any lag."""
 
     @classmethod
     def of(cls, log_exposure: FloatArray) -> ExposureReport:

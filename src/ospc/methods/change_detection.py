@@ -53,22 +53,16 @@ from ospc.settings.methods import (
 
 @dataclass(frozen=True)
 class Change:
-    """A change of the camera.
-
-    Attributes
-    ----------
-    frame, found
-        Numbers of the first frame after the change (approximate) and of the frame at which it was detected.
-    part
-        The part that changed: ``"response"``, ``"vignette"``, ``"response or vignette"`` or ``"exposures"``.
-    description
-        What changed, and by how much, as part of a sentence.
-    """
+    """A change of the camera."""
 
     frame: int
+    """Number of the first frame after the change (approximate)."""
     found: int
+    """Number of the frame at which it was detected."""
     part: str
+    """The part that changed: ``"response"``, ``"vignette"``, ``"response or vignette"`` or ``"exposures"``."""
     description: str
+    """What changed, and by how much, as part of a sentence."""
 
     @property
     def text(self) -> str:
@@ -78,19 +72,14 @@ class Change:
 
 @dataclass
 class Baseline:
-    """Usual errors of one kind of pairs, without a suspicion.
-
-    Attributes
-    ----------
-    errors, effects
-        Absolute errors of whole pairs, and errors within them.
-    outliers
-        Numbers of the second frames of the latest pairs, and whether they were outliers.
-    """
+    """Usual errors of one kind of pairs, without a suspicion."""
 
     errors: list[float] = field(default_factory=list, repr=False)
+    """Absolute errors of whole pairs."""
     effects: list[float] = field(default_factory=list, repr=False)
+    """Errors within pairs."""
     outliers: list[tuple[int, bool]] = field(default_factory=list, repr=False)
+    """Numbers of the second frames of the latest pairs, and whether they were outliers."""
 
     @property
     def error(self) -> float:
@@ -119,43 +108,36 @@ class Baseline:
 
 @dataclass
 class ChangeDetector:
-    """Compares each new pair of frames with the prediction of the epoch's fit.
-
-    Attributes
-    ----------
-    reference, grey_range
-        The fit used for prediction, None before there is one, and the grey range to which it stretches grey levels.
-    complete_before
-        Number of the frame before which the reference is a complete fit; negative if it is a quick fit.
-    neighbours, distant
-        Baselines of pairs of neighbouring frames, and of all other pairs.
-    pairs, seen, since
-        Pairs of frames during a suspicion, some of the observations in each, and the number of the first frame that
-        supports it; None without one.
-    suspected_at
-        Number of the frame at which the latest suspicion was raised.
-    calm_until
-        Number of the first frame that may raise another suspicion.
-    lag_frames
-        Lag for which the errors were computed.
-    first_number, first_stamp_s, frames_per_s
-        Number and time stamp of the first frame (negative for none), and the limited frame rate since then.
-    """
+    """Compares each new pair of frames with the prediction of the epoch's fit."""
 
     reference: Fit | None = None
+    """The fit used for prediction, None before there is one."""
     grey_range: GreyRange = FULL_RANGE
+    """The grey range to which it stretches grey levels."""
     complete_before: int = -1
+    """Number of the frame before which the reference is a complete fit; negative if it is a quick fit."""
     neighbours: Baseline = field(default_factory=Baseline)
+    """Baseline of pairs of neighbouring frames."""
     distant: Baseline = field(default_factory=Baseline)
+    """Baseline of all other pairs."""
     pairs: list[PairErrors] = field(default_factory=list, repr=False)
+    """Pairs of frames during a suspicion."""
     seen: list[Observations] = field(default_factory=list, repr=False)
+    """Some of the observations in each of these pairs."""
     since: int | None = None
+    """Number of the first frame that supports the suspicion; None without one."""
     suspected_at: int = 0
+    """Number of the frame at which the latest suspicion was raised."""
     calm_until: int = 0
+    """Number of the first frame that may raise another suspicion."""
     lag_frames: int = 0
+    """Lag for which the errors were computed."""
     first_number: int = -1
+    """Number of the first frame with a time stamp, negative for none."""
     first_stamp_s: float = 0.0
+    """Its time stamp."""
     frames_per_s: float = MIN_FRAME_RATE
+    """The limited frame rate since then."""
 
     def observe_time(self, number: int, stamp_s: float) -> None:
         """Update the frame rate with a frame's time stamp, which converts durations in seconds to frames."""

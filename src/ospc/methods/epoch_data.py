@@ -31,27 +31,22 @@ from ospc.settings.response import BLACK_LEVEL_ACCURACY, MIN_BLACK_LEVEL
 
 @dataclass
 class EpochData:
-    """The data of an epoch's frames of a size; create it with :meth:`of`.
-
-    Attributes
-    ----------
-    reservoir, pairs
-        Observations of pairs of frames, and the number of pairs compared.
-    stationary
-        Whether the camera is stationary, and the observations if it is.
-    noise, scene_area
-        Noise of single pixels, and the part of the image that shows the scene; both also of earlier epochs.
-    inter_coded
-        Whether the frames come from a video with inter-frame compression.
-    """
+    """The data of an epoch's frames of a size; create it with :meth:`of`."""
 
     size: ImageSize
+    """Width and height of the frames in pixels."""
     reservoir: Reservoir
+    """Observations of pairs of frames."""
     stationary: StationaryCamera
+    """Whether the camera is stationary, and the observations if it is."""
     noise: NoiseEstimator
+    """Noise of single pixels, also of earlier epochs."""
     scene_area: SceneArea
+    """The part of the image that shows the scene, also of earlier epochs."""
     pairs: int = 0
+    """Number of pairs compared."""
     inter_coded: bool = False
+    """Whether the frames come from a video with inter-frame compression."""
 
     @classmethod
     def of(cls, settings: DefaultSettings, size: ImageSize, max_grey: int) -> EpochData:

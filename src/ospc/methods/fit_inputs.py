@@ -43,40 +43,28 @@ _OVERLAY = (
 
 @dataclass(frozen=True)
 class FitInputs:
-    """The data of calibrations, summaries and reports.
-
-    Attributes
-    ----------
-    size, max_grey
-        Size in pixels and largest grey value of the frames.
-    noise
-        Noise of single pixels.
-    observations
-        All observations with their exposures, stretched to the grey range; None if there are none.
-    fitted
-        The fit to those of pairs that are registered and exposed rightly; None if they do not allow one.
-    standing_still
-        Whether the camera was stationary: each observation is then a single pixel instead of a mean of several.
-    pairs
-        Number of pairs of frames registered.
-    grey_range
-        Grey levels of black and white.
-    inter_coded
-        Whether the frames come from a video with inter-frame compression, see :data:`INTER_CODED_SIGMAS`.
-    overlay_share
-        Share of the image that shows something fixed to the camera, which is not used.
-    """
+    """The data of calibrations, summaries and reports."""
 
     size: ImageSize
+    """Size of the frames in pixels."""
     max_grey: int
+    """Largest grey value of the frames."""
     noise: NoiseModel
+    """Noise of single pixels."""
     observations: ExposedObservations | None
+    """All observations with their exposures, stretched to the grey range; None if there are none."""
     fitted: Fitted | None
+    """The fit to those of pairs that are registered and exposed rightly; None if they do not allow one."""
     standing_still: bool
+    """Whether the camera was stationary: each observation is then a single pixel instead of a mean of several."""
     pairs: int
+    """Number of pairs of frames registered."""
     grey_range: GreyRange = FULL_RANGE
+    """Grey levels of black and white."""
     inter_coded: bool = False
+    """Whether the frames come from a video with inter-frame compression, see :data:`INTER_CODED_SIGMAS`."""
     overlay_share: float = 0.0
+    """Share of the image that shows something fixed to the camera, which is not used."""
 
     @property
     def fit(self) -> Fit | None:

@@ -27,25 +27,18 @@ from ospc.state.numbers import CHANGES, Numbers, check_settings, require
 
 @dataclass(frozen=True)
 class MaximumLikelihoodState:
-    """The state of :class:`~ospc.methods.maximum_likelihood.MaximumLikelihoodMethod`.
-
-    Attributes
-    ----------
-    keyframes
-        Keyframes by their numbers; their images are read again.
-    data
-        What is kept of the frames of the current epoch.
-    fit, trusts_stated
-        The fit with which frames are normalised to equal brightness, and whether with the stated exposures alone.
-    changes
-        The detector of changes of the camera.
-    """
+    """The state of :class:`~ospc.methods.maximum_likelihood.MaximumLikelihoodMethod`."""
 
     keyframes: KeyframeSelector
+    """Keyframes by their numbers; their images are read again."""
     data: EpochData
+    """What is kept of the frames of the current epoch."""
     fit: Fit | None
+    """The fit with which frames are normalised to equal brightness."""
     trusts_stated: bool
+    """Whether they are normalised with the stated exposures alone."""
     changes: ChangeDetector
+    """The detector of changes of the camera."""
 
 
 def check_state(

@@ -24,22 +24,17 @@ from ospc.settings.methods import MIN_SIDE_PX
 
 @dataclass(frozen=True)
 class Progress:
-    """Progress of a method, in figures that are cheap to compute after every frame.
-
-    Attributes
-    ----------
-    pairs, samples
-        Number of pairs of frames compared, and of correspondences kept so far.
-    response_sigma
-        Largest standard deviation of g over the grey levels, with its scale fixed; None before there is an estimate.
-    vignette_sigma
-        Standard deviation of V at the corner; None before there is an estimate.
-    """
+    """Progress of a method, in figures that are cheap to compute after every frame."""
 
     pairs: int = 0
+    """Number of pairs of frames compared."""
     samples: int = 0
+    """Number of correspondences kept so far."""
     response_sigma: float | None = None
+    """Largest standard deviation of g over the grey levels, with its scale fixed; None before there is an
+    estimate."""
     vignette_sigma: float | None = None
+    """Standard deviation of V at the corner; None before there is an estimate."""
 
 
 def check_can_be_matched(size: ImageSize) -> None:

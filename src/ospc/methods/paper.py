@@ -52,24 +52,18 @@ from ospc.settings.methods import (
 
 @dataclass(frozen=True)
 class Correspondences:
-    """n scene points seen in two frames.
-
-    Attributes
-    ----------
-    frames, size
-        Numbers of the two frames; their width and height in pixels.
-    points0, points1
-        Pixel coordinates (x, y) in the two frames, shape (n, 2).
-    grey0, grey1
-        Grey levels in [0, 1], shape (n,).
-    """
+    """n scene points seen in two frames."""
 
     frames: tuple[int, int]
+    """Numbers of the two frames."""
     size: ImageSize
+    """Width and height of the frames in pixels."""
     points0: FloatArray
     points1: FloatArray
+    """Pixel coordinates (x, y) in the two frames, shape (n, 2)."""
     grey0: FloatArray
     grey1: FloatArray
+    """Grey levels in [0, 1], shape (n,)."""
 
     def __len__(self) -> int:
         """Return the number of scene points."""

@@ -38,29 +38,27 @@ class PairErrors:
     A change x of the camera adds Φ x to them, and an error δ of the fit's curves subtracts X δ. Pairs are
     described by sums over their scene points, after subtraction of the mean over the pair, so changes of light that
     affect all points equally have no influence.
-
-    Attributes
-    ----------
-    frame0, frame1, points
-        Numbers of the frames, and number of scene points n.
-    matrix, vector, fit_products
-        ΦᵀΦ, shape (11, 11), Φᵀρ, shape (11,), and ΦᵀX, shape (11, p).
-    error, common
-        Median of ρ over the whole pair, and the mean of Φ, shape (11,), by which a change shifts it.
-    max_radius, grey_limits
-        Radius in half diagonals, and lowest and highest grey level, that include nearly all observations.
     """
 
     frame0: int
     frame1: int
+    """Numbers of the frames."""
     points: int
+    """Number of scene points n."""
     matrix: FloatArray
+    """ΦᵀΦ, shape (11, 11)."""
     vector: FloatArray
+    """Φᵀρ, shape (11,)."""
     fit_products: FloatArray
+    """ΦᵀX, shape (11, p)."""
     error: float
+    """Median of ρ over the whole pair."""
     common: FloatArray
+    """Mean of Φ, by which a change shifts this median, shape (11,)."""
     max_radius: float
+    """Radius in half diagonals that includes nearly all observations."""
     grey_limits: FloatArray
+    """Lowest and highest grey level that include nearly all observations."""
 
     @classmethod
     def of(cls, seen: ExposedObservations, fit: Fit) -> PairErrors:
@@ -128,25 +126,20 @@ class PairErrors:
 
 @dataclass(frozen=True)
 class ExplainedChange:
-    """The change of response or vignette, zero in the other part, that best explains the errors of pairs.
-
-    Attributes
-    ----------
-    change, covariance
-        The change, shape (11,), and the covariance of the part's parameters, from the scatter between pairs and the
-        uncertainty of the fit.
-    gain
-        Reduction of the sum of squared errors.
-    max_radius, grey_limits
-        Radius, and range of grey levels, of the pairs' observations.
-    """
+    """The change of response or vignette, zero in the other part, that best explains the errors of pairs."""
 
     part: str
+    """The part that changed: ``"response"`` or ``"vignette"``."""
     change: FloatArray
+    """The change, shape (11,)."""
     covariance: FloatArray
+    """Covariance of the part's parameters, from the scatter between pairs and the uncertainty of the fit."""
     gain: float
+    """Reduction of the sum of squared errors."""
     max_radius: float
+    """Radius of the pairs' observations."""
     grey_limits: FloatArray
+    """Range of grey levels of the pairs' observations."""
 
     @classmethod
     def of(cls, pairs: list[PairErrors], fit: Fit, part: str) -> ExplainedChange:

@@ -20,25 +20,20 @@ class Preview:
     """The observations so far, and estimates from the latest quick fit to some of them.
 
     The estimates have no verdict yet; their standard deviations indicate how reliable they are.
-
-    Attributes
-    ----------
-    size, max_grey
-        Width and height of the frames in pixels, and their largest grey value.
-    pairs
-        Number of pairs of frames compared so far.
-    observations, latest
-        All observations, and those of the latest pair of frames; None if it had none.
-    fit
-        The latest quick fit; None before there is one.
     """
 
     size: ImageSize
+    """Width and height of the frames in pixels."""
     max_grey: int
+    """Their largest grey value."""
     pairs: int
+    """Number of pairs of frames compared so far."""
     observations: ExposedObservations
+    """All observations."""
     latest: ExposedObservations | None
+    """Those of the latest pair of frames; None if it had none."""
     fit: Fit | None
+    """The latest quick fit; None before there is one."""
 
     @cached_property
     def coverage(self) -> Coverage:

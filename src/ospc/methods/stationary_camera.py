@@ -24,20 +24,14 @@ class StationaryCamera:
     """Decides from the displacements between frames whether the camera is stationary.
 
     Until the camera clearly moves, the grey values of some pixels are kept as observations.
-
-    Attributes
-    ----------
-    still_px
-        Median displacement in pixels up to which a camera counts as stationary.
-    series
-        The kept grey values; None once the camera moved.
-    motions
-        The latest displacements in pixels.
     """
 
     still_px: float
+    """Median displacement in pixels up to which a camera counts as stationary."""
     series: StaticSeries | None
+    """The kept grey values; None once the camera moved."""
     motions: list[float] = field(default_factory=list, repr=False)
+    """The latest displacements in pixels."""
 
     def observe(self, frame: Frame) -> None:
         """Keep the grey values of a frame, unless the camera has moved."""

@@ -22,17 +22,12 @@ class RadialSpline:
     """A space of such functions, each given by its slopes d/d(R²) at the knots.
 
     The knots are at R = reach · (i / (terms − 1))^0.75. Beyond the last one the slope is constant.
-
-    Attributes
-    ----------
-    terms
-        Number of knots; without any, the only function is zero.
-    reach
-        Radius of the last knot.
     """
 
     terms: int
+    """Number of knots; without any, the only function is zero."""
     reach: float
+    """Radius of the last knot."""
 
     @cached_property
     def knots(self) -> FloatArray:
