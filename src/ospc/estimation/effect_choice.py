@@ -9,7 +9,6 @@ from dataclasses import replace
 import numpy as np
 
 from ospc.arrays import FloatArray
-from ospc.estimation.contradicting_pairs import rightly_exposed_points
 from ospc.estimation.effect_models import (
     CONTRADICTIONS,
     CORRECTED,
@@ -31,8 +30,6 @@ from ospc.estimation.fit import Fit
 from ospc.estimation.fit_plan import FitPlan
 from ospc.estimation.fitted import Fitted
 from ospc.estimation.frame_gains import PairEnds, gain_sigmas
-from ospc.estimation.maximum_likelihood import MaximumLikelihoodEstimator
-from ospc.estimation.misregistration import registered_points
 from ospc.estimation.residual_effects import UNSTEADY_LIGHT, uneven_vignette, unsteadiness, unsteady_radiance
 from ospc.estimation.vignette_choice import (
     fit_with_chosen_vignette,
@@ -40,6 +37,7 @@ from ospc.estimation.vignette_choice import (
     with_possible_centre,
     with_uncertain_centre,
 )
+from ospc.estimation.wrong_pairs import registered_points, rightly_exposed_points
 from ospc.numerics.robust import ERROR_OF_SCALE
 from ospc.observations import ExposedObservations
 from ospc.photometry.verdict import INEXACT_EXPOSURES, LATE_EXPOSURES, EffectEstimate
@@ -103,10 +101,8 @@ def _of_stationary_camera(plain: Fitted, plan: FitPlan) -> Fit:
 def _of_moving_camera(
     plain: Fitted, plain_trials: Sequence[Trial], fitted: Fitted, trials: Sequence[Trial], plan: FitPlan
 ) -> Fit:
-    """Return the fit with the effects and gains that the observations show, or with what contradicts the model.
-
-    ``plain`` and ``fitted`` are the fits without effects and with those found, each with trials of the others.
-    """
+    """Return the fit with the effects and gains that the observations show, or with what contradicts the model."""
+    # ``plain`` and ``fitted`` are the fits without effects and with those found, each with trials of the others.
     observations = plain.observations
     variances = _gain_variances(fitted)
     if not variances and _is_contradicted(fitted.fit):  # inexact exposures resemble it
@@ -217,11 +213,8 @@ def _left_out(fit: Fit, names: Sequence[str]) -> tuple[str, ...]:
 
 def _gain_variances(fitted: Fitted) -> tuple[float, ...]:
     """Return the variances of latent gains beyond chance; empty if there are none or too few pairs."""
-    if not fitted.observations.in_pairs or fitted.fit.groups < MIN_GROUPS:
-        return ()
-    fit = fitted.fit
-    estimator = MaximumLikelihoodEstimator(fit.response_basis, fit.vignette_basis, fitted.noise, fit.effects)
-    return estimator.significant_gain_variances(fitted)
+    enough = fitted.observations.in_pairs and fitted.fit.groups >= MIN_GROUPS
+    return fitted.significant_gain_variances if enough else ()
 
 
 def _suspected(trials: Sequence[Trial], untried: Sequence[str]) -> Trial | None:

@@ -118,11 +118,7 @@ class Fit(Model):
         if self._pixel_means is None:
             return observations.grey
         index = self.response_basis.index_of(observations.grey)
-        shifts = self._pixel_means.at(observations, index)
-        by_texture = self.texture_share * self._pixel_means.by_texture(
-            shifts.texture, observations.grey_skewness, index
-        )
-        return np.asarray(observations.grey - shifts.increase_by_noise + by_texture)
+        return self._pixel_means.at(observations, index).corrected(observations.grey, self.texture_share)
 
     @cached_property
     def _pixel_means(self) -> PixelMeans | None:

@@ -44,7 +44,7 @@ class Fitted:
         parameters of the model, at which it is linearised, shape (p,).
         """
         with one_blas_thread():
-            system, sandwich_factor = self.linearised(model, about)
+            system, sandwich_factor = self._linearised(model, about)
             precision = model.prior(about).precision(self.fit.hyperparameters)
             equations = system.equations(precision, sandwich_factor)
             return equations.part(np.arange(len(about))).scaled(precision, sandwich_factor)
@@ -67,7 +67,16 @@ class Fitted:
         for chosen in choices:
             yield equations.part(chosen).newton_step(precision[np.ix_(chosen, chosen)], prior.mean[chosen])
 
-    def linearised(self, model: Model, about: FloatArray) -> tuple[LinearSystem, float]:
+    @property
+    def significant_gain_variances(self) -> tuple[float, ...]:
+        """Variances of latent gains that pairs of frames show beyond chance; empty if chance explains the pairs."""
+        fit = self.fit
+        with one_blas_thread():
+            system, sandwich_factor = self._linearised(fit, fit.parameters)
+            precision = fit.prior(fit.parameters).precision(fit.hyperparameters)
+            return system.significant_gain_variances(precision, sandwich_factor, fit.resolves(self.observations))
+
+    def _linearised(self, model: Model, about: FloatArray) -> tuple[LinearSystem, float]:
         """Return the linear system of a model about the fit, and the sandwich factor of its weights."""
         latent, weight, sandwich_factor = self.weighted
         # This basis may not contain the fitted response exactly: refer the linearised values to the closest one.

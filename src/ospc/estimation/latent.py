@@ -224,10 +224,7 @@ class LatentModel:
         if self.trusted:
             # Noise and texture shift the mean of pixels away from the grey level of their mean irradiance.
             shifts = self._pixel_means.at(observations, index)
-            by_texture = self.texture_share * self._pixel_means.by_texture(
-                shifts.texture, observations.grey_skewness, index
-            )
-            excess = excess - shifts.increase_by_noise + by_texture
+            excess = shifts.corrected(excess, self.texture_share)
             variance = variance + self.texture_share**2 * shifts.error_variance
         linear_log = self.log_response[index] + slope * excess
         precision, offset, zero = 1 / (variance * slope**2), log_exposure + log_gain, np.zeros(len(level))

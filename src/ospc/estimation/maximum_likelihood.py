@@ -15,7 +15,6 @@ from ospc.arrays import FloatArray, IntArray
 from ospc.estimation.effects import Effects
 from ospc.estimation.error_model import ErrorModel
 from ospc.estimation.fit import Fit
-from ospc.estimation.fitted import Fitted
 from ospc.estimation.latent import LatentModel
 from ospc.estimation.model import LinearSystem, Model
 from ospc.estimation.normal_equations import NormalEquations, at_least
@@ -27,11 +26,7 @@ from ospc.estimation.vignette_basis import VignetteBasis, measured_radius
 from ospc.observations import ExposedObservations
 from ospc.photometry.noise import NoiseModel
 from ospc.settings.error_model import CONVEX_ROUNDS
-from ospc.settings.fit import (
-    MIN_BLOCKS,
-    SETTLED_SIGMAS,
-    TEXTURE_SHARE_INFORMATION,
-)
+from ospc.settings.fit import MIN_BLOCKS, SETTLED_SIGMAS, TEXTURE_SHARE_INFORMATION
 from ospc.settings.response import FIRST_KNEE_EVIDENCE, KNEE_EVIDENCE
 from ospc.system.library_threads import one_blas_thread
 
@@ -71,20 +66,13 @@ class _Solution:
 
 @dataclass(frozen=True)
 class MaximumLikelihoodEstimator:
-    """Fits response, vignette and effects to observations.
-
-    Attributes
-    ----------
-    response_basis, vignette_basis, effects
-        The model.
-    noise
-        Noise of single pixels, by which clipping biases the mean near the ends. None if the observations are single
-        pixels.
-    """
+    """Fits a model, response, vignette and effects, to observations."""
 
     response_basis: ResponseBasis
     vignette_basis: VignetteBasis
     noise: NoiseModel | None = None
+    """Noise of single pixels, by which clipping biases the mean near the ends. None if the observations are single
+    pixels."""
     effects: Effects = field(default_factory=Effects)
 
     @property
@@ -217,11 +205,3 @@ class MaximumLikelihoodEstimator:
             texture_share=found.texture_share,
             measured_radius=measured_radius(observations, centre),
         )
-
-    def significant_gain_variances(self, fitted: Fitted) -> tuple[float, ...]:
-        """Return the variances of latent gains that pairs of frames show beyond chance, given a fit of this model."""
-        fit = fitted.fit
-        with one_blas_thread():
-            system, sandwich_factor = fitted.linearised(self.model, fit.parameters)
-            precision = self.model.prior(fit.parameters).precision(fit.hyperparameters)
-            return system.significant_gain_variances(precision, sandwich_factor, fit.resolves(fitted.observations))

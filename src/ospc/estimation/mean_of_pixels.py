@@ -165,6 +165,11 @@ class ObservedShifts:
         """Growth of the noise with the gain of each observation."""
         return self.means.noise.growth(self.observations.log_exposure)
 
+    def corrected(self, grey: FloatArray, texture_share: float) -> FloatArray:
+        """Return grey levels of means of pixels, (n,), without the shift by noise and a share of that by texture."""
+        by_texture = texture_share * self.means.by_texture(self.texture, self.observations.grey_skewness, self.index)
+        return np.asarray(grey - self.increase_by_noise + by_texture)
+
     @property
     def increase_by_noise(self) -> FloatArray:
         """Increase of the mean by noise."""

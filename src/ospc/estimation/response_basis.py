@@ -109,11 +109,6 @@ class ResponseBasis:
         return _grid()
 
     @cached_property
-    def gamma_table(self) -> FloatArray:
-        """Bⱼ on the grid, shape (4097, len)."""
-        return _gamma_table(FUNCTIONS[self.functions], self.intervals)
-
-    @cached_property
     def log_table(self) -> FloatArray:
         """Hⱼ on the grid, shape (4097, len).
 
@@ -144,7 +139,7 @@ class ResponseBasis:
 
     def gamma_of(self, coefficients: FloatArray) -> FloatArray:
         """Return γ on the grid, shape (4097,)."""
-        return np.asarray(self.gamma_table @ coefficients)
+        return np.asarray(_gamma_table(FUNCTIONS[self.functions], self.intervals) @ coefficients)
 
     def log_of(self, coefficients: FloatArray) -> FloatArray:
         """Return ln g on the grid, shape (4097,)."""

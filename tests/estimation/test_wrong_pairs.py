@@ -10,10 +10,10 @@ import pytest
 from ospc.estimation.effect_choice import fit_with_chosen_effects
 from ospc.estimation.effects import Effects
 from ospc.estimation.fit_plan import FitPlan
-from ospc.estimation.misregistration import registered_points
 from ospc.estimation.response_basis import ResponseBasis
 from ospc.estimation.vignette_basis import VignetteBasis
 from ospc.estimation.vignette_choice import fit_with_chosen_vignette
+from ospc.estimation.wrong_pairs import registered_points
 from ospc.evaluation.metrics import log_ratio_error, vignette_rmse
 from ospc.observations import ExposedObservations
 from ospc.photometry.noise import NoiseModel

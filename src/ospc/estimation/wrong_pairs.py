@@ -1,8 +1,12 @@
-"""Detection of pairs of frames that were registered wrongly, from the residuals of a fit.
+"""Detection of pairs of frames that were registered or exposed wrongly, from the residuals of a fit.
 
 On a regular facade or a tiled floor, registration may be off by a whole window or tile, forward and back alike. The
 two grey levels of a point are then those of different places, and their residuals scatter within the pair far more
 than in others.
+
+The points of a pair measure the ratio of its exposures to a fraction of a per cent. If a few exposures are wrong, or
+a gain is switched, some pairs are brighter or darker than all others allow. Latent gains are no model of them: a
+variance that is large enough for these pairs takes the weight from the others.
 """
 
 from __future__ import annotations
@@ -14,9 +18,11 @@ from ospc.estimation.fitted import Fitted
 from ospc.estimation.robust_weights import redescending_weights
 from ospc.numerics.robust import median, robust_scale
 from ospc.observations import ExposedObservations
+from ospc.settings.brightness import CONTRADICTING_PAIR_LOG, JUMP_SIGMAS, MIN_JUMP_SAMPLES
 from ospc.settings.error_model import DARKEST_GREY
 from ospc.settings.residuals import (
     AGREEING_SHARE,
+    MAX_WRONG_PAIRS_SHARE,
     MISREGISTERED_FEWEST_POINTS,
     MISREGISTERED_ITERATIONS,
     MISREGISTERED_SPREAD,
@@ -51,6 +57,28 @@ def registered_points(fitted: Fitted) -> BoolArray:
         if _unexplained(residual[pair], covariates[pair]) > max(limit, AGREEING_SHARE * common):
             registered[number == number[pair[0]]] = False
     return registered
+
+
+def rightly_exposed_points(fitted: Fitted) -> BoolArray:
+    """Return which points are in pairs that do not contradict the exposure ratios of most others, shape (points,).
+
+    Pairs of few points are not judged, and no pair is if so many deviate that they are no exceptions. Nor are points
+    with more than two observations.
+    """
+    observations = fitted.observations
+    right = np.ones(len(observations.starts), np.bool_)
+    if not observations.in_pairs:
+        return right
+    usable = fitted.unclipped[0::2] & fitted.unclipped[1::2]
+    log_radiance = fitted.fit.log_radiance(observations)
+    change, number = log_radiance[1::2] - log_radiance[0::2], observations.group_number[0::2]
+    pairs = [each[usable[each]] for each in members_of(number)]
+    error = np.array([np.abs(median(change[each])) if len(each) >= MIN_JUMP_SAMPLES else np.nan for each in pairs])
+    judged = error[np.isfinite(error)]
+    wrong = error > max(CONTRADICTING_PAIR_LOG, JUMP_SIGMAS * robust_scale(judged))
+    if np.count_nonzero(wrong) <= MAX_WRONG_PAIRS_SHARE * len(judged):
+        right[wrong[number]] = False
+    return right
 
 
 def _covariates(observations: ExposedObservations) -> FloatArray:
