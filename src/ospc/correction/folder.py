@@ -31,8 +31,7 @@ SCHEMA = "ospc-correction/2"
 _DONE = "written.txt"
 """The complete images of an unfinished folder: index and counts, one line each."""
 
-_PARAMETERS = ("pcalib.txt", "pcalib_16bit.txt", "vignette.png")
-_GEOMETRY = ("camera.txt", "groundtruthSync.txt")
+_BESIDE_IMAGES = ("pcalib.txt", "pcalib_16bit.txt", "vignette.png", "camera.txt", "groundtruthSync.txt")
 _PNG_COMPRESSION = 1
 """The fastest level of zlib that uses its usual strategy."""
 
@@ -148,7 +147,7 @@ class CorrectedFolder:
         images = [PurePosixPath(str(name)) for name in note.get("files", [])]
         inside = [self._place(name) for name in images if not name.is_absolute() and ".." not in name.parts]
         # times.txt first: a partly removed recording must not look complete.
-        return [self.path / name for name in ("times.txt", _DONE, *_PARAMETERS, *_GEOMETRY)] + inside
+        return [self.path / name for name in ("times.txt", _DONE, *_BESIDE_IMAGES)] + inside
 
 
 def _content(place: Path) -> Content:

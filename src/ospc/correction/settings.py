@@ -9,7 +9,7 @@ import numpy as np
 
 from ospc.arrays import FloatArray
 from ospc.errors import SettingError
-from ospc.photometry.correction import checked_exposure
+from ospc.photometry.correction import checked_exposure, checked_white
 
 Output: TypeAlias = Literal["irradiance", "grey8", "grey16"]
 """32-bit float TIFF, or PNG with 8 or 16 bits; all are linear in the irradiance."""
@@ -50,8 +50,7 @@ class CorrectionSettings:
             )
         if self.reference_ms is not None and not self.normalise_exposure:
             raise SettingError("a reference exposure requires normalised exposures; add --normalise-exposure")
-        if not (np.isfinite(self.white) and self.white > 0):
-            raise SettingError(f"white is {self.white}; give a positive number, the irradiance that becomes white")
+        checked_white(self.white)
         if self.white != 1 and self.output in (None, "irradiance") and not self.keep_response:
             raise SettingError("irradiance output has no white; leave out --white, or choose grey8 or grey16")
         if self.reference_ms is not None:

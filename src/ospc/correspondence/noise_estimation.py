@@ -112,10 +112,7 @@ class NoiseEstimator:
 
 
 def _model_of(number: IntArray, variances: FloatArray, floor: float) -> NoiseModel:
-    """Return the noise model that follows from variances without gain, shape (n,), and their lower limit.
-
-    ``number`` is the grey range of each variance, shape (n,).
-    """
+    """Return the noise model of variances without gain, given the grey range of each, (n,) each, and their floor."""
     known = np.unique(number)
     level = (known + 0.5) / NOISE_BINS
     variance = np.array([np.median(variances[number == b]) for b in known])
@@ -131,11 +128,9 @@ def _model_of(number: IntArray, variances: FloatArray, floor: float) -> NoiseMod
 
 
 def _growth_with_gain(number: IntArray, log_exposure: FloatArray, log_variance: FloatArray) -> tuple[float, float]:
-    """Return ln of the exposure from which noise grows at the same grey level, and the power; 0, 0 without growth.
-
-    Cameras lengthen the exposure time up to a limit, and then raise the gain. Shot noise grows with the gain, read
-    noise with its square. ``number`` is as above.
-    """
+    """Return ln of the exposure from which noise grows at the same grey level, and the power; 0, 0 without growth."""
+    # Cameras lengthen the exposure time up to a limit, and then raise the gain. Shot noise grows with the gain, read
+    # noise with its square.
     if len(number) < MIN_GAIN_VARIANCES:
         return 0.0, 0.0
     constant = _without_means(log_variance, number, np.ones(len(number)))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache
 
 import cv2
 import numpy as np
@@ -271,13 +270,8 @@ def _moments(counts: IntArray, brightest: float) -> FloatArray:
     """Return the mean powers and the share of white pixels, from the number of pixels of each level, shape (256,)."""
     # Pixels are white beyond the ``brightest`` exposed grey level.
     white = counts[int(255 * brightest) + 1 :].sum()
-    return np.asarray(np.append(counts @ _powers_of_grey(), white) / counts.sum())
-
-
-@cache
-def _powers_of_grey() -> FloatArray:
-    """Return M … M⁵ of each grey level, shape (256, 5)."""
-    return np.linspace(0, 1, 256)[:, None] ** np.arange(1, GREY_POWERS + 1)
+    powers = np.linspace(0, 1, 256)[:, None] ** np.arange(1, GREY_POWERS + 1)
+    return np.asarray(np.append(counts @ powers, white) / counts.sum())
 
 
 def _surround_moments(small: npt.NDArray[np.uint8], brightest: float) -> Float32Array:

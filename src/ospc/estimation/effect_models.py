@@ -148,10 +148,8 @@ def _gain_step(number: int) -> Effect:
 
 
 def _missing_of_nominal(seen: Circumstances) -> FloatArray:
-    """Return ln of the closest 2^(n/3) or 2^(n/2) s relative to the exposure: cameras call 1/64 s 1/60 s.
-
-    A camera sets either thirds or halves of a stop: those that are closer to most of its exposures.
-    """
+    """Return ln of the closest 2^(n/3) or 2^(n/2) s relative to the exposure: cameras call 1/64 s 1/60 s."""
+    # A camera sets either thirds or halves of a stop: those that are closer to most of its exposures.
     typical = seen.observations.log_exposure[:1] - np.log(seen.exposure[:1])
     of_camera = np.log(seen.step_exposures) + typical
     per_stop = min((3, 2), key=lambda n: np.nansum(np.abs(_missing_of_steps(of_camera, n))))
@@ -217,11 +215,7 @@ EFFECTS = {
 }
 """All effects by name."""
 
-LIGHT_FIXED_TO_CAMERA = (
-    "stray light at the corners",
-    "stray light sideways",
-    "stray light vertically",
-)
+LIGHT_FIXED_TO_CAMERA = ("stray light at the corners", "stray light sideways", "stray light vertically")
 """Light that grows with the exposure but does not come from the scene: leaks, reflections, dark signal. A part that
 is distributed like V cannot be distinguished from the scene, so the amount in the centre counts as zero."""
 

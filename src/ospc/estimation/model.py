@@ -20,12 +20,7 @@ from ospc.estimation.response_basis import ResponseBasis, typical_gamma
 from ospc.estimation.shared_errors import SharedErrors, expected_errors, halves
 from ospc.estimation.vignette_basis import VignetteBasis
 from ospc.observations import ExposedObservations
-from ospc.settings.fit import (
-    CHUNK_OBSERVATIONS,
-    MAX_GAMMA,
-    MAX_GAMMA_CHANGE,
-    MIN_GAMMA,
-)
+from ospc.settings.fit import CHUNK_OBSERVATIONS, MAX_GAMMA, MAX_GAMMA_CHANGE, MIN_GAMMA
 
 
 @dataclass(frozen=True)

@@ -49,8 +49,6 @@ class NormalEquations:
 
     def without_last(self, precision: FloatArray) -> NormalEquations:
         """Return scaled equations with the last parameters, of a prior precision about zero, (k, k), marginalised."""
-        if not len(precision):
-            return self
         n, scale = len(self.vector) - len(precision), self.information_scale
         inner = scale * self.matrix[n:, n:] + precision
         carried = np.linalg.solve(inner, scale * self.matrix[n:, :n])

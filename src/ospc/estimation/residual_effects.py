@@ -77,11 +77,8 @@ def uneven_vignette(
 def _rejected_cell(
     residual: FloatArray, sigma: FloatArray, cell: IntArray, count: FloatArray, scale: float
 ) -> EffectEstimate | None:
-    """Return the image cell whose points disagree most with the fit, if it rejects most of them as outliers.
-
-    ``count`` is the number of residuals in each cell and block, shape (cells, blocks), and ``scale`` the scatter of
-    all residuals.
-    """
+    """Return the image cell whose points disagree most with the fit, if it rejects most of them as outliers."""
+    # ``count`` has the number of residuals per cell and block, (cells, blocks); ``scale`` is the scatter of them all.
     if not len(residual):
         return None
     cells, member = np.unique(cell, return_inverse=True)

@@ -6,11 +6,7 @@ import numpy as np
 
 from ospc.arrays import BoolArray, FloatArray
 from ospc.numerics.robust import robust_scale
-from ospc.settings.fit import (
-    MIN_SANDWICH_FACTOR,
-    WEIGHT_CUT_SIGMAS,
-    WEIGHT_SCALE_SIGMAS,
-)
+from ospc.settings.fit import MIN_SANDWICH_FACTOR, WEIGHT_CUT_SIGMAS, WEIGHT_SCALE_SIGMAS
 
 
 def redescending_weights(studentised: FloatArray, usable: BoolArray) -> tuple[FloatArray, float]:

@@ -12,13 +12,7 @@ from ospc.observations import Observations
 from ospc.photometry.non_radial import NON_RADIAL, non_radial_terms, slope_of_non_radial
 from ospc.photometry.radial_spline import RadialSpline, radial_spline
 from ospc.photometry.vignette import LogSplineVignette, Vignette
-from ospc.settings.fit import (
-    MAX_DECENTRING,
-    MAX_UNSEEN_FALL,
-    UNRESOLVED_JUMP,
-    UNSEEN_CHANGE,
-    UNSEEN_OBSERVATIONS,
-)
+from ospc.settings.fit import MAX_DECENTRING, MAX_UNSEEN_FALL, UNRESOLVED_JUMP, UNSEEN_CHANGE, UNSEEN_OBSERVATIONS
 from ospc.settings.vignette import VIGNETTE_REACH, VIGNETTE_REACH_STEP
 
 

@@ -99,10 +99,8 @@ class BrightnessHistory:
         return later
 
     def _repeats(self, frame: Thumbnail) -> bool:
-        """Return whether the image of the next frame equals that of the latest one and is not uniform.
-
-        Unless a recorder repeats an image, their noise differs.
-        """
+        """Return whether the image of the next frame equals that of the latest one and is not uniform."""
+        # Unless a recorder repeats an image, their noise differs.
         previous = self._previous
         if previous is None or frame.frame != previous.frame + 1:
             return False

@@ -71,7 +71,9 @@ def detect_lag_change(
     if len(series.predicted) < MIN_LAG_PAIRS:
         return None
     exposure_changes = np.stack([series.exposure_change(window, lag) for lag in lags])
-    best, first_frame, lead = _start_of_change(_leads(series, exposure_changes), series.frame[series.predicted])
+    log_likelihood = np.array([fit.log_likelihood for fit in fit_exposures(series, exposure_changes)])
+    leads = log_likelihood - log_likelihood[_UNCHANGED]
+    best, first_frame, lead = _start_of_change(leads, series.frame[series.predicted])
     suspected = LagChange(start + first_frame, int(_LATER[best]))
     if lead < SUSPECTED_LAG_CHANGE_LEAD:
         return None
@@ -113,10 +115,8 @@ def _several_show(series: BrightnessSeries, changes: FloatArray, later_frames: i
 def _held_before(
     series: BrightnessSeries, since_change: FloatArray, throughout: FloatArray, later_frames: int
 ) -> bool:
-    """Return whether the known lag held before a change: the later lag is much less likely to have held throughout.
-
-    ``since_change`` and ``throughout`` have the exposure changes at each lag since the change, and for all pairs.
-    """
+    """Return whether the known lag held before a change: that the later one held throughout is much less likely."""
+    # Both arrays have the exposure changes at each lag: since the change, and for all pairs.
     rows = np.stack([changes[_UNCHANGED + later_frames] for changes in (since_change, throughout)])
     changed, always = fit_exposures(series, rows, _slow_light(series.frame))
     return changed.total - always.total > EARLIER_LAG_LEAD
@@ -130,12 +130,6 @@ def _clearly_later(fits: Sequence[LagFit]) -> int:
     later = leads.max() > LATER_LAG_LEAD and likely.min() > 0
     earlier = leads.max() > EARLIER_LAG_LEAD and likely.max() < 0
     return int(_LATER[leads.argmax()]) if later or earlier else 0
-
-
-def _leads(series: BrightnessSeries, changes: FloatArray) -> FloatArray:
-    """Return the log likelihood of each row of exposure changes relative to the known lag, shape (lags, pairs)."""
-    log_likelihood = np.array([fit.log_likelihood for fit in fit_exposures(series, changes)])
-    return np.asarray(log_likelihood - log_likelihood[_UNCHANGED])
 
 
 def _start_of_change(leads: FloatArray, frame: IntArray) -> tuple[int, int, float]:

@@ -149,15 +149,11 @@ class LagHypotheses:
     @property
     def min_lead(self) -> float:
         """Log likelihood by which the best lag must lead: more for overlapping intervals and in flickering light."""
-        return MIN_LAG_LEAD * float(np.sqrt(self.series.interval_frames)) * self._caution
+        return MIN_LAG_LEAD * float(np.sqrt(self.series.interval_frames)) * self.caution
 
     @property
-    def min_sigmas(self) -> float:
-        """Standard deviations by which the best lag must lead."""
-        return MIN_LAG_SIGMAS * self._caution
-
-    @property
-    def _caution(self) -> float:
+    def caution(self) -> float:
+        """Factor on the lead that the best lag needs, because of flickering light."""
         return FLICKER_LEAD_FACTOR if self.flickers else 1.0
 
 
@@ -203,9 +199,8 @@ def _rivals(tried: LagHypotheses, best: int, lead: FloatArray, sigmas: FloatArra
     distinct = np.count_nonzero(difference > DISTINCT_NOISE_SCALES * tried.fits[best].scale, axis=1)
     uncommon = (abs(tried.lags[best]) > MAX_COMMON_LAG) & (abs(tried.lags) <= MAX_COMMON_LAG)
     factor = np.where(uncommon, UNCOMMON_LAG_FACTOR, 1.0)
-    possible = (
-        (lead < tried.min_lead * factor**2) | (sigmas < tried.min_sigmas * factor) | (distinct < MIN_DISTINCT_PAIRS)
-    )
+    min_lead, min_sigmas = tried.min_lead * factor**2, MIN_LAG_SIGMAS * tried.caution * factor
+    possible = (lead < min_lead) | (sigmas < min_sigmas) | (distinct < MIN_DISTINCT_PAIRS)
     return [int(tried.lags[i]) for i in np.argsort(lead, kind="stable") if possible[i] and i != best]
 
 

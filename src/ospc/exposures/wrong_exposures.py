@@ -59,10 +59,8 @@ def unshown_steps(series: BrightnessSeries, log_exposure: FloatArray) -> IntArra
 
 
 def _change_across(series: BrightnessSeries, places: IntArray) -> FloatArray:
-    """Return the change of ln grey from the last pair before each place to the first after it, whatever the lag.
-
-    It is infinite if no pair near the place was compared; zero if all were, so that none needs to be inferred.
-    """
+    """Return the change of ln grey from the last pair before each place to the first after it, whatever the lag."""
+    # It is infinite if no pair near the place was compared; zero if all were, so that none needs to be inferred.
     before = np.searchsorted(series.frame, places - MAX_LAG) - 1
     after = np.searchsorted(series.frame, places + MAX_LAG, side="right")
     inside = after - before - 1

@@ -49,11 +49,9 @@ def unexplained_share(ratios: ExposureRatios) -> float:
 
 
 def _dependence(deviation: FloatArray, position: FloatArray, pair: IntArray, count: IntArray) -> FloatArray:
-    """Return the factor by which neighbouring points with a common error increase each median's standard deviation.
-
-    The errors of misregistered or glossy surfaces are common to an image cell: the variance of a median is then given
-    by the scatter of the cells' sums of signs (cluster-robust variance; Parente and Santos Silva 2016).
-    """
+    """Return the factor by which common errors of neighbouring points increase each median's standard deviation."""
+    # The errors of misregistered or glossy surfaces are common to an image cell: the variance of a median is then
+    # given by the scatter of the cells' sums of signs (cluster-robust variance; Parente and Santos Silva 2016).
     cells = math.prod(RATIO_CELLS)
     cell = pair * cells + cells_of(position, RATIO_CELLS)
     excess = np.bincount(cell, np.sign(deviation), len(count) * cells).reshape(-1, cells)

@@ -130,7 +130,7 @@ class Corrector:
             light = look_up(pixels, self._filled(self._inverse_columns * scale, bound, pixels).astype(np.float32))
             return light if inverse is None else np.asarray(cv2.multiply(light, inverse, light))
         limit = float(np.iinfo(kind).max)
-        scale *= limit / _checked_white(white)
+        scale *= limit / checked_white(white)
         table = self._filled(self._inverse_columns * scale, _BEYOND if mark_saturated else scale, pixels)
         if inverse is None:
             return look_up(pixels, np.rint(np.minimum(table, limit)).astype(kind))
@@ -155,7 +155,7 @@ class Corrector:
         kind = _checked_type(dtype, _OUTPUT_TYPES[1:])
         pixels = self._checked(image)
         self._require("response", "vignette")
-        scale = (1.0 if exposure_ms is None else 1.0 / checked_exposure(exposure_ms)) / _checked_white(white)
+        scale = (1.0 if exposure_ms is None else 1.0 / checked_exposure(exposure_ms)) / checked_white(white)
         # In 16 bits, the square root of the irradiance still resolves the darkest grey levels of a gamma curve.
         saturated = _BEYOND if mark_saturated else scale
         table = 65535 * np.sqrt(self._filled(self._inverse_columns * scale, saturated, pixels))
@@ -310,7 +310,8 @@ def checked_exposure(exposure_ms: float, what: str = "exposure", remedy: str = "
     return number
 
 
-def _checked_white(white: float) -> float:
+def checked_white(white: float) -> float:
+    """Return the irradiance that becomes white as float; SettingError if it is no positive number."""
     number, (low, high) = number_of(white), _WHITE_RANGE
     if number is None or not low < number < high:
         raise SettingError(f"white is {white}; give a positive number, the irradiance that becomes white")
