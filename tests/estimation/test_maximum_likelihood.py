@@ -12,8 +12,10 @@ from hypothesis import strategies as st
 
 from log_polynomials import log_polynomial
 from ospc.estimation.effect_choice import fit_with_chosen_effects
+from ospc.estimation.effects import Effects
 from ospc.estimation.fit_plan import FitPlan
-from ospc.estimation.maximum_likelihood import MaximumLikelihoodEstimator
+from ospc.estimation.maximum_likelihood import fit_model
+from ospc.estimation.model import Model
 from ospc.estimation.response_basis import ResponseBasis, typical_gamma
 from ospc.estimation.vignette_basis import VignetteBasis
 from ospc.estimation.vignette_choice import fit_with_chosen_vignette, with_uncertain_centre
@@ -35,8 +37,8 @@ RADIAL_TERMS = DefaultSettings().radial_terms
 
 
 def fitted(observations, radial=RADIAL_TERMS, intervals=32, **vignette):
-    estimator = MaximumLikelihoodEstimator(ResponseBasis(intervals), VignetteBasis(radial, **vignette), NOISE)
-    return estimator.fit(observations, ROUNDS)
+    model = Model(ResponseBasis(intervals), VignetteBasis(radial, **vignette), Effects())
+    return fit_model(model, NOISE, observations, ROUNDS)
 
 
 def with_chosen_vignette(observations, widest):
@@ -440,12 +442,8 @@ def test_disagreement_of_halves_adds_uncertainty():
 def test_a_single_pair_of_frames_gives_no_certainty_without_limit():
     observations = Camera(GAMMA).pairs(0, groups=1, points=2000)
     late = replace(observations, log_exposure=observations.log_exposure + 0.02 * (observations.frame % 2))
-    sigma = [
-        MaximumLikelihoodEstimator(ResponseBasis(32), VignetteBasis(0))
-        .fit(late, rounds)
-        .log_response_step_sigma(0.25, 0.75)
-        for rounds in (4, 12)
-    ]
+    model = Model(ResponseBasis(32), VignetteBasis(0), Effects())
+    sigma = [fit_model(model, None, late, rounds).log_response_step_sigma(0.25, 0.75) for rounds in (4, 12)]
     assert sigma[1] == pytest.approx(sigma[0], rel=0.5)
     assert sigma[1] > 0.001
 
@@ -510,9 +508,9 @@ def test_sigmas_cover_noise_that_was_amplified_after_the_response():
     levels, truth = np.array([12, 16, 22, 30, 40, 60, 80]) / 255, RESPONSES["srgb"]()
     variances = np.interp(np.linspace(0, 1, 25), [0.12, 0.3, 0.9], [4e-4, 2.6e-4, 1.3e-4])
     amplified = NoiseModel(4e-4, 0.0, tuple(variances), measured=(0.12, 0.9))
-    estimator = MaximumLikelihoodEstimator(ResponseBasis(32), VignetteBasis(RADIAL_TERMS), amplified)
+    model = Model(ResponseBasis(32), VignetteBasis(RADIAL_TERMS), Effects())
     for seed in range(2):
-        fit = estimator.fit(Camera(truth, spread=1.3).pairs(seed, groups=160), ROUNDS)
+        fit = fit_model(model, amplified, Camera(truth, spread=1.3).pairs(seed, groups=160), ROUNDS)
         error = np.log(fit.response(255).inverse(levels) / truth.inverse(levels))
         error -= np.log(fit.response(255).inverse(0.5) / truth.inverse(0.5))
         sigma = fit.log_response_sigma(levels, 0.5)
@@ -600,9 +598,9 @@ def test_the_same_observations_give_the_same_fit_bit_for_bit():
 
 
 def test_a_fit_may_start_from_another_and_ends_at_the_same():
-    estimator = MaximumLikelihoodEstimator(ResponseBasis(32), VignetteBasis(4), NOISE)
-    first = estimator.fit(SOME, ROUNDS)
-    again = estimator.fit(SOME, ROUNDS, first)
+    model = Model(ResponseBasis(32), VignetteBasis(4), Effects())
+    first = fit_model(model, NOISE, SOME, ROUNDS)
+    again = fit_model(model, NOISE, SOME, ROUNDS, first)
     assert log_step(again) == pytest.approx(log_step(first), abs=0.003)
     assert log_fall(again) == pytest.approx(log_fall(first), abs=0.003)
 

@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 from scipy.stats import moment
 
+from ospc.estimation.effects import Effects
 from ospc.estimation.latent import LatentModel
-from ospc.estimation.maximum_likelihood import MaximumLikelihoodEstimator
+from ospc.estimation.maximum_likelihood import fit_model
+from ospc.estimation.model import Model
 from ospc.estimation.response_basis import ResponseBasis
 from ospc.estimation.vignette_basis import VignetteBasis
 from ospc.evaluation.metrics import log_ratio_error
@@ -52,15 +54,18 @@ def textured(contrast, response):
     ).with_exposures(Exposures())
 
 
+def fitted(observations):
+    return fit_model(Model(ResponseBasis(32), VignetteBasis(0), Effects()), NOISE, observations, ROUNDS)
+
+
 def error(observations, response):
-    estimator = MaximumLikelihoodEstimator(ResponseBasis(32), VignetteBasis(0), NOISE)
-    return log_ratio_error(estimator.fit(observations, ROUNDS).response(), response)
+    return log_ratio_error(fitted(observations).response(), response)
 
 
 def test_grey_levels_are_predicted_by_the_exposures_however_strong_the_texture():
     """Both predicted grey levels of a point come from the same radiance, so no measurement noise enters the rows."""
     seen = textured(0.2, TOE_AND_SHOULDER)
-    found = MaximumLikelihoodEstimator(ResponseBasis(32), VignetteBasis(0), NOISE).fit(seen, ROUNDS)
+    found = fitted(seen)
     share = found.texture_share
     predict = LatentModel(found.response_basis, found.parameters, found.errors, NOISE, share, trusted=True)
     latent = predict(seen, np.zeros(len(seen)), np.ones(len(seen)))
@@ -73,7 +78,7 @@ def test_grey_levels_are_predicted_by_the_exposures_however_strong_the_texture()
 def test_points_without_weight_are_judged_like_the_others():
     """Without a radiance, they would be predicted anywhere and could never get a weight again."""
     seen = textured(0.1, TOE_AND_SHOULDER)
-    found = MaximumLikelihoodEstimator(ResponseBasis(32), VignetteBasis(0), NOISE).fit(seen, ROUNDS)
+    found = fitted(seen)
     share = found.texture_share
     predict = LatentModel(found.response_basis, found.parameters, found.errors, NOISE, share, trusted=True)
     weight = np.where(seen.group % 2, 0.0, 1.0)
@@ -100,6 +105,5 @@ def test_variance_that_is_no_texture_is_left_alone():
     seen = textured(0.0, TOE_AND_SHOULDER)
     share = np.repeat(0.1 * np.random.default_rng(4).random(len(seen.starts)) ** 2, 2)
     false = replace(seen, grey_variance=seen.grey_variance + share * seen.grey**2)
-    estimator = MaximumLikelihoodEstimator(ResponseBasis(32), VignetteBasis(0), NOISE)
-    assert estimator.fit(false, ROUNDS).texture_share < 0.1
+    assert fitted(false).texture_share < 0.1
     assert error(false, TOE_AND_SHOULDER) == pytest.approx(error(seen, TOE_AND_SHOULDER), abs=2e-4)

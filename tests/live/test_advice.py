@@ -11,8 +11,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from ospc.estimation.effects import Effects
 from ospc.estimation.fitted import Fitted
-from ospc.estimation.maximum_likelihood import MaximumLikelihoodEstimator
+from ospc.estimation.maximum_likelihood import fit_model
+from ospc.estimation.model import Model
 from ospc.estimation.response_basis import ResponseBasis
 from ospc.estimation.vignette_basis import VignetteBasis
 from ospc.live.advice import Adviser
@@ -32,8 +34,7 @@ CAMERA = Camera(Response.gamma(2.2))
 
 
 def fitted(observations):
-    estimator = MaximumLikelihoodEstimator(ResponseBasis(16), VignetteBasis(16))
-    return estimator.fit(observations, rounds=3)
+    return fit_model(Model(ResponseBasis(16), VignetteBasis(16), Effects()), None, observations, rounds=3)
 
 
 def state(seen, *, camera=CAMERA, pairs=40, seed=1):

@@ -4,7 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from ospc.estimation.maximum_likelihood import MaximumLikelihoodEstimator
+from ospc.estimation.effects import Effects
+from ospc.estimation.maximum_likelihood import fit_model
+from ospc.estimation.model import Model
 from ospc.estimation.response_basis import ResponseBasis
 from ospc.estimation.vignette_basis import VignetteBasis
 from ospc.methods.exposure_ratios import exposure_ratios
@@ -16,8 +18,8 @@ CAMERA = Camera(Response.gamma(2.2, 256), outliers=0.01)
 
 def ratios_of_other_pairs(seed: int):
     """Fit one set of pairs, and return the exposure ratios of other pairs from the same camera."""
-    estimator = MaximumLikelihoodEstimator(ResponseBasis(32), VignetteBasis(3), None)
-    fit = estimator.fit(CAMERA.pairs(2 * seed), ROUNDS)
+    model = Model(ResponseBasis(32), VignetteBasis(3), Effects())
+    fit = fit_model(model, None, CAMERA.pairs(2 * seed), ROUNDS)
     return fit, exposure_ratios(fit, CAMERA.pairs(2 * seed + 1))
 
 

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 from ospc.estimation.effects import Effects
 from ospc.estimation.fit import Fit
-from ospc.estimation.maximum_likelihood import MaximumLikelihoodEstimator
+from ospc.estimation.maximum_likelihood import fit_model
+from ospc.estimation.model import Model
 from ospc.estimation.response_basis import ResponseBasis
 from ospc.estimation.vignette_basis import VignetteBasis
 from ospc.observations import ExposedObservations
@@ -47,8 +48,7 @@ class FitPlan:
         self, observations: ExposedObservations, vignette: VignetteBasis, effects: Effects, start: Fit | None = None
     ) -> Fit:
         """Fit a choice of vignette model and effects, starting from an earlier fit if there is one."""
-        estimator = MaximumLikelihoodEstimator(self.response, vignette, self.noise, effects)
-        return estimator.fit(observations, self.rounds, start)
+        return fit_model(Model(self.response, vignette, effects), self.noise, observations, self.rounds, start)
 
     def refit(self, observations: ExposedObservations, start: Fit) -> Fit:
         """Fit the model of an earlier fit, starting from it."""

@@ -7,22 +7,20 @@ residuals, and a new choice of the strength of the prior.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ospc.arrays import FloatArray, IntArray
-from ospc.estimation.effects import Effects
 from ospc.estimation.error_model import ErrorModel
 from ospc.estimation.fit import Fit
 from ospc.estimation.latent import LatentModel
 from ospc.estimation.model import LinearSystem, Model
 from ospc.estimation.normal_equations import NormalEquations, at_least
 from ospc.estimation.prior import START, Prior, PriorHyperparameters
-from ospc.estimation.response_basis import ResponseBasis
 from ospc.estimation.robust_weights import redescending_weights
 from ospc.estimation.shared_errors import SharedErrors
-from ospc.estimation.vignette_basis import VignetteBasis, measured_radius
+from ospc.estimation.vignette_basis import measured_radius
 from ospc.observations import ExposedObservations
 from ospc.photometry.noise import NoiseModel
 from ospc.settings.error_model import CONVEX_ROUNDS
@@ -64,144 +62,126 @@ class _Solution:
     squared_sigmas: float
 
 
-@dataclass(frozen=True)
-class MaximumLikelihoodEstimator:
-    """Fits a model, response, vignette and effects, to observations."""
+def fit_model(
+    model: Model, noise: NoiseModel | None, observations: ExposedObservations, rounds: int, start: Fit | None = None
+) -> Fit:
+    """Fit a model to observations, starting from an earlier fit with the same response basis if there is one.
 
-    response_basis: ResponseBasis
-    vignette_basis: VignetteBasis
-    noise: NoiseModel | None = None
-    """Noise of single pixels, by which clipping biases the mean near the ends. None if the observations are single
-    pixels."""
-    effects: Effects = field(default_factory=Effects)
+    After the first round in which outliers lose weight, there are at most ``rounds`` more; the fit ends earlier once
+    no parameter moves by more than about a tenth of a standard deviation. It uses one core: threads slow down its
+    many small matrix products. By the noise of single pixels, clipping biases their mean near the ends; it is None if
+    the observations are single pixels.
+    """
+    with one_blas_thread():
+        return _fit(model, noise, observations, rounds, start)
 
-    @property
-    def model(self) -> Model:
-        """The model that is fitted."""
-        return Model(self.response_basis, self.vignette_basis, self.effects)
 
-    def fit(self, observations: ExposedObservations, rounds: int, start: Fit | None = None) -> Fit:
-        """Fit the model, starting from an earlier fit with the same response basis if there is one.
-
-        After the first round in which outliers lose weight, there are at most ``rounds`` more; the fit ends earlier
-        once no parameter moves by more than about a tenth of a standard deviation. It uses one core: threads slow
-        down its many small matrix products.
-        """
-        with one_blas_thread():
-            return self._fit(observations, rounds, start)
-
-    def _fit(self, observations: ExposedObservations, rounds: int, start: Fit | None) -> Fit:
-        present = self._beginning(observations, start)
-        convex_rounds = CONVEX_ROUNDS if start is None else 0
-        for number in range(convex_rounds + rounds + 1):
-            trusted, convex = number > 0 or start is not None, number < convex_rounds
-            predict = LatentModel(
-                self.response_basis,
-                self.model.split(present.parameters)[0],
-                present.errors,
-                self.noise,
-                present.texture_share,
-                trusted,
-            )
-            system, present = self._linearised(observations, present, predict, convex=convex)
-            knee_evidence = FIRST_KNEE_EVIDENCE if convex else KNEE_EVIDENCE
-            solution = self._solved(system, present, knee_evidence, trusted=trusted)
-            present = solution.estimate
-            settled = solution.squared_sigmas < SETTLED_SIGMAS**2 * len(present.parameters)
-            if number == convex_rounds + rounds or (settled and number > convex_rounds + 1):
-                shared = system.shared_errors(present.parameters, solution.before, present.sandwich_factor)
-                break
-            del system  # it takes as much memory as the observations
-        return self._as_fit(observations, present, predict, solution, shared)
-
-    def _beginning(self, observations: ExposedObservations, start: Fit | None) -> _Estimate:
-        index, weight = self.response_basis.index_of(observations.grey), np.ones(len(observations))
-        if start is None:
-            return _Estimate(self.model.typical, ErrorModel(), 0.0, START, weight, index)
-        about = start.parameters_in(self.model)
-        return _Estimate(about, start.errors, start.texture_share, start.hyperparameters, weight, index)
-
-    def _linearised(
-        self, observations: ExposedObservations, present: _Estimate, predict: LatentModel, *, convex: bool
-    ) -> tuple[LinearSystem, _Estimate]:
-        """Linearise the observations about an estimate; return the system, and the estimate with new weights."""
-        model, parameters = self.model, present.parameters
-        log_gain = model.log_gain(parameters, observations, present.index)
-        latent = predict(observations, log_gain, present.weight)
-        errors, weight, sandwich_factor = present.errors, present.weight, present.sandwich_factor
-        if predict.trusted:
-            unclipped = predict.unclipped(observations, latent)
-            weight = unclipped.astype(np.float64)
-            if not convex:
-                weight, sandwich_factor = redescending_weights(latent.studentised, unclipped)
-                sandwich_factor /= observations.error_factor
-            errors = errors.refitted(
-                latent.residual**2 / latent.one_minus_leverage / latent.log_response_slope**2,
-                latent.grey,
-                1 / latent.log_response_slope,
-                latent.irradiance,
-                observations.gradient,
-            )
-        system = LinearSystem(model, parameters, observations, latent, weight, errors.gain_variances)
-        weighted = replace(present, errors=errors, weight=weight, sandwich_factor=sandwich_factor, index=latent.index)
-        return system, weighted
-
-    def _solved(self, system: LinearSystem, present: _Estimate, knee_evidence: float, *, trusted: bool) -> _Solution:
-        """Solve the system with the prior that the data choose; unless ``trusted``, keep the share of texture."""
-        model, texture_share = self.model, present.texture_share
-        prior = model.prior(system.about)
-        before = prior.precision(present.hyperparameters)
-        with_share = system.equations(before, present.sandwich_factor)
-        equations = with_share.part(np.arange(len(system.about))).scaled(before, present.sandwich_factor)
-        if trusted:
-            in_units = before / equations.information_scale
-            change = with_share.last_fitted(in_units, prior.mean, TEXTURE_SHARE_INFORMATION, 1 - texture_share)
-            texture_share = float(np.clip(texture_share + change, 0.0, 1.0))
-        hyperparameters = equations.maximize_evidence(prior, present.hyperparameters, knee_evidence)
-        parameters = model.limited(equations.solve(prior, hyperparameters, model.floor), system.about)
-        moved, errors = parameters - system.about, present.errors
-        if system.has_gains:
-            errors = replace(errors, gain_variances=system.gains(parameters).refitted_variances)
-        found = replace(
-            present,
-            parameters=parameters,
-            errors=errors,
-            texture_share=texture_share,
-            hyperparameters=hyperparameters,
+def _fit(
+    model: Model, noise: NoiseModel | None, observations: ExposedObservations, rounds: int, start: Fit | None
+) -> Fit:
+    present = _beginning(model, observations, start)
+    convex_rounds = CONVEX_ROUNDS if start is None else 0
+    for number in range(convex_rounds + rounds + 1):
+        trusted, convex = number > 0 or start is not None, number < convex_rounds
+        coefficients, _, _ = model.split(present.parameters)
+        predict = LatentModel(
+            model.response_basis, coefficients, present.errors, noise, present.texture_share, trusted
         )
-        precision = equations.posterior_precision(prior, hyperparameters)
-        return _Solution(found, equations, prior, before, precision, float(moved @ precision @ moved))
+        system, present = _linearised(model, observations, present, predict, convex=convex)
+        knee_evidence = FIRST_KNEE_EVIDENCE if convex else KNEE_EVIDENCE
+        solution = _solved(system, present, knee_evidence, trusted=trusted)
+        present = solution.estimate
+        settled = solution.squared_sigmas < SETTLED_SIGMAS**2 * len(present.parameters)
+        if number == convex_rounds + rounds or (settled and number > convex_rounds + 1):
+            shared = system.shared_errors(present.parameters, solution.before, present.sandwich_factor)
+            break
+        del system  # it takes as much memory as the observations
+    return _as_fit(model, observations, predict, solution, shared)
 
-    def _as_fit(
-        self,
-        observations: ExposedObservations,
-        found: _Estimate,
-        predict: LatentModel,
-        solution: _Solution,
-        shared: SharedErrors,
-    ) -> Fit:
-        """Return the fit with its covariance, given the errors that all pairs share."""
-        covariance = solution.equations.covariance(solution.prior, found.hyperparameters, shared)
-        groups = len(np.unique(observations.group))
-        # Fitted gain variances follow the means of pairs, whose scatter then underestimates that of the gains; the
-        # scatter of few groups is hardly known.
-        if found.errors.gain_variances or groups < MIN_BLOCKS:
-            covariance = at_least(covariance, solution.precision)
-        n = len(self.response_basis)
-        covariance[:n, :n] += np.outer(predict.error_by_noise, predict.error_by_noise)
-        centre = self.vignette_basis.centre(self.model.split(found.parameters)[1])
-        return Fit(
-            self.response_basis,
-            self.vignette_basis,
-            self.effects,
-            parameters=found.parameters,
-            covariance=covariance,
-            chance=np.asarray(np.linalg.inv(solution.precision), dtype=np.float64),
-            errors=found.errors,
-            hyperparameters=found.hyperparameters,
-            points=int(np.count_nonzero(observations.combined(np.add, found.weight))),
-            groups=groups,
-            pixel_noise=predict.pixel_noise,
-            texture_share=found.texture_share,
-            measured_radius=measured_radius(observations, centre),
+
+def _beginning(model: Model, observations: ExposedObservations, start: Fit | None) -> _Estimate:
+    index, weight = model.response_basis.index_of(observations.grey), np.ones(len(observations))
+    if start is None:
+        return _Estimate(model.typical, ErrorModel(), 0.0, START, weight, index)
+    about = start.parameters_in(model)
+    return _Estimate(about, start.errors, start.texture_share, start.hyperparameters, weight, index)
+
+
+def _linearised(
+    model: Model, observations: ExposedObservations, present: _Estimate, predict: LatentModel, *, convex: bool
+) -> tuple[LinearSystem, _Estimate]:
+    """Linearise the observations about an estimate; return the system, and the estimate with new weights."""
+    parameters = present.parameters
+    log_gain = model.log_gain(parameters, observations, present.index)
+    latent = predict(observations, log_gain, present.weight)
+    errors, weight, sandwich_factor = present.errors, present.weight, present.sandwich_factor
+    if predict.trusted:
+        unclipped = predict.unclipped(observations, latent)
+        weight = unclipped.astype(np.float64)
+        if not convex:
+            weight, sandwich_factor = redescending_weights(latent.studentised, unclipped)
+            sandwich_factor /= observations.error_factor
+        errors = errors.refitted(
+            latent.residual**2 / latent.one_minus_leverage / latent.log_response_slope**2,
+            latent.grey,
+            1 / latent.log_response_slope,
+            latent.irradiance,
+            observations.gradient,
         )
+    system = LinearSystem(model, parameters, observations, latent, weight, errors.gain_variances)
+    weighted = replace(present, errors=errors, weight=weight, sandwich_factor=sandwich_factor, index=latent.index)
+    return system, weighted
+
+
+def _solved(system: LinearSystem, present: _Estimate, knee_evidence: float, *, trusted: bool) -> _Solution:
+    """Solve the system with the prior that the data choose; unless ``trusted``, keep the share of texture."""
+    model, texture_share = system.model, present.texture_share
+    prior = model.prior(system.about)
+    before = prior.precision(present.hyperparameters)
+    with_share = system.equations(before, present.sandwich_factor)
+    equations = with_share.part(np.arange(len(system.about))).scaled(before, present.sandwich_factor)
+    if trusted:
+        in_units = before / equations.information_scale
+        change = with_share.last_fitted(in_units, prior.mean, TEXTURE_SHARE_INFORMATION, 1 - texture_share)
+        texture_share = float(np.clip(texture_share + change, 0.0, 1.0))
+    hyperparameters = equations.maximize_evidence(prior, present.hyperparameters, knee_evidence)
+    parameters = model.limited(equations.solve(prior, hyperparameters, model.floor), system.about)
+    moved, errors = parameters - system.about, present.errors
+    if system.has_gains:
+        errors = replace(errors, gain_variances=system.gains(parameters).refitted_variances)
+    found = replace(
+        present, parameters=parameters, errors=errors, texture_share=texture_share, hyperparameters=hyperparameters
+    )
+    precision = equations.posterior_precision(prior, hyperparameters)
+    return _Solution(found, equations, prior, before, precision, float(moved @ precision @ moved))
+
+
+def _as_fit(
+    model: Model, observations: ExposedObservations, predict: LatentModel, solution: _Solution, shared: SharedErrors
+) -> Fit:
+    """Return the fit with its covariance, given the errors that all pairs share."""
+    found = solution.estimate
+    covariance = solution.equations.covariance(solution.prior, found.hyperparameters, shared)
+    groups = len(np.unique(observations.group))
+    # Fitted gain variances follow the means of pairs, whose scatter then underestimates that of the gains; the
+    # scatter of few groups is hardly known.
+    if found.errors.gain_variances or groups < MIN_BLOCKS:
+        covariance = at_least(covariance, solution.precision)
+    n = len(model.response_basis)
+    covariance[:n, :n] += np.outer(predict.error_by_noise, predict.error_by_noise)
+    centre = model.vignette_basis.centre(model.split(found.parameters)[1])
+    return Fit(
+        model.response_basis,
+        model.vignette_basis,
+        model.effects,
+        parameters=found.parameters,
+        covariance=covariance,
+        chance=np.asarray(np.linalg.inv(solution.precision), dtype=np.float64),
+        errors=found.errors,
+        hyperparameters=found.hyperparameters,
+        points=int(np.count_nonzero(observations.combined(np.add, found.weight))),
+        groups=groups,
+        pixel_noise=predict.pixel_noise,
+        texture_share=found.texture_share,
+        measured_radius=measured_radius(observations, centre),
+    )
