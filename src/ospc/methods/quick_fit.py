@@ -24,29 +24,21 @@ from ospc.settings.methods import (
 
 
 class QuickFit:
-    """The latest fit to some of the observations, and its use for the next frames.
-
-    Attributes
-    ----------
-    fit
-        The fit; None before there is one.
-    normalize
-        Normalises frames to equal brightness with the fit, before they are registered.
-    trusts_stated
-        Whether normalisation uses only the stated exposures.
-    response_sigma, vignette_sigma
-        Largest standard deviation of g over the grey levels, with its scale fixed, and that of V at the corners; None
-        without a fit.
-    """
+    """The latest fit to some of the observations, and its use for the next frames."""
 
     def __init__(self, settings: DefaultSettings, size: ImageSize, max_grey: int) -> None:
         self._settings, self._size, self._max_grey = settings, size, max_grey
         self._basis = ResponseBasis(settings.response_intervals, settings.response_functions)
         self.fit: Fit | None = None
+        """The fit; None before there is one."""
         self.normalize = ExposureNormalizer()
+        """Normalises frames to equal brightness with the fit, before they are registered."""
         self.trusts_stated = False
+        """Whether normalisation uses only the stated exposures."""
         self.response_sigma: float | None = None
+        """Largest standard deviation of g over the grey levels, with its scale fixed; None without a fit."""
         self.vignette_sigma: float | None = None
+        """Standard deviation of V at the corners; None without a fit."""
 
     def refine(
         self, observations: ExposedObservations, noise: NoiseModel, usable_radius: float, *, trusts_stated: bool

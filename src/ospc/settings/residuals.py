@@ -88,7 +88,7 @@ MOST_RADIANCE_SIGMA = 0.04
 vignette do not explain the images. It was at most 0.01 in 39 clean simulated recordings, 0.005 in a real video, with
 crowds and with glossy surfaces, and 0.07 to 0.09 if contrast was equalised in tiles."""
 
-# Pairs that were registered wrongly (ospc.estimation.misregistration, ospc.methods.exposure_ratios)
+# Pairs that were registered wrongly (ospc.estimation.wrong_pairs, ospc.methods.exposure_ratios)
 
 MISREGISTERED_SPREAD = 3.0
 """Scatter of a pair's points, relative to typical pairs, above which the frames count as misregistered: two thirds of
@@ -108,7 +108,7 @@ MISREGISTERED_SIGMAS = 2.0
 """Standard deviation of such a pair's exposure ratio, as a multiple of that scatter: the points share one error, so
 their number does not reduce it."""
 
-# Pairs whose exposures are wrong (ospc.estimation.contradicting_pairs)
+# Pairs whose exposures are wrong (ospc.estimation.wrong_pairs)
 
 MAX_WRONG_PAIRS_SHARE = 0.25
 """Largest share of the pairs that contradict the exposures of the others. If there are more, the others are doubtful,
