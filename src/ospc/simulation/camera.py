@@ -85,9 +85,7 @@ class Sensor:
         self._full_well, self._read_noise = settings.sensor
         # Tabulated over the square root of the irradiance, because responses are steep near zero irradiance.
         root = np.linspace(0.0, 1.0, _TABLE)
-        self._grey = np.rint(response(root**2) * self._max_grey).astype(
-            np.uint8 if self._max_grey < 256 else np.uint16
-        )
+        self._grey = np.rint(response(root**2) * 255).astype(np.uint8)
 
     def expose(self, irradiance: Float32Array, *, frame: int, gain: float = 1.0) -> Image:
         """Return the uint8 or uint16 image of an irradiance e V L relative to saturation, shape (height, width).

@@ -23,16 +23,6 @@ _GREY = np.linspace(0.0, 1.0, LEVELS)
 """Grey levels of the entries."""
 
 
-def linear() -> Response:
-    """Return the response of a linear sensor, g(M) = M."""
-    return Response(_GREY, model={"name": "linear"})
-
-
-def gamma22() -> Response:
-    """Return the power law g(M) = M^2.2."""
-    return Response.gamma(2.2, LEVELS)
-
-
 def srgb() -> Response:
     """Return the transfer function of sRGB (IEC 61966-2-1)."""
     return Response(srgb_decoded(_GREY), model={"name": "srgb"})
@@ -65,14 +55,14 @@ def tum_narrow() -> Response:
 
 
 RESPONSES: dict[str, Callable[[], Response]] = {
-    "linear": linear,
+    "linear": lambda: Response(_GREY, model={"name": "linear"}),
     "srgb": srgb,
-    "gamma2.2": gamma22,
+    "gamma2.2": lambda: Response.gamma(2.2, LEVELS),
     "log": logarithmic,
     "filmic": filmic,
     "tum_narrow": tum_narrow,
 }
-"""The responses by name."""
+"""The responses by name; linear is g(M) = M, gamma2.2 is g(M) = M^2.2."""
 
 
 def make_response(choice: str | Path | Response) -> Response:
