@@ -67,7 +67,6 @@ def _draw_brightness(report: RecordingReport, axes: Any) -> None:
 
 
 def _draw_score(report: RecordingReport, axes: Any) -> None:
-
     lag = report.exposures.lag
     axes.set(
         title=f"Lag of the exposures: {lag.state}",

@@ -44,7 +44,7 @@ _WRAP_COLUMNS = 38
 
 @dataclass(frozen=True)
 class _Curve:
-    """A curve to draw, as a function of x; arrays of shape (points,). ``measured`` is the range with observations."""
+    """A curve to draw, as a function of increasing x; arrays of shape (points,). ``measured`` has observations."""
 
     x: FloatArray
     value: FloatArray
@@ -53,8 +53,7 @@ class _Curve:
     colour: str
     name: str
     x_label: str
-    x_limits: tuple[float, float]
-    measured: tuple[float, float]
+    measured: tuple[float, float] = (0.0, 1.0)
 
 
 def draw_response(cell: Any, calibration: Calibration, reference: Response | None = None) -> Any:
@@ -75,7 +74,6 @@ def draw_response(cell: Any, calibration: Calibration, reference: Response | Non
         colour=BLUE,
         name="g",
         x_label="grey level M",
-        x_limits=(0.0, float(white)),
         measured=(low, high),
     )
     panels = _panels(cell, curve, None if calibration.coverage is None else calibration.coverage.by_grey)
@@ -100,8 +98,6 @@ def draw_vignette(cell: Any, calibration: Calibration, reference: Vignette | Non
         colour=ORANGE,
         name="V",
         x_label=RADIUS_LABEL,
-        x_limits=(0.0, 1.0),
-        measured=(0.0, 1.0),
     )
     panels = _panels(cell, curve, None if calibration.coverage is None else calibration.coverage.by_radius)
     lowest = min(float(v.min()) for v in (curve.value, curve.reference) if v is not None)
@@ -187,12 +183,12 @@ def _panels(cell: Any, curve: _Curve, observations: IntArray | None) -> list[Any
     if judged:
         _draw_error(panels[1], curve)
     if observations is not None:
-        edges = np.linspace(*curve.x_limits, len(observations) + 1)
+        edges = np.linspace(curve.x[0], curve.x[-1], len(observations) + 1)
         panels[-1].stairs(observations, edges, fill=True, color=GREEN, alpha=0.6, baseline=0.1)
         panels[-1].set_ylabel("count")
         logarithmic(panels[-1], "y", 1.0, max(10.0, 1.5 * float(observations.max())))
     for axes in panels:
-        axes.set_xlim(curve.x_limits)
+        axes.set_xlim(curve.x[0], curve.x[-1])
         axes.tick_params(labelbottom=axes is panels[-1])
     panels[-1].set_xlabel(curve.x_label)
     return panels
