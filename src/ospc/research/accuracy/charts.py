@@ -210,29 +210,25 @@ class ChartSource(Source):
         return Truth(response, greys=greys, limits=limits)
 
     def held_out(self) -> Sequence[HeldOutPair]:
-        """Return all pairs of exposures under the second illuminant, with the ratios of the RAW files."""
+        """Return every two exposures under the second illuminant with the RAW ratio, at pixels that neither clips."""
         series = read_series(self.folder, ILLUMINANTS[1])
         exposures, _ = series.irradiance()
         planes = self._planes(series)
-        return [
-            _same_places(planes, first, second, float(exposures[first] / exposures[second]))
-            for first, second in combinations(range(EXPOSURES), 2)
-        ]
+        size = (planes.shape[2], planes.shape[1])
+        exposed = (planes > _DARKEST) & (planes < _BRIGHTEST)
+        pairs = []
+        for first, second in combinations(range(EXPOSURES), 2):
+            kept = exposed[first] & exposed[second]
+            places, greys = pixel_grid(size)[kept], (planes[first][kept] / 255, planes[second][kept] / 255)
+            ratio = float(exposures[first] / exposures[second])
+            pairs.append(HeldOutPair((first, second), size, places, places, *greys, ratio))
+        return pairs
 
     def _fitted(self) -> ChartSeries:
         return read_series(self.folder, ILLUMINANTS[0])
 
     def _planes(self, series: ChartSeries) -> FloatArray:
         return np.ascontiguousarray(series.jpeg[..., self.channel])
-
-
-def _same_places(planes: FloatArray, first: int, second: int, ratio: float) -> HeldOutPair:
-    """Return the pixels that are clipped in neither of two exposures."""
-    exposed = (planes > _DARKEST) & (planes < _BRIGHTEST)
-    kept = exposed[first] & exposed[second]
-    size = (planes.shape[2], planes.shape[1])
-    places, greys = pixel_grid(size)[kept], (planes[first][kept] / 255, planes[second][kept] / 255)
-    return HeldOutPair((first, second), size, places, places, *greys, ratio)
 
 
 def chart_sources(folder: Path) -> list[ChartSource]:

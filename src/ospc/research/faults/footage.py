@@ -241,12 +241,9 @@ def _filmed(source: VideoSource) -> Footage:
         return np.clip(noisy, 0, 255).astype(np.uint8)
 
     images = tuple(frame.image_8_bit for frame in frames)
-    light = np.stack(
-        [
-            np.where(image >= _SATURATED_FROM, _SATURATED, response.inverse(image / 255)).astype(np.float32)
-            for image in images
-        ]
-    )
+    greys = np.arange(256)
+    light_of_grey = np.where(greys >= _SATURATED_FROM, _SATURATED, response.inverse(greys / 255)).astype(np.float32)
+    light = light_of_grey[np.stack(images)]
     exposures, stamps = np.array([(frame.exposure_ms, frame.stamp_s) for frame in frames]).T
     camera = Camera(light, exposures, np.ones(light.shape[1:], np.float32), expose)
     return Footage(images, exposures, stamps, _names(len(frames)), camera, (response,), reference=reference)

@@ -175,9 +175,7 @@ def _motion_blur(footage: Footage, frames: float) -> Footage:
 def _small_range(footage: Footage, ratio: float) -> Footage:
     logs = np.log(footage.camera.exposures_ms)
     reach = max(float(np.ptp(logs)), 1e-9)
-    return _reshot(
-        footage, np.exp(np.median(logs) + (logs - np.median(logs)) * np.log(ratio) / reach), lambda image, _i: image
-    )
+    return _reshot(footage, np.exp(np.median(logs) + (logs - np.median(logs)) * np.log(ratio) / reach))
 
 
 def _roll_only(footage: Footage, degrees: float) -> Footage:
@@ -194,9 +192,11 @@ def _roll_only(footage: Footage, degrees: float) -> Footage:
 
 
 def _reshot(
-    footage: Footage, exposures_ms: FloatArray, change: Callable[[Float32Array, int], Float32Array]
+    footage: Footage,
+    exposures_ms: FloatArray,
+    change: Callable[[Float32Array, int], Float32Array] = lambda scene, _i: scene,
 ) -> Footage:
-    """Film a changed scene at given exposures, which are recorded in the metadata."""
+    """Film a scene, which may change, at given exposures, which are recorded in the metadata."""
     camera = footage.camera
 
     def exposed(_light: Float32Array, i: int) -> Float32Array:
@@ -282,7 +282,7 @@ FAULTS = (
             f, f.camera.exposures_ms, lambda image, _i: cv2.GaussianBlur(image, (0, 0), x * image.shape[1])
         )),
     Fault("constant-exposure", "the exposure fixed at {} times the median", (1, 0.5, 2),
-        lambda f, x: _reshot(f, np.full(len(f), x * np.median(f.camera.exposures_ms)), lambda image, _i: image)),
+        lambda f, x: _reshot(f, np.full(len(f), x * np.median(f.camera.exposures_ms)))),
     Fault("small-range", "exposures within a factor of {}", (1.5, 1.2, 1.1), _small_range),
     Fault("standing-still", "the camera at rest for a fraction of {}", (0.3, 0.7, 1),
         # It keeps the view of the first frame.

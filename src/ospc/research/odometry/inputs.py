@@ -110,7 +110,6 @@ class OdometryInput:
     @classmethod
     def of(cls, recording: Recording, images: Path, condition: Condition, photometry: Photometry) -> OdometryInput:
         """Return the input for a recording under a condition."""
-        needed(recording.path, CAMERA)
         stamps, exposures = np.array([recording.stamps_s, recording.exposures_ms], dtype=np.float64)
         given = np.ones_like(exposures) if condition.mode == 2 else exposures
         known = identity(recording) | {"name": ""}

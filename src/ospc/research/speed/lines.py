@@ -73,9 +73,9 @@ def speed_tasks(
     tasks = []
     for size in sizes:
         counts = dict.fromkeys(min(count, frames) for count in _CALIBRATED.get(size, (frames,)))
-        measures: dict[str, _Measure] = {}
-        for count in counts:
-            measures[f"ospc calibrate, {count} frames"] = partial(calibrate_command, count=count)
+        measures: dict[str, _Measure] = {
+            f"ospc calibrate, {count} frames": partial(calibrate_command, count=count) for count in counts
+        }
         measures |= {f"preset {name}": partial(calibrating, preset=name, count=frames) for name in presets}
         if live_s > 0:
             measures[f"live, {live_s:g} s at {rate_hz:g} frames/s"] = partial(live, seconds=live_s, rate_hz=rate_hz)

@@ -35,8 +35,6 @@ _SHORTEST_S = 1e-6
 _POLL_S = 0.02
 """Time between two readings of a command's memory."""
 
-_COMMAND = (sys.executable, "-c", "from ospc.cli.main import main; main()")
-
 
 @dataclass(frozen=True)
 class SpeedRow:
@@ -151,16 +149,9 @@ def live(size: ImageSize, reel: Reel, seconds: float, rate_hz: float) -> SpeedRo
             status = calibrator.status
     known = "not converged" if known_s is None else f"converged after {known_s:.0f} s"
     share = f"{spent.cpu_s / spent.seconds:.0%} of a core"
-    times = (spent.seconds, spent.cpu_s, "decoding", *decoding)
-    return SpeedRow(
-        f"live, {rate_hz:g} frames/s",
-        size,
-        count,
-        *times,
-        push_ms=_spread(pushes),
-        peak_mb=_peak_mb(shown_mb),
-        notes=f"{share}; {status.processed} processed, {status.unusable} unusable; {known}",
-    )
+    notes = f"{share}; {status.processed} processed, {status.unusable} unusable; {known}"
+    what, times = f"live, {rate_hz:g} frames/s", (spent.seconds, spent.cpu_s, "decoding", *decoding)
+    return SpeedRow(what, size, count, *times, push_ms=_spread(pushes), peak_mb=_peak_mb(shown_mb), notes=notes)
 
 
 def calibrate_command(size: ImageSize, reel: Reel, count: int) -> SpeedRow:
@@ -221,7 +212,8 @@ def _called(*arguments: str) -> tuple[float, float, float | None]:
     _compile()
     begun, before = time.perf_counter(), os.times()
     quiet = subprocess.DEVNULL
-    with subprocess.Popen([*_COMMAND, *arguments], stdout=quiet, stderr=quiet) as process:  # noqa: S603 - this program
+    command = [sys.executable, "-m", "ospc", *arguments]
+    with subprocess.Popen(command, stdout=quiet, stderr=quiet) as process:  # noqa: S603 - this program
         peak_mb = 0.0
         while process.poll() is None:
             peak_mb = max(peak_mb, _family_mb(process.pid))
