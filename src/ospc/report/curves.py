@@ -111,16 +111,14 @@ def draw_vignette_map(cell: Any, vignette: Vignette) -> Any:
     from matplotlib.colors import BoundaryNorm
     from matplotlib.ticker import MaxNLocator
 
-    axes, bar = map_axes_in(cell)
     width, height = vignette.size
     columns, rows = min(_MAP_COLUMNS, width), max(1, min(height, round(_MAP_COLUMNS * height / width)))
     x, y = np.meshgrid(np.linspace(0, width - 1, columns), np.linspace(0, height - 1, rows))
     values = vignette.at(np.stack([x, y], axis=-1))
     steps = MaxNLocator(_MAP_STEPS).tick_values(float(values.min()), max(float(values.max()), values.min() + 1e-3))
-    shown = axes.imshow(
-        values, cmap="cividis", norm=BoundaryNorm(steps, 256), extent=(0, width, height, 0), interpolation="none"
+    axes, _ = draw_map(
+        cell, values, "attenuation V", cmap="cividis", norm=BoundaryNorm(steps, 256), extent=(0, width, height, 0)
     )
-    axes.figure.colorbar(shown, cax=bar, label="attenuation V")
     axes.set(xlabel="x in pixels", ylabel="y in pixels")
     return axes
 
@@ -137,12 +135,14 @@ def axes_in(cell: Any) -> Any:
     return axes
 
 
-def map_axes_in(cell: Any) -> tuple[Any, Any]:
-    """Return new axes for an image in a cell of a grid, and axes for its colour bar."""
+def draw_map(cell: Any, values: FloatArray, label: str, **how: Any) -> tuple[Any, Any]:
+    """Draw values as an image with options of ``imshow``; return its axes, and those of the labelled colour bar."""
     image, bar, _room_for_numbers = cell.subgridspec(1, 3, width_ratios=_BAR_WIDTHS, wspace=0.04)
     axes = axes_in(image)
     axes.grid(visible=False)
-    return axes, axes.figure.add_subplot(bar)
+    bar_axes = axes.figure.add_subplot(bar)
+    axes.figure.colorbar(axes.imshow(values, interpolation="none", **how), cax=bar_axes, label=label)
+    return axes, bar_axes
 
 
 def logarithmic(axes: Any, name: str, low: float, high: float) -> None:

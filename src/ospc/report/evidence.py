@@ -13,13 +13,14 @@ from ospc.arrays import FloatArray, IntArray
 from ospc.errors import counted
 from ospc.numerics.robust import weighted_median
 from ospc.photometry.coverage import Coverage, ExposureRatios
-from ospc.report.curves import axes_in, logarithmic, map_axes_in, set_ticks
+from ospc.report.curves import axes_in, draw_map, logarithmic, set_ticks
 from ospc.report.style import BLACK, GREEN, GREY
 
 FEW_SAMPLES = 50
 """A pair of frames with fewer samples may be wrongly matched, and is drawn as an open grey circle."""
 _MOST_POINTS = 2000
 """Most points in a scatter plot; more would hide one another."""
+_RESIDUAL_LABEL = "residual in % of irradiance"
 _LEAST_RESIDUAL = 0.5
 """Smallest half range of a residual axis in per cent; smaller residuals are noise."""
 
@@ -107,11 +108,9 @@ def draw_radius_coverage(cell: Any, coverage: Coverage) -> Any:
 
 def draw_place_residual(cell: Any, by_place: FloatArray) -> Any:
     """Draw the median residuals over the image, shape (rows, columns)."""
-    axes, bar = map_axes_in(cell)
     known = np.abs(100 * by_place[np.isfinite(by_place)])
     reach = max(_LEAST_RESIDUAL, float(known.max(initial=0.0)))
-    shown = axes.imshow(100 * by_place, cmap="PuOr_r", vmin=-reach, vmax=reach, interpolation="none")
-    axes.figure.colorbar(shown, cax=bar, label="residual in % of irradiance")
+    axes, _ = draw_map(cell, 100 * by_place, _RESIDUAL_LABEL, cmap="PuOr_r", vmin=-reach, vmax=reach)
     axes.set(xticks=[], yticks=[], xlabel="across the image", ylabel="down the image")
     return axes
 
@@ -119,18 +118,11 @@ def draw_place_residual(cell: Any, by_place: FloatArray) -> Any:
 def _draw_counts(cell: Any, counts: IntArray, extent: tuple[float, float, float, float]) -> Any:
     from matplotlib.colors import LogNorm
 
-    axes, bar = map_axes_in(cell)
     most = max(10, int(counts.max()))
-    shown = axes.imshow(
-        np.where(counts > 0, counts, np.nan),
-        cmap="Greens",
-        norm=LogNorm(1, most),
-        extent=extent,
-        origin="lower",
-        aspect="auto",
-        interpolation="none",
+    seen = np.where(counts > 0, counts, np.nan)
+    axes, bar = draw_map(
+        cell, seen, "observations", cmap="Greens", norm=LogNorm(1, most), extent=extent, origin="lower", aspect="auto"
     )
-    axes.figure.colorbar(shown, cax=bar, label="observations")
     set_ticks(bar.yaxis, [10**e for e in range(10) if 10**e <= most])
     return axes
 
@@ -149,7 +141,7 @@ def draw_residual(cell: Any, quantiles: FloatArray, x_end: float, x_label: str, 
     known = np.abs(np.concatenate([low, high]))
     known = known[np.isfinite(known)]
     reach = 1.2 * max(_LEAST_RESIDUAL, float(np.quantile(known, 0.95)) if known.size else 0.0)
-    axes.set(xlim=(0, x_end), ylim=(-reach, 1.3 * reach), xlabel=x_label, ylabel="residual in % of irradiance")
+    axes.set(xlim=(0, x_end), ylim=(-reach, 1.3 * reach), xlabel=x_label, ylabel=_RESIDUAL_LABEL)
     axes.legend(loc="upper center", ncols=2)
     return axes
 
