@@ -249,20 +249,12 @@ class Tracks:
         self, kind: int, frame: Frame, radiance: Float32Array, index: IntArray, places: FloatArray
     ) -> FloatArray:
         """Return the brightness residuals of tracks at given points in one kind of frames; NaN if saturated."""
-        changes = np.full(index.size, np.nan)
-        if not index.size:
-            return changes
-        now, first = windows(radiance, places), self._first[1, index]
-        exposed = np.isfinite(now).all(axis=1) & np.isfinite(first).all(axis=1)
+        first, now = self._first[1, index], windows(radiance, places)
+        exposed = np.isfinite(first).all(axis=1) & np.isfinite(now).all(axis=1)
         if KINDS[kind] == "raw":
-            grey = windows(frame.image_8_bit, places)
-            changes[exposed] = _residual(self._first[0, index[exposed]], grey[exposed])
+            first, now = self._first[0, index[exposed]], windows(frame.image_8_bit, places[exposed])
         else:
-            both = [self._corrected.greys(values[exposed], frame.exposure_ms) for values in (first, now)]
-            changes[exposed] = _residual(*both)
+            first, now = (self._corrected.greys(values[exposed], frame.exposure_ms) for values in (first, now))
+        changes = np.full(index.size, np.nan)
+        changes[exposed] = in_contrasts(np.abs(now.mean(axis=1) - first.mean(axis=1)), first, now)
         return changes
-
-
-def _residual(first: FloatArray, now: FloatArray) -> FloatArray:
-    """Return the brightness change in units of the contrast, shape (n, pixels) twice -> (n,)."""
-    return in_contrasts(np.abs(now.mean(axis=1) - first.mean(axis=1)), first, now)
