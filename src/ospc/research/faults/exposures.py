@@ -8,22 +8,18 @@ from dataclasses import replace
 import numpy as np
 
 from ospc.arrays import FloatArray
-from ospc.research.faults.footage import Fault, Footage
+from ospc.research.faults.footage import Fault, Footage, Strengths
 
 _HIDDEN_GAIN_FRAMES = 10
 """Frames for which a hidden gain stays constant."""
 
 
-def _stated(
-    name: str, text: str, strengths: tuple[float, float, float], change: Callable[[FloatArray, float], FloatArray]
-) -> Fault:
+def _stated(name: str, text: str, strengths: Strengths, change: Callable[[FloatArray, float], FloatArray]) -> Fault:
     """Return a fault that replaces the true exposures e, shape (frames,), at a strength x."""
     return Fault(name, text, strengths, lambda f, x: f.with_exposures(change(f.exposures_ms, x)))
 
 
-def _in_lines(
-    name: str, text: str, strengths: tuple[float, float, float], wrong: Callable[[FloatArray], FloatArray | float]
-) -> Fault:
+def _in_lines(name: str, text: str, strengths: Strengths, wrong: Callable[[FloatArray], FloatArray | float]) -> Fault:
     """Return a fault that affects only a share of the lines."""
 
     def change(footage: Footage, share: float) -> Footage:

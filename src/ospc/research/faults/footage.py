@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any, TypeAlias
 from zlib import crc32
 
 import numpy as np
+import numpy.typing as npt
 
 from ospc.arrays import BoolArray, Float32Array, FloatArray, Image
 from ospc.calibrator import calibrate
@@ -28,6 +30,8 @@ from ospc.simulation.camera import Sensor
 
 STRENGTHS = ("weak", "medium", "strong")
 """The three strengths of every fault."""
+Strengths: TypeAlias = tuple[float, float, float]
+"""Their values, in the unit of the fault's description."""
 
 
 @dataclass(frozen=True)
@@ -119,7 +123,7 @@ class Footage:
         vignette = None if self.vignette is None else RasterVignette(self.vignette.image() ** self.power)
         return replace(self, responses=responses, vignette=vignette, power=1.0)
 
-    def relit(self, change: Callable[[Float32Array, int], Float32Array]) -> Footage:
+    def relit(self, change: Callable[[Float32Array, int], npt.NDArray[Any]]) -> Footage:
         """Return the recording that the camera takes if a function changes the irradiance of every frame."""
         lights = enumerate(self.camera.irradiance)
         return self.with_images(
@@ -150,14 +154,11 @@ class Footage:
 
 @dataclass(frozen=True)
 class Fault:
-    """A kind of fault: its name, a description with {} for the strength, and the function that applies it.
-
-    The weak, medium and strong strengths are in the unit of the description.
-    """
+    """A kind of fault: its name, a description with {} for the strength, and the function that applies it."""
 
     name: str
     text: str
-    strengths: tuple[float, float, float]
+    strengths: Strengths
     change: Callable[[Footage, float], Footage] = field(repr=False)
 
     def put_on(self, footage: Footage, strength: float) -> Footage:

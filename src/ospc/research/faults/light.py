@@ -72,11 +72,7 @@ def _fixed_light(footage: Footage, light: float | FloatArray) -> Footage:
 
 def _row_flicker(footage: Footage, amplitude: float) -> Footage:
     rows = np.linspace(0, _READOUT_CYCLES, footage.images[0].shape[0])[:, None]
-
-    def lit(light: Float32Array, i: int) -> Float32Array:
-        return np.asarray(light * (1 + amplitude * np.sin(2 * np.pi * (rows + 0.37 * i))))
-
-    return footage.relit(lit)
+    return footage.relit(lambda light, i: light * (1 + amplitude * np.sin(2 * np.pi * (rows + 0.37 * i))))
 
 
 def _clouds(footage: Footage, amplitude: float) -> Footage:
@@ -198,11 +194,9 @@ def _reshot(
 ) -> Footage:
     """Film a scene, which may change, at given exposures, which are recorded in the metadata."""
     camera = footage.camera
-
-    def exposed(_light: Float32Array, i: int) -> Float32Array:
-        return change(camera.radiance(i), i) * camera.attenuation * np.float32(exposures_ms[i])
-
-    return footage.relit(exposed).with_exposures(exposures_ms)
+    return footage.relit(
+        lambda _light, i: change(camera.radiance(i), i) * camera.attenuation * np.float32(exposures_ms[i])
+    ).with_exposures(exposures_ms)
 
 
 def _in_steps(footage: Footage, steps_per_stop: float) -> tuple[Footage, FloatArray]:
