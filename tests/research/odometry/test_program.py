@@ -19,8 +19,7 @@ from ospc.research.runner import ResultStore, run
 
 def judge(program, source, truth):
     tracked = program.track(source, 0)
-    name = source.condition.name
-    return judged(tracked, truth, source.stamps_s, recording="room", condition=name, run=0), tracked
+    return judged(tracked, truth, source.stamps_s, recording="room", condition=source.condition, run=0), tracked
 
 
 @pytest.fixture

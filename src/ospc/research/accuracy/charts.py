@@ -20,7 +20,7 @@ import numpy as np
 from scipy.interpolate import PchipInterpolator
 from scipy.optimize import isotonic_regression
 
-from ospc.arrays import FloatArray, Image, IntArray
+from ospc.arrays import FloatArray, Image, IntArray, size_of
 from ospc.errors import FormatError, OspcError
 from ospc.evaluation.metrics import response_shape_rmse
 from ospc.formats.files import read_bytes, read_text
@@ -151,7 +151,7 @@ def _patches(path: Path, width: int, height: int) -> IntArray:
     return np.rint(centres).astype(np.int64)
 
 
-FOLDER = "chart_cameras"
+CHARTS = "chart_cameras"
 """Name of the folder of all cameras in the folder of real data."""
 _STATED_MS = tuple(2.0**step for step in range(EXPOSURES))
 """The nominal exposures of the series: each twice the one before."""
@@ -191,15 +191,15 @@ class ChartSource(Source):
 
     def frames(self) -> Iterator[Frame]:
         """Iterate over the JPEGs under the first illuminant."""
-        planes = list(self._planes(self._fitted()))
-        return iter(ArrayRecording(planes, _STATED_MS, name=self.name, max_grey=255))
+        planes = np.ascontiguousarray(read_series(self.folder, ILLUMINANTS[0]).jpeg[..., self.channel])
+        return iter(ArrayRecording(list(planes), _STATED_MS, name=self.name, max_grey=255))
 
     def truth(self) -> Truth:
         """Return the response from the RAW files.
 
         Its limits are the difference of the truths under both illuminants, and the error of the stated exposures.
         """
-        series = self._fitted()
+        series = read_series(self.folder, ILLUMINANTS[0])
         response, greys = true_response(series, self.channel)
         wrong = np.max(np.abs(series.irradiance()[0] / np.array(_STATED_MS) - 1))
         limits = {"worst_exposure_error_percent": 100 * float(wrong)}
@@ -213,8 +213,8 @@ class ChartSource(Source):
         """Return every two exposures under the second illuminant with the RAW ratio, at pixels that neither clips."""
         series = read_series(self.folder, ILLUMINANTS[1])
         exposures, _ = series.irradiance()
-        planes = self._planes(series)
-        size = (planes.shape[2], planes.shape[1])
+        planes = series.jpeg[..., self.channel]
+        size = size_of(planes[0])
         exposed = (planes > _DARKEST) & (planes < _BRIGHTEST)
         pairs = []
         for first, second in combinations(range(EXPOSURES), 2):
@@ -223,12 +223,6 @@ class ChartSource(Source):
             ratio = float(exposures[first] / exposures[second])
             pairs.append(HeldOutPair((first, second), size, places, places, *greys, ratio))
         return pairs
-
-    def _fitted(self) -> ChartSeries:
-        return read_series(self.folder, ILLUMINANTS[0])
-
-    def _planes(self, series: ChartSeries) -> FloatArray:
-        return np.ascontiguousarray(series.jpeg[..., self.channel])
 
 
 def chart_sources(folder: Path) -> list[ChartSource]:

@@ -20,10 +20,8 @@ import numpy as np
 from ospc.arrays import FloatArray
 from ospc.errors import FormatError, SettingError
 from ospc.photometry.response import Response
-from ospc.research.accuracy.charts import FOLDER as CHARTS
-from ospc.research.accuracy.charts import chart_sources
-from ospc.research.accuracy.real_video import FOLDER as VIDEO
-from ospc.research.accuracy.real_video import VideoSource
+from ospc.research.accuracy.charts import CHARTS, chart_sources
+from ospc.research.accuracy.real_video import VIDEO, VideoSource
 from ospc.research.method import VIGNETTE_SOLVERS, Method, OwnMethod, paper_variants
 from ospc.research.source import SWEEP, Methods, SimulatedSource, Source
 from ospc.settings import PaperSettings, preset

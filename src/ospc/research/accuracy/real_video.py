@@ -23,7 +23,7 @@ from ospc.research.scoring import HeldOutPair, Truth
 from ospc.research.source import PCALIB, GivenSource
 from ospc.unknown_exposures.tracking import sampled
 
-FOLDER = "borealhdr_left"
+VIDEO = "borealhdr_left"
 """Name of the recording in the folder of real data."""
 _FITTED_FRAMES = 40
 """Frames that the methods get; the rest is for evaluation."""

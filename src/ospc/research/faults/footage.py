@@ -20,8 +20,7 @@ from ospc.photometry.response import Response
 from ospc.photometry.vignette import RasterVignette, Vignette
 from ospc.recording import open_recording
 from ospc.research.accuracy.design import moving_sources
-from ospc.research.accuracy.real_video import FOLDER as VIDEO
-from ospc.research.accuracy.real_video import VideoSource
+from ospc.research.accuracy.real_video import VIDEO, VideoSource
 from ospc.research.runner import key_of
 from ospc.research.source import SimulatedSource
 from ospc.simulation import Truth, irradiances

@@ -72,7 +72,7 @@ class RunResult:
     """
 
     recording: str
-    condition: str
+    condition: Condition
     run: int
     tracked: Tracked
     ending: Ending
@@ -87,7 +87,7 @@ class RunResult:
 
     def as_dict(self) -> dict[str, Any]:
         """Return a line of the table of runs, with JSON-compatible values."""
-        about = {"recording": self.recording, "condition": self.condition, "run": self.run}
+        about = {"recording": self.recording, "condition": self.condition.name, "run": self.run}
         errors = {name: None if self.errors is None else getattr(self.errors, name) for name in _FIGURES}
         poses = 0 if self.tracked.trajectory is None else len(self.tracked.trajectory)
         extent = {"poses": poses, "covered": self.covered, "seconds": self.tracked.seconds}
@@ -95,7 +95,7 @@ class RunResult:
 
 
 def judged(
-    tracked: Tracked, truth: Trajectory, stamps_s: FloatArray, *, recording: str, condition: str, run: int
+    tracked: Tracked, truth: Trajectory, stamps_s: FloatArray, *, recording: str, condition: Condition, run: int
 ) -> RunResult:
     """Compare a run with the truth; ``stamps_s`` belong to the recording's frames."""
     covered = _covered(tracked.trajectory, stamps_s)
@@ -177,7 +177,7 @@ def tasks_of(experiment: Experiment, odometry: Odometry) -> tuple[list[Task], li
                 photometry = experiment.calibrations.of(recording, condition)
             except OspcError as error:
                 failed += [
-                    RunResult(name, condition.name, number, Tracked(None), "failed", str(error))
+                    RunResult(name, condition, number, Tracked(None), "failed", str(error))
                     for number in range(experiment.runs)
                 ]
                 continue
@@ -198,6 +198,5 @@ def result_of(finished: Finished, experiment: Experiment) -> RunResult:
     """Compare a finished run with the truth."""
     task, result = finished
     name, source, number = task.about
-    truth, condition = true_trajectory(experiment.recordings[name]), source.condition.name
-    tracked = Tracked.from_dict(result)
-    return judged(tracked, truth, source.stamps_s, recording=name, condition=condition, run=number)
+    tracked, truth = Tracked.from_dict(result), true_trajectory(experiment.recordings[name])
+    return judged(tracked, truth, source.stamps_s, recording=name, condition=source.condition, run=number)

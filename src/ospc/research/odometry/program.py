@@ -62,21 +62,21 @@ class Program:
         """Run the program once in a folder of its own."""
         with source.folder() as place, (place / "log.txt").open("w+b") as log:
             began = time.monotonic()
-            timeout, code = self._wait(self.command(source), place, log.fileno())
+            code = self._exit_code(self.command(source), place, log.fileno())
             seconds = time.monotonic() - began
             log.seek(max(0, log.seek(0, os.SEEK_END) - _LOG_TAIL))
             tail = log.read().decode(errors="replace")
             trajectory, problem = _result(place / _RESULT)
-        if timeout:
+        if code is None:
             failure = f"it took longer than {self.timeout_s:g} s"
         elif code != 0:
             failure = f"it ended with exit code {code}" if code > 0 else f"it was ended by signal {-code}"
         else:
             failure = problem
-        return Tracked(trajectory, failure, timeout, tail, seconds)
+        return Tracked(trajectory, failure, code is None, tail, seconds)
 
-    def _wait(self, command: list[str], place: Path, log: int) -> tuple[bool, int]:
-        """Run a command until it ends or times out; afterwards, or on any exception, kill all of its processes."""
+    def _exit_code(self, command: list[str], place: Path, log: int) -> int | None:
+        """Run a command, and kill all of its processes on a timeout, when the code is None, and on any exception."""
         with subprocess.Popen(  # noqa: S603 - the user's own program
             command,
             cwd=place,
@@ -87,9 +87,9 @@ class Program:
             start_new_session=True,
         ) as process:
             try:
-                return False, process.wait(self.timeout_s)
+                return process.wait(self.timeout_s)
             except subprocess.TimeoutExpired:
-                return True, -signal.SIGKILL
+                return None
             finally:
                 if process.poll() is None:
                     os.killpg(process.pid, signal.SIGKILL)

@@ -22,15 +22,15 @@ from ospc.research.tables import StudyReport, Table
 
 _PANEL_IN = (4.4, 4.4)
 """Width and height of one trajectory plot, in inches."""
-Columns = dict[str, list[tuple[Condition, list[RunResult]]]]
+Columns = dict[str, dict[Condition, list[RunResult]]]
 """The runs of every recording under each condition, ordered by run number."""
 
 
 def columns_of(experiment: Experiment, results: Iterable[RunResult]) -> Columns:
     """Group the runs by recording and condition."""
-    found: Columns = {name: [(one, []) for one in experiment.conditions] for name in experiment.recordings}
+    found: Columns = {name: {one: [] for one in experiment.conditions} for name in experiment.recordings}
     for run in sorted(results, key=lambda run: run.run):
-        next(runs for condition, runs in found[run.recording] if condition.name == run.condition).append(run)
+        found[run.recording][run.condition].append(run)
     return found
 
 
@@ -38,11 +38,11 @@ def median_table(columns: Columns) -> Table:
     """Return a table with one row per recording and one column per condition; the lowest median is marked."""
     lines, best = [], set()
     for number, (name, found) in enumerate(columns.items()):
-        middles = [_median(runs) for _, runs in found]
+        middles = [_median(runs) for runs in found.values()]
         if math.isfinite(min(middles)):
             best.add((number, 1 + middles.index(min(middles))))
-        lines.append((name, *(_text(middle, runs) for middle, (_, runs) in zip(middles, found, strict=True))))
-    header = ("recording", *(condition.title for condition, _ in next(iter(columns.values()))))
+        lines.append((name, *map(_text, middles, found.values())))
+    header = ("recording", *(condition.title for condition in next(iter(columns.values()))))
     return Table("Median e_align, in units of the truth", header, tuple(lines), best=frozenset(best))
 
 
@@ -68,26 +68,24 @@ def _summary(runs: Sequence[RunResult]) -> dict[str, Any]:
 def odometry_report(experiment: Experiment, results: Iterable[RunResult]) -> StudyReport:
     """Return the report, with ``runs.csv``, ``results.json``, ``table.md`` and plots; its content is the medians."""
     columns = columns_of(experiment, results)
-    runs = [(condition, run) for found in columns.values() for condition, some in found for run in some]
-    lines = [run.as_dict() for _, run in runs]
-    medians = {name: {condition.name: _summary(some) for condition, some in found} for name, found in columns.items()}
+    runs = [run for found in columns.values() for some in found.values() for run in some]
+    lines = [run.as_dict() for run in runs]
+    medians = {name: {one.name: _summary(some) for one, some in found.items()} for name, found in columns.items()}
     table = median_table(columns)
     texts = {
         "runs.csv": csv_text([lines[0] if lines else [], *(line.values() for line in lines)]),
         "results.json": json_text({"runs": lines, "medians": medians}) + "\n",
         "table.md": table.as_markdown(),
     }
-    pictures: dict[str, Callable[[], Any]] = {
-        "cumulative.png": partial(draw_cumulative, [run for _, run in runs], experiment.conditions)
-    }
+    pictures: dict[str, Callable[[], Any]] = {"cumulative.png": partial(draw_cumulative, runs, experiment.conditions)}
     for name, recording in experiment.recordings.items():
         # For each condition, the run with the median error.
-        typical = [(c, sorted(r, key=lambda run: run.error)[(len(r) - 1) // 2]) for c, r in columns[name] if r]
+        typical = [sorted(r, key=lambda run: run.error)[(len(r) - 1) // 2] for r in columns[name].values() if r]
         truth = true_trajectory(recording)
         pictures[f"trajectories-{name}.png"] = partial(draw_trajectories, typical, truth, name)
     failures = [
-        f"{run.recording}, {condition.title}, run {run.run}: {run.ending}; {run.reason}"
-        for condition, run in runs
+        f"{run.recording}, {run.condition.title}, run {run.run}: {run.ending}; {run.reason}"
+        for run in runs
         if run.ending != "finished"
     ]
     return StudyReport([table], texts, pictures, failures, medians)
@@ -99,7 +97,7 @@ def draw_cumulative(results: Sequence[RunResult], conditions: Sequence[Condition
     axes = figure.subplots()
     largest = max([r.error for r in results if math.isfinite(r.error)], default=1.0)
     for number, condition in enumerate(conditions):
-        errors = [r.error for r in results if r.condition == condition.name]
+        errors = [r.error for r in results if r.condition == condition]
         finite = sorted(e for e in errors if math.isfinite(e))
         if not errors:
             continue
@@ -112,16 +110,16 @@ def draw_cumulative(results: Sequence[RunResult], conditions: Sequence[Condition
     return figure
 
 
-def draw_trajectories(runs: Sequence[tuple[Condition, RunResult]], truth: Trajectory, title: str) -> Any:
+def draw_trajectories(runs: Sequence[RunResult], truth: Trajectory, title: str) -> Any:
     """Draw one run per condition, aligned to the first and to the last part of the truth; NaN is unknown."""
     # The two directions in which the truth extends most.
     points = truth.positions[truth.known]
     across, up, _ = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)[2]
     figure, panels = figure_of_panels(len(runs), 3, _PANEL_IN)
     figure.suptitle(printable(title), parse_math=False)
-    for axes, (condition, result) in zip(panels, runs, strict=True):
+    for axes, result in zip(panels, runs, strict=True):
         error = "" if result.errors is None else f", $e_{{align}}$ = {result.errors.e_align:.3g}"
-        axes.set_title(f"{condition.title}{error}")
+        axes.set_title(f"{result.condition.title}{error}")
         _draw(axes, result, truth, (across, up))
     return figure
 
