@@ -25,7 +25,7 @@ import numpy as np
 
 from ospc.arrays import FloatArray
 from ospc.errors import FormatError, NotObservableError, RecordingError, SettingError, counted, named
-from ospc.formats.dso import write_pcalib, write_times, write_vignette
+from ospc.formats.dso import parameter_files, write_times
 from ospc.formats.opening import Photometry, open_photometry
 from ospc.photometry.calibration import Calibration
 from ospc.recording import Recording
@@ -34,7 +34,7 @@ from ospc.recording.writing.conversion import convert_recording
 from ospc.research.method import Method, OwnMethod, run_methods
 from ospc.research.rivals.bergmann import Bergmann
 from ospc.research.runner import key_of, made_with
-from ospc.research.source import PCALIB, VIGNETTE, fingerprints, true_curves
+from ospc.research.source import PCALIB, fingerprints, true_curves
 from ospc.system.folders import writing
 
 Mode = Literal[0, 1, 2]
@@ -135,10 +135,8 @@ class OdometryInput:
             (place / "images").symlink_to(self.images.resolve(), target_is_directory=True)
             shutil.copyfile(needed(self.place, CAMERA), place / CAMERA)
             write_times(place / TIMES, range(len(self.stamps_s)), self.stamps_s, self.exposures_ms)
-            if self.photometry.response is not None:
-                write_pcalib(self.photometry.response, place / PCALIB)
-            if self.photometry.vignette is not None:
-                write_vignette(self.photometry.vignette, place / VIGNETTE)
+            for file, write in parameter_files(self.photometry.response, self.photometry.vignette, max_grey=255):
+                write(place / file)
             yield place
 
 

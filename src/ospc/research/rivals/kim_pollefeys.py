@@ -162,16 +162,14 @@ def _robust(matrix: FloatArray, target: FloatArray, pull: FloatArray) -> FloatAr
 
 
 def _solve_vignette(pairs: Sequence[Correspondences], response: Response, ratios: FloatArray) -> PolynomialVignette:
-    logs, first, second = [], [], []
+    parts = []
     for pair, ratio in zip(pairs, ratios, strict=True):
-        if not np.isfinite(ratio):
-            continue
-        usable = (pair.grey0 > _FLOOR / 255) & (pair.grey1 > _FLOOR / 255) & (pair.grey0 < 0.98) & (pair.grey1 < 0.98)
-        some = pair.select(usable)
-        logs.append(np.log(response.inverse(some.grey0)) - np.log(response.inverse(some.grey1)) - ratio)
-        first.append(some.radius0)
-        second.append(some.radius1)
-    log, r1, r2 = (np.concatenate(parts) for parts in (logs, first, second))
+        if np.isfinite(ratio):
+            lowest, highest = np.minimum(pair.grey0, pair.grey1), np.maximum(pair.grey0, pair.grey1)
+            some = pair.select((lowest > _FLOOR / 255) & (highest < 0.98))
+            log = np.log(response.inverse(some.grey0)) - np.log(response.inverse(some.grey1)) - ratio
+            parts.append((log, some.radius0, some.radius1))
+    log, r1, r2 = (np.concatenate(one) for one in zip(*parts, strict=True))
     if np.count_nonzero(np.abs(r1 - r2) > _MOVING) < _FEWEST:
         raise NotObservableError("too few points move radially; the vignette cannot be determined")
     ring1, ring2 = (np.minimum(radius * _RINGS, _RINGS - 1).astype(int) for radius in (r1, r2))
