@@ -211,7 +211,5 @@ def _exposed(scene: Scene, known: Truth, motion: Motion, index: int) -> Float32A
     """Return the radiance at every pixel, averaged over instants during the exposure to simulate motion blur."""
     settings, count = known.settings, known.settings.motion_blur_samples
     instants = known.stamps_s[index] + ((np.arange(count) + 0.5) / count - 0.5) * known.times_ms[index] / 1000
-    total = radiance(scene, view_at(settings, motion, instants[0]), instants[0])
-    for instant in instants[1:]:
-        total += radiance(scene, view_at(settings, motion, instant), instant)
-    return total / np.float32(count)
+    views = (radiance(scene, view_at(settings, motion, instant), instant) for instant in instants)
+    return np.asarray(sum(views) / np.float32(count))
