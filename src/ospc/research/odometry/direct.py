@@ -102,13 +102,10 @@ class DirectOdometry:
         try:
             recording = open_recording(source.place)
             tracker = _Tracker(source, run, recording.max_grey)
-            for frame in recording:
-                tracker.push(frame)
-                if tracker.lost:
-                    break
+            finished = all(tracker.push(frame) for frame in recording)
         except OspcError as error:
             return Tracked(None, str(error), seconds=monotonic() - began)
-        failure = "too few points agree on a motion" if tracker.lost else ""
+        failure = "" if finished else "too few points agree on a motion"
         return Tracked(tracker.trajectory, failure, seconds=monotonic() - began)
 
 
@@ -141,21 +138,19 @@ class _Tracker:
         self._speed = np.eye(4)
         self._since = 0
         self._poses: list[tuple[float, FloatArray]] = []
-        self.lost = False
 
-    def push(self, frame: Frame) -> None:
-        """Take the next frame."""
+    def push(self, frame: Frame) -> bool:
+        """Take the next frame; return whether tracking succeeded."""
         image, saturated = self._brightness(frame)
         pyramid = Brightness.of(np.where(saturated, np.float32(np.nan), image))
         if not self._poses:
             self._begin(frame, pyramid, image, saturated)
             self._poses.append((frame.stamp_s, np.eye(4)))
-            return
+            return True
         start = self._speed @ self._motion
         found = align(self._points, self._reference, pyramid, self._camera, start, affine=self._affine)
         if found.agreeing < _LOST:
-            self.lost = True
-            return
+            return False
         self._speed = found.motion @ np.linalg.inv(self._motion)
         self._motion = found.motion
         # The keyframe's pose maps its coordinates to the world; the motion maps them to this frame.
@@ -166,6 +161,7 @@ class _Tracker:
         if far or found.agreeing < _LEAST_AGREEING or self._since >= _MOST_FRAMES:
             self._key = pose
             self._begin(frame, pyramid, image, saturated)
+        return True
 
     @property
     def trajectory(self) -> Trajectory | None:
