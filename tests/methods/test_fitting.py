@@ -68,7 +68,7 @@ def test_a_calibration_of_a_stationary_camera_has_no_vignette():
     assert (found.max_grey, found.response.inverse_table.size) == (4095, 4096)
 
 
-@pytest.mark.parametrize("size", [(640,), (0, 480), (640.5, 480), "640x480", None, (10**9, 10**9), (np.nan, 480)])
+@pytest.mark.parametrize("size", [(640,), (0, 480), (640.5, 480), "640x480", None, (10**9, 10**9), (np.inf, 480)])
 def test_sizes_of_no_image_are_rejected(size):
     exposed, exposures_ms = made(Camera(GAMMA), groups=8)
     with pytest.raises(SettingError, match="give width and height"):

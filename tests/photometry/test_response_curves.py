@@ -146,3 +146,9 @@ def test_grey_values_in_place_of_grey_levels_are_refused(grey):
 def test_an_exponent_must_be_a_positive_number(exponent):
     with pytest.raises(SettingError, match="give a positive number"):
         Response.gamma(exponent)
+
+
+@pytest.mark.parametrize("exponent", [300, 1e-17])
+def test_values_of_a_power_must_differ(exponent):
+    with pytest.raises(SettingError, match="all 256 values differ"):
+        Response.gamma(exponent)

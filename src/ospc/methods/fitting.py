@@ -153,7 +153,7 @@ def calibrate_observations(
 def _checked_size(size: ImageSize) -> ImageSize:
     """Return the size of images as two whole numbers; SettingError if it is no possible size."""
     values = numbers_of(size)
-    if values is not None and values.shape == (2,) and np.all(values % 1 == 0):
+    if values is not None and values.shape == (2,) and np.isfinite(values).all() and np.all(values % 1 == 0):
         with suppress(FormatError):
             return image_size(*values.tolist())
     raise SettingError(f"size is {size!r}; give width and height of the images in pixels, such as (640, 480)")

@@ -127,12 +127,15 @@ class Response(ByValue):
         Raises
         ------
         SettingError
-            If the exponent is not a positive number.
+            If the exponent is not a positive number, or so large or small that values of the table are equal.
         """
         power = number_of(exponent)
         if power is None or not 0 < power < math.inf:
             raise SettingError(f"the exponent is {exponent!r}; give a positive number")
-        return cls(np.linspace(0, 1, levels) ** power, model={"name": "gamma", "exponent": power})
+        table = np.linspace(0, 1, levels) ** power
+        if not np.all(np.diff(table) > 0):
+            raise SettingError(f"the exponent is {exponent!r}; give one for which all {levels} values differ")
+        return cls(table, model={"name": "gamma", "exponent": power})
 
     @property
     def inverse_sigma(self) -> FloatArray | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, Literal, get_args
@@ -32,7 +33,7 @@ _CHOICES = {
 }
 _ABOVE_0 = (
     "fps", "speed", "horizontal_fov_deg", "reference_exposure_ms", "exposure_ms", "exposure_min_ms",
-    "exposure_max_ms", "auto_rate", "auto_gain", "gain", "gain_max", "flicker_hz",
+    "exposure_max_ms", "auto_target", "auto_rate", "auto_gain", "gain", "gain_max", "flicker_hz",
 )  # fmt: skip
 _AT_LEAST_0 = ("metadata_error", "flicker")
 _WHOLE = {
@@ -191,7 +192,8 @@ class SimulationSettings:
 
     def _check_camera(self) -> None:
         low, high = _SIDE_PX
-        fine = len(self.size) == 2 and all(isinstance(n, int) and low <= n <= high for n in self.size)
+        size = self.size if isinstance(self.size, Sequence) else ()
+        fine = len(size) == 2 and all(isinstance(n, int) and low <= n <= high for n in size)
         self._require("size", fine, f"give width and height, {low} to {high} pixels each")
         if self.image_format == "jpg":
             self._require("bit_depth", self.bit_depth == 8, "JPEG stores 8 bits; set image_format to 'png'")
@@ -207,7 +209,8 @@ class SimulationSettings:
         in_order = self.exposure_min_ms <= self.exposure_max_ms
         self._require("exposure_min_ms", in_order, f"give at most exposure_max_ms, {self.exposure_max_ms}")
         if self.exposure in ("cycle", "file"):
-            listed = bool(self.exposures_ms) and all(map(_positive, self.exposures_ms))
+            exposures_ms = self.exposures_ms if isinstance(self.exposures_ms, Sequence) else ()
+            listed = bool(exposures_ms) and all(map(_positive, exposures_ms))
             self._require("exposures_ms", listed, "list finite exposure times above 0 in milliseconds")
         if self.exposure == "file" and len(self.exposures_ms) != self.frames:
             raise SettingError(
@@ -215,7 +218,7 @@ class SimulationSettings:
             )
         if self.exposure == "auto":
             self._require("gain_max", self.gain_max >= self.gain, f"give at least gain, {self.gain}")
-        self._require("auto_target", 0 < self.auto_target < 1, "give a grey level between 0 and 1")
+        self._require("auto_target", self.auto_target < 1, "give a grey level between 0 and 1")
         self._require("flicker", self.flicker < 1, "give a relative amplitude below 1")
         short = isinstance(self.lag, int) and abs(self.lag) < self.frames
         self._require("lag", short, f"give a whole number of frames, fewer than {self.frames}")

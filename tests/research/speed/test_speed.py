@@ -7,8 +7,9 @@ import pytest
 from click.testing import CliRunner
 
 from ospc.cli.main import cli
+from ospc.errors import OspcError
 from ospc.recording import open_recording
-from ospc.research.speed import lines
+from ospc.research.speed import lines, measuring
 from ospc.research.speed.lines import LARGE, VGA, goal_of, row_of, speed_report, speed_tasks
 from ospc.research.speed.measuring import calibrate_command, calibrating, correct_command, correcting, live
 from ospc.research.speed.reel import reel_of
@@ -113,6 +114,11 @@ def test_the_command_continues_where_it_stopped(tmp_path, monkeypatch):
     assert again.exit_code == 0, again.output
     assert before.items() < after.items()
     assert len(after) == len(before) + 1
+
+
+def test_a_command_that_fails_has_no_time(tmp_path):
+    with pytest.raises(OspcError, match="ospc calibrate failed with exit code 1"):
+        measuring._called("calibrate", str(tmp_path / "nothing"), "-o", str(tmp_path / "out"))
 
 
 @pytest.mark.parametrize("arguments", [["--size", "7x7"], ["--size", "huge"], ["--presets", "hasty"]])

@@ -25,7 +25,7 @@ import numpy as np
 
 from ospc.arrays import FloatArray
 from ospc.errors import FormatError, NotObservableError, RecordingError, SettingError, counted, named
-from ospc.formats.dso import parameter_files, write_times
+from ospc.formats.dso import parameter_files, read_pcalib, write_times
 from ospc.formats.opening import Photometry, open_photometry
 from ospc.photometry.calibration import Calibration
 from ospc.recording import Recording
@@ -208,7 +208,8 @@ class Calibrations:
         if place.is_file():
             return place
         if preset is None:
-            truth = true_curves(recording)[0] if (recording.path / PCALIB).is_file() else None
+            pcalib = recording.path / PCALIB
+            truth = read_pcalib(pcalib) if pcalib.is_file() else None
             method: Method = Bergmann(truth, online=True)
         else:
             method = OwnMethod(preset, variant=name)

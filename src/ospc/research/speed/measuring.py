@@ -19,6 +19,7 @@ import numpy.typing as npt
 
 import ospc
 from ospc.arrays import FloatArray, ImageSize
+from ospc.errors import OspcError
 from ospc.photometry.calibration import Calibration
 from ospc.photometry.correction import Corrector
 from ospc.photometry.response import Response
@@ -34,6 +35,8 @@ _SHORTEST_S = 1e-6
 """Shortest time reported: times are divided by it, and a coarse clock may not advance during one copy."""
 _POLL_S = 0.02
 """Time between two readings of a command's memory."""
+_DONE = (0, 3)
+"""Exit codes of commands that did all of their work, whatever the verdict."""
 
 
 @dataclass(frozen=True)
@@ -208,7 +211,7 @@ def _known_camera(size: ImageSize) -> Calibration:
 
 
 def _called(*arguments: str) -> tuple[float, float, float | None]:
-    """Run an ``ospc`` command; return its time, processor time, and peak memory in megabytes."""
+    """Run an ``ospc`` command; return its time, processor time and peak memory in MB; OspcError if it fails."""
     _compile()
     begun, before = time.perf_counter(), os.times()
     quiet = subprocess.DEVNULL
@@ -218,6 +221,8 @@ def _called(*arguments: str) -> tuple[float, float, float | None]:
         while process.poll() is None:
             peak_mb = max(peak_mb, _family_mb(process.pid))
             time.sleep(_POLL_S)
+    if process.returncode not in _DONE:
+        raise OspcError(f"ospc {arguments[0]} failed with exit code {process.returncode}, so its time means nothing")
     seconds, after = time.perf_counter() - begun, os.times()
     cpu_s = after.children_user + after.children_system - before.children_user - before.children_system
     return seconds, cpu_s, peak_mb or None
