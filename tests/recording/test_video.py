@@ -275,8 +275,8 @@ def test_a_playlist_is_no_video_whatever_its_name(tmp_path: Path) -> None:
 def test_large_frames_are_refused_before_they_are_decoded(
     video: Callable[..., Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(video_module, "MAX_DECODED_BYTES", 1000)
-    with pytest.raises(RecordingError, match="frames of 64x48 pixels need more"):
+    monkeypatch.setattr("ospc.recording.frame.MAX_DECODED_BYTES", 1000)
+    with pytest.raises(RecordingError, match="64x48 pixels, which need more"):
         open_recording(video())
 
 

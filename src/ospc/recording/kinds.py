@@ -202,12 +202,10 @@ def cameras_of(
             f"{place}: has {len(found)} cameras, more than the {_MAX_CAMERAS} allowed; open one of them"
         )
     named: dict[str, tuple[Path, ReadingOptions]] = {}
-    taken: set[str] = set()
     for name, camera in found.items():
         safe, number = safe_name(name), 2
-        while safe.lower() in taken:
+        while safe.lower() in map(str.lower, named):
             safe, number = f"{safe_name(name)}_{number}", number + 1
-        taken.add(safe.lower())
         named[safe] = camera
     return named
 

@@ -96,14 +96,12 @@ def name_columns(header: Sequence[str], place: str) -> Columns:
         If several columns could be the exposures, the time stamps, or the image names. The message begins with
         ``place``.
     """
-    parsed = [_word_and_unit(name) for name in header]
-    exposure = _only(header, parsed, _EXPOSURE_WORDS, place)
+    exposure = _only(header, _EXPOSURE_WORDS, place)
     if exposure is None:
         return Columns(len(header))
-    stamp = _only(header, parsed, _STAMP_WORDS, place)
-    image = _only(header, parsed, _IMAGE_WORDS, place)
-    stamp_unit = None if stamp is None else unit_named(header[stamp])
-    iso = _only(header, parsed, _ISO_WORDS, place)
+    stamp = _only(header, _STAMP_WORDS, place)
+    image = _only(header, _IMAGE_WORDS, place)
+    iso = _only(header, _ISO_WORDS, place)
     gains = _gains(header) + ([] if iso is None else [(iso, header[iso], GainUnit.ISO)])
     taken = {exposure, stamp, image, *(i for i, _, _ in gains)}
     doubtful = [(i, name) for i, name in enumerate(header) if i not in taken and _is_doubtful(name, iso is not None)]
@@ -114,9 +112,9 @@ def name_columns(header: Sequence[str], place: str) -> Columns:
         exposure=exposure,
         gains=tuple(gains),
         doubtful=tuple(doubtful),
-        aperture=_only(header, parsed, _APERTURE_WORDS, place),
+        aperture=_only(header, _APERTURE_WORDS, place),
         unit=unit_named(header[exposure]),
-        stamp_unit=stamp_unit,
+        stamp_unit=None if stamp is None else unit_named(header[stamp]),
     )
 
 
@@ -175,7 +173,7 @@ def gain_unit_note(name: str, unit: GainUnit, *, stated: bool) -> str:
 
 
 def _is_iso(name: str) -> bool:
-    return bool(_among([_word_and_unit(name)], [word for words in _ISO_WORDS for word in words]))
+    return any(_among([name], words) for words in _ISO_WORDS)
 
 
 def _joined(name: str) -> str:
@@ -192,15 +190,15 @@ def _word_and_unit(name: str) -> tuple[str, str]:
     return "".join(words), ""
 
 
-def _among(parsed: Sequence[tuple[str, str]], words: Sequence[str]) -> list[int]:
-    return [i for i, (word, _) in enumerate(parsed) if word in words or word.removesuffix("s") in words]
+def _among(header: Sequence[str], words: Sequence[str]) -> list[int]:
+    """Return the columns whose name, without its unit, is one of these words or its plural."""
+    found = [_word_and_unit(name)[0] for name in header]
+    return [i for i, word in enumerate(found) if word in words or word.removesuffix("s") in words]
 
 
-def _only(
-    header: Sequence[str], parsed: Sequence[tuple[str, str]], groups: Sequence[Sequence[str]], place: str
-) -> int | None:
+def _only(header: Sequence[str], groups: Sequence[Sequence[str]], place: str) -> int | None:
     """Return the only column with a meaning; None if there is none, ExposureError if there are several."""
-    found = next((columns for words in groups if (columns := _among(parsed, words))), [])
+    found = next((columns for words in groups if (columns := _among(header, words))), [])
     if len(found) > 1:
         names = listed([quoted(header[i]) for i in found])
         good = "exposure_ms" if groups is _EXPOSURE_WORDS else groups[0][0]

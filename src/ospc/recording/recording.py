@@ -15,7 +15,7 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 import numpy.typing as npt
 
-from ospc.arrays import FloatArray, Image, ImageSize, size_of
+from ospc.arrays import FloatArray, Image, ImageSize, numbers_of, size_of
 from ospc.errors import ExposureError, FrameError, RecordingError, escaped, listed
 from ospc.photometry.grey_range import checked_max_grey
 from ospc.recording.channel import Channel
@@ -261,10 +261,9 @@ class ArrayRecording(StoredRecording):
 
 def _column(values: npt.ArrayLike, count: int, what: str, name: str) -> FloatArray:
     """Return one number per frame."""
-    try:
-        column = np.array(values, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise ExposureError(f"{name}: {what} must be numbers, one per frame") from None
+    column = numbers_of(values)
+    if column is None:
+        raise ExposureError(f"{name}: {what} must be numbers, one per frame")
     if column.shape != (count,):
         raise ExposureError(f"{name}: {what} have shape {column.shape}; give one per frame, {count} in all")
     return column

@@ -21,7 +21,7 @@ from ospc.errors import FrameError, RecordingError, escaped, os_error_as
 from ospc.formats.files import beginning
 from ospc.recording.channel import DEFAULT_CHANNEL, Channel
 from ospc.recording.exposure_lists import read_list
-from ospc.recording.frame import MAX_DECODED_BYTES, Frame, check_size
+from ospc.recording.frame import Frame, check_decoded_size, check_size
 from ospc.recording.frame_matching import match_frames
 from ospc.recording.frame_table import FrameTable, table_or_unlisted
 from ospc.recording.list_search import TEXT_SUFFIXES, lists_in, only_list
@@ -129,12 +129,7 @@ def _capture(path: Path) -> cv2.VideoCapture:
     if not capture.isOpened():
         raise RecordingError(f"{path}: the video is damaged or its codec is unknown; convert it to MJPEG or H.264")
     width, height = capture.get(cv2.CAP_PROP_FRAME_WIDTH), capture.get(cv2.CAP_PROP_FRAME_HEIGHT)
-    if width * height * 3 > MAX_DECODED_BYTES:
-        capture.release()
-        raise RecordingError(
-            f"{path}: frames of {width:.0f}x{height:.0f} pixels need more than the {MAX_DECODED_BYTES} bytes "
-            f"allowed; scale the video down"
-        )
+    check_decoded_size((int(width), int(height)), 3, 8, str(path))
     # Response and vignette refer to the axes of the sensor.
     capture.set(cv2.CAP_PROP_ORIENTATION_AUTO, 0)
     return capture

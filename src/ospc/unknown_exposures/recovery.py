@@ -18,11 +18,7 @@ from ospc.arrays import read_only
 from ospc.errors import FrameError, NotObservableError, counted
 from ospc.recording.derived import DerivedRecording
 from ospc.recording.recording import Recording
-from ospc.settings.unknown_exposures import (
-    EXPONENT_LEVELS,
-    MAX_RECOVERED_FRAMES,
-    RESPONSE_SAMPLES,
-)
+from ospc.settings.unknown_exposures import EXPONENT_LEVELS, MAX_RECOVERED_FRAMES, RESPONSE_SAMPLES
 from ospc.unknown_exposures.joint_estimation import JointEstimate, estimate_jointly
 from ospc.unknown_exposures.response_model import learned_model
 from ospc.unknown_exposures.tracking import GainRobustTracker
