@@ -146,7 +146,7 @@ def export(
     """
     if program not in get_args(Program):
         raise SettingError(f"{program!r} is not a program; known: {', '.join(get_args(Program))}")
-    place = Path(out)
+    place, notes = Path(out), _unknown(photometry)
     files_of(program, place)  # refuses a wrong suffix
     if program in ("lensfun", "hugin", "adobe"):
         return _vignette_only(photometry, program, place, optics or Optics())
@@ -163,9 +163,8 @@ def export(
         files = _to_dso(photometry, place, values)
         # Programs would use them with the new ones.
         others = [old for name in PARAMETER_FILES if (old := place / name) not in files and old.exists()]
-        left = [f"{old} is not of this calibration; remove it unless both belong together" for old in others]
-        return Exported(tuple(files), (*_unknown(photometry), *left))
-    return Exported(tuple(files), _unknown(photometry))
+        notes += tuple(f"{old} is not of this calibration; remove it unless both belong together" for old in others)
+    return Exported(tuple(files), notes)
 
 
 def _to_dso(photometry: Photometry, folder: Path, values: int) -> list[Path]:

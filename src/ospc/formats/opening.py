@@ -32,8 +32,8 @@ class Photometry:
     """
 
     name: str
-    response: Response | None
-    vignette: Vignette | None
+    response: Response | None = None
+    vignette: Vignette | None = None
     calibration: Calibration | None = None
     caveat_beside: str = ""
     unread: str = ""
@@ -82,29 +82,25 @@ def open_photometry(path: str | Path, size: ImageSize | None = None) -> Photomet
         return together(first, second)
     if place.is_dir() and not (place / "calibration.json").exists():
         return _folder(place)
-    suffix = ".json" if place.is_dir() else place.suffix.lower()
-    response: Response | None = None
-    vignette: Vignette | None = None
-    calibration: Calibration | None = None
-    caveat = unread = ""
-    match suffix:
+    name = str(place)
+    match ".json" if place.is_dir() else place.suffix.lower():
         case ".json":
-            calibration = Calibration.load(place)
-            response, vignette = calibration.response, calibration.vignette
+            whole = Calibration.load(place)
+            found = Photometry(name, whole.response, whole.vignette, whole)
         case ".png":
-            vignette, caveat = read_vignette(place), read_caveat(place.parent)
+            found = Photometry(name, vignette=read_vignette(place), caveat_beside=read_caveat(place.parent))
         case ".yml" | ".yaml":
-            response, vignette = read_opencv(place)
+            found = Photometry(name, *read_opencv(place))
         case ".pto":
-            vignette, unread = _only(place, read_pto(place)), _NOT_FROM_HUGIN
+            found = Photometry(name, vignette=_only(place, read_pto(place)), unread=_NOT_FROM_HUGIN)
         case ".lcp":
-            vignette = _only(place, read_lcp(place, size))
+            found = Photometry(name, vignette=_only(place, read_lcp(place, size)))
         case ".xml":
-            vignette = _only(place, read_lensfun(place, size))
+            found = Photometry(name, vignette=_only(place, read_lensfun(place, size)))
         case _:
             _check_numeric(place)
-            response, caveat = read_pcalib(place), read_caveat(place.parent)
-    return Photometry(str(place), response, vignette, calibration, caveat, unread)
+            found = Photometry(name, read_pcalib(place), caveat_beside=read_caveat(place.parent))
+    return found
 
 
 def open_both(a: str | Path, b: str | Path) -> tuple[Photometry, Photometry]:
