@@ -73,7 +73,7 @@ def test_no_other_solver_finds_a_smaller_cost():
     start_l = np.array(
         [
             np.median(
-                np.log(found.model.response(found.coefficients).inverse(seen.grey[seen.point == p]))
+                np.log(model.response(found.coefficients).inverse(seen.grey[seen.point == p]))
                 - found.log_exposures[seen.frame[seen.point == p]]
                 - np.log(1 + radial[seen.point == p] @ found.radial)
             )

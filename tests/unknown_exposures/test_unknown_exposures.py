@@ -158,7 +158,7 @@ def test_the_label_is_in_the_calibration_and_survives_saving(found: Calibration,
 
 def test_the_exponent_is_that_of_the_mean_response() -> None:
     curve = learned_model().mean
-    made = JointEstimate((2, 2), learned_model(), np.zeros(4), np.zeros(3), np.arange(2), np.zeros(2))
+    made = JointEstimate((2, 2), np.zeros(4), np.zeros(3), np.arange(2), np.zeros(2))
     assert typical_exponent(made) == pytest.approx(1, abs=0.01)
     # A response with any exponent is mapped back.
     assert typical_exponent(replace(made, exponent=1.7)) == pytest.approx(1 / 1.7, rel=0.02)

@@ -11,7 +11,7 @@ response fixes γ, see :meth:`JointEstimate.aligned_to`. Without it, γ stays cl
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -34,11 +34,12 @@ from ospc.settings.unknown_exposures import (
     MIN_JOINT_OBSERVATIONS,
     MIN_JOINT_VIGNETTE,
     MIN_START_IRRADIANCE,
+    RESPONSE_COMPONENTS,
     RESPONSE_SAMPLES,
     SOLVER_TOLERANCE,
     START_DAMPING,
 )
-from ospc.unknown_exposures.response_model import ResponseModel, learned_model
+from ospc.unknown_exposures.response_model import learned_model
 from ospc.unknown_exposures.tracking import TrackObservations
 
 _RADIAL = 2 * np.arange(1, 4)
@@ -56,7 +57,6 @@ class JointEstimate:
     """
 
     size: ImageSize
-    model: ResponseModel = field(repr=False)
     coefficients: FloatArray
     radial: FloatArray
     frames: IntArray
@@ -67,7 +67,7 @@ class JointEstimate:
     @property
     def response(self) -> Response:
         """The response, raised to the exponent."""
-        found = self.model.response(self.coefficients)
+        found = learned_model().response(self.coefficients)
         if self.exponent == 1.0:
             return found
         powered = found.inverse_table**self.exponent
@@ -90,20 +90,17 @@ class JointEstimate:
 
     def aligned_to(self, truth: Response) -> JointEstimate:
         """Return the estimate with the exponent for which g(½) equals the true value."""
-        found = float(self.model.response(self.coefficients).inverse(0.5))
+        found = float(learned_model().response(self.coefficients).inverse(0.5))
         return replace(self, exponent=float(np.log(truth.inverse(0.5)) / np.log(found)))
 
 
 def estimate_jointly(
-    tracks: TrackObservations,
-    model: ResponseModel | None = None,
-    start: JointEstimate | None = None,
-    iterations: int = JOINT_ALTERNATIONS,
+    tracks: TrackObservations, start: JointEstimate | None = None, iterations: int = JOINT_ALTERNATIONS
 ) -> JointEstimate:
     """Return the response, vignette and exposures that fit the observations best.
 
     The optimisation starts from ``start``, or from the mean response, no vignette and equal exposures, and alternates
-    at most ``iterations`` times. ``model`` defaults to :func:`learned_model`.
+    at most ``iterations`` times.
 
     Raises
     ------
@@ -115,12 +112,11 @@ def estimate_jointly(
             f"joint estimation has {counted(tracks.grey.size, 'observation')} in "
             f"{counted(tracks.frames.size, 'frame')}; it needs {MIN_JOINT_OBSERVATIONS} in at least two frames"
         )
-    model = model or learned_model()
-    c, v, log_e = np.zeros(len(model.components)), np.zeros(3), np.zeros(tracks.frames.size)
+    c, v, log_e = np.zeros(RESPONSE_COMPONENTS), np.zeros(3), np.zeros(tracks.frames.size)
     if start is not None:
         c, v = start.coefficients.copy(), start.radial.copy()
         log_e = np.interp(tracks.frames, start.frames, start.log_exposures)
-    problem = _Problem(tracks, model, c, v, log_e)
+    problem = _Problem(tracks, c, v, log_e)
     cost = np.inf
     for _ in range(iterations):
         problem.fit_parameters()
@@ -134,14 +130,12 @@ def estimate_jointly(
 class _Problem:
     """The state of the alternation; arrays have one entry per observation unless stated otherwise."""
 
-    def __init__(
-        self, tracks: TrackObservations, model: ResponseModel, c: FloatArray, v: FloatArray, log_e: FloatArray
-    ) -> None:
-        self._tracks, self._model = tracks, model
+    def __init__(self, tracks: TrackObservations, c: FloatArray, v: FloatArray, log_e: FloatArray) -> None:
+        self._tracks, self._model = tracks, learned_model()
         self._c, self._v = c, v
         self._radial = tracks.radius[:, None] ** _RADIAL
         self._points = int(tracks.point.max()) + 1
-        irradiance = np.interp(tracks.grey, model.curve(c), np.linspace(0, 1, RESPONSE_SAMPLES))
+        irradiance = np.interp(tracks.grey, self._model.curve(c), np.linspace(0, 1, RESPONSE_SAMPLES))
         first_log = np.log(np.maximum(irradiance, MIN_START_IRRADIANCE)) - np.log(self._attenuation(v))
         self._log_e, self._log_l = _first_exposures(tracks, first_log, log_e)
         self._damping = START_DAMPING
@@ -150,7 +144,7 @@ class _Problem:
     def estimate(self, cost: float) -> JointEstimate:
         """Return the current state as a result."""
         size, frames, log_e = self._tracks.size, self._tracks.frames, self._log_e - self._log_e.mean()
-        return JointEstimate(size, self._model, self._c, self._v, frames, log_e, cost=cost)
+        return JointEstimate(size, self._c, self._v, frames, log_e, cost=cost)
 
     def cost(self) -> float:
         """Return the weighted mean Huber loss of the residuals."""

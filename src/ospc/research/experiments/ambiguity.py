@@ -98,10 +98,9 @@ def _estimate_from(tracks: TrackObservations, exponent: float) -> JointEstimate:
     """Return the joint estimate started at the model's response nearest to a power of its mean."""
     model = learned_model()
     powered = Response.from_values(model.response(np.zeros(len(model.components))).inverse_table ** exponent)
-    start = JointEstimate(
-        tracks.size, model, model.coefficients_of(powered), np.zeros(3), tracks.frames, np.zeros(tracks.frames.size)
-    )
-    return estimate_jointly(tracks, model, start, _ITERATIONS)
+    no_vignette, equal = np.zeros(3), np.zeros(tracks.frames.size)
+    start = JointEstimate(tracks.size, model.coefficients_of(powered), no_vignette, tracks.frames, equal)
+    return estimate_jointly(tracks, start, _ITERATIONS)
 
 
 def _exponent_of(found: JointEstimate, truth: Response) -> float:
