@@ -36,7 +36,7 @@ class ImageSequence(StoredRecording):
             # Files read by an optional library can only be verified by decoding them.
             verify = partial(self._verify, name) if format_of(name) is None else None
             load = partial(self._load, name)
-            yield self._frame(index, escaped(name), load, verify, threads=True)
+            yield self._frame(index, escaped(name), load, verify=verify, threads=True)
 
     def stored_bytes(self, index: int) -> bytes:
         """Return the image file of a frame."""

@@ -114,18 +114,11 @@ class StoredRecording(ABC):
     def __len__(self) -> int:
         return len(self.exposures_ms)
 
-    def _frame(
-        self,
-        index: int,
-        name: str,
-        load: Callable[[], Image],
-        verify: Callable[[], None] | None = None,
-        *,
-        threads: bool = False,
-    ) -> Frame:
+    def _frame(self, index: int, name: str, load: Callable[[], Image], **more: Any) -> Frame:
+        """Return a frame; ``more`` are further fields of it."""
         stamp_s, exposure_ms = float(self.stamps_s[index]), float(self.exposures_ms[index])
         colour = self.channel is Channel.ALL
-        return Frame(index, stamp_s, exposure_ms, name, load, self.max_grey, verify, threads=threads, colour=colour)
+        return Frame(index, stamp_s, exposure_ms, name, load, self.max_grey, colour=colour, **more)
 
 
 _SAMPLES = 5

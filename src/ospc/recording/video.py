@@ -9,7 +9,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
@@ -202,8 +202,8 @@ class _VideoRecording(StoredRecording):
     def __iter__(self) -> Iterator[Frame]:
         stream = VideoStream(self.path, self.channel)  # the frames share one decoder
         for index in range(len(self)):
-            frame = self._frame(index, f"{escaped(self.path.name)}[{index}]", partial(self._load, stream, index))
-            yield replace(frame, inter_coded=self.inter_coded)
+            name = f"{escaped(self.path.name)}[{index}]"
+            yield self._frame(index, name, partial(self._load, stream, index), inter_coded=self.inter_coded)
 
     def stored_bytes(self, index: int) -> bytes:
         # A part of the file at the relative position of the frame in the video.

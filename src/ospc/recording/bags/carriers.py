@@ -108,31 +108,26 @@ def _fields(exposure: str, gain: str | None) -> _Extract:
     return extract
 
 
-def _realsense(message: Any) -> tuple[float, float] | None:
-    """Read the JSON text that the RealSense ROS node sends with every frame."""
-    if len(message.json_data) > _MAX_TEXT_CHARACTERS:
-        return None
-    try:
-        content = json.loads(message.json_data)
-    except (ValueError, RecursionError):
-        return None
-    return _realsense_exposure(content) if isinstance(content, dict) else None
+def _realsense(text_field: str) -> _Extract:
+    """Return how to read a text about a frame: JSON, or ``Actual Exposure=5000;Gain Level=32;`` of the recorder."""
 
+    def extract(message: Any) -> tuple[float, float] | None:
+        text = getattr(message, text_field)
+        if len(text) > _MAX_TEXT_CHARACTERS:
+            return None
+        try:
+            content = json.loads(text)
+        except (ValueError, RecursionError):
+            content = dict(pair.partition("=")[::2] for pair in text.split(";"))
+        if not isinstance(content, dict):
+            return None
+        said = {key.lower().replace(" ", "_"): value for key, value in content.items()}
+        if "actual_exposure" not in said:
+            return None
+        gain = _number(said.get("gain_level", REALSENSE_UNIT_GAIN), "gain_level") / REALSENSE_UNIT_GAIN
+        return _number(said["actual_exposure"], "actual_exposure"), gain
 
-def _realsense_text(message: Any) -> tuple[float, float] | None:
-    """Read the text that the RealSense recorder writes for every frame: ``Actual Exposure=5000;Gain Level=32;``."""
-    if len(message.data) > _MAX_TEXT_CHARACTERS:
-        return None
-    pairs = (pair.partition("=") for pair in message.data.split(";"))
-    return _realsense_exposure({key: value for key, _, value in pairs})
-
-
-def _realsense_exposure(metadata: dict[str, Any]) -> tuple[float, float] | None:
-    said = {str(key).lower().replace(" ", "_"): value for key, value in metadata.items()}
-    if "actual_exposure" not in said:
-        return None
-    gain = _number(said.get("gain_level", REALSENSE_UNIT_GAIN), "gain_level") / REALSENSE_UNIT_GAIN
-    return _number(said["actual_exposure"], "actual_exposure"), gain
+    return extract
 
 
 def _diagnostics(message: Any) -> tuple[float, float] | None:
@@ -151,7 +146,7 @@ _KNOWN: dict[str, tuple[_Extract, ExposureUnit, GainUnit | None, str]] = {
     "ExtendedCameraInfo": (_TIME_AND_GAIN, _US, None, "exposure_time in µs, gain in the camera's unit"),
     "ImageMetaData": (_TIME_AND_GAIN, _US, _DB, "exposure_time in µs, gain in dB"),
     "ExposureSequence": (_fields("shutter", "gain"), _MS, _DB, "shutter in ms, gain in dB"),
-    "Metadata": (_realsense, _US, _LINEAR, f"actual_exposure in µs, gain_level / {_GAIN}"),
+    "Metadata": (_realsense("json_data"), _US, _LINEAR, f"actual_exposure in µs, gain_level / {_GAIN}"),
     "DiagnosticArray": (_diagnostics, _US, _LINEAR, "ExposureTime in µs, AnalogueGain × DigitalGain as linear gain"),
 }
 """How known messages carry exposures, by the last part of their type, which all versions of a driver share."""
@@ -203,7 +198,7 @@ def _known(topic: Topic) -> Carrier | None:
         how = "" if unit is None else f" in {unit.value}"
         return Carrier(topic, _fields("data", None), unit, _LINEAR, f"its numbers{how}", has_gain=False)
     if topic.type == _TEXT and topic.name.endswith("/image/metadata"):
-        return Carrier(topic, _realsense_text, _US, _LINEAR, f"Actual Exposure in µs, Gain Level / {_GAIN}")
+        return Carrier(topic, _realsense("data"), _US, _LINEAR, f"Actual Exposure in µs, Gain Level / {_GAIN}")
     known = _KNOWN.get(topic.type.rpartition("/")[2])
     return None if known is None else Carrier(topic, *known)
 
