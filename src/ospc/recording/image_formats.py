@@ -6,7 +6,7 @@ import math
 import re
 import warnings
 from abc import abstractmethod
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import datetime
@@ -22,12 +22,6 @@ from ospc.formats.image_header import EXIF
 from ospc.recording.channel import Channel, Mosaic
 from ospc.recording.frame import check_decoded_size
 from ospc.recording.pixel_layout import BitDepth, StoredImage
-
-_TIME, _NUMBER, _ISO, _TAKEN, _FRACTION, _MODEL = 0x829A, 0x829D, 0x8827, 0x9003, 0x9291, 0x0110
-"""Tags of exposure time, f-number, ISO, time of the shot with its fraction, and camera model (Exif 3.0)."""
-
-_EXIF_DIRECTORY = 0x8769
-"""Tag of the directory with all of them except the model."""
 
 _MOST_BYTES = 8 * 2**20
 """Maximum number of EXIF bytes read from a photograph, counting repeated reads: far more than cameras write."""
@@ -51,19 +45,22 @@ class Shot:
 def shot_of_exif(block: bytes) -> Shot:
     """Read an EXIF block, which has the form of a TIFF file; a damaged one gives an empty result."""
     from PIL import Image as Pillow
+    from PIL.ExifTags import IFD, Base
 
     exif = Pillow.Exif()
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # about unusual files
             exif.load_from_fp(_BoundedReads(block.removeprefix(EXIF)))
-            tags = exif.get_ifd(_EXIF_DIRECTORY)
-            model = str(exif.get(_MODEL, ""))
+            tags = exif.get_ifd(IFD.Exif)
+            model = str(exif.get(Base.Model, ""))
     except Exception:
         # The parser raises undocumented errors for damaged EXIF.
         return Shot()
-    time_s, iso, f_number = (_positive(tags.get(tag)) for tag in (_TIME, _ISO, _NUMBER))
-    return Shot(time_s, iso, f_number, _taken(tags), model)
+    numbers = (Base.ExposureTime, Base.ISOSpeedRatings, Base.FNumber)
+    time_s, iso, f_number = (_positive(tags.get(tag)) for tag in numbers)
+    taken = _taken(tags.get(Base.DateTimeOriginal), tags.get(Base.SubsecTimeOriginal, "0"))
+    return Shot(time_s, iso, f_number, taken, model)
 
 
 class _BoundedReads(BytesIO):
@@ -88,12 +85,12 @@ def _positive(value: Any) -> float | None:
     return number if math.isfinite(number) and number > 0 else None
 
 
-def _taken(tags: Mapping[int, Any]) -> datetime | None:
-    digits = str(tags.get(_FRACTION, "0")).strip()[:6]
-    fraction = digits if digits.isascii() and digits.isdigit() else "0"
+def _taken(date_and_time: object, fraction: object) -> datetime | None:
+    digits = str(fraction).strip()[:6]
+    decimals = digits if digits.isascii() and digits.isdigit() else "0"
     try:
-        return datetime.strptime(f"{tags[_TAKEN]}.{fraction}", "%Y:%m:%d %H:%M:%S.%f")
-    except (KeyError, ValueError):
+        return datetime.strptime(f"{date_and_time}.{decimals}", "%Y:%m:%d %H:%M:%S.%f")
+    except ValueError:
         return None
 
 
