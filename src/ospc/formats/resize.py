@@ -15,7 +15,7 @@ import numpy as np
 from ospc.arrays import Image, ImageSize
 from ospc.errors import SettingError
 from ospc.photometry.calibration import PROFILE_RADII, Calibration
-from ospc.photometry.geometry import half_diagonal, image_size, pixel_grid, same_aspect
+from ospc.photometry.geometry import half_diagonal, image_size, same_aspect
 from ospc.photometry.vignette import RasterVignette, Vignette, VignetteModel
 
 _CENTRED_PX = 1.0
@@ -48,15 +48,13 @@ def resize_calibration(calibration: Calibration, size: ImageSize) -> Calibration
 
 
 def _resized(vignette: Vignette, size: ImageSize) -> Vignette:
-    if isinstance(vignette, RasterVignette):
-        return RasterVignette(resampled(vignette.values, size), vignette.source)
-    scale = math.hypot(*vignette.size) / math.hypot(*size)
-    unit = scale * half_diagonal(size) / half_diagonal(vignette.size)
     if isinstance(vignette, VignetteModel):
+        scale = math.hypot(*vignette.size) / math.hypot(*size)
+        unit = scale * half_diagonal(size) / half_diagonal(vignette.size)
         centre = (vignette.centre[0] / unit, vignette.centre[1] / unit)
         return vignette.moved(size, centre, unit)
-    at = (pixel_grid(size) + 0.5) * scale - 0.5
-    return RasterVignette(vignette.at(at).astype(np.float32), vignette.as_dict())
+    source = vignette.source if isinstance(vignette, RasterVignette) else vignette.as_dict()
+    return RasterVignette(resampled(vignette.image(), size), source)
 
 
 def crop_calibration(calibration: Calibration, offset: tuple[int, int], size: ImageSize) -> Calibration:
@@ -94,8 +92,8 @@ def _cropped(vignette: Vignette, offset: tuple[int, int], size: ImageSize) -> Vi
         shift = [(w - 1) / 2 - o - (s - 1) / 2 for w, o, s in zip(vignette.size, offset, size, strict=True)]
         centre = tuple((c * half + move) / new_half for c, move in zip(vignette.centre, shift, strict=True))
         return vignette.moved(size, (centre[0], centre[1]), new_half / half)
-    values = vignette.at(pixel_grid(size) + np.array(offset, dtype=np.float64))
-    return RasterVignette(values.astype(np.float32), {**vignette.as_dict(), "crop": [*offset, *size]})
+    values = vignette.image()[offset[1] :, offset[0] :][: size[1], : size[0]]
+    return RasterVignette(values, {**vignette.as_dict(), "crop": [*offset, *size]})
 
 
 def _changed(
