@@ -102,12 +102,12 @@ def test_no_point_outside_the_mask_is_observed() -> None:
     for index in range(10):
         frame = Frame.of_array(scene[:, 2 * index : 2 * index + 200].copy(), None, index=index, mask=usable)
         tracker.push(frame)
-        _, places = tracker.current
+        places = tracker._points.astype(np.float64)
         assert len(places) > 10
         column, row = np.rint(places[:, None] + OBSERVED_OFFSETS_PX).astype(int).T
         assert usable[row, column].all()
     tracker.push(replace(frame, mask=np.zeros_like(usable)))
-    assert not len(tracker.current[0])
+    assert not len(tracker._points)
 
 
 def test_the_unit_of_estimated_exposures_is_arbitrary() -> None:

@@ -122,11 +122,6 @@ class GainRobustTracker:
         self._previous = image
         self._count += 1
 
-    @property
-    def current(self) -> tuple[IntArray, FloatArray]:
-        """Numbers of the features in the last frame, ascending, shape (n,), and their pixels (x, y), shape (n, 2)."""
-        return self._track.copy(), self._points.astype(np.float64)
-
     def observations(self) -> TrackObservations:
         """Return all observations so far, for points with at least two."""
         if not self._rows:
