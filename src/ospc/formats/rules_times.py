@@ -186,12 +186,10 @@ def _about_the_exposures(times: TimesText, context: Context) -> Iterator[Broken]
         yield Broken("error", rule, "drops the exposures of all images", remedy, _fill_exposures)
     if zero.any() and not (context.program == "dso" and zero.all()):
         rule = f"exposures are positive; {_count_of(zero, _IS, 'zero or missing')}"
+        mono = context.program == "mono"
+        effect = "passes the zeros on" if mono else "replaces them by the mean of their neighbours"
         remedy = "record the missing exposures"
-        if context.program == "mono":
-            yield Broken("error", rule, "passes the zeros on", remedy, _fill_exposures)
-        else:
-            effect = "replaces them by the mean of their neighbours"
-            yield Broken("warning", rule, effect, remedy, _fill_exposures)
+        yield Broken("error" if mono else "warning", rule, effect, remedy, _fill_exposures)
     known = exposures_ms[valid]
     if known.size and not _PLAUSIBLE_MS[0] <= (median := float(np.median(known))) <= _PLAUSIBLE_MS[1]:
         unit = "seconds" if median < _PLAUSIBLE_MS[0] else "microseconds"

@@ -24,9 +24,6 @@ _BRIGHTER_BORDER = 1.03
 """Ratio of border to centre above which the file is probably the correction and not the attenuation: no lens makes
 the border brighter, and estimates of flat vignettes differ less."""
 
-_8_TO_16_BITS = 257
-"""65535 / 255."""
-
 
 def _about_the_size(image: Image, context: Context) -> Iterator[Broken]:
     size, wanted = size_of(image), context.size
@@ -118,7 +115,7 @@ def _turn_grey(image: Image, _context: Context) -> tuple[Image, str]:
 
 
 def _widen(image: Image, _context: Context) -> tuple[Image, str]:
-    return image.astype(np.uint16) * _8_TO_16_BITS, "converted 8 bits to 16"
+    return image.astype(np.uint16) * (65535 // 255), "converted 8 bits to 16"
 
 
 def _raise_zeros(image: Image, _context: Context) -> tuple[Image, str]:

@@ -22,15 +22,14 @@ from ospc.recording.options import DEFAULT, ReadingOptions
 from ospc.recording.table_text import is_number
 
 _NAME = re.compile(r"(\d{1,9}(?:\.\d{1,9})?)[ _]?(ns|us|ms|s)?", re.ASCII)
-_LEAST_FOLDERS = 2
-"""A single folder whose name is a number is probably not named by exposure."""
 
 
 class _ExposureFolders:
     name = "exposure_folders"
 
     def recognises(self, path: Path) -> bool:
-        return len(_folders(path)) >= _LEAST_FOLDERS
+        # A single folder whose name is a number is probably not named by exposure.
+        return len(_folders(path)) > 1
 
     def open(self, path: Path, options: ReadingOptions = DEFAULT) -> ImageSequence:
         folders = _folders(path)

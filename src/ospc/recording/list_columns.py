@@ -14,7 +14,7 @@ from ospc.recording.table_text import is_fraction, is_number, lines_of
 Rows = list[tuple[int, list[str]]]
 """Line number and fields of every line."""
 
-_DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+", re.ASCII)
+_DECIMAL_COMMA = re.compile(r"\A([+-]?\d+),(\d+)\Z", re.ASCII)
 
 _UNITS = {unit.value: unit for unit in ExposureUnit} | {
     **dict.fromkeys(("sec", "second"), ExposureUnit.S),
@@ -217,7 +217,7 @@ def columns_of(text: str, source: str) -> tuple[Columns, Rows]:
     separator = next((s for s in (";", ",", "\t") if s in lines[start][1]), None)
     rows = [(n, _fields(line, separator, f"{source}, line {n}")) for n, line in lines[start:] if line[0] != "#"]
     if separator in (";", "\t"):  # between commas, a decimal comma would be a separator
-        rows = [(n, [_with_decimal_point(field) for field in fields]) for n, fields in rows]
+        rows = [(n, [_DECIMAL_COMMA.sub(r"\1.\2", field) for field in fields]) for n, fields in rows]
     if not any(is_number(field) or is_fraction(field) for field in rows[0][1]):
         return name_columns(rows[0][1], f"{source}, line {rows[0][0]}"), rows[1:]
     if start > 0:
@@ -228,10 +228,6 @@ def columns_of(text: str, source: str) -> tuple[Columns, Rows]:
             if columns.exposure is not None:
                 return columns, rows
     return _unnamed(rows[0][1]), rows
-
-
-def _with_decimal_point(field: str) -> str:
-    return field.replace(",", ".") if _DECIMAL_COMMA.fullmatch(field) else field
 
 
 def _unnamed(fields: list[str]) -> Columns:

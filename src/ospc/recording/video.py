@@ -70,7 +70,7 @@ class VideoStream(AbstractContextManager["VideoStream"]):
 
     def is_inter_coded(self) -> bool:
         """Return whether one of the first frames is coded as a change of others, with losses."""
-        if int(self._capture.get(cv2.CAP_PROP_FOURCC)) == _FFV1:
+        if int(self._capture.get(cv2.CAP_PROP_FOURCC)) == cv2.VideoWriter.fourcc(*"FFV1"):  # has no losses
             return False
         for index in range(1, _FIRST_FRAMES):  # the first frame has no other before it
             try:
@@ -144,9 +144,6 @@ changes, and webcams often deliver a damaged one at the beginning."""
 
 _LONGEST_DAMAGE = 100
 """Number of consecutive frames that cannot be decoded after which a video counts as ended."""
-
-_FFV1 = cv2.VideoWriter.fourcc(*"FFV1")
-"""A codec without losses."""
 
 _SIGNATURES = ((4, b"ftyp"), (4, b"moov"), (0, b"\x1aE\xdf\xa3"), (8, b"AVI "))
 """Offsets and bytes that identify MP4 and MOV, MKV and WebM, and AVI files."""

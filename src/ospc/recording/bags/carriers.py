@@ -151,8 +151,6 @@ _KNOWN: dict[str, tuple[_Extract, ExposureUnit, GainUnit | None, str]] = {
 }
 """How known messages carry exposures, by the last part of their type, which all versions of a driver share."""
 
-_TEXT = "std_msgs/msg/String"
-
 _NUMBERS = tuple(
     f"std_msgs/msg/{name}" for name in ("Float32", "Float64", "Int16", "UInt16", "Int32", "UInt32", "Int64", "UInt64")
 )
@@ -197,7 +195,7 @@ def _known(topic: Topic) -> Carrier | None:
         unit = unit_named(topic.name)
         how = "" if unit is None else f" in {unit.value}"
         return Carrier(topic, _fields("data", None), unit, _LINEAR, f"its numbers{how}", has_gain=False)
-    if topic.type == _TEXT and topic.name.endswith("/image/metadata"):
+    if topic.type == "std_msgs/msg/String" and topic.name.endswith("/image/metadata"):
         return Carrier(topic, _realsense("data"), _US, _LINEAR, f"Actual Exposure in µs, Gain Level / {_GAIN}")
     known = _KNOWN.get(topic.type.rpartition("/")[2])
     return None if known is None else Carrier(topic, *known)

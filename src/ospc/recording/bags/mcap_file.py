@@ -33,8 +33,6 @@ _CLASSES = {
 _END_BYTES = 1 + 8 + 8 + 8 + 4 + len(MCAP_START)
 """Size of the last record of a file, the footer, and the magic bytes after it."""
 
-_IDL = ("ros2idl", "omgidl")
-
 
 class McapFile(BagFile):
     """A bag file in the MCAP format.
@@ -69,7 +67,8 @@ class McapFile(BagFile):
             messages = None if self._counts is None else self._counts.get(number, 0)
             definition = schema.data.decode("utf-8", "replace")
             kind = normalize_msgtype(schema.name)
-            yield Topic(channel.topic, kind, messages, channel.message_encoding, definition, schema.encoding in _IDL)
+            idl = schema.encoding in ("ros2idl", "omgidl")
+            yield Topic(channel.topic, kind, messages, channel.message_encoding, definition, idl)
 
     def _read_summary(self, file: BinaryIO) -> None:
         size = os.fstat(file.fileno()).st_size

@@ -49,9 +49,6 @@ PARTS = ("images", "images.zip", "camera.txt", "times.txt")
 _SHOWN_REASONS = 3
 """Number of reasons for skipped frames in a note; more would be too long."""
 
-_STAGE_PREFIX = ".converting-"
-"""Prefix of the temporary folder in which files are written until all are complete."""
-
 
 @dataclass(frozen=True)
 class Converted:
@@ -110,7 +107,7 @@ def convert_recording(
     try:
         with writing(place):
             place.mkdir(parents=True, exist_ok=True)
-            with TemporaryDirectory(prefix=_STAGE_PREFIX, dir=place, ignore_cleanup_errors=True) as stage:
+            with TemporaryDirectory(prefix=".converting-", dir=place, ignore_cleanup_errors=True) as stage:
                 converted = _write(recording, Path(stage), place, image_format, archive=archive, progress=progress)
                 _move(Path(stage), place)
     finally:
