@@ -57,7 +57,8 @@ def converted(bag: Path, out: Path, *options: object) -> list[np.ndarray]:
 
 def test_options_that_cannot_apply_are_refused(tmp_path: Path) -> None:
     simulate(tmp_path / "r", SimulationSettings(size=(64, 48), frames=3))
-    assert "is not a ROS bag" in str(run("check", tmp_path / "r", "--topic", "/x").exception)
+    for option in ("--image-topic", "--exposure-topic", "--exposure-field", "--gain-field"):
+        assert f"leave out {option}" in str(run("check", tmp_path / "r", option, "/x").exception)
     assert "has no gains" in str(run("check", tmp_path / "r", "--gain-unit", "db").exception)
     for file in (tmp_path / "r" / "images").iterdir():
         cv2.imwrite(str(file), np.full((48, 64, 3), (20, 90, 160), np.uint8))

@@ -91,8 +91,8 @@ def open_recording(path: str | Path, kind: str | None = None, options: ReadingOp
         # A stated kind opens any path, to say what it lacks.
         chosen = next((k for k in kinds() if k.name == kind), None)
     if chosen is not None:
-        if chosen.name != "rosbag" and (options.image_topic or options.exposure_topic):
-            raise SettingError(f"{place}: is not a ROS bag and has no topics; leave out --topic and --exposure-topic")
+        if chosen.name != "rosbag" and (stated := options.of_bags):
+            raise SettingError(f"{place}: is not a ROS bag and has no topics; leave out {' and '.join(stated)}")
         try:
             with _readable(place):
                 return chosen.open(place, options)

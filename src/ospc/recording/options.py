@@ -75,6 +75,12 @@ class ReadingOptions:
     unknown_exposures: bool = False
     """Open recordings without usable exposures too; every frame then has an exposure of 1 ms. It has no text form."""
 
+    @property
+    def of_bags(self) -> list[str]:
+        """Names of the options that are given and only make sense for ROS bags."""
+        names = ("image_topic", "exposure_topic", "exposure_field", "gain_field")
+        return [f"--{name.replace('_', '-')}" for name in names if getattr(self, name)]
+
     @classmethod
     def of(cls, texts: Mapping[str, str | None]) -> ReadingOptions:
         """Return the options from texts by field name; None if an option is not given.
