@@ -85,12 +85,12 @@ def same(left, right):
 @given(WHOLES)
 def test_what_is_packed_comes_out_the_same(whole):
     content, arrays = pack(whole)
-    assert same(unpack(Whole, json.loads(json.dumps(content, allow_nan=False)), arrays), whole)
+    assert same(unpack(Whole, json.loads(json.dumps(content, allow_nan=False)), arrays, "it"), whole)
 
 
 def test_numbers_that_json_has_no_word_for():
     content, arrays = pack(Part(math.inf))
-    assert unpack(Part, content, arrays)._hidden == math.inf
+    assert unpack(Part, content, arrays, "it")._hidden == math.inf
 
 
 @pytest.mark.parametrize(
@@ -109,28 +109,28 @@ def test_numbers_that_json_has_no_word_for():
 )
 def test_what_does_not_fit_is_refused(change):
     content, arrays = pack(Part(1.0, np.arange(3), [np.zeros(4, np.uint8)]))
-    with pytest.raises(FormatError, match="is invalid"):
-        unpack(Part, content | change, arrays)
+    with pytest.raises(FormatError, match=r"^it: .* is invalid"):
+        unpack(Part, content | change, arrays, "it")
 
 
 @pytest.mark.parametrize("name", [entry.name for entry in fields(Whole) if entry.name != "part"])
 def test_null_is_refused_where_a_value_is_needed(name):
     content, arrays = pack(Whole("a", True, 1, (0.0, 1.0), (), (), [], "auto", None, []))
-    with pytest.raises(FormatError, match="is invalid"):
-        unpack(Whole, content | {name: None}, arrays)
+    with pytest.raises(FormatError, match=r"^it: .* is invalid"):
+        unpack(Whole, content | {name: None}, arrays, "it")
 
 
 @pytest.mark.parametrize("choice", ["always", "", 1.0, True, ["auto"], 2**70])
 def test_what_is_none_of_several_types_is_refused(choice):
     content, arrays = pack(Whole("a", True, 1, (0.0, 1.0), (), (), [], "auto", None, []))
-    with pytest.raises(FormatError, match="is invalid"):
-        unpack(Whole, content | {"choice": choice}, arrays)
+    with pytest.raises(FormatError, match=r"^it: .* is invalid"):
+        unpack(Whole, content | {"choice": choice}, arrays, "it")
 
 
 def test_an_array_of_another_type_is_refused():
     content, arrays = pack(Part(1.0, np.arange(3)))
     with pytest.raises(FormatError, match="type float64 instead of int64"):
-        unpack(Part, content, arrays | {"places": np.zeros(3)})
+        unpack(Part, content, arrays | {"places": np.zeros(3)}, "it")
 
 
 def test_what_no_file_may_hold_is_refused():

@@ -9,16 +9,10 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 from ospc.batch.object_store import is_address, matches
-from ospc.errors import (
-    FormatError,
-    RecordingError,
-    SettingError,
-    listed,
-    os_error_as,
-    quoted,
-)
+from ospc.errors import FormatError, RecordingError, SettingError, listed, os_error_as, quoted
 from ospc.exposures.lag_choice import LagChoice, lag_choice
 from ospc.recording.kinds import is_recording, open_recording
 from ospc.recording.options import ReadingOptions, declared_options
@@ -98,8 +92,6 @@ _MOST_ENTRIES = 5_000_000
 
 _DEEPEST = 4
 """Depth to which folders are searched for recordings: camera, day, run, and one to spare."""
-
-_COLUMNS = ("recording", "camera", "options")
 
 
 def read_manifest(
@@ -204,7 +196,8 @@ def _of_table(place: Path) -> Iterator[Entry]:
             raise SettingError(f"{place}, row {number}: {error}") from None
 
 
-def _rows(place: Path) -> list[dict[str, str]]:
+def _rows(place: Path) -> list[dict[Any, Any]]:
+    """Return the cells of each row by column; a row may have fewer cells than there are columns."""
     try:
         text = place.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError:
@@ -226,7 +219,7 @@ def _rows(place: Path) -> list[dict[str, str]]:
         if any(row.get(None, ())):  # cells beyond the last column
             quote = "paths with commas" if separator == "," else "cells with semicolons"
             raise FormatError(f"{place}, row {number}: has more cells than the first line; quote {quote}")
-    return [{name: row[name] or "" for name in _COLUMNS if name in row} for row in rows]
+    return rows
 
 
 def _separator(text: str) -> str:

@@ -58,10 +58,7 @@ class Store:
         """Return a result; FormatError if it is missing, damaged, or of another version."""
         place = self._place(key)
         found = container.load(place, KIND, VERSION)
-        try:
-            return unpack(Result, found.content, found.arrays)
-        except FormatError as error:
-            raise FormatError(f"{place}: cannot be read as the result of a batch, {error}") from None
+        return unpack(Result, found.content, found.arrays, str(place))
 
     def has(self, key: str) -> bool:
         """Return whether an intact result of this version is stored."""

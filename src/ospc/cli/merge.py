@@ -76,10 +76,10 @@ def _summaries(place: Path) -> Sequence[Summary]:
     from ospc.calibrator import OnlineCalibrator
     from ospc.pooling.pool import Pool
     from ospc.pooling.summary import Summary
-    from ospc.state.container import kind_of
+    from ospc.state.container import kind_of, state_in
     from ospc.state.run import KIND, load_summary
 
-    file = _file(place)
+    file = state_in(place)
     if kind_of(file) != KIND:
         return Pool.load(file).summaries
     summary = load_summary(file, Summary) or OnlineCalibrator.load_state(file).summary()
@@ -88,18 +88,14 @@ def _summaries(place: Path) -> Sequence[Summary]:
 
 def _check_kept(states: Sequence[Path], folder: OutputFolder) -> None:
     """Refuse to replace the states to merge, and the calibrations beside them."""
+    from ospc.state.container import state_in
+
     replaced = {place.path.resolve() for place in (folder, folder.for_partial_results)}
     for place in states:
-        if _file(place).resolve().parent in replaced:
+        if state_in(place).resolve().parent in replaced:
             raise SettingError(
                 f"{folder.path}: contains a state to merge, {place}; choose another folder for the output"
             )
-
-
-def _file(place: Path) -> Path:
-    from ospc.state.container import STATE_NAME
-
-    return place / STATE_NAME if place.is_dir() else place
 
 
 def _distinctly_named(found: Sequence[tuple[Path, Summary]]) -> list[Summary]:

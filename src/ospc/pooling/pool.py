@@ -25,7 +25,7 @@ from ospc.pooling.verdicts import judged, response_verdict_of, used_of, vignette
 from ospc.settings.methods import IDENTIFIABLE_CORNER_SIGMA
 from ospc.settings.pooling import FREE_PRECISION, ROUGH_VIGNETTE_WALK
 from ospc.state import container
-from ospc.state.container import STATE_NAME, Container
+from ospc.state.container import Container
 from ospc.state.run import KIND as RUN_KIND
 from ospc.state.run import load_summary
 from ospc.state.values import pack, unpack
@@ -103,9 +103,7 @@ class Pool:
             If the file does not exist, is truncated or damaged, or is of another version, or if nothing could be
             learned from the recording.
         """
-        place = Path(path)
-        if place.is_dir():
-            place = place / STATE_NAME
+        place = container.state_in(path)
         if container.kind_of(place) == RUN_KIND:
             summary = load_summary(place, Summary)
             if summary is None:
@@ -116,8 +114,8 @@ class Pool:
             return cls((summary,))
         found = container.load(place, KIND, VERSION)
         try:
-            return cls.of(unpack(cls, found.content, found.arrays).summaries)
-        except (FormatError, SettingError) as error:
+            return cls.of(unpack(cls, found.content, found.arrays, str(place)).summaries)
+        except SettingError as error:
             raise FormatError(f"{place}: not readable as a state, {error}") from None
 
 

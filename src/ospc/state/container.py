@@ -136,6 +136,12 @@ def from_bytes(data: bytes, name: str) -> Container:
     return Container(kind, version, content, arrays)
 
 
+def state_in(path: str | Path) -> Path:
+    """Return the path of a state, given as the file or as its output folder."""
+    place = Path(path)
+    return place / STATE_NAME if place.is_dir() else place
+
+
 def kind_of(path: str | Path) -> str:
     """Return the kind in the header of a file, or "" if there is none; only :func:`load` checks the rest."""
     try:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -42,7 +42,7 @@ def load_run(path: str | Path, run: type[Run], method_of: Callable[[Run], type[T
         As for :func:`~ospc.state.container.load`, or if the state is from another version of the method.
     """
     found = container.load(path, KIND, VERSION)
-    known = _part(str(path), found.content.get("run"), run, found.arrays)
+    known = unpack(run, found.content.get("run"), found.arrays, str(path))
     if found.content.get("method") is None:
         return known, None
     method = method_of(known)
@@ -52,7 +52,7 @@ def load_run(path: str | Path, run: type[Run], method_of: Callable[[Run], type[T
             f"{path}: was written by another version of the method (ospc {version}) and cannot be continued; start "
             "again from the recording"
         )
-    return known, _part(str(path), found.content["method"], method, found.arrays)
+    return known, unpack(method, found.content["method"], found.arrays, str(path))
 
 
 def load_summary(path: str | Path, kind: type[T]) -> T | None:
@@ -65,11 +65,4 @@ def load_summary(path: str | Path, kind: type[T]) -> T | None:
     """
     found = container.load(path, KIND, VERSION)
     content = found.content.get("summary")
-    return None if content is None else _part(str(path), content, kind, found.arrays)
-
-
-def _part(name: str, content: Any, kind: type[T], arrays: Mapping[str, Array]) -> T:
-    try:
-        return unpack(kind, content, arrays)
-    except FormatError as error:
-        raise FormatError(f"{name}: not readable as a state, {error}") from None
+    return None if content is None else unpack(kind, content, found.arrays, str(path))

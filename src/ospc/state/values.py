@@ -35,15 +35,16 @@ def pack(value: object, name: str = "") -> tuple[Any, dict[str, Array]]:
     return _packed(value, type(value), name, arrays), arrays
 
 
-def unpack(kind: type[T], content: Any, arrays: typing.Mapping[str, Array]) -> T:
-    """Return the dataclass from the content and arrays of :func:`pack`; FormatError if they do not match its fields.
+def unpack(kind: type[T], content: Any, arrays: typing.Mapping[str, Array], name: str) -> T:
+    """Return the dataclass from the content and arrays of :func:`pack`.
 
-    The method ``check`` is called on all dataclasses in it that have one.
+    FormatError with the ``name`` of the file if they do not match its fields. The method ``check`` is called on all
+    dataclasses in it that have one.
     """
     try:
         found: T = _unpacked(content, kind, arrays)
     except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError, OspcError) as error:
-        raise FormatError(f"its content is invalid ({error})") from None
+        raise FormatError(f"{name}: not readable as a state, its content is invalid ({error})") from None
     return found
 
 
