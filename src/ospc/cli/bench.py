@@ -119,9 +119,5 @@ def speed(
 
     tasks = speed_tasks(presets, sizes or SIZES, frames, live_s, rate_hz)
     run_study(
-        tasks,
-        out,
-        1,
-        lambda finished: speed_report([row_of(result) for _, result in finished]),
-        as_json=as_json,
+        tasks, out, 1, lambda finished: speed_report([row_of(result) for _, result in finished]), as_json=as_json
     )

@@ -13,6 +13,7 @@ from ospc.cli.terminal import progress_of, say, say_notes
 from ospc.errors import counted
 from ospc.recording.derived import with_exposure_lag
 from ospc.recording.options import ReadingOptions
+from ospc.recording.writing.conversion import convert_recording
 from ospc.recording.writing.images import ImageFormat
 
 
@@ -43,8 +44,6 @@ def command(
     OUT gets images/ or images.zip, times.txt with integer ids, stamps in seconds and exposures in milliseconds, and
     camera.txt if the recording has intrinsics. If the conversion fails or is interrupted, OUT stays unchanged.
     """
-    from ospc.recording.writing.conversion import convert_recording
-
     recording = with_exposure_lag(Reading(stated, kind).open(path), lag)
     with (
         leaving(f"nothing was written to {out}"),

@@ -4,17 +4,16 @@ from __future__ import annotations
 
 from dataclasses import astuple
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
 from ospc.cli.options import SIZE, Parsed, argument, declared, option, out_option
 from ospc.cli.terminal import say, say_notes
+from ospc.formats.export import Program, adapted, export, files_of
+from ospc.formats.opening import open_photometry
+from ospc.formats.radial import Optics
 from ospc.recording.derived import Region
 from ospc.system.folders import check_new
-
-if TYPE_CHECKING:
-    from ospc.formats.export import Program
 
 
 @declared("export")
@@ -51,10 +50,6 @@ def command(
     file (lensfun, .xml), a project for use as a template (hugin, .pto), a file storage (opencv, .yml), a lens profile
     (adobe, .lcp), or calibration.json. Reports what the format cannot represent, and the residuals of fits.
     """
-    from ospc.formats.export import adapted, export, files_of
-    from ospc.formats.opening import open_photometry
-    from ospc.formats.radial import Optics
-
     check_new(files_of(program, out), force=force)
     optics = Optics(focal_mm, focal_px, crop_factor, aperture, maker=maker, lens=lens, camera=camera)
     part = None if crop is None else astuple(crop)

@@ -106,9 +106,7 @@ def _check_memory_limit() -> None:
     import resource
 
     limit_bytes, _ = resource.getrlimit(resource.RLIMIT_AS)
-    if limit_bytes == resource.RLIM_INFINITY:
-        return
-    if limit_bytes < _LEAST_MEMORY_MIB * 2**20:
+    if limit_bytes != resource.RLIM_INFINITY and limit_bytes < _LEAST_MEMORY_MIB * 2**20:
         given = limit_bytes // 2**20
         raise OspcError(f"{given} MiB of memory is too little; allow at least {_LEAST_MEMORY_MIB} MiB (ulimit -v)")
 

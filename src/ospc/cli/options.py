@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import inspect
 import re
-import textwrap
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import ExitStack
 from functools import partial
@@ -131,14 +130,10 @@ def declared(
 def _exit_codes(meanings: Mapping[int, str]) -> str:
     """Return the list of exit codes for the end of a help text, with those of errors and usage errors added."""
     every = {1: "error", 2: "usage error", **meanings}
-    width = max(len(str(code)) for code in every)
-    lines = [
-        textwrap.fill(
-            every[code], _HELP_COLUMNS, initial_indent=f"  {code:<{width}}  ", subsequent_indent=" " * (width + 4)
-        )
-        for code in sorted(every)
-    ]
-    return "\b\n" + "\n".join(["Exit codes:", *lines])
+    formatter = click.HelpFormatter(width=_HELP_COLUMNS)
+    with formatter.section("Exit codes"):
+        formatter.write_dl([(str(code), every[code]) for code in sorted(every)])
+    return "\b\n" + formatter.getvalue()
 
 
 class Parsed(click.ParamType):  # type: ignore[type-arg]  # generic in new versions of click only

@@ -109,10 +109,11 @@ def _stated(name: str, *, each: bool = False, text: str = "") -> Any:
     return option(text, *flags, type=click.Choice(choices) if choices else None, metavar=stated.metavar)
 
 
-_FIELDS = tuple(declared_options())
+_STATED: dict[str, Declared] = {name: _stated(name) for name in declared_options()}
 _READING: dict[str, Declared] = {
     "kind": KIND,
-    **{name: _stated(name, each=name == "channel") for name in _FIELDS},
+    **_STATED,
+    "channel": _stated("channel", each=True),
     "mask": option(
         "Image of the same size as the frames; pixels that are black in it are not used.",
         type=click.Path(path_type=Path),
@@ -132,18 +133,18 @@ READING: Any = OptionGroup(_reading, _READING)
 """Declares a :class:`Reading`."""
 READING_OR_ESTIMATING: Any = OptionGroup(_reading, _READING | {"unknown_exposures": _UNKNOWN_EXPOSURES})
 """The same with ``--unknown-exposures``, for commands that can estimate exposures."""
-STATED: Any = OptionGroup(lambda **stated: ReadingOptions.of(stated), {name: _stated(name) for name in _FIELDS})
+
+
+def _options(**stated: str | None) -> ReadingOptions:
+    return ReadingOptions.of(stated)
+
+
+STATED: Any = OptionGroup(_options, _STATED)
 """Declares :class:`ReadingOptions` alone."""
 _ONE_CHANNEL = "Write only this channel of colour or Bayer images, which otherwise remain in colour."
-STATED_IN_COLOUR: Any = OptionGroup(
-    lambda **stated: ReadingOptions.of(stated),
-    {name: _stated(name, text=_ONE_CHANNEL if name == "channel" else "") for name in _FIELDS},
-)
+STATED_IN_COLOUR: Any = OptionGroup(_options, _STATED | {"channel": _stated("channel", text=_ONE_CHANNEL)})
 """The same for a command that keeps colours."""
-STATED_OF_CAMERA: Any = OptionGroup(
-    lambda **stated: ReadingOptions.of(stated),
-    {name: _stated(name) for name in ("channel", "exposure_unit", "gain_unit")},
-)
+STATED_OF_CAMERA: Any = OptionGroup(_options, {n: _STATED[n] for n in ("channel", "exposure_unit", "gain_unit")})
 """The same, reduced to the options that apply to a connected camera."""
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
@@ -11,11 +10,10 @@ from ospc.cli.options import TRUTH, argument, declared, option
 from ospc.cli.reading import READING, Reading
 from ospc.cli.terminal import say, say_notes
 from ospc.errors import OspcError, RecordingError
+from ospc.formats.opening import open_photometry
+from ospc.photometry.calibration import Calibration
 from ospc.recording import Recording, identity
 from ospc.recording.options import ReadingOptions
-
-if TYPE_CHECKING:
-    from ospc.photometry.calibration import Calibration
 
 
 @declared("report")
@@ -31,8 +29,6 @@ def command(
     FOLDER contains the calibration.json of 'ospc calibrate' or 'ospc merge'. An existing report.html is replaced.
     Without --recording, the new one has no pictures and no effect on tracking; without --truth, no comparison.
     """
-    from ospc.formats.opening import open_photometry
-    from ospc.photometry.calibration import Calibration
     from ospc.report.output_folder import OutputFolder
 
     if not folder.is_dir():

@@ -61,25 +61,16 @@ def check_usable(
         nearest = next(folder for folder in (place, *place.absolute().parents) if folder.exists())
         if nearest == place and any(place.iterdir()):
             content = content_of(place)
-            if recording is not None and recording.resolve() in place.resolve().parents:
-                content = _inside_recording(content)
-            _check_content(place, content, force=force)
+            inside = recording is not None and recording.resolve() in place.resolve().parents
+            if inside and content.allowed != "always" and not content.earlier_output:
+                content = Content("is inside the recording and may contain a part of it", "never")
+            if content.allowed == "never":
+                raise SettingError(f"{place}: {content.description}; choose another folder")
+            if content.allowed == "with force" and not force:
+                raise SettingError(f"{place}: {content.description}; choose another folder, or force writing to it")
     if not (nearest.is_dir() and os.access(nearest, os.W_OK | os.X_OK)):
         why = "is not writable" if nearest == place else f"cannot be created: {nearest} is not writable"
         raise SettingError(f"{place}: {why}; choose another folder")
-
-
-def _inside_recording(content: Content) -> Content:
-    if content.allowed == "always" or content.earlier_output:
-        return content
-    return Content("is inside the recording and may contain a part of it", "never")
-
-
-def _check_content(place: Path, content: Content, *, force: bool) -> None:
-    if content.allowed == "never":
-        raise SettingError(f"{place}: {content.description}; choose another folder")
-    if content.allowed == "with force" and not force:
-        raise SettingError(f"{place}: {content.description}; choose another folder, or force writing to it")
 
 
 def check_new(files: Iterable[Path], *, force: bool) -> None:
