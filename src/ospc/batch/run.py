@@ -163,10 +163,9 @@ def _with_result(row: Row, store: Store) -> Row:
     result = store.get(row.key)
     found = result.calibration
     counts, states = found.counts, {name: verdict.state for name, verdict in found.verdicts.items()}
-    response = found.response
-    spread = None if response is None else response.inverse_sigma
-    if response is not None and spread is not None:
-        spread = spread[response.measured]
+    response, response_sigma = found.response, None
+    if response is not None and response.inverse_sigma is not None:
+        response_sigma = float(response.inverse_sigma[response.measured].max())
     return replace(
         row,
         frames=int(counts.get("frames", 0)),
@@ -175,7 +174,7 @@ def _with_result(row: Row, store: Store) -> Row:
         samples=int(counts.get("samples", 0)),
         response=states.get("response", ""),
         vignette=states.get("vignette", ""),
-        response_sigma=None if spread is None else float(spread.max()),
+        response_sigma=response_sigma,
         vignette_sigma=None if found.vignette_sigma is None else float(found.vignette_sigma.max()),
         notes="; ".join(result.notes),
     )

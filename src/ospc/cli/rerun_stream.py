@@ -43,17 +43,15 @@ class RerunStream:
     - ``coverage``: grey level × exposure.
     """
 
-    def __init__(self, rerun: Any, stream: Any, throttle: Throttle | None = None) -> None:
+    def __init__(self, rerun: Any, stream: Any) -> None:
         self._rr, self._stream = rerun, stream
-        self._throttle = throttle or Throttle(_REFRESH_S, _LARGEST_SHARE)
+        self._throttle = Throttle(_REFRESH_S, _LARGEST_SHARE)
         self._pairs = -1
         self._longest_ms = 0.0
 
     @classmethod
     @contextmanager
-    def opened(
-        cls, recording: Recording, file: Path | None, *, spawn: bool, throttle: Throttle | None = None
-    ) -> Iterator[RerunStream]:
+    def opened(cls, recording: Recording, file: Path | None, *, spawn: bool) -> Iterator[RerunStream]:
         """Open a stream to a file, to a newly started viewer, or both, and close it at the end."""
         with needs_extra("streaming to the Rerun viewer", "rerun"):
             import rerun as rr
@@ -88,7 +86,7 @@ class RerunStream:
         ):
             stream.log(place, style, static=True)
         try:
-            yield cls(rr, stream, throttle)
+            yield cls(rr, stream)
         finally:
             stream.flush()
             stream.disconnect()

@@ -15,7 +15,6 @@ from ospc.errors import RecordingError, counted
 from ospc.exposures.brightness_report import BrightnessReport
 from ospc.exposures.findings import ExposureFindings
 from ospc.exposures.lag_choice import LagChoice
-from ospc.recording.frame import Frame
 from ospc.recording.recording import Recording
 from ospc.settings.diagnosis import DARK_CORNER_SHARE, MANY_CLIPPED_SHARE, SLOWEST_VIDEO_S, WEAK_SLOPE
 from ospc.settings.lag import MAX_LAG
@@ -47,12 +46,8 @@ def check_recording(
     """
     total = min(frames or len(recording), len(recording))
     calibrator = OnlineCalibrator.of(recording, correct_lag=correct_lag, source={})  # nothing is saved
-
-    def count(_frame: Frame, _used: bool) -> None:
-        if progress is not None:
-            progress(calibrator.frames, total)
-
-    drive(calibrator, islice(recording, total), count)
+    shown = None if progress is None else lambda _frame, _used: progress(calibrator.frames, total)
+    drive(calibrator, islice(recording, total), shown)
     brightness, pixels = calibrator.brightness, calibrator.pixels.report()
     if pixels is None:
         why = calibrator.first_reasons[0] if calibrator.first_reasons else "there are none"

@@ -14,7 +14,7 @@ from ospc.estimation.response_basis import ResponseBasis
 from ospc.estimation.vignette_basis import VignetteBasis, usable_radius_of
 from ospc.numerics.symmetric import eigh
 from ospc.photometry.calibration import Calibration
-from ospc.photometry.grey_range import GreyRange
+from ospc.photometry.grey_range import FULL_RANGE, GreyRange
 from ospc.photometry.noise import NoiseModel
 from ospc.photometry.vignette import LogSplineVignette, Vignette
 from ospc.pooling.summary import (
@@ -32,6 +32,7 @@ from ospc.settings.pooling import MAX_RESPONSE_KNOTS, MAX_WALK, MIN_OBSERVED, MI
 from ospc.settings.response import MAX_KNEES
 from ospc.settings.sampling import ASSUMED_NOISE_SIGMA
 from ospc.settings.vignette import VIGNETTE_REACH
+from ospc.state.numbers import require
 
 
 def summary_of_calibration(calibration: Calibration, name: str) -> Summary:
@@ -59,12 +60,14 @@ def summary_of_calibration(calibration: Calibration, name: str) -> Summary:
 def _summary_of(calibration: Calibration, name: str) -> Summary:
     matrix, vector = np.zeros((PARAMETERS, PARAMETERS)), np.zeros(PARAMETERS)
     estimate = np.concatenate([1 + RESPONSE.knots, np.zeros(len(VIGNETTE))])
-    for known, part, information_of in (
-        (calibration.response, RESPONSE_PART, _of_response),
-        (calibration.vignette, VIGNETTE_PART, _of_vignette),
-    ):
-        if known is not None:
-            estimate[part], matrix[part, part], vector[part] = information_of(calibration)
+    grey_range = FULL_RANGE
+    if calibration.response is not None:
+        found = _of_response(calibration.response.model, calibration.covariance["response"])
+        estimate[RESPONSE_PART], matrix[RESPONSE_PART, RESPONSE_PART], vector[RESPONSE_PART] = found
+        grey_range = GreyRange(*map(float, calibration.response.model.get("grey_range", (0.0, 1.0))))
+    if calibration.vignette is not None:
+        found = _of_vignette(calibration.vignette, calibration.covariance["vignette"])
+        estimate[VIGNETTE_PART], matrix[VIGNETTE_PART, VIGNETTE_PART], vector[VIGNETTE_PART] = found
     usable_radius, vignette_reach = _knots_of(calibration.vignette)
     range_ms = calibration.source.get("exposure_range_ms") or (1.0, np.e)
     return Summary(
@@ -86,44 +89,36 @@ def _summary_of(calibration: Calibration, name: str) -> Summary:
         support=(0.0, 1.0) if calibration.response is None else calibration.response.support,
         unexplained=0.0,
         noise=calibration.noise or NoiseModel(ASSUMED_NOISE_SIGMA**2, 0.0),
-        grey_range=GreyRange(*(float(level) for level in _response_model(calibration).get("grey_range", (0.0, 1.0)))),
+        grey_range=grey_range,
         usable_radius=usable_radius,
         vignette_reach=vignette_reach,
         measured_radius=float(calibration.covariance.get("vignette", {}).get("measured_radius", 1.0)),
     )
 
 
-def _response_model(calibration: Calibration) -> dict[str, Any]:
-    return calibration.response.model if calibration.response is not None else {}
-
-
 def _knots_of(vignette: Vignette | None) -> tuple[float, float]:
     """Return the usable radius of the image to which a vignette was fitted, and the reach of its knots."""
     usable_radius = usable_radius_of(vignette)
-    if not isinstance(vignette, LogSplineVignette):
-        return usable_radius, VIGNETTE_REACH
-    return usable_radius, vignette.reach / usable_radius
+    reach = vignette.reach / usable_radius if isinstance(vignette, LogSplineVignette) else VIGNETTE_REACH
+    return usable_radius, reach
 
 
-def _of_response(calibration: Calibration) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _of_response(model: dict[str, Any], uncertainty: dict[str, Any]) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the estimated response parameters, and A and b of their likelihood, for the common response basis."""
-    model = _response_model(calibration)
     coefficients = np.array(model["coefficients"], dtype=np.float64)
-    covariance = np.array(calibration.covariance["response"]["matrix"], dtype=np.float64)
+    covariance = np.array(uncertainty["matrix"], dtype=np.float64)
     knots = np.array(model["knots"], dtype=np.float64)
     n = len(coefficients)
-    if not 2 <= n <= MAX_RESPONSE_KNOTS or coefficients.shape != knots.shape or covariance.shape != (n, n):
-        raise ValueError("not coefficients of a response")
+    require(2 <= n <= MAX_RESPONSE_KNOTS, "the number of coefficients is impossible")
+    require(coefficients.shape == knots.shape and covariance.shape == (n, n), "shapes differ")
     own = ResponseBasis(n - 1, model["functions"])
-    if not np.allclose(knots, own.knots):
-        raise ValueError("other knots than those of the functions")
+    require(np.allclose(knots, own.knots), "these are other knots than those of the functions")
     prior = Prior(own, VignetteBasis(0), coefficients, np.empty(0))
     walk, drift, knees = (model[f"prior_{name}"] for name in ("walk", "drift", "knees"))
     hyperparameters = replace(START, walk=float(walk), drift=float(drift), knees=tuple(int(knee) for knee in knees))
-    plausible = all(0 <= sigma <= MAX_WALK for sigma in (hyperparameters.walk, hyperparameters.drift))
-    plausible = plausible and len(knees) <= MAX_KNEES and all(0 < knee < n - 1 for knee in hyperparameters.knees)
-    if not (plausible and coefficients.min() > 0 and coefficients.max() <= MAX_GAMMA):
-        raise ValueError("not coefficients of a response")
+    require(all(0 <= sigma <= MAX_WALK for sigma in (hyperparameters.walk, hyperparameters.drift)), "a prior is wide")
+    require(len(knees) <= MAX_KNEES and all(0 < knee < n - 1 for knee in hyperparameters.knees), "knees are wrong")
+    require(coefficients.min() > 0 and coefficients.max() <= MAX_GAMMA, "a coefficient is impossible")
     from_common = own.conversion(RESPONSE)
     in_own = np.linalg.inv(covariance).astype(np.float64) - prior.precision(hyperparameters)
     information = _positive(from_common.T @ in_own @ from_common)
@@ -132,26 +127,23 @@ def _of_response(calibration: Calibration) -> tuple[FloatArray, FloatArray, Floa
     return estimate, information, information @ estimate
 
 
-def _of_vignette(calibration: Calibration) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _of_vignette(vignette: Vignette, uncertainty: dict[str, Any]) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the estimated vignette parameters, and A and b of their likelihood."""
-    vignette = calibration.vignette
     if not isinstance(vignette, LogSplineVignette):
         raise TypeError("another model of the vignette")
-    covariance = np.array(calibration.covariance["vignette"]["matrix"], dtype=np.float64)
+    covariance = np.array(uncertainty["matrix"], dtype=np.float64)
     given = [*vignette.coefficients]
-    names = calibration.covariance["vignette"]["parameters"]
     place = [*range(len(given))]
-    if "centre_x" in names:
+    if "centre_x" in uncertainty["parameters"]:
         given, place = [*given, *vignette.centre], [*place, VIGNETTE.radial, VIGNETTE.radial + 1]
     if vignette.non_radial:
         given, place = [*given, *vignette.non_radial], [*place, *range(VIGNETTE.radial + 2, len(VIGNETTE))]
-    if len(vignette.coefficients) != VIGNETTE.radial or covariance.shape != (len(place), len(place)):
-        raise ValueError("another number of terms")
+    require(len(vignette.coefficients) == VIGNETTE.radial, "another number of terms")
+    require(covariance.shape == (len(place), len(place)), "shapes differ")
     estimate, matrix = np.zeros(len(VIGNETTE)), np.eye(len(VIGNETTE)) / OMITTED_SIGMA**2
     estimate[place] = given
-    walk = float(calibration.covariance["vignette"]["prior_walk"])
-    if not 0 <= walk <= MAX_WALK:
-        raise ValueError("not a vignette of the default method")
+    walk = float(uncertainty["prior_walk"])
+    require(0 <= walk <= MAX_WALK, "a prior is wide")
     precision = np.linalg.inv(covariance).astype(np.float64)
     usable_radius, reach = _knots_of(vignette)
     basis = replace(VIGNETTE, usable_radius=usable_radius, reach=reach)
@@ -172,6 +164,5 @@ def _of_vignette(calibration: Calibration) -> tuple[FloatArray, FloatArray, Floa
 def _positive(matrix: FloatArray) -> FloatArray:
     """Return the nearest positive definite matrix, because rounding may leave negative information in a direction."""
     value, vector = eigh((matrix + matrix.T) / 2)
-    if value.max() <= 0:
-        raise ValueError("no information")
+    require(value.max() > 0, "there is no information")
     return np.asarray((vector * np.maximum(value, MIN_RELATIVE_INFORMATION * value.max())) @ vector.T)
