@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 import click
 
-from ospc.cli.interruption import Interruption, leaving
+from ospc.cli.interruption import leaving
 from ospc.cli.options import QUIET, declared, option, out_option
-from ospc.cli.terminal import concluded, progress_of, say
+from ospc.cli.terminal import progress_of, say
 
 if TYPE_CHECKING:
     from ospc.simulation.settings import SimulationSettings
@@ -22,7 +22,6 @@ _MEAN_EXPOSURE_MS, _EXPOSURE_FACTOR = 9.0, 2.8
 
 @declared("demo")
 def command(
-    interruption: Interruption,
     *,
     out: Path = out_option(
         "Folder for the recording and its calibration; those of an earlier demo are replaced.",
@@ -38,27 +37,20 @@ def command(
     of eight. OUT gets the recording with its truth, and the calibration as written by 'ospc calibrate', with
     pictures that compare the estimate with the truth. The exit codes are those of 'ospc calibrate'.
     """
-    from ospc.cli.calibration_result import ResultFolder
-    from ospc.cli.calibration_run import CalibrationRun, Checkpoints
-    from ospc.formats.opening import open_photometry
-    from ospc.recording import open_recording
+    from ospc.cli.calibrate import command as calibrate
     from ospc.report.output_folder import OutputFolder
-    from ospc.settings import preset
     from ospc.simulation import simulate
 
     recording, result, settings = out / "recording", out / "calibration", _settings(frames, seed)
-    folder = OutputFolder.at(result)
+    OutputFolder.at(result)  # refused before the simulation
     if not quiet:
         say(f"simulating {settings.frames} frames of {settings.size[0]}×{settings.size[1]} pixels in {recording}")
-    with leaving("no result was written"):
-        with progress_of("simulating", quiet=quiet) as step:
-            simulate(recording, settings, overwrite=True, progress=step)
-        if not quiet:
-            say(f"running: ospc calibrate {recording} -o {result} --truth {recording}")
-        recorded, truth = open_recording(recording), open_photometry(recording)
-        written = ResultFolder(folder, interruption, quiet=quiet, truth=truth)
-        run = CalibrationRun(recorded, preset("default"), written, Checkpoints(folder, wanted=False))
-        code = concluded(run.calibrate(), as_json=False)
+    with leaving("no result was written"), progress_of("simulating", quiet=quiet) as step:
+        simulate(recording, settings, overwrite=True, progress=step)
+    if not quiet:
+        say(f"running: ospc calibrate {recording} -o {result} --truth {recording}")
+    here = click.get_current_context()
+    code: int = here.invoke(calibrate, path=recording, out=result, truth=str(recording), quiet=quiet)
     picture = result / "figure.png"
     if not quiet and picture.exists():
         say()
