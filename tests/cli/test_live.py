@@ -18,13 +18,11 @@ from rich.console import Console
 
 from command_line import leave_out, ospc
 from ospc import OnlineCalibrator, open_recording
-from ospc.cli import live as live_command
 from ospc.cli.calibration_run import figures
 from ospc.cli.terminal import ProgressLine
 from ospc.errors import FormatError, OspcError, RecordingError
 from ospc.live import LiveCalibrator
 from ospc.recording import Frame
-from ospc.settings.live import GOAL
 from ospc.simulation import SimulationSettings, simulate
 from ospc.system import throttle
 from ospc.system.throttle import Throttle
@@ -215,10 +213,6 @@ def test_sources_that_are_neither_recording_nor_camera_are_refused(source, tmp_p
     done = ospc("live", source, "-o", tmp_path / "out", "--no-page")
     assert isinstance(done.exception, OspcError)
     assert "opencv:" in str(done.exception)
-
-
-def test_the_default_goal_is_that_of_the_library():
-    assert live_command._GOAL == GOAL
 
 
 def test_a_mask_applies_to_recordings_only(tmp_path):

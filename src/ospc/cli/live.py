@@ -16,15 +16,14 @@ from ospc.cli.options import AS_JSON, CORRECT_LAG, FORCE, QUIET, argument, decla
 from ospc.cli.reading import READING, Reading
 from ospc.cli.terminal import EXITS, concluded, say, say_notes, spreads_in_words
 from ospc.errors import OspcError, counted, one_line
-from ospc.recording import Frame, Recording
+from ospc.recording import Frame, Recording, identity
+from ospc.settings.live import GOAL
 
 if TYPE_CHECKING:
     from ospc.cli.calibration_result import ResultFolder
     from ospc.exposures.lag_choice import LagChoice
     from ospc.live.capture import Capture
 
-_GOAL = 0.005
-"""Copy of :data:`ospc.settings.live.GOAL`, whose import would take too long for a help text."""
 _LINE_S = 5.0
 """Time between two lines in the terminal, if the instruction stays the same, in seconds."""
 
@@ -43,7 +42,7 @@ def command(
     goal: float = option(
         "Uncertainty of response and vignette at which the capture ends on its own; 0 to end it yourself.",
         type=click.FloatRange(min=0),
-        default=_GOAL,
+        default=GOAL,
     ),
     pace: float = option(
         "Speed factor for replaying a recording; 0 for as fast as it can be calibrated.",
@@ -81,7 +80,7 @@ def command(
         folder = OutputFolder.at(out, recording=None if recording is None else Path(source), force=force)
         if not (quiet or as_json):
             say_notes(found)
-        aim = goal or _GOAL
+        aim = goal or GOAL
         if recording is not None:
             correct_lag = lag_choice_for(recording, correct_lag)
         live = stack.enter_context(LiveCalibrator(correct_lag=correct_lag, goal=aim, source=identity))
@@ -111,8 +110,6 @@ def _opened(
 
     place = Path(source)
     if place.exists():
-        from ospc.recording import identity
-
         recording = reading.open(place)
         yield recording, replayed(recording, pace), identity(recording), recording.notes
         return

@@ -98,10 +98,7 @@ RULES: Mapping[type, Mapping[str, Numbers | None]] = {
     Kept: {"log_exposure": logs()},
     Reservoir: {"_halvings": Numbers(0, 64)},
     StaticSeries: {"_stride": Numbers(1, MOST)},
-    Fit: {
-        "texture_share": UNIT,
-        "measured_radius": Numbers(0, 3),
-    },
+    Fit: {"texture_share": UNIT, "measured_radius": Numbers(0, 3)},
     GreyRange: {"black white": UNIT},
     NoiseModel: {
         "read_variance": UNIT,
@@ -134,10 +131,7 @@ RULES: Mapping[type, Mapping[str, Numbers | None]] = {
         "drift vignette_walk": Numbers(0, 1e6),
         "knees": Numbers(1, MOST_INTERVALS - 1, ("knees",), most=MAX_KNEES),
     },
-    SceneArea: {
-        "fine": Numbers(shape=("rows", "columns")),
-        "contrast pairs": Numbers(0, shape=("rows", "columns")),
-    },
+    SceneArea: {"fine": Numbers(shape=("rows", "columns")), "contrast pairs": Numbers(0, shape=("rows", "columns"))},
     Baseline: {
         "errors": Numbers(0, LARGEST, ("errors",), most=MAX_BASELINE_PAIRS),
         "effects": Numbers(0, LARGEST, ("effects",), most=MAX_BASELINE_PAIRS),

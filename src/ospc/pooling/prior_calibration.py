@@ -150,16 +150,13 @@ class PriorCalibration:
         own = replace(
             own, source=own.source | {"started_from": {"name": self.name, "changed": changed, "text": text}}
         )
-        if earlier is None:
-            return self._not_used(own, "it is from this same recording, which must not count twice")
-        if unlike:
-            return self._not_used(own, f"{unlike}, so it is from another camera or mode")
+        if earlier is None or unlike:
+            same = "it is from this same recording, which must not count twice"
+            reason = f"{unlike}, so it is from another camera or mode" if unlike else same
+            return replace(own, notes=(*own.notes, f"{self.name} was not used: {reason}"))
         if difference is not None:
             return self._contradicted(own, difference)
         return self._together(own, earlier, today)
-
-    def _not_used(self, own: Calibration, reason: str) -> Calibration:
-        return replace(own, notes=(*own.notes, f"{self.name} was not used: {reason}"))
 
     def _contradicted(self, own: Calibration, difference: Difference) -> Calibration:
         """Return today's calibration with verdicts that say what has changed."""
