@@ -105,20 +105,18 @@ class Checkpoints:
         if [found.source.get(name) for name in _SAME] != [new.source.get(name) for name in _SAME]:
             name = found.source.get("name", "a live camera")
             raise SettingError(f"{self._before}: belongs to another recording ({name}); {start_anew}")
-        if (found.settings, found.correct_lag) != (new.settings, new.correct_lag):
-            before = as_dict(found.settings)
-            changed = [
-                f"{name} {before.get(name)} instead of {value}"
-                for name, value in as_dict(new.settings).items()
-                if before.get(name) != value
-            ]
-            if found.correct_lag != new.correct_lag:
-                changed.append(f"--correct-lag {found.correct_lag} instead of {new.correct_lag}")
+        before, now = (as_dict(one.settings) | {"--correct-lag": one.correct_lag} for one in (found, new))
+        changed = [
+            f"{name} {before.get(name)} instead of {value}"
+            for name, value in now.items()
+            if before.get(name) != value
+        ]
+        if changed:
             raise SettingError(f"{self._before}: was made with other settings ({', '.join(changed)}); {start_anew}")
         self.notes.append(f"continuing after frame {found.frames} from {self._before}")
-        made = {name: version for name, version in found.saved_by.items() if versions().get(name) != version}
-        if made:
-            names = ", ".join(f"{name} {version}" for name, version in made.items())
+        others = [f"{name} {made}" for name, made in found.saved_by.items() if made != versions().get(name)]
+        if others:
+            names = ", ".join(others)
             self.notes.append(f"the state was saved with {names}: the result may differ in the last digits")
         found.source = new.source
         return found

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -100,10 +101,8 @@ def _check_kept(states: Sequence[Path], folder: OutputFolder) -> None:
 
 def _distinctly_named(found: Sequence[tuple[Path, Summary]]) -> list[Summary]:
     """Add the path of the state to the names of recordings that share a name."""
-    keys: dict[str, set[str]] = {}
-    for _, summary in found:
-        keys.setdefault(summary.name, set()).add(summary.key)
+    recordings = Counter(name for name, _key in {(summary.name, summary.key) for _, summary in found})
     return [
-        replace(summary, name=f"{summary.name} ({place})") if len(keys[summary.name]) > 1 else summary
+        replace(summary, name=f"{summary.name} ({place})") if recordings[summary.name] > 1 else summary
         for place, summary in found
     ]
