@@ -13,7 +13,7 @@ from uuid import uuid4
 
 import ospc
 from ospc.batch.work import Answer, Task, work
-from ospc.errors import SettingError, message_of, needs_extra
+from ospc.errors import SettingError, message_of, needs_extra, one_line
 
 _TASKS_PER_THREAD, _FEWEST_IN_FLIGHT = 4, 16
 """Number of tasks in flight: enough to keep all workers busy, few enough for the scheduler's memory."""
@@ -23,9 +23,6 @@ _LOOK_EVERY_S = 1.0
 
 _CONNECT_S = 15.0
 """How long the scheduler may take to answer."""
-
-_LONGEST_REASON = 300
-"""Most characters kept of an unexpected error."""
 
 
 def on_cluster(tasks: Iterable[Task], address: str, patience_s: float = 300.0) -> Generator[Answer, None, None]:
@@ -147,7 +144,7 @@ class _Run:
         except self.distributed.KilledWorker as error:
             return Answer(task.number, error=f"the workers that ran it died, the last one at {error.last_worker}")
         except Exception as error:  # any error affects this recording only
-            return Answer(task.number, error=f"{type(error).__name__}: {message_of(error, _LONGEST_REASON)}")
+            return Answer(task.number, error=one_line(error))
         return answer
 
 
