@@ -120,6 +120,12 @@ def test_a_lag_that_is_no_choice_is_refused(make, choice):
         make(correct_lag=choice)
 
 
+@pytest.mark.parametrize("make", [OnlineCalibrator, LiveCalibrator])
+def test_a_lag_that_no_state_could_contain_is_refused(make):
+    with pytest.raises(SettingError, match="a lag of 1001 frames is too large"):
+        make(correct_lag=-1001)
+
+
 @pytest.mark.parametrize("choice", ["auto", "never", "estimated", 0, -2, np.int64(3)])
 def test_a_lag_is_kept_as_it_was_chosen(choice):
     kept = OnlineCalibrator(correct_lag=choice).correct_lag

@@ -48,6 +48,11 @@ class OnlineCalibrator(Engine):
     prior
         An earlier calibration of the camera. It is used as a prior as long as it agrees with the frames.
 
+    Raises
+    ------
+    SettingError
+        If a parameter is invalid, or the method cannot use an earlier calibration.
+
     Attributes
     ----------
     prior
@@ -74,6 +79,8 @@ class OnlineCalibrator(Engine):
                 f"settings are of type {type(settings).__name__}; give the name of a preset, or settings such as "
                 "DefaultSettings(max_points=5000); images and exposures are passed as pairs: zip(images, exposures)"
             )
+        if prior is not None:
+            prior.check_method(made)
         exposures = ExposureMonitor(correct_lag)
         super().__init__(made, Run(settings=as_dict(made), exposures=exposures, sampler=made.sampler()))
         self.prior = prior

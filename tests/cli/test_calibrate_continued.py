@@ -21,6 +21,7 @@ from ospc.cli.calibration_run import Checkpoints
 from ospc.errors import SettingError
 from ospc.photometry.calibration import Calibration
 from ospc.pooling.pool import Pool
+from ospc.pooling.prior_calibration import PriorCalibration
 from ospc.report.output_folder import OutputFolder
 from ospc.simulation import SimulationSettings, simulate
 
@@ -177,6 +178,14 @@ def test_a_run_starts_from_an_earlier_one(recording, uninterrupted, tmp_path):
     assert found.source["started_from"] == {"name": str(uninterrupted), "changed": [], "text": ""}
     assert found.source["name"] == "today"
     assert "starting from" in found.verdicts["response"].reason
+
+
+def test_the_method_of_the_paper_cannot_start_from_an_earlier_calibration(uninterrupted, tmp_path):
+    other = simulated(tmp_path / "today", frames=4)
+    result = run(other, "-o", tmp_path / "out", "--preset", "paper", "--start-from", uninterrupted)
+    assert "preset paper cannot start from an earlier calibration" in str(result.exception)
+    with pytest.raises(SettingError, match="preset paper cannot start"):
+        OnlineCalibrator("paper", prior=PriorCalibration.open(uninterrupted))
 
 
 def test_a_changed_lens_is_reported(uninterrupted, tmp_path):

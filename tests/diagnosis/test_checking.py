@@ -11,7 +11,7 @@ from filmed import LARGE, LARGEST, SIZE, Film, jumping, wandering
 
 from ospc.calibrator import calibrate
 from ospc.diagnosis import RecordingReport, check_recording
-from ospc.errors import RecordingError
+from ospc.errors import RecordingError, SettingError
 from ospc.exposures import brightness_history
 from ospc.methods.maximum_likelihood import MaximumLikelihoodMethod
 from ospc.recording import ArrayRecording
@@ -263,6 +263,12 @@ def test_only_as_many_frames_are_taken_as_allowed() -> None:
     assert seen[-1] == (80, 80) == (len(seen), 80)
     assert report.frames == 200
     assert report.exposure_lag_frames == 0
+
+
+@pytest.mark.parametrize("frames", [0, -3])
+def test_a_check_of_no_frames_is_refused(frames: int) -> None:
+    with pytest.raises(SettingError, match="give at least 1"):
+        check_recording(Film(wandering(9)).recording(), frames=frames)
 
 
 @pytest.mark.parametrize("film", [{"lag": 2}, {"hidden_log_gain": wandering(36, 9)}])

@@ -193,6 +193,7 @@ def _calibrate_one(request: _Request, opened: Callable[[], Recording]) -> dict[s
         from ospc.pooling.prior_calibration import PriorCalibration
 
         prior = PriorCalibration.open(request.start_from)
+        prior.check_method(settings)
     if request.truth is not None:
         from ospc.formats.opening import open_photometry
 

@@ -161,12 +161,8 @@ def _size(text: str, least: int, most: int) -> tuple[int, int]:
 
 def _lag(text: str) -> LagChoice:
     from ospc.exposures.lag_choice import lag_choice
-    from ospc.settings.lag import MOST_LAG_FRAMES
 
-    choice = lag_choice(text)
-    if isinstance(choice, int) and abs(choice) > MOST_LAG_FRAMES:
-        raise SettingError(f"a lag of {abs(choice)} frames is too large; at most {MOST_LAG_FRAMES} can be corrected")
-    return choice
+    return lag_choice(text)
 
 
 def _picture(plot: Path | None, *, force: bool) -> Path | None:

@@ -11,7 +11,7 @@ from ospc.calibrator import OnlineCalibrator, drive
 from ospc.correspondence.pixel_statistics import PixelReport
 from ospc.diagnosis.report import RecordingReport, Timing, motion, timing
 from ospc.engine.frame_checks import clipped_in_words, skipped_in_words
-from ospc.errors import RecordingError, counted
+from ospc.errors import RecordingError, SettingError, counted
 from ospc.exposures.brightness_report import BrightnessReport
 from ospc.exposures.findings import ExposureFindings
 from ospc.exposures.lag_choice import LagChoice
@@ -43,7 +43,11 @@ def check_recording(
     ------
     RecordingError
         If none of the frames can be used.
+    SettingError
+        If ``frames`` is less than 1, or ``correct_lag`` is invalid.
     """
+    if frames is not None and frames < 1:
+        raise SettingError(f"frames is {frames}; give at least 1, or None for all")
     total = min(frames or len(recording), len(recording))
     calibrator = OnlineCalibrator.of(recording, correct_lag=correct_lag, source={})  # nothing is saved
     shown = None if progress is None else lambda _frame, _used: progress(calibrator.frames, total)

@@ -8,6 +8,7 @@ import numpy as np
 
 from ospc.errors import SettingError, counted
 from ospc.recording import Recording
+from ospc.settings.lag import MOST_LAG_FRAMES
 
 LagChoice = int | Literal["auto", "never", "estimated"]
 """What to do about a lag of the exposures: correct it if it is certain (``"auto"``), never, or by a fixed number of
@@ -30,19 +31,24 @@ def lag_choice(text: str) -> LagChoice:
             return named
         case number:
             try:
-                return int(number)
+                frames = int(number)
             except ValueError:
                 raise SettingError(
                     f"{text!r} is not a valid lag; give auto, never, or a number of frames such as 2 or -1"
                 ) from None
+            return checked_lag_choice(frames)
 
 
 def checked_lag_choice(choice: LagChoice) -> LagChoice:
-    """Return the choice, with any number of frames as int; SettingError if it is not a :data:`LagChoice`."""
+    """Return the choice, with a number of frames as int; SettingError if it is none, or a lag that is too large."""
     match choice:
         case "auto" | "never" | "estimated":
             return choice
         case int() | np.integer() if not isinstance(choice, bool):
+            if abs(choice) > MOST_LAG_FRAMES:
+                raise SettingError(
+                    f"a lag of {abs(choice)} frames is too large; at most {MOST_LAG_FRAMES} can be corrected"
+                )
             return int(choice)
     raise SettingError(
         f"correct_lag is {choice!r}; give 'auto', 'never', 'estimated' or a whole number of frames such as 2 or -1"

@@ -116,7 +116,7 @@ def _of_response(model: dict[str, Any], uncertainty: dict[str, Any]) -> tuple[Fl
     prior = Prior(own, VignetteBasis(0), coefficients, np.empty(0))
     walk, drift, knees = (model[f"prior_{name}"] for name in ("walk", "drift", "knees"))
     hyperparameters = replace(START, walk=float(walk), drift=float(drift), knees=tuple(int(knee) for knee in knees))
-    require(all(0 <= sigma <= MAX_WALK for sigma in (hyperparameters.walk, hyperparameters.drift)), "a prior is wide")
+    require(all(0 <= sigma <= MAX_WALK for sigma in (float(walk), float(drift))), "the prior is too wide")
     require(len(knees) <= MAX_KNEES and all(0 < knee < n - 1 for knee in hyperparameters.knees), "knees are wrong")
     require(coefficients.min() > 0 and coefficients.max() <= MAX_GAMMA, "a coefficient is impossible")
     from_common = own.conversion(RESPONSE)
@@ -143,7 +143,7 @@ def _of_vignette(vignette: Vignette, uncertainty: dict[str, Any]) -> tuple[Float
     estimate, matrix = np.zeros(len(VIGNETTE)), np.eye(len(VIGNETTE)) / OMITTED_SIGMA**2
     estimate[place] = given
     walk = float(uncertainty["prior_walk"])
-    require(0 <= walk <= MAX_WALK, "a prior is wide")
+    require(0 <= walk <= MAX_WALK, "the prior is too wide")
     precision = np.linalg.inv(covariance).astype(np.float64)
     usable_radius, reach = _knots_of(vignette)
     basis = replace(VIGNETTE, usable_radius=usable_radius, reach=reach)

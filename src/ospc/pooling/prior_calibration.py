@@ -16,6 +16,7 @@ from ospc.pooling.calibration_summary import summary_of_calibration
 from ospc.pooling.pool import Pool, agreeing, merge, usable_radius, why_unlike
 from ospc.pooling.solution import Information, solve
 from ospc.pooling.summary import RESPONSE_PART, VIGNETTE_PART, Summary, joint_range, triangle_of
+from ospc.settings import Settings
 from ospc.state.container import STATE_NAME
 
 
@@ -102,6 +103,19 @@ class PriorCalibration:
             usable_radius=information.usable_radius,
             vignette_reach=information.vignette_reach,
         )
+
+    def check_method(self, settings: Settings) -> None:
+        """Check that runs with these settings can be combined with an earlier calibration.
+
+        Raises
+        ------
+        SettingError
+            If the method has no state that could be merged.
+        """
+        if settings.state_type() is None:
+            raise SettingError(
+                f"preset {settings.name} cannot start from an earlier calibration ({self.name}); use the default one"
+            )
 
     def check_size(self, size: tuple[int, int]) -> None:
         """Check the size of frames.

@@ -44,7 +44,7 @@ MIN_FITTED_LOG_CHANGE = 1e-9
 # Acceptance of a lag (ospc.exposures.lag_selection)
 
 MOST_LAG_FRAMES = 1000
-"""Largest lag that a command accepts, and that a state contains; no camera buffers this many frames."""
+"""Largest lag that can be stated; no camera buffers this many frames."""
 MAX_COMMON_LAG = 3
 """Largest common lag, in frames; larger ones are accepted only if nothing else fits."""
 MIN_LAG_LEAD = 10.0
