@@ -111,6 +111,25 @@ def in_colour(index):
     return Frame(index, 0.0, 1.0, f"{index}.png", lambda: np.zeros((6, 8, 3), np.uint8), colour=True)
 
 
+@pytest.mark.parametrize("values", [{"max_points": 5e3}, {"max_points": np.int64(5)}, {"min_points": None}])
+def test_settings_of_another_type_are_refused_before_the_run(values):
+    with pytest.raises(SettingError, match="takes a value of type int"):
+        DefaultSettings(**values)
+
+
+def test_a_class_of_settings_is_no_settings():
+    with pytest.raises(SettingError, match="settings are of type type"):
+        OnlineCalibrator(DefaultSettings)
+
+
+def test_an_impossible_exposure_costs_one_frame_and_not_the_state(tmp_path):
+    online = OnlineCalibrator()
+    for exposure_ms in (1.0, 1.4e-41, 1e300, 1.0):
+        online.push(Frame.of_array(IMAGE, exposure_ms))
+    assert OnlineCalibrator.load_state(online.save_state(tmp_path / "a.ospc")).frames == 4
+    assert any("not between" in reason for reason in online.first_reasons)
+
+
 @pytest.mark.parametrize("choice", ["Never", "3", "", 1.5, None, True, [1]])
 @pytest.mark.parametrize(
     "make", [OnlineCalibrator, LiveCalibrator, partial(calibrate, ArrayRecording([IMAGE] * 3, [1.0] * 3))]

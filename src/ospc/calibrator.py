@@ -74,13 +74,13 @@ class OnlineCalibrator(Engine):
         prior: PriorCalibration | None = None,
     ) -> None:
         made = preset(settings) if isinstance(settings, str) else settings
-        if not hasattr(made, "sampler"):
+        if isinstance(made, type) or not hasattr(made, "sampler"):
             raise SettingError(
                 f"settings are of type {type(settings).__name__}; give the name of a preset, or settings such as "
                 "DefaultSettings(max_points=5000); images and exposures are passed as pairs: zip(images, exposures)"
             )
         if prior is not None:
-            prior.check_method(made)
+            _check_prior(prior, made)
         exposures = ExposureMonitor(correct_lag)
         super().__init__(made, Run(settings=as_dict(made), exposures=exposures, sampler=made.sampler()))
         self.prior = prior
@@ -249,6 +249,12 @@ def drive(
             used = calibrator.push(frame)
             if after_frame is not None:
                 after_frame(frame, used)
+
+
+def _check_prior(prior: object, settings: Settings) -> None:
+    if not isinstance(prior, PriorCalibration):
+        raise SettingError(f"prior is of type {type(prior).__name__}; give PriorCalibration.open(path)")
+    prior.check_method(settings)
 
 
 def calibrate(

@@ -22,6 +22,8 @@ def check_values(values: Mapping[str, npt.NDArray[Any]], shapes: Mapping[str, tu
         given = np.asarray(values[name])
         if given.shape != shape:
             raise SettingError(f"{name} of {shape[0]} observations must have shape {shape}, not {given.shape}")
+        if given.dtype.kind not in "fiu":
+            raise SettingError(f"{name} must be an array of numbers, not of type {given.dtype}")
         if not np.all(np.isfinite(given)):
             raise SettingError(f"{name} must be finite; leave out points for which it is unknown")
         if name in _NUMBERS and given.dtype.kind not in "iu":

@@ -201,6 +201,11 @@ class Observations(ByValue):
         check_values(values, {name: (n, *_WIDTHS.get(name, ())) for name in names})
         if np.any(np.diff(self.point) < 0) or np.any(self.counts < 2):
             raise SettingError("each scene point needs two or more observations, stored consecutively")
+        by_point = np.array_equal(self.group, np.repeat(self.group[self.starts], self.counts))
+        if not by_point and (self.in_pairs or not self._grouped_by_frame):
+            raise SettingError(
+                "all observations of a scene point, or in a series all of a frame, need the same group"
+            )
 
     def __len__(self) -> int:
         """Return the number of observations."""
@@ -230,7 +235,7 @@ class Observations(ByValue):
     @cached_property
     def starts(self) -> IntArray:
         """Index of the first observation of each point, shape (points,)."""
-        return np.flatnonzero(np.diff(self.point, prepend=-1))
+        return np.flatnonzero(np.diff(self.point, prepend=self.point[:1] - 1))
 
     @cached_property
     def counts(self) -> IntArray:
@@ -241,6 +246,12 @@ class Observations(ByValue):
     def in_pairs(self) -> bool:
         """Whether every point has two observations."""
         return bool(np.all(self.counts == 2))
+
+    @property
+    def _grouped_by_frame(self) -> bool:
+        """Whether each group has the observations of one frame."""
+        both = np.unique(np.stack([self.group, self.frame]), axis=1)
+        return bool(both.shape[1] == len(np.unique(both[0])) == len(np.unique(both[1])))
 
     @cached_property
     def group_number(self) -> IntArray:
@@ -278,8 +289,8 @@ class Observations(ByValue):
 
     def with_exposures(self, exposures: ExposureLookup) -> ExposedObservations:
         """Return the observations with the exposures of their frames, without those of unknown exposure."""
-        log_exposure = exposures.log_exposure_of(self.frame)
-        before, after = (exposures.log_exposure_of(self.frame + step) for step in (-1, 1))
+        frame = self.frame.astype(np.int64)  # users' frame numbers may be unsigned
+        before, log_exposure, after = (exposures.log_exposure_of(frame + step) for step in (-1, 0, 1))
         own = {f.name: getattr(self, f.name) for f in fields(Observations)}
         rate = np.nan_to_num((after - before) / 2)
         found = ExposedObservations(**own, log_exposure=log_exposure, log_exposure_rate=rate)

@@ -71,6 +71,31 @@ def test_while_frames_wait_no_other_is_thought_unneeded(monkeypatch):
     assert [frame.image.max() for frame in held.pushed] == [0, 1]
 
 
+def test_the_buffer_of_a_mask_may_be_filled_anew(monkeypatch):
+    held = Held(monkeypatch)
+    mask = np.zeros((48, 64), bool)
+    with LiveCalibrator() as live:
+        live.push(Frame.of_array(np.full((48, 64), 7, np.uint8), 1.0, mask=mask))
+        mask[:] = True
+        held.go.set()
+        live.wait()
+    assert not held.pushed[0].mask.any()
+
+
+@pytest.mark.parametrize("most", [-1, "all"])
+def test_it_waits_for_no_impossible_number_of_frames(most):
+    with LiveCalibrator() as live, pytest.raises(SettingError, match="give a number of frames"):
+        live.wait(most)
+
+
+def test_a_source_is_a_dictionary_and_a_prior_a_calibration_opened_for_it():
+    with pytest.raises(SettingError, match="source is of type str"):
+        LiveCalibrator(source="robot 1")
+    for wrong in (calibration(), "camera.ospc"):
+        with pytest.raises(SettingError, match=r"give PriorCalibration\.open"):
+            OnlineCalibrator(prior=wrong)
+
+
 def test_a_buffer_may_be_filled_anew(monkeypatch):
     held = Held(monkeypatch)
     buffer = np.full((48, 64), 7, np.uint8)

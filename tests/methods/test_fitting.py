@@ -278,6 +278,28 @@ def test_frame_numbers_that_are_floats_are_refused_in_complete_observations():
         ospc.fit(replace(exposed, frame=exposed.frame + 0.5), exposures_ms)
 
 
+def test_numbers_of_frames_and_points_may_be_of_any_integer_type():
+    exposed, exposures_ms = made(Camera(GAMMA))
+    plain = ospc.fit(exposed, exposures_ms)
+    others = replace(exposed, frame=exposed.frame.astype(np.uint32), point=exposed.point - 1)
+    np.testing.assert_array_equal(ospc.fit(others, exposures_ms).parameters, plain.parameters)
+
+
+def test_points_of_pairs_belong_to_one_group():
+    exposed, exposures_ms = made(Camera(GAMMA))
+    for group in (np.arange(len(exposed)), exposed.frame):
+        with pytest.raises(SettingError, match="need the same group"):
+            ospc.fit(replace(exposed, group=group), exposures_ms)
+
+
+@pytest.mark.parametrize("factor", [1 + 1e-12, 1.5, 1e-3])
+def test_the_unit_of_the_exposures_does_not_change_the_stated_error(factor):
+    """All ratios of a bracket are equal but for rounding, which must not divide them into small and large ones."""
+    exposed, exposures_ms = made(Camera(GAMMA, bracketed=True))
+    errors = [ospc.fit(exposed, exposures_ms * each).vignette_errors(SIZE).sigma_at_corner for each in (1, factor)]
+    assert errors[1] == pytest.approx(errors[0], rel=1e-4)
+
+
 def test_points_observed_once_are_refused():
     exposed, exposures_ms = made(Camera(GAMMA))
     with pytest.raises(SettingError, match="two or more observations"):

@@ -168,7 +168,7 @@ def test_the_file_contains_tables_for_other_programs(saved):
 def test_what_is_no_number_is_never_written(bad, saved):
     before = saved.read_bytes()
     broken = replace(FULL, noise=NoiseModel(bad, 0.0))
-    with pytest.raises(ValueError, match="JSON"):
+    with pytest.raises(FormatError, match="JSON"):
         broken.save(saved)
     assert saved.read_bytes() == before
     assert "NaN" not in before.decode()
@@ -441,3 +441,33 @@ def test_a_polynomial_without_a_centre_has_that_of_the_image(tmp_path):
         (tmp_path / "calibration.json").write_text(json.dumps(content))
         with pytest.raises(FormatError):
             Calibration.load(tmp_path)
+
+
+def test_maps_of_calibrations_in_one_folder_are_apart_whatever_their_names(tmp_path):
+    left, right = (
+        Calibration(SIZE, vignette=RasterVignette(np.full(SIZE[::-1], level, np.float32) ** np.eye(*SIZE[::-1])))
+        for level in (0.5, 0.9)
+    )
+    left.save(tmp_path / "robot.left")
+    right.save(tmp_path / "robot.right")
+    assert Calibration.load(tmp_path / "robot.left").vignette == left.vignette
+    assert Calibration.load(tmp_path / "robot.right").vignette == right.vignette
+
+
+@pytest.mark.parametrize("content", [{}, None, {"size": [12, 9]}])
+def test_values_of_no_calibration_are_refused(content):
+    with pytest.raises(FormatError):
+        Calibration.from_dict(content)
+
+
+def test_values_do_not_contain_the_map_of_a_vignette():
+    with pytest.raises(FormatError, match="load the calibration file"):
+        Calibration.from_dict(Calibration(SIZE, vignette=VIGNETTES["raster"]).as_dict())
+
+
+def test_numbers_of_numpy_are_saved_and_what_json_cannot_hold_is_refused(tmp_path):
+    numbers = Calibration(SIZE, max_grey=np.uint16(4095), source={"gain": np.float32(2)})
+    assert Calibration.load(numbers.save(tmp_path / "a.json")).source == {"gain": 2.0}
+    with pytest.raises(FormatError, match="JSON has no form for it"):
+        Calibration(SIZE, source={"driver": object()}).save(tmp_path / "a.json")
+    assert Calibration.load(tmp_path / "a.json").max_grey == 4095

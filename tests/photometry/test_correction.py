@@ -394,6 +394,8 @@ def test_impossible_options_are_refused():
             Corrector(LINEAR, VIGNETTE, max_grey)
     with pytest.raises(SettingError, match="2 responses"):
         Corrector((LINEAR, LINEAR), VIGNETTE)
+    with pytest.raises(SettingError, match="must be a Response"):
+        Corrector((LINEAR, LINEAR, "sRGB"), VIGNETTE)
     with pytest.raises(FrameError, match="grey"):
         Corrector((LINEAR, LINEAR, LINEAR), VIGNETTE).correct(image_of(0))
 
@@ -420,3 +422,12 @@ def test_another_size_is_refused_with_the_remedy_for_what_may_have_happened_to_t
     corrector = Corrector(LINEAR, PolynomialVignette((64, 48), (-0.3,)))
     with pytest.raises(SettingError, match=f"the calibration is for 64x48; {remedy}"):
         corrector.correct(np.zeros(size[::-1], np.uint8))
+
+
+def test_the_response_of_each_channel_must_be_known_or_assumed():
+    colour = np.full((8, 12, 3), 100, np.uint8)
+    with pytest.raises(NotObservableError, match="has no response"):
+        Corrector((LINEAR, None, LINEAR), VIGNETTE).correct(colour)
+    assuming = Corrector((LINEAR, None, LINEAR), VIGNETTE, assume_missing=True)
+    assert assuming.assumed == ("response",)
+    np.testing.assert_array_equal(assuming.correct(colour), Corrector(LINEAR, VIGNETTE).correct(colour))

@@ -126,3 +126,11 @@ def test_the_largest_group_of_like_recordings_is_used_and_the_others_named():
     assert [found.name for found in differing] == ["d", "e"]
     assert all("another camera or mode" in found.text for found in differing)
     assert len(largest_alike([])[0]) == 0
+
+
+def test_pools_and_summaries_are_compared_by_their_content(tmp_path):
+    pool = Pool.of([plain("a")])
+    loaded = Pool.load(pool.save(tmp_path / "pool.ospc"))
+    assert loaded == pool
+    assert hash(loaded) == hash(pool)
+    assert loaded.summaries[0] != replace(pool.summaries[0], name="another")

@@ -13,7 +13,7 @@ from ospc.correspondence.preprocessing import PreprocessedFrame
 from ospc.engine.frame_checks import check_is_frame, checked_frame, image_of_size
 from ospc.engine.prefetching import Prefetcher
 from ospc.engine.state import Epoch, Run
-from ospc.errors import ExposureError, FrameError, RecordingError
+from ospc.errors import ExposureError, FrameError, RecordingError, SettingError
 from ospc.exposures.brightness import ComparedFrames
 from ospc.exposures.brightness_history import BrightnessHistory, Precomputed
 from ospc.exposures.lag_choice import LagChoice, lag_in_words
@@ -245,11 +245,16 @@ class Engine:
 
     @property
     def source(self) -> dict[str, Any]:
-        """Identification of the recording, saved in states; empty for a live camera. It may be set."""
+        """Identification of the recording, saved in states; empty for a live camera.
+
+        It may be set to a dictionary of JSON-compatible values; SettingError for anything else.
+        """
         return self._run.source
 
     @source.setter
     def source(self, source: dict[str, Any]) -> None:
+        if not isinstance(source, dict):
+            raise SettingError(f"source is of type {type(source).__name__}; give a dictionary")
         self._run.source = source
 
     @property

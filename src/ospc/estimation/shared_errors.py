@@ -8,7 +8,7 @@ import numpy as np
 
 from ospc.arrays import FloatArray, IntArray
 from ospc.observations import ExposedObservations
-from ospc.settings.fit import SHARED_ERROR, SHARED_ERROR_GREY, SHARED_ERROR_LOG_RATIO
+from ospc.settings.fit import LOG_RATIO_DECIMALS, SHARED_ERROR, SHARED_ERROR_GREY, SHARED_ERROR_LOG_RATIO
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ def halves(observations: ExposedObservations) -> FloatArray:
     """
     first = observations.starts
     last = first + observations.counts - 1
-    log_ratio = observations.log_exposure[last] - observations.log_exposure[first]
+    log_ratio = np.round(observations.log_exposure[last] - observations.log_exposure[first], LOG_RATIO_DECIMALS)
     squared_radius = np.sum(observations.position**2, axis=1)
     size, time, place = np.abs(log_ratio), observations.group[first], squared_radius[first] + squared_radius[last]
     above = (time > np.median(time), size > np.median(size), log_ratio > 0.0, place > np.median(place))
@@ -44,7 +44,7 @@ def expected_errors(observations: ExposedObservations) -> tuple[FloatArray, IntA
     # ln g that are periodic with it, and even small errors look like such changes.
     if not observations.in_pairs:
         return np.zeros(len(observations)), np.zeros(len(observations), np.int64), 0
-    log_ratio = np.diff(observations.log_exposure.reshape(-1, 2), axis=1)[:, 0]
+    log_ratio = np.round(np.diff(observations.log_exposure.reshape(-1, 2), axis=1)[:, 0], LOG_RATIO_DECIMALS)
     by_ratio = np.abs(log_ratio) // SHARED_ERROR_LOG_RATIO
     by_grey = observations.grey.reshape(-1, 2).max(axis=1) // SHARED_ERROR_GREY
     kinds, kind = np.unique(by_ratio * (1 + by_grey.max(initial=0)) + by_grey, return_inverse=True)

@@ -9,6 +9,7 @@ import numpy as np
 
 from ospc.arrays import FloatArray, IntArray
 from ospc.errors import plain
+from ospc.photometry.correction import EXPOSURE_RANGE_MS
 from ospc.settings.exposures import (
     CHANGED_EXPOSURE_LOG,
     CONSTANT_EXPOSURE_LOG,
@@ -44,12 +45,13 @@ class ExposureTable:
         return cls(lag_frames, trusted, log_exposure, len(log_exposure))
 
     def append(self, exposure_ms: float) -> int:
-        """Add the exposure recorded with the next frame, NaN if missing, and return the frame's number."""
+        """Add the exposure recorded with the next frame, NaN if missing or impossible; return the frame's number."""
+        lowest_ms, highest_ms = EXPOSURE_RANGE_MS
         if self._count == len(self._log_exposure):
             room = np.empty(max(_FIRST_CAPACITY, 2 * self._count))
             room[: self._count] = self._log_exposure
             self._log_exposure = room
-        known_ms = exposure_ms if 0 < exposure_ms < np.inf else np.nan
+        known_ms = exposure_ms if lowest_ms <= exposure_ms <= highest_ms else np.nan
         self._log_exposure[self._count] = np.log(known_ms)
         self._count += 1
         return self._count - 1

@@ -16,7 +16,7 @@ from ospc.formats.opening import Photometry
 from ospc.formats.radial import Optics
 from ospc.formats.resize import crop_calibration, resize_calibration
 from ospc.formats.rules_pcalib import FEWEST_VALUES
-from ospc.photometry.calibration import Calibration
+from ospc.photometry.calibration import Calibration, map_beside
 from ospc.photometry.geometry import image_size
 from ospc.photometry.verdict import State, Verdict
 from ospc.photometry.vignette import RasterVignette
@@ -121,7 +121,7 @@ def files_of(program: Program, out: str | Path) -> list[Path]:
     suffixes = _SUFFIXES[program]
     if place.suffix.lower() not in suffixes:
         raise FormatError(f"{place}: such files must have the suffix {' or '.join(suffixes)}; choose another name")
-    return [place, *([place.with_suffix(".vignette.npz")] if program == "json" else [])]
+    return [place, *([map_beside(place)] if program == "json" else [])]
 
 
 def export(
@@ -154,7 +154,7 @@ def export(
         calibration = as_calibration(photometry)
         files = [calibration.save(place)]
         if isinstance(calibration.vignette, RasterVignette):
-            files.append(place.with_suffix(".vignette.npz"))
+            files.append(map_beside(place))
     elif photometry.response is None and photometry.vignette is None:
         raise NotObservableError(f"{photometry.name}: has neither a response nor a vignette")
     elif program == "opencv":

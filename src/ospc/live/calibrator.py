@@ -14,7 +14,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from ospc.arrays import Image
+from ospc.arrays import Image, number_of
 from ospc.calibrator import OnlineCalibrator
 from ospc.engine.frame_checks import check_is_frame
 from ospc.errors import FrameError, OspcError, SettingError, message_of
@@ -87,8 +87,8 @@ class LiveCalibrator(AbstractContextManager["LiveCalibrator"]):
         self._engine.source = source or {}
         if not self._engine.settings.real_time:
             raise SettingError(f"preset {self._engine.settings.name} cannot keep up with a camera; use the default")
-        if not goal > 0:
-            raise SettingError(f"goal {goal} is not a standard deviation; give a positive number")
+        if not (number_of(goal) or 0) > 0:
+            raise SettingError(f"goal {goal!r} is not a standard deviation; give a positive number")
         self.goal = goal
         self._process = os.getpid()
         self._changed = threading.Condition()
@@ -137,7 +137,14 @@ class LiveCalibrator(AbstractContextManager["LiveCalibrator"]):
         """Wait until at most ``most`` frames are queued, for example so that no frame of a recording is dropped.
 
         With ``most`` 0, :attr:`preview` and :attr:`status` are then up to date as well.
+
+        Raises
+        ------
+        SettingError
+            If it is no number or negative.
         """
+        if number_of(most) is None or most < 0:
+            raise SettingError(f"most is {most!r}; give a number of frames, 0 to wait for all")
         with self._running():
             self._changed.wait_for(
                 lambda: (
@@ -291,9 +298,9 @@ class LiveCalibrator(AbstractContextManager["LiveCalibrator"]):
 
 
 def in_memory(frame: Frame) -> Frame:
-    """Return a frame with its own copy of the image, for any thread; FrameError if it cannot be read."""
-    image = frame.image.copy()
-    return replace(frame, load=lambda: image, verify=None, threads=True)
+    """Return a frame with its own copies of image and mask, for any thread; FrameError if it cannot be read."""
+    image, mask = frame.image.copy(), None if frame.mask is None else frame.mask.copy()
+    return replace(frame, load=lambda: image, mask=mask, verify=None, threads=True)
 
 
 def with_safe_load(frame: Frame) -> Frame:

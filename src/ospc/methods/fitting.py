@@ -182,7 +182,7 @@ def _exposures(observations: Observations, exposures_ms: npt.ArrayLike, noise: N
         raise SettingError("exposures_ms must be numbers, one per frame")
     if values.ndim != 1:
         raise SettingError(f"exposures_ms must have one value per frame, not shape {values.shape}")
-    last = int(observations.frame.max(initial=-1))
+    last = int(observations.frame.astype(np.int64).max(initial=-1))
     if last >= len(values):
         raise SettingError(f"frame {last} has no exposure: exposures_ms ends at frame {len(values) - 1}")
     if np.any(values <= 0) or np.any(np.isinf(values)):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 
-from ospc.arrays import FloatArray, ImageSize
+from ospc.arrays import ByValue, FloatArray, ImageSize
 from ospc.estimation.fit import Fit, measured_greys
 from ospc.methods.coverage import coverage_of
 from ospc.methods.result import vignette_sigma
@@ -15,8 +15,8 @@ from ospc.photometry.response import Response
 from ospc.photometry.vignette import Vignette
 
 
-@dataclass(frozen=True)
-class Preview:
+@dataclass(frozen=True, eq=False)
+class Preview(ByValue):
     """The observations so far, and estimates from the latest quick fit to some of them.
 
     The estimates have no verdict yet; their standard deviations indicate how reliable they are.

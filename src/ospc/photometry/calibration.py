@@ -241,13 +241,17 @@ class Calibration(ByValue):
         Raises
         ------
         FormatError
-            If the file cannot be written; an earlier file is then unchanged.
+            If the file cannot be written, or the calibration contains a value that JSON has no form for; an earlier
+            file is then unchanged.
         """
         place = path_of(path, FormatError, "a calibration")
-        content = json.dumps(self.as_dict(), indent=1, allow_nan=False) + "\n"
+        try:
+            content = json.dumps(self.as_dict(), indent=1, allow_nan=False) + "\n"
+        except (TypeError, ValueError) as error:
+            raise FormatError(f"{place}: not written, because JSON has no form for it ({error})") from None
         with os_error_as(FormatError, f"{place}: cannot be written", "check that the folder exists and is writable"):
             if isinstance(self.vignette, RasterVignette):
-                self.vignette.write_map(place.with_suffix(".vignette.npz"))
+                self.vignette.write_map(map_beside(place))
             return write_atomically(place, content.encode("utf-8"))
 
     @classmethod
@@ -282,11 +286,9 @@ class Calibration(ByValue):
                 f"{place}: not a calibration that this version can read (schema {found!r}, expected {SCHEMA!r})"
             )
         try:
-            return from_dict(content, place)
+            return from_dict(content, map_beside(place))
         except FormatError as error:
             raise FormatError(f"{place}: damaged calibration ({error})") from None
-        except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
-            raise FormatError(f"{place}: damaged calibration ({type(error).__name__}: {error})") from None
 
     @classmethod
     def from_dict(cls, content: dict[str, Any]) -> Calibration:
@@ -295,17 +297,22 @@ class Calibration(ByValue):
         Raises
         ------
         FormatError
-            If a value is impossible.
+            If a value is missing or impossible, or the vignette is a raster, whose map is in a file.
         """
         from ospc.photometry.calibration_content import from_dict
 
-        return from_dict(content, Path())
+        return from_dict(content, None)
 
     def as_dict(self) -> dict[str, Any]:
         """Return all fields as JSON-compatible values, the documented content of ``calibration.json``."""
         from ospc.photometry.calibration_content import to_dict
 
         return to_dict(self)
+
+
+def map_beside(file: Path) -> Path:
+    """Return the path of the raster vignette of a calibration file: its name with ``.vignette.npz`` for ``.json``."""
+    return file.with_name(f"{file.name.removesuffix('.json')}.vignette.npz")
 
 
 def _finite(text: str) -> float:

@@ -74,7 +74,7 @@ def _plain(value: Any) -> Any:
     """Return a value as lists and dictionaries."""
     if isinstance(value, Coverage):
         return value.as_dict()
-    if isinstance(value, np.ndarray):
+    if isinstance(value, np.ndarray | np.generic):
         return value.tolist()
     if is_dataclass(value):
         return {entry.name: _plain(getattr(value, entry.name)) for entry in fields(value)}
@@ -83,19 +83,24 @@ def _plain(value: Any) -> Any:
     return [_plain(held) for held in value] if isinstance(value, tuple | list) else value
 
 
-def from_dict(content: dict[str, Any], place: Path) -> Calibration:
+def from_dict(content: dict[str, Any], map_file: Path | None) -> Calibration:
     """Return the calibration from the values of :func:`to_dict`.
 
-    All values are checked, so that a damaged or hostile file fails when it is loaded, not when it is used. ``place``
-    is the file that the content comes from; the map of a raster vignette is next to it.
+    All values are checked, so that a damaged or hostile file fails when it is loaded, not when it is used.
+    ``map_file`` has the map of a raster vignette; without it, such vignettes are refused.
 
     Raises
     ------
     FormatError
-        If values are impossible or the map cannot be read.
-    LookupError, TypeError, ValueError, AttributeError, ArithmeticError
-        If the content has another structure.
+        If values are missing or impossible, or the map cannot be read.
     """
+    try:
+        return _calibration(content, map_file)
+    except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
+        raise FormatError(f"{type(error).__name__}: {error}") from None
+
+
+def _calibration(content: dict[str, Any], map_file: Path | None) -> Calibration:
     size = _size(content["size"])
     response, vignette, noise = content["response"], content["vignette"], content["noise"]
     coverage = content.get("coverage")
@@ -103,7 +108,7 @@ def from_dict(content: dict[str, Any], place: Path) -> Calibration:
     return Calibration(
         size=size,
         response=None if response is None else _response_from_dict(response),
-        vignette=None if vignette is None else _vignette_from_dict(vignette["model"], size, place),
+        vignette=None if vignette is None else _vignette_from_dict(vignette["model"], size, map_file),
         verdicts={name: _verdict(verdict) for name, verdict in content["verdicts"].items()},
         vignette_sigma=None if sigma is None else _array(sigma, "profile_sigma", PROFILE_RADII.shape),
         noise=None if noise is None else _noise(noise),
@@ -139,12 +144,13 @@ def _response_from_dict(content: dict[str, Any]) -> Response:
     return Response(table, log_sigma, scale_sigma, (low, high), dict(content["model"].items()), reference)
 
 
-def _vignette_from_dict(model: dict[str, Any], size: ImageSize, place: Path) -> Vignette:
+def _vignette_from_dict(model: dict[str, Any], size: ImageSize, map_file: Path | None) -> Vignette:
     if _size(model["size"]) != size:
         raise FormatError(f"the vignette is for images of {model['size']} pixels instead of {list(size)}")
     if model["name"] == "raster":
-        source = dict(model["source"].items())
-        return RasterVignette.read_map(place.with_suffix(".vignette.npz"), size, source)
+        if map_file is None:
+            raise FormatError("the vignette is a map, which these values do not contain; load the calibration file")
+        return RasterVignette.read_map(map_file, size, dict(model["source"].items()))
     coefficients = tuple(_signed(model["coefficients"], "coefficients", (None,)).tolist())
     if len(coefficients) > _MOST_COEFFICIENTS:
         raise FormatError(f"the vignette has {len(coefficients)} coefficients, more than {_MOST_COEFFICIENTS}")

@@ -65,11 +65,13 @@ class Corrector:
             raise SettingError(
                 f"{counted(len(self.response), 'response')} given; give one, or three for colour images"
             )
+        if not all(isinstance(response, Response | None) for response in self._responses):
+            raise SettingError("a response to correct with must be a Response, or None if it is unknown")
 
     @property
     def assumed(self) -> tuple[str, ...]:
         """Names of the unknown parts that are replaced by the identity."""
-        return tuple(part for part in ("response", "vignette") if self.assume_missing and getattr(self, part) is None)
+        return tuple(part for part in ("response", "vignette") if self.assume_missing and self._lacks(part))
 
     def correct(
         self,
@@ -240,9 +242,13 @@ class Corrector:
     def _inverse_map_of_colour(self) -> Float32Array:
         return np.repeat(self._inverse_map[:, :, None], 3, axis=2)
 
+    def _lacks(self, part: str) -> bool:
+        """Return whether the vignette is unknown, or the response of any channel."""
+        return None in (self._responses if part == "response" else (self.vignette,))
+
     def _require(self, *parts: str) -> None:
         for part in parts:
-            if getattr(self, part) is None and not self.assume_missing:
+            if self._lacks(part) and not self.assume_missing:
                 raise NotObservableError(
                     f"the calibration has no {part}; calibrate from a recording that determines it, or allow it to "
                     f"be replaced by the identity"

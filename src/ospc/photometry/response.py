@@ -158,7 +158,7 @@ class Response(ByValue):
         return np.interp(np.asarray(irradiance, dtype=np.float64), self.inverse_table, self.levels)
 
     def inverse(self, grey: npt.ArrayLike) -> FloatArray:
-        """Return the irradiances g in [0, 1] of grey levels in [0, 1], in the same shape.
+        """Return the irradiances g in [0, 1] of grey levels, in the same shape; grey levels are clipped to [0, 1].
 
         Raises
         ------

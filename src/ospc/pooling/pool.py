@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ospc.arrays import ImageSize
+from ospc.arrays import ByValue, ImageSize
 from ospc.errors import FormatError, SettingError
 from ospc.methods.result import covariance_of, vignette_sigma
 from ospc.photometry.calibration import Calibration
@@ -35,8 +35,8 @@ KIND, VERSION = "pool", 10
 """Kind and version that pool files declare."""
 
 
-@dataclass(frozen=True)
-class Pool:
+@dataclass(frozen=True, eq=False)
+class Pool(ByValue):
     """Summaries of different recordings of one camera, in the order of their keys; create one with :meth:`of`."""
 
     summaries: tuple[Summary, ...] = ()

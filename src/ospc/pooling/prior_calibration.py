@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ospc.arrays import ByValue
 from ospc.errors import NotObservableError, SettingError
 from ospc.methods.identifiability import doubted
 from ospc.photometry.calibration import Calibration
@@ -20,8 +21,8 @@ from ospc.settings import Settings
 from ospc.state.container import STATE_NAME
 
 
-@dataclass(frozen=True)
-class PriorCalibration:
+@dataclass(frozen=True, eq=False)
+class PriorCalibration(ByValue):
     """An earlier calibration of a camera: its name in messages and its recordings; create one with :meth:`open`."""
 
     name: str

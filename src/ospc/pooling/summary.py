@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from ospc.arrays import FloatArray, ImageSize
+from ospc.arrays import ByValue, FloatArray, ImageSize
 from ospc.errors import FormatError
 from ospc.estimation.fit import Fit
 from ospc.estimation.fitted import Fitted
@@ -52,8 +52,8 @@ _ROUNDING = 1e-6
 """Share of the largest eigenvalue of A by which rounding may make another eigenvalue negative."""
 
 
-@dataclass(frozen=True)
-class Summary:
+@dataclass(frozen=True, eq=False)
+class Summary(ByValue):
     """Summary of one recording.
 
     Attributes

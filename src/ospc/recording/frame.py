@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from ospc.arrays import BoolArray, Image, ImageSize, number_of
 from ospc.errors import ExposureError, FrameError, message_of
+from ospc.photometry.correction import EXPOSURE_RANGE_MS
 from ospc.photometry.grey_range import checked_max_grey
 
 MAX_DECODED_BYTES = 512 * 2**20
@@ -191,11 +192,14 @@ def checked_number(value: Any, what: str, name: str) -> float:
 
 
 def check_exposure(exposure_ms: float, name: str) -> None:
-    """Raise an ExposureError unless the exposure of a frame is a positive number."""
+    """Raise an ExposureError unless the exposure of a frame is possible, see :data:`EXPOSURE_RANGE_MS`."""
     if math.isnan(exposure_ms):
         raise ExposureError(f"{name}: its exposure is unknown")
     if not 0 < exposure_ms < math.inf:
         raise ExposureError(f"{name}: exposure {exposure_ms} ms is not a positive number")
+    low, high = EXPOSURE_RANGE_MS
+    if not low <= exposure_ms <= high:
+        raise ExposureError(f"{name}: exposure {exposure_ms:g} ms is not between {low:g} and {high:g} ms")
 
 
 def checked_mask(mask: BoolArray, name: str) -> BoolArray:

@@ -160,6 +160,9 @@ and texture and the registration leave. In simulated brackets with measured resp
 of 4 and 16. It matters in brackets: of 13 with a ratio of 4, 56 and 79 % of ln g were within one and two standard
 deviations without it, and 71 and 90 % with it; with automatic exposure, 71 and 95 % became 73 and 95 %. Of 14 others
 that were not used to choose it, 66 and 91 % became 85 and 96 %."""
+LOG_RATIO_DECIMALS = 9
+"""Decimals to which ln of exposure ratios is rounded before they are compared: those of a bracket are equal, and the
+unit of the exposures must not decide which half of the pairs one belongs to."""
 SHARED_ERROR_LOG_RATIO, SHARED_ERROR_GREY = 0.35, 0.0625
 """Differences of ln of the exposure ratio, half a stop, and of the grey level, three intervals between the knots of
 the response, over which this error is taken to be the same."""

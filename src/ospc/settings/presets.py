@@ -50,10 +50,13 @@ class Settings(Protocol):
         """Return the dataclass of the method's state; None if its runs cannot be saved and continued."""
 
 
-def _check_numbers(settings: Settings) -> None:
-    """Check that every number is positive: all are sizes, counts, thresholds or ratios."""
+def _check_values(settings: Settings) -> None:
+    """Check types, and that every number is positive: all are sizes, counts, thresholds or ratios."""
     for entry in fields(settings):
-        value = getattr(settings, entry.name)
+        value, kind = getattr(settings, entry.name), type(entry.default)
+        accepted = int | float if kind is float else kind
+        if kind in (int, float, str) and (isinstance(value, bool) or not isinstance(value, accepted)):
+            raise SettingError(f"setting {entry.name} takes a value of type {kind.__name__}, not {str(value)[:40]!r}")
         if isinstance(value, int | float) and not 0 < value <= sys.maxsize:
             raise SettingError(f"setting {entry.name} takes a positive number, not {str(value)[:40]}")
 
@@ -132,7 +135,7 @@ class PaperSettings:
 
     def __post_init__(self) -> None:
         """Validate the settings."""
-        _check_numbers(self)
+        _check_values(self)
         _check_choice("features", self.features, tuple(EXTRACTORS))
         _check_choice("response_positivity", self.response_positivity, ("never", "when needed", "always"))
         _check_choice("vignette_solver", self.vignette_solver, ("l2", "l1", "m-estimator"))
@@ -248,7 +251,7 @@ class DefaultSettings:
 
     def __post_init__(self) -> None:
         """Validate the settings."""
-        _check_numbers(self)
+        _check_values(self)
         if self.smoothing_px > self.longest_side_px:
             raise SettingError("smoothing_px must not be above longest_side_px")
 
