@@ -153,3 +153,15 @@ def test_what_is_not_there_is_refused(tmp_path):
     for manifest in ("none", "none.csv", "none/*"):
         with pytest.raises(RecordingError, match="none"):
             read_manifest(str(tmp_path / manifest))
+
+
+def test_outputs_beside_recordings_are_left_out(tmp_path):
+    original = simulated(tmp_path / "a", 0, frames=2)
+    for name, file in (("result", "state.ospc"), ("linear", "correction.json")):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / file).write_text('{"schema": "ospc-correction/2"}')
+    reasons = []
+    assert [entry.recording for entry in read_manifest(str(tmp_path), left_out=reasons.append)] == [str(original)]
+    assert reasons == [
+        f"{tmp_path / name}: is the output of a calibration or correction" for name in ("linear", "result")
+    ]

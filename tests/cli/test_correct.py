@@ -581,3 +581,26 @@ def test_the_written_pair_opens_as_a_calibration(made, calibration, tmp_path):
     now = open_photometry(tmp_path / "out")
     np.testing.assert_allclose(now.response.inverse_table, np.linspace(0, 1, 256), atol=1e-7)
     np.testing.assert_array_equal(now.vignette.image(), 1)
+
+
+@pytest.mark.parametrize("source", ["images", "images/*.png"])
+def test_corrected_images_are_never_replaced_by_images_made_from_them(source, made, calibration, tmp_path):
+    place = tmp_path / "linear"
+    assert run(made.path, calibration, "-o", place, "--output", "grey8").exit_code == 0
+    before = content_of(place)
+    refused = run(str(place / source), calibration, "-o", place, "--output", "grey8", "--force")
+    assert "contains the recording itself" in str(refused.exception)
+    assert content_of(place) == before
+
+
+def test_outputs_inside_a_recording_are_no_part_of_it(made, calibration, tmp_path):
+    place = tmp_path / "recording"
+    shutil.copytree(made.path / "images", place / "left")
+    shutil.copy(made.path / "times.txt", place / "exposures.txt")
+    settings = ("--set", "min_points=20", "--quiet")
+    for _ in range(2):  # an earlier output does not change what the recording is
+        assert ospc("calibrate", place, "-o", place / "result", *settings).exit_code in (0, 3)
+        assert run(place, calibration, "-o", place / "linear", "--output", "grey16", "--force").exit_code == 0
+    assert len(open_recording(place)) == SETTINGS.frames
+    assert open_recording(place).path == place / "left"
+    assert len(open_recording(place / "linear")) == SETTINGS.frames

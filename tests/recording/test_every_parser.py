@@ -46,6 +46,7 @@ PARSERS = {
     "recording/exif_photos.py": ["EXIF"],
     "recording/image_formats.py": ["EXIF", "HEIC photograph", "raw photograph"],
     "recording/list_columns.py": ["exposures.csv"],
+    "recording/list_search.py": "one word of own calibration.json and correction.json, by json_object",
     "recording/table_text.py": ["times.txt", "image_list.txt"],
     "recording/image_source.py": ["images.zip", "image file"],
     "recording/live/drivers.py": "a camera, no file",

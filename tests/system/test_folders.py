@@ -146,3 +146,12 @@ def test_leftovers_of_a_killed_process_are_removed(tmp_path, another_process_in)
     with reserved(tmp_path):
         left = {path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*") if path.is_file()}
     assert left == {"busy/.c.json.7.part", ".part", ".notes.part", "a.1.part"}
+
+
+@pytest.mark.parametrize("inside", [".", "images", "rig/left"])
+def test_a_folder_around_the_recording_is_no_output_folder(tmp_path, inside):
+    """Its lists of exposures and parameters, such as times.txt, may belong to the recording."""
+    (tmp_path / inside).mkdir(parents=True, exist_ok=True)
+    (tmp_path / "times.txt").write_text("0 0.0 1.0\n")
+    with pytest.raises(SettingError, match="contains the recording itself"):
+        OutputFolder.at(tmp_path, recording=tmp_path / inside, force=True)

@@ -15,6 +15,7 @@ from ospc.batch.object_store import is_address, matches
 from ospc.errors import FormatError, RecordingError, SettingError, listed, os_error_as, quoted
 from ospc.exposures.lag_choice import LagChoice, lag_choice
 from ospc.recording.kinds import is_recording, open_recording
+from ospc.recording.list_search import is_output
 from ospc.recording.options import ReadingOptions, declared_options
 from ospc.settings import DefaultSettings, check_names, with_overrides
 
@@ -150,7 +151,9 @@ def _recordings_in(folder: Path, left_out: Callable[[str], None], depth: int = 0
     for place in sorted(folder.iterdir()):
         if place.name.startswith("."):
             continue
-        if is_recording(place):
+        if is_output(place):
+            left_out(f"{place}: is the output of a calibration or correction")
+        elif is_recording(place):
             yield place
         elif place.is_dir():
             below: list[Path] = []

@@ -18,7 +18,7 @@ from typing import Protocol, runtime_checkable
 
 from ospc.errors import RecordingError, SettingError, listed, os_error_as, path_of, quoted
 from ospc.recording.image_source import why_unread
-from ospc.recording.list_search import MOST_LOOKED_INTO, lists_in, only_image_folder
+from ospc.recording.list_search import MOST_LOOKED_INTO, is_output, lists_in, only_image_folder
 from ospc.recording.options import DEFAULT, ReadingOptions
 from ospc.recording.recording import Recording
 
@@ -156,6 +156,7 @@ def _located(place: Path, kind: str | None) -> tuple[Path, Kind | None]:
     entries = _entries(place)
     # If there are too many to look into, others cannot be excluded.
     inside = [path for path in entries if is_recording(path)] if len(entries) <= MOST_LOOKED_INTO else []
+    inside = [path for path in inside if not is_output(path)]
     if len(inside) == 1 and inside[0].is_file() and (found := _recognising(inside[0], kind)):
         return inside[0], found
     # A folder with a list of exposures stands for the only folder of images in it.
@@ -216,6 +217,7 @@ def _cameras(place: Path, kind: str | None, options: ReadingOptions) -> dict[str
     if chosen is not None:
         return chosen.cameras(place, options) if isinstance(chosen, RigKind) else single
     inner = sorted(p for p in place.iterdir() if p.is_dir() and is_recording(p, kind)) if place.is_dir() else []
+    inner = [path for path in inner if not is_output(path)]
     return {p.name: (p, options) for p in inner} or single
 
 

@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from ospc.errors import ExposureError, RecordingError, listed
+from ospc.formats.files import json_object
 from ospc.recording.exposure_lists import IMAGE_LIST, read_list, read_times
 from ospc.recording.frame_matching import match_images
 from ospc.recording.frame_table import FrameTable
@@ -74,7 +75,24 @@ def only_image_folder(place: Path) -> Path | None:
     with suppress(OSError):  # a folder that cannot be listed says nothing
         inner = [path for path in place.iterdir() if path.is_dir()]
     found = [path for path in inner if _has_images(path)] if len(inner) <= MOST_LOOKED_INTO else []
+    found = [path for path in found if not is_output(path)]
     return found[0] if len(found) == 1 and not _has_images(place) else None
+
+
+def is_output(place: Path) -> bool:
+    """Return whether a folder has corrected images, or the result of a calibration and no images of a recording.
+
+    Such folders may be inside the folder of a recording. They are recordings only for those who name them.
+    """
+    with suppress(OSError):  # a folder that cannot be listed says nothing
+        names = {path.name for path in place.iterdir()} if place.is_dir() else set()
+        if "correction.json" in names:
+            return str(json_object(place / "correction.json").get("schema")).startswith("ospc-correction/")
+        if names & {IMAGES, f"{IMAGES}.zip"}:
+            return False
+        calibration = json_object(place / "calibration.json") if "calibration.json" in names else {}
+        return str(calibration.get("schema")).startswith("ospc-calibration/") or "state.ospc" in names
+    return False
 
 
 def _has_images(folder: Path) -> bool:

@@ -48,8 +48,8 @@ def check_usable(
     Raises
     ------
     SettingError
-        If the path is a file, a broken link, not writable, or the folder of the recording or of its images, or if its
-        content does not allow new output.
+        If the path is a file, a broken link, not writable, the folder of the recording or of its images or a folder
+        around these, or if its content does not allow new output.
     """
     with os_error_as(SettingError, f"{place}: cannot be used for output", "choose another folder"):
         if recording is not None and _holds(recording.resolve(), place.resolve()):
@@ -81,10 +81,8 @@ def check_new(files: Iterable[Path], *, force: bool) -> None:
 
 
 def _holds(recording: Path, place: Path) -> bool:
-    """Return whether a folder contains files of the recording: its own folder, its images, or a video."""
-    return place in (recording, (recording / "images").resolve()) or (
-        recording.is_file() and place == recording.parent
-    )
+    """Return whether a folder is that of the recording or of its images, or contains it, perhaps with its lists."""
+    return place in (recording, (recording / "images").resolve(), *recording.parents)
 
 
 def writing(place: Path) -> AbstractContextManager[None]:
