@@ -120,6 +120,25 @@ def test_rows_decide_the_order_where_they_name_the_images(tum_folder: Make) -> N
     assert [frame.name for frame in recording] == ["00002.png", "00000.png", "00001.png"]
 
 
+@pytest.mark.parametrize("form", ["frame_{:05d}", "cam0-{}-raw", "{:03d}"])
+def test_ids_are_the_numbers_by_which_the_names_of_images_differ(tum_folder: Make, form: str) -> None:
+    images = {f"{form.format(i)}.png": encoded(grey(i)) for i in (7, 8, 10, 11)}
+    place = tum_folder("10 1 1\n8 2 2\n11 3 4\n7 4 8\n", images)
+    exposures_ms = {frame.name: frame.exposure_ms for frame in open_recording(place)}
+    assert exposures_ms == {f"{form.format(i)}.png": ms for i, ms in ((10, 1), (8, 2), (11, 4), (7, 8))}
+    (place / "times.txt").write_text("9 1 1\n8 2 2\n11 3 4\n7 4 8\n")
+    with pytest.raises(RecordingError, match=f"no image for 9; no line for {form.format(10)}"):
+        open_recording(place)
+
+
+@pytest.mark.parametrize("names", [("a_1", "a_02", "b_3"), ("1_1", "1_2", "2_3"), ("x1y2", "x1y3", "x2y3")])
+def test_names_that_differ_in_more_than_a_number_have_none(tum_folder: Make, names: tuple[str, ...]) -> None:
+    recording = open_recording(
+        tum_folder("3 1 1\n1 2 2\n2 3 4\n", {f"{name}.png": encoded(grey()) for name in names})
+    )
+    assert "matched by order" in recording.notes[-1]
+
+
 @pytest.mark.parametrize("times", ["1 1 1\n2 2 1\n3 3 1\n", "a 1 1\nb 2 1\nc 3 1\n"])
 def test_ids_that_name_no_image_are_matched_by_order_with_a_note(tum_folder: Make, times: str) -> None:
     recording = open_recording(tum_folder(times))

@@ -74,9 +74,10 @@ def image_column(columns: Columns, texts: Sequence[Sequence[str]], images: Seque
 def match_images(table: FrameTable, names: Sequence[str], place: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Return the image name of every row of a table, and notes.
 
-    An image belongs to the row with its name, its name without suffix, or its number. Images that are named by their
-    time may also belong to the row with this time in another unit. If rows and images are both numbered without gaps,
-    but from different numbers, they are matched by order. ``names`` are the sorted file names in ``place``.
+    An image belongs to the row with its name, its name without suffix, or its number, which may be the only part in
+    which the names differ. Images that are named by their time may also belong to the row with this time in another
+    unit. If rows and images are both numbered without gaps, but from different numbers, they are matched by order.
+    ``names`` are the sorted file names in ``place``.
 
     Raises
     ------
@@ -89,7 +90,12 @@ def match_images(table: FrameTable, names: Sequence[str], place: str) -> tuple[t
     detail = ""
     if table.ids:
         by_key, stems = _by_key(names, place), [PurePosixPath(name).stem for name in names]
-        found = [by_key.get(_composed(image)) or by_key.get(_number(image)) for image in table.ids]
+        numbers = _numbers_in(stems)
+        by_number = {key: name for number, name in zip(numbers, names, strict=True) if (key := _number(number))}
+        found = [
+            by_key.get(_composed(image)) or by_key.get(_number(image)) or by_number.get(_number(image))
+            for image in table.ids
+        ]
         matching: tuple[str, ...] = ()
         if not any(found) and (by_time := _images_by_time(table, names, stems)):
             found, matching = by_time, (f"{table.source}: images are matched by the times in their names",)
@@ -98,7 +104,7 @@ def match_images(table: FrameTable, names: Sequence[str], place: str) -> tuple[t
         if as_many and not missing and not unused:
             return tuple(name for name in found if name is not None), matching
         none_match = len(missing) == len(table) and not any(is_image_name(image) for image in table.ids)
-        if as_many and (none_match or all(_consecutive(texts) for texts in (table.ids, stems))):
+        if as_many and (none_match or all(_consecutive(texts) for texts in (table.ids, numbers))):
             return tuple(names), (f"{table.source}: its ids are not image names; images are matched by order",)
         detail = f"; no image for {listed(missing)}" if missing else ""
         detail += f"; no line for {listed(unused)}" if unused else ""
@@ -181,6 +187,16 @@ def _images_by_time(table: FrameTable, names: Sequence[str], stems: Sequence[str
 def _number(text: str) -> str:
     """Return a key that is the same for 7, 07 and 00007 and differs from all file names."""
     return f"/{int(text)}" if _INTEGER.fullmatch(text) else ""
+
+
+def _numbers_in(stems: Sequence[str]) -> list[str]:
+    """Return the number by which names differ, of each name; the names themselves if they differ in more."""
+    if len({re.sub(r"\d+", "0", stem) for stem in stems}) > 1:
+        return list(stems)
+    differing = [
+        texts for texts in zip(*(re.findall(r"\d+", stem) for stem in stems), strict=True) if len({*texts}) > 1
+    ]
+    return list(differing[0]) if len(differing) == 1 else list(stems)
 
 
 def _composed(text: str) -> str:
