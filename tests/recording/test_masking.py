@@ -100,6 +100,16 @@ def test_a_mask_is_read_from_an_image(tmp_path: Path) -> None:
     np.testing.assert_array_equal(read_mask(path, SIZE), half())
 
 
+@pytest.mark.parametrize("quality", [50, 75, 95])
+def test_blurred_edges_of_a_mask_in_jpeg_are_halved(quality: int, tmp_path: Path) -> None:
+    row, column = np.mgrid[: SIZE[1], : SIZE[0]]
+    usable = np.hypot(row - 60, column - 80) > 40
+    path = tmp_path / "mask.jpg"
+    path.write_bytes(cv2.imencode(".jpg", usable.astype(np.uint8) * 255, [cv2.IMWRITE_JPEG_QUALITY, quality])[1])
+    edge = np.abs(np.hypot(row - 60, column - 80) - 40) < 1.5
+    np.testing.assert_array_equal(read_mask(path, SIZE)[~edge], usable[~edge])
+
+
 @pytest.mark.parametrize(
     ("content", "words"),
     [

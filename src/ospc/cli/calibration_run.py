@@ -104,7 +104,8 @@ class Checkpoints:
         start_anew = "omit --resume to start again"
         if [found.source.get(name) for name in _SAME] != [new.source.get(name) for name in _SAME]:
             name = found.source.get("name", "a live camera")
-            raise SettingError(f"{self._before}: belongs to another recording ({name}); {start_anew}")
+            other = f"belongs to another recording ({name}), or to other exposures or another part of this one"
+            raise SettingError(f"{self._before}: {other}; {start_anew}")
         before, now = (as_dict(one.settings) | {"--correct-lag": one.correct_lag} for one in (found, new))
         changed = [
             f"{name} {before.get(name)} instead of {value}"

@@ -168,8 +168,14 @@ class Region:
         return cls(*(int(group) for group in match.groups()))
 
 
+_JPEG = (".jpg", ".jpeg")
+
+
 def read_mask(path: Path, size: ImageSize) -> BoolArray:
     """Read a mask from an image of this size: black pixels are False and must not be used, all others are True.
+
+    JPEG blurs the edges of black parts, so in a JPEG, all pixels count as black that are not half as bright as the
+    brightest.
 
     Raises
     ------
@@ -186,7 +192,8 @@ def read_mask(path: Path, size: ImageSize) -> BoolArray:
             f"{path}: the mask is {found[0]}x{found[1]} pixels, but frames are {size[0]}x{size[1]}; use a mask of "
             "this size"
         )
-    return np.asarray(image > 0)
+    black = image.max() / 2 if path.suffix.lower() in _JPEG else 0
+    return np.asarray(image > black)
 
 
 def masked(recording: Recording, mask: BoolArray | None = None, region: Region | None = None) -> Recording:
