@@ -31,12 +31,14 @@ def simulated(place: Path, seed: int, **settings: object) -> Path:
 
 
 def variant(original: Path, place: Path, factor: float) -> Path:
-    """Make a recording that has the images of another one but its own exposures."""
+    """Make a recording that has the images of another one but its own exposures and time stamps."""
     place.parent.mkdir(parents=True, exist_ok=True)
     shutil.copytree(original, place, copy_function=os.link)
     lines = [line.split() for line in (original / "times.txt").read_text().splitlines() if line[:1] != "#"]
     (place / "times.txt").unlink()
-    (place / "times.txt").write_text("".join(f"{i} {stamp} {float(e) * factor:.6f}\n" for i, stamp, e in lines))
+    (place / "times.txt").write_text(
+        "".join(f"{i} {float(stamp) * factor:.6f} {float(e) * factor:.6f}\n" for i, stamp, e in lines)
+    )
     return place
 
 

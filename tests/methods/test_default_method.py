@@ -52,6 +52,10 @@ def as_text(calibration):
 # Accuracy
 
 
+def test_a_calibration_equals_that_in_its_file(result, tmp_path):
+    assert Calibration.load(result.save(tmp_path / "calibration.json")) == result
+
+
 def test_response_and_vignette_are_found(result, walk):
     assert result.complete
     assert result.converged

@@ -14,8 +14,9 @@ from ospc.correspondence.features import OrbExtractor, extract
 from ospc.correspondence.registration import DenseRegistration
 from ospc.correspondence.static_series import StaticSeries
 from ospc.errors import SettingError
+from ospc.pooling.summary import recording_key
 from ospc.recording import ArrayRecording, identity
-from ospc.recording.derived import Region, masked, read_mask
+from ospc.recording.derived import DerivedRecording, Region, masked, read_mask
 from ospc.system.second_thread import SecondThread
 from workers import flat_sampler, preprocessor
 
@@ -92,6 +93,14 @@ def test_with_a_mask_it_is_another_recording() -> None:
     other = identity(masked(recorded(), half()))
     assert whole["images_sha256"] != other["images_sha256"]
     assert whole["frames_sha256"] == other["frames_sha256"]
+
+
+def test_with_a_mask_or_other_exposures_it_counts_as_the_same_recording_in_pools() -> None:
+    whole, other = recorded(), recorded(frames=3)
+    masks = masked(masked(whole, half()), region=Region(8, 8, 100, 100))
+    in_seconds = DerivedRecording.of(masks, np.arange(len(whole)), whole.exposures_ms / 1000, note="seconds")
+    keys = [recording_key("", identity(one)) for one in (whole, masks, in_seconds, other)]
+    assert keys[0] == keys[1] == keys[2] != keys[3]
 
 
 def test_a_mask_is_read_from_an_image(tmp_path: Path) -> None:

@@ -16,6 +16,7 @@ from ospc.settings.methods import (
     MIN_CLASS_RESIDUALS,
     PLACE_COLUMNS,
     RADIUS_CLASSES,
+    RESIDUAL_DECIMALS,
 )
 
 
@@ -79,4 +80,4 @@ def _quantiles(residual: FloatArray, member: IntArray, classes: int) -> FloatArr
     for row, part in zip(found, parts, strict=True):
         if len(part) >= MIN_CLASS_RESIDUALS:
             row[:] = np.quantile(part, QUANTILES)
-    return found
+    return np.round(found, RESIDUAL_DECIMALS)  # so that a calibration equals that in its file

@@ -151,4 +151,4 @@ def _uncovered(counts: IntArray) -> list[tuple[float, float]]:
 def _listed(values: FloatArray | None) -> list[Any] | None:
     if values is None:
         return None
-    return [[round(cell, 6) if math.isfinite(cell) else None for cell in row] for row in values.tolist()]
+    return [[cell if math.isfinite(cell) else None for cell in row] for row in values.tolist()]

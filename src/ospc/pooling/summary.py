@@ -252,8 +252,12 @@ def joint_range(ranges: Iterable[tuple[float, float]]) -> tuple[float, float]:
 
 
 def recording_key(first_frames: str, source: dict[str, Any]) -> str:
-    """Return a key for a recording from the hashes in its source, or from its first frames if there are none."""
-    content = {name: source[name] for name in ("frames_sha256", "images_sha256") if name in source}
+    """Return a key for a recording from the hashes in its source, or from its first frames if there are none.
+
+    It does not depend on exposures and masks: a recording with others is still the same and must count once.
+    """
+    hashes = ("scene_sha256",) if "scene_sha256" in source else ("frames_sha256", "images_sha256")
+    content = {name: source[name] for name in hashes if name in source}
     return sha256(json.dumps(content or first_frames, sort_keys=True).encode()).hexdigest()[:32]
 
 

@@ -72,8 +72,14 @@ class DerivedRecording(StoredRecording):
             if not kept:
                 return  # so that the rest of a video is not decoded
 
+    @property
+    def unmasked(self) -> Recording:
+        """The recording without masks; itself if it has none."""
+        inner = getattr(self.inner, "unmasked", self.inner)
+        return self if self.mask is None and inner is self.inner else replace(self, inner=inner, mask=None)
+
     def stored_bytes(self, index: int) -> bytes:
-        """Return the stored image of a frame and the mask; a different mask makes a different recording."""
+        """Return the stored image of a frame and the mask; with another mask, a run cannot be resumed."""
         data = stored_bytes(self.inner, int(self.frames[index]))
         return data if self.mask is None else data + np.packbits(self.mask).tobytes()
 

@@ -129,7 +129,8 @@ def identity(recording: Recording) -> dict[str, Any]:
     """Return a description by which a recording can be recognised, also after it is moved.
 
     The description is JSON-compatible: kind, name of the folder or file, number of frames, size, largest grey value,
-    range of the exposures, SHA-256 of stamps and exposures, and SHA-256 of a few stored images.
+    range of the exposures, SHA-256 of stamps and exposures, and SHA-256 of a few stored images with their masks.
+    ``scene_sha256`` is the same for all exposures and masks that the recording may be opened with.
     """
     exposures_ms = recording.exposures_ms
     indices = sorted({int(i) for i in np.linspace(0, max(len(recording) - 1, 0), _SAMPLES)})
@@ -141,8 +142,9 @@ def identity(recording: Recording) -> dict[str, Any]:
         "max_grey": recording.max_grey,
         "exposure_range_ms": [float(np.nanmin(exposures_ms)), float(np.nanmax(exposures_ms))],
         "frames_sha256": frames_sha256(recording),
-        "images_sha256": _images_sha256(recording, indices),
+        "images_sha256": (images := _images_sha256(recording, indices)),
         "images_hashed": indices,
+        "scene_sha256": _scene_sha256(recording, indices, images),
     }
 
 
@@ -150,6 +152,14 @@ def frames_sha256(recording: Recording) -> str:
     """Return the SHA-256 of the stamps and exposures of all frames as recorded."""
     stamps_s, exposures_ms = (np.asarray(each, "<f8") for each in (recording.stamps_s, recording.exposures_ms))
     return sha256(stamps_s.tobytes() + exposures_ms.tobytes()).hexdigest()
+
+
+def _scene_sha256(recording: Recording, indices: list[int], images: str) -> str:
+    """Hash the stamps and a few images without masks; ``images`` is the hash of the images with masks."""
+    unmasked = getattr(recording, "unmasked", recording)
+    if unmasked is not recording:
+        images = _images_sha256(unmasked, indices)
+    return sha256(np.asarray(recording.stamps_s, "<f8").tobytes() + images.encode()).hexdigest()
 
 
 def _images_sha256(recording: Recording, indices: list[int]) -> str:

@@ -209,6 +209,8 @@ PLACE_COLUMNS = 16
 """Number of columns of square cells into which the image is divided."""
 MIN_CLASS_RESIDUALS = 10
 """Minimum number of residuals of a class for meaningful quantiles."""
+RESIDUAL_DECIMALS = 6
+"""Decimals of these quantiles: a millionth of the radiance is far below any error, and keeps files short."""
 
 # The paper's method (ospc.methods.paper)
 
