@@ -21,6 +21,7 @@ from ospc.settings.methods import (
     MAJORITY,
     MAX_STATED_EFFECT_LOG,
     MIN_BASELINE_ERROR_LOG,
+    MIN_CHANGE_SHARE,
     MIN_CHANGE_SIGMAS,
     MIN_CORRELATION,
     MIN_EFFECT_LOG,
@@ -81,7 +82,7 @@ def _other_curve(pairs: list[PairErrors], fit: Fit) -> Finding | None:
     explained_log = np.sqrt(max(whole.gain, 0.0) / sum(pair.points for pair in pairs))
     if explained_log < MIN_EXPLAINED_LOG or abs(whole.effect) < MIN_EFFECT_LOG or whole.sigmas < MIN_CHANGE_SIGMAS:
         return None
-    if not best.agree:
+    if explained_log < MIN_CHANGE_SHARE * abs(whole.effect) or not best.agree:
         return None
     part = " or ".join(PARTS) if alike else whole.part
     size = f"by {np.expm1(whole.effect):+.0%}" if abs(whole.effect) < MAX_STATED_EFFECT_LOG else "greatly"
