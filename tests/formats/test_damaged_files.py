@@ -12,10 +12,11 @@ import pytest
 
 from ospc.batch.manifest import read_manifest
 from ospc.errors import FormatError, OspcError, SettingError
-from ospc.formats.files import read_bytes
+from ospc.formats.files import json_object, read_bytes
 from ospc.formats.validation import validate
 from ospc.photometry.calibration import Calibration
 from ospc.photometry.vignette import RasterVignette
+from ospc.recording.list_search import is_output
 
 
 def test_a_setting_of_hundreds_of_digits_is_refused(tmp_path):
@@ -92,3 +93,10 @@ def test_what_states_no_size_takes_no_more_memory_than_it_holds(tmp_path):
     writer.start()
     assert read_bytes(tmp_path / "pipe") == content
     writer.join()
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no named pipes")
+def test_a_pipe_in_the_place_of_a_json_file_is_not_waited_for(tmp_path):
+    os.mkfifo(tmp_path / "calibration.json")
+    assert json_object(tmp_path / "calibration.json") == {}
+    assert not is_output(tmp_path)

@@ -11,6 +11,7 @@ import ospc
 
 READING = {
     *("read_bytes", "read_text", "loads", "frombuffer", "imdecode", "imread", "loadmat", "json_object", "read_xml"),
+    "schema_of",
     *("ZipFile", "VideoCapture", "DictReader", "reader", "read_table", "process_file", "FileStorage", "ParserCreate"),
     *("open", "beginning", "open_heif", "fromfile", "genfromtxt", "loadtxt"),
 }
@@ -46,7 +47,7 @@ PARSERS = {
     "recording/exif_photos.py": ["EXIF"],
     "recording/image_formats.py": ["EXIF", "HEIC photograph", "raw photograph"],
     "recording/list_columns.py": ["exposures.csv"],
-    "recording/list_search.py": "one word of own calibration.json and correction.json, by json_object",
+    "recording/list_search.py": "one word of own calibration.json and correction.json, by schema_of",
     "recording/table_text.py": ["times.txt", "image_list.txt"],
     "recording/image_source.py": ["images.zip", "image file"],
     "recording/live/drivers.py": "a camera, no file",

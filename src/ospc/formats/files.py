@@ -79,12 +79,18 @@ def read_text(path: str | Path, limit: int = LARGEST_TEXT, *, keep_mark: bool = 
 
 
 def json_object(path: str | Path) -> dict[str, Any]:
-    """Return the object in a JSON file; an empty one if it cannot be read."""
+    """Return the object in a JSON file; an empty one if it cannot be read or is no regular file."""
     try:
-        content = json.loads(read_text(path))
-    except (FormatError, ValueError, RecursionError):
+        # Reading a pipe in a folder from outside would never end.
+        content = json.loads(read_text(path)) if Path(path).is_file() else {}
+    except (OSError, FormatError, ValueError, RecursionError):
         return {}
     return content if isinstance(content, dict) else {}
+
+
+def schema_of(path: str | Path) -> str:
+    """Return the name of the schema of a JSON file, without its version; empty if there is none."""
+    return str(json_object(path).get("schema", "")).partition("/")[0]
 
 
 def json_text(content: Any, indent: int | None = 1) -> str:

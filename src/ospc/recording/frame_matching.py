@@ -122,7 +122,7 @@ def in_order_of_numbers(
 
     The order of the rows is kept if they have time stamps, or if names differ in more than their numbers.
     """
-    if table.stamped or len({re.sub(r"\d+", "0", name) for name in names}) > 1:
+    if table.stamped or not _alike_but_for_numbers(names):
         return table, names, ()
     order = sorted(range(len(names)), key=lambda i: by_name(names[i]))
     if order == list(range(len(names))):
@@ -189,9 +189,13 @@ def _number(text: str) -> str:
     return f"/{int(text)}" if _INTEGER.fullmatch(text) else ""
 
 
+def _alike_but_for_numbers(names: Sequence[str]) -> bool:
+    return len({re.sub(r"\d+", "0", name) for name in names}) == 1
+
+
 def _numbers_in(stems: Sequence[str]) -> list[str]:
     """Return the number by which names differ, of each name; the names themselves if they differ in more."""
-    if len({re.sub(r"\d+", "0", stem) for stem in stems}) > 1:
+    if not _alike_but_for_numbers(stems):
         return list(stems)
     differing = [
         texts for texts in zip(*(re.findall(r"\d+", stem) for stem in stems), strict=True) if len({*texts}) > 1

@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from ospc.errors import ExposureError, RecordingError, listed
-from ospc.formats.files import json_object
+from ospc.formats.files import schema_of
 from ospc.recording.exposure_lists import IMAGE_LIST, read_list, read_times
 from ospc.recording.frame_matching import match_images
 from ospc.recording.frame_table import FrameTable
@@ -84,14 +84,12 @@ def is_output(place: Path) -> bool:
 
     Such folders may be inside the folder of a recording. They are recordings only for those who name them.
     """
-    with suppress(OSError):  # a folder that cannot be listed says nothing
-        names = {path.name for path in place.iterdir()} if place.is_dir() else set()
-        if "correction.json" in names:
-            return str(json_object(place / "correction.json").get("schema")).startswith("ospc-correction/")
-        if names & {IMAGES, f"{IMAGES}.zip"}:
+    with suppress(OSError):  # a folder that cannot be searched says nothing
+        if schema_of(place / "correction.json") == "ospc-correction":
+            return True
+        if any((place / name).exists() for name in (IMAGES, f"{IMAGES}.zip")):
             return False
-        calibration = json_object(place / "calibration.json") if "calibration.json" in names else {}
-        return str(calibration.get("schema")).startswith("ospc-calibration/") or "state.ospc" in names
+        return schema_of(place / "calibration.json") == "ospc-calibration" or (place / "state.ospc").is_file()
     return False
 
 

@@ -13,7 +13,7 @@ from ospc.arrays import FloatArray
 from ospc.errors import ExposureError, FormatError, OspcError, one_line, os_error_as
 from ospc.exposures.used import used_exposures, with_used_exposures, without_gaps
 from ospc.formats.dso import PARAMETER_FILES, parameter_files, write_times
-from ospc.formats.files import json_object, write_bytes, write_text
+from ospc.formats.files import json_object, schema_of, write_bytes, write_text
 from ospc.formats.opening import Photometry
 from ospc.photometry.calibration import Calibration
 from ospc.photometry.vignette import RasterVignette
@@ -31,7 +31,6 @@ if TYPE_CHECKING:
 
 Times: TypeAlias = "Recording | Capture"
 """The source of time stamps and exposures of all frames."""
-_SCHEMA_BEGINNING = "ospc-calibration/"
 _MAP = "calibration.vignette.npz"
 _CALIBRATION = "calibration.json"
 _DATA = (_CALIBRATION, _MAP, *PARAMETER_FILES, "times.txt")
@@ -229,4 +228,4 @@ def _is_earlier_output(place: Path) -> bool:
     # A killed run leaves only its state.
     if all(entry.name == STATE_NAME for entry in place.iterdir()):
         return True
-    return str(json_object(place / _CALIBRATION).get("schema")).startswith(_SCHEMA_BEGINNING)
+    return schema_of(place / _CALIBRATION) == "ospc-calibration"

@@ -119,9 +119,9 @@ MIN_EXPLAINED_LOG = 0.005
 """Root mean square error within pairs, in ln, that a change must explain. In simulated video, other responses and
 corners that lose a fifth soon explained at least 0.0055, and spurious changes at most 0.0047."""
 MIN_CHANGE_SHARE = 0.03
-"""The same, relative to the size of the change: a much larger change than the errors that show it is extrapolated. In
-simulated video it was 0.037 or more for 20 changes of response or vignette, and 0.02 for a tilt of ln V by 0.3 that a
-camera seemed to show whose view hardly moved vertically."""
+"""The same, relative to the size of the change: a change much larger than the errors that show it is extrapolated. It
+was 0.037 or more for ten changes of response or vignette in simulated video, and 0.02 in one without a change, whose
+views hardly moved vertically: their errors seemed to show a tilt of ln V by 0.3."""
 MIN_CORRELATION = 0.7
 """Minimum correlation between the change curves of both halves; those of real changes had at least 0.87."""
 MIN_CHANGE_SIGMAS, MIN_HALF_SIGMAS = 12.0, 6.0
