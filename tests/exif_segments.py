@@ -14,6 +14,7 @@ def exif(
     taken: str | None = "2020:01:02 03:04:05",
     model: str = "M1",
     orientation: int | None = None,
+    focal_mm: int | None = None,
 ) -> bytes:
     """Return a JPEG segment with the given EXIF fields."""
     entries: list[tuple[int, int, int, bytes]] = []
@@ -25,6 +26,8 @@ def exif(
         entries.append((0x8827, 3, 1, struct.pack("<HH", iso, 0)))
     if taken is not None:
         entries.append((0x9003, 2, len(taken) + 1, taken.encode() + b"\0"))
+    if focal_mm is not None:
+        entries.append((0x920A, 5, 1, struct.pack("<II", focal_mm, 1)))
     camera = (0x110, 2, len(model) + 1, model.encode() + b"\0")
     first = [camera]
     if orientation is not None:

@@ -1,14 +1,17 @@
-"""Objects that contain arrays are compared by value, and few edges are counted as a search finds them."""
+"""Numbers from outside, comparison of arrays by value, and counting of edges."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from datetime import timedelta
+from decimal import Decimal
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
 import pytest
 
-from ospc.arrays import ByValue, count_reached
+from ospc.arrays import ByValue, count_reached, number_of, numbers_of
 from ospc.correspondence.pixel_statistics import PixelReport
 from ospc.exposures.lag_selection import LagEstimate
 from ospc.observations import ExposedObservations, Observations
@@ -80,3 +83,43 @@ def test_reached_edges_are_counted_as_a_search_finds_them(edges, shape):
     found = count_reached(np.array(edges), values)
     assert np.array_equal(found, np.searchsorted(edges, values, side="right"))
     assert found.shape == shape
+
+
+@pytest.mark.parametrize("value", [3, 3.0, True + 2, np.uint8(3), np.array(3.0), Fraction(3), Decimal(3)])
+def test_numbers_of_any_type_are_numbers(value):
+    assert number_of(value) == 3
+
+
+@pytest.mark.parametrize(
+    "value",
+    [
+        None,
+        "3",
+        b"3",
+        3j,
+        np.timedelta64(3, "ns"),
+        np.datetime64(3, "ns"),
+        timedelta(3),
+        10**400,
+        [3],
+        np.array([3]),
+        [],
+        object(),
+    ],
+)
+def test_what_is_no_number_or_has_a_unit_is_none(value):
+    assert number_of(value) is None
+
+
+def test_masked_numbers_are_nan_and_columns_of_texts_times_or_complex_numbers_are_none():
+    masked = np.ma.masked_array([999, 2], [True, False])
+    np.testing.assert_array_equal(numbers_of(masked), [np.nan, 2])
+    for values in (
+        ["3", "4"],
+        [1, "2"],
+        np.array([3, 4], "m8[ns]"),
+        np.array([3, 4], "M8[s]"),
+        [3j, 4],
+        [[1], [2, 3]],
+    ):
+        assert numbers_of(values) is None

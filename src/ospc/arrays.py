@@ -29,17 +29,21 @@ ImageSize: TypeAlias = tuple[int, int]
 
 
 def number_of(value: Any) -> float | None:
-    """Return a number as float, or None if it is not a number. Texts are rejected as ambiguous."""
-    try:
-        return None if isinstance(value, str | bytes) else float(value)
-    except (TypeError, ValueError, OverflowError):
-        return None
+    """Return a number as float, or None if it is not a number, as for :func:`numbers_of`."""
+    numbers = None if value is None else numbers_of(value)
+    return None if numbers is None or numbers.ndim else float(numbers)
 
 
 def numbers_of(values: npt.ArrayLike) -> FloatArray | None:
-    """Return numbers as an array of floats, or None if they are not numbers."""
+    """Return numbers as an array of floats, or None if they are not numbers.
+
+    Masked ones become NaN. Texts are rejected as ambiguous, and so are times, whose unit NumPy would drop.
+    """
     try:
-        return np.array(values, dtype=np.float64)
+        given = np.ma.getdata(values)
+        if given.dtype.kind not in "biufO":  # booleans, integers, floats, and objects that may be any of these
+            return None
+        return np.where(np.ma.getmask(values), np.nan, given.astype(np.float64))
     except (TypeError, ValueError, OverflowError):
         return None
 

@@ -21,7 +21,7 @@ from ospc.formats.validation import validate
 from ospc.photometry.calibration import Calibration
 from ospc.photometry.response import Response
 from ospc.photometry.verdict import Verdict
-from ospc.photometry.vignette import PolynomialVignette
+from ospc.photometry.vignette import LogSplineVignette, PolynomialVignette
 from ospc.recording import open_recording
 from ospc.recording.options import ReadingOptions
 from ospc.simulation import SimulationSettings, irradiances, simulate
@@ -506,6 +506,13 @@ def test_a_lost_alpha_channel_is_reported(made, calibration, tmp_path):
     cv2.imwrite(str(tmp_path / "photos" / "a.png"), image)
     result = run(tmp_path / "photos" / "a.png", calibration, "-o", tmp_path / "out", "--keep-response")
     assert "note: images have an alpha channel, which is not written" in result.stderr
+
+
+def test_where_the_vignette_is_unknown_is_stated(made, tmp_path):
+    vignette = LogSplineVignette(SETTINGS.size, (-0.3, -0.3), limit=0.66)
+    masked = Calibration(SETTINGS.size, made.response, vignette).save(tmp_path / "calibration.json")
+    said = run(made.path, masked, "-o", tmp_path / "out").stderr.replace("\n", " ")
+    assert "beyond 0.66 half diagonals from the image centre, the vignette is unknown and taken as constant" in said
 
 
 def test_sources_without_images_are_an_error(made, calibration, tmp_path):

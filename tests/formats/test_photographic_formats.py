@@ -159,6 +159,7 @@ def test_lcp_without_a_focal_length_or_size_is_not_guessed(tmp_path):
     with pytest.raises(SettingError, match="size"):
         read_lcp(tmp_path / "b.lcp")
     np.testing.assert_allclose(read_lcp(tmp_path / "b.lcp", SIZE)[0].coefficients, POLYNOMIAL.coefficients, atol=1e-7)
+    assert read_lcp(tmp_path / "a.lcp", (2 * SIZE[0], SIZE[1]))[0].size == SIZE
     (tmp_path / "c.lcp").write_text(text.replace("FocalLengthX", "Nothing").replace("FocalLength>", "Nothing>"))
     with pytest.raises(FormatError, match="focal length"):
         read_lcp(tmp_path / "c.lcp")

@@ -11,7 +11,7 @@ import pytest
 from ospc import OnlineCalibrator
 from ospc.calibrator import drive
 from ospc.methods import quick_fit
-from ospc.photometry.calibration import Calibration
+from ospc.photometry.calibration import PROFILE_RADII, Calibration
 from ospc.photometry.geometry import normalised, pixel_grid
 from ospc.photometry.vignette import LogSplineVignette
 from ospc.recording.frame import Frame
@@ -58,6 +58,10 @@ def test_the_vignette_is_known_where_there_is_an_image(found: Calibration) -> No
 def test_nothing_is_made_up_beyond(found: Calibration) -> None:
     assert isinstance(found.vignette, LogSplineVignette)
     assert CIRCLE - 0.05 < found.vignette.limit < CIRCLE + 0.1
+    # If the lens does illuminate more of the image, the stated deviations tell.
+    beyond = PROFILE_RADII > CIRCLE + 0.1
+    errors = [v.profile(PROFILE_RADII[beyond]) for v in (found.vignette, truth(SETTINGS).vignette)]
+    assert np.all(np.abs(errors[0] - errors[1]) < 3 * found.vignette_sigma[beyond])
     values = found.vignette.image()
     assert values.min() >= 0.98 * values[INSIDE].min()
     assert values.max() <= 1.02 * values[INSIDE].max()

@@ -160,6 +160,7 @@ def test_layout_of_the_memory_does_not_matter():
         corrector.correct(image[::2, ::2]), corrector.correct(np.ascontiguousarray(image[::2, ::2]))
     )
     read_only = image[:8, :12].copy()
+    np.testing.assert_array_equal(corrector.correct(read_only.astype(">u2")), corrector.correct(read_only))
     read_only.setflags(write=False)
     before = read_only.copy()
     corrector.correct(read_only, dtype=np.uint8)

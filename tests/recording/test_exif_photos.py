@@ -67,6 +67,12 @@ def test_exposure_is_time_times_iso_over_f_number_squared(photos: Folder) -> Non
     assert any("the f-number changes" in note for note in recording.notes)
 
 
+def test_a_zoom_that_was_moved_is_reported(photos: Folder) -> None:
+    for focal_mm, changes in ((24, False), (70, True)):
+        recording = open_recording(photos(exif(focal_mm=24), exif(focal_mm=focal_mm)))
+        assert any("the focal length changes" in note for note in recording.notes) is changes
+
+
 def test_the_order_is_that_in_which_they_were_taken(photos: Folder) -> None:
     place = photos(exif(taken="2020:01:02 03:04:09"), exif(taken="2020:01:02 03:04:05"))
     assert [frame.name for frame in open_recording(place)] == ["IMG_1.JPG", "IMG_0.JPG"]
@@ -107,6 +113,7 @@ BROKEN = {
     "damaged EXIF": ([exif(), exif()[:40]], ExposureError, "IMG_1.JPG: its EXIF has no exposure time"),
     "some ISO": ([exif(), exif(iso=None)], ExposureError, "EXIF states the ISO of some .* not of IMG_1.JPG"),
     "two cameras": ([exif(), exif(model="M2")], RecordingError, r"several cameras \(M1, M2\)"),
+    "one unknown": ([exif(), exif(model="")], RecordingError, r"several cameras \(M1, unknown\)"),
 }
 
 

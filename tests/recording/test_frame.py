@@ -45,6 +45,11 @@ def test_a_largest_grey_value_that_does_not_fit_8_bits_is_refused(value: int) ->
         Frame.of_array(IMAGE, 1.0, max_grey=value)
 
 
+def test_a_masked_array_is_refused() -> None:
+    with pytest.raises(FrameError, match="frame 3: its image is a masked array; pass its data"):
+        Frame.of_array(np.ma.masked_less(IMAGE, 1), 1.0, index=3)
+
+
 def test_a_mask_may_be_an_image() -> None:
     shown = np.zeros(IMAGE.shape, np.uint8)
     shown[2:, 3:] = 255

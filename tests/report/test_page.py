@@ -204,7 +204,7 @@ def test_the_page_states_what_is_missing():
     content = page(ReportFindings(CASES["no vignette"]))
     assert "Unknown: it was seen." in content
     assert "No pairs of frames could be compared." in page(ReportFindings(CASES["nothing known"]))
-    assert "stopped before the end of the recording" in page(ReportFindings(CASES["interrupted"]))
+    assert "stopped early, so this result is partial" in page(ReportFindings(CASES["interrupted"]))
 
 
 @pytest.mark.usefixtures("undrawn")

@@ -12,7 +12,7 @@ from recordings import SIZE, calibration
 from ospc.photometry.coverage import ExposureRatios
 from ospc.photometry.response import Response
 from ospc.photometry.verdict import Verdict
-from ospc.photometry.vignette import PolynomialVignette, RasterVignette
+from ospc.photometry.vignette import LogSplineVignette, PolynomialVignette, RasterVignette
 from ospc.report.words import facts, headline, overall_state
 
 WELL, ROUGH, LOST = (Verdict(state, "why") for state in ("identifiable", "marginal", "not identifiable"))
@@ -69,6 +69,12 @@ def test_the_stated_gamma_exponent_matches_the_stated_irradiance():
 def test_the_text_states_the_attenuation_at_the_corners():
     assert "The corners receive 60 ± 2 % of the light at the centre, 0.7 stops less." in fact_text()
     assert "hardly any vignetting" in fact_text(vignette=PolynomialVignette(SIZE, (-0.005, 0.0, 0.0)))
+
+
+def test_the_text_states_where_the_vignette_is_unknown_instead_of_corners():
+    text = fact_text(vignette=LogSplineVignette(SIZE, (-0.3, -0.3), limit=0.7))
+    assert "Beyond 0.70 half diagonals from the image centre, the vignette is unknown and taken as constant." in text
+    assert "corners" not in text
 
 
 def test_the_text_states_unequal_corners_and_an_off_centre_maximum():

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import io
 import json
+import os
 import zipfile
 from pathlib import Path
 
@@ -81,8 +82,17 @@ def test_files_of_other_kinds_and_versions_are_refused_by_name(saved, tmp_path):
         container.load(foreign, "calibrator", 3)
     with pytest.raises(FormatError, match="there is no such state; give the folder of 'ospc calibrate'"):
         container.load(tmp_path / "none", "calibrator", 3)
-    with pytest.raises(FormatError, match="cannot be read"):
+    with pytest.raises(FormatError, match="there is no such state"):
         container.load(tmp_path, "calibrator", 3)
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no named pipes")
+def test_a_pipe_is_not_waited_for(tmp_path):
+    os.mkfifo(tmp_path / container.STATE_NAME)
+    pipe = container.state_in(tmp_path)
+    assert container.kind_of(pipe) == ""
+    with pytest.raises(FormatError, match="there is no such state"):
+        container.load(pipe, "calibrator", 3)
 
 
 def test_an_earlier_file_survives_a_failure_to_write(saved, monkeypatch):

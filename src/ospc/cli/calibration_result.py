@@ -79,7 +79,7 @@ class CalibrationOutcome:
             seen["frame"] = f"{counts['frames']} of {counted(len(self.recording), 'frame')}"
         yield f"from {', '.join(seen.values())}"
         if self.interrupted:
-            yield "partial: the run was interrupted; more frames would improve the result"
+            yield "partial: the run was interrupted"
         elif partial:
             yield "partial: the run failed before the end of the recording"
 

@@ -26,7 +26,7 @@ def add_rig_scale(out: Path, cameras: Mapping[str, Callable[[], Recording]], *, 
 
     recordings, calibrations = {}, {}
     for name, opened in cameras.items():
-        if (out / name / "calibration.json").exists():
+        if (out / name / "calibration.json").is_file():
             recordings[name], calibrations[name] = opened(), Calibration.load(out / name)
     try:
         found = rig_scale(recordings, calibrations)

@@ -31,7 +31,7 @@ EXITS = {
     FAILED: "error; a partial result is written if possible",
     UNDETERMINED: "written, but response, vignette or exposures are marginal or not identifiable, or the camera "
     "changed while it filmed",
-    INTERRUPTED: "interrupted before the end of a recording; the partial result is written",
+    INTERRUPTED: "interrupted; the result so far is written and marked partial",
 }
 """What the exit codes of commands that calibrate a camera mean."""
 

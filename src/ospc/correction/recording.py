@@ -22,7 +22,7 @@ from ospc.formats.image_header import JPEG_START, WITH_METADATA, read_header
 from ospc.formats.opening import Photometry
 from ospc.photometry.correction import Corrector, wrong_size
 from ospc.photometry.response import Response
-from ospc.photometry.vignette import RasterVignette
+from ospc.photometry.vignette import RasterVignette, unknown_part_in_words
 from ospc.recording import Frame, Recording, identity
 from ospc.recording.derived import with_sensor_depth
 from ospc.recording.frame_table import NO_EXPOSURES, NO_STAMPS
@@ -221,6 +221,8 @@ def _notes_on(
         )
     if photometry.caveat:
         yield photometry.caveat
+    if unknown := unknown_part_in_words(photometry.vignette):
+        yield unknown
     if photometry.calibration and (note := use_of_exposures(recording, photometry.calibration)):
         yield note
     if _has_alpha(source.recording):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import islice
+from pathlib import Path
 
 import numpy as np
 
@@ -15,13 +16,13 @@ from ospc.errors import RecordingError, SettingError, counted
 from ospc.exposures.brightness_report import BrightnessReport
 from ospc.exposures.findings import ExposureFindings
 from ospc.exposures.lag_choice import LagChoice
-from ospc.recording.recording import Recording
+from ospc.recording import Recording, open_recording
 from ospc.settings.diagnosis import DARK_CORNER_SHARE, MANY_CLIPPED_SHARE, SLOWEST_VIDEO_S, WEAK_SLOPE
 from ospc.settings.lag import MAX_LAG
 
 
 def check_recording(
-    recording: Recording,
+    recording: Recording | str | Path,
     *,
     frames: int | None = None,
     correct_lag: LagChoice = "auto",
@@ -34,6 +35,8 @@ def check_recording(
 
     Parameters
     ----------
+    recording
+        A recording, or its path.
     frames
         Number of frames to use, from the beginning; None for all.
     progress
@@ -42,12 +45,14 @@ def check_recording(
     Raises
     ------
     RecordingError
-        If none of the frames can be used.
+        If the recording cannot be opened, or none of the frames can be used.
     SettingError
         If ``frames`` is less than 1, or ``correct_lag`` is invalid.
     """
     if frames is not None and frames < 1:
         raise SettingError(f"frames is {frames}; give at least 1, or None for all")
+    if isinstance(recording, str | Path):
+        recording = open_recording(recording)
     total = min(frames or len(recording), len(recording))
     calibrator = OnlineCalibrator.of(recording, correct_lag=correct_lag, source={})  # nothing is saved
     shown = None if progress is None else lambda _frame, _used: progress(calibrator.frames, total)

@@ -11,7 +11,7 @@ from ospc.estimation.bends import sharpest_bend
 from ospc.observations import Observations
 from ospc.photometry.non_radial import NON_RADIAL, non_radial_terms, slope_of_non_radial
 from ospc.photometry.radial_spline import RadialSpline, radial_spline
-from ospc.photometry.vignette import LogSplineVignette, Vignette
+from ospc.photometry.vignette import LogSplineVignette
 from ospc.settings.fit import MAX_DECENTRING, MAX_UNSEEN_FALL, UNRESOLVED_JUMP, UNSEEN_CHANGE, UNSEEN_OBSERVATIONS
 from ospc.settings.vignette import VIGNETTE_REACH, VIGNETTE_REACH_STEP
 
@@ -156,13 +156,6 @@ class VignetteBasis:
         x, y = self.centre(parameters).tolist()
         slopes = tuple(parameters[: self.radial].tolist())
         return LogSplineVignette(size, slopes, (x, y), tuple(non_radial), reach=self.spline.reach)
-
-
-def usable_radius_of(vignette: Vignette | None) -> float:
-    """Return the usable radius of the images to which a vignette was fitted; 1 if it does not tell."""
-    if not isinstance(vignette, LogSplineVignette):
-        return 1.0
-    return min(1.0, vignette.limit - float(np.hypot(*vignette.centre)))
 
 
 def measured_radius(observations: Observations, centre: FloatArray) -> float:

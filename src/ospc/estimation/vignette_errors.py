@@ -43,8 +43,13 @@ class VignetteErrors:
         return float(np.abs(np.log(self._value(np.array([radius])))).max())
 
     def sigma(self, radius: FloatArray) -> FloatArray:
-        """Return the root mean square standard deviation of V at radii in half diagonals, shape (n,) -> (n,)."""
-        variance = self._value(radius) ** 2 * self._total_log_variance(radius)
+        """Return the root mean square standard deviation of V at radii in half diagonals, shape (n,) -> (n,).
+
+        Beyond the usable radius, V is constant, but it may also continue as the spline does.
+        """
+        value, usable = self._value(radius), self.basis.usable_vignette(self.parameters, self.size)
+        constant = usable.at_normalised(self._along(radius)).reshape(-1, 4)
+        variance = value**2 * self._total_log_variance(radius) + (value - constant) ** 2
         return np.asarray(np.sqrt(variance.mean(axis=1)))
 
     def bound(self, radius: float) -> float:

@@ -138,7 +138,7 @@ def read_caveat(folder: str | Path) -> str:
         If there is one that cannot be read.
     """
     place = Path(folder) / CAVEAT
-    return read_text(place).partition("\n")[0].strip().removesuffix(".") if place.exists() else ""
+    return read_text(place).partition("\n")[0].strip().removesuffix(".") if place.is_file() else ""
 
 
 def write_times(

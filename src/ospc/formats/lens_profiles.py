@@ -107,7 +107,7 @@ def read_lcp(path: str | Path, size: ImageSize | None = None) -> tuple[RadialFit
     return found
 
 
-def _adobe_fit(entry: Element, wanted: ImageSize | None) -> RadialFit | None:
+def _adobe_fit(entry: Element, assumed: ImageSize | None) -> RadialFit | None:
     model = next(entry.iter("VignetteModel"), None)
     if model is None:
         return None
@@ -117,9 +117,11 @@ def _adobe_fit(entry: Element, wanted: ImageSize | None) -> RadialFit | None:
     def number(name: str, default: str) -> float:
         return finite_number(texts.get(name, default), name)
 
-    width, height = wanted or (number("ImageWidth", "0"), number("ImageLength", "0"))
+    width, height = number("ImageWidth", "0"), number("ImageLength", "0")
     if not (width and height):
-        raise SettingError(_NO_SIZE)
+        if assumed is None:
+            raise SettingError(_NO_SIZE)
+        width, height = assumed
     size = image_size(width, height)
     half = half_diagonal(size)
     if "FocalLengthX" in texts:

@@ -80,7 +80,7 @@ def open_photometry(path: str | Path, size: ImageSize | None = None) -> Photomet
     if not place.exists() and len(parts) == 2:
         first, second = (open_photometry(part.strip(), size) for part in parts)
         return together(first, second)
-    if place.is_dir() and not (place / "calibration.json").exists():
+    if place.is_dir() and not (place / "calibration.json").is_file():
         return _folder(place)
     name = str(place)
     match ".json" if place.is_dir() else place.suffix.lower():
@@ -152,13 +152,13 @@ def _check_numeric(place: Path) -> None:
 
 def _folder(place: Path) -> Photometry:
     table, picture = place / "pcalib.txt", place / "vignette.png"
-    if not table.exists() and not picture.exists():
+    if not table.is_file() and not picture.is_file():
         inner = sorted(path.parent.name for path in place.glob("*/calibration.json"))
         remedy = f"give one of its folders: {listed(inner)}" if inner else ""
         raise FormatError(f"{place}: has no calibration.json, pcalib.txt or vignette.png", remedy)
     return Photometry(
         str(place),
-        read_pcalib(table) if table.exists() else None,
-        read_vignette(picture) if picture.exists() else None,
+        read_pcalib(table) if table.is_file() else None,
+        read_vignette(picture) if picture.is_file() else None,
         caveat_beside=read_caveat(place),
     )

@@ -9,10 +9,10 @@ import numpy as np
 from ospc.arrays import FloatArray
 from ospc.estimation.fit import Fit, measured_greys
 from ospc.estimation.fitted import Fitted
-from ospc.estimation.vignette_basis import usable_radius_of
 from ospc.methods.preview import Preview
 from ospc.observations import ExposedObservations
 from ospc.photometry.calibration import PROFILE_RADII, Calibration
+from ospc.photometry.vignette import usable_radius_of
 from ospc.settings.live import ASSESSED_GREYS, EXPECTED_GRADIENT, EXPECTED_PAIR_POINTS, INFORMATION_POINTS
 
 _DIAGONAL = np.ones(2) / np.sqrt(2)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from ospc.arrays import FloatArray, ImageSize
 from ospc.estimation.fit import Fit
 from ospc.methods.contradictions import contradictions_of
@@ -62,11 +60,8 @@ def calibration_of(inputs: FitInputs, settings: DefaultSettings) -> Calibration:
 
 
 def vignette_sigma(fit: Fit, size: ImageSize) -> FloatArray:
-    """Return the standard deviation of the profile at :data:`PROFILE_RADII`, shape (51,).
-
-    Like the vignette, it is constant beyond the usable radius.
-    """
-    return fit.vignette_errors(size).sigma(np.minimum(PROFILE_RADII, fit.vignette_basis.usable_radius))
+    """Return the standard deviation of the profile at :data:`PROFILE_RADII`, shape (51,)."""
+    return fit.vignette_errors(size).sigma(PROFILE_RADII)
 
 
 def covariance_of(fit: Fit, response: bool, vignette: bool) -> dict[str, dict[str, object]]:

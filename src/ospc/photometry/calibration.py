@@ -63,7 +63,7 @@ class Calibration(ByValue):
         Whether response and vignette are identifiable and there are no warnings about the exposures; with preset
         "paper", whether two estimates of each were accepted.
     partial
-        Whether the run was interrupted before the end of the recording.
+        Whether the run was interrupted, or failed before the end of the recording.
     counts
         Numbers of frames, skipped frames, pairs and samples used.
     settings

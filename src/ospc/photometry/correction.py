@@ -256,6 +256,7 @@ class Corrector:
 
     def _checked(self, image: Image) -> Image:
         pixels = np.asarray(image)
+        pixels = pixels.astype(pixels.dtype.newbyteorder("="), copy=False)
         if pixels.dtype not in (np.uint8, np.uint16) or pixels.size == 0:
             raise FrameError(
                 f"an image to correct must be of type uint8 or uint16, not {pixels.dtype}, shape {pixels.shape}"

@@ -166,6 +166,21 @@ class LogSplineVignette(VignetteModel):
         return np.asarray(log_v)
 
 
+def usable_radius_of(vignette: Vignette | None) -> float:
+    """Return the usable radius of the images to which a vignette was fitted; 1 if it does not tell."""
+    if not isinstance(vignette, LogSplineVignette):
+        return 1.0
+    return min(1.0, vignette.limit - math.hypot(*vignette.centre))
+
+
+def unknown_part_in_words(vignette: Vignette | None) -> str:
+    """Return where in the image a vignette is unknown; empty if nowhere."""
+    radius = usable_radius_of(vignette)
+    if radius >= 1:
+        return ""
+    return f"beyond {radius:.2f} half diagonals from the image centre, the vignette is unknown and taken as constant"
+
+
 def powers_in_unit(coefficients: tuple[float, ...], unit: float) -> tuple[float, ...]:
     """Return coefficients of R², R⁴, … for a unit of radius that is ``unit`` times as long."""
     return tuple(c * unit ** (2 * n) for n, c in enumerate(coefficients, start=1))

@@ -11,12 +11,12 @@ from ospc.arrays import FloatArray
 from ospc.errors import FormatError, NotObservableError, SettingError
 from ospc.estimation.prior import START, Prior, vignette_precision
 from ospc.estimation.response_basis import ResponseBasis
-from ospc.estimation.vignette_basis import VignetteBasis, usable_radius_of
+from ospc.estimation.vignette_basis import VignetteBasis
 from ospc.numerics.symmetric import eigh
 from ospc.photometry.calibration import Calibration
 from ospc.photometry.grey_range import FULL_RANGE, GreyRange
 from ospc.photometry.noise import NoiseModel
-from ospc.photometry.vignette import LogSplineVignette, Vignette
+from ospc.photometry.vignette import LogSplineVignette, Vignette, usable_radius_of
 from ospc.pooling.summary import (
     PARAMETERS,
     RESPONSE,

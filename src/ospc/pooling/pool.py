@@ -19,11 +19,10 @@ from ospc.errors import FormatError, SettingError
 from ospc.methods.result import covariance_of, vignette_sigma
 from ospc.photometry.calibration import Calibration
 from ospc.pooling.agreement import Agreement, Difference, Part, agreement
-from ospc.pooling.solution import Information, solve, solve_with_chosen_vignette
+from ospc.pooling.solution import Information, solve_with_chosen_vignette
 from ospc.pooling.summary import PARAMETERS, VIGNETTE_PART, Summary, joint_range, triangle_of
 from ospc.pooling.verdicts import judged, response_verdict_of, used_of, vignette_verdict_of
-from ospc.settings.methods import IDENTIFIABLE_CORNER_SIGMA
-from ospc.settings.pooling import FREE_PRECISION, ROUGH_VIGNETTE_WALK
+from ospc.settings.pooling import FREE_PRECISION
 from ospc.state import container
 from ospc.state.container import Container
 from ospc.state.run import KIND as RUN_KIND
@@ -225,19 +224,14 @@ def agreeing(pool: Pool, agreed: Agreement) -> list[Summary]:
 def usable_radius(used: Sequence[Summary]) -> float:
     """Return the radius, in half diagonals, up to which agreeing recordings determine the vignette.
 
-    This is the largest usable radius of the recordings if V is known there, because a mask may hide what other
-    recordings show. Otherwise it is the smallest, because a dark or short recording does not show where a fisheye's
-    image ends. A smooth prior would extrapolate V from the smaller radius, so a rough one decides.
+    This is the smallest of their usable radii within which all observations are. A smaller one is that of a mask,
+    which hides what other recordings show; a larger one is that of a recording too dark or too short to show where a
+    fisheye's image ends.
     """
-    radii = {s.usable_radius for s in used if not s.standing_still} or {1.0}
-    if len(radii) == 1:
-        return radii.pop()
-    information = Information.of(used)
-    fit = solve(information)
-    rough = replace(fit, hyperparameters=replace(fit.hyperparameters, vignette_walk=ROUGH_VIGNETTE_WALK))
-    errors = solve(information, start=rough).vignette_errors(used[0].size)
-    known = errors.worst_log_sigma(max(radii)) <= IDENTIFIABLE_CORNER_SIGMA
-    return max(radii) if known else min(radii)
+    moving = [summary for summary in used if not summary.standing_still]
+    observed = max((s.observed_radius for s in moving), default=0.0)
+    largest = max((s.usable_radius for s in moving), default=1.0)
+    return min((s.usable_radius for s in moving if s.usable_radius >= observed), default=largest)
 
 
 def _response_alone(summary: Summary) -> Summary:

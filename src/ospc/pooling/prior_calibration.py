@@ -44,7 +44,7 @@ class PriorCalibration(ByValue):
         """
         place = Path(path)
         if place.is_dir():
-            place = place / (STATE_NAME if (place / STATE_NAME).exists() else "calibration.json")
+            place = place / (STATE_NAME if (place / STATE_NAME).is_file() else "calibration.json")
         if place.suffix == ".json":
             calibration = Calibration.load(place)
             if calibration.caveat:
@@ -102,6 +102,7 @@ class PriorCalibration(ByValue):
             support=joint_range(s.support for s in used),
             unexplained=float(np.median([s.unexplained for s in used])),
             usable_radius=information.usable_radius,
+            measured_radius=information.measured_radius,
             vignette_reach=information.vignette_reach,
         )
 

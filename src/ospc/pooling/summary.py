@@ -169,6 +169,11 @@ class Summary(ByValue):
         """A S A, shape (p, p), symmetric."""
         return _full(self.systematic)
 
+    @property
+    def observed_radius(self) -> float:
+        """Distance of the last observations from the image centre, in half diagonals, at least."""
+        return self.measured_radius - float(np.hypot(*VIGNETTE.centre(self.estimate[VIGNETTE_PART])))
+
     def with_knots(self, usable_radius: float, vignette_reach: float) -> Summary:
         """Return the summary in the parameters of the common models for another usable radius or reach of the knots.
 

@@ -93,9 +93,13 @@ def _notes(path: Path, photos: tuple[str, ...], shots: list[Shot]) -> list[str]:
             )
         if names:
             notes.append(f"{path}: EXIF states no {what}; it is assumed to be the same in all photographs")
-    if len(set(values["f-number"])) > 1:
-        notes.append(f"{path}: the f-number changes, and with it the vignette; use photographs of one f-number")
-    models = sorted({shot.model for shot in shots})
+    of_lens = {"f-number": values["f-number"], "focal length": [shot.focal_mm for shot in shots]}
+    notes += [
+        f"{path}: the {what} changes, and with it the vignette; use photographs of one {what}"
+        for what, stated in of_lens.items()
+        if len(set(stated)) > 1
+    ]
+    models = sorted({shot.model or "unknown" for shot in shots})
     if len(models) > 1:
         raise RecordingError(f"{path}: photographs of several cameras ({listed(models)}); keep those of one")
     return notes

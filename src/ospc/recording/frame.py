@@ -167,6 +167,8 @@ class Frame:
 
 def check_image(pixels: npt.ArrayLike, name: str, *, colour: bool = False) -> Image:
     """Return the image if it is grey, or in colour if allowed, with 8 or 16 bits; otherwise raise a FrameError."""
+    if isinstance(pixels, np.ma.MaskedArray):
+        raise FrameError(f"{name}: its image is a masked array; pass its data, and ~image.mask as the mask")
     image = np.asarray(pixels)
     if image.ndim == 0:
         raise FrameError(f"{name}: its image is {image}; give an array of shape (height, width)")

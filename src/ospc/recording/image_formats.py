@@ -40,6 +40,7 @@ class Shot:
     f_number: float | None = None
     taken: datetime | None = None
     model: str = ""
+    focal_mm: float | None = None
 
 
 def shot_of_exif(block: bytes) -> Shot:
@@ -57,10 +58,10 @@ def shot_of_exif(block: bytes) -> Shot:
     except Exception:
         # The parser raises undocumented errors for damaged EXIF.
         return Shot()
-    numbers = (Base.ExposureTime, Base.ISOSpeedRatings, Base.FNumber)
-    time_s, iso, f_number = (_positive(tags.get(tag)) for tag in numbers)
+    numbers = (Base.ExposureTime, Base.ISOSpeedRatings, Base.FNumber, Base.FocalLength)
+    time_s, iso, f_number, focal_mm = (_positive(tags.get(tag)) for tag in numbers)
     taken = _taken(tags.get(Base.DateTimeOriginal), tags.get(Base.SubsecTimeOriginal, "0"))
-    return Shot(time_s, iso, f_number, taken, model)
+    return Shot(time_s, iso, f_number, taken, model, focal_mm)
 
 
 class _BoundedReads(BytesIO):

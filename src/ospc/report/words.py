@@ -13,7 +13,7 @@ from ospc.evaluation.tracking import TrackingComparison
 from ospc.evaluation.tracks import TrackFigures
 from ospc.photometry.calibration import PROFILE_RADII, Calibration
 from ospc.photometry.response import Response
-from ospc.photometry.vignette import Vignette, diagonal_profile
+from ospc.photometry.vignette import Vignette, diagonal_profile, unknown_part_in_words
 
 _LONGEST_LIST = 24
 """Most entries of a list that are shown."""
@@ -100,7 +100,7 @@ def headline(calibration: Calibration) -> str:
     elif calibration.caveat:
         parts.append(f"{calibration.caveat}.")
     if calibration.partial:
-        parts.append("The run stopped before the end of the recording; more frames would improve the result.")
+        parts.append("The run stopped early, so this result is partial.")
     return " ".join(parts) or "This calibration does not state its uncertainty."
 
 
@@ -172,6 +172,8 @@ def _like_curve(middle: float) -> str:
 
 
 def _vignette_fact(vignette: Vignette, sigma: FloatArray | None) -> str:
+    if unknown := unknown_part_in_words(vignette):
+        return f"{unknown[0].upper()}{unknown[1:]}."
     corner = float(diagonal_profile(vignette, PROFILE_RADII[-1:])[0])
     text = f"The corners receive {_percent(corner, None if sigma is None else sigma[-1])} of the light at the centre"
     image = vignette.image()

@@ -38,8 +38,6 @@ MIN_RECORDINGS_FOR_SCATTER = 4
 
 FREE_PRECISION = 1e-4
 """Precision of each parameter of a free part: a standard deviation of 100, far beyond any value, but not singular."""
-ROUGH_VIGNETTE_WALK = 1.0
-"""Hyperparameter ``vignette_walk`` of typical mechanical vignetting: what it leaves unknown was not observed."""
 
 # The solution (ospc.pooling.solution)
 

@@ -93,13 +93,12 @@ def load(path: str | Path, kind: str, version: int) -> Container:
     """
     place = path_of(path, FormatError, "a state")
     with os_error_as(FormatError, f"{place}: cannot be read", "check the path and its permissions"):
-        try:
-            with place.open("rb") as stream:
-                data = stream.read(_MAX_FILE_BYTES + 1)
-        except FileNotFoundError:
+        if not place.is_file():  # reading a pipe in a folder from outside would never end
             raise FormatError(
                 f"{place}: there is no such state; give the folder of 'ospc calibrate' or its state.ospc"
-            ) from None
+            )
+        with place.open("rb") as stream:
+            data = stream.read(_MAX_FILE_BYTES + 1)
     if len(data) > _MAX_FILE_BYTES:
         raise FormatError(f"{place}: no state is larger than {_MAX_FILE_BYTES // 2**20} MB; give another file")
     found = from_bytes(data, str(place))
@@ -144,8 +143,11 @@ def state_in(path: str | Path) -> Path:
 
 def kind_of(path: str | Path) -> str:
     """Return the kind in the header of a file, or "" if there is none; only :func:`load` checks the rest."""
+    place = Path(path)
     try:
-        with Path(path).open("rb") as stream:
+        if not place.is_file():
+            return ""
+        with place.open("rb") as stream:
             return _kind(stream.read(_BEGINNING_BYTES))
     except OSError:
         return ""
