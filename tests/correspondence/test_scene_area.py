@@ -127,6 +127,12 @@ def test_the_usable_radius_of_an_image_circle_is_about_its_own_centre(centre: tu
     assert lit(circle).usable_radius() == pytest.approx(0.75, abs=0.02)
 
 
+@pytest.mark.parametrize("radius", [0.94, 0.96, 0.975])
+def test_an_image_circle_may_cut_only_the_extreme_corners(radius: float) -> None:
+    distance = np.linalg.norm(np.indices(SIZE[::-1]) - np.reshape([59.5, 79.5], (2, 1, 1)), axis=0)
+    assert lit(distance < 100 * radius).usable_radius() == pytest.approx(radius, abs=0.012)
+
+
 def test_specks_of_noise_beside_the_image_circle_do_not_belong_to_it() -> None:
     distance = np.linalg.norm(np.indices(SIZE[::-1]) - np.reshape([59.5, 79.5], (2, 1, 1)), axis=0)
     specks = cv2.dilate((np.random.default_rng(4).random(SIZE[::-1]) < 0.004).astype(np.uint8), np.ones((1, 3))) > 0

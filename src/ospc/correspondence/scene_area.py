@@ -166,7 +166,7 @@ class SceneArea:
         reached = 1.0 if surround is None else _lit_radius(~surround)
         if self.allowed is not None:
             reached = min(reached, _farthest(self.allowed))
-        return reached if 0 < reached < WHOLE_IMAGE_RADIUS else 1.0
+        return reached if 0 < reached < 1 else 1.0
 
     def shows_scene(self, position: FloatArray) -> BoolArray | None:
         """Return which positions, in half diagonals, show the scene, (n, 2) -> (n,); None if all do."""
@@ -215,9 +215,10 @@ def _lit_radius(lit: BoolArray) -> float:
 
 
 def _farthest(part: BoolArray) -> float:
-    """Return the largest distance of a pixel from the image centre, in half diagonals; 0 if there is none."""
+    """Return the largest distance of a pixel from the image centre, in half diagonals; 1 if a corner is near it."""
     size = size_of(part)
-    return float(np.linalg.norm(normalised(pixel_grid(size), size)[part], axis=-1).max(initial=0.0))
+    distance = float(np.linalg.norm(normalised(pixel_grid(size), size)[part], axis=-1).max(initial=0.0))
+    return distance if distance < WHOLE_IMAGE_RADIUS else 1.0
 
 
 def _large_parts(mask: BoolArray, min_px: float, *, connectivity: int) -> BoolArray:

@@ -45,11 +45,13 @@ class VignetteErrors:
     def sigma(self, radius: FloatArray) -> FloatArray:
         """Return the root mean square standard deviation of V at radii in half diagonals, shape (n,) -> (n,).
 
-        Beyond the usable radius, V is constant, but it may also continue as the spline does.
+        Beyond the usable radius, V is unknown: any value from 0 to that at this radius is equally likely.
         """
-        value, usable = self._value(radius), self.basis.usable_vignette(self.parameters, self.size)
-        constant = usable.at_normalised(self._along(radius)).reshape(-1, 4)
-        variance = value**2 * self._total_log_variance(radius) + (value - constant) ** 2
+        usable, along = self.basis.usable_vignette(self.parameters, self.size), self._along(radius)
+        beyond = np.linalg.norm(along - usable.centre, axis=1).reshape(-1, 4) > usable.limit
+        known = self._value(radius) ** 2 * self._total_log_variance(radius)
+        unknown = usable.at_normalised(along).reshape(-1, 4) ** 2 / 3
+        variance = np.where(beyond, unknown, known)
         return np.asarray(np.sqrt(variance.mean(axis=1)))
 
     def bound(self, radius: float) -> float:

@@ -126,7 +126,7 @@ def _contradiction(evidence: ExposureEvidence) -> Verdict | None:
             f"the recorded exposures {stay} while the brightness of the same objects changes by "
             f"{_percent(brightness.drift_at_constant_exposure_log)} within {DRIFT_FRAMES} frames"
         )
-        causes = "the metadata are stale, rounded or lack a gain"
+        causes = "the metadata are stale, rounded or lack a gain, or much light is scattered in the lens"
         return Verdict("not identifiable", f"{changes}: {causes}", _FIX_METADATA)
     if evidence.follows_inverse:
         text = (

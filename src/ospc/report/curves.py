@@ -15,7 +15,7 @@ import numpy as np
 from ospc.arrays import FloatArray, IntArray
 from ospc.photometry.calibration import PROFILE_RADII, Calibration
 from ospc.photometry.response import Response
-from ospc.photometry.vignette import Vignette, diagonal_profile
+from ospc.photometry.vignette import Vignette, diagonal_profile, usable_radius_of
 from ospc.report.style import BLACK, BLUE, GREEN, GREY, ORANGE, printable
 
 RADIUS_LABEL = "distance from the image centre (1 = corner)"
@@ -77,18 +77,18 @@ def draw_response(cell: Any, calibration: Calibration, reference: Response | Non
         measured=(low, high),
     )
     panels = _panels(cell, curve, None if calibration.coverage is None else calibration.coverage.by_grey)
-    for axes in panels:
-        for start, end in ((0.0, low), (high, float(white))):
-            if end > start:
-                axes.axvspan(start, end, color=GREY, alpha=0.25, lw=0, label="extrapolated")
+    _shade(panels, "extrapolated", (0.0, low), (high, float(white)))
     panels[0].set(ylim=(0, 1.02), ylabel="irradiance g(M)")
     _legend(panels[0], "upper left")
     return panels[0]
 
 
 def draw_vignette(cell: Any, calibration: Calibration, reference: Vignette | None = None) -> Any:
-    """Draw V over the radius, an enlarged view of its uncertainty and error, and the number of observations."""
-    vignette = calibration.vignette
+    """Draw V over the radius, an enlarged view of its uncertainty and error, and the number of observations.
+
+    The part of the image where V is unknown is shaded.
+    """
+    vignette, usable = calibration.vignette, usable_radius_of(calibration.vignette)
     assert vignette is not None
     curve = _Curve(
         x=PROFILE_RADII,
@@ -98,12 +98,22 @@ def draw_vignette(cell: Any, calibration: Calibration, reference: Vignette | Non
         colour=ORANGE,
         name="V",
         x_label=RADIUS_LABEL,
+        measured=(0.0, usable),
     )
     panels = _panels(cell, curve, None if calibration.coverage is None else calibration.coverage.by_radius)
+    _shade(panels, "unknown", (usable, 1.0))
     lowest = min(float(v.min()) for v in (curve.value, curve.reference) if v is not None)
     panels[0].set(ylim=(max(min(0.9, lowest - 0.08), 0.0), 1.04), ylabel="attenuation V")
     _legend(panels[0], "lower left")
     return panels[0]
+
+
+def _shade(panels: Sequence[Any], label: str, *parts: tuple[float, float]) -> None:
+    """Shade parts of the x axis of all panels."""
+    for axes in panels:
+        for start, end in parts:
+            if end > start:
+                axes.axvspan(start, end, color=GREY, alpha=0.25, lw=0, label=label)
 
 
 def draw_vignette_map(cell: Any, vignette: Vignette) -> Any:
@@ -222,7 +232,7 @@ def _legend(axes: Any, place: str) -> None:
     """Add a legend with one entry per kind of mark, the estimate first."""
     handles, labels = axes.get_legend_handles_labels()
     by_label = dict(zip(labels, handles, strict=True))
-    order = [name for name in ("estimate", "±1σ", "±2σ", "reference", "extrapolated") if name in by_label]
+    order = [name for name in ("estimate", "±1σ", "±2σ", "reference", "extrapolated", "unknown") if name in by_label]
     axes.legend([by_label[name] for name in order], order, loc=place)
 
 
