@@ -47,6 +47,13 @@ def test_gamma_alignment_is_labelled_and_shown_with_the_unaligned_figures(folder
     assert "exponent" in output
 
 
+def test_images_of_different_sizes_are_stated(folders, tmp_path):
+    write_vignette(PolynomialVignette((32, 24), (-0.3, 0.0, 0.0)), tmp_path / "half.png")
+    assert "The images have" not in run(*folders)
+    output = run(folders[0], str(tmp_path / "half.png"))
+    assert "The images have 64x48 and 32x24 pixels, so vignettes are compared along the half diagonals" in output
+
+
 def test_json(folders, tmp_path):
     content = json.loads(run(*folders, "--json", "--gamma"))
     assert content["unaligned"]["exponent"] == 1

@@ -59,6 +59,9 @@ def command(
     say(f"{a}  against  {b}")
     console(soft_wrap=True).print(table)
     say(_FREEDOMS)
+    if first.size and second.size and first.size != second.size:
+        sizes = " and ".join(f"{width}x{height}" for width, height in (first.size, second.size))
+        say(f"The images have {sizes} pixels, so vignettes are compared along the half diagonals only.")
     if gamma:
         say("The second column raises response and vignette of the first to one common exponent.")
     if plot is not None:
