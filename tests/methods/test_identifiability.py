@@ -10,7 +10,7 @@ import pytest
 from log_polynomials import log_polynomial
 from ospc.estimation.effects import Effects
 from ospc.methods.corrections import notes_of
-from ospc.methods.identifiability import response_verdict_of_fit, vignette_verdict
+from ospc.methods.identifiability import response_verdict, response_verdict_of_fit, vignette_verdict
 from ospc.methods.result import calibration_of
 from ospc.photometry.verdict import EffectEstimate
 from ospc.settings import DefaultSettings
@@ -72,6 +72,18 @@ def test_wider_exposures_are_only_asked_for_if_they_were_narrower(times, asks):
     assert verdict.state == "not identifiable"
     assert ("sweep the exposure by a factor of 8 or more" in verdict.remedy) is asks
     assert verdict.remedy
+
+
+@pytest.mark.parametrize(("low_ms", "high_ms"), [(3.0, 12.0), (2.0, 30.0)])
+def test_a_third_exposure_is_asked_for_if_there_are_only_two(low_ms, high_ms):
+    pairs = INPUTS.observations
+    bright = np.arange(len(pairs)) % 2 == 1
+    alternating = replace(pairs, log_exposure=np.where(bright, np.log(high_ms), np.log(low_ms)))
+    remedies = [
+        response_verdict(DefaultSettings(), UNCERTAIN, observations, 0.0).remedy
+        for observations in (alternating, pairs)
+    ]
+    assert [remedy.startswith("use three or more different exposures") for remedy in remedies] == [True, False]
 
 
 @pytest.mark.parametrize(

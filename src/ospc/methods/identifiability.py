@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from ospc.arrays import ImageSize
@@ -13,7 +15,7 @@ from ospc.methods.contradictions import Contradictions
 from ospc.observations import ExposedObservations
 from ospc.photometry.verdict import Verdict
 from ospc.settings import DefaultSettings
-from ospc.settings.fit import CONFIDENCE
+from ospc.settings.fit import CONFIDENCE, LOG_RATIO_DECIMALS
 from ospc.settings.methods import (
     CONTRADICTING_UNEXPLAINED_SHARE,
     DOUBTED_UNEXPLAINED_SHARE,
@@ -35,6 +37,10 @@ _SEE_MORE = (
 _CHANGE_EXPOSURE = (
     "record with auto exposure on while moving between dark and bright places, or sweep the exposure by a factor of "
     f"{WIDE_EXPOSURE_RATIO:g} or more"
+)
+_THREE_EXPOSURES = (
+    "use three or more different exposures: two do not show whether a constant is missing in both, on which the "
+    "response depends"
 )
 _CLEARER = (
     "clean the lens, and keep haze, sun and lamps out of the view: it is uncertain whether there is {what}, and this "
@@ -92,7 +98,11 @@ def response_verdict(
             f"hardly any scene points were seen at different exposures (all are {range_in_words(low, high)})",
             _CHANGE_EXPOSURE,
         )
-    return response_verdict_of_fit(fit, (low, high), unexplained, contradictions)
+    found = response_verdict_of_fit(fit, (low, high), unexplained, contradictions)
+    different = 0 if observations is None else len(np.unique(observations.log_exposure.round(LOG_RATIO_DECIMALS)))
+    if different == 2 and found.remedy in (_CHANGE_EXPOSURE, _SEE_MORE):
+        return replace(found, remedy=_THREE_EXPOSURES)
+    return found
 
 
 def response_verdict_of_fit(
