@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from ospc.engine.engine import Engine, Status
-from ospc.engine.state import Run, response_before_change
+from ospc.engine.state import Run
 from ospc.engine.state_rules import check_run
 from ospc.errors import FormatError, OspcError, SettingError
 from ospc.exposures.findings import ExposureFindings
@@ -20,7 +20,7 @@ from ospc.methods.fit_inputs import FitInputs
 from ospc.methods.preview import Preview
 from ospc.photometry.calibration import Calibration
 from ospc.pooling.prior_calibration import PriorCalibration
-from ospc.pooling.summary import Summary, summary_of
+from ospc.pooling.summary import Summary
 from ospc.recording import Frame, Recording, open_recording
 from ospc.recording.recording import identity
 from ospc.recording.stream import Item, decoded_ahead, frames_of
@@ -46,17 +46,13 @@ class OnlineCalibrator(Engine):
         What to do if exposures are recorded with the wrong frames: correct the lag if it is certain (``"auto"``),
         never correct it (``"never"``), or correct it by this many frames, positive if exposures are late.
     prior
-        An earlier calibration of the camera. It is used as a prior as long as it agrees with the frames.
+        An earlier calibration of the camera. It is used as a prior as long as it agrees with the frames, and the
+        camera does not change.
 
     Raises
     ------
     SettingError
         If a parameter is invalid, or the method cannot use an earlier calibration.
-
-    Attributes
-    ----------
-    prior
-        As in the parameters, or None. It is not saved in states.
 
     Examples
     --------
@@ -117,10 +113,7 @@ class OnlineCalibrator(Engine):
                 why = f": {run.skipped.latest[-1]}" if run.skipped.latest else ""
                 raise OspcError(f"no frame could be used{why}")
             exposures, found, grey_range = run.used_before(run.frames, method)
-            known = method.calibration(exposures, grey_range)
-            earlier = self.prior or response_before_change(run.epochs, run.exposures.table.written)
-            if earlier is not None:
-                known = earlier.continued(known, self.summary())
+            known = self._with_earlier(method, exposures, grey_range)
             result = run.judged(known, found, {"frames": run.frames, "skipped": run.skipped.count})
             ended = ((e.last_frame + 1, e.corrected_lag_frames, e.wrong_exposures) for e in run.epochs)
             return replace(result, source=with_earlier_exposures(run.source | result.source, ended))
@@ -143,8 +136,7 @@ class OnlineCalibrator(Engine):
     def summary(self) -> Summary | None:
         """Return a summary that can be merged with others; None if there is nothing to merge."""
         with self._lock:
-            inputs, run = self.inputs(), self._run
-            return None if inputs is None else summary_of(inputs, run.first_frames[0], run.source, run.frames)
+            return self._summary_of(self.inputs())
 
     def preview(self) -> Preview | None:
         """Return quick estimates and the data behind them, for display during a run; None before there are any."""

@@ -184,6 +184,16 @@ def test_a_calibrator_starts_from_what_was_known(yesterday):
     assert found.counts["frames"] == 1
 
 
+@pytest.mark.parametrize(("part", "known"), [("vignette", {"response"}), ("response", set())])
+def test_after_a_change_of_the_camera_what_changed_is_no_longer_known(yesterday, part, known):
+    calibrator = OnlineCalibrator(prior=PriorCalibration.open(yesterday))
+    calibrator.push(Frame.of_array(np.full(SIZE[::-1], 90, np.uint8), 5.0))
+    change = Change(1, 1, part, f"the {part} changed")
+    calibrator._run.epochs.append(Epoch(0, 0, calibrator.calibration(), change))
+    found = calibrator.calibration()
+    assert {name for name in ("response", "vignette") if found.verdicts[name].known} == known
+
+
 def test_a_live_calibrator_starts_from_what_was_known_before_a_restart(yesterday):
     with LiveCalibrator(prior=PriorCalibration.open(yesterday)) as live:
         live.push(Frame.of_array(np.full(SIZE[::-1], 90, np.uint8), 5.0))
@@ -224,11 +234,13 @@ def test_an_earlier_calibration_of_another_range_of_grey_values_is_not_used_and_
         assert any("was not used: " in note and "another camera or mode" in note for note in found.notes)
 
 
-def test_frames_of_another_size_are_refused(yesterday):
+def test_frames_of_another_size_are_calibrated_without_it(yesterday):
     calibrator = OnlineCalibrator(prior=PriorCalibration.open(yesterday))
     calibrator.push(Frame.of_array(np.zeros((48, 64), np.uint8), 5.0))
-    with pytest.raises(SettingError, match="is for 640×480 pixels, but the frames have 64×48"):
-        calibrator.calibration()
+    (note,) = (note for note in calibrator.calibration().notes if "was not used" in note)
+    assert note.endswith("it is for 640×480 pixels, but the frames have 64×48, so it is from another camera or mode")
+    with pytest.raises(SettingError, match="it is for 640×480 pixels, but the frames have 64×48; start from a"):
+        PriorCalibration.open(yesterday).check_size((64, 48))
 
 
 def test_unsuitable_starts_are_refused_by_name(tmp_path):

@@ -12,13 +12,19 @@ from ospc.correspondence.pixel_statistics import PixelStatistics
 from ospc.correspondence.preprocessing import PreprocessedFrame
 from ospc.engine.frame_checks import check_is_frame, checked_frame, image_of_size
 from ospc.engine.prefetching import Prefetcher
-from ospc.engine.state import Epoch, Run
+from ospc.engine.state import Epoch, Run, response_before_change
 from ospc.errors import ExposureError, FrameError, RecordingError, SettingError
 from ospc.exposures.brightness import ComparedFrames
 from ospc.exposures.brightness_history import BrightnessHistory, Precomputed
 from ospc.exposures.lag_choice import LagChoice, lag_in_words
+from ospc.exposures.table import ExposureTable
 from ospc.methods.change_detection import Change
+from ospc.methods.fit_inputs import FitInputs
 from ospc.methods.method import Method, Progress
+from ospc.photometry.calibration import Calibration
+from ospc.photometry.grey_range import GreyRange
+from ospc.pooling.prior_calibration import PriorCalibration
+from ospc.pooling.summary import Summary, summary_of
 from ospc.recording.frame import UNNAMED, Frame, check_exposure
 from ospc.settings import Settings
 from ospc.system.second_thread import SecondThread
@@ -44,12 +50,15 @@ class Engine:
     ----------
     settings
         Settings of the method.
+    prior
+        An earlier calibration of the camera, or None. It is not saved in states.
     prefetcher
         Predicts which frames will be needed, and keeps those that another thread preprocessed ahead of time.
     """
 
     def __init__(self, settings: Settings, run: Run) -> None:
         self.settings = settings
+        self.prior: PriorCalibration | None = None
         self._run = run
         self._method: Method | None = None  # until the first usable frame
         self._partly_processed = ""  # the name of a frame whose processing failed halfway
@@ -231,10 +240,24 @@ class Engine:
             return method
         first, begin = run.all_epochs[-1].first_frame, change.frame
         exposures, found, grey_range = run.used_before(begin, method)
-        known = run.judged(method.calibration(exposures, grey_range), found, {"frames": begin - first})
+        known = self._with_earlier(method, exposures, grey_range)
+        known = run.judged(known, found, {"frames": begin - first})
         run.begin_epoch(Epoch(first, begin - 1, known, change, found.corrected_frames, found.evidence.wrong))
         self._method = method.since(begin)
         return self._method
+
+    def _with_earlier(self, method: Method, exposures: ExposureTable, grey_range: GreyRange) -> Calibration:
+        """Return the calibration of the current epoch together with what was known of the camera before it."""
+        run = self._run
+        own = method.calibration(exposures, grey_range)
+        earlier = response_before_change(run.epochs, run.exposures.table.written) if run.epochs else self.prior
+        if earlier is None:
+            return own
+        return earlier.continued(own, self._summary_of(method.inputs(exposures, grey_range)))
+
+    def _summary_of(self, inputs: FitInputs | None) -> Summary | None:
+        run = self._run
+        return None if inputs is None else summary_of(inputs, run.first_frames[0], run.source, run.frames)
 
     def _update_prefetcher(self) -> None:
         """Pass the current sampler to the prefetcher, which copies it so that it never waits for the lock."""

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ospc.arrays import ByValue
+from ospc.arrays import ByValue, ImageSize
 from ospc.errors import NotObservableError, SettingError
 from ospc.methods.identifiability import doubted
 from ospc.photometry.calibration import Calibration
@@ -119,7 +119,7 @@ class PriorCalibration(ByValue):
                 f"preset {settings.name} cannot start from an earlier calibration ({self.name}); use the default one"
             )
 
-    def check_size(self, size: tuple[int, int]) -> None:
+    def check_size(self, size: ImageSize) -> None:
         """Check the size of frames.
 
         Raises
@@ -127,11 +127,15 @@ class PriorCalibration(ByValue):
         SettingError
             If it differs from that of the earlier calibration.
         """
-        if size != self.pool.size:
-            raise SettingError(
-                f"{self.name}: is for {self.pool.size[0]}×{self.pool.size[1]} pixels, but the frames have "
-                f"{size[0]}×{size[1]}; start from a calibration of the same size"
-            )
+        if other := self._other_size(size):
+            raise SettingError(f"{self.name}: {other}; start from a calibration of the same size")
+
+    def _other_size(self, size: ImageSize) -> str:
+        """Return how the size of frames differs; empty if it is the same."""
+        if size == self.pool.size:
+            return ""
+        width, height = self.pool.size
+        return f"it is for {width}×{height} pixels, but the frames have {size[0]}×{size[1]}"
 
     def _apart_from(self, today: Summary | None) -> Summary | None:
         """Return the joint summary without today's recording, which must not count twice; None if there is none."""
@@ -152,15 +156,11 @@ class PriorCalibration(ByValue):
             The calibration from today's frames alone.
         today
             The summary of today's frames; None if they allow no fit.
-
-        Raises
-        ------
-        SettingError
-            If the size of the frames differs from that of the earlier calibration.
         """
-        self.check_size(own.size)
         earlier = self._apart_from(today)
-        unlike = "" if earlier is None or today is None else why_unlike(earlier, today)
+        unlike = self._other_size(own.size)
+        if not unlike and earlier is not None and today is not None:
+            unlike = why_unlike(earlier, today)
         difference = None if unlike else difference_of(today, earlier)
         changed, text = ([], "") if difference is None else (list(difference.parts), difference.text)
         own = replace(
