@@ -171,7 +171,7 @@ def test_skipped_frames_are_counted_with_the_first_reasons(recording, tmp_path, 
     method.at_frame = {i: FrameError(f"frame {i} is torn") for i in (2, 4, 6, 8)}
     result = run(recording, "-o", tmp_path / "out")
     assert result.exit_code == 3
-    assert "warning: 4 of 12 frames skipped: frame 2 is torn; frame 4 is torn; frame 6 is torn; …" in result.stderr
+    assert "note: 4 of 12 frames skipped: frame 2 is torn; frame 4 is torn; frame 6 is torn; …" in result.stderr
 
 
 def test_errors_against_a_known_calibration(recording, tmp_path, method):

@@ -67,6 +67,17 @@ def test_a_missing_camera_is_a_one_line_error_without_driver_output(tmp_path: Pa
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize("stamps_s", [[5.0, 5.1, 5.2, 0.0, 0.1], [5.0, 5.1, 1e9, 5.3, 5.4], [5.0, 3.0, 3.1]])
+def test_no_frame_is_lost_when_the_clock_is_set(stamps_s: list[float], asked: dict[str, Any], tmp_path: Path) -> None:
+    frames = [Frame.of_array(np.zeros(SIZE, np.uint8), 1.0, index=i, stamp_s=s) for i, s in enumerate(stamps_s)]
+    asked["camera"] = type("Set", (Camera,), {"__iter__": lambda _: iter(frames)})()
+    result = ospc("record", "opencv:3", "-o", str(tmp_path / "out"))
+    assert "the clock of the camera was set back 1 time; the time stamps continue" in result.stderr
+    recorded_s = open_recording(tmp_path / "out").stamps_s
+    assert len(recorded_s) == len(stamps_s)
+    assert np.all(np.diff(recorded_s) > 0)
+
+
 def test_the_output_is_a_recording(asked: dict[str, Any], tmp_path: Path) -> None:
     result = ospc("record", "opencv:3", "-o", str(tmp_path / "out"), "--gain-unit", "db")
     assert result.exit_code == 0, (result.output, result.exception)

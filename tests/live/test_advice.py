@@ -200,7 +200,7 @@ def test_exposures_that_contradict_the_images_come_first():
     known = calibrated(30)
     stale = Verdict("not identifiable", "the exposures are stale", "switch gain control off")
     doubted = replace(known, verdicts=known.verdicts | {"exposures": stale})
-    assert Adviser().look(no_bright(), 0.0, doubted).text == "switch gain control off"
+    assert Adviser().look(no_bright(), 0.0, doubted).text == "switch gain control off; then start again"
     changed_before = replace(known, warnings=("the vignette changed at frame 7",))
     assert Adviser().look(no_bright(), 0.0, changed_before).kind == "bright"
 

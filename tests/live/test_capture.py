@@ -85,6 +85,20 @@ def test_a_recording_is_replayed_at_its_pace(filmed):
     assert time.monotonic() - begun_s < 0.2
 
 
+def test_a_replay_does_not_wait_for_gaps_between_stamps(filmed, monkeypatch):
+    slept_s, clock_s = [], [100.0]
+
+    def sleep(seconds):
+        slept_s.append(seconds)
+        clock_s[0] += seconds
+
+    monkeypatch.setattr("ospc.live.capture.time.sleep", sleep)
+    monkeypatch.setattr("ospc.live.capture.time.monotonic", lambda: clock_s[0])
+    stamps_s = (5.0, 6.0, 1.7e9, 1.7e9 + 1, 3.0, 5.0)
+    list(replayed([replace(filmed[0], stamp_s=stamp_s) for stamp_s in stamps_s], 1.0))
+    assert slept_s == pytest.approx([0, 1, 10, 1, 0, 2])
+
+
 @pytest.mark.parametrize("looked", [True, False])
 def test_only_the_capturing_thread_reads_frames_that_no_other_may_and_few_of_them(filmed, looked, monkeypatch):
     readers = []

@@ -364,6 +364,7 @@ def test_frames_that_cannot_be_used_are_counted_with_their_reason(exposure_ms):
         with pytest.raises(OspcError, match="no frame could be used"):
             live.calibration()
         assert live.status.unusable == 1
+        assert live.status.reasons[-1].startswith("frame 0: ")
         assert "exposure" in live.status.reasons[-1]
 
 

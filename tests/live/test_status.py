@@ -35,6 +35,20 @@ def test_an_estimate_puts_off_the_next_one(asked_at, converged, next_at, monkeyp
     assert estimated_at == [*asked_at, next_at]
 
 
+def test_a_change_of_the_camera_begins_the_estimates_anew_however_long_it_ran_before(monkeypatch):
+    engine, estimated_at, begun = OnlineCalibrator(), [], 9000
+    known = replace(calibration(), converged=False)
+    found = LiveFindings(engine, 0.005)
+    monkeypatch.setattr(OnlineCalibrator, "calibration", lambda _: estimated_at.append(engine.processed) or known)
+    engine._run.epochs = [Epoch(0, begun, None, Change(begun, begun, "response", "the response changed"))]
+    for processed in range(begun, begun + 4 * FIRST_ESTIMATE_FRAMES):
+        monkeypatch.setattr(OnlineCalibrator, "processed", processed)
+        monkeypatch.setattr(OnlineCalibrator, "frames", processed)
+        found.follow(processed)
+    since = [at - begun for at in estimated_at]
+    assert since[:2] == [FIRST_ESTIMATE_FRAMES, int(UNKNOWN_GROWTH * FIRST_ESTIMATE_FRAMES)]
+
+
 def test_the_latest_calibration_names_a_change_until_the_next_one(monkeypatch):
     engine, known = OnlineCalibrator(), replace(calibration(), converged=True)
     found = LiveFindings(engine, 0.005)

@@ -60,6 +60,17 @@ def test_frames_are_those_of_which_both_parts_came_in_order_and_once(events: lis
         assert {(number, True), (number, False)} <= set(events)
 
 
+def test_after_the_clock_was_set_frames_are_paired_again() -> None:
+    pairs = RosFrames(FLIR)
+    order = [*range(500, 504), 10**6, *range(504, 508), *range(3)]  # ahead for one frame, and back to the beginning
+    frames = []
+    for number in order:
+        assert pairs.image(image(number)) is None
+        frames.append(pairs.exposure(exposure(number)))
+    assert [frame.index for frame in frames] == list(range(len(order)))
+    assert [frame.stamp_s for frame in frames] == pytest.approx([100 + number / 20 for number in order])
+
+
 def test_unmatched_messages_take_bounded_memory() -> None:
     pairs = RosFrames(FLIR)
     for number in range(1000):

@@ -175,7 +175,7 @@ class ResultFolder:
         calibration, folder, truth = outcome.calibration, self.folder.path, self.truth
         counts, ratios = calibration.counts, calibration.exposure_ratios
         if counts.get("skipped"):
-            say_notes([skipped_in_words(counts["skipped"], counts["frames"], outcome.skipped)], "warning")
+            say_notes([skipped_in_words(counts["skipped"], counts["frames"], outcome.skipped)])
         say_verdicts(calibration.verdicts)
         for line in outcome.basis():
             say(line)

@@ -54,3 +54,6 @@ def command(
         low, high = filmed.exposure_range_ms
         repeated = f", {filmed.repeated} repeated ones left out" if filmed.repeated else ""
         say(f"{filmed.path}: {counted(filmed.frames, 'frame')} of {range_in_words(low, high)}{repeated}")
+        if filmed.clock_steps:
+            steps = counted(filmed.clock_steps, "time")
+            say_notes([f"the clock of the camera was set back {steps}; the time stamps continue"])

@@ -172,7 +172,8 @@ class Adviser:
         if known is not None:
             exposures = known.verdicts.get("exposures")
             if exposures is not None and exposures.state == "not identifiable":
-                return Instruction("exposures", exposures.remedy or exposures.reason)
+                # The frames so far keep their wrong exposures.
+                return Instruction("exposures", f"{exposures.remedy or exposures.reason}; then start again")
         return _SLOWER if preview is not None and self._finds_little(preview) else None
 
     def _finds_little(self, preview: Preview) -> bool:

@@ -24,6 +24,7 @@ from ospc.methods.preview import Preview
 from ospc.photometry.calibration import Calibration
 from ospc.pooling.prior_calibration import PriorCalibration
 from ospc.recording import Frame
+from ospc.recording.frame import UNNAMED
 from ospc.settings import Settings
 from ospc.settings.live import GOAL
 from ospc.system.throttle import Throttle
@@ -118,6 +119,8 @@ class LiveCalibrator(AbstractContextManager["LiveCalibrator"]):
         """
         with self._running():
             check_is_frame(frame, self._frames)
+            if frame.name == UNNAMED:
+                frame = replace(frame, name=f"frame {self._frames}")
             needed, full = self._engine.may_need_image(self._frames), self._waiting_bytes >= QUEUE_BYTES
             work, size, kept = partial(self._engine.push_without_image, frame.exposure_ms, frame.name), 0, False
             # Queued frames may change which frames are needed, so the prediction counts only if the queue is empty.

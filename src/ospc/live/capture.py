@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from array import array
@@ -28,6 +29,9 @@ Stage = Literal["filming", "estimating", "writing", "written", "failed"]
 
 WAITING_FRAMES = 4
 """Frames of a recording that may be queued: few, so that the page shows what is being calibrated."""
+
+_LONGEST_GAP_S = 10.0
+"""Longest time between frames that a replay waits for, in seconds of the recording."""
 
 _PICTURE_PX, _JPEG = 640, 80
 """Longest side and JPEG quality of the picture on the page."""
@@ -190,12 +194,15 @@ class Capture:
 
 
 def replayed(frames: Iterable[Frame], pace: float) -> Iterator[Frame]:
-    """Yield the frames of a recording at the pace of their stamps times ``pace``; 0 for no waiting."""
-    begun_s, first_s = time.monotonic(), None
+    """Yield the frames of a recording at the pace of their stamps times ``pace``; 0 for no waiting.
+
+    Gaps between stamps, as after the clock was set, are shortened to :data:`_LONGEST_GAP_S`.
+    """
+    due_s, before_s = time.monotonic(), math.inf
     for frame in frames:
-        first_s = frame.stamp_s if first_s is None else first_s
         if pace > 0:
-            due_s = begun_s + (frame.stamp_s - first_s) / pace
+            due_s += min(max(frame.stamp_s - before_s, 0.0), _LONGEST_GAP_S) / pace
+            before_s = frame.stamp_s
             time.sleep(max(0.0, due_s - time.monotonic()))
         yield frame
 

@@ -84,7 +84,7 @@ class LiveFindings:
         self._confirmed: Calibration | None = None  # the latest one, unless the camera has changed since
         self._estimated_after = self._estimated_frames = 0
         self._next_estimate = FIRST_ESTIMATE_FRAMES
-        self._known_epochs = 1
+        self._known_epochs, self._begun_after = 1, 0  # and the frames processed when the current epoch began
         self._used: deque[bool] = deque(maxlen=LATEST_FRAMES)
 
     def status(self, pushed: int, dropped: int, unusable: int) -> LiveStatus:
@@ -115,7 +115,8 @@ class LiveFindings:
         self.latest = self._confirmed = found
         self._estimated_after, self._estimated_frames = self._engine.processed, self._engine.frames
         growth = ESTIMATE_GROWTH if found.converged else UNKNOWN_GROWTH
-        self._next_estimate = max(FIRST_ESTIMATE_FRAMES, int(growth * self._estimated_after))
+        of_epoch = int(growth * (self._estimated_after - self._begun_after))
+        self._next_estimate = self._begun_after + max(FIRST_ESTIMATE_FRAMES, of_epoch)
         return found
 
     def follow(self, pushed: int, *, used: bool = True) -> None:
@@ -123,7 +124,7 @@ class LiveFindings:
         self._used.append(used)
         epochs, processed = self._engine.epochs, self._engine.processed
         if len(epochs) > self._known_epochs:
-            change, self._known_epochs = epochs[-2].change, len(epochs)
+            change, self._known_epochs, self._begun_after = epochs[-2].change, len(epochs), processed
             self._next_estimate, self._confirmed = processed + FIRST_ESTIMATE_FRAMES, None
             if change is not None:
                 self._note(change.text)

@@ -22,6 +22,10 @@ _WAITING = 30
 """Messages of each topic that wait for their counterpart, which is at most a few frames late."""
 
 
+_CLOCK_STEP_NS = 2 * NS_PER_S
+"""A stamp this much earlier than that of the latest frame shows that the clock was set, or a bag begins again."""
+
+
 class RosFrames:
     """Pairs images with exposures by the time stamps in their headers.
 
@@ -90,6 +94,10 @@ class RosFrames:
         # A simulated clock begins at 0, which is also the stamp of drivers that set none.
         if not stamped or stamp_ns <= 0 <= self._last_ns:
             raise error("a message has no time stamp in its header, by which images and exposures are matched")
+        if stamp_ns < self._last_ns - _CLOCK_STEP_NS:
+            self._images.clear()
+            self._exposures_ms.clear()
+            self._last_ns = -1
         waiting[stamp_ns] = value
         while len(waiting) > _WAITING:
             del waiting[next(iter(waiting))]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import zipfile
 from collections.abc import Callable, Iterable
 from contextlib import AbstractContextManager
@@ -113,6 +114,9 @@ def encoding_notes(recording: Recording, number: int, image_format: ImageFormat 
     return [f"{bits}-bit grey values are left-aligned in 16-bit images"] if bits < 16 else []
 
 
+_CLOCK_STEP_S = 1.0
+"""A stamp this much earlier than the previous one shows that the clock was set."""
+
 MOST_FRAMES = 1_000_000
 """Maximum number of frames in a recording: nine hours at 30 per second."""
 
@@ -121,12 +125,14 @@ MOST_FRAMES = 1_000_000
 class Filmed:
     """The folder, its number of images, and the shortest and longest exposure.
 
-    ``repeated`` frames were left out because their time stamps were not later than the previous one.
+    ``repeated`` frames were left out because their time stamps were not later than the previous one. Where the clock
+    was set back, ``clock_steps`` times, the stamps continue.
     """
 
     path: Path
     frames: int
     repeated: int
+    clock_steps: int
     exposure_range_ms: tuple[float, float]
 
 
@@ -155,15 +161,20 @@ def film(
     check_usable(place, content_of=lambda _place: NOT_EMPTY)
     stamps_s: list[float] = []
     exposures_ms: list[float] = []
-    repeated = 0
+    repeated = clock_steps = 0
+    ahead_s = 0.0  # by how much the stamps written are ahead of those of the camera
     try:
         with writing(place), NumberedImages(place, most, archive=False) as images:
             for frame in frames:
-                if stamps_s and round(frame.stamp_s, 9) <= round(stamps_s[-1], 9):
+                later_s = round(frame.stamp_s + ahead_s - stamps_s[-1], 9) if stamps_s else math.inf
+                if later_s < -_CLOCK_STEP_S:
+                    interval_s = float(np.median(np.diff(stamps_s))) if len(stamps_s) > 1 else _CLOCK_STEP_S
+                    ahead_s, later_s, clock_steps = ahead_s - later_s + interval_s, interval_s, clock_steps + 1
+                if later_s <= 0:
                     repeated += 1
                 else:
                     images.write(len(stamps_s), encode(frame, "png"))
-                    stamps_s.append(frame.stamp_s)
+                    stamps_s.append(frame.stamp_s + ahead_s)
                     exposures_ms.append(frame.exposure_ms)
                     progress(len(stamps_s), most)
                 if stop() or len(stamps_s) >= most:
@@ -173,4 +184,4 @@ def film(
             write_times(place / "times.txt", range(len(stamps_s)), stamps_s, exposures_ms)
     if not stamps_s:
         raise RecordingError(f"{place}: the camera delivered no frames; check that it is running")
-    return Filmed(place, len(stamps_s), repeated, (min(exposures_ms), max(exposures_ms)))
+    return Filmed(place, len(stamps_s), repeated, clock_steps, (min(exposures_ms), max(exposures_ms)))
