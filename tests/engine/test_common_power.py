@@ -10,9 +10,9 @@ import pytest
 from calibrations import calibration
 from ospc.calibrator import OnlineCalibrator
 from ospc.engine.verdicts import common_power, compared_with_epoch_before, judged
-from ospc.photometry.calibration import Calibration
+from ospc.photometry.calibration import PROFILE_RADII, Calibration
 from ospc.photometry.verdict import Verdict
-from ospc.photometry.vignette import RasterVignette
+from ospc.photometry.vignette import LogSplineVignette, RasterVignette
 from ospc.recording import Frame
 from ospc.simulation.responses import make_response
 
@@ -30,6 +30,13 @@ def raised(of_response: float, of_vignette: float) -> Calibration:
 @pytest.mark.parametrize("power", [0.5, 0.67, 0.8, 1.25, 2.0])
 def test_one_power_of_both_is_found(power: float) -> None:
     assert common_power(BEFORE, raised(power, power)) == pytest.approx(power, rel=0.02)
+
+
+def test_a_power_is_found_where_the_vignette_is_known() -> None:
+    sigma = np.where(PROFILE_RADII > 0.7, 0.5, 0.003)
+    lenses = {power: LogSplineVignette(BEFORE.size, (-0.4 * power, -0.4 * power), limit=0.7) for power in (1.0, 0.67)}
+    before, after = (replace(raised(power, 1), vignette=lens, vignette_sigma=sigma) for power, lens in lenses.items())
+    assert common_power(before, after) == pytest.approx(0.67, rel=0.02)
 
 
 @pytest.mark.parametrize(("of_response", "of_vignette"), [(1, 1), (0.6, 1), (1, 0.6), (0.6, 1.4), (1.05, 1.05)])

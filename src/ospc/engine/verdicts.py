@@ -19,7 +19,7 @@ from ospc.photometry.calibration import PROFILE_RADII, Calibration
 from ospc.photometry.grey_range import GreyRange
 from ospc.photometry.response import Response
 from ospc.photometry.verdict import Verdict
-from ospc.photometry.vignette import diagonal_profile
+from ospc.photometry.vignette import diagonal_profile, usable_radius_of
 from ospc.settings.methods import (
     COMMON_POWER_GREYS,
     COMMON_POWER_SIGMAS,
@@ -81,8 +81,10 @@ def common_power(before: Calibration, after: Calibration) -> float | None:
     of_response, misfit = _power(*_log_responses(before.response, after.response))
     earlier, later = (diagonal_profile(one, PROFILE_RADII) for one in (before.vignette, after.vignette))
     of_vignette, _ = _power(np.log(earlier), np.log(later))
-    log_sigma = before.vignette_sigma[-1] / earlier[-1] + after.vignette_sigma[-1] / later[-1]
-    sigma = log_sigma / max(abs(np.log(earlier[-1])), np.finfo(np.float64).tiny)
+    usable = min(usable_radius_of(before.vignette), usable_radius_of(after.vignette))
+    edge = np.flatnonzero(usable >= PROFILE_RADII)[-1]
+    log_sigma = before.vignette_sigma[edge] / earlier[edge] + after.vignette_sigma[edge] / later[edge]
+    sigma = log_sigma / max(abs(np.log(earlier[edge])), np.finfo(np.float64).tiny)
     alike = abs(of_response - of_vignette) < COMMON_POWER_TOLERANCE + COMMON_POWER_SIGMAS * sigma
     clear = of_vignette > 0 and abs(np.log(of_vignette)) > MIN_COMMON_POWER_LOG + COMMON_POWER_SIGMAS * sigma
     return of_response if alike and clear and misfit < COMMON_POWER_TOLERANCE else None
