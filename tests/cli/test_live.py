@@ -128,12 +128,12 @@ def stalled(recording, tmp_path):
     return tmp_path / "stalled"
 
 
-def waiting_an_hour(then):
+def waiting_long(then):
     """Return a replacement for sleep that calls a function before a long sleep."""
     sleep = time.sleep
 
     def slept(duration_s):
-        if duration_s > 60:
+        if duration_s > 5:
             then()
         sleep(duration_s)
 
@@ -152,7 +152,7 @@ def check_kept(out):
 def test_signals_end_a_waiting_capture_and_keep_the_result(stalled, tmp_path, monkeypatch, number):
     leave_out(monkeypatch, "draw", "report")
     soon = threading.Timer(0.2, os.kill, (os.getpid(), number))
-    monkeypatch.setattr(time, "sleep", waiting_an_hour(soon.start))
+    monkeypatch.setattr(time, "sleep", waiting_long(soon.start))
     # The tests themselves may run under nohup.
     before = signal.signal(signal.SIGHUP, signal.SIG_DFL)
     try:
@@ -186,7 +186,7 @@ import fcntl, signal, sys, termios, time
 fcntl.ioctl(0, termios.TIOCSCTTY, 0)
 signal.signal(signal.SIGHUP, signal.SIG_DFL)  # the tests themselves may run under nohup
 sleep = time.sleep
-time.sleep = lambda duration_s: (duration_s > 60 and print("waiting", flush=True), sleep(duration_s))
+time.sleep = lambda duration_s: (duration_s > 5 and print("waiting", flush=True), sleep(duration_s))
 from ospc.cli.main import main
 main()
 """

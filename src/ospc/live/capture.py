@@ -23,15 +23,12 @@ from ospc.photometry.calibration import PROFILE_RADII
 from ospc.photometry.geometry import half_diagonal
 from ospc.photometry.vignette import diagonal_profile
 from ospc.recording import Frame
-from ospc.settings.live import GOAL
+from ospc.settings.live import GOAL, LONGEST_GAP_S
 
 Stage = Literal["filming", "estimating", "writing", "written", "failed"]
 
 WAITING_FRAMES = 4
 """Frames of a recording that may be queued: few, so that the page shows what is being calibrated."""
-
-_LONGEST_GAP_S = 10.0
-"""Longest time between frames that a replay waits for, in seconds of the recording."""
 
 _PICTURE_PX, _JPEG = 640, 80
 """Longest side and JPEG quality of the picture on the page."""
@@ -196,12 +193,12 @@ class Capture:
 def replayed(frames: Iterable[Frame], pace: float) -> Iterator[Frame]:
     """Yield the frames of a recording at the pace of their stamps times ``pace``; 0 for no waiting.
 
-    Gaps between stamps, as after the clock was set, are shortened to :data:`_LONGEST_GAP_S`.
+    Gaps between stamps, as after the clock was set, are shortened to :data:`~ospc.settings.live.LONGEST_GAP_S`.
     """
     due_s, before_s = time.monotonic(), math.inf
     for frame in frames:
         if pace > 0:
-            due_s += min(max(frame.stamp_s - before_s, 0.0), _LONGEST_GAP_S) / pace
+            due_s += min(max(frame.stamp_s - before_s, 0.0), LONGEST_GAP_S) / pace
             before_s = frame.stamp_s
             time.sleep(max(0.0, due_s - time.monotonic()))
         yield frame

@@ -61,3 +61,9 @@ CONFIRMING_FRAMES = 12
 LATEST_FRAMES, MAX_UNUSABLE_FRAMES = 20, 10
 """Number of latest frames considered, and number of unusable ones among them above which the advice says so: a driver
 that starts or hesitates loses fewer."""
+
+# Replays of recordings (ospc.live.capture)
+
+LONGEST_GAP_S = 10.0
+"""Longest time between frames that a replay waits for, in seconds of the recording: longer gaps are pauses of the
+camera or steps of its clock."""
