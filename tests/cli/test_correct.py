@@ -512,7 +512,7 @@ def test_where_the_vignette_is_unknown_is_stated(made, tmp_path):
     vignette = LogSplineVignette(SETTINGS.size, (-0.3, -0.3), limit=0.66)
     masked = Calibration(SETTINGS.size, made.response, vignette).save(tmp_path / "calibration.json")
     said = run(made.path, masked, "-o", tmp_path / "out").stderr.replace("\n", " ")
-    assert "beyond 0.66 half diagonals from the image centre, the vignette is unknown and taken as constant" in said
+    assert "beyond 0.66 half diagonals from its centre, the vignette is unknown and taken as constant" in said
 
 
 def test_sources_without_images_are_an_error(made, calibration, tmp_path):

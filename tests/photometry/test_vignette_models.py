@@ -20,6 +20,8 @@ from ospc.photometry.vignette import (
     RasterVignette,
     half_diagonal_profiles,
     radial_profile,
+    unknown_part_in_words,
+    usable_radius_of,
 )
 
 sizes = st.tuples(st.integers(2, 30), st.integers(2, 30))
@@ -180,3 +182,11 @@ def test_rings_without_a_pixel_are_unknown(side, bins, unknown):
     profile = radial_profile(PolynomialVignette((side, side), (0.0, 0.0, 0.0)), bins)
     assert np.isnan(profile).sum() == unknown
     np.testing.assert_allclose(profile[np.isfinite(profile)], 1)
+
+
+@pytest.mark.parametrize(("limit", "said"), [(2.2, ""), (1.5, "beyond 1.50 half diagonals from its centre")])
+def test_a_part_of_an_image_may_lie_within_or_beyond_what_is_known(limit, said):
+    cropped = LogSplineVignette((64, 48), (-0.3, -0.3), centre=(1.2, 0.0), limit=limit)
+    assert unknown_part_in_words(cropped).startswith(said)
+    assert bool(unknown_part_in_words(cropped)) is bool(said)
+    assert 0 <= usable_radius_of(cropped) <= 1

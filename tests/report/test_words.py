@@ -73,7 +73,7 @@ def test_the_text_states_the_attenuation_at_the_corners():
 
 def test_the_text_states_where_the_vignette_is_unknown_instead_of_corners():
     text = fact_text(vignette=LogSplineVignette(SIZE, (-0.3, -0.3), limit=0.7))
-    assert "Beyond 0.70 half diagonals from the image centre, the vignette is unknown and taken as constant." in text
+    assert "Beyond 0.70 half diagonals from its centre, the vignette is unknown and taken as constant." in text
     assert "corners" not in text
 
 

@@ -170,15 +170,19 @@ def usable_radius_of(vignette: Vignette | None) -> float:
     """Return the usable radius of the images to which a vignette was fitted; 1 if it does not tell."""
     if not isinstance(vignette, LogSplineVignette):
         return 1.0
-    return min(1.0, vignette.limit - math.hypot(*vignette.centre))
+    return max(0.0, min(1.0, vignette.limit - math.hypot(*vignette.centre)))
 
 
 def unknown_part_in_words(vignette: Vignette | None) -> str:
     """Return where in the image a vignette is unknown; empty if nowhere."""
-    radius = usable_radius_of(vignette)
-    if radius >= 1:
+    if not isinstance(vignette, LogSplineVignette):
         return ""
-    return f"beyond {radius:.2f} half diagonals from the image centre, the vignette is unknown and taken as constant"
+    corners = along_diagonals(1.0, vignette.size) - vignette.centre
+    if np.linalg.norm(corners, axis=-1).max() <= vignette.limit:
+        return ""
+    return (
+        f"beyond {vignette.limit:.2f} half diagonals from its centre, the vignette is unknown and taken as constant"
+    )
 
 
 def powers_in_unit(coefficients: tuple[float, ...], unit: float) -> tuple[float, ...]:
