@@ -75,6 +75,17 @@ def test_noise_unmeasured_in_the_dark_is_extrapolated_from_brighter_levels():
     np.testing.assert_allclose(variance, drawn_variance, rtol=0.2)
 
 
+def test_texture_in_every_block_does_not_hide_that_noise_comes_before_the_response():
+    """With gamma near 2, shot noise is as constant in grey as noise of the grey level itself."""
+    response, grid, contrast = Response.gamma(2.2, 2041), np.linspace(0, 1, TABLE_LEVELS), 0.015
+    _, variances = drawn(response, grid, 10_000, 6, TABLE_DRAWS)
+    textured = NoiseModel(0, 0, tuple(variances + (contrast * grid) ** 2), measured=(0.08, 0.8))
+    levels = np.linspace(0.05, 0.2, 8)
+    means, _ = drawn(response, levels, 10_000, 6, DRAWS)
+    shift = np.interp(levels, GRID, mean_shift(response, textured))
+    np.testing.assert_allclose(shift, means - levels, rtol=0.3, atol=2e-4)
+
+
 @pytest.mark.parametrize("variance", [0.0, 1e-12])
 def test_tiny_noise_causes_a_tiny_shift(variance):
     shift = mean_shift(Response.gamma(2.2, 2041), NoiseModel(variance, 0))

@@ -257,7 +257,9 @@ def _parts_of_noise(level: FloatArray, irradiance: FloatArray, noise: NoiseModel
         return 0.0, 0.0, 0.0
     squared_slope = slope[known] ** 2
     of_irradiance = variance[known] * squared_slope
-    rows = np.stack([np.ones(len(of_irradiance)), irradiance[known], squared_slope], axis=1) / of_irradiance[:, None]
+    # In blocks that all have some texture, its variance adds to that of noise; it grows with the squared grey level.
+    parts = [np.ones(len(of_irradiance)), irradiance[known], squared_slope, squared_slope * level[known] ** 2]
+    rows = np.stack(parts, axis=1) / of_irradiance[:, None]
     scale = rows.max(axis=0)
-    constant, proportional, of_grey = non_negative_least_squares(rows / scale, np.ones(len(rows))) / scale
+    constant, proportional, of_grey, _ = non_negative_least_squares(rows / scale, np.ones(len(rows))) / scale
     return float(constant), float(proportional), float(of_grey)
