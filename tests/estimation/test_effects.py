@@ -175,6 +175,7 @@ def test_a_camera_without_effects_has_none(seed: int) -> None:
         (Disturbed(glare=0.03, most_white=0.3), "veiling glare", 0.03),
         (Disturbed(scatter=0.04), "light scattered nearby", 0.04),
         (Disturbed(stray=(0.01, 0, 0)), "stray light at the corners", 0.01),
+        (Disturbed(stray=(0.0015, 0, 0)), "stray light at the corners", 0.0015),
         (Disturbed(offset=0.05), "exposure offset", 0.05),
         (Disturbed(offset=-0.05), "exposure offset", -0.05),
         (Disturbed(late=0.4), "late exposures", 0.4),
@@ -289,6 +290,7 @@ def test_unsteadiness_that_only_corrections_cause_is_none(
     [
         (Disturbed(power_of_logarithm=0.1), "curved exposures"),
         (Disturbed(tone=-0.1), "local tone mapping"),
+        (Disturbed(tone=-0.02), "local tone mapping"),
         (Disturbed(gamma_drift=0.08), "drifting response"),
         (Disturbed(black_drift=0.02), "drifting black level"),
         (Disturbed(black_by_exposure=0.02), "black level by exposure"),

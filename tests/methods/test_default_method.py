@@ -255,7 +255,7 @@ def test_unusable_frames_do_not_affect_the_result(walk, result):
     ends = np.array([0.25, 0.75])
     sigmas = [np.interp(ends, c.response.levels, c.response.log_sigma) for c in (mixed, clean)]
     np.testing.assert_allclose(*sigmas, rtol=1 / 3, atol=1e-3)
-    np.testing.assert_allclose(mixed.vignette_sigma, clean.vignette_sigma, rtol=1 / 3, atol=1e-4)
+    np.testing.assert_allclose(mixed.vignette_sigma, clean.vignette_sigma, rtol=1 / 3, atol=5e-4)
     levels = np.linspace(0.2, 0.8, 13)
     steps = [np.diff(np.log(c.response.inverse(levels))) for c in (mixed, clean)]
     np.testing.assert_allclose(*steps, atol=0.02)
