@@ -244,3 +244,16 @@ def test_registration_does_not_see_the_sharp_edge_of_an_image_circle(softness_px
     for before, after in zip(frames[-2:], area.extended(*frames[-2:]), strict=True):
         np.testing.assert_array_equal(after.small[distance < 35], before.small[distance < 35])
         assert (after.small[distance > 52].min() > 30) == extends
+
+
+def test_surround_overlay_and_masked_parts_do_not_show_the_scene() -> None:
+    assert area_of(views(WALK)).shown() is None
+    np.testing.assert_array_equal(area_of(views(WALK), ~box()).shown(), ~box())
+    covered = area_of(np.where(letters(), 240, image).astype(np.uint8) for image in views(WALK)).shown()
+    assert covered is not None
+    assert not covered[letters()].any()
+    area = lit(np.linalg.norm(np.indices(SIZE[::-1]) - np.reshape([60, 80], (2, 1, 1)), axis=0) < 55)
+    shown, surround = area.shown(), area.surround()
+    assert shown is not None
+    assert surround is not None
+    np.testing.assert_array_equal(shown, ~surround)

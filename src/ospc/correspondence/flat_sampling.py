@@ -56,7 +56,7 @@ class Samples:
     observations: Observations
     """Two observations for each scene point."""
     overlap: float
-    """Share of the grid points that were matched; 0 if the overlap is too small."""
+    """Share of the grid points on the scene that were matched; 0 if the overlap is too small."""
     radial_motion: float
     """Root mean square of R₀ − R₁ over the matched points."""
     motion_px: float
@@ -113,8 +113,11 @@ class FlatSampler:
         places1 = places0 + displacement
         far = np.array(frame.reduced_size) - 1 - SAMPLING_MARGIN_PX
         inside = np.all((places1 >= SAMPLING_MARGIN_PX) & (places1 <= far), axis=1)
+        seen = keyframe.shows_scene(places0)
         found = (forward_backward_error < self.settings.max_forward_backward_error_px) & inside
-        if not found.size or found.mean() < MIN_OVERLAP:
+        found &= seen & frame.shows_scene(places1)
+        overlap = float(found[seen].mean()) if seen.any() else 0.0
+        if overlap < MIN_OVERLAP:
             return NOTHING_FOUND
         row = np.flatnonzero(found[keyframe.flat])
         row = row[self._is_flat(frame, places1[keyframe.flat[row]])]
@@ -143,7 +146,7 @@ class FlatSampler:
             np.full(len(chosen), group),
         )
         radial_motion = float(np.sqrt(np.mean(radial**2)))
-        return Samples(observations, float(found.mean()), radial_motion, motion * keyframe.reduction)
+        return Samples(observations, overlap, radial_motion, motion * keyframe.reduction)
 
     def _is_flat(self, frame: PreprocessedFrame, places: FloatArray) -> BoolArray:
         """Return where a frame is flat and not clipped, (n, 2) -> (n,)."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import cv2
 import numpy as np
@@ -55,6 +55,8 @@ class ReducedFrame:
     """Weighted sums of 1, M … M⁵ and white pixels around each pixel of a coarse image, shape (h'', w'', 7)."""
     grey_range: GreyRange
     """Black and white as they were known then."""
+    shown: BoolArray | None = field(default=None, kw_only=True)
+    """Which pixels of the small image show the scene; None if all do. Only these reveal the motion of the view."""
 
     @property
     def reduced_size(self) -> ImageSize:
@@ -75,6 +77,12 @@ class ReducedFrame:
         size, small_size = np.array(image.shape[1::-1]), np.array(self.small.shape[::-1])
         covered = size if image.shape[1::-1] == self.reduced_size else small_size * self.further_reduction
         return values_at(image, rescaled(places, size / covered)).astype(np.float64)
+
+    def shows_scene(self, places: FloatArray) -> BoolArray:
+        """Return which points of the reduced size show the scene, (n, 2) -> (n,)."""
+        if self.shown is None:
+            return np.ones(len(places), bool)
+        return self.values_at(self.shown.view(np.uint8) * np.uint8(255), places) > 127
 
     def to_frame(self, points: FloatArray) -> FloatArray:
         """Convert points (x, y) in the reduced size to pixel coordinates in the frame, shape (..., 2)."""

@@ -12,7 +12,7 @@ from typing import Protocol
 import cv2
 import numpy as np
 
-from ospc.arrays import Float32Array, FloatArray
+from ospc.arrays import BoolArray, Float32Array, FloatArray
 from ospc.correspondence.exposure_normalizer import ExposureNormalizer
 from ospc.correspondence.preprocessing import ReducedFrame
 from ospc.correspondence.thumbnail_registration import (
@@ -23,16 +23,12 @@ from ospc.correspondence.thumbnail_registration import (
     there_and_back,
     values_at,
 )
+from ospc.correspondence.view_motion import homography, view_motion
 from ospc.settings.registration import (
     DISPLACEMENT_CELL_PX,
     DISPLACEMENT_SPREAD_SIGMA_PX,
-    HOMOGRAPHY_INLIER_PX,
-    HOMOGRAPHY_MIN_INLIERS,
-    HOMOGRAPHY_MIN_ROWS,
-    HOMOGRAPHY_SPACING_PX,
     JACOBIAN_CELL_PX,
     MAX_DISPLACEMENT_SPREAD_PX,
-    MIN_OVERLAP,
     REFINEMENT_GRADIENT_WEIGHT,
     REFINEMENT_ITERATIONS,
     SECOND_SEARCH_STEPS,
@@ -51,10 +47,12 @@ class Registration:
     """Distance between each pixel and the end of registering it forward and back, in the same pixels, shape (h,
     w)."""
 
-    @property
-    def homography(self) -> FloatArray | None:
-        """Homography that explains most displacements, in the same pixels, shape (3, 3); None if none does."""
-        return _homography(self.forward)
+    def homography(self, shown: BoolArray | None = None) -> FloatArray | None:
+        """Return the homography that explains most displacements, in the same pixels, shape (3, 3), or None.
+
+        ``shown`` marks the pixels that show the scene, shape (h, w); None for all.
+        """
+        return homography(self.forward, shown)
 
 
 class Registrar(Protocol):
@@ -69,9 +67,9 @@ class Registrar(Protocol):
     ) -> Registration | None:
         """Return the displacements between two frames, or None if they have too little overlap.
 
-        The error of a lost pixel is large. Displacements are in pixels of the small images, shape (h, w), that
-        ``normalize`` returns for equal exposure. ``stated_log_ratio`` is ln of the exposure of the second over that
-        of the first, NaN if unknown.
+        The error of a lost pixel is large; that of pixels that do not show the scene, see ``frame0.shown``, does not
+        matter. Displacements are in pixels of the small images, shape (h, w), that ``normalize`` returns for equal
+        exposure. ``stated_log_ratio`` is ln of the exposure of the second over that of the first, NaN if unknown.
         """
         ...
 
@@ -81,9 +79,10 @@ class DenseRegistration:
 
     Its smoothness term underestimates displacements that vary across the image, as when the camera moves forward or
     rotates. A coarse search therefore comes first, and the second image is warped by the homography that explains
-    most of it; the remaining displacements are small and nearly constant. If no homography explains a quarter of the
-    image, the search ends: of 524 such pairs, only one could have been registered. The backward search only detects
-    forward errors of several pixels, so it is coarser. It runs in parallel in a second thread.
+    most of the scene; the remaining displacements are small and nearly constant. If a surround, an overlay or a mask
+    hides part of the scene, the motion may also be curved. If no motion explains a quarter of the scene, the search
+    ends: of 524 such pairs, only one could have been registered. The backward search only detects forward errors of
+    several pixels, so it is coarser. It runs in parallel in a second thread.
 
     On a plain object in front of the background, both searches find the displacement of the background. Points with
     very different displacements around them are therefore discarded, too.
@@ -103,17 +102,15 @@ class DenseRegistration:
     ) -> Registration | None:
         """Register two frames in both directions; see :class:`Registrar`."""
         image0, image1 = normalize(frame0, frame1, stated_log_ratio)
-        homography = _homography(self._first.calc(image0, image1, None))
-        if homography is None:
+        motion = view_motion(self._first.calc(image0, image1, None), frame0.shown)
+        if motion is None:
             return None
-        size = image0.shape[::-1]
-        inverse = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
-        warped = cv2.warpPerspective(image1, homography, size, flags=inverse, borderMode=cv2.BORDER_REPLICATE)
+        size, warped = image0.shape[::-1], motion.warped(image1)
         returning = self._second.submit(self._back.calc, warped, image0, None)
         forward = self._there.calc(image0, warped, None)
         in_warped, error = there_and_back(forward, returning.result())
         error[_spread(forward) > MAX_DISPLACEMENT_SPREAD_PX] = OUTSIDE_PX
-        there = cv2.perspectiveTransform(in_warped, homography)
+        there = motion.at(in_warped)
         # The warped image repeats the border of the second one beyond its edge: points there have left the view.
         error[cv2.inRange(there, (0, 0, 0, 0), (size[0] - 1, size[1] - 1, 0, 0)) == 0] = OUTSIDE_PX
         there -= pixel_places(size)
@@ -139,21 +136,6 @@ def _refined(flow: cv2.DISOpticalFlow) -> cv2.DISOpticalFlow:
     flow.setVariationalRefinementDelta(0.0)
     flow.setVariationalRefinementGamma(REFINEMENT_GRADIENT_WEIGHT)
     return flow
-
-
-def _homography(displacement: Float32Array) -> FloatArray | None:
-    """Return the homography that explains most displacements, (h, w, 2) -> (3, 3); None if none explains enough."""
-    height, width = displacement.shape[:2]
-    step = max(1, min(HOMOGRAPHY_SPACING_PX, min(height, width) // HOMOGRAPHY_MIN_ROWS))
-    lattice = (slice(step // 2, None, step),) * 2
-    places = pixel_places((width, height))[lattice].reshape(-1, 2)
-    there = places + displacement[lattice].reshape(-1, 2)
-    inside = np.all((there >= 0) & (there <= (width - 1, height - 1)), axis=1)
-    fewest = max(MIN_OVERLAP * len(places), HOMOGRAPHY_MIN_INLIERS)
-    if np.count_nonzero(inside) < fewest:
-        return None
-    found, supports = cv2.findHomography(places[inside], there[inside], cv2.USAC_FAST, HOMOGRAPHY_INLIER_PX)
-    return None if found is None or np.count_nonzero(supports) < fewest else np.asarray(found)
 
 
 def _spread(displacement: Float32Array) -> Float32Array:

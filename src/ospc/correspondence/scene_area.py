@@ -91,6 +91,12 @@ class SceneArea:
         dark = self._dark_surround()
         return None if dark is None else _widened(dark)
 
+    def shown(self) -> BoolArray | None:
+        """Return which pixels show the scene and may be used, in the small size, shape (h, w); None if all do."""
+        masked = None if self.allowed is None else ~self.allowed
+        hidden = [one for one in (masked, self.surround(), self.overlay()) if one is not None]
+        return ~np.logical_or.reduce(hidden) if hidden else None
+
     def extended(self, frame0: ReducedFrame, frame1: ReducedFrame) -> tuple[ReducedFrame, ReducedFrame]:
         """Return two frames for registration, in which the scene extends into a surround with a sharp edge.
 

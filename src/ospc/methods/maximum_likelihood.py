@@ -74,9 +74,11 @@ class MaximumLikelihoodMethod(Method):
         if keyframe is not None:
             area, frames = self._data.scene_area, np.array([keyframe.number, prepared.number])
             stated_log_ratio = float(np.diff(exposures.log_exposure_of(frames))[0])
+            shown = area.shown()
+            keyframe, prepared = replace(keyframe, shown=shown), replace(prepared, shown=shown)
             views = area.extended(keyframe, prepared)
             registration = self._register(*views, self._quick_fit.normalize, stated_log_ratio)
-            if registration is not None and (motion := registration.homography) is not None:
+            if registration is not None and (motion := registration.homography(shown)) is not None:
                 area.compare(keyframe, prepared, motion)
         measured = self._second.submit(self._data.noise.observe, frame)  # after registration, which uses that thread
         if keyframe is not None:
