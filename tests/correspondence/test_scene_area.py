@@ -233,8 +233,8 @@ def test_places_under_an_overlay_do_not_show_the_scene() -> None:
     assert shown.tolist() == [False, True, True]
 
 
-@pytest.mark.parametrize(("softness_px", "extends"), [(0.01, True), (2.0, False)])
-def test_registration_does_not_see_the_sharp_edge_of_an_image_circle(softness_px: float, *, extends: bool) -> None:
+@pytest.mark.parametrize("softness_px", [0.01, 2.0])
+def test_registration_does_not_see_the_edge_of_an_image_circle(softness_px: float) -> None:
     distance = np.linalg.norm(np.indices(SIZE[::-1]) - np.reshape([59.5, 79.5], (2, 1, 1)), axis=0)
     light = 1 / (1 + np.exp(np.clip((distance - 45) / softness_px, -50, 50)))
     prepare, area = preprocessor(), SceneArea()
@@ -242,8 +242,29 @@ def test_registration_does_not_see_the_sharp_edge_of_an_image_circle(softness_px
     for frame in frames:
         area.observe(frame, None)
     for before, after in zip(frames[-2:], area.extended(*frames[-2:]), strict=True):
-        np.testing.assert_array_equal(after.small[distance < 35], before.small[distance < 35])
-        assert (after.small[distance > 52].min() > 30) == extends
+        np.testing.assert_array_equal(after.small[distance < 32], before.small[distance < 32])
+        assert after.small[distance > 52].min() > 30
+
+
+def soft_disc(softness_px: float, centre: tuple[float, float] = (79.5, 59.5)) -> SceneArea:
+    """Return what is known after images of a circle of 45 pixels with a soft edge."""
+    distance = np.linalg.norm(np.indices(SIZE[::-1]) - np.reshape(centre[::-1], (2, 1, 1)), axis=0)
+    light = 1 / (1 + np.exp(np.clip((distance - 45) / softness_px, -50, 50)))
+    return area_of((light * image).astype(np.uint8) for image in views(WALK))
+
+
+@pytest.mark.parametrize("softness_px", [0.01, 1.0, 2.0, 3.0])
+def test_the_soft_edge_of_an_image_circle_is_no_overlay(softness_px: float) -> None:
+    assert soft_disc(softness_px).overlay() is None
+
+
+@pytest.mark.parametrize("centre", [(79.5, 59.5), (88.5, 63.5)])
+def test_a_soft_edge_is_told_from_a_sharp_one(centre: tuple[float, float]) -> None:
+    assert soft_disc(0.01, centre).soft_circle() is None
+    found = soft_disc(2.0, centre).soft_circle()
+    assert found is not None
+    np.testing.assert_allclose(found, normalised(np.array(centre), SIZE), atol=0.01)
+    assert area_of(views(WALK)).soft_circle() is None
 
 
 def test_surround_overlay_and_masked_parts_do_not_show_the_scene() -> None:
@@ -252,7 +273,7 @@ def test_surround_overlay_and_masked_parts_do_not_show_the_scene() -> None:
     covered = area_of(np.where(letters(), 240, image).astype(np.uint8) for image in views(WALK)).shown()
     assert covered is not None
     assert not covered[letters()].any()
-    area = lit(np.linalg.norm(np.indices(SIZE[::-1]) - np.reshape([60, 80], (2, 1, 1)), axis=0) < 55)
+    area = soft_disc(0.01)
     shown, surround = area.shown(), area.surround()
     assert shown is not None
     assert surround is not None

@@ -31,6 +31,7 @@ from ospc.settings.grey_values import (
     MIN_SURROUND_AREA,
     MIN_SURROUND_CORNERS,
     OVERLAY_LINE_PX,
+    SOFT_SURROUND_MARGIN_PX,
     SURROUND_MARGIN_PX,
     WHOLE_IMAGE_RADIUS,
 )
@@ -62,6 +63,9 @@ class SceneArea:
     pairs: Float32Array | None = None
     """Number of pairs in which each pixel counts, shape (h, w)."""
 
+    def __post_init__(self) -> None:
+        self._dark: tuple[int, BoolArray | None] = (-1, None)  # the surround after so many frames
+
     def observe(self, frame: PreprocessedFrame, mask: BoolArray | None) -> None:
         """Add a frame; the mask marks its usable pixels, shape (height, width), None for all."""
         self.frames += 1
@@ -88,8 +92,10 @@ class SceneArea:
 
     def surround(self) -> BoolArray | None:
         """Return which pixels never receive light, with a margin, in the small size, shape (h, w); None if all do."""
-        dark = self._dark_surround()
-        return None if dark is None else _widened(dark)
+        dark = self._dark_surround
+        if dark is None:
+            return None
+        return _widened(dark, SURROUND_MARGIN_PX if self._is_sharp(dark) else SOFT_SURROUND_MARGIN_PX)
 
     def shown(self) -> BoolArray | None:
         """Return which pixels show the scene and may be used, in the small size, shape (h, w); None if all do."""
@@ -98,24 +104,44 @@ class SceneArea:
         return ~np.logical_or.reduce(hidden) if hidden else None
 
     def extended(self, frame0: ReducedFrame, frame1: ReducedFrame) -> tuple[ReducedFrame, ReducedFrame]:
-        """Return two frames for registration, in which the scene extends into a surround with a sharp edge.
+        """Return two frames for registration, in which the scene extends into the surround.
 
-        That edge does not move with the scene: up to 20 pixels from it, registration found too little motion, so that
-        V was wrong. Beside a soft edge, pixels are too dark to continue the scene.
+        The edge of a surround does not move with the scene: up to 20 pixels from it, registration found too little
+        motion, so that V was wrong.
         """
-        dark = self._dark_surround()
-        if self.brightest is None or dark is None:
-            return frame0, frame1
-        surround = _widened(dark)
-        inside = _widened(surround) & ~surround
-        margin_level, inner_level = np.median(self.brightest[surround & ~dark]), np.median(self.brightest[inside])
-        if margin_level < MIN_SHARP_EDGE_RATIO * inner_level:
+        surround = self.surround()
+        if surround is None:
             return frame0, frame1
         nearest = _nearest(~surround)
         return replace(frame0, small=frame0.small.take(nearest)), replace(frame1, small=frame1.small.take(nearest))
 
+    def soft_circle(self) -> FloatArray | None:
+        """Return the centre of an image circle with a soft edge, in half diagonals, shape (2,), or None.
+
+        V falls steeply at such an edge, and no scene points show where: it is known only as far as they reach.
+        """
+        dark = self._dark_surround
+        if dark is None or self._is_sharp(dark):
+            return None
+        lit = _without_specks(~dark)
+        return _circle(lit)[0] if lit.any() else None
+
+    def _is_sharp(self, dark: BoolArray) -> bool:
+        """Return whether the edge of a surround, given without its margin, is sharp."""
+        assert self.brightest is not None
+        surround = _widened(dark)
+        inside = _widened(surround) & ~surround
+        margin_level, inner_level = np.median(self.brightest[surround & ~dark]), np.median(self.brightest[inside])
+        return bool(margin_level >= MIN_SHARP_EDGE_RATIO * inner_level)
+
+    @property
     def _dark_surround(self) -> BoolArray | None:
-        """Return the surround without its margin, in the small size, shape (h, w); None if there is none."""
+        """The surround without its margin, in the small size, shape (h, w); None if there is none."""
+        if self._dark[0] != self.frames:  # it is needed several times per frame
+            self._dark = self.frames, self._found_surround()
+        return self._dark[1]
+
+    def _found_surround(self) -> BoolArray | None:
         if self.brightest is None or self.frames < MIN_CIRCLE_FRAMES:
             return None
         # Most cameras have lit corners, which is seen at once; the rest takes a millisecond.
@@ -143,10 +169,16 @@ class SceneArea:
         if self.fine is None or self.contrast is None or self.pairs is None:
             return None
         visible = (self.pairs >= MIN_COUNTED_PAIRS) & (self.contrast > self.pairs * MIN_FINE_STRUCTURE_8_BIT)
-        hidden = (None if self.allowed is None else ~self.allowed, self.surround())
+        surround = self.surround()
+        hidden = (None if self.allowed is None else ~self.allowed, surround)
         for part in (one for one in hidden if one is not None):
             visible &= ~_widened(part, OVERLAY_LINE_PX)  # close to its edge, every pixel deviates from it
         fixed = visible & (np.abs(self.fine) > MIN_OVERLAY_AGREEMENT * self.contrast)
+        if surround is not None:
+            # The edge of an image circle may be soft: what is close to it belongs to it.
+            edge = _widened(surround, OVERLAY_LINE_PX)
+            _, label = cv2.connectedComponents((_widened(fixed, OVERLAY_LINE_PX) | edge).view(np.uint8))
+            fixed &= ~np.isin(label, np.unique(label[edge]))
         lines = _large_parts(fixed, MIN_OVERLAY_PX, connectivity=8)
         if not lines.any():
             return None
@@ -168,7 +200,7 @@ class SceneArea:
         That of an image circle is about its own centre, as the vignette is; others are about the image centre.
         """
         # The margin has no observations, but its pixels show the scene: V is needed there, too.
-        surround = self._dark_surround()
+        surround = self._dark_surround
         reached = 1.0 if surround is None else _lit_radius(~surround)
         if self.allowed is not None:
             reached = min(reached, _farthest(self.allowed))
@@ -208,16 +240,25 @@ def _nearest(mask: BoolArray) -> IntArray:
 
 def _lit_radius(lit: BoolArray) -> float:
     """Return the radius of an image circle, or how far from the image centre a part of another shape reaches."""
-    lit = _widened(~_widened(~lit))  # without specks at its edge
-    points = cv2.findNonZero(lit.view(np.uint8))
-    if points is None:
+    lit = _without_specks(lit)
+    if not lit.any():
         return 0.0
     size = size_of(lit)
-    centre_px, radius_px = cv2.minEnclosingCircle(cv2.convexHull(points))
-    radius = radius_px / half_diagonal(size)
-    place = normalised(pixel_grid(size), size) - normalised(np.array(centre_px), size)
-    inside = np.count_nonzero(np.linalg.norm(place, axis=-1) <= radius)
+    centre, radius = _circle(lit)
+    inside = np.count_nonzero(np.linalg.norm(normalised(pixel_grid(size), size) - centre, axis=-1) <= radius)
     return radius if np.count_nonzero(lit) >= MIN_CIRCLE_FILL * inside else _farthest(lit)
+
+
+def _without_specks(lit: BoolArray) -> BoolArray:
+    """Return the lit part without specks at its edge."""
+    return _widened(~_widened(~lit))
+
+
+def _circle(part: BoolArray) -> tuple[FloatArray, float]:
+    """Return centre and radius of the smallest circle around a part, in half diagonals."""
+    size = size_of(part)
+    centre_px, radius_px = cv2.minEnclosingCircle(cv2.convexHull(cv2.findNonZero(part.view(np.uint8))))
+    return normalised(np.array(centre_px), size), radius_px / half_diagonal(size)
 
 
 def _farthest(part: BoolArray) -> float:
