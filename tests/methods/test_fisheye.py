@@ -100,3 +100,19 @@ def test_a_run_resumed_after_flare_in_the_surround_ends_the_same(
 def test_the_limit_survives_saving(found: Calibration, tmp_path) -> None:
     again = Calibration.load(found.save(tmp_path / "calibration.json"))
     assert again.vignette == found.vignette
+
+
+def test_beside_a_soft_edge_the_vignette_is_known_only_as_far_as_scene_points_reach(filmed: list[Frame]) -> None:
+    distance = np.linalg.norm(normalised(pixel_grid(SETTINGS.size), SETTINGS.size), axis=-1)
+    light, srgb = 1 / (1 + np.exp((distance - CIRCLE) / 0.015)), truth(SETTINGS).response
+    calibrator = OnlineCalibrator()
+    for frame in filmed:
+        image = np.rint(255 * srgb(light * srgb.inverse(frame.image / 255))).astype(np.uint8)
+        calibrator.push(Frame.of_array(image, frame.exposure_ms, index=frame.index))
+    calibration = calibrator.calibration()
+    assert calibration.verdicts["vignette"].known
+    found, true = calibration.vignette, truth(SETTINGS).vignette.image() * light
+    assert isinstance(found, LogSplineVignette)
+    assert CIRCLE - 0.1 < found.limit < CIRCLE
+    reached = distance < found.limit - np.hypot(*found.centre)
+    assert np.abs(found.image() / true - 1)[reached].max() < 0.03

@@ -17,16 +17,18 @@ from ospc.estimation.black_level import black_level
 from ospc.estimation.effect_choice import fit_with_chosen_effects
 from ospc.estimation.fit_plan import FitPlan
 from ospc.estimation.fitted import Fitted
+from ospc.estimation.vignette_basis import measured_radius
 from ospc.exposures.table import ExposureTable
 from ospc.methods.fit_inputs import FitInputs
 from ospc.methods.stationary_camera import StationaryCamera
-from ospc.observations import ExposedObservations
+from ospc.observations import ExposedObservations, Observations
 from ospc.photometry.grey_range import FULL_RANGE, GreyRange
 from ospc.photometry.noise import NoiseModel
 from ospc.recording.frame import Frame
 from ospc.settings import DefaultSettings
 from ospc.settings.methods import INTER_CODED_SIGMAS
 from ospc.settings.response import BLACK_LEVEL_ACCURACY, MIN_BLACK_LEVEL
+from ospc.settings.vignette import MIN_USABLE_RADIUS
 
 
 @dataclass
@@ -91,6 +93,14 @@ class EpochData:
             exposed = replace(exposed, error_factor=INTER_CODED_SIGMAS)
         return exposed if len(exposed) else None
 
+    def usable_radius(self, observations: Observations) -> float:
+        """Return the radius of the usable part, in half diagonals: up to a soft edge only as far as observed."""
+        usable, circle = self.scene_area.usable_radius(), self.scene_area.soft_circle()
+        if circle is None:
+            return usable
+        seen = min(measured_radius(observations, centre) for centre in (circle, np.zeros(2)))
+        return min(usable, max(seen, MIN_USABLE_RADIUS)) if seen else usable
+
     def inputs(
         self,
         settings: DefaultSettings,
@@ -129,5 +139,5 @@ class EpochData:
             plan = FitPlan.of_stationary_camera(settings, noise=None)
         else:
             stretched = grey_range.stretched_noise(noise)
-            plan = FitPlan.of_moving_camera(settings, stretched, self.scene_area.usable_radius())
+            plan = FitPlan.of_moving_camera(settings, stretched, self.usable_radius(observations))
         return fit_with_chosen_effects(observations, plan)
