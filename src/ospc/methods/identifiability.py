@@ -50,6 +50,9 @@ _MOVE_RADIALLY = (
     "pan and tilt the camera so that the same objects cross the image between centre and corners, by a fifth of the "
     "half diagonal or more"
 )
+_MOVE_RADIALLY_AND_SLOWLY = (
+    f"{_MOVE_RADIALLY}; if they did, turn more slowly: frames that share too little of the view cannot be compared"
+)
 _SEE_MORE_MOVING = (
     "record more frames of uniform surfaces that cross the image between centre and corners: they move far enough"
 )
@@ -164,7 +167,7 @@ def vignette_verdict(
         f"the vignette is {{known}} to within {plain(100 * error, 2)}% ({CONFIDENCE:.0%} confidence), {where} to "
         f"±{plain(100 * sigma, 2)}% (1σ), from radial motion of {reach:.2f} half diagonals"
     )
-    remedy = _SEE_MORE_MOVING if moves_far else _MOVE_RADIALLY
+    remedy = _SEE_MORE_MOVING if moves_far else _MOVE_RADIALLY_AND_SLOWLY
     remedy = _MOVE_ACROSS if _moves_in_one_direction(fit) else remedy
     remedy = _STEADIER if _is_unsteady(fit) else remedy
     at_corner = sigma / IDENTIFIABLE_CORNER_SIGMA
