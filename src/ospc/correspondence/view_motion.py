@@ -14,6 +14,7 @@ from ospc.arrays import BoolArray, Float32Array, FloatArray, Image, ImageSize
 from ospc.correspondence.thumbnail_registration import pixel_places, values_at
 from ospc.settings.registration import (
     CURVED_MOTION_DISTRUST,
+    CURVED_MOTION_MIN_GAIN,
     CURVED_MOTION_ORDER,
     CURVED_MOTION_STEPS,
     HOMOGRAPHY_INLIER_PX,
@@ -76,14 +77,14 @@ def view_motion(displacement: Float32Array, shown: BoolArray | None) -> ViewMoti
     """Return the motion that explains most displacements, (h, w, 2); None if none explains enough.
 
     Pixels that do not show the scene, shape (h, w), do not move with it: they count neither for nor against. An image
-    with such pixels may be that of a fisheye, so its motion may also be curved.
+    with such pixels may be that of a fisheye: its motion is curved if that explains far more than a homography.
     """
     sample = _Lattice.of(displacement, shown)
     matrix, support = sample.homography()
     best: ViewMotion | None = None if matrix is None else Homography(matrix)
     if shown is not None:
         curved, curved_support = sample.curved()
-        if curved_support > support:
+        if curved_support > CURVED_MOTION_MIN_GAIN * support:
             best, support = curved, curved_support
     return best if support >= sample.fewest else None
 
