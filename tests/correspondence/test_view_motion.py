@@ -12,7 +12,7 @@ from ospc.arrays import BoolArray, Float32Array, FloatArray
 from ospc.correspondence.exposure_normalizer import ExposureNormalizer
 from ospc.correspondence.flat_sampling import Samples
 from ospc.correspondence.registration import DenseRegistration
-from ospc.correspondence.view_motion import Homography, homography, view_motion
+from ospc.correspondence.view_motion import CurvedMotion, Homography, homography, view_motion
 from ospc.photometry.geometry import pixel_grid
 from ospc.recording.frame import Frame
 from ospc.settings.registration import HOMOGRAPHY_INLIER_PX
@@ -92,6 +92,16 @@ def test_the_image_of_a_fisheye_that_turns_moves_along_curves(degrees: float) ->
     if matrix is not None:
         straight = Homography(matrix).at(places.astype(np.float32))
         assert np.mean(np.linalg.norm(straight - there, axis=-1)[stays] < HOMOGRAPHY_INLIER_PX) < 0.75
+
+
+def test_only_an_image_without_corners_moves_along_curves() -> None:
+    """With a bonnet in the view, curves would fit the parallax of the road."""
+    places = pixel_grid(SIZE).astype(float)
+    displacement = (turned(places, np.radians(30)) - places).astype(np.float32)
+    fisheye, car = disc(95), np.ones(SIZE[::-1], bool)
+    car[-20:] = False
+    assert isinstance(view_motion(displacement, fisheye), CurvedMotion)
+    assert not isinstance(view_motion(displacement, car), CurvedMotion)
 
 
 @pytest.mark.parametrize("curved", [False, True])

@@ -12,6 +12,7 @@ from numpy.polynomial.polynomial import polygrid2d, polyvander2d
 
 from ospc.arrays import BoolArray, Float32Array, FloatArray, Image, ImageSize
 from ospc.correspondence.thumbnail_registration import pixel_places, values_at
+from ospc.settings.grey_values import MIN_SURROUND_CORNERS
 from ospc.settings.registration import (
     CURVED_MOTION_DISTRUST,
     CURVED_MOTION_MIN_GAIN,
@@ -76,13 +77,14 @@ class CurvedMotion:
 def view_motion(displacement: Float32Array, shown: BoolArray | None) -> ViewMotion | None:
     """Return the motion that explains most displacements, (h, w, 2); None if none explains enough.
 
-    Pixels that do not show the scene, shape (h, w), do not move with it: they count neither for nor against. An image
-    with such pixels may be that of a fisheye: its motion is curved if that explains far more than a homography.
+    Pixels that do not show the scene, shape (h, w), do not move with it: they count neither for nor against. If they
+    include the corners, the image may be that of a fisheye: its motion is curved if that explains far more than a
+    homography. Curves would also fit the parallax of other lenses, as in a car whose bonnet is in the view.
     """
     sample = _Lattice.of(displacement, shown)
     matrix, support = sample.homography()
     best: ViewMotion | None = None if matrix is None else Homography(matrix)
-    if shown is not None:
+    if shown is not None and np.count_nonzero(~shown[[0, 0, -1, -1], [0, -1, 0, -1]]) >= MIN_SURROUND_CORNERS:
         curved, curved_support = sample.curved()
         if curved_support > CURVED_MOTION_MIN_GAIN * support:
             best, support = curved, curved_support
