@@ -224,6 +224,16 @@ def test_the_dark_corners_of_a_wide_lens_show_the_scene() -> None:
     assert not surround[tangent < 1.0].any()
 
 
+@pytest.mark.parametrize(("softness_px", "is_surround"), [(0.0, True), (6.0, False)])
+def test_a_dark_floor_that_reaches_three_corners_is_no_surround(*, softness_px: float, is_surround: bool) -> None:
+    """Its edge is neither sharp, as that of a window or a bar, nor round, as that of an image circle."""
+    x, y = np.moveaxis(pixel_grid(SIZE), -1, 0)
+    dark = ((y > 95) | ((x > 130) & (y < 40)) | (x > 150)).astype(np.float32)
+    share = 1 - 0.99 * (cv2.GaussianBlur(dark, (0, 0), softness_px) if softness_px else dark)
+    area = area_of((share * image).astype(np.uint8) for image in views(WALK))
+    assert (area.surround() is not None) is is_surround
+
+
 def test_places_under_an_overlay_do_not_show_the_scene() -> None:
     covered = box()
     images = [np.where(covered, 0, image).astype(np.uint8) for image in views(WALK)]

@@ -123,8 +123,8 @@ class SceneArea:
         dark = self._dark_surround
         if dark is None or self._is_sharp(dark):
             return None
-        lit = _without_specks(~dark)
-        return _circle(lit)[0] if lit.any() else None
+        circle = _image_circle(~dark)
+        return None if circle is None else circle[0]
 
     def _is_sharp(self, dark: BoolArray) -> bool:
         """Return whether the edge of a surround, given without its margin, is sharp."""
@@ -162,7 +162,10 @@ class SceneArea:
         # An image circle has an edge. The dark corners of a wide lens do not, and they show the scene.
         inside = _widened(outside, 2 * SURROUND_MARGIN_PX) & ~_widened(outside)
         within, beyond = np.median(self.brightest[inside]), np.median(self.brightest[outside])
-        return outside if within > MIN_EDGE_RATIO * beyond else None
+        if within <= MIN_EDGE_RATIO * beyond:
+            return None
+        # Only optics make a soft edge, and theirs is round: any other one is that of a dark part of the scene.
+        return outside if self._is_sharp(outside) or _image_circle(~outside) is not None else None
 
     def overlay(self) -> BoolArray | None:
         """Return which pixels show something fixed to the camera, in the small size, shape (h, w); None if none."""
@@ -240,25 +243,24 @@ def _nearest(mask: BoolArray) -> IntArray:
 
 def _lit_radius(lit: BoolArray) -> float:
     """Return the radius of an image circle, or how far from the image centre a part of another shape reaches."""
-    lit = _without_specks(lit)
+    circle = _image_circle(lit)
+    return _farthest(_without_specks(lit)) if circle is None else circle[1]
+
+
+def _image_circle(lit: BoolArray) -> tuple[FloatArray, float] | None:
+    """Return centre and radius of the circle that a lit part fills, in half diagonals; None if it fills none."""
+    lit, size = _without_specks(lit), size_of(lit)
     if not lit.any():
-        return 0.0
-    size = size_of(lit)
-    centre, radius = _circle(lit)
+        return None
+    centre_px, radius_px = cv2.minEnclosingCircle(cv2.convexHull(cv2.findNonZero(lit.view(np.uint8))))
+    centre, radius = normalised(np.array(centre_px), size), radius_px / half_diagonal(size)
     inside = np.count_nonzero(np.linalg.norm(normalised(pixel_grid(size), size) - centre, axis=-1) <= radius)
-    return radius if np.count_nonzero(lit) >= MIN_CIRCLE_FILL * inside else _farthest(lit)
+    return (centre, radius) if np.count_nonzero(lit) >= MIN_CIRCLE_FILL * inside else None
 
 
 def _without_specks(lit: BoolArray) -> BoolArray:
     """Return the lit part without specks at its edge."""
     return _widened(~_widened(~lit))
-
-
-def _circle(part: BoolArray) -> tuple[FloatArray, float]:
-    """Return centre and radius of the smallest circle around a part, in half diagonals."""
-    size = size_of(part)
-    centre_px, radius_px = cv2.minEnclosingCircle(cv2.convexHull(cv2.findNonZero(part.view(np.uint8))))
-    return normalised(np.array(centre_px), size), radius_px / half_diagonal(size)
 
 
 def _farthest(part: BoolArray) -> float:
